@@ -1,0 +1,1 @@
+"""Operator console: glfw and Dear ImGui. The only folder that imports them."""

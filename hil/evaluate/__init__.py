@@ -1,0 +1,1 @@
+"""Any estimator against labelled frames: errors and metrics."""

@@ -1,0 +1,1 @@
+"""Streams frames to a board, keeps the timing ledger and the truth endpoint."""

@@ -1,0 +1,1 @@
+"""Packets, framing, transports. Imports nothing of the project; standard library and numpy only."""

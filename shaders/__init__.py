@@ -1,0 +1,1 @@
+"""GLSL, read with importlib.resources. No Python logic lives here."""

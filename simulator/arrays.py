@@ -1,0 +1,28 @@
+"""Names for the arrays and tuples that travel between folders."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+ByteArray = NDArray[np.uint8]
+BoolArray = NDArray[np.bool_]
+
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+Mat3 = tuple[Vec3, Vec3, Vec3]
+
+
+def vec3(values: FloatArray) -> Vec3:
+    """A (3,) array as an immutable triple of Python floats."""
+    x, y, z = (float(v) for v in values)
+    return (x, y, z)
+
+
+def quat(values: FloatArray) -> Quat:
+    """A (4,) array, scalar first, as an immutable tuple of Python floats."""
+    w, x, y, z = (float(v) for v in values)
+    return (w, x, y, z)

@@ -1,0 +1,1 @@
+"""Intrinsics, optics and sensor. No GL, no world."""

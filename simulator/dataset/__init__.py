@@ -1,0 +1,1 @@
+"""Samplers, capture, writers and the checks that re-verify a data set."""

@@ -1,0 +1,1 @@
+"""Masks, boxes, keypoint states and feasibility, from a scene and its rendered buffers."""

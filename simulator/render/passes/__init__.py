@@ -1,0 +1,1 @@
+"""One file per pass; each declares what it reads and what it writes."""

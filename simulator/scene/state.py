@@ -1,0 +1,104 @@
+"""SceneState: everything one picture depends on, frozen at mid-exposure, float64, no GL."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from simulator.arrays import Quat, Vec3, vec3
+from simulator.camera.model import Camera
+from simulator.camera.sensor import Sensor
+from simulator.world.pose import Pose
+from simulator.world.rotation import matrix_from_quat
+
+Bands = Literal["mono", "rgb"]
+Quality = Literal["draft", "default", "high"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Environment:
+    """Which layers of the world are drawn. Each Earth layer has its own optics and its own switch."""
+
+    earth: bool = True
+    clouds: bool = True
+    ocean_glint: bool = True
+    night_lights: bool = True
+    atmosphere: bool = True
+    stars: bool = True
+    sun: bool = True
+    earthshine: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetRef:
+    """Name and SHA-256 of the target model that was drawn."""
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneState:
+    """A snapshot of the world at mid-exposure.
+
+    Frames: ``eci`` is GCRS, ``itrs`` Earth-fixed, ``camera`` x right y down z forward, ``target`` the
+    model's own frame. Quaternions are Hamilton, scalar first.
+
+    Parameters
+    ----------
+    epoch_utc : mid-exposure, ISO 8601 with a trailing Z.
+    t_s : seconds since the scenario's start.
+    frame_index, seed : key of this frame's random numbers.
+    exposure_s : integration time [s].
+    quality : preset of the renderer.
+    bands : ``mono`` (panchromatic) or ``rgb``.
+    q_camera_from_target_wxyz, t_camera_from_target_m : pose of the model frame in the camera.
+    omega_target_rad_s : target's rate relative to ECI, in the target frame [rad s-1].
+    v_target_camera_m_s : velocity of the target's origin seen in the (rotating) camera frame [m s-1].
+    r_camera_eci_m, v_camera_eci_m_s, q_camera_from_eci_wxyz, omega_camera_rad_s : the camera's state,
+        its rate in the camera frame.
+    r_target_eci_m, v_target_eci_m_s : centre of mass of the target.
+    r_sun_eci_m, r_moon_eci_m : apparent geocentric positions [m].
+    q_itrs_from_eci_wxyz : orientation of the Earth.
+    sun_visible_fraction : share of the Sun's disc that the target sees past the Earth, 0..1.
+    """
+
+    epoch_utc: str
+    t_s: float
+    frame_index: int
+    seed: int
+    camera: Camera
+    sensor: Sensor
+    exposure_s: float
+    quality: Quality = "default"
+    bands: Bands = "mono"
+    environment: Environment = Environment()
+    target: TargetRef
+    q_camera_from_target_wxyz: Quat
+    t_camera_from_target_m: Vec3
+    omega_target_rad_s: Vec3
+    v_target_camera_m_s: Vec3
+    r_camera_eci_m: Vec3
+    v_camera_eci_m_s: Vec3
+    q_camera_from_eci_wxyz: Quat
+    omega_camera_rad_s: Vec3
+    r_target_eci_m: Vec3
+    v_target_eci_m_s: Vec3
+    r_sun_eci_m: Vec3
+    r_moon_eci_m: Vec3
+    q_itrs_from_eci_wxyz: Quat
+    sun_visible_fraction: float
+
+    @property
+    def camera_from_target(self) -> Pose:
+        """Pose of the target in the camera frame: the label."""
+        return Pose("camera", "target", self.q_camera_from_target_wxyz, self.t_camera_from_target_m)
+
+    @property
+    def sun_direction_camera(self) -> Vec3:
+        """Unit vector from the target to the apparent Sun, camera frame."""
+        to_sun = np.asarray(self.r_sun_eci_m) - np.asarray(self.r_target_eci_m)
+        d = matrix_from_quat(self.q_camera_from_eci_wxyz) @ to_sun
+        return vec3(d / np.linalg.norm(d))

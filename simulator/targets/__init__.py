@@ -1,0 +1,1 @@
+"""Parametric spacecraft: geometry, materials, keypoints, wireframe; the target file. No GL, no world."""

@@ -1,0 +1,103 @@
+"""The target: geometry by named parts, PBR materials, keypoints, wireframe, mass properties."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from simulator.arrays import Float32Array, IntArray, Mat3, Vec3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """Metallic-roughness material of glTF 2.0, with a clear coat for cover glass.
+
+    Parameters
+    ----------
+    base_color : linear reflectance, RGB, 0..1.
+    metallic, roughness : as in glTF 2.0.
+    clearcoat, clearcoat_roughness : KHR_materials_clearcoat.
+    crinkle : amplitude of the procedural normal detail of insulation blankets, 0..1.
+    """
+
+    name: str
+    base_color: Vec3
+    metallic: float = 0.0
+    roughness: float = 0.5
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.05
+    crinkle: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """A named piece of the mesh with one material.
+
+    Parameters
+    ----------
+    positions_m : (N, 3) float32, target frame.
+    normals : (N, 3) float32, outward unit normals.
+    triangles : (M, 3) indices, counter-clockwise seen from outside.
+    """
+
+    name: str
+    material: str
+    positions_m: Float32Array
+    normals: Float32Array
+    triangles: IntArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Keypoint:
+    """A named point of the model that labels report."""
+
+    name: str
+    position_m: Vec3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edge:
+    """A straight stretch of the wireframe and the outward normals of the faces that meet there.
+
+    An edge can be seen only when at least one of its faces looks at the camera; ``normals`` is empty for
+    thin members (rods) that are seen from everywhere.
+    """
+
+    name: str
+    a_m: Vec3
+    b_m: Vec3
+    normals: tuple[Vec3, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class MassProperties:
+    """Mass [kg], centre of mass in the model frame [m], inertia about it, model axes [kg m2]."""
+
+    mass_kg: float
+    com_m: Vec3
+    inertia_kg_m2: Mat3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Target:
+    """One spacecraft as everything else sees it: the target file, read.
+
+    Parameters
+    ----------
+    name : the name on the command line. title : for people.
+    sha256 : hash of geometry, materials, keypoints and wireframe; recorded with every image.
+    frames : named frames on the craft (docking port, grasp point): origin [m] and axis.
+    symmetry : rotations (quaternions, model axes) under which the craft looks nearly the same.
+    notes : sources of the dimensions.
+    """
+
+    name: str
+    title: str
+    sha256: str
+    materials: tuple[Material, ...]
+    parts: tuple[Part, ...]
+    keypoints: tuple[Keypoint, ...]
+    wireframe: tuple[Edge, ...]
+    mass: MassProperties
+    frames: dict[str, tuple[Vec3, Vec3]] = field(default_factory=dict)
+    symmetry: tuple[tuple[float, float, float, float], ...] = ()
+    notes: str = ""

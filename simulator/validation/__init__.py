@@ -1,0 +1,1 @@
+"""The proof: comparisons with analytic results and independent programs."""

@@ -1,0 +1,1 @@
+"""Time, frames, ephemeris, orbits, attitude, guidance. No GL, no target, no camera."""

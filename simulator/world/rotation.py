@@ -1,0 +1,119 @@
+"""Unit quaternions (Hamilton, scalar first) and rotation matrices, named ``a_from_b``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from simulator.arrays import FloatArray
+
+
+def quat_multiply(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> FloatArray:
+    """Hamilton product; ``q_a_from_c = quat_multiply(q_a_from_b, q_b_from_c)``.
+
+    Parameters
+    ----------
+    p_wxyz, q_wxyz : (..., 4) quaternions, scalar first.
+    """
+    p, q = np.asarray(p_wxyz, float), np.asarray(q_wxyz, float)
+    pw, px, py, pz = np.moveaxis(p, -1, 0)
+    qw, qx, qy, qz = np.moveaxis(q, -1, 0)
+    return np.stack(
+        [
+            pw * qw - px * qx - py * qy - pz * qz,
+            pw * qx + px * qw + py * qz - pz * qy,
+            pw * qy - px * qz + py * qw + pz * qx,
+            pw * qz + px * qy - py * qx + pz * qw,
+        ],
+        axis=-1,
+    )
+
+
+def quat_conjugate(q_wxyz: ArrayLike) -> FloatArray:
+    """Inverse of a unit quaternion: ``q_b_from_a`` of ``q_a_from_b``."""
+    return np.asarray(q_wxyz, float) * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def quat_normalize(q_wxyz: ArrayLike) -> FloatArray:
+    """The unit quaternion along ``q_wxyz``.
+
+    Raises
+    ------
+    ValueError
+        If a quaternion is zero or not finite.
+    """
+    q = np.asarray(q_wxyz, float)
+    norm = np.linalg.norm(q, axis=-1, keepdims=True)
+    if not np.all(np.isfinite(norm)) or np.any(norm < 1e-12):
+        raise ValueError(f"a quaternion must be finite and not zero, got {q.tolist()}")
+    return q / norm
+
+
+def matrix_from_quat(q_wxyz: ArrayLike) -> FloatArray:
+    """Rotation matrix ``R_a_from_b`` of ``q_a_from_b``, so that ``x_a = R @ x_b``.
+
+    Parameters
+    ----------
+    q_wxyz : (..., 4) unit quaternion.
+
+    Returns
+    -------
+    (..., 3, 3) matrix.
+    """
+    w, x, y, z = np.moveaxis(np.asarray(q_wxyz, float), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def quat_from_matrix(R: ArrayLike) -> FloatArray:
+    """Unit quaternion ``q_a_from_b`` of ``R_a_from_b``, with ``w >= 0``.
+
+    Parameters
+    ----------
+    R : (3, 3) rotation matrix.
+
+    References
+    ----------
+    Shepperd (1978), Quaternion from rotation matrix, J. Guidance and Control 1(3).
+    """
+    m = np.asarray(R, float)
+    trace = float(np.trace(m))
+    diag = [trace, m[0, 0], m[1, 1], m[2, 2]]
+    k = int(np.argmax(diag))
+    if k == 0:
+        q = np.array([1 + trace, m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
+    elif k == 1:
+        q = np.array([m[2, 1] - m[1, 2], 1 + 2 * m[0, 0] - trace, m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]])
+    elif k == 2:
+        q = np.array([m[0, 2] - m[2, 0], m[0, 1] + m[1, 0], 1 + 2 * m[1, 1] - trace, m[1, 2] + m[2, 1]])
+    else:
+        q = np.array([m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], 1 + 2 * m[2, 2] - trace])
+    q = q / np.linalg.norm(q)
+    return q if q[0] >= 0 else -q
+
+
+def quat_from_rotvec(rotvec_rad: ArrayLike) -> FloatArray:
+    """Quaternion of a rotation by ``|rotvec_rad|`` about its direction.
+
+    Parameters
+    ----------
+    rotvec_rad : (..., 3) axis times angle [rad].
+    """
+    v = np.asarray(rotvec_rad, float)
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    # sin(x/2)/x by numpy's sinc, which is exact at zero
+    return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
+
+
+def rotation_angle_rad(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> float:
+    """Angle between two attitudes, ``2 acos |<p, q>|`` evaluated without loss near zero [rad]."""
+    d = quat_multiply(quat_conjugate(p_wxyz), q_wxyz)
+    return float(2 * np.arctan2(np.linalg.norm(d[1:]), abs(d[0])))
