@@ -23,7 +23,7 @@ class Sensor:
     """
 
     preset: str = "speed"
-    full_scale_j_m2_sr: float = 0.5
+    full_scale_j_m2_sr: float = 0.1
     blur_sigma_px: float = 1.0
     speckle_variance: float = 0.0
     gaussian_variance: float = 0.0022

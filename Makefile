@@ -1,0 +1,52 @@
+# Two commands do everything on a fresh Debian or Ubuntu machine: make demo, make test.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: demo test test-slow lint bench docs schemas format system clean
+
+demo: $(STAMP) system
+	$(BIN)/flyaround demo -o out/demo --overwrite
+
+test: $(STAMP) system lint
+	$(BIN)/pytest -q -m "not slow"
+
+test-slow: $(STAMP) system
+	$(BIN)/pytest -q -m slow
+
+lint: $(STAMP)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(STAMP) system
+	$(BIN)/flyaround bench
+
+docs: $(STAMP) system
+	$(BIN)/python docs/make_pictures.py
+
+schemas: $(STAMP)
+	$(BIN)/python -m flyaround.schemas docs/formats
+
+format: $(STAMP)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+# The environment, from pinned versions.
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "Flyaround needs Python >= 3.11, found $$($(PYTHON) --version); set PYTHON=python3.12 or newer"; exit 2; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
+	  || { echo "Python's venv is missing; run: sudo apt-get install -y python3-venv"; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[gui,dev]'
+	@touch $@
+
+# OpenGL by EGL, and a virtual screen for the window's tests: installed where that is allowed, else said.
+system: $(STAMP)
+	@sh .ci/system_packages $(BIN)/python
+
+clean:
+	rm -rf $(VENV) out dist build

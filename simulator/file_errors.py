@@ -1,0 +1,147 @@
+"""A validation error of a typed file as one sentence: key, value given, what is allowed."""
+
+from __future__ import annotations
+
+import re
+from difflib import get_close_matches
+from typing import Any
+
+import msgspec
+from msgspec import inspect as mi
+
+_PATH = re.compile(r"(?P<what>.*?)(?: - at `\$(?P<path>[^`]*)`)?", re.DOTALL)
+
+
+def explain(message: str, raw: dict[str, Any], root: type[msgspec.Struct]) -> str:
+    """The sentence for a `msgspec.ValidationError`.
+
+    Parameters
+    ----------
+    message : text of the error.
+    raw : the file's content, to quote the value given.
+    root : type of the file, to tell what is allowed.
+    """
+    match = _PATH.fullmatch(message)
+    what, path = (match["what"], match["path"] or "") if match else (message, "")
+    key = path.lstrip(".")
+    if unknown := re.search(r"unknown field `(.*)`", what):
+        _, types = _walk(raw, root, path)
+        return _unknown(unknown[1], key, types)
+    if missing := re.search(r"missing required field `(.*)`", what):
+        _, types = _walk(raw, root, path)
+        return _missing(missing[1], key, types)
+    value, types = _walk(raw, root, path)
+    near = get_close_matches(str(value), _choices(types), n=1) if isinstance(value, str) else []
+    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    return f"key {key} is {_short(value)}, allowed: {_describe_all(types)}{hint}"
+
+
+def _unknown(name: str, key: str, types: list[mi.Type]) -> str:
+    known = _keys(types)
+    near = get_close_matches(name, known, n=1)
+    place = f"in section [{key}]" if key else "at the top level"
+    hint = f"did you mean {near[0]}? " if near else ""
+    return f"unknown key {name} {place}: {hint}allowed: {', '.join(known)}"
+
+
+def _missing(name: str, key: str, types: list[mi.Type]) -> str:
+    place = f"section [{key}] lacks" if key else "the top level lacks"
+    allowed = [
+        field.type
+        for t in types
+        if isinstance(t, mi.StructType)
+        for field in t.fields
+        if field.encode_name == name
+    ]
+    tags = [t.tag for t in types if isinstance(t, mi.StructType) and t.tag_field == name]
+    description = ", ".join(str(tag) for tag in tags) if tags else _describe_all(allowed)
+    return f"{place} the key {name}, allowed: {description}"
+
+
+def _walk(raw: Any, root: type[msgspec.Struct], path: str) -> tuple[Any, list[mi.Type]]:  # noqa: ANN401 - TOML
+    """The value at ``path`` such as ``.orbit.kind`` or ``.a[0]``, and the types it may have."""
+    types, value = _alternatives(mi.type_info(root)), raw
+    for step in re.findall(r"[^.\[\]]+", path):
+        if isinstance(value, dict):
+            types = _at_key(types, value, step)
+            value = value.get(step)
+        else:
+            types = [
+                a
+                for t in types
+                if isinstance(t, mi.TupleType)
+                for a in _alternatives(t.item_types[int(step)])
+            ]
+            value = value[int(step)]
+    if isinstance(value, dict):
+        types = _by_tag(types, value)
+    return value, types
+
+
+def _at_key(types: list[mi.Type], table: dict[str, Any], key: str) -> list[mi.Type]:
+    structs = [t for t in types if isinstance(t, mi.StructType)]
+    if tags := [t.tag for t in structs if t.tag_field == key]:
+        return [mi.LiteralType(values=tuple(tags))]
+    chosen = [t for t in _by_tag(types, table) if isinstance(t, mi.StructType)]
+    return [a for t in chosen for f in t.fields if f.encode_name == key for a in _alternatives(f.type)]
+
+
+def _by_tag(types: list[mi.Type], table: dict[str, Any]) -> list[mi.Type]:
+    """Of several tables the one that the file's tag (``kind``, ``mode``) names; all when it names none."""
+    named: list[mi.Type] = [
+        t for t in types if isinstance(t, mi.StructType) and t.tag_field and table.get(t.tag_field) == t.tag
+    ]
+    return named or [t for t in types if isinstance(t, mi.StructType)] or types
+
+
+def _alternatives(type_: mi.Type) -> list[mi.Type]:
+    if isinstance(type_, mi.UnionType):
+        return [a for t in type_.types for a in _alternatives(t)]
+    if isinstance(type_, mi.Metadata):
+        return _alternatives(type_.type)
+    return [] if isinstance(type_, mi.NoneType) else [type_]
+
+
+def _keys(types: list[mi.Type]) -> list[str]:
+    keys: dict[str, None] = {}
+    for t in types:
+        if isinstance(t, mi.StructType):
+            keys.update(dict.fromkeys([t.tag_field] if t.tag_field else []))
+            keys.update(dict.fromkeys(f.encode_name for f in t.fields))
+    return list(keys)
+
+
+def _choices(types: list[mi.Type]) -> list[str]:
+    return [str(v) for t in types if isinstance(t, mi.LiteralType) for v in t.values]
+
+
+def _describe_all(types: list[mi.Type]) -> str:
+    return " or ".join(dict.fromkeys(_describe(t) for t in types))
+
+
+def _describe(t: mi.Type) -> str:
+    if isinstance(t, mi.FloatType | mi.IntType):
+        return ("a number" if isinstance(t, mi.FloatType) else "a whole number") + _bounds(t)
+    if isinstance(t, mi.LiteralType):
+        return ", ".join(str(v) for v in t.values)
+    if isinstance(t, mi.TupleType):
+        return f"a list of {len(t.item_types)}, each {_describe_all(_alternatives(t.item_types[0]))}"
+    if isinstance(t, mi.StructType):
+        return f"a table with the keys {', '.join(_keys([t]))}"
+    return {mi.BoolType: "true or false", mi.StrType: "text in quotes"}.get(type(t), "another type")
+
+
+def _bounds(t: mi.FloatType | mi.IntType) -> str:
+    low = (
+        f"at least {t.ge:.10g}" if t.ge is not None else f"more than {t.gt:.10g}" if t.gt is not None else ""
+    )
+    high = (
+        f"at most {t.le:.10g}" if t.le is not None else f"less than {t.lt:.10g}" if t.lt is not None else ""
+    )
+    both = " and ".join(filter(None, [low, high]))
+    return f" of {both}" if both else ""
+
+
+def _short(value: Any) -> str:  # noqa: ANN401 - TOML
+    text = {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

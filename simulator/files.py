@@ -1,0 +1,63 @@
+"""Writing files so that nothing half-written looks whole: temporary name, then rename."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import secrets
+from pathlib import Path
+from typing import Any
+
+from simulator.errors import UserError
+
+
+def write_atomic(path: Path, data: bytes) -> None:
+    """Write ``data`` to ``path``; a reader sees the old file or the whole new one.
+
+    Raises
+    ------
+    UserError
+        If the folder does not exist or cannot be written.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
+    try:
+        temporary.write_bytes(data)
+        temporary.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise UserError(
+            f"cannot write {path}: {error.strerror or error}; choose a folder you may write to"
+        ) from error
+
+
+def write_json(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value
+    """Write a JSON value, indented, floats at full precision, atomically."""
+    write_atomic(path, (json.dumps(value, indent=1, allow_nan=False) + "\n").encode())
+
+
+def empty_folder(path: Path, *, resume: bool = False) -> Path:
+    """Make ``path`` a folder that output may go to.
+
+    Raises
+    ------
+    UserError
+        If it is a file, cannot be made or written, or is not empty (unless ``resume``).
+    """
+    if path.exists() and not path.is_dir():
+        raise UserError(f"output {path} is a file, not a folder; name another folder with -o")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        if not os.access(path, os.W_OK):
+            raise PermissionError(13, "permission denied")
+        full = any(path.iterdir())
+    except OSError as error:
+        raise UserError(
+            f"cannot write to folder {path}: {error.strerror or error}; name another with -o"
+        ) from error
+    if full and not resume:
+        raise UserError(
+            f"output folder {path} is not empty; name a new one with -o, or continue it with --resume"
+        )
+    return path

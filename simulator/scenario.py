@@ -1,0 +1,219 @@
+"""The scenario file as typed, frozen data: what it may hold, units in the keys, angles in degrees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from simulator.camera.files import CameraFile, read_camera_file
+from simulator.camera.model import Camera
+from simulator.camera.presets import sensor_preset
+from simulator.camera.sensor import Sensor
+from simulator.scene.state import Bands, Environment, Quality
+
+Degrees = Annotated[float, Meta(ge=-360, le=360)]
+Inclination = Annotated[float, Meta(ge=0, le=180)]
+Rate = Annotated[float, Meta(ge=-90, le=90)]
+Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Range = Annotated[float, Meta(gt=0, le=1e5)]
+Seconds = Annotated[float, Meta(gt=0, le=1e6)]
+Speed = Annotated[float, Meta(ge=-1e3, le=1e3)]
+MetresXyz = tuple[Metres, Metres, Metres]
+SpeedXyz = tuple[Speed, Speed, Speed]
+
+
+class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of the file; keys that are not listed are refused."""
+
+
+class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_only=True):
+    """Osculating Keplerian elements on GCRS axes; altitude = semi-major axis less 6378.137 km."""
+
+    altitude_km: Annotated[float, Meta(ge=150, le=50_000)]
+    eccentricity: Annotated[float, Meta(ge=0, le=0.9)] = 0.0
+    inclination_deg: Inclination = 0.0
+    raan_deg: Degrees = 0.0
+    argp_deg: Degrees = 0.0
+    true_anomaly_deg: Degrees = 0.0
+
+
+class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=True):
+    """Position and velocity of the target's centre of mass at the epoch, GCRS."""
+
+    r_eci_km: tuple[float, float, float]
+    v_eci_km_s: tuple[float, float, float]
+
+
+class Attitude(Section, frozen=True, kw_only=True):
+    """The target at the epoch, and its torque-free tumble.
+
+    ``q_wxyz`` is ``q_frame_from_target`` (Hamilton, scalar first); instead of it ``euler_deg`` gives yaw,
+    pitch, roll (turns about z, then the new y, then the new x) that carry the frame's axes to the target's.
+    ``rate_deg_s`` is relative to the stars, about the target's axes.
+    """
+
+    frame: Literal["eci", "lvlh"] = "lvlh"
+    q_wxyz: tuple[float, float, float, float] | None = None
+    euler_deg: tuple[Degrees, Degrees, Degrees] | None = None
+    rate_deg_s: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
+    inertia_kg_m2: (
+        tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]] | None
+    ) = None
+
+
+class Pointing(Section, frozen=True, kw_only=True):
+    """Boresight at the target's centre of mass, then turned by constant angles.
+
+    ``right_deg`` and ``below_deg`` turn the boresight to the right of and below the target; ``roll_deg``
+    turns the camera clockwise about it. ``down`` is what the picture's down side follows; ``auto`` takes the
+    first of nadir, cross_track, along_track that stays clear of the boresight all through the flight.
+    """
+
+    down: Literal["auto", "nadir", "cross_track", "along_track"] = "auto"
+    right_deg: Annotated[float, Meta(ge=-90, le=90)] = 0.0
+    below_deg: Annotated[float, Meta(ge=-90, le=90)] = 0.0
+    roll_deg: Degrees = 0.0
+
+
+class _Chaser(Section, frozen=True, kw_only=True):
+    """What every mode of motion has; positions are in LVLH: radial outward, along-track, cross-track."""
+
+    pointing: Pointing = Pointing()
+    minimum_start_range_m: Range = 1.5
+
+
+class HoldChaser(_Chaser, tag_field="mode", tag="hold", frozen=True, kw_only=True):
+    """Station keeping at a point."""
+
+    position_lvlh_m: MetresXyz
+
+
+class DriftChaser(_Chaser, tag_field="mode", tag="drift", frozen=True, kw_only=True):
+    """Free flight from a state in the rotating LVLH frame."""
+
+    position_lvlh_m: MetresXyz
+    velocity_lvlh_m_s: SpeedXyz = (0.0, 0.0, 0.0)
+
+
+class CircumnavigationChaser(_Chaser, tag_field="mode", tag="circumnavigation", frozen=True, kw_only=True):
+    """Free flight on the 2:1 ellipse, once per orbit; ``cross_phase_deg = 90`` makes it passively safe."""
+
+    radial_m: Range
+    phase_deg: Degrees = 0.0
+    cross_track_m: Annotated[float, Meta(ge=0, le=1e5)] = 0.0
+    cross_phase_deg: Degrees = 90.0
+    centre_along_track_m: Metres = 0.0
+
+
+class VbarChaser(_Chaser, tag_field="mode", tag="vbar", frozen=True, kw_only=True):
+    """Straight along the velocity axis from ``start_m`` to ``hold_m`` (positive: ahead of the target)."""
+
+    start_m: Metres
+    hold_m: Metres
+    speed_m_s: Annotated[float, Meta(gt=0, le=100)]
+    braking_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.005
+
+
+class RbarChaser(_Chaser, tag_field="mode", tag="rbar", frozen=True, kw_only=True):
+    """Straight along the radial axis from ``start_m`` to ``hold_m`` (positive: above the target)."""
+
+    start_m: Metres
+    hold_m: Metres
+    speed_m_s: Annotated[float, Meta(gt=0, le=100)]
+    braking_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.005
+
+
+class FlyaroundChaser(_Chaser, tag_field="mode", tag="flyaround", frozen=True, kw_only=True):
+    """Forced circle in a plane fixed in LVLH; with ``far_radius_m`` the range swings out and back."""
+
+    radius_m: Range
+    period_s: Seconds
+    inclination_deg: Inclination = 0.0
+    node_deg: Degrees = 0.0
+    phase_deg: Degrees = 0.0
+    far_radius_m: Range | None = None
+    range_period_s: Seconds = 120.0
+
+
+AnyChaser = HoldChaser | DriftChaser | CircumnavigationChaser | VbarChaser | RbarChaser | FlyaroundChaser
+
+
+class SensorSection(Section, frozen=True, kw_only=True):
+    """Noise recipe by name, exposure, and what of the recipe to change."""
+
+    preset: Literal["speed", "thesis", "ideal"] = "speed"
+    exposure_s: Annotated[float, Meta(gt=0, le=10)] = 0.001
+    full_scale_j_m2_sr: Annotated[float, Meta(gt=0, le=1e6)] | None = None
+    blur_sigma_px: Annotated[float, Meta(ge=0, le=10)] | None = None
+    speckle_variance: Annotated[float, Meta(ge=0, le=1)] | None = None
+    gaussian_variance: Annotated[float, Meta(ge=0, le=1)] | None = None
+    bits: Annotated[int, Meta(ge=8, le=16)] | None = None
+
+
+class EnvironmentSection(Section, frozen=True, kw_only=True):
+    """Which layers of the world are drawn."""
+
+    earth: bool = True
+    clouds: bool = True
+    ocean_glint: bool = True
+    night_lights: bool = True
+    atmosphere: bool = True
+    stars: bool = True
+    sun: bool = True
+    earthshine: bool = True
+
+
+class Output(Section, frozen=True, kw_only=True):
+    """Bands and quality of the picture."""
+
+    bands: Bands = "mono"
+    quality: Quality = "default"
+
+
+class Scenario(Section, frozen=True, kw_only=True):
+    """A scenario file, read and checked.
+
+    After `simulator.scenario_load.load_scenario` the camera is the camera itself, not its name, so that a
+    scenario stands alone.
+    """
+
+    schema: Literal["flyaround.scenario"] = "flyaround.scenario"
+    version: Literal[1] = 1
+    name: str = ""
+    title: str = ""
+    description: str = ""
+    epoch_utc: str
+    duration_s: Annotated[float, Meta(gt=0, le=604_800)]
+    target: str = "tango"
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
+    orbit: ElementsOrbit | StateOrbit
+    attitude: Attitude = Attitude()
+    chaser: AnyChaser
+    camera: str | CameraFile = "speed"
+    sensor: SensorSection = SensorSection()
+    environment: EnvironmentSection = EnvironmentSection()
+    output: Output = Output()
+
+    @property
+    def camera_model(self) -> Camera:
+        """The camera."""
+        camera = read_camera_file(self.camera) if isinstance(self.camera, str) else self.camera
+        return camera.camera(f"camera of scenario {self.name}")
+
+    @property
+    def sensor_model(self) -> Sensor:
+        """The preset with its changes."""
+        changes = {
+            key: value
+            for key, value in msgspec.structs.asdict(self.sensor).items()
+            if key not in {"preset", "exposure_s"} and value is not None
+        }
+        return replace(sensor_preset(self.sensor.preset), **changes)
+
+    @property
+    def environment_model(self) -> Environment:
+        """The switches as the scene has them."""
+        return Environment(**msgspec.structs.asdict(self.environment))

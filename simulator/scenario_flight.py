@@ -1,0 +1,231 @@
+"""From a scenario to a propagated flight: degrees become radians, names become objects."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator import scenario as sc
+from simulator.errors import UserError
+from simulator.world.attitude import check_inertia
+from simulator.world.constants import EARTH_RADIUS_M, MU_EARTH_M3_S2
+from simulator.world.flight import Flight, propagate_flight
+from simulator.world.guidance import (
+    ForcedFlyaround,
+    FreeDrift,
+    Guidance,
+    Hold,
+    NaturalCircumnavigation,
+    StraightApproach,
+)
+from simulator.world.orbit import Elements, elements_from_state, state_from_elements
+from simulator.world.pointing import Pointing
+from simulator.world.rotation import quat_from_matrix, quat_from_rotvec, quat_multiply, quat_normalize
+from simulator.world.time import Instant
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.targets.model import Target
+    from simulator.world.lvlh import Lvlh
+
+_LOWEST_M = 100e3
+"""Perigee below which an orbit is taken for a mistake."""
+
+
+def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) -> Flight:
+    """Propagate the scenario with the target's mass properties.
+
+    Parameters
+    ----------
+    scenario : from `load_scenario`.
+    target : gives the inertia, unless the scenario overrides it.
+    duration_s : instead of the scenario's, for example for an open-ended session.
+    """
+    a = scenario.attitude
+    r, v = orbit_state(scenario)
+    down = scenario.chaser.pointing.down
+    pointing = scenario.chaser.pointing
+    return propagate_flight(
+        epoch=Instant.from_utc(scenario.epoch_utc),
+        duration_s=duration_s or scenario.duration_s,
+        r_target_eci_m=r,
+        v_target_eci_m_s=v,
+        attitude=lambda frame: _q_eci_from_target(a, frame),
+        omega_target_rad_s=np.radians(a.rate_deg_s),
+        inertia_kg_m2=a.inertia_kg_m2 or target.mass.inertia_kg_m2,
+        guidance=guidance(scenario.chaser),
+        pointing=Pointing(
+            down="nadir" if down == "auto" else down,
+            right_rad=np.radians(pointing.right_deg),
+            below_rad=np.radians(pointing.below_deg),
+            roll_rad=np.radians(pointing.roll_deg),
+        ),
+        choose_down=down == "auto",
+    )
+
+
+def orbit_state(scenario: sc.Scenario) -> tuple[FloatArray, FloatArray]:
+    """Position [m] and velocity [m s-1] of the target at the epoch, GCRS."""
+    o = scenario.orbit
+    if isinstance(o, sc.StateOrbit):
+        return np.array(o.r_eci_km) * 1e3, np.array(o.v_eci_km_s) * 1e3
+    return state_from_elements(
+        Elements(
+            semi_major_axis_m=EARTH_RADIUS_M + o.altitude_km * 1e3,
+            eccentricity=o.eccentricity,
+            inclination_rad=np.radians(o.inclination_deg),
+            raan_rad=np.radians(o.raan_deg),
+            argument_of_perigee_rad=np.radians(o.argp_deg),
+            true_anomaly_rad=np.radians(o.true_anomaly_deg),
+        )
+    )
+
+
+def guidance(chaser: sc.AnyChaser) -> Guidance:
+    """The motion mode that a ``[chaser]`` section asks for."""
+    match chaser:
+        case sc.HoldChaser():
+            return Hold(position_lvlh_m=chaser.position_lvlh_m)
+        case sc.DriftChaser():
+            return FreeDrift(
+                position_lvlh_m=chaser.position_lvlh_m, velocity_lvlh_m_s=chaser.velocity_lvlh_m_s
+            )
+        case sc.CircumnavigationChaser():
+            return NaturalCircumnavigation(
+                radial_m=chaser.radial_m,
+                phase_rad=np.radians(chaser.phase_deg),
+                cross_track_m=chaser.cross_track_m,
+                cross_phase_rad=np.radians(chaser.cross_phase_deg),
+                centre_along_track_m=chaser.centre_along_track_m,
+            )
+        case sc.VbarChaser() | sc.RbarChaser():
+            axis = np.array([0.0, 1.0, 0.0] if isinstance(chaser, sc.VbarChaser) else [1.0, 0.0, 0.0])
+            return StraightApproach(
+                start_lvlh_m=tuple(chaser.start_m * axis),
+                hold_lvlh_m=tuple(chaser.hold_m * axis),
+                speed_m_s=chaser.speed_m_s,
+                braking_m_s2=chaser.braking_m_s2,
+            )
+        case sc.FlyaroundChaser():
+            return ForcedFlyaround(
+                radius_m=chaser.radius_m,
+                period_s=chaser.period_s,
+                inclination_rad=np.radians(chaser.inclination_deg),
+                node_rad=np.radians(chaser.node_deg),
+                phase_rad=np.radians(chaser.phase_deg),
+                far_radius_m=chaser.far_radius_m,
+                range_period_s=chaser.range_period_s,
+            )
+
+
+def frame_times(duration_s: float, n: int | None = None, every_s: float | None = None) -> FloatArray:
+    """Mid-exposure times of frames [s].
+
+    ``n`` frames alone are spread evenly from the start to the end; with ``every_s`` they are that far apart
+    from the start on, as many as fit when ``n`` is None.
+
+    Raises
+    ------
+    UserError
+        If a number is not positive, or the frames do not fit the flight.
+    """
+    if n is not None and n < 1:
+        raise UserError(f"the number of frames is {n}, allowed: at least 1")
+    if every_s is None:
+        return np.linspace(0.0, duration_s, n or 1, dtype=float)
+    if not (np.isfinite(every_s) and every_s > 0):
+        raise UserError(f"the time between frames is {every_s} s, allowed: more than 0")
+    # a rounding's worth of slack, so that 60 s hold 601 frames 0.1 s apart
+    fitting = int(np.floor(duration_s / every_s + 1e-9)) + 1
+    if n is not None and n > fitting:
+        raise UserError(
+            f"{n} frames every {every_s:g} s do not fit the flight of {duration_s:g} s: {fitting} do"
+        )
+    return np.minimum(np.arange(n or fitting, dtype=float) * every_s, duration_s)
+
+
+def check_physics(scenario: sc.Scenario, where: str) -> None:
+    """Refuse what each key allows alone but physics does not allow together.
+
+    Raises
+    ------
+    UserError
+        With file, key, value and what is allowed.
+    """
+    o = scenario.orbit
+    r, v = orbit_state(scenario)
+    if isinstance(o, sc.ElementsOrbit):
+        perigee = (EARTH_RADIUS_M + o.altitude_km * 1e3) * (1 - o.eccentricity) - EARTH_RADIUS_M
+        if perigee < _LOWEST_M:
+            raise UserError(
+                f"{where}: key orbit.eccentricity is {o.eccentricity:g}, which puts the perigee at "
+                f"{perigee / 1e3:.0f} km, allowed: a perigee of at least {_LOWEST_M / 1e3:.0f} km"
+            )
+    else:
+        _check_state_orbit(r, v, where)
+    _check_attitude(scenario.attitude, where)
+    start, _ = guidance(scenario.chaser).state_lvlh(0.0, 1e-3)
+    distance, least = float(np.linalg.norm(start)), scenario.chaser.minimum_start_range_m
+    if distance < least:
+        raise UserError(
+            f"{where}: section [chaser] starts {distance:.3g} m from the target, allowed: at least "
+            f"{least:g} m (key chaser.minimum_start_range_m)"
+        )
+
+
+def _check_state_orbit(r: FloatArray, v: FloatArray, where: str) -> None:
+    speed, radius = float(np.linalg.norm(v)), float(np.linalg.norm(r))
+    escape = float(np.sqrt(2 * MU_EARTH_M3_S2 / radius)) if radius > 0 else 0.0
+    lowest = EARTH_RADIUS_M + _LOWEST_M
+    if radius < lowest:
+        raise UserError(
+            f"{where}: key orbit.r_eci_km is {radius / 1e3:.1f} km from the Earth's centre, "
+            f"allowed: at least {lowest / 1e3:.0f} km"
+        )
+    if speed >= escape:
+        raise UserError(
+            f"{where}: key orbit.v_eci_km_s is {speed / 1e3:.3f} km/s fast, "
+            f"allowed: less than the {escape / 1e3:.3f} km/s that leave the Earth"
+        )
+    if float(np.linalg.norm(np.cross(r, v))) < 1e-3 * radius * escape:
+        raise UserError(
+            f"{where}: key orbit.v_eci_km_s points along orbit.r_eci_km, allowed: an orbit, not a fall"
+        )
+    e = elements_from_state(r, v)
+    perigee = e.semi_major_axis_m * (1 - e.eccentricity)
+    if perigee < lowest:
+        raise UserError(
+            f"{where}: section [orbit] has its perigee {(perigee - EARTH_RADIUS_M) / 1e3:.0f} km high, "
+            f"allowed: at least {_LOWEST_M / 1e3:.0f} km"
+        )
+
+
+def _check_attitude(a: sc.Attitude, where: str) -> None:
+    if a.q_wxyz is not None and a.euler_deg is not None:
+        raise UserError(f"{where}: section [attitude] has both q_wxyz and euler_deg, allowed: one of them")
+    if a.q_wxyz is not None:
+        norm = float(np.linalg.norm(a.q_wxyz))
+        if abs(norm - 1) > 1e-3:
+            raise UserError(
+                f"{where}: key attitude.q_wxyz is {list(a.q_wxyz)} with norm {norm:.6g}, "
+                "allowed: a unit quaternion, scalar first"
+            )
+    if a.inertia_kg_m2 is not None:
+        try:
+            check_inertia(np.array(a.inertia_kg_m2))
+        except ValueError as error:
+            raise UserError(f"{where}: key attitude.inertia_kg_m2: {error}") from error
+
+
+def _q_eci_from_target(a: sc.Attitude, frame: Lvlh) -> FloatArray:
+    q = np.array([1.0, 0.0, 0.0, 0.0])
+    if a.q_wxyz is not None:
+        q = quat_normalize(a.q_wxyz)
+    elif a.euler_deg is not None:
+        yaw, pitch, roll = np.radians(a.euler_deg)
+        about_z, about_y = quat_from_rotvec([0.0, 0.0, yaw]), quat_from_rotvec([0.0, pitch, 0.0])
+        q = quat_multiply(quat_multiply(about_z, about_y), quat_from_rotvec([roll, 0.0, 0.0]))
+    if a.frame == "lvlh":
+        q = quat_multiply(quat_from_matrix(frame.R_eci_from_lvlh), q)
+    return q

@@ -1,0 +1,124 @@
+"""Reading scenarios: built-in names and TOML files, every mistake told in one sentence."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+import re
+import tomllib
+from difflib import get_close_matches
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from simulator.camera.files import CameraFile, read_camera_file
+from simulator.errors import UserError
+from simulator.file_errors import explain
+from simulator.scenario import Scenario
+from simulator.scenario_flight import check_physics
+from simulator.world.time import Instant
+
+
+def list_scenarios() -> tuple[str, ...]:
+    """Names of the built-in scenarios."""
+    folder = files("assets").joinpath("scenarios")
+    return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """A scenario by its built-in name or from a TOML file.
+
+    Raises
+    ------
+    UserError
+        If there is none, or the file has a mistake: file, key, value given and what is allowed.
+    """
+    text = str(name_or_path)
+    if text in list_scenarios():
+        content = files("assets").joinpath("scenarios", f"{text}.toml").read_bytes()
+        return _parse(content, f"built-in scenario {text}", text, Path())
+    path = Path(name_or_path)
+    if not path.is_file():
+        raise UserError(_no_such_scenario(text, path))
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{text} cannot be read: {error.strerror}") from error
+    return _parse(content, text, path.stem, path.parent)
+
+
+def scenario_json_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of the scenario file."""
+    schema = msgspec.json.schema(Scenario)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Flyaround scenario, version 1",
+        **schema,
+    }
+
+
+def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
+    try:
+        raw = tomllib.loads(content.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise UserError(f"{where} is not UTF-8 text: save it as UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(f"{where} is not valid TOML: {error}") from error
+    raw = _plain(raw, where, "")
+    try:
+        scenario = msgspec.convert(raw, Scenario)
+    except msgspec.ValidationError as error:
+        raise UserError(f"{where}: {explain(str(error), raw, Scenario)}") from error
+    try:
+        Instant.from_utc(scenario.epoch_utc)
+    except ValueError as error:
+        raise UserError(f"{where}: key epoch_utc: {error}") from error
+    scenario = msgspec.structs.replace(
+        scenario, name=scenario.name or stem, camera=_camera(scenario.camera, where, folder)
+    )
+    check_physics(scenario, where)
+    return scenario
+
+
+def _camera(camera: str | CameraFile, where: str, folder: Path) -> CameraFile:
+    """The camera of the file: a built-in name, a path beside the scenario, or the table itself."""
+    if isinstance(camera, CameraFile):
+        found = camera
+    else:
+        try:
+            found = read_camera_file(camera, folder)
+        except UserError as error:
+            raise UserError(f"{where}: key camera: {error}") from error
+        if not found.name:
+            found = msgspec.structs.replace(found, name=Path(camera).stem)
+    found.camera(f"{where}: camera")
+    return found
+
+
+def _plain(value: Any, where: str, key: str) -> Any:  # noqa: ANN401 - a TOML value is anything
+    """TOML values as msgspec takes them: times as text, and no NaN or infinity, which would pass bounds."""
+    if isinstance(value, dict):
+        return {k: _plain(v, where, f"{key}.{k}" if key else k) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_plain(v, where, f"{key}[{i}]") for i, v in enumerate(value)]
+    if isinstance(value, dt.datetime):
+        if value.tzinfo is None:
+            raise UserError(
+                f"{where}: key {key} is {value.isoformat()}, which names no time zone: end it with Z"
+            )
+        utc = value.astimezone(dt.UTC).replace(tzinfo=None)
+        return utc.isoformat() + "Z"
+    if isinstance(value, float) and not math.isfinite(value):
+        raise UserError(f"{where}: key {key} is {value}, a finite number is needed")
+    return value
+
+
+def _no_such_scenario(text: str, path: Path) -> str:
+    names = list_scenarios()
+    if path.suffix == ".toml" or re.search(r"[/\\]", text):
+        return f"there is no scenario file {text!r}: give a TOML file, or one of {', '.join(names)}"
+    near = get_close_matches(text, names, n=3, cutoff=0.4)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"built-in ones are {', '.join(names)}"
+    return f"there is no scenario {text!r}: {hint}"

@@ -1,0 +1,70 @@
+"""The camera's spectral bands: their limits, the Sun's irradiance in them, and how reflectances map to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.scene.state import Bands
+
+ASTRONOMICAL_UNIT_M = 149_597_870_700.0
+
+# Extraterrestrial solar spectral irradiance at 1 au, mean of each 50 nm interval from 400 nm [W m-2 nm-1].
+# ASTM G173-03 (2012), Reference solar spectral irradiances, column "etr".
+_SPECTRUM_START_NM, _SPECTRUM_STEP_NM = 400.0, 50.0
+_SPECTRUM_W_M2_NM = np.array([1.734, 1.994, 1.872, 1.823, 1.677, 1.502, 1.343])
+
+
+@dataclass(frozen=True)
+class Band:
+    """One spectral band.
+
+    Parameters
+    ----------
+    low_nm, high_nm : limits of a flat response.
+    rgb_weights : share of the band's solar light in the red, green and blue of a linear RGB reflectance.
+    """
+
+    name: str
+    low_nm: float
+    high_nm: float
+    rgb_weights: tuple[float, float, float]
+
+    @property
+    def sun_irradiance_w_m2(self) -> float:
+        """Solar irradiance in the band at 1 au, normal incidence [W m-2]."""
+        edges = _SPECTRUM_START_NM + _SPECTRUM_STEP_NM * np.arange(len(_SPECTRUM_W_M2_NM) + 1)
+        overlap = np.clip(np.minimum(edges[1:], self.high_nm) - np.maximum(edges[:-1], self.low_nm), 0, None)
+        return float(overlap @ _SPECTRUM_W_M2_NM)
+
+
+PANCHROMATIC = Band("panchromatic", 450.0, 750.0, (0.443, 0.362, 0.195))
+RED = Band("red", 600.0, 700.0, (1.0, 0.0, 0.0))
+GREEN = Band("green", 500.0, 600.0, (0.0, 1.0, 0.0))
+BLUE = Band("blue", 400.0, 500.0, (0.0, 0.0, 1.0))
+
+
+def bands_of(bands: Bands) -> tuple[Band, ...]:
+    """The bands of a picture, in the order of its channels."""
+    return (PANCHROMATIC,) if bands == "mono" else (RED, GREEN, BLUE)
+
+
+def sun_irradiance_w_m2(bands: Bands, distance_m: float) -> FloatArray:
+    """Solar irradiance per band at a distance from the Sun, normal incidence [W m-2]."""
+    scale = (ASTRONOMICAL_UNIT_M / distance_m) ** 2
+    return np.array([band.sun_irradiance_w_m2 * scale for band in bands_of(bands)])
+
+
+def reflectance(bands: Bands, rgb: FloatArray) -> FloatArray:
+    """Reflectance per band (..., n) of linear RGB reflectances (..., 3)."""
+    weights = np.array([band.rgb_weights for band in bands_of(bands)])
+    return np.asarray(rgb, float) @ weights.T
+
+
+def sunlight_balance(bands: Bands) -> FloatArray:
+    """Gain per band that makes a white plate in sunlight as bright as in the panchromatic band [1]."""
+    return np.array([PANCHROMATIC.sun_irradiance_w_m2 / band.sun_irradiance_w_m2 for band in bands_of(bands)])

@@ -1,0 +1,85 @@
+"""build_scene: from a state of the world to the frozen SceneState of one picture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import Vec3, quat, vec3
+from simulator.scene.state import Bands, Environment, Quality, SceneState, TargetRef
+from simulator.world.rotation import matrix_from_quat, quat_multiply
+
+if TYPE_CHECKING:
+    from simulator.camera.model import Camera
+    from simulator.camera.sensor import Sensor
+    from simulator.world.state import WorldState
+
+
+def build_scene(
+    world: WorldState,
+    *,
+    camera: Camera,
+    sensor: Sensor,
+    exposure_s: float,
+    target: TargetRef,
+    com_target_m: Vec3,
+    frame_index: int,
+    seed: int,
+    quality: Quality = "default",
+    bands: Bands = "mono",
+    environment: Environment | None = None,
+) -> SceneState:
+    """Freeze the world at mid-exposure as one camera sees it.
+
+    The orbit is that of the target's centre of mass; the label is the pose of the model's own frame, whose
+    origin lies ``-com_target_m`` away from it.
+
+    Parameters
+    ----------
+    world : state at mid-exposure.
+    camera, sensor, exposure_s : what takes the picture.
+    target : model that is drawn.
+    com_target_m : its centre of mass in the model frame [m].
+    frame_index, seed : key of the frame's random numbers.
+    quality, bands, environment : how it is drawn.
+    """
+    q_ce = np.array(world.q_camera_from_eci_wxyz)
+    R_camera_from_eci = matrix_from_quat(q_ce)
+    R_eci_from_target = matrix_from_quat(world.q_eci_from_target_wxyz)
+    omega_camera = np.array(world.omega_camera_rad_s)
+    com = np.array(com_target_m, float)
+    # origin minus centre of mass, and its velocity as the body turns about its centre of mass
+    origin_eci = R_eci_from_target @ -com
+    origin_rate_eci = R_eci_from_target @ np.cross(world.omega_target_rad_s, -com)
+    t_camera = R_camera_from_eci @ (origin_eci - np.array(world.relative_eci_m))
+    v_camera = R_camera_from_eci @ (origin_rate_eci - np.array(world.relative_eci_m_s))
+    q = quat_multiply(q_ce, world.q_eci_from_target_wxyz)
+    return SceneState(
+        epoch_utc=world.epoch_utc,
+        t_s=world.t_s,
+        frame_index=frame_index,
+        seed=seed,
+        camera=camera,
+        sensor=sensor,
+        exposure_s=exposure_s,
+        quality=quality,
+        bands=bands,
+        environment=environment or Environment(),
+        target=target,
+        # one sign for one attitude, so that labels compare as text
+        q_camera_from_target_wxyz=quat(q if q[0] >= 0 else -q),
+        t_camera_from_target_m=vec3(t_camera),
+        omega_target_rad_s=world.omega_target_rad_s,
+        v_target_camera_m_s=vec3(v_camera - np.cross(omega_camera, t_camera)),
+        r_camera_eci_m=world.r_chaser_eci_m,
+        v_camera_eci_m_s=world.v_chaser_eci_m_s,
+        q_camera_from_eci_wxyz=world.q_camera_from_eci_wxyz,
+        omega_camera_rad_s=world.omega_camera_rad_s,
+        r_target_eci_m=world.r_target_eci_m,
+        v_target_eci_m_s=world.v_target_eci_m_s,
+        r_sun_eci_m=world.r_sun_eci_m,
+        r_moon_eci_m=world.r_moon_eci_m,
+        q_itrs_from_eci_wxyz=world.q_itrs_from_eci_wxyz,
+        sun_visible_fraction=world.sun_visible_fraction,
+    )

@@ -1,0 +1,70 @@
+"""Clohessy-Wiltshire equations: relative motion about a circular orbit, to first order."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+
+
+def mean_motion_rad_s(semi_major_axis_m: float, mu_m3_s2: float) -> float:
+    """Mean motion of an orbit [rad s-1]."""
+    return float(np.sqrt(mu_m3_s2 / semi_major_axis_m**3))
+
+
+def transition_matrix(n_rad_s: float, t_s: float) -> FloatArray:
+    """(6, 6) matrix that carries an LVLH state [x y z vx vy vz] over ``t_s``.
+
+    Parameters
+    ----------
+    n_rad_s : mean motion of the target's circular orbit.
+    t_s : elapsed time [s].
+
+    References
+    ----------
+    Clohessy & Wiltshire (1960), J. Aerospace Sciences 27(9); Alfriend et al. (2010), eq. 5.17.
+    """
+    n, nt = n_rad_s, n_rad_s * t_s
+    s, c = np.sin(nt), np.cos(nt)
+    return np.array(
+        [
+            [4 - 3 * c, 0, 0, s / n, 2 * (1 - c) / n, 0],
+            [6 * (s - nt), 1, 0, -2 * (1 - c) / n, (4 * s - 3 * nt) / n, 0],
+            [0, 0, c, 0, 0, s / n],
+            [3 * n * s, 0, 0, c, 2 * s, 0],
+            [-6 * n * (1 - c), 0, 0, -2 * s, 4 * c - 3, 0],
+            [0, 0, -n * s, 0, 0, c],
+        ]
+    )
+
+
+def bounded_ellipse(
+    n_rad_s: float,
+    radial_m: float,
+    phase_rad: float,
+    cross_track_m: float = 0.0,
+    cross_phase_rad: float = 0.0,
+    centre_along_track_m: float = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """LVLH state on the closed 2:1 ellipse: ``x = a cos p``, ``y = y0 - 2 a sin p``, ``z = b cos(p + q)``.
+
+    With the cross-track swing a quarter turn from the radial one (``q = pi / 2`` or ``-pi / 2``) the chaser
+    never crosses the target's along-track axis, so that a drift along it does no harm: a safe ellipse.
+
+    Returns
+    -------
+    Position [m] and velocity [m s-1] in LVLH, each (3,).
+
+    References
+    ----------
+    D'Amico & Montenbruck (2006), Proximity operations of formation-flying spacecraft using an
+    eccentricity/inclination vector separation, J. Guidance 29(3).
+    """
+    n, p, pq = n_rad_s, phase_rad, phase_rad + cross_phase_rad
+    a, b = radial_m, cross_track_m
+    position = np.array([a * np.cos(p), centre_along_track_m - 2 * a * np.sin(p), b * np.cos(pq)])
+    velocity = n * np.array([-a * np.sin(p), -2 * a * np.cos(p), -b * np.sin(pq)])
+    return position, velocity

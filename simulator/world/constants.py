@@ -1,0 +1,24 @@
+"""Constants of the Earth, Sun and light, with their sources."""
+
+from __future__ import annotations
+
+MU_EARTH_M3_S2 = 3.986004418e14
+"""Gravitational parameter of the Earth with atmosphere, WGS 84 / IERS Conventions (2010), TCG-compatible."""
+
+EARTH_RADIUS_M = 6_378_137.0
+"""Equatorial radius, WGS 84."""
+
+J2_EARTH = 1.0826359e-3
+"""Second zonal harmonic, IERS Conventions (2010), table 1.1 (not normalised, zero tide)."""
+
+SUN_RADIUS_M = 6.957e8
+"""Nominal solar radius, IAU 2015 Resolution B3."""
+
+AU_M = 149_597_870_700.0
+"""Astronomical unit, IAU 2012 Resolution B2."""
+
+LIGHT_M_S = 299_792_458.0
+"""Speed of light, exact."""
+
+DAY_S = 86_400.0
+"""Seconds per day of the Julian date."""

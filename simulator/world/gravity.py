@@ -1,0 +1,57 @@
+"""Gravity of the Earth: a point mass with the oblateness term J2."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import Vec3
+from simulator.world.constants import EARTH_RADIUS_M, J2_EARTH, MU_EARTH_M3_S2
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Two-body gravity with J2.
+
+    Parameters
+    ----------
+    j2 : second zonal harmonic; 0 gives the two-body problem.
+    pole_eci : unit vector along the Earth's axis of symmetry; held fixed over a flight (it moves
+        20 arcsec a year).
+    mu_m3_s2, radius_m : gravitational parameter and the reference radius of ``j2``.
+    """
+
+    j2: float = J2_EARTH
+    pole_eci: Vec3 = (0.0, 0.0, 1.0)
+    mu_m3_s2: float = MU_EARTH_M3_S2
+    radius_m: float = EARTH_RADIUS_M
+
+    def acceleration(self, r_eci_m: FloatArray) -> FloatArray:
+        """Acceleration at (3,) position ``r_eci_m`` from the Earth's centre [m s-2].
+
+        References
+        ----------
+        Vallado (2013), Fundamentals of Astrodynamics, eq. 8-28, written for any pole.
+        """
+        # scalar arithmetic: numpy's per-call cost on three numbers would dominate the integration
+        x, y, z = r_eci_m.tolist()
+        px, py, pz = self.pole_eci
+        r2 = x * x + y * y + z * z
+        along = x * px + y * py + z * pz
+        central = -self.mu_m3_s2 / (r2 * r2**0.5)
+        k = 1.5 * self.j2 * self.radius_m**2 / r2
+        radial = central * (1 + k * (1 - 5 * along * along / r2))
+        polar = 2 * central * k * along
+        return np.array([radial * x + polar * px, radial * y + polar * py, radial * z + polar * pz])
+
+    def potential(self, r_eci_m: FloatArray) -> float:
+        """Potential energy per unit mass, zero at infinity [J kg-1]."""
+        r = float(np.linalg.norm(r_eci_m))
+        sin_latitude = float(np.dot(r_eci_m, self.pole_eci)) / r
+        oblate = self.j2 * (self.radius_m / r) ** 2 * (3 * sin_latitude**2 - 1) / 2
+        return -self.mu_m3_s2 / r * (1 - oblate)

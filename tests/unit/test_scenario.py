@@ -1,0 +1,413 @@
+"""Scenario files: every built-in one flies, and every kind of mistake is one sentence that helps."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import time
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+
+import jsonschema
+import msgspec
+import numpy as np
+import pytest
+
+from simulator.camera.files import list_cameras, load_camera
+from simulator.camera.presets import list_sensor_presets, sensor_preset
+from simulator.errors import UserError
+from simulator.scenario import EnvironmentSection, Scenario, SensorSection
+from simulator.scenario_flight import fly, frame_times
+from simulator.scenario_load import list_scenarios, load_scenario, scenario_json_schema
+from simulator.scene.state import Environment
+from simulator.targets.model import MassProperties, Target
+from simulator.world.constants import EARTH_RADIUS_M
+from simulator.world.rotation import matrix_from_quat
+from simulator.world.state import WorldState
+
+BOX = Target(
+    name="tango",
+    title="a box with Tango's mass",
+    sha256="0" * 64,
+    materials=(),
+    parts=(),
+    keypoints=(),
+    wireframe=(),
+    mass=MassProperties(
+        mass_kg=40.0, com_m=(0.0, 0.02, 0.15), inertia_kg_m2=((1.5, 0, 0), (0, 1.6, 0), (0, 0, 2.2))
+    ),
+)
+
+GOOD = """
+epoch_utc = 2026-03-20T12:00:00Z
+duration_s = 60.0
+camera = "speed"
+[orbit]
+kind = "elements"
+altitude_km = 700.0
+[attitude]
+rate_deg_s = [1, 0, 0]
+[chaser]
+mode = "hold"
+position_lvlh_m = [0, -10, 0]
+[sensor]
+preset = "speed"
+[environment]
+stars = true
+[output]
+bands = "mono"
+"""
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_eight_first_scenarios_are_there() -> None:
+    assert {
+        "tango-flyaround",
+        "tango-earth-10m",
+        "tango-earth-10m-1024",
+        "tango-space-10m",
+        "tango-close-3m",
+        "tango-night",
+        "tango-limb",
+        "tango-tumble-3-18m",
+    } <= set(list_scenarios())
+
+
+@pytest.mark.parametrize("name", list_scenarios())
+def test_every_built_in_scenario_flies(name: str) -> None:
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert scenario.title
+    assert scenario.description
+    flight = fly(scenario, BOX)
+    for t in np.linspace(0, scenario.duration_s, 7):
+        state = flight.state(float(t))
+        assert state.range_m > 2.5
+        assert phase_deg(state) < 90
+        assert state.sun_visible_fraction == 1.0
+
+
+def test_a_minute_is_propagated_in_a_moment() -> None:
+    scenario = load_scenario("tango-flyaround")
+    # the best of three: the machine may be busy
+    spent = []
+    for _ in range(3):
+        start = time.perf_counter()
+        fly(scenario, BOX)
+        spent.append(time.perf_counter() - start)
+    assert min(spent) < 0.3
+
+
+def phase_deg(state: WorldState) -> float:
+    """Angle at the target between the Sun and the camera."""
+    sun = np.array(state.r_sun_eci_m) - state.r_target_eci_m
+    cosine = np.array(state.relative_eci_m) @ sun / (state.range_m * np.linalg.norm(sun))
+    return float(np.degrees(np.arccos(cosine)))
+
+
+def ground_elevations_deg(name: str, t_s: float) -> np.ndarray:
+    """Sun elevation where lines of sight through a grid of pixels meet the Earth, NaN for space."""
+    scenario = load_scenario(name)
+    camera, state = scenario.camera_model, fly(scenario, BOX).state(t_s)
+    u, v = np.meshgrid(np.linspace(0, camera.width_px - 1, 15), np.linspace(0, camera.height_px - 1, 15))
+    rays = np.stack(
+        [(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones_like(u)], axis=-1
+    )
+    d = rays / np.linalg.norm(rays, axis=-1, keepdims=True) @ matrix_from_quat(state.q_camera_from_eci_wxyz)
+    r = np.array(state.r_chaser_eci_m)
+    along = d @ r
+    root = along**2 - (r @ r - EARTH_RADIUS_M**2)
+    hit = (root > 0) & (along < 0)
+    ground = r + d * np.where(hit, -along - np.sqrt(np.maximum(root, 0)), np.nan)[..., None]
+    sun = np.array(state.r_sun_eci_m)
+    return np.degrees(np.arcsin(ground @ sun / (EARTH_RADIUS_M * np.linalg.norm(sun))))
+
+
+@pytest.mark.parametrize("name", ["tango-earth-10m", "tango-earth-10m-1024", "tango-close-3m"])
+@pytest.mark.parametrize("t_s", [0.0, 60.0])
+def test_lit_earth_fills_the_frame(name: str, t_s: float) -> None:
+    elevation = ground_elevations_deg(name, t_s)
+    assert np.all(elevation > 30)
+
+
+def test_space_fills_the_frame() -> None:
+    assert np.all(np.isnan(ground_elevations_deg("tango-space-10m", 30.0)))
+
+
+def test_night_fills_the_frame_while_the_target_is_lit() -> None:
+    # astronomical night
+    assert np.all(ground_elevations_deg("tango-night", 30.0) < -18)
+
+
+def test_limb_crosses_the_frame_at_the_terminator() -> None:
+    elevation = ground_elevations_deg("tango-limb", 30.0)
+    assert 0.3 < np.mean(np.isnan(elevation)) < 0.7
+    assert np.nanmin(elevation) < 0 < np.nanmax(elevation)
+
+
+def test_flyaround_passes_earth_limb_and_space() -> None:
+    share = {t: float(np.mean(np.isnan(ground_elevations_deg("tango-flyaround", t)))) for t in (0, 30, 60)}
+    assert share[0] == 0
+    assert 0.2 < share[30] < 0.8
+    assert share[60] == 1
+
+
+def test_range_swings_from_3_to_18_m() -> None:
+    flight = fly(load_scenario("tango-tumble-3-18m"), BOX)
+    assert flight.state(0.0).range_m == pytest.approx(3.0)
+    assert flight.state(60.0).range_m == pytest.approx(18.0)
+
+
+def test_a_file_stands_for_itself(tmp_path: Path) -> None:
+    scenario = load_scenario(write(tmp_path, GOOD))
+    assert scenario.name == "mine"
+    assert scenario.camera_model == load_camera("speed")
+    assert scenario.sensor_model == sensor_preset("speed")
+    assert scenario.environment_model == Environment()
+    # what a data set records reads back as the same scenario
+    assert msgspec.convert(msgspec.to_builtins(scenario), Scenario) == scenario
+
+
+def test_sections_follow_what_they_describe() -> None:
+    assert set(EnvironmentSection.__struct_fields__) == {f.name for f in dataclasses.fields(Environment)}
+    presets = msgspec.inspect.type_info(SensorSection).fields
+    assert next(f.type.values for f in presets if f.name == "preset") == tuple(sorted(list_sensor_presets()))
+
+
+def test_sensor_overrides_and_camera_tables(tmp_path: Path) -> None:
+    text = GOOD.replace('preset = "speed"', 'preset = "thesis"\nblur_sigma_px = 0.5').replace(
+        'camera = "speed"',
+        "camera = { width_px = 640, height_px = 480, fx_px = 900, fy_px = 900, cx_px = 320, cy_px = 240 }",
+    )
+    scenario = load_scenario(write(tmp_path, text))
+    assert scenario.sensor_model.blur_sigma_px == 0.5
+    assert scenario.sensor_model.speckle_variance == 0.004
+    assert scenario.camera_model.width_px == 640
+
+
+def test_camera_file_is_found_beside_the_scenario(tmp_path: Path) -> None:
+    content = json.loads(files("assets").joinpath("cameras", "paper.json").read_text())
+    (tmp_path / "lens.json").write_text(json.dumps({**content, "name": ""}), encoding="utf-8")
+    scenario = load_scenario(write(tmp_path, GOOD.replace('"speed"', '"lens.json"', 1)))
+    assert scenario.camera_model == load_camera("paper")
+    assert scenario.camera.name == "lens"
+
+
+def test_attitude_by_quaternion_and_by_angles_agree(tmp_path: Path) -> None:
+    # yaw 90 deg: the target's x axis lies along the frame's y axis
+    half = 2**-0.5
+    states = []
+    for line in (f"q_wxyz = [{half}, 0, 0, {half}]", "euler_deg = [90, 0, 0]"):
+        text = GOOD.replace("[attitude]", f'[attitude]\nframe = "eci"\n{line}')
+        states.append(fly(load_scenario(write(tmp_path, text)), BOX).state(0.0))
+    assert np.allclose(states[0].q_eci_from_target_wxyz, states[1].q_eci_from_target_wxyz)
+    assert np.allclose(matrix_from_quat(states[0].q_eci_from_target_wxyz) @ [1, 0, 0], [0, 1, 0])
+
+
+def test_state_orbit_flies(tmp_path: Path) -> None:
+    text = GOOD.replace(
+        'kind = "elements"\naltitude_km = 700.0',
+        'kind = "state"\nr_eci_km = [7000, 0, 0]\nv_eci_km_s = [0, 1.0, 7.5]',
+    )
+    state = fly(load_scenario(write(tmp_path, text)), BOX).state(0.0)
+    assert state.r_target_eci_m == (7e6, 0, 0)
+
+
+@pytest.mark.parametrize("mode", ["drift", "circumnavigation", "vbar", "rbar", "flyaround"])
+def test_every_mode_is_reached_from_a_file(mode: str, tmp_path: Path) -> None:
+    keys = {
+        "drift": "position_lvlh_m = [0, -10, 0]",
+        "circumnavigation": "radial_m = 10",
+        "vbar": "start_m = -30\nhold_m = -5\nspeed_m_s = 0.5",
+        "rbar": "start_m = -30\nhold_m = -5\nspeed_m_s = 0.5",
+        "flyaround": "radius_m = 10\nperiod_s = 240",
+    }[mode]
+    text = GOOD.replace('mode = "hold"\nposition_lvlh_m = [0, -10, 0]', f'mode = "{mode}"\n{keys}')
+    flight = fly(load_scenario(write(tmp_path, text)), BOX)
+    first, last = flight.state(0.0), flight.state(60.0)
+    if mode == "vbar":
+        assert first.position_lvlh_m == pytest.approx((0, -30, 0), abs=1e-9)
+        assert last.position_lvlh_m[0] == pytest.approx(0, abs=1e-9)
+        assert last.position_lvlh_m[1] > first.position_lvlh_m[1]
+    elif mode == "rbar":
+        assert first.position_lvlh_m == pytest.approx((-30, 0, 0), abs=1e-9)
+    else:
+        assert first.range_m == pytest.approx(10)
+
+
+# what is changed in the good file, and what the sentence must name: key, value, what is allowed
+MISTAKES = [
+    ("duration_s = 60.0", "duration_s = = 60", ["not valid TOML", "line 3"]),
+    ("duration_s = 60.0", "duration_s = -5", ["duration_s", "-5", "more than 0"]),
+    ("duration_s = 60.0", "duration_s = nan", ["duration_s", "nan", "finite"]),
+    ("duration_s = 60.0", 'duration_s = "long"', ["duration_s", "'long'", "a number of more than 0"]),
+    ("duration_s = 60.0", "", ["lacks the key duration_s", "a number of more than 0"]),
+    (
+        "duration_s = 60.0",
+        "durations = 60.0\nduration_s = 60.0",
+        ["unknown key durations", "did you mean duration_s"],
+    ),
+    ("2026-03-20T12:00:00Z", "2026-03-20T12:00:00", ["epoch_utc", "2026-03-20T12:00:00", "Z"]),
+    ("2026-03-20T12:00:00Z", '"tomorrow"', ["epoch_utc", "'tomorrow'", "2026-03-20T12:00:00Z"]),
+    ("2026-03-20T12:00:00Z", '"1815-06-18T12:00:00Z"', ["epoch_utc", "1815", "1972 to 2099"]),
+    ("altitude_km = 700.0", "altitude_km = 7", ["orbit.altitude_km", "is 7", "at least 150"]),
+    (
+        "altitude_km = 700.0",
+        "altitude_km = 700\neccentricity = 0.5",
+        ["orbit.eccentricity", "0.5", "perigee"],
+    ),
+    (
+        "altitude_km = 700.0",
+        "altitude_m = 7e5",
+        ["unknown key altitude_m", "[orbit]", "did you mean altitude_km"],
+    ),
+    ("altitude_km = 700.0", "inclination_deg = 98", ["[orbit] lacks the key altitude_km", "at least 150"]),
+    ('kind = "elements"', 'kind = "tle"', ["orbit.kind", "'tle'", "elements", "state"]),
+    ('kind = "elements"', "", ["[orbit] lacks the key kind", "elements, state"]),
+    ('mode = "hold"', 'mode = "holdd"', ["chaser.mode", "'holdd'", "did you mean 'hold'", "flyaround"]),
+    ("[0, -10, 0]", "[0, -10]", ["chaser.position_lvlh_m", "[0, -10]", "a list of 3"]),
+    ("[0, -10, 0]", "[0, -10, 1e9]", ["chaser.position_lvlh_m[2]", "1000000000.0", "at most 1000000"]),
+    ("[0, -10, 0]", "[0, -0.2, 0]", ["[chaser]", "0.2 m", "at least 1.5 m", "minimum_start_range_m"]),
+    (
+        "[0, -10, 0]",
+        "[0, -10, 0]\npointing = { roll = 5 }",
+        ["unknown key roll", "[chaser.pointing]", "roll_deg"],
+    ),
+    ('camera = "speed"', 'camera = "sped"', ["key camera", "'sped'", "did you mean speed"]),
+    ('camera = "speed"', "camera = 5", ["key camera", "is 5", "text in quotes", "width_px"]),
+    ('camera = "speed"', "camera = { width_px = 640 }", ["[camera] lacks the key height_px", "at least 16"]),
+    ('preset = "speed"', 'preset = "spede"', ["sensor.preset", "'spede'", "did you mean 'speed'", "thesis"]),
+    ("stars = true", "stars = 1", ["environment.stars", "is 1", "true or false"]),
+    ('bands = "mono"', 'bands = "infrared"', ["output.bands", "'infrared'", "mono", "rgb"]),
+    ("[1, 0, 0]", "[1, 0, 0]\nq_wxyz = [1, 1, 0, 0]", ["attitude.q_wxyz", "1.41421", "unit quaternion"]),
+    (
+        "[1, 0, 0]",
+        "[1, 0, 0]\nq_wxyz = [1, 0, 0, 0]\neuler_deg = [0, 0, 0]",
+        ["[attitude]", "q_wxyz", "euler_deg", "one of them"],
+    ),
+    (
+        "[1, 0, 0]",
+        "[1, 0, 0]\ninertia_kg_m2 = [[1, 0, 0], [0, 1, 0], [0, 0, 9]]",
+        ["attitude.inertia_kg_m2", "1, 1, 9", "no rigid body"],
+    ),
+    ("[output]", "version = 2\n[output]", ["unknown key version", "[environment]"]),
+    ("epoch_utc", "version = 2\nepoch_utc", ["key version", "is 2", "allowed: 1"]),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), MISTAKES, ids=[m[1][:40] or f"no {m[0]}" for m in MISTAKES])
+def test_a_mistake_is_one_sentence(old: str, new: str, words: list[str], tmp_path: Path) -> None:
+    assert old in GOOD
+    path = write(tmp_path, GOOD.replace(old, new, 1))
+    with pytest.raises(UserError) as caught:
+        load_scenario(path)
+    sentence = str(caught.value)
+    assert sentence.startswith(str(path))
+    assert "\n" not in sentence
+    for word in words:
+        assert word in sentence
+    # nothing of the libraries underneath shows
+    assert not re.search(r"\$\.|Struct|msgspec|Object|Traceback", sentence)
+
+
+@pytest.mark.parametrize(
+    ("orbit", "words"),
+    [
+        ("r_eci_km = [7000, 0, 0]\nv_eci_km_s = [0, 12, 0]", ["orbit.v_eci_km_s", "12.000", "less than"]),
+        ("r_eci_km = [6000, 0, 0]\nv_eci_km_s = [0, 7, 0]", ["orbit.r_eci_km", "6000.0", "at least 6478"]),
+        ("r_eci_km = [7000, 0, 0]\nv_eci_km_s = [7, 0, 0]", ["orbit.v_eci_km_s", "an orbit, not a fall"]),
+        ("r_eci_km = [7000, 0, 0]\nv_eci_km_s = [0, 5, 0]", ["[orbit]", "perigee", "at least 100 km"]),
+    ],
+)
+def test_an_impossible_state_is_refused(orbit: str, words: list[str], tmp_path: Path) -> None:
+    text = GOOD.replace('kind = "elements"\naltitude_km = 700.0', f'kind = "state"\n{orbit}')
+    with pytest.raises(UserError) as caught:
+        load_scenario(write(tmp_path, text))
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("tango-fly", ["'tango-fly'", "did you mean tango-flyaround"]),
+        ("zzz", ["'zzz'", "tango-flyaround", "tango-limb"]),
+        ("no/such.toml", ["'no/such.toml'", "TOML file"]),
+    ],
+)
+def test_unknown_scenario(name: str, words: list[str]) -> None:
+    with pytest.raises(UserError) as caught:
+        load_scenario(name)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_binary_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(UserError, match="UTF-8"):
+        load_scenario(path)
+
+
+def test_schema_accepts_the_built_in_files_and_refuses_a_stranger() -> None:
+    validator = jsonschema.Draft202012Validator(scenario_json_schema())
+    validator.check_schema(scenario_json_schema())
+    for name in list_scenarios():
+        raw = tomllib.loads(files("assets").joinpath("scenarios", f"{name}.toml").read_text())
+        raw["epoch_utc"] = raw["epoch_utc"].isoformat()
+        validator.validate(raw)
+    with pytest.raises(jsonschema.ValidationError):
+        validator.validate({**raw, "surprise": 1})
+
+
+def test_cameras() -> None:
+    assert {"speed", "square-1024", "paper"} <= set(list_cameras())
+    speed = load_camera("speed")
+    assert (speed.width_px, speed.height_px, speed.cx_px, speed.cy_px) == (1920, 1200, 960, 600)
+    assert speed.fx_px == pytest.approx(0.0176 / 5.86e-6)
+    square = load_camera("square-1024")
+    assert (square.fx_px, square.cx_px) == (speed.fx_px, 511.5)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            {"distortion": {"model": "brown_conrady", "coefficients": [0.1, 0, 0, 0]}},
+            ["distortion.model", "'none'"],
+        ),
+        ({"width_px": 0}, ["width_px", "16"]),
+        ({"fov_deg": 30}, ["unknown key fov_deg", "at the top level", "fx_px"]),
+        ({"cx_px": "middle"}, ["cx_px", "'middle'", "a number"]),
+        (None, ["not JSON"]),
+    ],
+)
+def test_a_wrong_camera_file_is_one_sentence(
+    change: dict[str, object] | None, words: list[str], tmp_path: Path
+) -> None:
+    content = json.loads(files("assets").joinpath("cameras", "speed.json").read_text())
+    path = tmp_path / "cam.json"
+    path.write_text("{" if change is None else json.dumps({**content, **change}), encoding="utf-8")
+    with pytest.raises(UserError) as caught:
+        load_camera(path)
+    for word in [str(path), *words]:
+        assert word in str(caught.value)
+
+
+def test_frame_times() -> None:
+    assert frame_times(60, 4).tolist() == [0, 20, 40, 60]
+    assert frame_times(60, 1).tolist() == [0]
+    assert frame_times(60, 3, 10).tolist() == [0, 10, 20]
+    assert frame_times(60, every_s=0.1).size == 601
+    assert frame_times(60, every_s=0.1)[-1] <= 60
+    assert frame_times(60, every_s=7).tolist() == [0, 7, 14, 21, 28, 35, 42, 49, 56]
+    for n, every in ((0, None), (8, 10.0), (3, -1.0), (3, float("nan"))):
+        with pytest.raises(UserError, match=r"allowed|do not fit"):
+            frame_times(60, n, every)
