@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from simulator.arrays import Float32Array, IntArray, Mat3, Vec3
+import numpy as np
+
+from simulator.arrays import Float32Array, FloatArray, IntArray, Mat3, Vec3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,13 +61,29 @@ class Edge:
     """A straight stretch of the wireframe and the outward normals of the faces that meet there.
 
     An edge can be seen only when at least one of its faces looks at the camera; ``normals`` is empty for
-    thin members (rods) that are seen from everywhere.
+    thin members (rods) that are seen from everywhere. A rod's edge is its axis: the mesh lies ``radius_m``
+    from it (the mean of a tapered rod), and what a camera sees is the pair of lines beside it.
     """
 
     name: str
     a_m: Vec3
     b_m: Vec3
     normals: tuple[Vec3, ...] = ()
+    radius_m: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Occluders:
+    """Coarse closed bodies that stand for the craft when a board asks what hides a point.
+
+    Parameters
+    ----------
+    vertices_m : (V, 3) float64, target frame.
+    triangles : (T, 3) indices, counter-clockwise seen from outside.
+    """
+
+    vertices_m: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    triangles: IntArray = field(default_factory=lambda: np.zeros((0, 3), np.int64))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +103,7 @@ class Target:
     ----------
     name : the name on the command line. title : for people.
     sha256 : hash of geometry, materials, keypoints and wireframe; recorded with every image.
+    occluders : coarse stand-in of the geometry for visibility tests.
     frames : named frames on the craft (docking port, grasp point): origin [m] and axis.
     symmetry : rotations (quaternions, model axes) under which the craft looks nearly the same.
     notes : sources of the dimensions.
@@ -101,3 +120,4 @@ class Target:
     frames: dict[str, tuple[Vec3, Vec3]] = field(default_factory=dict)
     symmetry: tuple[tuple[float, float, float, float], ...] = ()
     notes: str = ""
+    occluders: Occluders = field(default_factory=Occluders)

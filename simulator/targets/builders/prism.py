@@ -1,0 +1,201 @@
+"""Plates: a polygon with holes, cut by ears, and extruded to a closed prism."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.targets.builders.mesh import Mesh, merge, unit
+from simulator.targets.builders.solids import CREASE_RAD
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from simulator.arrays import FloatArray, IntArray
+
+
+def circle(centre: ArrayLike, radius: float, segments: int = 24) -> FloatArray:
+    """(segments, 2) points of a circle, counter-clockwise."""
+    t = 2 * np.pi * np.arange(segments) / segments
+    return np.asarray(centre, float) + radius * np.column_stack([np.cos(t), np.sin(t)])
+
+
+def rectangle(lo: ArrayLike, hi: ArrayLike) -> FloatArray:
+    """(4, 2) corners of an axis-aligned rectangle, counter-clockwise."""
+    (x0, y0), (x1, y1) = np.asarray(lo, float), np.asarray(hi, float)
+    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+
+
+def offset_polygon(polygon: ArrayLike, inset: float) -> FloatArray:
+    """A convex polygon (K, 2), counter-clockwise, with every side moved inwards by ``inset``."""
+    p = np.asarray(polygon, float)
+    side = np.roll(p, -1, axis=0) - p
+    inward = np.column_stack([-side[:, 1], side[:, 0]]) / np.linalg.norm(side, axis=1)[:, None]
+    level = (inward * p).sum(axis=1) + inset
+    corners = []
+    for k in range(len(p)):
+        pair = [k - 1, k]
+        corners.append(np.linalg.solve(inward[pair], level[pair]))
+    return np.array(corners)
+
+
+def signed_area(polygon: FloatArray) -> float:
+    """Area of a polygon (K, 2), positive when counter-clockwise."""
+    x, y = polygon.T
+    return float(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+def triangulate(outline: FloatArray, holes: Sequence[FloatArray] = ()) -> IntArray:
+    """Triangles of a polygon with holes, as indices into outline and holes stacked in order.
+
+    Parameters
+    ----------
+    outline : (K, 2), counter-clockwise. holes : (L, 2) each, clockwise.
+
+    Raises
+    ------
+    ValueError
+        If the outlines cross each other.
+
+    References
+    ----------
+    Eberly (2002), Triangulation by ear clipping: holes are joined to the outline by bridges.
+    """
+    points = np.concatenate([outline, *holes])
+    loop = list(range(len(outline)))
+    starts = np.cumsum([len(outline)] + [len(h) for h in holes])
+    rings = [list(range(starts[k], starts[k] + len(h))) for k, h in enumerate(holes)]
+    # the hole that reaches furthest right is bridged first, so that bridges never cross
+    for ring in sorted(rings, key=lambda r: -points[r, 0].max()):
+        first = int(np.argmax(points[ring, 0]))
+        turned = ring[first:] + ring[:first]
+        at = _bridge(points, loop, turned[0], rings)
+        loop = [*loop[: at + 1], *turned, turned[0], *loop[at:]]
+    triangles = _clip_ears(points, loop)
+    area = _turn(*(points[triangles[:, k]] for k in range(3))) / 2
+    expected = signed_area(outline) + sum(signed_area(h) for h in holes)
+    if area.min() <= 0 or abs(area.sum() - expected) > 1e-9 * expected:
+        raise ValueError("the outline of the plate crosses itself or its holes")
+    return triangles
+
+
+def _bridge(points: FloatArray, loop: list[int], start: int, rings: list[list[int]]) -> int:
+    """Position in ``loop`` of the nearest vertex that ``start`` sees."""
+    edges = [(a, b) for a, b in zip(loop, loop[1:] + loop[:1], strict=True)]
+    for ring in rings:
+        edges += list(zip(ring, ring[1:] + ring[:1], strict=True))
+    a, b = (points[[e[k] for e in edges]] for k in (0, 1))
+    p = points[start]
+    for at in np.argsort(np.linalg.norm(points[loop] - p, axis=1)):
+        q = points[loop[at]]
+        crossing = (_turn(p, q, a) * _turn(p, q, b) < 0) & (_turn(a, b, p) * _turn(a, b, q) < 0)
+        before, after = points[loop[at - 1]], points[loop[(at + 1) % len(loop)]]
+        if not crossing.any() and _in_wedge(before, q, after, p):
+            return int(at)
+    raise ValueError("a hole of the plate cannot be joined to its outline: do they cross?")
+
+
+def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Twice the signed area of triangle ``a b c``."""
+    return np.asarray(
+        (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
+    )
+
+
+def _in_wedge(before: FloatArray, at: FloatArray, after: FloatArray, p: FloatArray) -> bool:
+    """Whether ``p`` lies in the inner angle of the corner ``before at after``."""
+    left, right = _turn(before, at, p) >= 0, _turn(at, after, p) >= 0
+    return bool(left and right) if _turn(before, at, after) >= 0 else bool(left or right)
+
+
+def _clip_ears(points: FloatArray, loop: list[int]) -> IntArray:
+    scale = float(np.ptp(points, axis=0).max()) ** 2
+    triangles = []
+    while len(loop) > 3:
+        best, best_quality = -1, 0.0
+        for k in range(len(loop)):
+            i, j, m = loop[k - 1], loop[k], loop[(k + 1) % len(loop)]
+            a, b, c = points[[i, j, m]]
+            area = float(_turn(a, b, c))
+            if area <= 1e-12 * scale:
+                continue
+            # fat ears first: slivers shade badly
+            quality = area / float(max(((a - b) ** 2).sum(), ((b - c) ** 2).sum(), ((c - a) ** 2).sum()))
+            if quality <= best_quality:
+                continue
+            others = points[[n for n in loop if n not in (i, j, m)]]
+            same = ((others[:, None] == points[[i, j, m]]).all(axis=2)).any(axis=1)
+            others = others[~same]
+            inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
+            if not inside.any():
+                best, best_quality = k, quality
+        if best < 0:
+            raise ValueError("the outline of the plate crosses itself")
+        triangles.append((loop[best - 1], loop[best], loop[(best + 1) % len(loop)]))
+        loop = loop[:best] + loop[best + 1 :]
+    triangles.append((loop[0], loop[1], loop[2]))
+    return np.asarray(triangles, np.int64)
+
+
+def prism(
+    outline: ArrayLike,
+    thickness_m: float,
+    *,
+    holes: Sequence[ArrayLike] = (),
+    origin_m: ArrayLike = (0, 0, 0),
+    u: ArrayLike = (1, 0, 0),
+    v: ArrayLike = (0, 1, 0),
+) -> Mesh:
+    """A closed plate: a polygon in the plane ``origin + a u + b v``, thickened along ``u x v``.
+
+    Parameters
+    ----------
+    outline : (K, 2) polygon [m], either way round. holes : (L, 2) polygons inside it.
+    thickness_m : distance between the two caps; the first lies in the plane itself.
+    u, v : orthonormal axes of the plane. Walls are smooth where the outline turns gently.
+    """
+    rim = _oriented(outline, 1.0)
+    inner = [_oriented(h, -1.0) for h in holes]
+    flat = np.concatenate([rim, *inner])
+    cut = triangulate(rim, inner)
+    axes = np.stack([np.asarray(u, float), np.asarray(v, float)])
+    n = np.cross(axes[0], axes[1])
+    low = np.asarray(origin_m, float) + flat @ axes
+    high = low + n * thickness_m
+    caps = [
+        Mesh(high, np.tile(n, (len(flat), 1)), cut),
+        Mesh(low, np.tile(-n, (len(flat), 1)), cut[:, ::-1]),
+    ]
+    walls, start = [], 0
+    for ring in (rim, *inner):
+        rows = slice(start, start + len(ring))
+        walls.append(_wall(low[rows], high[rows], ring, axes))
+        start += len(ring)
+    return merge([*caps, *walls])
+
+
+def _oriented(polygon: ArrayLike, sign: float) -> FloatArray:
+    p = np.asarray(polygon, float)
+    return p if signed_area(p) * sign > 0 else p[::-1]
+
+
+def _wall(low: FloatArray, high: FloatArray, ring: FloatArray, axes: FloatArray) -> Mesh:
+    side = np.roll(ring, -1, axis=0) - ring
+    flat = unit(np.column_stack([side[:, 1], -side[:, 0], np.zeros(len(side))]))[:, :2]
+    smooth = (flat * np.roll(flat, 1, axis=0)).sum(axis=1) > np.cos(CREASE_RAD)
+    joined = flat + np.roll(flat, 1, axis=0)
+    # at a smooth corner k the walls k-1 and k share a normal
+    corner = np.where(smooth[:, None], joined / np.maximum(np.linalg.norm(joined, axis=1), 1e-9)[:, None], 0)
+    start = np.where(smooth[:, None], corner, flat)
+    end = np.where(np.roll(smooth, -1)[:, None], np.roll(corner, -1, axis=0), flat)
+    k = len(ring)
+    positions = np.concatenate([low, np.roll(low, -1, axis=0), np.roll(high, -1, axis=0), high])
+    normals = np.concatenate([start, end, end, start]) @ axes
+    i = np.arange(k)
+    triangles = np.concatenate(
+        [np.column_stack([i, i + k, i + 2 * k]), np.column_stack([i, i + 2 * k, i + 3 * k])]
+    )
+    return Mesh(positions, normals, triangles)

@@ -1,0 +1,141 @@
+"""Between a Target and its records, and the hash that names a target."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from simulator.arrays import Vec3
+from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
+from simulator.targets.records import (
+    BoardModel,
+    EdgeRecord,
+    FrameRecord,
+    KeypointRecord,
+    MassRecord,
+    OccludersRecord,
+    TargetRecord,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.targets.model import Material, Part, Target
+
+
+def _keypoints(points: Sequence[Keypoint]) -> tuple[KeypointRecord, ...]:
+    return tuple(KeypointRecord(k.name, k.position_m) for k in points)
+
+
+def _wireframe(edges: Sequence[Edge]) -> tuple[EdgeRecord, ...]:
+    return tuple(EdgeRecord(e.name, e.a_m, e.b_m, e.normals, e.radius_m) for e in edges)
+
+
+def _occluders(bodies: Occluders) -> OccludersRecord:
+    return OccludersRecord(
+        tuple((float(x), float(y), float(z)) for x, y, z in bodies.vertices_m),
+        tuple((int(a), int(b), int(c)) for a, b, c in bodies.triangles),
+    )
+
+
+def content_sha256(
+    materials: Sequence[Material],
+    parts: Sequence[Part],
+    keypoints: Sequence[Keypoint],
+    wireframe: Sequence[Edge],
+    occluders: Occluders,
+) -> str:
+    """SHA-256 of everything that a picture or a label of the target depends on.
+
+    The digest covers one line of canonical JSON (sorted keys, no spaces) with materials, part names,
+    keypoints, wireframe and occluders, then for each part its positions and normals as little-endian
+    float32 and its triangles as little-endian uint32, each block preceded by its length in bytes (uint64).
+    """
+    head: dict[str, Any] = {
+        "materials": materials,
+        "parts": [(p.name, p.material) for p in parts],
+        "keypoints": _keypoints(keypoints),
+        "wireframe": _wireframe(wireframe),
+        "occluders": _occluders(occluders),
+    }
+    digest = hashlib.sha256()
+    blocks = [msgspec.json.encode(head, order="sorted")]
+    for p in parts:
+        blocks += [
+            np.ascontiguousarray(p.positions_m, "<f4").tobytes(),
+            np.ascontiguousarray(p.normals, "<f4").tobytes(),
+            np.ascontiguousarray(p.triangles, "<u4").tobytes(),
+        ]
+    for block in blocks:
+        digest.update(len(block).to_bytes(8, "little"))
+        digest.update(block)
+    return digest.hexdigest()
+
+
+def record_of(target: Target) -> TargetRecord:
+    """The target's data beside its geometry and materials."""
+    return TargetRecord(
+        schema="flyaround.target",
+        version=1,
+        name=target.name,
+        title=target.title,
+        sha256=target.sha256,
+        keypoints=_keypoints(target.keypoints),
+        wireframe=_wireframe(target.wireframe),
+        occluders=_occluders(target.occluders),
+        mass=MassRecord(target.mass.mass_kg, target.mass.com_m, target.mass.inertia_kg_m2),
+        frames={name: FrameRecord(o, a) for name, (o, a) in target.frames.items()},
+        symmetry_wxyz=target.symmetry,
+        notes=target.notes,
+        crinkle={m.name: m.crinkle for m in target.materials if m.crinkle > 0},
+    )
+
+
+def board_model(target: Target) -> BoardModel:
+    """The target as a board knows it."""
+    return BoardModel(
+        schema="flyaround.board_model",
+        version=1,
+        name=target.name,
+        sha256=target.sha256,
+        keypoints=_keypoints(target.keypoints),
+        wireframe=_wireframe(target.wireframe),
+        occluders=_occluders(target.occluders),
+        symmetry_wxyz=target.symmetry,
+        mass_kg=target.mass.mass_kg,
+    )
+
+
+def keypoints_of(record: TargetRecord) -> tuple[Keypoint, ...]:
+    """Keypoints of a record."""
+    return tuple(Keypoint(name=k.name, position_m=k.position_m) for k in record.keypoints)
+
+
+def wireframe_of(record: TargetRecord) -> tuple[Edge, ...]:
+    """Wireframe of a record."""
+    return tuple(
+        Edge(name=e.name, a_m=e.a_m, b_m=e.b_m, normals=e.normals, radius_m=e.radius_m)
+        for e in record.wireframe
+    )
+
+
+def occluders_of(record: TargetRecord) -> Occluders:
+    """Occluders of a record."""
+    return Occluders(
+        vertices_m=np.array(record.occluders.vertices_m, float).reshape(-1, 3),
+        triangles=np.array(record.occluders.triangles, np.int64).reshape(-1, 3),
+    )
+
+
+def mass_of(record: TargetRecord) -> MassProperties:
+    """Mass properties of a record."""
+    m = record.mass
+    return MassProperties(mass_kg=m.mass_kg, com_m=m.com_m, inertia_kg_m2=m.inertia_kg_m2)
+
+
+def frames_of(record: TargetRecord) -> dict[str, tuple[Vec3, Vec3]]:
+    """Named frames of a record."""
+    return {name: (f.origin_m, f.axis) for name, f in record.frames.items()}

@@ -1,0 +1,57 @@
+"""Mass properties from a list of simple bodies of known mass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import FloatArray, Vec3, vec3
+from simulator.targets.model import MassProperties
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lump:
+    """A uniform box, or a thin rod when ``tip_m`` is given.
+
+    Parameters
+    ----------
+    mass_kg : its mass.
+    centre_m, size_m : of the box. For a rod ``centre_m`` is one end and ``tip_m`` the other.
+    """
+
+    name: str
+    mass_kg: float
+    centre_m: Vec3
+    size_m: Vec3 = (0.0, 0.0, 0.0)
+    tip_m: Vec3 | None = None
+
+    def centre(self) -> FloatArray:
+        """(3,) its centre of mass [m]."""
+        c = np.asarray(self.centre_m)
+        return c if self.tip_m is None else (c + np.asarray(self.tip_m)) / 2
+
+    def inertia(self) -> FloatArray:
+        """(3, 3) about its own centre of mass [kg m2]."""
+        if self.tip_m is not None:
+            d = np.subtract(self.tip_m, self.centre_m)
+            return self.mass_kg / 12 * (d @ d * np.eye(3) - np.outer(d, d))
+        square = np.square(self.size_m)
+        return self.mass_kg / 12 * np.diag(square.sum() - square)
+
+
+def mass_properties(lumps: Sequence[Lump]) -> MassProperties:
+    """Mass, centre of mass and inertia of all lumps, by Steiner's theorem."""
+    mass = sum(lump.mass_kg for lump in lumps)
+    com = sum((lump.mass_kg * lump.centre() for lump in lumps), np.zeros(3)) / mass
+    inertia = np.zeros((3, 3))
+    for lump in lumps:
+        d = lump.centre() - com
+        inertia += lump.inertia() + lump.mass_kg * (d @ d * np.eye(3) - np.outer(d, d))
+    inertia = (inertia + inertia.T) / 2
+    rows = (vec3(inertia[0]), vec3(inertia[1]), vec3(inertia[2]))
+    return MassProperties(mass_kg=float(mass), com_m=vec3(com), inertia_kg_m2=rows)

@@ -1,0 +1,103 @@
+"""The target file's own data, as typed records: what stands beside the geometry in a GLB, and the board file.
+
+These structs are the schema: `target_json_schema` writes them out as JSON Schema.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from simulator.arrays import Mat3, Quat, Vec3
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
+Name = Annotated[str, msgspec.Meta(min_length=1)]
+Sha256 = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+Index = Annotated[int, msgspec.Meta(ge=0)]
+
+
+class KeypointRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A named point [m]."""
+
+    name: Name
+    position_m: Vec3
+
+
+class EdgeRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A stretch of the wireframe [m], the outward normals of its faces, the radius of a rod about it [m]."""
+
+    name: Name
+    a_m: Vec3
+    b_m: Vec3
+    normals: tuple[Vec3, ...] = ()
+    radius_m: NotNegative = 0.0
+
+
+class OccludersRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Coarse closed bodies [m], triangles counter-clockwise from outside."""
+
+    vertices_m: tuple[Vec3, ...] = ()
+    triangles: tuple[tuple[Index, Index, Index], ...] = ()
+
+
+class MassRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Mass [kg], centre of mass [m], inertia about it in model axes [kg m2]."""
+
+    mass_kg: Positive
+    com_m: Vec3
+    inertia_kg_m2: Mat3
+
+
+class FrameRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A named frame on the craft: origin [m] and axis (unit vector)."""
+
+    origin_m: Vec3
+    axis: Vec3
+
+
+class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The `flyaround` object in the extras of a target file's scene (glTF 2.0, binary).
+
+    Lengths in metres, model frame; `crinkle` holds the amplitude of insulation's wrinkles by material.
+    """
+
+    schema: Literal["flyaround.target"]
+    version: Literal[1]
+    name: Name
+    title: str
+    sha256: Sha256
+    keypoints: tuple[KeypointRecord, ...]
+    wireframe: tuple[EdgeRecord, ...]
+    occluders: OccludersRecord
+    mass: MassRecord
+    frames: dict[str, FrameRecord] = {}
+    symmetry_wxyz: tuple[Quat, ...] = ()
+    notes: str = ""
+    crinkle: dict[str, Fraction] = {}
+
+
+class BoardModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What a board needs of a target to estimate its pose: no mesh, no materials."""
+
+    schema: Literal["flyaround.board_model"]
+    version: Literal[1]
+    name: Name
+    sha256: Sha256
+    keypoints: tuple[KeypointRecord, ...]
+    wireframe: tuple[EdgeRecord, ...]
+    occluders: OccludersRecord
+    symmetry_wxyz: tuple[Quat, ...] = ()
+    mass_kg: Positive
+
+
+def target_json_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of the `flyaround` extras in a target file."""
+    return msgspec.json.schema(TargetRecord)
+
+
+def board_json_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of the board file."""
+    return msgspec.json.schema(BoardModel)

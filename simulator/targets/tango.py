@@ -1,0 +1,83 @@
+"""Tango, the target of the PRISMA mission and of the SPEED benchmarks, built from numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from simulator.arrays import Quat
+from simulator.targets.assembly import Piece, part_of
+from simulator.targets.check import check_target
+from simulator.targets.convert import content_sha256
+from simulator.targets.model import Material, Target
+from simulator.targets.tango_antennas import build_antennas
+from simulator.targets.tango_body import build_body
+from simulator.targets.tango_brackets import build_brackets
+from simulator.targets.tango_fittings import build_fittings
+from simulator.targets.tango_instruments import build_instruments
+from simulator.targets.tango_labels import build_keypoints, build_occluders, build_wireframe
+from simulator.targets.tango_mass import build_mass
+from simulator.targets.tango_materials import MATERIALS, MLI
+from simulator.targets.tango_panel import build_panel
+
+NOTES = (
+    "SPEED frame: origin on the bottom plate, z out of the solar panel. Keypoints are the published labels "
+    "of the SPEED data set; sizes of fittings were measured from public pictures; the mass distribution is "
+    "an estimate."
+)
+HALF = 0.5**0.5
+SYMMETRY: tuple[Quat, ...] = ((HALF, 0.0, 0.0, HALF), (0.0, 0.0, 0.0, 1.0), (HALF, 0.0, 0.0, -HALF))
+"""Quarter turns about z: the nearly square panel and body look alike but for offset and antennas."""
+
+
+def build_tango() -> Target:
+    """Tango with painted plates, as in SPEED's synthetic pictures."""
+    return _assemble("tango", "Tango (PRISMA), SPEED frame, painted sides", _pieces(), MATERIALS)
+
+
+def build_tango_mli() -> Target:
+    """Tango with multi-layer insulation on the sides of its body."""
+    wrapped = [
+        replace(p, material="mli") if p.name.startswith(("body_side_sheet", "body_cover")) else p
+        for p in _pieces()
+    ]
+    return _assemble(
+        "tango-mli",
+        "Tango (PRISMA), SPEED frame, body sides in golden insulation",
+        wrapped,
+        (*MATERIALS, MLI),
+    )
+
+
+def _pieces() -> list[Piece]:
+    return [
+        *build_panel(),
+        *build_body(),
+        *build_antennas(),
+        *build_brackets(),
+        *build_instruments(),
+        *build_fittings(),
+    ]
+
+
+def _assemble(name: str, title: str, pieces: list[Piece], materials: tuple[Material, ...]) -> Target:
+    parts = tuple(part_of(p) for p in pieces)
+    keypoints, wireframe, occluders = build_keypoints(), build_wireframe(), build_occluders()
+    target = Target(
+        name=name,
+        title=title,
+        sha256=content_sha256(materials, parts, keypoints, wireframe, occluders),
+        materials=materials,
+        parts=parts,
+        keypoints=keypoints,
+        wireframe=wireframe,
+        mass=build_mass(),
+        frames={
+            "panel": ((0.0, 0.0, 0.3215), (0.0, 0.0, 1.0)),
+            "bottom": ((0.0, 0.02, 0.0), (0.0, 0.0, -1.0)),
+        },
+        symmetry=SYMMETRY,
+        notes=NOTES,
+        occluders=occluders,
+    )
+    check_target(target, f"target {name}")
+    return target

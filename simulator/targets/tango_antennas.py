@@ -1,0 +1,41 @@
+"""Tango's three rod antennas: a stub at the root, a collar, and a tapered rod to the tip."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simulator.targets.assembly import Piece
+from simulator.targets.builders.mesh import merge, unit
+from simulator.targets.builders.solids import lathe
+from simulator.targets.tango_dimensions import (
+    ANTENNA_COLLAR_M,
+    ANTENNA_RADIUS_COLLAR_M,
+    ANTENNA_RADIUS_STUB_M,
+    ANTENNA_RADIUS_TIP_M,
+    ANTENNA_ROOTS,
+    ANTENNA_TIPS,
+)
+
+
+def build_antennas() -> list[Piece]:
+    """The rods, one part each, and their collars."""
+    pieces, collars = [], []
+    for k, (root, tip) in enumerate(zip(ANTENNA_ROOTS, ANTENNA_TIPS, strict=True)):
+        axis = np.subtract(tip, root)
+        length = float(np.linalg.norm(axis))
+        s, c = ANTENNA_RADIUS_STUB_M, ANTENNA_COLLAR_M
+        profile = [
+            (0, 0),
+            (0.7 * s, 0),
+            (s, 0.010),
+            (s, c),
+            (ANTENNA_RADIUS_COLLAR_M, c),
+            (ANTENNA_RADIUS_TIP_M, length),
+            (0, length),
+        ]
+        pieces.append(Piece(f"antenna_{k + 1}", "antenna-grey", lathe(profile, root, axis, 40)))
+        r = ANTENNA_RADIUS_COLLAR_M
+        ring = [(r - 0.002, 0), (r + 0.0025, 0), (r + 0.0025, 0.006), (r - 0.002, 0.006), (r - 0.002, 0)]
+        collars.append(lathe(ring, np.asarray(root) + unit(axis) * (c + 0.001), axis, 40))
+    pieces.append(Piece("antenna_collars", "aluminium", merge(collars)))
+    return pieces

@@ -1,0 +1,326 @@
+"""Target files: bit-exact round trip, independent readers, refusals, the cache, the board file."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import struct
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pygltflib
+import pytest
+import trimesh
+
+from simulator.errors import UserError
+from simulator.targets.board_file import write_board_model
+from simulator.targets.glb import load_glb, write_glb
+from simulator.targets.library import list_targets, load_target
+from simulator.targets.model import MassProperties, Target
+from simulator.targets.records import board_json_schema, target_json_schema
+from simulator.targets.tango import build_tango, build_tango_mli
+
+
+@pytest.fixture(scope="module")
+def tango() -> Target:
+    return build_tango()
+
+
+@pytest.fixture(scope="module")
+def glb(tango: Target, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("targets") / "tango.glb"
+    write_glb(tango, path)
+    return path
+
+
+def split(path: Path) -> tuple[dict[str, Any], bytes]:
+    """JSON and binary chunk, read with the standard library alone."""
+    data = path.read_bytes()
+    (size,) = struct.unpack_from("<I", data, 12)
+    return json.loads(data[20 : 20 + size]), data[28 + size :]
+
+
+def join(path: Path, document: dict[str, Any], blob: bytes) -> Path:
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(blob), b"BIN\0") + blob
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    return path
+
+
+def test_round_trip_is_bit_exact(tmp_path: Path) -> None:
+    for target in (build_tango(), build_tango_mli()):
+        path = tmp_path / f"{target.name}.glb"
+        write_glb(target, path)
+        again = load_glb(path)
+        for name in ("name", "title", "sha256", "materials", "keypoints", "wireframe", "mass", "frames"):
+            assert getattr(again, name) == getattr(target, name), name
+        assert again.symmetry == target.symmetry
+        assert again.notes == target.notes
+        assert np.array_equal(again.occluders.vertices_m, target.occluders.vertices_m)
+        assert np.array_equal(again.occluders.triangles, target.occluders.triangles)
+        for a, b in zip(again.parts, target.parts, strict=True):
+            assert (a.name, a.material) == (b.name, b.material)
+            for field in ("positions_m", "normals", "triangles"):
+                x, y = getattr(a, field), getattr(b, field)
+                assert x.dtype == y.dtype
+                assert x.tobytes() == y.tobytes()
+
+
+def test_writing_twice_gives_the_same_bytes(tango: Target, glb: Path, tmp_path: Path) -> None:
+    write_glb(tango, tmp_path / "again.glb")
+    assert (tmp_path / "again.glb").read_bytes() == glb.read_bytes()
+    assert [p.name for p in tmp_path.iterdir()] == ["again.glb"]
+
+
+def test_trimesh_sees_the_same_bounds_and_parts(tango: Target, glb: Path) -> None:
+    scene = trimesh.load_scene(glb)
+    everything = np.concatenate([p.positions_m for p in tango.parts])
+    lo, hi = everything.min(axis=0), everything.max(axis=0)
+    # viewers take y up: (x, y, z) of the file is (x, z, -y) of the target
+    assert np.allclose(scene.bounds, [(lo[0], lo[2], -hi[1]), (hi[0], hi[2], -lo[1])], atol=1e-6)
+    assert set(scene.geometry) == {p.name for p in tango.parts}
+    for part in tango.parts:
+        geometry = scene.geometry[part.name]
+        assert len(geometry.faces) == len(part.triangles)
+        material = next(m for m in tango.materials if m.name == part.material)
+        assert geometry.visual.material.name == material.name
+        assert geometry.visual.material.roughnessFactor == pytest.approx(material.roughness)
+
+
+def test_pygltflib_sees_materials_and_extras(tango: Target, glb: Path) -> None:
+    document = pygltflib.GLTF2().load(str(glb))
+    by_name = {m.name: m for m in document.materials}
+    for m in tango.materials:
+        pbr = by_name[m.name].pbrMetallicRoughness
+        assert tuple(pbr.baseColorFactor[:3]) == m.base_color
+        assert (pbr.metallicFactor, pbr.roughnessFactor) == (m.metallic, m.roughness)
+    coat = by_name["solar-cell"].extensions["KHR_materials_clearcoat"]
+    assert coat["clearcoatFactor"] == 1.0
+    assert document.extensionsUsed == ["KHR_materials_clearcoat"]
+    extras = document.scenes[0].extras["flyaround"]
+    assert extras["schema"] == "flyaround.target"
+    schema = target_json_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.Draft202012Validator(schema).validate(extras)
+
+
+def test_hash_depends_on_what_is_seen_and_not_on_notes(tango: Target, tmp_path: Path) -> None:
+    write_glb(replace(tango, notes="another note"), tmp_path / "noted.glb")
+    assert load_glb(tmp_path / "noted.glb").sha256 == tango.sha256
+    white, *others = tango.materials
+    write_glb(replace(tango, materials=(replace(white, roughness=0.61), *others)), tmp_path / "rough.glb")
+    with pytest.raises(UserError, match="does not match its own hash"):
+        load_glb(tmp_path / "rough.glb")
+
+
+def overwrite(
+    document: dict[str, Any], blob: bytes, part: str, field: str, data: bytes, at: int = 0
+) -> bytes:
+    """The binary chunk with bytes of one accessor replaced."""
+    mesh = next(m for m in document["meshes"] if m["name"] == part)["primitives"][0]
+    number = mesh["indices"] if field == "indices" else mesh["attributes"][field]
+    start = document["bufferViews"][document["accessors"][number]["bufferView"]].get("byteOffset", 0) + at
+    return blob[:start] + data + blob[start + len(data) :]
+
+
+def moved_keypoint(document: dict[str, Any], blob: bytes) -> bytes:
+    document["scenes"][0]["extras"]["flyaround"]["keypoints"][0]["position_m"][0] += 1e-9
+    return blob
+
+
+def nan_vertex(document: dict[str, Any], blob: bytes) -> bytes:
+    return overwrite(document, blob, "bar", "POSITION", struct.pack("<f", float("nan")), 24)
+
+
+def moved_vertex(document: dict[str, Any], blob: bytes) -> bytes:
+    return overwrite(document, blob, "plate_white", "POSITION", struct.pack("<f", 0.1931))
+
+
+def no_normals(document: dict[str, Any], blob: bytes) -> bytes:
+    for mesh in document["meshes"]:
+        del mesh["primitives"][0]["attributes"]["NORMAL"]
+    return blob
+
+
+def zero_normals(document: dict[str, Any], blob: bytes) -> bytes:
+    return overwrite(document, blob, "rod", "NORMAL", bytes(12))
+
+
+def inverted_face(document: dict[str, Any], blob: bytes) -> bytes:
+    return overwrite(document, blob, "plate_white", "indices", struct.pack("<3I", 2, 1, 0))
+
+
+def degenerate_face(document: dict[str, Any], blob: bytes) -> bytes:
+    return overwrite(document, blob, "plate_white", "indices", struct.pack("<3I", 0, 0, 1))
+
+
+def index_out_of_range(document: dict[str, Any], blob: bytes) -> bytes:
+    return overwrite(document, blob, "plate_white", "indices", struct.pack("<3I", 0, 1, 4_000_000))
+
+
+def no_extras(document: dict[str, Any], blob: bytes) -> bytes:
+    del document["scenes"][0]["extras"]
+    return blob
+
+
+def another_version(document: dict[str, Any], blob: bytes) -> bytes:
+    document["scenes"][0]["extras"]["flyaround"]["version"] = 9
+    return blob
+
+
+def heavy_on_one_axis(document: dict[str, Any], blob: bytes) -> bytes:
+    document["scenes"][0]["extras"]["flyaround"]["mass"]["inertia_kg_m2"][2][2] = 99.0
+    return blob
+
+
+def twin_keypoints(document: dict[str, Any], blob: bytes) -> bytes:
+    points = document["scenes"][0]["extras"]["flyaround"]["keypoints"]
+    points[1]["name"] = points[0]["name"]
+    return blob
+
+
+def nan_keypoint(document: dict[str, Any], blob: bytes) -> bytes:
+    document["scenes"][0]["extras"]["flyaround"]["keypoints"][0]["position_m"][0] = float("nan")
+    return blob
+
+
+def missing_accessor(document: dict[str, Any], blob: bytes) -> bytes:
+    document["accessors"] = document["accessors"][:3]
+    return blob
+
+
+def short_binary(_document: dict[str, Any], blob: bytes) -> bytes:
+    return blob[: len(blob) // 2]
+
+
+DAMAGE: dict[Callable[[dict[str, Any], bytes], bytes], str] = {
+    moved_keypoint: "does not match its own hash",
+    moved_vertex: "does not match its own hash",
+    nan_vertex: "part 'bar': vertex 2 is not finite",
+    no_normals: "no normals",
+    zero_normals: "part 'rod': normals are not unit vectors",
+    inverted_face: "part 'plate_white': some triangles are wound against their normals",
+    degenerate_face: "part 'plate_white': triangle 0 has no area",
+    index_out_of_range: "part 'plate_white': a triangle uses vertex 4000000",
+    no_extras: "has no `flyaround` extras",
+    another_version: r"version",
+    heavy_on_one_axis: "no body has principal moments",
+    twin_keypoints: "two keypoints are called 'panel_nx_ny'",
+    nan_keypoint: "no readable JSON",
+    missing_accessor: "breaks the rules of glTF 2.0",
+    short_binary: "breaks the rules of glTF 2.0",
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE, ids=lambda d: d.__name__)
+def test_damaged_file_is_refused_in_one_sentence(
+    damage: Callable[[dict[str, Any], bytes], bytes], glb: Path, tmp_path: Path
+) -> None:
+    document, blob = split(glb)
+    blob = damage(document, blob)
+    path = join(tmp_path / "bad.glb", document, blob)
+    with pytest.raises(UserError, match=DAMAGE[damage]) as caught:
+        load_glb(path)
+    message = str(caught.value)
+    assert str(path) in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("keep", [3, 11, 16, 500, 200_000])
+def test_truncated_file_is_refused(keep: int, glb: Path, tmp_path: Path) -> None:
+    path = tmp_path / "short.glb"
+    path.write_bytes(glb.read_bytes()[:keep])
+    with pytest.raises(UserError, match=r"cut short|not a binary glTF"):
+        load_glb(path)
+
+
+def test_other_files_are_refused(tmp_path: Path) -> None:
+    stl = tmp_path / "part.glb"
+    stl.write_bytes(b"solid part\nendsolid part\n")
+    with pytest.raises(UserError, match="not a binary glTF file"):
+        load_target(stl)
+    with pytest.raises(UserError, match=r"cannot read target .*nowhere\.glb"):
+        load_target(tmp_path / "nowhere.glb")
+    plain = tmp_path / "plain.glb"
+    plain.write_bytes(trimesh.creation.box().export(file_type="glb"))
+    with pytest.raises(UserError, match="plain glTF model"):
+        load_glb(plain)
+
+
+def test_impossible_mass_is_refused_at_writing_time_of_a_reader(tango: Target, tmp_path: Path) -> None:
+    mass = MassProperties(mass_kg=-1.0, com_m=(0, 0, 0), inertia_kg_m2=tango.mass.inertia_kg_m2)
+    write_glb(replace(tango, mass=mass), tmp_path / "light.glb")
+    with pytest.raises(UserError, match="mass_kg"):
+        load_glb(tmp_path / "light.glb")
+
+
+def test_unwritable_folder_is_one_sentence(tango: Target, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="cannot write"):
+        write_glb(tango, tmp_path / "missing" / "tango.glb")
+
+
+def test_unknown_name_offers_the_nearest() -> None:
+    with pytest.raises(UserError, match=r"unknown target 'tengo': name one of tango"):
+        load_target("tengo")
+    assert list_targets() == ("tango", "tango-mli")
+
+
+def test_library_builds_once_reads_after_and_repairs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
+    first = load_target("tango")
+    (file,) = (tmp_path / "targets").iterdir()
+    stamp = file.stat().st_mtime_ns
+    start = time.perf_counter()
+    assert load_target("tango").sha256 == first.sha256
+    # 10 ms here; a shared machine gets the whole allowance
+    assert time.perf_counter() - start < 0.3
+    assert file.stat().st_mtime_ns == stamp
+    file.write_bytes(file.read_bytes()[:1000])
+    assert load_target("tango").sha256 == first.sha256
+    assert load_target(str(file)).sha256 == first.sha256
+
+
+def test_unusable_cache_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("x")
+    monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path / "file"))
+    with pytest.raises(UserError, match="set FLYAROUND_CACHE_DIR"):
+        load_target("tango")
+
+
+def _load_hash(_: int) -> str:
+    return load_target("tango").sha256
+
+
+def test_processes_may_fill_the_cache_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
+    with multiprocessing.get_context("fork").Pool(4) as pool:
+        hashes = set(pool.map(_load_hash, range(8), chunksize=1))
+    assert len(hashes) == 1
+    assert len(list((tmp_path / "targets").iterdir())) == 1
+
+
+def test_board_file_validates_and_holds_the_labels(tango: Target, tmp_path: Path) -> None:
+    path = tmp_path / "tango.board.json"
+    write_board_model(tango, path)
+    board = json.loads(path.read_text())
+    schema = board_json_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.Draft202012Validator(schema).validate(board)
+    assert (board["schema"], board["version"]) == ("flyaround.board_model", 1)
+    assert board["sha256"] == tango.sha256
+    assert [tuple(k["position_m"]) for k in board["keypoints"]] == [k.position_m for k in tango.keypoints]
+    assert {e["name"]: tuple(e["a_m"]) for e in board["wireframe"]} == {
+        e.name: e.a_m for e in tango.wireframe
+    }
+    assert np.array_equal(board["occluders"]["vertices_m"], tango.occluders.vertices_m)
+    assert board["mass_kg"] == tango.mass.mass_kg
+    assert path.stat().st_size < 64_000
+    broken = {**board, "version": 2}
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.Draft202012Validator(schema).validate(broken)
