@@ -1,0 +1,40 @@
+// Light of the air itself along a ray that misses the ground, from the frame's table.
+
+#if AIR
+#if BANDS == 1
+uniform sampler2D t_air;
+#else
+uniform sampler2D t_air_rayleigh;
+uniform sampler2D t_air_mie;
+uniform sampler2D t_air_transmittance;
+#endif
+
+// Table coordinates of a ray; see shaders/atmosphere/table.frag.
+vec2 table_uv(EarthRay ray, bool ground_ray) {
+    float mu = -ray.along * u_earth_camera.w;             // cosine of the angle from the nadir; w: 1 / radius
+    float horizontal = sqrt(max(1.0 - mu * mu, 1e-9));    // 1e-9: straight down, where no azimuth matters
+    float azimuth = (dot(ray.direction, u_earth_sun.xyz) + mu * u_earth_sun.w) / (horizontal * u_earth_limits.x);
+    float v = sqrt(clamp(ground_ray ? ray.disc : -ray.disc / (u_earth_limits.y - 1.0), 0.0, 1.0));
+    float row = v * float(ROWS - 1) + (ground_ray ? 0.5 : float(ROWS) + 0.5);
+    float column = (clamp(azimuth, -1.0, 1.0) * 0.5 + 0.5) * float(COLUMNS - 1) + 0.5;
+    return vec2(column / float(COLUMNS), row / float(2 * ROWS));
+}
+#endif
+
+// Radiance of the air alone, per pixel with nothing behind it.
+color air_radiance(EarthRay ray) {
+#if AIR
+    vec2 uv = table_uv(ray, false);
+    float c = dot(ray.direction, u_earth_sun.xyz);
+    float pr = rayleigh_phase(c), pm = mie_phase(c, u_air_shape.z);
+#if BANDS == 1
+    vec4 light = textureLod(t_air, uv, 0.0);
+    color scattered = light.x * pr + light.y * pm;
+#else
+    color scattered = textureLod(t_air_rayleigh, uv, 0.0).xyz * pr + textureLod(t_air_mie, uv, 0.0).xyz * pm;
+#endif
+    return scattered * BAND(u_earth_irradiance);
+#else
+    return color(0.0);
+#endif
+}

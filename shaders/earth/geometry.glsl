@@ -1,0 +1,32 @@
+// Where a pixel's ray meets the Earth.
+
+// Camera, ray and closest approach, in units of the Earth's equatorial radius.
+struct EarthRay {
+    vec3 direction;   // unit
+    float along;      // camera's position along the ray; negative: the Earth is ahead
+    float perigee2;   // square of the ray's smallest distance from the centre
+    float disc;       // 1 - perigee2, the square of the ray's depth under the sphere
+    float pixel_rad;  // angle of a pixel [rad]
+    bool away;
+};
+
+EarthRay earth_ray(vec2 pixel) {
+    EarthRay ray;
+    vec3 d = mat3(u_earth_from_camera) * vec3((pixel - u_intrinsics.zw) / u_intrinsics.xy, 1.0);
+    float scale = inversesqrt(dot(d, d));
+    ray.direction = d * scale;
+    ray.along = dot(u_earth_camera.xyz, ray.direction);
+    // the cross product keeps its digits near the limb, where b^2 - c would lose them
+    vec3 moment = cross(u_earth_camera.xyz, ray.direction);
+    ray.perigee2 = dot(moment, moment);
+    ray.disc = 1.0 - ray.perigee2;
+    ray.pixel_rad = scale / u_intrinsics.x;
+    ray.away = ray.along >= 0.0;
+    return ray;
+}
+
+// Share of the pixel inside the limb, 0..1: distance from the limb in pixels, by the slope of `disc`.
+float limb_share(EarthRay ray) {
+    float slope = 2.0 * sqrt(ray.perigee2) * -ray.along * ray.pixel_rad;
+    return clamp(ray.disc / slope + 0.5, 0.0, 1.0);
+}

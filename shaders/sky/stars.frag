@@ -1,0 +1,11 @@
+// A tent over the four nearest pixels: its weights add up to one wherever the star is.
+#include "common/bands.glsl"
+uniform sampler2D t_coverage;
+flat in vec2 v_pixel;
+flat in vec3 v_radiance;
+layout(location = 0) out vec4 out_radiance;
+void main() {
+    vec2 w = max(1.0 - abs(gl_FragCoord.xy - 0.5 - v_pixel), 0.0);
+    float open = 1.0 - texelFetch(t_coverage, ivec2(gl_FragCoord.xy), 0).x;
+    out_radiance = OUT(BAND(v_radiance) * (w.x * w.y * open));
+}

@@ -1,0 +1,40 @@
+// The Sun's disc [W m-2 sr-1], behind the target, the Earth and the air.
+#include "atmosphere/air.glsl"
+#include "earth/geometry.glsl"
+#include "earth/aerial.glsl"
+uniform sampler2D t_coverage;
+uniform vec4 u_sun_disc; // xyz: direction, camera frame; w: sine of the angular radius
+uniform vec4 u_sun_full_irradiance; // per band [W m-2]
+layout(location = 0) out vec4 out_radiance;
+
+// Linear limb darkening in the visible: Allen's Astrophysical Quantities (2000), 14.7.
+const float DARKENING = 0.6;
+
+void main() {
+    vec2 pixel = gl_FragCoord.xy - 0.5;
+    vec3 d = normalize(vec3((pixel - u_intrinsics.zw) / u_intrinsics.xy, 1.0));
+    float pixel_rad = d.z / u_intrinsics.x;
+    float s = length(cross(d, u_sun_disc.xyz)); // sine of the angle from the centre
+    float edge = clamp((u_sun_disc.w - s) / pixel_rad + 0.5, 0.0, 1.0);
+    if (edge <= 0.0) discard;
+    float x = min(s / u_sun_disc.w, 1.0);
+    float profile = (1.0 - DARKENING * (1.0 - sqrt(1.0 - x * x))) / (1.0 - DARKENING / 3.0); // mean 1 over the disc
+    color radiance = BAND(u_sun_full_irradiance) * (profile * edge / (PI * u_sun_disc.w * u_sun_disc.w));
+#if EARTH
+    EarthRay ray = earth_ray(pixel);
+    if (!ray.away) {
+        radiance *= 1.0 - limb_share(ray);
+#if AIR
+        if (ray.perigee2 < u_earth_limits.y) {
+            vec2 uv = table_uv(ray, false);
+#if BANDS == 1
+            radiance *= textureLod(t_air, uv, 0.0).z;
+#else
+            radiance *= textureLod(t_air_transmittance, uv, 0.0).xyz;
+#endif
+        }
+#endif
+    }
+#endif
+    out_radiance = OUT(radiance * (1.0 - texelFetch(t_coverage, ivec2(gl_FragCoord.xy), 0).x));
+}

@@ -1,0 +1,114 @@
+// Radiance [W m-2 sr-1] and coverage of the target, per image pixel, from its lattice samples.
+#include "target/brdf.glsl"
+#include "target/pack.glsl"
+#include "target/shadow.glsl"
+#include "target/crinkle.glsl"
+
+uniform usampler2D t_surface;
+uniform sampler2D t_depth;
+
+layout(location = 0) out vec4 out_radiance;
+layout(location = 1) out float out_coverage;
+
+// Samples whose normals differ by less than this many octahedral steps (about 7 degrees) are one surface.
+const int SAME_NORMAL = 160;
+
+// Camera z [m] of a depth-buffer value; inverse of simulator/render/projection.py.
+float camera_z(float depth) {
+    float near = u_lattice.z, far = u_lattice.w;
+    return near * far / (far - depth * (far - near));
+}
+
+// Light of a hemisphere-like source of angular radius asin(s) on a plate whose normal makes cosine c with it [1].
+// Exact at c = 1 and where the source sets; within 0.03 between, for a low Earth orbit.
+float wide_source(float c, float s) {
+    float w = clamp((c + s) / (1.0 + s), 0.0, 1.0);
+    return w * sqrt(w);
+}
+
+// Radiance that leaves one surface towards the camera [W m-2 sr-1].
+color shade(uint material, vec3 n, vec3 p_m) {
+    vec4 surface = u_material_surface[material];
+    vec4 base = u_material_color[material];
+    vec3 v = -normalize(p_m);
+    float lit = sun_visibility(p_m, n);
+    vec3 geometric = n;
+    if (surface.w > 0.0) n = crinkled(n, p_m, surface.w);
+    float n_v = max(dot(n, v), 1e-3); // 1e-3: a normal averaged at the silhouette may look away
+    vec3 l = u_sun_direction.xyz;
+    float n_l = max(dot(n, l), 0.0) * step(0.0, dot(geometric, l));
+    vec3 h = normalize(v + l);
+    float n_h = clamp(dot(n, h), 0.0, 1.0), v_h = clamp(dot(v, h), 0.0, 1.0);
+    // the Sun is a disc: its radius widens every lobe (Karis 2013, Real shading in Unreal Engine 4, eq. 10)
+    float alpha = clamp(surface.x * surface.x + 0.5 * u_sun_direction.w, 0.0, 1.0);
+    color albedo = BAND(base);
+    color f0 = mix(color(0.04), albedo, base.w);
+    color diffuse = albedo * ((1.0 - base.w) / PI);
+    color f = fresnel_schlick(f0, v_h);
+    color sun = (color(1.0) - f) * diffuse + f * (distribution_ggx(n_h, alpha) * visibility_smith(n_l, n_v, alpha));
+    // earthshine: diffuse from a wide source; the mirror image of the Earth, blurred by the roughness
+    color earth = BAND(u_earthshine_irradiance);
+    float s = u_earthshine_direction.w;
+    color sky = earth * wide_source(dot(n, u_earthshine_direction.xyz), s) * diffuse;
+    float rim = dot(reflect(-v, n), u_nadir_direction.xyz) - sqrt(1.0 - s * s);
+    color earth_radiance = earth / (PI * max(s * s, 1e-6));
+    vec2 e = environment_brdf(surface.x, n_v);
+    float blur = surface.x * surface.x + 0.02;
+    sky += earth_radiance * (f0 * e.x + e.y) * smoothstep(-blur, blur, rim);
+    if (surface.y > 0.0) {
+        float coat_alpha = surface.z * surface.z + 0.5 * u_sun_direction.w;
+        float fc = (0.04 + 0.96 * pow5(1.0 - v_h)) * surface.y;
+        sun = sun * (1.0 - fc) + fc * distribution_ggx(n_h, coat_alpha) * visibility_smith(n_l, n_v, coat_alpha);
+        float fe = (0.04 + 0.96 * pow5(1.0 - n_v)) * surface.y;
+        float coat_blur = surface.z * surface.z + 0.02;
+        sky = sky * (1.0 - fe) + earth_radiance * fe * smoothstep(-coat_blur, coat_blur, rim);
+    }
+    return sun * BAND(u_sun_irradiance) * (n_l * lit) + sky;
+}
+
+// Offset [px] of a lattice sample from its pixel's centre; see simulator/render/lattice.py.
+vec2 sample_offset(ivec2 at) {
+    float s = float(at.x) + LATTICE_PHASE, t = float(at.y);
+    return vec2(s + float(LATTICE_A) * t, float(LATTICE_A) * s - t) / float(SAMPLES);
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    ivec2 origin = ivec2(pixel.x + LATTICE_A * pixel.y, LATTICE_A * pixel.x - pixel.y) - ivec2(u_lattice.xy);
+#define FETCH(k, i, j) uint g##k = texelFetch(t_surface, origin + ivec2(i, j), 0).x;
+    FOR_EACH_SAMPLE(FETCH)
+    int covered = 0;
+    uint differs = 0u;
+#define COUNT(k, i, j) covered += int(g##k != 0u); differs |= g##k ^ g0;
+    FOR_EACH_SAMPLE(COUNT)
+    if (covered == 0) discard;
+    color sum = color(0.0);
+    int left = covered;
+    for (int group = 0; group < MAX_SURFACES && left > 0; ++group) {
+        // the first sample left, which is the one nearest to the pixel's centre, leads the group
+        uint leader = 0u;
+        ivec2 at = ivec2(0);
+#define LEAD(k, i, j) if (leader == 0u && g##k != 0u) { leader = g##k; at = ivec2(i, j); }
+        FOR_EACH_SAMPLE(LEAD)
+        uint material = material_of(leader);
+        ivec2 code = normal_code(leader);
+        vec2 mean_code = vec2(code);
+        int members = left;
+        if (differs != 0u) {
+            ivec2 total = ivec2(0);
+            members = 0;
+#define GATHER(k, i, j) { ivec2 c = normal_code(g##k); ivec2 d = abs(c - code); \
+            if (material_of(g##k) == material && max(d.x, d.y) < SAME_NORMAL) { ++members; total += c; g##k = 0u; } }
+            FOR_EACH_SAMPLE(GATHER)
+            mean_code = vec2(total) / float(members);
+        }
+        left -= members;
+        float z = camera_z(texelFetch(t_depth, origin + at, 0).x);
+        vec3 p_m = vec3((vec2(pixel) + sample_offset(at) - u_intrinsics.zw) / u_intrinsics.xy, 1.0) * z;
+        // the last group takes what is left over, so that no light is lost
+        int weight = group == MAX_SURFACES - 1 ? members + left : members;
+        sum += shade(material, decode_normal(mean_code), p_m) * float(weight);
+    }
+    out_radiance = OUT(sum / float(SAMPLES));
+    out_coverage = float(covered) / float(SAMPLES);
+}

@@ -1,0 +1,71 @@
+"""Static tables of the atmosphere, computed once in double precision and kept in the user's cache."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.cache import cached_array
+from simulator.scene.atmosphere import earth_atmosphere, ground_irradiance, optical_depth_to_top
+
+if TYPE_CHECKING:
+    from simulator.arrays import Float32Array
+    from simulator.scene.atmosphere import Atmosphere
+    from simulator.scene.state import Bands
+
+RADII, COSINES = 64, 128  # of the transmittance table
+GROUND_SAMPLES = 512
+GROUND_MU_MIN = -0.3  # no light reaches the ground when the Sun is lower than this
+_VERSION = 3
+
+
+@dataclass(frozen=True, eq=False)
+class AirTables:
+    """Tables of one atmosphere, last axis the bands.
+
+    Parameters
+    ----------
+    transmittance : (RADII, COSINES, n) to the top, in the mapping of Bruneton & Neyret (2008), section 4.
+    ground : (GROUND_SAMPLES, n) direct plus diffuse irradiance on level ground over the Sun's.
+    """
+
+    air: Atmosphere
+    transmittance: Float32Array
+    ground: Float32Array
+
+
+def air_tables(bands: Bands) -> AirTables:
+    """The Earth's tables for the camera's bands."""
+    air = earth_atmosphere(bands)
+    key = hashlib.sha256(f"{_VERSION} {RADII} {COSINES} {GROUND_SAMPLES} {air}".encode()).hexdigest()[:16]
+    return AirTables(
+        air,
+        cached_array(f"air-transmittance-{bands}-{key}", lambda: transmittance_table(air)),
+        cached_array(f"air-ground-{bands}-{key}", lambda: _ground_table(air)),
+    )
+
+
+def transmittance_table(air: Atmosphere) -> Float32Array:
+    """Transmittance to the top; rows: radius, columns: distance to the top between its limits."""
+    rim = np.sqrt(air.top_m**2 - air.radius_m**2)
+    rho = np.linspace(0, rim, RADII)[:, None]
+    r = np.sqrt(rho**2 + air.radius_m**2)
+    shortest, longest = air.top_m - r, rho + rim
+    d = shortest + (longest - shortest) * np.linspace(0, 1, COSINES)[None, :]
+    mu = np.where(d > 0, (air.top_m**2 - r * r - d * d) / (2 * r * np.maximum(d, 1e-3)), 1.0)
+    depth = optical_depth_to_top(air, np.broadcast_to(r, mu.shape), np.clip(mu, -1, 1), steps=64)
+    return np.exp(-depth).astype(np.float32)
+
+
+def _ground_table(air: Atmosphere) -> Float32Array:
+    nodes = np.concatenate([np.linspace(GROUND_MU_MIN, 0.1, 41), np.linspace(0.15, 1, 18)])
+    _, diffuse = ground_irradiance(air, nodes)
+    mu = np.linspace(GROUND_MU_MIN, 1, GROUND_SAMPLES)
+    direct, _ = ground_irradiance(air, mu, diffuse=False)
+    sky = np.stack([np.interp(mu, nodes, diffuse[:, k]) for k in range(diffuse.shape[1])], axis=1)
+    total = direct + sky
+    total[0] = 0.0  # lower Suns are clamped to this entry
+    return total.astype(np.float32)

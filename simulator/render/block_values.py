@@ -1,0 +1,62 @@
+"""What the uniform blocks hold for one frame."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.earthview import EQUATOR_M, POLE_M
+from simulator.scene.atmosphere import SUN_ANGULAR_RADIUS_RAD
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from simulator.arrays import FloatArray
+    from simulator.render.earthview import EarthView
+    from simulator.render.view import View
+    from simulator.scene.atmosphere import Atmosphere
+    from simulator.scene.state import SceneState
+
+
+def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
+    """Members of the block ``Frame``."""
+    camera, lit = scene.camera, view.sun_visible_fraction
+    shine = view.earthshine_w_m2 if scene.environment.earthshine else 0 * view.earthshine_w_m2
+    return {
+        "u_intrinsics": [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px],
+        "u_sun_direction": [*view.sun_direction, view.sun_sine],
+        "u_sun_irradiance": _four(view.sun_irradiance_w_m2 * lit),
+        "u_earthshine_direction": [*view.earthshine_direction, view.earth_sine],
+        "u_earthshine_irradiance": _four(shine),
+        "u_nadir_direction": [*view.nadir, 0.0],
+    }
+
+
+def earth_values(view: View, earth: EarthView, air: Atmosphere) -> dict[str, ArrayLike]:
+    """Members of the block ``Earth``."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = earth.earth_from_camera
+    radius = float(np.linalg.norm(earth.camera))
+    mu = earth.sun_cosine
+    longitude = float(np.arctan2(earth.camera[1], earth.camera[0]))
+    return {
+        "u_earth_from_camera": matrix,
+        "u_earth_camera": [*earth.camera, 1 / radius],
+        "u_earth_sun": [*earth.sun, mu],
+        "u_earth_irradiance": _four(view.sun_at_earth_w_m2),
+        "u_earth_limits": [max(np.sqrt(max(1 - mu * mu, 0.0)), 1e-6), earth.top2, EQUATOR_M / POLE_M, 0.0],
+        "u_earth_meridian": [np.cos(longitude), np.sin(longitude), longitude, 0.0],
+        "u_air_radius": [air.radius_m, air.top_m, radius * EQUATOR_M, SUN_ANGULAR_RADIUS_RAD],
+        "u_air_sun": [mu, 0.0, 0.0, 0.0],
+        "u_air_shape": [1 / air.rayleigh_height_m, 1 / air.mie_height_m, air.mie_g, 0.0],
+        "u_air_rayleigh": _four(air.rayleigh_m),
+        "u_air_mie_scattering": _four(air.mie_scattering_m),
+        "u_air_mie_extinction": _four(air.mie_extinction_m),
+        "u_air_ozone": _four(air.ozone_m),
+    }
+
+
+def _four(bands: FloatArray) -> list[float]:
+    """One or three bands as the vec4 of a uniform block."""
+    return [*(float(v) for v in bands), *([0.0] * (4 - len(bands)))]

@@ -1,0 +1,85 @@
+"""The uniform blocks shared by the passes: names, units and layout in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from simulator.render.uniforms import Field, UniformBlock
+
+if TYPE_CHECKING:
+    import moderngl
+
+MAX_MATERIALS = 255  # the g-buffer keeps the material's number in 8 bits, 0 meaning nothing
+
+FRAME = (
+    Field("vec4", "u_intrinsics"),  # fx, fy, cx, cy [px]
+    Field(
+        "vec4", "u_sun_direction"
+    ),  # xyz: camera frame, from the target; w: sine of the Sun's angular radius
+    Field("vec4", "u_sun_irradiance"),  # per band at normal incidence, eclipse included [W m-2]
+    Field(
+        "vec4", "u_earthshine_direction"
+    ),  # xyz: towards the lit Earth, camera frame; w: sine of Earth's radius
+    Field("vec4", "u_earthshine_irradiance"),  # per band on a plate facing it [W m-2]
+    Field("vec4", "u_nadir_direction"),  # xyz: towards the Earth's centre, camera frame
+)
+
+TARGET = (
+    Field("mat4", "u_lattice_clip_from_target"),
+    Field("mat4", "u_light_clip_from_target"),
+    Field("mat4", "u_camera_from_target"),
+    Field("mat4", "u_light_from_camera"),  # to shadow-map texture coordinates and depth, 0..1
+    Field("vec4", "u_lattice"),  # s0, t0; near, far [m]
+    Field(
+        "vec4", "u_shadow"
+    ),  # texel [m], depth range [m], 1 / size, radius of the filter at the Sun's size [1]
+)
+
+# "Earth" space: Earth-fixed axes in equatorial radii, the polar axis stretched so that the ellipsoid is the unit sphere
+EARTH = (
+    Field("mat4", "u_earth_from_camera"),
+    Field("vec4", "u_earth_camera"),  # position [equatorial radii]; w: one over its length
+    Field("vec4", "u_earth_sun"),  # unit vector; w: its cosine with the camera's zenith
+    Field("vec4", "u_earth_irradiance"),  # of the Sun above the air, per band [W m-2]
+    Field("vec4", "u_earth_limits"),  # sine of the Sun's angle from the zenith; top of the air^2; a / b; 0
+    Field(
+        "vec4", "u_earth_meridian"
+    ),  # unit vector of the camera's longitude in the equator's plane; its longitude [rad]
+    Field("vec4", "u_air_radius"),  # ground, top, camera [m]; angular radius of the Sun [rad]
+    Field("vec4", "u_air_sun"),  # cosine of the Sun's angle from the camera's zenith
+    Field("vec4", "u_air_shape"),  # one over the scale heights of Rayleigh and aerosol [m-1]; asymmetry g
+    Field("vec4", "u_air_rayleigh"),  # per band, at sea level [m-1]
+    Field("vec4", "u_air_mie_scattering"),
+    Field("vec4", "u_air_mie_extinction"),
+    Field("vec4", "u_air_ozone"),
+)
+
+MATERIALS = (
+    Field("vec4", "u_material_color", MAX_MATERIALS + 1),  # reflectance per band; w: metallic
+    Field("vec4", "u_material_surface", MAX_MATERIALS + 1),  # roughness, clear coat, its roughness, crinkle
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Every uniform block of one renderer."""
+
+    frame: UniformBlock
+    target: UniformBlock
+    materials: UniformBlock
+    earth: UniformBlock
+
+    @staticmethod
+    def create(context: moderngl.Context) -> Blocks:
+        """Allocate the blocks."""
+        return Blocks(
+            UniformBlock(context, "Frame", 0, FRAME),
+            UniformBlock(context, "TargetTransforms", 1, TARGET),
+            UniformBlock(context, "Materials", 2, MATERIALS),
+            UniformBlock(context, "Earth", 3, EARTH),
+        )
+
+    def all(self) -> tuple[UniformBlock, ...]:
+        """The blocks in order of their binding."""
+        return (self.frame, self.target, self.materials, self.earth)

@@ -1,0 +1,53 @@
+"""The user's cache folder: decoded maps and tables that are slow to make, written atomically."""
+
+from __future__ import annotations
+
+import logging
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+import platformdirs
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+_T = TypeVar("_T", bound=np.generic)
+log = logging.getLogger(__name__)
+
+
+def cache_folder() -> Path:
+    """``FLYAROUND_CACHE_DIR``, or the platform's cache folder for Flyaround."""
+    chosen = os.environ.get("FLYAROUND_CACHE_DIR", "")
+    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("flyaround"))
+
+
+def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
+    """The array stored under ``key``, made and stored when it is not there or cannot be read.
+
+    Parameters
+    ----------
+    key : file name without suffix; it must change whenever ``make`` would give something else.
+    """
+    path = cache_folder() / f"{key}.npy"
+    try:
+        # mapped, not read: the driver copies it straight from the page cache
+        return np.load(path, mmap_mode="r", allow_pickle=False)
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError) as error:
+        log.warning("cache file %s cannot be read (%s) and is made again", path, error)
+    array = make()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
+            np.save(file, array)
+        Path(file.name).replace(path)
+    except OSError as error:
+        # a full or read-only disk costs time at every start, not the picture
+        log.warning("cannot keep %s in the cache (%s)", path, error)
+    return array

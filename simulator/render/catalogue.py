@@ -1,0 +1,103 @@
+"""Stars in view: catalogue positions moved to the epoch, magnitudes as irradiance in the camera's bands."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.scene.bands import bands_of
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.scene.state import Bands
+
+CATALOGUE = "hipparcos2_hp9.npz"
+_CATALOGUE_EPOCH = datetime(1991, 4, 2, 13, 30, tzinfo=UTC)  # J1991.25
+# Hp of the Sun: V = -26.76 (Willmer 2018, ApJS 236) and Hp - V = 0.12 at B-V = 0.65 (ESA SP-1200, vol. 1, table 1.3.5)
+_SUN_HP = -26.64
+_SUN_TEMPERATURE_K = 5772.0  # IAU 2015 resolution B3
+_HP_WAVELENGTH_NM = 528.0  # effective wavelength of the Hp band
+_MAS_RAD = np.pi / 180 / 3_600_000
+
+
+@dataclass(frozen=True, eq=False)
+class StarField:
+    """Stars of one epoch and camera.
+
+    Parameters
+    ----------
+    directions : (K, 3) unit vectors, GCRS.
+    irradiance_w_m2 : (K, n) per band, above the atmosphere.
+    """
+
+    directions: FloatArray
+    irradiance_w_m2: FloatArray
+
+
+@functools.cache
+def _catalogue() -> dict[str, FloatArray]:
+    try:
+        data = resources.files("assets").joinpath("stars", CATALOGUE).open("rb")
+    except FileNotFoundError as error:
+        raise UserError(
+            f"the catalogue assets/stars/{CATALOGUE} is missing; install Flyaround again"
+        ) from error
+    with data, np.load(data) as arrays:
+        return {name: np.asarray(arrays[name], float) for name in arrays.files}
+
+
+def stars(epoch_utc: str, bands: Bands) -> StarField:
+    """The whole catalogue at an epoch.
+
+    Parameters
+    ----------
+    epoch_utc : ISO 8601; proper motion is applied for whole years, which is 0.1 arcsec for nearly every star.
+    """
+    epoch = datetime.fromisoformat(epoch_utc)
+    return _stars_of_year(round((epoch - _CATALOGUE_EPOCH).days / 365.25), bands)
+
+
+@functools.lru_cache(maxsize=4)
+def _stars_of_year(years: int, bands: Bands) -> StarField:
+    c = _catalogue()
+    ra, dec = np.radians(c["ra_deg"]), np.radians(c["dec_deg"])
+    east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=1)
+    north = np.stack([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)], axis=1)
+    at = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
+    moved = at + years * _MAS_RAD * (c["pm_ra_mas_yr"][:, None] * east + c["pm_dec_mas_yr"][:, None] * north)
+    moved /= np.linalg.norm(moved, axis=1, keepdims=True)
+    # columns in memory, each in one piece: the search for what is in view reads them one by one
+    return StarField(np.asfortranarray(moved), star_irradiance_w_m2(c["hp_mag"], c["b_minus_v_mag"], bands))
+
+
+def star_irradiance_w_m2(hp_mag: FloatArray, bv: FloatArray, bands: Bands) -> FloatArray:
+    """Irradiance per band (..., n) of stars of magnitude Hp and colour B-V [W m-2].
+
+    A star of the Sun's colour is the Sun, dimmed by the difference in magnitude; others differ by the ratio of black
+    bodies, of the temperature of Ballesteros (2012), EPL 97, 34008, eq. 14.
+    """
+    bv = np.clip(np.nan_to_num(np.asarray(bv, float), nan=0.65), -0.4, 2.0)
+    temperature = 4600 * (1 / (0.92 * bv + 1.7) + 1 / (0.92 * bv + 0.62))
+    dimmed = 10 ** (-0.4 * (np.asarray(hp_mag, float) - _SUN_HP))
+    columns = []
+    for band in bands_of(bands):
+        inside = band.low_nm + (np.arange(6) + 0.5) / 6 * (band.high_nm - band.low_nm)
+        # the Sun's own light weights its band: its black body is near enough to even over 100 nm
+        colour = _planck_ratio(temperature[..., None], inside) / _planck_ratio(
+            np.array(_SUN_TEMPERATURE_K), inside
+        )
+        columns.append(band.sun_irradiance_w_m2 * dimmed * colour.mean(axis=-1))
+    return np.stack(columns, axis=-1)
+
+
+def _planck_ratio(temperature_k: FloatArray, wavelength_nm: FloatArray) -> FloatArray:
+    """Black-body spectral radiance at a wavelength over that at Hp's, up to a constant."""
+    second_radiation_nm_k = 1.438777e7
+    hp = np.expm1(second_radiation_nm_k / (_HP_WAVELENGTH_NM * temperature_k))
+    return np.asarray(hp / np.expm1(second_radiation_nm_k / (wavelength_nm * temperature_k)))

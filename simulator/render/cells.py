@@ -1,0 +1,91 @@
+"""Cells of the screen: which of them the Earth touches, and which are smooth enough to be interpolated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from simulator.arrays import Float32Array, FloatArray
+    from simulator.camera.model import Camera
+    from simulator.render.earthview import EarthView
+    from simulator.render.projection import PixelRect
+
+CELL_RAD = (
+    0.0107  # 32 pixels of a SPEED camera: the ground point bends by less than a tenth of a pixel in between
+)
+_SMALLEST_PX, _LARGEST_PX = 8, 32
+_SMOOTH_DISC = (
+    0.08  # square of the ray's depth under the sphere, 1 at the nadir: up to 73 degrees from the vertical
+)
+_POLE_SINE = 0.995  # the maps' longitude bends too fast nearer to the poles
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Corners and triangles of the cells to draw.
+
+    Parameters
+    ----------
+    corners_px : (K, 2) float32 pixel positions; pixel edges lie at .5.
+    triangles : by (smooth, covered): indices of triangles, uint32.
+    """
+
+    corners_px: Float32Array
+    triangles: dict[tuple[bool, bool], np.typing.NDArray[np.uint32]]
+
+
+def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> Cells:
+    """Cut the image into cells and sort them.
+
+    Parameters
+    ----------
+    target : pixels that the target may cover, ``None`` without target.
+    """
+    size = int(np.clip(round(CELL_RAD * min(camera.fx_px, camera.fy_px)), _SMALLEST_PX, _LARGEST_PX))
+    x, y = _edges(camera.width_px, size), _edges(camera.height_px, size)
+    px, py = np.meshgrid(x, y)
+    d = np.stack(
+        [(px - camera.cx_px) / camera.fx_px, (py - camera.cy_px) / camera.fy_px, np.ones_like(px)], axis=-1
+    )
+    d = d @ earth.earth_from_camera.T
+    d /= np.linalg.norm(d, axis=-1, keepdims=True)
+    along = d @ earth.camera
+    perigee2 = np.clip(float(earth.camera @ earth.camera) - along**2, 0, None)
+    disc = 1 - perigee2
+    smooth_corner = (along < 0) & (disc > _SMOOTH_DISC)
+    z = earth.camera[2] + (-along - np.sqrt(np.clip(disc, 0, None))) * d[..., 2]
+    smooth_corner &= np.abs(z) < _POLE_SINE
+    smooth = _all_corners(smooth_corner)
+    # a ray's perigee moves by at most the camera's distance times the angle: within a cell, half its diagonal
+    reach = float(np.linalg.norm(earth.camera)) * 0.75 * size / min(camera.fx_px, camera.fy_px) * 1.01
+    touched_corner = (along < reach) & (np.sqrt(perigee2) < np.sqrt(earth.top2) + reach)
+    touched = ~_all_corners(~touched_corner)
+    covered = np.zeros_like(smooth)
+    if target is not None:
+        covered = ((x[:-1] < target.x1) & (x[1:] > target.x0 - 1))[None, :] & (
+            (y[:-1] < target.y1) & (y[1:] > target.y0 - 1)
+        )[:, None]
+    triangles = {
+        (is_smooth, is_covered): _triangles(touched & (smooth == is_smooth) & (covered == is_covered), len(x))
+        for is_smooth in (True, False)
+        for is_covered in (True, False)
+    }
+    return Cells(np.stack([px, py], axis=-1).reshape(-1, 2).astype(np.float32), triangles)
+
+
+def _edges(length_px: int, size: int) -> FloatArray:
+    return np.append(np.arange(0, length_px, size), length_px) - 0.5
+
+
+def _all_corners(values: np.typing.NDArray[np.bool_]) -> np.typing.NDArray[np.bool_]:
+    return values[:-1, :-1] & values[:-1, 1:] & values[1:, :-1] & values[1:, 1:]
+
+
+def _triangles(chosen: np.typing.NDArray[np.bool_], stride: int) -> np.typing.NDArray[np.uint32]:
+    row, column = np.nonzero(chosen)
+    first = row * stride + column
+    pattern = np.array([0, 1, stride + 1, 0, stride + 1, stride])
+    return (first[:, None] + pattern).astype(np.uint32).ravel()

@@ -1,0 +1,95 @@
+"""The OpenGL context: headless EGL, or the caller's own, checked for the version that the passes need."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import moderngl
+
+from simulator.errors import UserError
+
+REQUIRED_VERSION = 410
+HOW_TO_GET_EGL = (
+    "install Mesa's EGL, e.g. `sudo apt-get install libegl1 libgl1-mesa-dri`, or the GPU vendor's driver"
+)
+_SOFTWARE_NAMES = ("llvmpipe", "softpipe", "swrast", "software rasterizer")
+
+
+@dataclass(frozen=True)
+class GlInfo:
+    """What draws the pictures; recorded beside every image, because bytes depend on it."""
+
+    vendor: str
+    renderer: str
+    version: str
+    threads: int
+    is_software: bool
+
+
+def create_context(device_index: int | None = None) -> moderngl.Context:
+    """A headless OpenGL context on EGL, without any window system.
+
+    Parameters
+    ----------
+    device_index : which EGL device; ``None`` leaves the choice to EGL.
+
+    Raises
+    ------
+    UserError
+        If there is no EGL, no such device, or its OpenGL is older than 4.1.
+    """
+    options: dict[str, Any] = {"backend": "egl"}
+    if device_index is not None:
+        options["device_index"] = device_index
+    try:
+        context = moderngl.create_context(standalone=True, **options)
+    except Exception as error:
+        # moderngl raises bare Exception from its loader, whatever the cause
+        where = "" if device_index is None else f" on device {device_index}"
+        raise UserError(f"no headless OpenGL by EGL{where} ({error}); {HOW_TO_GET_EGL}") from error
+    check_version(context)
+    return context
+
+
+def check_version(context: moderngl.Context) -> None:
+    """Raise ``UserError`` when the context is older than OpenGL 4.1."""
+    if context.version_code < REQUIRED_VERSION:
+        found = context.info["GL_VERSION"]
+        raise UserError(f"OpenGL 4.1 is needed and the driver has {found}; {HOW_TO_GET_EGL}")
+
+
+def describe(context: moderngl.Context) -> GlInfo:
+    """Vendor, renderer, version and the number of threads of a software driver."""
+    renderer = str(context.info["GL_RENDERER"])
+    is_software = any(name in renderer.lower() for name in _SOFTWARE_NAMES)
+    threads = 0
+    if is_software:
+        # llvmpipe takes one thread per usable core unless LP_NUM_THREADS says otherwise
+        threads = int(os.environ.get("LP_NUM_THREADS", "") or len(os.sched_getaffinity(0)))
+    return GlInfo(
+        vendor=str(context.info["GL_VENDOR"]),
+        renderer=renderer,
+        version=str(context.info["GL_VERSION"]),
+        threads=threads,
+        is_software=is_software,
+    )
+
+
+class Releasable(Protocol):
+    """Anything of the driver's that is freed by hand."""
+
+    def release(self) -> None:
+        """Free it."""
+
+
+def release(context: moderngl.Context, *resources: Releasable) -> None:
+    """Free resources, among them perhaps the framebuffer in use.
+
+    moderngl re-binds the framebuffer it believes current after several calls; one that is gone would leave
+    GL_INVALID_OPERATION behind, so the default framebuffer is made current first.
+    """
+    context.detect_framebuffer(0).use()
+    for resource in resources:
+        resource.release()

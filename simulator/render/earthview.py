@@ -1,0 +1,145 @@
+"""The Earth as the camera sees it: stretched coordinates, the part of the image it fills, the rays in view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.projection import PixelRect
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.camera.model import Camera
+    from simulator.render.view import View
+    from simulator.scene.atmosphere import Atmosphere
+
+EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245  # WGS84
+_GRID = 33  # rays per side of the image that look for what is in view
+
+
+@dataclass(frozen=True, eq=False)
+class EarthView:
+    """Stretched space: Earth-fixed axes over the equatorial radius, the polar one also times a / b.
+
+    Parameters
+    ----------
+    earth_from_camera : (3, 3) matrix of directions (not a rotation). camera : (3,) position. sun : (3,) unit vector.
+    rect : pixels that the Earth or its air can touch; ``None`` when there are none.
+    ground_rows, sky_rows : range 0..1 of the atmosphere table's row coordinate in view, or ``None``.
+    azimuth : range -1..1 of its column coordinate.
+    """
+
+    earth_from_camera: FloatArray
+    camera: FloatArray
+    sun: FloatArray
+    top2: float
+    rect: PixelRect | None
+    ground_rows: tuple[float, float] | None
+    sky_rows: tuple[float, float] | None
+    azimuth: tuple[float, float]
+
+    @property
+    def sun_cosine(self) -> float:
+        """Cosine of the Sun's angle from the camera's zenith."""
+        return float(self.camera @ self.sun / np.linalg.norm(self.camera))
+
+
+def earth_view(view: View, camera: Camera, air: Atmosphere | None) -> EarthView:
+    """Find the Earth in the image.
+
+    Parameters
+    ----------
+    air : its thickness widens the region; ``None`` without atmosphere.
+    """
+    stretch = np.array([1.0, 1.0, EQUATOR_M / POLE_M])
+    M = stretch[:, None] * view.R_camera_from_itrs.T
+    c = stretch * view.r_camera_itrs_m / EQUATOR_M
+    s = stretch * view.sun_itrs
+    s = s / np.linalg.norm(s)
+    # half a pixel of the limb must survive where there is no air
+    thickness = air.thickness_m / EQUATOR_M if air is not None else 2e-3
+    top2 = (1 + thickness) ** 2
+    # a camera inside the air is put on its top: tables there have no lower side
+    radius = float(np.linalg.norm(c))
+    c = c * max(1.0, (1 + 1.01 * thickness) / radius)
+    x = np.linspace(-0.5, camera.width_px - 0.5, _GRID)
+    y = np.linspace(-0.5, camera.height_px - 0.5, _GRID)
+    px, py = np.meshgrid(x, y)
+    d = np.stack(
+        [(px - camera.cx_px) / camera.fx_px, (py - camera.cy_px) / camera.fy_px, np.ones_like(px)], axis=-1
+    )
+    d = d @ M.T
+    d /= np.linalg.norm(d, axis=-1, keepdims=True)
+    along, perigee2 = d @ c, (np.cross(c, d) ** 2).sum(axis=-1)
+    seen = (along < 0) & (perigee2 < top2)
+    rect = _rect(seen, perigee2, along, view, camera, top2)
+    if rect is None:
+        return EarthView(M, c, s, top2, None, None, None, (-1, 1))
+    zenith = c / np.linalg.norm(c)
+    mu_sun = float(zenith @ s)
+    cosine = d @ zenith
+    horizontal = np.sqrt(np.clip((1 - cosine**2) * (1 - mu_sun**2), 1e-12, None))
+    azimuth = np.clip((d @ s - cosine * mu_sun) / horizontal, -1, 1)
+    # the azimuth turns fast near the nadir: take all of it when the nadir is in or near the image
+    boresight = M[:, 2] / np.linalg.norm(M[:, 2])
+    reach = np.arccos(np.clip(d @ boresight, -1, 1)).max()
+    if np.arccos(np.clip(-zenith @ boresight, -1, 1)) < reach + 0.1 or np.any(cosine > 0.5):
+        columns = (-1.0, 1.0)
+    else:
+        columns = (float(azimuth.min()), float(azimuth.max()))
+    disc = 1 - perigee2
+    ground = np.sqrt(np.clip(disc[seen], 0, 1)) if seen.any() else np.array([0.0, 1.0])
+    sky = np.sqrt(np.clip(-disc[seen] / (top2 - 1), 0, 1)) if seen.any() else np.array([0.0, 1.0])
+    has_ground = not seen.any() or bool((disc[seen] > -0.05 * (top2 - 1)).any())
+    has_sky = not seen.any() or bool((perigee2[along < 0] > 1 - 0.3 * (top2 - 1)).any())
+    return EarthView(
+        M,
+        c,
+        s,
+        top2,
+        rect,
+        (0.0 if has_sky else float(ground.min()), float(ground.max())) if has_ground else None,
+        (0.0 if has_ground else float(sky.min()), 1.0) if has_sky else None,
+        columns,
+    )
+
+
+def _rect(
+    seen: np.typing.NDArray[np.bool_],
+    perigee2: FloatArray,
+    along: FloatArray,
+    view: View,
+    camera: Camera,
+    top2: float,
+) -> PixelRect | None:
+    """Cells of the grid that the Earth touches, by its grid points or by being too near to miss."""
+    width, height = camera.width_px, camera.height_px
+    # the whole disc may fall between grid points when the Earth is small (seen from far away)
+    center = -view.R_camera_from_itrs @ view.r_camera_itrs_m
+    distance = float(np.linalg.norm(center))
+    if seen.any():
+        rows, columns = np.nonzero(seen)
+        step_x, step_y = width / (_GRID - 1), height / (_GRID - 1)
+        # the limb bulges less than a cell between neighbouring grid points
+        x0, x1 = (columns.min() - 1) * step_x - 2, (columns.max() + 1) * step_x + 2
+        y0, y1 = (rows.min() - 1) * step_y - 2, (rows.max() + 1) * step_y + 2
+    elif center[2] > 0:
+        # a pole-on bound: radius on the image of the sphere that holds Earth and air
+        radius = np.sqrt(top2) * EQUATOR_M
+        pixel = camera.project(center)
+        size = max(camera.fx_px, camera.fy_px) * radius / max(center[2], distance * 0.2) * 1.5 + 4
+        x0, y0, x1, y1 = pixel[0] - size, pixel[1] - size, pixel[0] + size, pixel[1] + size
+        near = perigee2[along < 0].min(initial=np.inf)
+        if near > 4 * top2 and (x0 > width or y0 > height or x1 < 0 or y1 < 0):
+            return None
+    else:
+        return None
+    rect = PixelRect(
+        int(max(np.floor(x0), 0)),
+        int(max(np.floor(y0), 0)),
+        int(min(np.ceil(x1), width)),
+        int(min(np.ceil(y1), height)),
+    )
+    return rect if rect.width > 0 and rect.height > 0 else None

@@ -1,0 +1,64 @@
+"""The frame's images: radiance of all layers and the target's coverage, at the camera's size."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.context import release
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.arrays import Float32Array
+
+
+class Images:
+    """Radiance in 32-bit floats (the Sun's disc, 2e7, overflows 16), one channel per band.
+
+    The target is drawn first, into both images; the sky's passes then *add* their light times one minus the
+    coverage, so that what the target hides is never shaded.
+
+    Parameters
+    ----------
+    bands : 1 or 3. Three bands are stored as four channels, which every driver can draw to.
+    """
+
+    def __init__(self, context: moderngl.Context, width: int, height: int, bands: int) -> None:
+        self._context = context
+        self.size, self.bands = (width, height), bands
+        self.radiance = context.texture(self.size, 1 if bands == 1 else 4, dtype="f4")
+        self.coverage = context.texture(self.size, 1, dtype="f4")
+        for texture in (self.radiance, self.coverage):
+            texture.filter = (context.NEAREST, context.NEAREST)
+        self.target_framebuffer = context.framebuffer([self.radiance, self.coverage])
+        self.sky_framebuffer = context.framebuffer([self.radiance])
+        self._label_framebuffer = context.framebuffer([self.coverage])
+
+    def clear(self) -> None:
+        """Black and empty."""
+        self.target_framebuffer.clear(0.0, 0.0, 0.0, 0.0)
+
+    def read_radiance(self) -> Float32Array:
+        """(H, W) or (H, W, 3), row 0 at the top."""
+        width, height = self.size
+        data = self.sky_framebuffer.read(components=self.bands, dtype="f4", alignment=1)
+        image = np.frombuffer(data, np.float32)
+        return image.reshape((height, width) if self.bands == 1 else (height, width, 3))
+
+    def read_coverage(self) -> Float32Array:
+        """(H, W), 0..1."""
+        data = self._label_framebuffer.read(components=1, dtype="f4", alignment=1)
+        return np.frombuffer(data, np.float32).reshape(self.size[1], self.size[0])
+
+    def release(self) -> None:
+        """Free the images."""
+        release(
+            self._context,
+            self.target_framebuffer,
+            self.sky_framebuffer,
+            self._label_framebuffer,
+            self.radiance,
+            self.coverage,
+        )

@@ -1,0 +1,119 @@
+"""A target on the GPU: one vertex buffer for all parts, the material's number on each vertex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from simulator.errors import UserError
+from simulator.render.blocks import MAX_MATERIALS
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.targets.model import Material, Part, Target
+
+VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
+VERTEX_FORMAT = "3f 3f 1f"
+ATTRIBUTES = ("in_position_m", "in_normal", "in_material")
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Buffers of one uploaded target.
+
+    Parameters
+    ----------
+    hull_m : (K, 3) points whose convex hull holds the mesh, target frame [m].
+    center_m, radius_m : bounding sphere, target frame.
+    is_closed : every part is a set of closed shells facing outwards.
+    """
+
+    vertices: moderngl.Buffer
+    indices: moderngl.Buffer
+    materials: tuple[Material, ...]
+    hull_m: FloatArray
+    center_m: FloatArray
+    radius_m: float
+    is_closed: bool
+
+    def vertex_array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
+        """The mesh as ``program`` reads it."""
+        return context.vertex_array(
+            program, [(self.vertices, VERTEX_FORMAT, *ATTRIBUTES)], self.indices, skip_errors=True
+        )
+
+    def release(self) -> None:
+        """Free the buffers."""
+        self.vertices.release()
+        self.indices.release()
+
+
+def upload(context: moderngl.Context, target: Target) -> Mesh:
+    """Merge the parts and upload them.
+
+    Raises
+    ------
+    UserError
+        If the target has no triangles, too many materials, or a part names a material it lacks.
+    """
+    numbers = {material.name: k + 1 for k, material in enumerate(target.materials)}
+    if len(numbers) > MAX_MATERIALS:
+        raise UserError(
+            f"target {target.name} has {len(numbers)} materials and {MAX_MATERIALS} can be drawn; merge some"
+        )
+    vertices, indices, start = [], [], 0
+    for part in target.parts:
+        if part.material not in numbers:
+            raise UserError(
+                f"part {part.name} of target {target.name} names the material {part.material!r}, which the target "
+                "does not define; add it to the target's materials"
+            )
+        block = np.zeros(len(part.positions_m), VERTEX)
+        block["position_m"], block["normal"] = part.positions_m, part.normals
+        block["material"] = numbers[part.material]
+        vertices.append(block)
+        indices.append(np.asarray(part.triangles, np.uint32).ravel() + np.uint32(start))
+        start += len(block)
+    if not sum(len(block) for block in indices):
+        raise UserError(f"target {target.name} has no triangles; give it at least one part with faces")
+    merged = np.concatenate(vertices)
+    hull = _hull(merged["position_m"].astype(float))
+    center = (hull.min(axis=0) + hull.max(axis=0)) / 2
+    return Mesh(
+        vertices=context.buffer(merged.tobytes()),
+        indices=context.buffer(np.concatenate(indices).tobytes()),
+        materials=target.materials,
+        hull_m=hull,
+        center_m=center,
+        radius_m=float(np.linalg.norm(hull - center, axis=1).max()),
+        is_closed=all(_is_closed(part) for part in target.parts),
+    )
+
+
+def _is_closed(part: Part) -> bool:
+    """Whether every edge is met once in each direction, and the shell's signed volume is positive."""
+    # corners that share a place are one, whatever their normals
+    _, place = np.unique(np.round(part.positions_m, 6), axis=0, return_inverse=True)
+    corners = place.ravel()[np.asarray(part.triangles)]
+    start = corners.ravel()
+    end = np.roll(corners, -1, axis=1).ravel()
+    count = len(place)
+    forward, backward = start * count + end, end * count + start
+    real = start != end  # slivers may have lost an edge in the rounding
+    p = part.positions_m.astype(float)[np.asarray(part.triangles)]
+    volume = np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2]))
+    return bool(volume > 0 and np.array_equal(np.sort(forward[real]), np.sort(backward[real])))
+
+
+def _hull(points_m: FloatArray) -> FloatArray:
+    """Vertices of the convex hull, or of the bounding box where the points are flat."""
+    try:
+        return np.asarray(points_m[ConvexHull(points_m).vertices])
+    except QhullError:
+        low, high = points_m.min(axis=0), points_m.max(axis=0)
+        corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+        return np.asarray(low + corners * (high - low))

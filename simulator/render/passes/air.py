@@ -1,0 +1,74 @@
+"""Air pass: this frame's table of in-scatter and transmittance. Reads the static tables; writes the frame's."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from simulator.render.airtables import GROUND_MU_MIN
+from simulator.render.programs import FULL_SCREEN
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.render.airtables import AirTables
+    from simulator.render.earthview import EarthView
+    from simulator.render.programs import ProgramLibrary
+
+COLUMNS, ROWS, STEPS = 64, 96, 24
+TABLE_DEFINES = {"COLUMNS": COLUMNS, "ROWS": ROWS}
+_MARGIN = (
+    2  # texels beyond the range in view, for filtering and for extremes between the rays that were tried
+)
+
+
+class AirPass:
+    """From one camera position the air's light depends on two angles: one texel per pair."""
+
+    def __init__(
+        self, context: moderngl.Context, programs: ProgramLibrary, bands: int, tables: AirTables
+    ) -> None:
+        self._context = context
+        size = (COLUMNS, 2 * ROWS)
+        self.tables = [context.texture(size, 4, dtype="f4") for _ in range(1 if bands == 1 else 3)]
+        components = 1 if bands == 1 else 3
+        rows, columns, _ = tables.transmittance.shape
+        self._transmittance = context.texture(
+            (columns, rows), components, tables.transmittance.tobytes(), dtype="f4", alignment=1
+        )
+        self.ground = context.texture(
+            (len(tables.ground), 1), components, tables.ground.tobytes(), dtype="f4", alignment=1
+        )
+        for texture in (*self.tables, self._transmittance, self.ground):
+            texture.filter = (context.LINEAR, context.LINEAR)
+            texture.repeat_x = texture.repeat_y = False
+        self._framebuffer = context.framebuffer(self.tables)
+        self._program = programs.get(
+            FULL_SCREEN,
+            "atmosphere/table.frag",
+            {"BANDS": bands, "STEPS": STEPS, "GROUND_MU_MIN": GROUND_MU_MIN, **TABLE_DEFINES},
+            ("t_transmittance", "t_ground"),
+        )
+        self._array = context.vertex_array(self._program.gl, [])
+
+    def run(self, earth: EarthView) -> None:
+        """Fill the part of the table that the image can see."""
+        self._framebuffer.use()
+        # what is outside stays black, so that no frame depends on the one before
+        self._framebuffer.clear(0.0, 0.0, 0.0, 0.0)
+        self._context.enable_only(self._context.NOTHING)
+        self._program.bind_textures(t_transmittance=self._transmittance, t_ground=self.ground)
+        c0, c1 = _texels(((earth.azimuth[0] + 1) / 2, (earth.azimuth[1] + 1) / 2), COLUMNS)
+        for rows, first in ((earth.ground_rows, 0), (earth.sky_rows, ROWS)):
+            if rows is None:
+                continue
+            r0, r1 = _texels(rows, ROWS)
+            self._framebuffer.viewport = (c0, first + r0, c1 - c0, r1 - r0)
+            self._array.render(vertices=3)
+
+
+def _texels(span: tuple[float, float], count: int) -> tuple[int, int]:
+    """Half-open range of texels that a range 0..1 of a coordinate can touch."""
+    low = math.floor(span[0] * (count - 1)) - _MARGIN
+    high = math.ceil(span[1] * (count - 1)) + _MARGIN + 1
+    return max(low, 0), min(high, count)

@@ -1,0 +1,54 @@
+"""Geometry pass: which surface each lattice sample sees. Reads the mesh; writes material, normal and depth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from simulator.render.context import release
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.render.programs import ProgramLibrary
+
+_GRAIN_PX = 256  # buffers grow in steps of this, so that a drifting target does not reallocate every frame
+
+
+class GBufferPass:
+    """The supersampled target: one 32-bit word (material, normal) and a depth per sample."""
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
+        self._context = context
+        self.program = programs.get("target/gbuffer.vert", "target/gbuffer.frag", {})
+        self._allocate(_GRAIN_PX, _GRAIN_PX)
+
+    def _allocate(self, width: int, height: int) -> None:
+        self.surface = self._context.texture((width, height), 1, dtype="u4")
+        self.depth = self._context.depth_texture((width, height))
+        self.depth.compare_func = ""
+        for texture in (self.surface, self.depth):
+            texture.filter = (self._context.NEAREST, self._context.NEAREST)
+        self._framebuffer = self._context.framebuffer([self.surface], self.depth)
+
+    def reserve(self, size: tuple[int, int]) -> None:
+        """Make the buffers at least this large."""
+        old = self.surface.size
+        if size[0] <= old[0] and size[1] <= old[1]:
+            return
+        release(self._context, self._framebuffer, self.surface, self.depth)
+        self._allocate(
+            *(max(have, -(-want // _GRAIN_PX) * _GRAIN_PX) for have, want in zip(old, size, strict=True))
+        )
+
+    def run(self, vertex_array: moderngl.VertexArray, size: tuple[int, int], *, closed: bool) -> None:
+        """Draw the samples of one lattice window.
+
+        Parameters
+        ----------
+        closed : the mesh is made of closed shells, whose back faces are never seen and need not be drawn.
+        """
+        self._framebuffer.use()
+        self._framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=(0, 0, *size))
+        self._context.enable_only(self._context.DEPTH_TEST | (self._context.CULL_FACE if closed else 0))
+        self._framebuffer.viewport = (0, 0, *size)
+        vertex_array.render()

@@ -1,0 +1,53 @@
+"""Shadow pass: depth of the target seen from the Sun. Reads the mesh; writes the shadow map."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.arrays import FloatArray
+    from simulator.render.mesh import Mesh
+    from simulator.render.programs import ProgramLibrary
+    from simulator.render.view import View
+
+
+class ShadowPass:
+    """Orthographic depth map fitted to the target's bounding sphere.
+
+    Parameters
+    ----------
+    size_px : width and height of the map.
+    """
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, size_px: int) -> None:
+        self._context = context
+        self.size_px = size_px
+        self.map = context.depth_texture((size_px, size_px))
+        self.map.compare_func = "<="
+        self.map.repeat_x = self.map.repeat_y = False
+        self._framebuffer = context.framebuffer(depth_attachment=self.map)
+        self.program = programs.get("target/shadow.vert", "target/shadow.frag", {})
+
+    @staticmethod
+    def light_from_target(mesh: Mesh, view: View) -> FloatArray:
+        """(4, 4) clip matrix from the target frame: the Sun looks along -z of a box around the sphere."""
+        z = -(view.R_camera_from_target.T @ view.sun_direction)  # direction of travel of the light
+        x = np.cross(z, [0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0])
+        x = x / np.linalg.norm(x)
+        y = np.cross(z, x)
+        R = np.stack([x, y, z]) / (mesh.radius_m * 1.02)
+        matrix = np.eye(4)
+        matrix[:3, :3] = R
+        matrix[:3, 3] = -R @ mesh.center_m
+        return matrix
+
+    def run(self, vertex_array: moderngl.VertexArray) -> None:
+        """Draw the map."""
+        self._framebuffer.use()
+        self._framebuffer.clear()
+        self._context.enable_only(self._context.DEPTH_TEST)
+        vertex_array.render()

@@ -1,0 +1,105 @@
+"""Star pass: points of known irradiance, spread over the four nearest pixels. Adds to the radiance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.catalogue import stars
+from simulator.scene.atmosphere import optical_depth_to_top
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.arrays import FloatArray
+    from simulator.render.earthview import EarthView
+    from simulator.render.images import Images
+    from simulator.render.programs import Program, ProgramLibrary
+    from simulator.render.view import View
+    from simulator.scene.atmosphere import Atmosphere
+    from simulator.scene.state import SceneState
+
+_MAX_STARS = 80_000
+
+
+class StarPass:
+    """Positions and light are worked out in float64 on the CPU; the GPU spreads and adds them."""
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
+        self._context, self._programs = context, programs
+        self._points = context.buffer(reserve=_MAX_STARS * 5 * 4, dynamic=True)
+        self._arrays: dict[Program, moderngl.VertexArray] = {}
+
+    def run(
+        self, scene: SceneState, view: View, images: Images, earth: EarthView | None, air: Atmosphere | None
+    ) -> None:
+        """Add the stars in view.
+
+        Parameters
+        ----------
+        earth : what hides them, ``None`` without Earth. air : what dims them near its limb.
+        """
+        pixels, radiance = stars_in_view(scene, view, earth, air)
+        if not len(pixels):
+            return
+        program = self._programs.get(
+            "sky/stars.vert", "sky/stars.frag", {"BANDS": images.bands}, ("t_coverage",)
+        )
+        if program not in self._arrays:
+            self._arrays[program] = self._context.vertex_array(
+                program.gl, [(self._points, "2f 3f", "in_pixel", "in_radiance")]
+            )
+        points = np.zeros((len(pixels), 5), np.float32)
+        points[:, :2] = pixels
+        points[:, 2 : 2 + radiance.shape[1]] = radiance
+        self._points.write(points.tobytes())
+        program.set("u_size", images.size)
+        images.sky_framebuffer.use()
+        images.sky_framebuffer.viewport = (0, 0, *images.size)
+        self._context.enable_only(self._context.BLEND | self._context.PROGRAM_POINT_SIZE)
+        self._context.blend_func = self._context.ONE, self._context.ONE
+        program.bind_textures(t_coverage=images.coverage)
+        self._arrays[program].render(mode=self._context.POINTS, vertices=len(points))
+
+
+def stars_in_view(
+    scene: SceneState, view: View, earth: EarthView | None, air: Atmosphere | None
+) -> tuple[FloatArray, FloatArray]:
+    """Pixel positions (K, 2) and radiance (K, n) that one whole pixel would have [W m-2 sr-1]."""
+    camera, field = scene.camera, stars(scene.epoch_utc, scene.bands)
+    corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * [camera.width_px, camera.height_px] - 0.5
+    tangent = np.hypot(
+        (corners[:, 0] - camera.cx_px) / camera.fx_px, (corners[:, 1] - camera.cy_px) / camera.fy_px
+    ).max()
+    # written out: a matrix product of this shape wakes all of BLAS's threads, which then fight the driver's
+    x, y, z = field.directions.T
+    axis = view.R_camera_from_eci[2]
+    near = np.flatnonzero(axis[0] * x + axis[1] * y + axis[2] * z > 0.999 / np.hypot(1, tangent))
+    d, irradiance = field.directions[near] @ view.R_camera_from_eci.T, field.irradiance_w_m2[near]
+    pixels = camera.project(d)
+    keep = camera.contains(pixels)
+    d, irradiance, pixels = d[keep], irradiance[keep], pixels[keep]
+    if earth is not None:
+        visible, share = _past_the_earth(d, earth, air)
+        d, pixels, irradiance = d[visible], pixels[visible], (irradiance * share)[visible]
+    # solid angle of a pixel off the axis: cos^3 of the angle from it, over the focal lengths
+    solid_angle_sr = d[:, 2] ** 3 / (camera.fx_px * camera.fy_px)
+    return pixels, irradiance / solid_angle_sr[:, None]
+
+
+def _past_the_earth(
+    d_camera: FloatArray, earth: EarthView, air: Atmosphere | None
+) -> tuple[np.typing.NDArray[np.bool_], FloatArray | float]:
+    """Which directions miss the ground, and what the air on the way leaves of their light."""
+    d = d_camera @ earth.earth_from_camera.T
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    along, perigee2 = d @ earth.camera, (np.cross(earth.camera, d) ** 2).sum(axis=1)
+    visible = (along >= 0) | (perigee2 >= 1)
+    if air is None:
+        return visible, 1.0
+    depth = np.zeros((len(d), len(air.rayleigh_m)))
+    through = visible & (along < 0) & (perigee2 < earth.top2)
+    radius = np.sqrt(perigee2[through]) * air.radius_m
+    depth[through] = 2 * optical_depth_to_top(air, radius, np.zeros_like(radius), steps=32)
+    return visible, np.exp(-depth)

@@ -1,0 +1,240 @@
+"""The spacecraft: fits region, depth range and sampling to the target and runs its passes in order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.lattice import Lattice
+from simulator.render.mesh import upload
+from simulator.render.passes.gbuffer import GBufferPass
+from simulator.render.passes.labels import LabelPass
+from simulator.render.passes.shade import ShadePass
+from simulator.render.passes.shadow import ShadowPass
+from simulator.render.projection import PixelRect, clip_from_camera
+from simulator.scene.bands import reflectance
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.arrays import Float32Array, FloatArray
+    from simulator.camera.model import Camera
+    from simulator.render.blocks import Blocks
+    from simulator.render.images import Images
+    from simulator.render.mesh import Mesh
+    from simulator.render.programs import ProgramLibrary
+    from simulator.render.timing import StageClock
+    from simulator.render.view import View
+    from simulator.scene.state import Quality, SceneState
+    from simulator.targets.model import Target
+
+MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
+# lattices to try in order: parameter a (a^2 + 1 samples per pixel) and the largest buffer [samples] it may take
+LATTICES: dict[str, tuple[tuple[int, float], ...]] = {
+    "draft": ((2, np.inf),),
+    "default": ((4, 6e6), (3, 20e6), (2, np.inf)),
+    "high": ((6, 8e6), (5, 20e6), (4, 40e6), (3, np.inf)),
+}
+SHADOW_SIZE_PX = {"draft": 512, "default": 1024, "high": 2048}
+TINY_PX = 24  # a target smaller than this gets the finest lattice: its whole light is in few pixels
+TINY_LATTICE = 8  # 65 samples per pixel
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """A target on the GPU with a vertex array per program."""
+
+    mesh: Mesh
+    shadow: moderngl.VertexArray
+    gbuffer: moderngl.VertexArray
+    labels: moderngl.VertexArray
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where the target is in the image: bounds (not clipped), pixels to draw, depth range."""
+
+    bounds_px: FloatArray
+    rect: PixelRect
+    near_far_m: tuple[float, float]
+    camera_from_target: FloatArray
+
+
+class TargetPasses:
+    """Shadow, geometry, shading and labels of the spacecraft; meshes are kept by the target's SHA-256."""
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: Blocks) -> None:
+        self._context, self._programs, self._blocks = context, programs, blocks
+        self._shadows: dict[int, ShadowPass] = {}
+        self._gbuffer = GBufferPass(context, programs)
+        self._shade = ShadePass(context, programs)
+        self._labels = LabelPass(context, programs)
+        self._loaded: dict[str, Loaded] = {}
+
+    def _load(self, target: Target) -> Loaded:
+        if target.sha256 not in self._loaded:
+            mesh, context = upload(self._context, target), self._context
+            shadow = self._shadow_pass("default")
+            self._loaded[target.sha256] = Loaded(
+                mesh,
+                mesh.vertex_array(context, shadow.program.gl),
+                mesh.vertex_array(context, self._gbuffer.program.gl),
+                mesh.vertex_array(context, self._labels.program.gl),
+            )
+        return self._loaded[target.sha256]
+
+    def _shadow_pass(self, quality: Quality) -> ShadowPass:
+        size = SHADOW_SIZE_PX[quality]
+        if size not in self._shadows:
+            self._shadows[size] = ShadowPass(self._context, self._programs, size)
+        return self._shadows[size]
+
+    def run(
+        self, scene: SceneState, view: View, target: Target, images: Images, clock: StageClock
+    ) -> PixelRect | None:
+        """Draw the target's radiance and coverage into ``images``; returns the pixels that it may cover."""
+        loaded = self._load(target)
+        place = locate(loaded.mesh, view, scene.camera)
+        if place is None:
+            return None
+        lattice = choose_lattice(scene.quality, place)
+        size, origin = lattice.window(place.rect)
+        shadow = self._shadow_pass(scene.quality)
+        light_from_target = ShadowPass.light_from_target(loaded.mesh, view)
+        lattice_clip = clip_from_camera(
+            scene.camera, *place.near_far_m, lattice.buffer_from_pixel(origin), size
+        )
+        half = np.diag([0.5, 0.5, 0.5, 1.0])
+        half[:3, 3] = 0.5
+        box_m = 2 * loaded.mesh.radius_m * 1.02
+        texel_m = box_m / shadow.size_px
+        self._blocks.target.write(
+            {
+                "u_lattice_clip_from_target": lattice_clip @ place.camera_from_target,
+                "u_light_clip_from_target": light_from_target,
+                "u_camera_from_target": place.camera_from_target,
+                "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
+                "u_lattice": [*origin, *place.near_far_m],
+                "u_shadow": [
+                    texel_m,
+                    box_m,
+                    1 / shadow.size_px,
+                    _filter_radius(place, scene.camera, texel_m),
+                ],
+            }
+        )
+        self._blocks.materials.write(_material_values(loaded.mesh, scene))
+        clock.lap("target.setup")
+        if view.sun_visible_fraction > 0:
+            shadow.run(loaded.shadow)
+        clock.lap("target.shadow")
+        self._gbuffer.reserve(size)
+        self._gbuffer.run(loaded.gbuffer, size, closed=loaded.mesh.is_closed)
+        clock.lap("target.geometry")
+        self._shade.run(
+            images.target_framebuffer,
+            place.rect,
+            self._shade.program(lattice, images.bands),
+            self._gbuffer.surface,
+            self._gbuffer.depth,
+            shadow.map,
+        )
+        clock.lap("target.shading")
+        return place.rect
+
+    def labels(self, scene: SceneState, view: View, target: Target) -> tuple[Float32Array, float]:
+        """Depth at pixel centres (H, W), NaN outside, and the share of the silhouette on the image."""
+        loaded, camera = self._load(target), scene.camera
+        depth = np.full((camera.height_px, camera.width_px), np.nan, np.float32)
+        place = locate(loaded.mesh, view, camera, clip=False)
+        if place is None:
+            return depth, 0.0
+        inside = self._labels.silhouette_inside(
+            loaded.labels, camera, place.bounds_px, place.camera_from_target, place.near_far_m
+        )
+        place = locate(loaded.mesh, view, camera)
+        if place is not None:
+            rect = place.rect
+            depth[rect.y0 : rect.y1, rect.x0 : rect.x1] = self._labels.depth_m(
+                loaded.labels,
+                camera,
+                rect,
+                (rect.width, rect.height),
+                place.camera_from_target,
+                place.near_far_m,
+            )
+        return depth, inside
+
+    def release(self) -> None:
+        """Free the uploaded targets."""
+        for loaded in self._loaded.values():
+            loaded.mesh.release()
+        self._loaded.clear()
+
+
+def locate(mesh: Mesh, view: View, camera: Camera, *, clip: bool = True) -> Placement | None:
+    """Where the target is drawn; ``None`` when nothing of it is in front of the camera (and, clipped, on the image).
+
+    A target that reaches behind the camera is given twice the image's size on each side.
+    """
+    camera_from_target = np.eye(4)
+    camera_from_target[:3, :3] = view.R_camera_from_target
+    camera_from_target[:3, 3] = view.t_camera_from_target_m
+    z = float(view.R_camera_from_target[2] @ mesh.center_m + view.t_camera_from_target_m[2])
+    near, far = max(z - mesh.radius_m * 1.001, MIN_NEAR_M), z + mesh.radius_m * 1.001
+    if far <= MIN_NEAR_M:
+        return None
+    width, height = camera.width_px, camera.height_px
+    points = mesh.hull_m @ view.R_camera_from_target.T + view.t_camera_from_target_m
+    if points[:, 2].min() > MIN_NEAR_M:
+        pixels = camera.project(points)
+        bounds = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+    else:
+        bounds = np.array([-width, -height, 2.0 * width, 2.0 * height])
+    limit = np.array([-width, -height, 2 * width, 2 * height]) * (1 if clip else 100)
+    low = np.floor(np.clip(bounds[:2] - 0.5, limit[:2], limit[2:])).astype(int)
+    high = np.ceil(np.clip(bounds[2:] + 0.5, limit[:2], limit[2:])).astype(int) + 1
+    if clip:
+        low, high = np.maximum(low, 0), np.minimum(high, [width, height])
+        if np.any(high <= low):
+            return None
+    return Placement(
+        bounds,
+        PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1])),
+        (near, far),
+        camera_from_target,
+    )
+
+
+def choose_lattice(quality: Quality, place: Placement) -> Lattice:
+    """The finest lattice of the preset whose buffer stays within its limit."""
+    if max(place.rect.width, place.rect.height) <= TINY_PX:
+        return Lattice(TINY_LATTICE)
+    for a, limit in LATTICES[quality]:
+        width, height = Lattice(a).window(place.rect)[0]
+        if width * height <= limit:
+            return Lattice(a)
+    raise AssertionError("the last lattice of a preset has no limit")
+
+
+def _filter_radius(place: Placement, camera: Camera, texel_m: float) -> float:
+    """Radius of the shadow filter [texels]: a texel at least, and half a pixel of the image where that is more."""
+    pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
+    return float(np.clip(0.5 * pixel_m / texel_m, 1.0, 4.0))
+
+
+def _material_values(mesh: Mesh, scene: SceneState) -> dict[str, FloatArray]:
+    color, surface = np.zeros((256, 4)), np.zeros((256, 4))
+    for k, material in enumerate(mesh.materials, start=1):
+        albedo = reflectance(scene.bands, np.asarray(material.base_color))
+        color[k, : len(albedo)] = albedo
+        color[k, 3] = material.metallic
+        surface[k] = [
+            max(material.roughness, 0.03),  # below this a highlight is narrower than the Sun's own disc
+            material.clearcoat,
+            max(material.clearcoat_roughness, 0.03),
+            material.crinkle,
+        ]
+    return {"u_material_color": color, "u_material_surface": surface}

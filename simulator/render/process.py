@@ -1,0 +1,299 @@
+"""A renderer in a process of its own: moderngl holds the GIL while a software driver draws, so others could not run."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import pickle
+import signal
+import traceback
+from collections import deque
+from multiprocessing import shared_memory
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+    from multiprocessing.connection import Connection
+    from types import TracebackType
+
+    from simulator.render.context import GlInfo
+    from simulator.scene.state import SceneState
+
+T = TypeVar("T")
+
+_SHARE_FROM_BYTES = 1 << 16  # smaller results go through the pipe
+_START_TIMEOUT_S = 60.0
+
+
+class RenderProcess(Generic[T]):
+    """Runs ``work(renderer, scene, **options)`` elsewhere, in order, a few jobs ahead of the caller.
+
+    Arrays in the results travel through shared memory and are copied once on each side. Use as a context manager.
+
+    Parameters
+    ----------
+    work : a module-level function; its result must be picklable.
+    device_index : EGL device of the renderer.
+    capacity : jobs that may be under way or waiting to be collected.
+
+    Raises
+    ------
+    UserError
+        From ``info``, ``result`` and ``results``: what the renderer or ``work`` raised as a user's mistake.
+    RuntimeError
+        Anything else that went wrong there, with its traceback, or the exit code of a process that died.
+    """
+
+    def __init__(self, work: Callable[..., T], *, device_index: int | None = None, capacity: int = 2) -> None:
+        if capacity < 1:
+            raise ValueError(f"capacity must be at least 1, got {capacity}")
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._capacity = capacity
+        self._in_flight = 0
+        self._info: GlInfo | None = None
+        self._blocks: dict[str, shared_memory.SharedMemory] = {}
+        self._process = context.Process(
+            target=_serve,
+            args=(theirs, work, device_index),
+            daemon=True,
+            name="flyaround-render",
+        )
+        self._process.start()
+        theirs.close()
+
+    @property
+    def info(self) -> GlInfo:
+        """What draws; waits until the renderer is up."""
+        if self._info is None:
+            if not self._pipe.poll(_START_TIMEOUT_S):
+                raise RuntimeError(f"the render process did not start within {_START_TIMEOUT_S:.0f} s")
+            self._info = self._receive()
+        return self._info
+
+    @property
+    def in_flight(self) -> int:
+        """Jobs submitted and not collected yet."""
+        return self._in_flight
+
+    @property
+    def has_room(self) -> bool:
+        """Whether ``submit`` would be accepted."""
+        return self._in_flight < self._capacity
+
+    def submit(self, scene: SceneState, **options: object) -> None:
+        """Queue one job.
+
+        Raises
+        ------
+        RuntimeError
+            If ``capacity`` jobs are in flight: collect a result first.
+        """
+        if not self.has_room:
+            raise RuntimeError(
+                f"{self._capacity} jobs are in flight; collect a result before submitting more"
+            )
+        self._send((scene, options))
+        self._in_flight += 1
+
+    def ready(self, timeout_s: float = 0.0) -> bool:
+        """Whether ``result`` would return (or raise) at once; waits up to ``timeout_s``."""
+        if self._info is None:
+            if not self._pipe.poll(timeout_s):
+                return False
+            self._info = self._receive()
+            timeout_s = 0.0
+        return self._in_flight > 0 and self._pipe.poll(timeout_s)
+
+    def result(self) -> T:
+        """The oldest job's result; waits for it.
+
+        Raises
+        ------
+        RuntimeError
+            If nothing was submitted.
+        """
+        if not self._in_flight:
+            raise RuntimeError("no job is in flight")
+        _ = self.info  # the first message, if it has not been read yet
+        self._in_flight -= 1
+        return self._receive()
+
+    def results(self) -> Iterator[T]:
+        """Everything in flight, oldest first."""
+        while self._in_flight:
+            yield self.result()
+
+    def map(self, scenes: Iterable[SceneState], **options: object) -> Iterator[T]:
+        """Results of many scenes in order, keeping the process busy."""
+        for scene in scenes:
+            if not self.has_room:
+                yield self.result()
+            self.submit(scene, **options)
+        yield from self.results()
+
+    def close(self) -> None:
+        """Let the renderer finish its job, and end the process."""
+        if self._process.is_alive():
+            with contextlib.suppress(OSError):  # it may have died in the meantime
+                self._pipe.send_bytes(pickle.dumps(None))
+            # results that nobody collects must not block its last send
+            while self._process.is_alive():
+                try:
+                    if self._pipe.poll(0.05):
+                        self._pipe.recv_bytes()
+                except (EOFError, OSError):
+                    break
+            self._process.join(timeout=5)
+            if self._process.is_alive():
+                self._process.terminate()
+        self._process.join()
+        self._pipe.close()
+        for block in self._blocks.values():
+            block.close()
+            with contextlib.suppress(FileNotFoundError):  # the process freed it itself
+                block.unlink()
+        self._blocks.clear()
+        self._in_flight = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _send(self, message: object) -> None:
+        try:
+            self._pipe.send_bytes(pickle.dumps(message, protocol=5))
+        except (BrokenPipeError, ConnectionError) as error:
+            raise self._death() from error
+
+    def _receive(self) -> Any:  # noqa: ANN401 - whatever `work` returns
+        try:
+            kind, payload, block_name, sizes = pickle.loads(self._pipe.recv_bytes())  # noqa: S301 - our own child
+        except (EOFError, ConnectionError) as error:
+            self._in_flight = 0
+            raise self._death() from error
+        if kind == "user_error":
+            raise UserError(payload)
+        if kind == "error":
+            raise RuntimeError(f"the render process failed: {payload}")
+        if block_name is None:
+            return pickle.loads(payload)  # noqa: S301 - our own child
+        if block_name not in self._blocks:
+            self._blocks[block_name] = shared_memory.SharedMemory(name=block_name)
+        view, buffers, start = _memory(self._blocks[block_name]), [], 0
+        for size in sizes:
+            buffers.append(bytearray(view[start : start + size]))
+            start += size
+        self._send(block_name)  # the block may be used again
+        return pickle.loads(payload, buffers=buffers)  # noqa: S301 - our own child
+
+    def _death(self) -> RuntimeError:
+        self._process.join(timeout=5)
+        code = self._process.exitcode
+        return RuntimeError(f"the render process ended unexpectedly (exit code {code})")
+
+
+def _memory(block: shared_memory.SharedMemory) -> memoryview:
+    """The bytes of a block that has not been closed."""
+    if block.buf is None:
+        raise RuntimeError("a closed block of shared memory was used")
+    return block.buf
+
+
+class _Results:
+    """The child's side of the results: a few blocks of shared memory, used in turn."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+        self._free: deque[shared_memory.SharedMemory] = deque()
+        self._busy: dict[str, shared_memory.SharedMemory] = {}
+
+    def release(self, name: str) -> None:
+        """Take a block back."""
+        block = self._busy.pop(name, None)
+        if block is not None:
+            self._free.append(block)
+
+    def send(self, value: object) -> None:
+        """Pickle a result, large buffers aside."""
+        buffers: list[pickle.PickleBuffer] = []
+        payload = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
+        views = [buffer.raw() for buffer in buffers]
+        total = sum(view.nbytes for view in views)
+        if total < _SHARE_FROM_BYTES:
+            payload = pickle.dumps(value, protocol=5)
+            self._pipe.send_bytes(pickle.dumps(("value", payload, None, ())))
+            return
+        block = self._take(total)
+        start, memory = 0, _memory(block)
+        for view in views:
+            memory[start : start + view.nbytes] = view
+            start += view.nbytes
+        self._busy[block.name] = block
+        sizes = tuple(view.nbytes for view in views)
+        self._pipe.send_bytes(pickle.dumps(("value", payload, block.name, sizes)))
+
+    def _take(self, size: int) -> shared_memory.SharedMemory:
+        for _ in range(len(self._free)):
+            block = self._free.popleft()
+            if block.size >= size:
+                return block
+            block.close()
+            block.unlink()
+        return shared_memory.SharedMemory(create=True, size=size)
+
+    def close(self) -> None:
+        """Free every block."""
+        for block in (*self._free, *self._busy.values()):
+            block.close()
+            with contextlib.suppress(FileNotFoundError):  # the parent was faster
+                block.unlink()
+
+
+def _serve(pipe: Connection, work: Callable[..., object], device_index: int | None) -> None:
+    """Run in the child: draw what arrives until told to stop or left alone."""
+    # Ctrl-C is the parent's to handle; it then closes us
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    from simulator.render.renderer import Renderer  # noqa: PLC0415 - the parent need not load OpenGL
+
+    results = _Results(pipe)
+    try:
+        with Renderer(device_index=device_index) as renderer:
+            results.send(renderer.info)
+            while True:
+                message = pickle.loads(pipe.recv_bytes())  # noqa: S301 - our own parent
+                if message is None:
+                    return
+                if isinstance(message, str):
+                    results.release(message)
+                    continue
+                scene, options = message
+                try:
+                    value = work(renderer, scene, **options)
+                except Exception as error:  # noqa: BLE001 - every failure is the caller's to see
+                    _report(pipe, error)
+                else:
+                    results.send(value)
+    except (EOFError, ConnectionError):
+        return  # the parent is gone
+    except Exception as error:  # noqa: BLE001 - the renderer could not start
+        _report(pipe, error)
+    finally:
+        results.close()
+
+
+def _report(pipe: Connection, error: Exception) -> None:
+    if isinstance(error, UserError):
+        message = ("user_error", str(error), None, ())
+    else:
+        message = ("error", "".join(traceback.format_exception(error)), None, ())
+    pipe.send_bytes(pickle.dumps(message))

@@ -1,0 +1,102 @@
+"""Shader programs: GLSL read from the ``shaders`` package, includes expanded, blocks and textures bound by name."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import moderngl
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from simulator.render.uniforms import UniformBlock
+
+GLSL_VERSION = "#version 410 core"
+FULL_SCREEN = "common/full_screen.vert"
+_INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
+
+
+def read_source(path: str, seen: set[str] | None = None) -> str:
+    """Text of ``shaders/<path>`` with every ``#include "other/file.glsl"`` expanded once.
+
+    Parameters
+    ----------
+    path : path inside the ``shaders`` package, with forward slashes.
+    seen : files already expanded; each is pasted once only, as by an include guard.
+    """
+    seen = set() if seen is None else seen
+    seen.add(path)
+    text = resources.files("shaders").joinpath(path).read_text(encoding="utf-8")
+
+    def expand(match: re.Match[str]) -> str:
+        name = match.group(1)
+        return "" if name in seen else read_source(name, seen)
+
+    return _INCLUDE.sub(expand, text)
+
+
+class ProgramLibrary:
+    """Compiles programs for one context and one set of defines.
+
+    Parameters
+    ----------
+    blocks : uniform blocks; each is declared in every shader and connected where it is used.
+    """
+
+    def __init__(self, context: moderngl.Context, blocks: Iterable[UniformBlock]) -> None:
+        self._context = context
+        self._blocks = tuple(blocks)
+        self._built: dict[tuple[object, ...], Program] = {}
+
+    def get(
+        self, vertex: str, fragment: str, defines: Mapping[str, object], samplers: tuple[str, ...] = ()
+    ) -> Program:
+        """The program of two shader files, compiled at first use.
+
+        Parameters
+        ----------
+        defines : preprocessor constants. Value ``""`` defines the bare name.
+        samplers : names of the samplers; sampler ``k`` reads texture unit ``k``.
+        """
+        key = (vertex, fragment, tuple(sorted((k, str(v)) for k, v in defines.items())), samplers)
+        if key not in self._built:
+            head = "\n".join([GLSL_VERSION, *(f"#define {k} {v}" for k, v in defines.items())]) + "\n"
+            head += "".join(block.glsl for block in self._blocks)
+            self._built[key] = Program(
+                self._context.program(
+                    vertex_shader=head + read_source(vertex), fragment_shader=head + read_source(fragment)
+                ),
+                samplers,
+            )
+            for block in self._blocks:
+                block.attach(self._built[key].gl)
+        return self._built[key]
+
+
+class Program:
+    """A linked program; setting a uniform that the compiler removed is silently nothing."""
+
+    def __init__(self, gl: moderngl.Program, samplers: tuple[str, ...]) -> None:
+        self.gl = gl
+        self._samplers = samplers
+        for unit, name in enumerate(samplers):
+            self.set(name, unit)
+
+    def set(self, name: str, value: object) -> None:
+        """Set a plain uniform by name."""
+        member = self.gl.get(name, None)
+        if isinstance(member, moderngl.Uniform):
+            member.value = value
+
+    def bind_textures(self, **textures: moderngl.Texture | moderngl.Texture3D) -> None:
+        """Bind each named texture to the unit of its sampler.
+
+        Raises
+        ------
+        ValueError
+            If a name is not one of the program's samplers.
+        """
+        for name, texture in textures.items():
+            texture.use(self._samplers.index(name))

@@ -1,0 +1,191 @@
+"""The renderer: owns one OpenGL context and turns a SceneState into radiance; composes the passes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+from simulator.errors import UserError
+from simulator.render.block_values import earth_values, frame_values
+from simulator.render.blocks import Blocks
+from simulator.render.cells import earth_cells
+from simulator.render.context import create_context, describe
+from simulator.render.earthview import earth_view
+from simulator.render.images import Images
+from simulator.render.passes.earth import EarthPass
+from simulator.render.passes.stars import StarPass
+from simulator.render.passes.sun import SunPass
+from simulator.render.passes.target import TargetPasses
+from simulator.render.programs import ProgramLibrary
+from simulator.render.timing import StageClock
+from simulator.render.view import build_view
+from simulator.scene.bands import bands_of
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    import moderngl
+
+    from simulator.arrays import Float32Array
+    from simulator.render.context import GlInfo
+    from simulator.render.projection import PixelRect
+    from simulator.render.view import View
+    from simulator.scene.state import Bands, SceneState
+    from simulator.targets.model import Target
+
+
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """One noise-free picture.
+
+    Parameters
+    ----------
+    radiance : (H, W) for mono, (H, W, 3) for rgb, row 0 at the top [W m-2 sr-1 in the band].
+    coverage : (H, W) share of each pixel that the target covers; with labels only.
+    depth_m : (H, W) camera z of the target's nearest surface at the pixel's centre, NaN outside; with labels only.
+    silhouette_inside : share of the target's whole silhouette that falls on the image; with labels only.
+    stage_ms : time spent per stage [ms].
+    """
+
+    radiance: Float32Array
+    coverage: Float32Array | None
+    depth_m: Float32Array | None
+    silhouette_inside: float
+    stage_ms: dict[str, float]
+
+
+class Renderer:
+    """Draws scenes headless, one at a time, from the thread that made it.
+
+    Parameters
+    ----------
+    device_index : EGL device, ``None`` for the default one.
+    context : an existing OpenGL >= 4.1 context to draw with instead; it is not released on close.
+
+    Raises
+    ------
+    UserError
+        If no sufficient OpenGL is found; the message says how to get one.
+    """
+
+    def __init__(self, *, device_index: int | None = None, context: moderngl.Context | None = None) -> None:
+        self._owns_context = context is None
+        self._gl = create_context(device_index) if context is None else context
+        self.info: GlInfo = describe(self._gl)
+        self._blocks = Blocks.create(self._gl)
+        self._programs = ProgramLibrary(self._gl, self._blocks.all())
+        self._target = TargetPasses(self._gl, self._programs, self._blocks)
+        self._stars = StarPass(self._gl, self._programs)
+        self._sun = SunPass(self._gl, self._programs)
+        self._images: Images | None = None
+        self._earths: dict[Bands, EarthPass] = {}
+        self.check("start-up")
+
+    def check(self, what: str) -> None:
+        """Raise when OpenGL recorded an error: moderngl itself stays silent about most of them."""
+        error = self._gl.error
+        if error != "GL_NO_ERROR":
+            raise RuntimeError(f"OpenGL reports {error} after {what} on {self.info.renderer}")
+
+    def render(self, scene: SceneState, target: Target, *, labels: bool = False) -> Rendered:
+        """Draw one scene.
+
+        Parameters
+        ----------
+        target : the model that ``scene.target`` names.
+        labels : also return coverage, depth and the share of the silhouette inside the image.
+
+        Raises
+        ------
+        UserError
+            If ``target`` is not the one the scene was made for, or the lens distorts.
+        """
+        if scene.target.sha256 != target.sha256:
+            raise UserError(
+                f"the scene was made for target {scene.target.name} ({scene.target.sha256[:12]}) and is drawn with "
+                f"{target.name} ({target.sha256[:12]}); use the same version of the target file"
+            )
+        clock = StageClock(self._gl)
+        for block in self._blocks.all():
+            block.bind()
+        view = build_view(scene)
+        images = self._images_for(scene)
+        images.clear()
+        self._blocks.frame.write(frame_values(scene, view))
+        clock.lap("setup")
+        hidden = self._target.run(scene, view, target, images, clock)
+        self._draw_sky(scene, view, images, hidden, clock)
+        radiance = images.read_radiance()
+        clock.lap("readback")
+        coverage = depth = None
+        inside = 1.0
+        if labels:
+            coverage = images.read_coverage()
+            depth, inside = self._target.labels(scene, view, target)
+            clock.lap("labels")
+        self.check("a frame")
+        return Rendered(radiance, coverage, depth, inside, clock.stage_ms)
+
+    def _draw_sky(
+        self, scene: SceneState, view: View, images: Images, hidden: PixelRect | None, clock: StageClock
+    ) -> None:
+        """Everything behind the target: each pass adds its light times the share that the target leaves open."""
+        environment = scene.environment
+        earth, air, tables = None, None, None
+        if environment.earth:
+            earth_pass = self._earth_pass(scene.bands)
+            if environment.atmosphere:
+                air, tables = earth_pass.tables.air, earth_pass.air.tables
+            earth = earth_view(view, scene.camera, air)
+            self._blocks.earth.write(earth_values(view, earth, earth_pass.tables.air))
+            clock.lap("earth.setup")
+            if air is not None and earth.rect is not None:
+                earth_pass.air.run(earth)
+            clock.lap("earth.air")
+            if earth.rect is not None:
+                earth_pass.run(images, earth_cells(earth, scene.camera, hidden), environment)
+            clock.lap("earth.surface")
+        if environment.stars:
+            self._stars.run(scene, view, images, earth, air)
+            clock.lap("stars")
+        if environment.sun:
+            # without Earth in the image there is no air table either
+            in_air = tables if earth is not None and earth.rect is not None else None
+            self._sun.run(images, view, scene.camera, earth=earth is not None, air=in_air)
+            clock.lap("sun")
+
+    def _earth_pass(self, bands: Bands) -> EarthPass:
+        if bands not in self._earths:
+            self._earths[bands] = EarthPass(self._gl, self._programs, bands)
+            self.check("uploading the Earth's maps")
+        return self._earths[bands]
+
+    def _images_for(self, scene: SceneState) -> Images:
+        width, height = scene.camera.width_px, scene.camera.height_px
+        bands = len(bands_of(scene.bands))
+        if self._images is None or (self._images.size, self._images.bands) != ((width, height), bands):
+            if self._images is not None:
+                self._images.release()
+            self._images = Images(self._gl, width, height, bands)
+            self.check(f"allocating images of {width} x {height}")
+        return self._images
+
+    def close(self) -> None:
+        """Free what the renderer made, and its context."""
+        if self._images is not None:
+            self._images.release()
+            self._images = None
+        self._target.release()
+        if self._owns_context:
+            self._gl.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

@@ -1,0 +1,32 @@
+"""A clock for the stages of a frame: finish the driver's queue, read the time (GPU timers read 0 on llvmpipe)."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import moderngl
+
+
+class StageClock:
+    """Collects milliseconds per stage.
+
+    Parameters
+    ----------
+    finish : wait for the driver at each lap; without it a stage's time is that of its commands only.
+    """
+
+    def __init__(self, context: moderngl.Context, *, finish: bool = True) -> None:
+        self._context = context
+        self._finish = finish
+        self.stage_ms: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Close a stage; a name used twice adds up."""
+        if self._finish:
+            self._context.finish()
+        now = time.perf_counter()
+        self.stage_ms[stage] = self.stage_ms.get(stage, 0.0) + 1e3 * (now - self._last)
+        self._last = now

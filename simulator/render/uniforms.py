@@ -1,0 +1,97 @@
+"""Uniform blocks generated from one field list, so that the CPU's and the GPU's layout cannot disagree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike
+
+# GLSL type: (base alignment, size in bytes, numpy shape of float32), OpenGL 4.1 specification, 2.11.4 (std140)
+_STD140: dict[str, tuple[int, int, tuple[int, ...]]] = {
+    "float": (4, 4, ()),
+    "vec2": (8, 8, (2,)),
+    "vec3": (16, 12, (3,)),
+    "vec4": (16, 16, (4,)),
+    "mat4": (16, 64, (4, 4)),
+}
+
+
+@dataclass(frozen=True)
+class Field:
+    """One member of a block: GLSL type, name, length of the array (0: no array; vec4 and mat4 only)."""
+
+    glsl_type: str
+    name: str
+    count: int = 0
+
+
+class UniformBlock:
+    """A std140 block: its GLSL text, its numpy record and its buffer.
+
+    Parameters
+    ----------
+    name : block name in GLSL.
+    binding : binding point, one per block of the renderer.
+    fields : members in order. A ``mat4`` is given as the usual (4, 4) matrix acting on columns.
+    """
+
+    def __init__(self, context: moderngl.Context, name: str, binding: int, fields: tuple[Field, ...]) -> None:
+        offset, names, formats, offsets = 0, [], [], []
+        for member in fields:
+            alignment, size, shape = _STD140[member.glsl_type]
+            if member.count and size % 16:
+                raise ValueError(f"{name}.{member.name}: std140 pads arrays of {member.glsl_type}; use vec4")
+            offset = -(-offset // alignment) * alignment
+            names.append(member.name)
+            offsets.append(offset)
+            formats.append((np.float32, ((member.count,) if member.count else ()) + shape))
+            offset += size * max(member.count, 1)
+        itemsize = -(-offset // 16) * 16
+        self.name, self.binding, self.fields = name, binding, fields
+        self.dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": itemsize})
+        self._matrices = {f.name for f in fields if f.glsl_type == "mat4"}
+        self._buffer = context.buffer(reserve=itemsize)
+
+    @property
+    def glsl(self) -> str:
+        """Declaration to paste above ``main``."""
+        members = "".join(
+            f"    {f.glsl_type} {f.name}{f'[{f.count}]' if f.count else ''};\n" for f in self.fields
+        )
+        return f"layout(std140) uniform {self.name} {{\n{members}}};\n"
+
+    def write(self, values: Mapping[str, ArrayLike]) -> None:
+        """Fill and upload the whole block and bind it; every member must be given.
+
+        Raises
+        ------
+        KeyError
+            If a member is missing: a stale value from the last frame would be a state leak.
+        """
+        record = np.zeros((), self.dtype)
+        for member in self.fields:
+            value = np.asarray(values[member.name], np.float32)
+            # GLSL stores matrices column by column
+            record[member.name] = np.swapaxes(value, -1, -2) if member.name in self._matrices else value
+        unknown = values.keys() - {f.name for f in self.fields}
+        if unknown:
+            raise KeyError(f"block {self.name} has no member {sorted(unknown)}")
+        self._buffer.write(record.tobytes())
+        self.bind()
+
+    def bind(self) -> None:
+        """Make the block current at its binding point."""
+        self._buffer.bind_to_uniform_block(self.binding)
+
+    def attach(self, program: moderngl.Program) -> None:
+        """Connect a program that uses this block; one that does not is left alone."""
+        block = program.get(self.name, None)
+        if isinstance(block, moderngl.UniformBlock):
+            block.binding = self.binding
