@@ -1,0 +1,187 @@
+"""Capture: draw frames of a plan, check each as it is written, and keep the card true at every moment."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import msgspec
+
+from simulator.dataset.card import (
+    CARD_NAME,
+    CardTarget,
+    DatasetCard,
+    card_to_json,
+    describe_machine,
+    read_card,
+)
+from simulator.dataset.check import check_frame
+from simulator.dataset.native import is_whole, write_frame
+from simulator.dataset.speed import export_speed
+from simulator.errors import UserError
+from simulator.files import empty_folder, write_atomic
+from simulator.labels.frame import take_frame
+from simulator.render.renderer import Renderer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from simulator.camera.model import Camera
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+log = logging.getLogger(__name__)
+
+FORMATS = ("native", "speed")
+
+
+class Plan(Protocol):
+    """What a capture needs: frames by number, each from the plan alone, and what the card says of them."""
+
+    @property
+    def scenario_name(self) -> str:
+        """Name of the scenario or recipe."""
+
+    @property
+    def scenario_document(self) -> dict[str, Any]:
+        """It in full, as JSON."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+
+    @property
+    def every_s(self) -> float | None:
+        """Spacing, if it was given as one."""
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random choice."""
+
+    @property
+    def camera(self) -> Camera:
+        """The camera."""
+
+    @property
+    def target(self) -> Target:
+        """The model that is drawn."""
+
+    def scene(self, k: int) -> SceneState:
+        """The snapshot of frame k."""
+
+
+@dataclass(frozen=True)
+class CaptureSummary:
+    """What a capture did."""
+
+    folder: Path
+    n_written: int
+    n_kept: int
+    n_feasible: int
+    quarantined: tuple[tuple[int, str], ...]
+
+
+def parse_formats(text: str) -> tuple[str, ...]:
+    """Formats from a comma-separated list.
+
+    Raises
+    ------
+    UserError
+        If one is unknown.
+    """
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    for name in names:
+        if name not in FORMATS:
+            raise UserError(f"unknown data-set format '{name}' in --format; choose from {', '.join(FORMATS)}")
+    return names
+
+
+def capture(
+    plan: Plan,
+    folder: Path,
+    *,
+    formats: tuple[str, ...] = ("native",),
+    resume: bool = False,
+    device_index: int | None = None,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+) -> CaptureSummary:
+    """Take all frames of a plan into a data set.
+
+    Each frame is checked before it is written; one whose labels disagree goes to ``quarantine/`` with its
+    reason and is never silently kept. An interrupted capture is valid as far as it went and goes on with
+    ``resume``.
+
+    Raises
+    ------
+    UserError
+        If the folder is not empty (without ``resume``), belongs to another plan, or cannot be written.
+    """
+    empty_folder(folder, resume=resume)
+    (folder / "images").mkdir(exist_ok=True)
+    with Renderer(device_index=device_index) as renderer:
+        card = _card(plan, renderer, formats)
+        if resume:
+            _same_plan(folder, card)
+        write_atomic(folder / CARD_NAME, card_to_json(card))
+        kept = {k for k in range(plan.n_frames) if is_whole(folder, k)} if resume else set()
+        quarantined: list[tuple[int, str]] = []
+        n_feasible = n_written = 0
+        for done, k in enumerate(range(plan.n_frames)):
+            if k not in kept:
+                frame = take_frame(renderer, plan.scene(k), plan.target)
+                if frame.truth is None or frame.mask is None:
+                    raise RuntimeError("a captured frame needs labels")
+                wrong = check_frame(frame.truth, frame.image.shape, frame.mask, card, plan.target)
+                place = folder
+                if wrong:
+                    place = folder / "quarantine"
+                    (place / "images").mkdir(parents=True, exist_ok=True)
+                    reason = "; ".join(wrong)
+                    write_atomic(place / f"{k:06d}.txt", (reason + "\n").encode())
+                    log.warning("frame %d is quarantined: %s", k, reason)
+                    quarantined.append((k, reason))
+                write_frame(place, k, frame)
+                n_written += not wrong
+                n_feasible += frame.truth.feasible and not wrong
+            progress(done + 1, plan.n_frames)
+    if "speed" in formats:
+        export_speed(folder, [k for k in range(plan.n_frames) if is_whole(folder, k)])
+    write_atomic(folder / CARD_NAME, card_to_json(msgspec.structs.replace(card, complete=not quarantined)))
+    return CaptureSummary(folder, n_written, len(kept), n_feasible, tuple(quarantined))
+
+
+def _card(plan: Plan, renderer: Renderer, formats: tuple[str, ...]) -> DatasetCard:
+    info = renderer.info
+    return DatasetCard(
+        scenario_name=plan.scenario_name,
+        scenario=plan.scenario_document,
+        seed=plan.seed,
+        n_frames=plan.n_frames,
+        every_s=plan.every_s,
+        complete=False,
+        formats=tuple(dict.fromkeys(("native", *formats))),
+        camera=plan.camera,
+        target=CardTarget(
+            name=plan.target.name,
+            sha256=plan.target.sha256,
+            keypoints={k.name: k.position_m for k in plan.target.keypoints},
+        ),
+        machine=describe_machine(info.vendor, info.renderer, info.version),
+    )
+
+
+def _same_plan(folder: Path, card: DatasetCard) -> None:
+    """Refuse to mix two plans in one folder."""
+    if not (folder / CARD_NAME).is_file():
+        if any((folder / "images").iterdir()):
+            raise UserError(f"{folder} has images but no {CARD_NAME}; name a new folder with -o")
+        return
+    old = read_card(folder)
+    for field in ("scenario", "seed", "n_frames", "every_s", "camera", "target"):
+        if getattr(old, field) != getattr(card, field):
+            raise UserError(
+                f"{folder} was captured with another {field}; "
+                "resume with the same command, or name a new folder"
+            )

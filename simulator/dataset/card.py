@@ -1,0 +1,128 @@
+"""dataset.json: the card that tells a stranger how to read a data set."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from simulator.camera.model import Camera
+from simulator.errors import UserError
+
+CARD_NAME = "dataset.json"
+
+CONVENTIONS = {
+    "quaternions": "Hamilton, scalar first; q_a_from_b rotates a vector given in b into a",
+    "pose": "x_camera = R(q_camera_from_target_wxyz) x_target + t_camera_from_target_m, metres",
+    "camera_frame": "x right, y down, z forward (OpenCV)",
+    "pixels": "pixel (0, 0) is the centre of the top-left pixel (OpenCV)",
+    "box_px": "x0 y0 x1 y1 of the visible mask at pixel edges, clipped to the image; "
+    "a one-pixel mask at (3, 4) is 2.5 3.5 3.5 4.5",
+    "box_amodal_px": "x0 y0 x1 y1 of the whole projected craft, not clipped",
+    "mask": "8 bit PNG, 255 where the target covers at least half of the pixel",
+    "keypoint_states": "first that applies: out_of_frame self_occluded eclipsed shadowed saturated "
+    "below_noise visible",
+    "epoch_utc": "mid-exposure",
+    "sun_direction_camera": "unit vector from the target to the apparent Sun, camera frame",
+    "speed": "q_vbs2tango is q_camera_from_target_wxyz; r_Vo2To_vbs_true is t_camera_from_target_m",
+}
+
+
+class CardTarget(msgspec.Struct, frozen=True, kw_only=True):
+    """Which model was drawn, with its keypoints in the model frame [m]."""
+
+    name: str
+    sha256: str
+    keypoints: dict[str, tuple[float, float, float]]
+
+
+class CardMachine(msgspec.Struct, frozen=True, kw_only=True):
+    """What drew the images: "same bytes" holds for the same renderer."""
+
+    flyaround: str
+    python: str
+    numpy: str
+    opencv: str
+    gl_vendor: str
+    gl_renderer: str
+    gl_version: str
+    cpu: str
+
+
+class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
+    """The data-set card."""
+
+    schema: Literal["flyaround.dataset"] = "flyaround.dataset"
+    version: Literal[1] = 1
+    scenario_name: str
+    scenario: dict[str, Any]
+    seed: int
+    n_frames: int
+    every_s: float | None
+    complete: bool
+    formats: tuple[str, ...]
+    camera: Camera
+    target: CardTarget
+    machine: CardMachine
+    conventions: dict[str, str] = msgspec.field(default_factory=lambda: dict(CONVENTIONS))
+    layout: str = "images/NNNNNN.png image, images/NNNNNN.mask.png mask, images/NNNNNN.json truth"
+    licence: str = (
+        "images and labels made with Flyaround belong to whoever made them; Earth imagery: NASA Visible Earth"
+    )
+
+
+def describe_machine(gl_vendor: str, gl_renderer: str, gl_version: str) -> CardMachine:
+    """The machine section of the card."""
+    cpu = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                cpu = line.split(":", 1)[1].strip()
+                break
+    return CardMachine(
+        flyaround=version("flyaround"),
+        python=platform.python_version(),
+        numpy=version("numpy"),
+        opencv=version("opencv-contrib-python-headless"),
+        gl_vendor=gl_vendor,
+        gl_renderer=gl_renderer,
+        gl_version=gl_version,
+        cpu=f"{cpu}, {os.cpu_count()} threads",
+    )
+
+
+def read_card(folder: Path) -> DatasetCard:
+    """Read and validate the card of a data set.
+
+    Raises
+    ------
+    UserError
+        If the folder is no data set or the card is damaged.
+    """
+    path = folder / CARD_NAME
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=DatasetCard)
+    except OSError as error:
+        raise UserError(
+            f"{folder} is not a data set: cannot read {path.name} ({error.strerror}); "
+            "give a folder written by capture"
+        ) from error
+    except (msgspec.ValidationError, msgspec.DecodeError) as error:
+        raise UserError(
+            f"{path} is damaged: {error}; run capture again with --resume to rewrite it"
+        ) from error
+
+
+def card_to_json(card: DatasetCard) -> bytes:
+    """The card as indented JSON."""
+    return msgspec.json.format(msgspec.json.encode(card), indent=1) + b"\n"
+
+
+def card_json_schema() -> dict[str, Any]:
+    """JSON Schema of the card."""
+    return msgspec.json.schema(DatasetCard)

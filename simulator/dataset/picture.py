@@ -1,0 +1,79 @@
+"""One picture and its truth, without a data set around it."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import OpenEXR
+
+from simulator.dataset.native import encode_png
+from simulator.errors import UserError
+from simulator.files import write_atomic
+from simulator.labels.frame import Frame, take_frame
+from simulator.labels.truth import truth_to_json
+from simulator.render.renderer import Renderer
+
+if TYPE_CHECKING:
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+SUFFIXES = (".png", ".npy", ".exr")
+
+
+def render_scene(scene: SceneState, target: Target, *, device_index: int | None = None) -> Frame:
+    """Draw one scene with labels in a renderer of its own.
+
+    Raises
+    ------
+    UserError
+        If the target's hash is not the scene's: the bytes could not be the same.
+    """
+    if target.sha256 != scene.target.sha256:
+        raise UserError(
+            f"the scene was drawn with target {scene.target.name} {scene.target.sha256[:12]}, here it is "
+            f"{target.sha256[:12]}; use the flyaround version named in the record"
+        )
+    with Renderer(device_index=device_index) as renderer:
+        return take_frame(renderer, scene, target)
+
+
+def save_picture(frame: Frame, path: Path) -> Path:
+    """Write the image by its ending and the truth to ``.json`` beside it; returns the truth's path.
+
+    Raises
+    ------
+    UserError
+        If the ending is not known or the folder cannot be written.
+    """
+    if path.suffix not in SUFFIXES:
+        raise UserError(
+            f"cannot write '{path.suffix}' images ({path}); end the name in {' or '.join(SUFFIXES)}"
+        )
+    if not path.parent.is_dir():
+        raise UserError(f"folder {path.parent} does not exist; make it, or name another place with -o")
+    if frame.truth is None:
+        raise RuntimeError("a saved picture needs its truth")
+    write_atomic(path, _encode(frame, path.suffix))
+    truth_path = path.with_suffix(".json")
+    write_atomic(truth_path, truth_to_json(frame.truth))
+    return truth_path
+
+
+def _encode(frame: Frame, suffix: str) -> bytes:
+    if suffix == ".png":
+        return encode_png(frame.image)
+    if suffix == ".npy":
+        buffer = io.BytesIO()
+        np.save(buffer, frame.image)
+        return buffer.getvalue()
+    # radiance before the detector [W m-2 sr-1], one channel Y or three
+    channels = {"Y" if frame.radiance.ndim == 2 else "RGB": frame.radiance}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / "radiance.exr"
+        OpenEXR.File(header, channels).write(str(place))
+        return place.read_bytes()

@@ -1,0 +1,78 @@
+"""Truth drawn over an image, for people to look at: wireframe, keypoints by state, box, model axes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.labels.truth import Truth
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.arrays import ByteArray
+    from simulator.targets.model import Target
+
+# RGB. Colours that a colour-blind reader tells apart (Okabe and Ito).
+GREEN, ORANGE, BLUE, GREY = (0, 158, 115), (230, 159, 0), (86, 180, 233), (150, 150, 150)
+AXES = ((213, 94, 0), (0, 158, 115), (86, 180, 233))
+AXIS_LENGTH_M = 0.5
+
+
+def draw_truth(
+    image: NDArray[np.unsignedinteger], truth: Truth, target: Target, *, wireframe: bool = True
+) -> ByteArray:
+    """An RGB copy of an image with its labels drawn on it.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3), 8 bits.
+    truth, target : the record and the model it names.
+    wireframe : draw the edges that face the camera.
+    """
+    mono = np.asarray(image, np.uint8)
+    canvas: ByteArray = np.repeat(mono[..., None], 3, axis=2) if mono.ndim == 2 else mono.copy()
+    pose, camera = truth.scene.camera_from_target, truth.camera
+    weight = max(1, round(camera.width_px / 1900))
+    if wireframe:
+        eye = np.asarray(pose.inverse().t_m)
+        for edge in target.wireframe:
+            ends = np.array([edge.a_m, edge.b_m])
+            view = eye - ends.mean(axis=0)
+            if edge.normals and max(float(view @ np.asarray(n)) for n in edge.normals) <= 0:
+                continue
+            _line(canvas, camera.project(pose.apply(ends)), BLUE, weight)
+    if truth.box_px is not None:
+        x0, y0, x1, y1 = (round(v) for v in truth.box_px)
+        cv2.rectangle(canvas, (x0, y0), (x1, y1), GREY, weight, cv2.LINE_AA)
+    for axis, colour in zip(np.eye(3) * AXIS_LENGTH_M, AXES, strict=True):
+        _line(canvas, camera.project(pose.apply(np.stack([np.zeros(3), axis]))), colour, 2 * weight)
+    for k in truth.keypoints:
+        if k.pixel_px is None or k.state == "out_of_frame":
+            continue
+        centre = (round(k.pixel_px[0]), round(k.pixel_px[1]))
+        hidden = k.state == "self_occluded"
+        colour = GREY if hidden else GREEN if k.state == "visible" else ORANGE
+        cv2.circle(canvas, centre, 6 * weight, colour, weight if hidden else 2 * weight, cv2.LINE_AA)
+    return canvas
+
+
+def draw_pose(
+    canvas: ByteArray, truth: Truth, target: Target, q_wxyz: tuple[float, ...], t_m: tuple[float, ...]
+) -> ByteArray:
+    """The wireframe at an estimated pose, in orange, over an RGB image."""
+    pose = type(truth.scene.camera_from_target).of("camera", "target", q_wxyz, t_m)
+    drawn = canvas.copy()
+    weight = max(1, round(truth.camera.width_px / 1900))
+    for edge in target.wireframe:
+        _line(drawn, truth.camera.project(pose.apply(np.array([edge.a_m, edge.b_m]))), ORANGE, weight)
+    return drawn
+
+
+def _line(canvas: ByteArray, ends: NDArray[np.float64], colour: tuple[int, int, int], weight: int) -> None:
+    if not np.all(np.isfinite(ends)) or np.abs(ends).max() > 1e5:
+        return
+    a, b = (tuple(int(v) for v in np.rint(p)) for p in ends)
+    cv2.line(canvas, (a[0], a[1]), (b[0], b[1]), colour, weight, cv2.LINE_AA)

@@ -1,0 +1,95 @@
+"""The truth record of one frame: the machine-read JSON beside every image."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from simulator.arrays import Quat, Vec3
+from simulator.camera.model import Camera
+from simulator.errors import UserError
+from simulator.scene.state import SceneState
+
+KeypointState = Literal[
+    "out_of_frame", "self_occluded", "eclipsed", "shadowed", "saturated", "below_noise", "visible"
+]
+InfeasibleReason = Literal["", "cropped", "dark", "too_far"]
+Box = tuple[float, float, float, float]
+
+
+class KeypointLabel(msgspec.Struct, frozen=True, kw_only=True):
+    """One keypoint: where it is on the model, where it is in the image, and how it is seen."""
+
+    name: str
+    target_m: Vec3
+    pixel_px: tuple[float, float] | None
+    state: KeypointState
+
+
+class Software(msgspec.Struct, frozen=True, kw_only=True):
+    """What drew the frame."""
+
+    flyaround: str
+    gl_renderer: str
+
+
+class Truth(msgspec.Struct, frozen=True, kw_only=True):
+    """Everything known of one frame, at mid-exposure.
+
+    ``scene`` holds every SceneState field and is all that is needed to draw the same bytes again.
+    """
+
+    schema: Literal["flyaround.truth"] = "flyaround.truth"
+    version: Literal[1] = 1
+    epoch_utc: str
+    t_s: float
+    frame_index: int
+    seed: int
+    q_camera_from_target_wxyz: Quat
+    t_camera_from_target_m: Vec3
+    camera: Camera
+    keypoints: tuple[KeypointLabel, ...]
+    box_px: Box | None
+    box_amodal_px: Box | None
+    sun_direction_camera: Vec3
+    sun_visible_fraction: float
+    feasible: bool
+    infeasible_reason: InfeasibleReason
+    silhouette_inside: float
+    wireframe_step_share: float
+    scene: SceneState
+    software: Software
+
+
+def truth_to_json(truth: Truth) -> bytes:
+    """The record as indented JSON; floats round-trip exactly."""
+    return msgspec.json.format(msgspec.json.encode(truth), indent=1) + b"\n"
+
+
+def read_truth(path: Path) -> Truth:
+    """Read and validate a truth record.
+
+    Raises
+    ------
+    UserError
+        If the file is missing, is not JSON, or a field is wrong.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise UserError(
+            f"cannot read truth {path}: {error.strerror or error}; give a .json written by render or capture"
+        ) from error
+    try:
+        return msgspec.json.decode(data, type=Truth)
+    except (msgspec.ValidationError, msgspec.DecodeError) as error:
+        raise UserError(
+            f"{path} is not a truth record: {error}; give a .json written by render or capture"
+        ) from error
+
+
+def truth_json_schema() -> dict[str, Any]:
+    """JSON Schema of the truth record."""
+    return msgspec.json.schema(Truth)

@@ -1,0 +1,144 @@
+"""The clock: a plan says which moments of a flight are drawn, and each becomes one frame for the sinks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import msgspec
+
+from simulator.camera.model import Camera
+from simulator.errors import UserError
+from simulator.labels.frame import Frame, take_frame
+from simulator.scenario_flight import fly, frame_times
+from simulator.scene.build import build_scene
+from simulator.scene.state import Bands, Quality, SceneState, TargetRef
+from simulator.targets.library import load_target
+from simulator.targets.model import Target
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from simulator.render.renderer import Renderer
+    from simulator.scenario import Scenario
+    from simulator.world.flight import Flight
+    from simulator.world.state import WorldState
+
+
+class Sink(Protocol):
+    """Anything that takes frames: a window, a data set, a link to a board."""
+
+    def write(self, frame: Frame) -> None:
+        """Take one frame."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plan:
+    """Which frames will be drawn. ``scene(k)`` depends on (scenario, seed, k) alone.
+
+    Parameters
+    ----------
+    times_s : mid-exposure of each frame, from the flight's start [s].
+    every_s : spacing if it was given as one.
+    """
+
+    scenario: Scenario
+    flight: Flight
+    target: Target
+    camera: Camera
+    times_s: tuple[float, ...]
+    every_s: float | None
+    seed: int
+    bands: Bands
+    quality: Quality
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.times_s)
+
+    @property
+    def scenario_name(self) -> str:
+        """Name of the scenario."""
+        return self.scenario.name
+
+    @property
+    def scenario_document(self) -> dict[str, Any]:
+        """The scenario as a JSON-able document, with this plan's overrides."""
+        return dict(msgspec.json.decode(msgspec.json.encode(self.scenario)))
+
+    def scene(self, k: int) -> SceneState:
+        """The snapshot of frame k."""
+        return self.scene_of(self.flight.state(self.times_s[k]), k)
+
+    def scene_of(self, world: WorldState, k: int) -> SceneState:
+        """The snapshot of a state of the world, as frame k of this plan (steered flights come this way)."""
+        scenario = self.scenario
+        return build_scene(
+            world,
+            camera=self.camera,
+            sensor=scenario.sensor_model,
+            exposure_s=scenario.sensor.exposure_s,
+            target=TargetRef(name=self.target.name, sha256=self.target.sha256),
+            com_target_m=self.target.mass.com_m,
+            frame_index=k,
+            seed=self.seed,
+            quality=self.quality,
+            bands=self.bands,
+            environment=scenario.environment_model,
+        )
+
+    def shifted(self, times_s: tuple[float, ...]) -> Plan:
+        """The same flight with other frames."""
+        return replace(self, times_s=times_s, every_s=None)
+
+
+def plan_flight(
+    scenario: Scenario,
+    *,
+    n: int | None = None,
+    every_s: float | None = None,
+    times: tuple[float, ...] | None = None,
+    seed: int | None = None,
+    bands: Bands | None = None,
+    quality: Quality | None = None,
+) -> Plan:
+    """Propagate a scenario and choose its frames: ``n`` evenly in time, one ``every_s``, or at ``times``.
+
+    Raises
+    ------
+    UserError
+        If a time is outside the flight, or the scenario names something unknown.
+    """
+    target = load_target(scenario.target)
+    if times is None:
+        times = tuple(float(t) for t in frame_times(scenario.duration_s, n, every_s))
+    for t in times:
+        if not 0 <= t <= scenario.duration_s:
+            raise UserError(
+                f"time {t:g} s is outside scenario {scenario.name}, which lasts {scenario.duration_s:g} s; "
+                "choose -t within it"
+            )
+    return Plan(
+        scenario=scenario,
+        flight=fly(scenario, target),
+        target=target,
+        camera=scenario.camera_model,
+        times_s=times,
+        every_s=every_s,
+        seed=scenario.seed if seed is None else seed,
+        bands=bands or scenario.output.bands,
+        quality=quality or scenario.output.quality,
+    )
+
+
+def run_frames(
+    plan: Plan, renderer: Renderer, sinks: Iterable[Sink], *, labels: bool = True
+) -> Iterator[Frame]:
+    """Draw every frame of a plan, hand it to each sink, and yield it."""
+    receivers = tuple(sinks)
+    for k in range(plan.n_frames):
+        frame = take_frame(renderer, plan.scene(k), plan.target, labels=labels)
+        for sink in receivers:
+            sink.write(frame)
+        yield frame

@@ -1,0 +1,231 @@
+"""Capture, check, resume, exports: a data set from its files alone, and every kind of wrong label caught."""
+
+import json
+import shutil
+
+import cv2
+import jsonschema
+import numpy as np
+import pytest
+
+from simulator.dataset.capture import capture
+from simulator.dataset.card import card_json_schema
+from simulator.dataset.check import check_dataset
+from simulator.dataset.native import frame_paths, read_png
+from simulator.dataset.picture import render_scene, save_picture
+from simulator.errors import UserError
+from simulator.labels.truth import read_truth, truth_json_schema
+from simulator.loop import plan_flight
+from simulator.scenario_load import load_scenario
+
+pytestmark = pytest.mark.gl
+
+N = 3
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return plan_flight(load_scenario("tango-flyaround"), n=N, quality="draft")
+
+
+@pytest.fixture(scope="module")
+def dataset(plan, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data") / "set"
+    summary = capture(plan, folder, formats=("native", "speed"))
+    assert summary.n_written == N
+    assert summary.quarantined == ()
+    return folder
+
+
+@pytest.fixture
+def copy(dataset, tmp_path):
+    return shutil.copytree(dataset, tmp_path / "copy")
+
+
+def _faults(folder):
+    return [fault.what for fault in check_dataset(folder).faults]
+
+
+def test_a_fresh_data_set_has_no_fault(dataset):
+    report = check_dataset(dataset)
+    assert report.n_frames == N
+    assert report.n_labels > 40
+    assert report.faults == ()
+
+
+def test_card_and_truth_follow_their_schemas(dataset):
+    jsonschema.validate(json.loads((dataset / "dataset.json").read_text()), card_json_schema())
+    for k in range(N):
+        jsonschema.validate(json.loads(frame_paths(dataset, k).truth.read_text()), truth_json_schema())
+
+
+def _edit_truth(folder, k, change):
+    path = frame_paths(folder, k).truth
+    record = json.loads(path.read_text())
+    change(record)
+    path.write_text(json.dumps(record))
+
+
+def _set(key, value):
+    return lambda record: record.__setitem__(key, value)
+
+
+def _shift_pixel(record):
+    record["keypoints"][2]["pixel_px"][0] += 0.01
+
+
+def _shift_translation(record):
+    record["t_camera_from_target_m"][0] += 1e-3
+
+
+def _conjugate(record):
+    q = record["q_camera_from_target_wxyz"]
+    record["q_camera_from_target_wxyz"] = [q[0], -q[1], -q[2], -q[3]]
+
+
+def _consistent_wrong_pose(record):
+    """A pose wrong everywhere in the record at once: only the picture's mask can tell."""
+    record["t_camera_from_target_m"][0] += 0.05
+    record["scene"]["t_camera_from_target_m"] = record["t_camera_from_target_m"]
+    truth_q = np.array(record["q_camera_from_target_wxyz"])
+    from simulator.world.rotation import matrix_from_quat
+
+    c = record["camera"]
+    for k in record["keypoints"]:
+        x, y, z = matrix_from_quat(truth_q) @ k["target_m"] + record["t_camera_from_target_m"]
+        k["pixel_px"] = [c["fx_px"] * x / z + c["cx_px"], c["fy_px"] * y / z + c["cy_px"]]
+
+
+def _out_of_frame(record):
+    record["keypoints"][0]["state"] = "out_of_frame"
+
+
+def _swap_names(record):
+    a, b = record["keypoints"][0], record["keypoints"][1]
+    a["name"], b["name"] = b["name"], a["name"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        _shift_pixel,
+        _shift_translation,
+        _conjugate,
+        _consistent_wrong_pose,
+        _out_of_frame,
+        _swap_names,
+        _set("box_px", [0.5, 0.5, 10.5, 10.5]),
+        _set("sun_direction_camera", [0.0, 0.0, 1.0]),
+        _set("q_camera_from_target_wxyz", [0.9, 0.1, 0.1, 0.1]),
+    ],
+)
+def test_each_kind_of_wrong_record_is_caught(copy, change):
+    _edit_truth(copy, 1, change)
+    assert _faults(copy)
+
+
+def _shift_mask(mask):
+    return np.roll(mask, 3, axis=1)
+
+
+def _hole(mask):
+    rows, columns = np.nonzero(mask)
+    out = mask.copy()
+    v, u = int(np.median(rows)), int(np.median(columns))
+    inside = cv2.erode(mask, np.ones((9, 9), np.uint8))
+    rows, columns = np.nonzero(inside)
+    v, u = rows[len(rows) // 2], columns[len(rows) // 2]
+    out[v - 1 : v + 2, u - 1 : u + 2] = 0
+    return out
+
+
+def _grey(mask):
+    return np.where(mask > 0, np.uint8(254), mask)
+
+
+@pytest.mark.parametrize("change", [_shift_mask, _hole, _grey])
+def test_each_kind_of_wrong_mask_is_caught(copy, change):
+    path = frame_paths(copy, 0).mask
+    cv2.imwrite(str(path), change(np.asarray(read_png(path), np.uint8)))
+    assert _faults(copy)
+
+
+def test_missing_damaged_and_resized_files_are_caught(copy):
+    frame_paths(copy, 0).mask.unlink()
+    frame_paths(copy, 1).image.write_bytes(b"not a PNG")
+    image = read_png(frame_paths(copy, 2).image)
+    cv2.imwrite(str(frame_paths(copy, 2).image), image[:-1])
+    assert {fault.frame for fault in check_dataset(copy).faults} == {0, 1, 2}
+
+
+def test_speed_export_copies_the_pose_and_is_checked(copy):
+    labels = json.loads((copy / "speed" / "train.json").read_text())
+    for k, row in enumerate(labels):
+        truth = read_truth(frame_paths(copy, k).truth)
+        assert row["q_vbs2tango"] == list(truth.q_camera_from_target_wxyz)
+        assert row["r_Vo2To_vbs_true"] == list(truth.t_camera_from_target_m)
+        jpeg = cv2.imread(str(copy / "speed" / "images" / "train" / row["filename"]), cv2.IMREAD_UNCHANGED)
+        assert jpeg.ndim == 2
+        difference = jpeg.astype(float) - read_png(frame_paths(copy, k).image)
+        assert difference.std() < 6  # JPEG 95 against noise of 12 DN
+    labels[0]["q_vbs2tango"][1] *= -1
+    (copy / "speed" / "train.json").write_text(json.dumps(labels))
+    assert _faults(copy)
+
+
+def test_resume_draws_what_is_missing_and_gives_the_same_bytes(copy, plan):
+    before = {k: frame_paths(copy, k).image.read_bytes() for k in range(N)}
+    frame_paths(copy, 1).truth.unlink()
+    summary = capture(plan, copy, resume=True)
+    assert (summary.n_written, summary.n_kept) == (1, N - 1)
+    assert all(frame_paths(copy, k).image.read_bytes() == before[k] for k in range(N))
+    assert _faults(copy) == []
+
+
+def test_resume_refuses_another_plan(copy):
+    other = plan_flight(load_scenario("tango-flyaround"), n=N, seed=99, quality="draft")
+    with pytest.raises(UserError, match="another seed"):
+        capture(other, copy, resume=True)
+
+
+def test_a_full_folder_is_refused_and_left_alone(tmp_path, plan):
+    (tmp_path / "mine.txt").write_text("keep")
+    with pytest.raises(UserError, match="not empty"):
+        capture(plan, tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_an_interrupted_capture_is_valid_as_far_as_it_went(tmp_path, plan):
+    folder = tmp_path / "set"
+
+    def stop(done, _of):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        capture(plan, folder, progress=stop)
+    report = check_dataset(folder)
+    assert (report.n_frames, report.faults) == (2, ())
+    assert not json.loads((folder / "dataset.json").read_text())["complete"]
+
+
+def test_from_truth_gives_the_same_bytes(tmp_path, dataset, plan):
+    paths = frame_paths(dataset, 2)
+    frame = render_scene(read_truth(paths.truth).scene, plan.target)
+    truth_path = save_picture(frame, tmp_path / "again.png")
+    assert (tmp_path / "again.png").read_bytes() == paths.image.read_bytes()
+    assert truth_path.read_bytes() == paths.truth.read_bytes()
+    assert np.array_equal(frame.mask, read_png(paths.mask))
+
+
+def test_exr_keeps_the_radiance_and_npy_the_numbers(tmp_path, plan):
+    import OpenEXR
+
+    frame = render_scene(plan.scene(0), plan.target)
+    save_picture(frame, tmp_path / "a.exr")
+    save_picture(frame, tmp_path / "a.npy")
+    back = OpenEXR.File(str(tmp_path / "a.exr")).channels()["Y"].pixels
+    assert np.array_equal(back, frame.radiance)
+    assert np.array_equal(np.load(tmp_path / "a.npy"), frame.image)
+    with pytest.raises(UserError, match="end the name"):
+        save_picture(frame, tmp_path / "a.tiff")

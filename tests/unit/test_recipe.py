@@ -1,0 +1,85 @@
+"""Recipes: what is drawn is what the recipe says, and sample k depends on (recipe, seed, k) alone."""
+
+import numpy as np
+import pytest
+
+from simulator.errors import UserError
+from simulator.recipe import plan_recipe
+from simulator.world.constants import EARTH_RADIUS_M
+from simulator.world.rotation import matrix_from_quat
+
+N = 400
+
+
+@pytest.fixture(scope="module", params=["eval-black", "eval-earth"])
+def plan(request):
+    return plan_recipe(request.param, N, seed=11)
+
+
+@pytest.fixture(scope="module")
+def scenes(plan):
+    return [plan.scene(k) for k in range(N)]
+
+
+def test_range_is_uniform_from_3_to_18_m(scenes):
+    z = np.sort([s.t_camera_from_target_m[2] for s in scenes])
+    assert z[0] >= 3
+    assert z[-1] <= 18
+    # Kolmogorov-Smirnov at 0.1 %: 1.95 / sqrt(n)
+    assert np.abs((z - 3) / 15 - (np.arange(N) + 0.5) / N).max() < 1.95 / np.sqrt(N)
+
+
+def test_attitude_is_uniform_on_so3(scenes):
+    q = np.array([s.q_camera_from_target_wxyz for s in scenes])
+    # for Haar measure every component squared has mean 1/4 and variance 1/24... (w >= 0 changes neither)
+    assert np.allclose((q**2).mean(axis=0), 0.25, atol=4 * np.sqrt(1 / 16 / N))
+    assert q[:, 0].min() >= 0
+
+
+def test_sunlit_and_phase_below_120_degrees(scenes):
+    assert all(s.sun_visible_fraction > 0.99 for s in scenes)
+    phase = [np.degrees(np.arccos(-s.sun_direction_camera[2])) for s in scenes]
+    assert max(phase) <= 120.1
+    assert max(phase) > 100
+
+
+def test_the_earth_is_where_the_recipe_wants_it(plan, scenes):
+    low, high = plan.recipe.nadir_off_boresight_deg
+    for s in scenes:
+        r = np.array(s.r_camera_eci_m)
+        nadir = matrix_from_quat(s.q_camera_from_eci_wxyz) @ (-r / np.linalg.norm(r))
+        assert low - 0.1 <= np.degrees(np.arccos(nadir[2])) <= high + 0.1
+        assert np.linalg.norm(r) == pytest.approx(EARTH_RADIUS_M + plan.recipe.altitude_m, abs=30)
+
+
+def test_camera_and_target_positions_agree_with_the_pose(plan, scenes):
+    com = np.array(plan.target.mass.com_m)
+    for s in scenes[:50]:
+        R = matrix_from_quat(s.q_camera_from_eci_wxyz)
+        seen = R @ (np.array(s.r_target_eci_m) - np.array(s.r_camera_eci_m))
+        expected = matrix_from_quat(s.q_camera_from_target_wxyz) @ com + np.array(s.t_camera_from_target_m)
+        # positions are 7e6 m in float64: 1e-9 m rounding each
+        assert np.allclose(seen, expected, atol=1e-7)
+
+
+def test_the_bounding_sphere_stays_in_view_where_it_fits(plan, scenes):
+    radius = max(np.linalg.norm(p.positions_m, axis=1).max() for p in plan.target.parts)
+    for s in scenes:
+        x, y, z = s.t_camera_from_target_m
+        pixel = s.camera.project(np.array([x, y, z]))
+        r = s.camera.fx_px * radius / z
+        for p, size in zip(pixel, (s.camera.width_px, s.camera.height_px), strict=True):
+            if r < size / 2:
+                assert r - 1 <= p <= size - r
+
+
+def test_sample_depends_on_seed_and_number_alone():
+    a, b = plan_recipe("eval-earth", 10, seed=3), plan_recipe("eval-earth", 500, seed=3)
+    assert a.scene(7) == b.scene(7)
+    assert a.scene(7) != plan_recipe("eval-earth", 10, seed=4).scene(7)
+    assert a.scene(7) != a.scene(8)
+
+
+def test_unknown_recipe():
+    with pytest.raises(UserError, match="eval-black"):
+        plan_recipe("eval-red", 1)
