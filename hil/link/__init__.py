@@ -1,1 +1,7 @@
-"""Packets, framing, transports. Imports nothing of the project; standard library and numpy only."""
+"""Packets, framing, transports. Imports nothing of the project; standard library and numpy only.
+
+A reader who follows one frame opens, in order: ``packets`` (header and CRC), ``messages`` (what a payload
+says), ``images`` (a frame as chunks), ``framing`` and ``cobs`` (bytes on a line), ``transport``
+(TCP, serial, in-process), ``clock`` (offset exchange) and ``session`` (the handshake).
+The layout is documented byte by byte in ``docs/hil_protocol.md``.
+"""

@@ -1,0 +1,201 @@
+"""The ledger: one row per frame in frames.csv, written as soon as its outcome is known."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.world.rotation import rotation_angle_rad
+
+if TYPE_CHECKING:
+    from simulator.arrays import Quat, Vec3
+
+FRAMES_CSV = "frames.csv"
+ACCEPTED, DECLINED, DROPPED = "accepted", "declined", "dropped:"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LedgerRow:
+    """What became of one frame; documented in docs/formats/ledger.md.
+
+    Parameters
+    ----------
+    outcome : ``accepted``, ``declined`` or ``dropped:CAUSE``.
+    e2e_ms : from the first byte out to the pose back, both on the link process's clock.
+    send_lag_ms : how late sending began (realtime).
+    uplink_ms, downlink_ms : frame out to frame whole at the board; pose out to pose in; by the clock offset.
+    board_wait_ms, board_total_ms : frame whole to estimator's start, and to its end.
+    q_wxyz, t_m : ``camera_from_target`` as the board has it; ``truth_*`` the true one.
+    E_T_m, E_R_deg : pose error, where both are known.
+    """
+
+    frame_id: int
+    epoch_utc: str
+    t_s: float
+    exposure_s: float
+    outcome: str
+    reason: str = ""
+    e2e_ms: float | None = None
+    render_ms: float | None = None
+    send_lag_ms: float | None = None
+    send_ms: float | None = None
+    uplink_ms: float | None = None
+    board_wait_ms: float | None = None
+    board_total_ms: float | None = None
+    downlink_ms: float | None = None
+    stages_ms: dict[str, float] = field(default_factory=dict)
+    confidence: float | None = None
+    q_wxyz: Quat | None = None
+    t_m: Vec3 | None = None
+    truth_q_wxyz: Quat | None = None
+    truth_t_m: Vec3 | None = None
+    E_T_m: float | None = None
+    E_R_deg: float | None = None
+
+
+_SCALARS = (
+    "e2e_ms",
+    "render_ms",
+    "send_lag_ms",
+    "send_ms",
+    "uplink_ms",
+    "board_wait_ms",
+    "board_total_ms",
+    "downlink_ms",
+)
+_ERRORS = ("confidence", "E_T_m", "E_R_deg")
+_VECTORS = {
+    "q_wxyz": ("q_w", "q_x", "q_y", "q_z"),
+    "t_m": ("t_x_m", "t_y_m", "t_z_m"),
+    "truth_q_wxyz": ("truth_q_w", "truth_q_x", "truth_q_y", "truth_q_z"),
+    "truth_t_m": ("truth_t_x_m", "truth_t_y_m", "truth_t_z_m"),
+}
+COLUMNS = (
+    "frame_id",
+    "epoch_utc",
+    "t_s",
+    "exposure_s",
+    "outcome",
+    "reason",
+    *_SCALARS,
+    "stages_ms",
+    *_ERRORS,
+    *(column for columns in _VECTORS.values() for column in columns),
+)
+
+
+def pose_errors(q_wxyz: Quat, t_m: Vec3, truth_q_wxyz: Quat, truth_t_m: Vec3) -> tuple[float, float]:
+    """``E_T`` [m] and ``E_R`` [deg] of a pose against the truth; a bad quaternion gives 180 deg at most."""
+    error_m = float(np.linalg.norm(np.subtract(t_m, truth_t_m)))
+    norm = float(np.linalg.norm(q_wxyz))
+    if norm < 1e-9:
+        return error_m, 180.0
+    return error_m, float(np.degrees(rotation_angle_rad(np.asarray(q_wxyz) / norm, truth_q_wxyz)))
+
+
+class LedgerWriter:
+    """Appends rows to ``frames.csv``; each is whole and flushed before ``add`` returns.
+
+    Raises
+    ------
+    UserError
+        If the folder cannot be written or already holds a ledger.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        path = folder / FRAMES_CSV
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._file: TextIO = path.open("x", encoding="utf-8", newline="")
+        except FileExistsError as error:
+            raise UserError(f"{path} is there already: name another folder for this ledger") from error
+        except OSError as error:
+            raise UserError(
+                f"ledger folder {folder} cannot be written ({error.strerror}): name another folder"
+            ) from error
+        self._write(list(COLUMNS))
+
+    def add(self, row: LedgerRow) -> None:
+        """Write one row."""
+        self._write(_cells(row))
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _write(self, cells: list[str]) -> None:
+        # one write of one whole line: a reader never sees half a row
+        line = io.StringIO()
+        csv.writer(line, lineterminator="\n").writerow(cells)
+        self._file.write(line.getvalue())
+        self._file.flush()
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.9g}"
+
+
+def _cells(row: LedgerRow) -> list[str]:
+    cells = [str(row.frame_id), row.epoch_utc, repr(row.t_s), repr(row.exposure_s), row.outcome, row.reason]
+    cells += [_number(getattr(row, name)) for name in _SCALARS]
+    cells.append(json.dumps({k: round(v, 4) for k, v in row.stages_ms.items()}) if row.stages_ms else "")
+    cells += [_number(getattr(row, name)) for name in _ERRORS]
+    for name, columns in _VECTORS.items():
+        vector = getattr(row, name)
+        cells += [""] * len(columns) if vector is None else [repr(float(x)) for x in vector]
+    return cells
+
+
+def read_ledger(folder: Path) -> list[LedgerRow]:
+    """Rows of a ledger folder, by frame id; a last line cut off by a power failure is left out.
+
+    Raises
+    ------
+    UserError
+        If there is no ledger or its columns are others.
+    """
+    path = folder / FRAMES_CSV
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise UserError(
+            f"no ledger at {path} ({error.strerror}): name a folder that `flyaround hil host --log` wrote"
+        ) from error
+    reader = csv.DictReader(io.StringIO(text[: text.rfind("\n") + 1]))
+    missing = [name for name in COLUMNS if name not in (reader.fieldnames or [])]
+    if missing:
+        raise UserError(f"{path} has no column {missing[0]!r}: it was not written by this version's host")
+    try:
+        rows = [_row(cells) for cells in reader]
+    except ValueError as error:
+        raise UserError(f"{path}, line {reader.line_num}, is damaged: {error}") from error
+    return sorted(rows, key=lambda row: row.frame_id)
+
+
+def _vector(cells: dict[str, str], columns: tuple[str, ...]) -> tuple[float, ...] | None:
+    return tuple(float(cells[c]) for c in columns) if cells[columns[0]] else None
+
+
+def _row(cells: dict[str, str]) -> LedgerRow:
+    optional: dict[str, Any] = {
+        name: float(cells[name]) if cells[name] else None for name in (*_SCALARS, *_ERRORS)
+    }
+    vectors: dict[str, Any] = {name: _vector(cells, columns) for name, columns in _VECTORS.items()}
+    return LedgerRow(
+        frame_id=int(cells["frame_id"]),
+        epoch_utc=cells["epoch_utc"],
+        t_s=float(cells["t_s"]),
+        exposure_s=float(cells["exposure_s"]),
+        outcome=cells["outcome"],
+        reason=cells["reason"],
+        stages_ms=json.loads(cells["stages_ms"]) if cells["stages_ms"] else {},
+        **optional,
+        **vectors,
+    )

@@ -1,0 +1,468 @@
+"""The link's process: owns the sockets, takes the timestamps, decides what became of each frame."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+from collections import deque
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection, wait
+from typing import TYPE_CHECKING, Any
+
+from hil.host.exchange import (
+    BoardDown,
+    BoardUp,
+    Close,
+    Closed,
+    Failed,
+    FrameJob,
+    FrameResult,
+    FrameSlots,
+    LinkConfig,
+    LinkCounts,
+    Listening,
+    SlotFree,
+    Terms,
+)
+from hil.host.truth_endpoint import TruthEndpoint
+from hil.link.clock import ClockFilter, answer_time_sync, now_ns
+from hil.link.errors import LinkClosed, LinkError, PacketError, VersionMismatch
+from hil.link.images import chunk_count, chunks, encode_image
+from hil.link.messages import (
+    NO_FRAME,
+    Bye,
+    Credit,
+    ErrorCode,
+    ErrorMessage,
+    FrameHeader,
+    Hello,
+    HelloAck,
+    Message,
+    PoseMessage,
+    TimeSyncReply,
+    TimeSyncRequest,
+    TruthMessage,
+)
+from hil.link.session import Link, answer_hello, refuse
+from hil.link.transport import listen
+
+if TYPE_CHECKING:
+    from hil.link.transport import Listener
+
+HELLO_WAIT_NS = 10_000_000_000
+SYNC_BURST = 8
+SYNC_EVERY_NS = 1_000_000_000
+# a board answers clock requests once its estimator is ready; no frame is sent before
+SYNC_PATIENCE_NS = 60_000_000_000
+# waits are cut to whole milliseconds by the kernel's poll: spin through the last stretch
+SPIN_NS = 1_500_000
+
+
+@dataclass
+class _Flight:
+    """A frame that was sent and has no outcome yet."""
+
+    job: FrameJob
+    send_start_ns: int
+    send_end_ns: int
+    deadline_ns: int
+    damage_seen: bool = False
+
+
+class LinkServer:
+    """One thread, one loop: commands from the run, packets from the board, loggers, deadlines."""
+
+    def __init__(self, pipe: Connection, slots_fd: int, config: LinkConfig) -> None:
+        self._pipe, self._slots_fd, self._config = pipe, slots_fd, config
+        self._listener: Listener = listen(config.url)
+        self._truth: TruthEndpoint | None = None
+        try:
+            self._truth = TruthEndpoint(config.truth_url) if config.truth_url is not None else None
+        except LinkError:
+            self._listener.close()
+            raise
+        self._serial = config.url.startswith("serial")
+        self._terms: Terms | None = None
+        self._slots: FrameSlots | None = None
+        self._link: Link | None = None
+        self._ack: HelloAck | None = None  # None while the board has not said HELLO
+        self._hello_deadline_ns = 0
+        self._board_up: BoardUp | None = None  # greeted, not yet announced
+        self._clock = ClockFilter()
+        self._next_sync_ns = 0
+        self._waiting: deque[FrameJob] = deque()
+        self._flights: dict[int, _Flight] = {}
+        self._held: list[int] = []  # frames that use up credit
+        self._counts = LinkCounts()
+        self._blocked_until_ns = 0  # lockstep, out of credit: when to give up
+        self._timeout_ns = int(config.timeout_s * 1e9)
+        self._closing = False
+
+    def run(self) -> None:
+        """Serve until the run says Close or goes away."""
+        self._pipe.send(Listening(self._listener.url, self._truth.url if self._truth is not None else None))
+        while not self._closing:
+            self._send_due()
+            self._expire()
+            self._sync_clock()
+            ready: list[Any] = wait(self._sources(), self._sleep_s())
+            if self._link is not None and self._link.transport in ready:
+                self._drain_link()
+            if self._pipe in ready:
+                self._take_commands()
+            if self._listener in ready:
+                self._accept()
+            if self._truth is not None:
+                if self._truth in ready:
+                    self._truth.accept()
+                self._truth.flush()
+        self._shut("the run is over")
+
+    # --- what to wait for -------------------------------------------------------------------
+
+    def _sources(self) -> list[Any]:
+        sources: list[Any] = [self._pipe]
+        if self._link is not None:
+            sources.append(self._link.transport)
+        # a serial port is listener and line in one; a TCP listener stays open to turn others away
+        if self._terms is not None and (self._link is None or not self._serial):
+            sources.append(self._listener)
+        if self._truth is not None:
+            sources.append(self._truth)
+        return sources
+
+    def _sleep_s(self) -> float:
+        times = [flight.deadline_ns for flight in self._flights.values()]
+        if self._waiting and self._waiting[0].due_ns is not None:
+            times.append(self._waiting[0].due_ns - SPIN_NS)
+        if self._blocked_until_ns:
+            times.append(self._blocked_until_ns)
+        if self._link is not None:
+            times.append(self._next_sync_ns if self._ack is not None else self._hello_deadline_ns)
+        if self._truth is not None and self._truth.lagging:
+            times.append(now_ns() + 20_000_000)
+        left = (min(times) - now_ns()) * 1e-9 if times else 1.0
+        return min(1.0, max(0.0, left))
+
+    # --- the run's side ---------------------------------------------------------------------
+
+    def _take_commands(self) -> None:
+        try:
+            while self._pipe.poll():
+                command = self._pipe.recv()
+                if isinstance(command, FrameJob):
+                    self._waiting.append(command)
+                elif isinstance(command, Terms):
+                    self._terms = command
+                    self._slots = FrameSlots(self._slots_fd, command.n_slots, command.slot_bytes)
+                elif isinstance(command, Close):
+                    self._closing = True
+                    return
+        except EOFError:  # the run died
+            self._closing = True
+
+    def _finish(self, result: FrameResult) -> None:
+        self._pipe.send(result)
+
+    def _drop(self, job: FrameJob, cause: str, reason: str) -> None:
+        """A frame that was never sent."""
+        self._pipe.send(SlotFree(job.slot))
+        self._publish_truth(job)
+        self._finish(FrameResult(job.frame_id, f"dropped:{cause}", reason, job.due_ns))
+
+    def _drop_flight(self, frame_id: int, cause: str, reason: str) -> None:
+        flight = self._flights.pop(frame_id)
+        self._finish(
+            FrameResult(
+                frame_id,
+                f"dropped:{cause}",
+                reason,
+                flight.job.due_ns,
+                flight.send_start_ns,
+                flight.send_end_ns,
+            )
+        )
+
+    # --- frames out -------------------------------------------------------------------------
+
+    def _send_due(self) -> None:
+        while self._waiting:
+            job = self._waiting[0]
+            if job.due_ns is not None:
+                if job.due_ns - now_ns() > SPIN_NS:
+                    return
+                while now_ns() < job.due_ns:
+                    pass
+            if self._link is None or self._ack is None:
+                self._waiting.popleft()
+                self._drop(job, "disconnected", "no board was connected")
+            elif len(self._held) >= self._ack.window:
+                if self._config.mode == "lockstep":
+                    # nothing is lost by waiting for the board to finish what the host gave up on
+                    self._blocked_until_ns = self._blocked_until_ns or now_ns() + self._timeout_ns
+                    if now_ns() < self._blocked_until_ns:
+                        return
+                self._blocked_until_ns = 0
+                self._waiting.popleft()
+                self._drop(job, "no_credit", f"the board still held {len(self._held)} frames")
+            else:
+                self._blocked_until_ns = 0
+                self._waiting.popleft()
+                self._send_frame(job, self._link, self._ack)
+
+    def _send_frame(self, job: FrameJob, link: Link, ack: HelloAck) -> None:
+        assert self._slots is not None  # noqa: S101 - frames come after the terms
+        start = now_ns()
+        flight = _Flight(job, start, start, start + self._timeout_ns)
+        self._flights[job.frame_id] = flight
+        self._held.append(job.frame_id)
+        try:
+            if job.truth is not None and self._config.truth == "inline":
+                link.send(TruthMessage(job.frame_id, job.truth))
+            data = encode_image(self._slots.view(job.slot, job.shape, job.dtype), ack.encoding)
+            link.send(
+                FrameHeader(
+                    job.frame_id,
+                    job.shape[1],
+                    job.shape[0],
+                    job.bits,
+                    ack.encoding,
+                    len(data),
+                    chunk_count(len(data), ack.chunk_bytes),
+                    job.exposure_s,
+                    job.t_s,
+                    start,
+                    job.epoch_utc,
+                )
+            )
+            for chunk in chunks(job.frame_id, data, ack.chunk_bytes):
+                link.send(chunk)
+            flight.send_end_ns = now_ns()
+        except LinkClosed as error:
+            flight.send_end_ns = now_ns()
+            self._board_left(str(error))
+        self._pipe.send(SlotFree(job.slot))
+        self._publish_truth(job)
+
+    def _publish_truth(self, job: FrameJob) -> None:
+        if self._truth is not None and job.truth is not None:
+            self._truth.publish(job.frame_id, job.truth)
+
+    def _expire(self) -> None:
+        now = now_ns()
+        for frame_id, flight in list(self._flights.items()):
+            if now >= flight.deadline_ns:
+                cause, why = (
+                    ("corrupt", "; damaged packets were seen") if flight.damage_seen else ("timeout", "")
+                )
+                self._drop_flight(frame_id, cause, f"no pose within {self._config.timeout_s:g} s{why}")
+                if flight.damage_seen and frame_id in self._held:
+                    self._held.remove(frame_id)  # it may never have reached the board
+        if self._link is not None and self._ack is None and now >= self._hello_deadline_ns:
+            self._board_left("it said nothing that the link protocol knows")
+
+    # --- the board's side -------------------------------------------------------------------
+
+    def _accept(self) -> None:
+        transport = self._listener.accept(0.0)
+        if transport is None:
+            return
+        if self._link is not None:
+            refuse(Link(transport), ErrorCode.BUSY, "another board is connected to this host: stop it first")
+            return
+        self._link, self._ack = Link(transport), None
+        self._hello_deadline_ns = now_ns() + HELLO_WAIT_NS
+        self._drain_link()
+
+    def _drain_link(self) -> None:
+        while self._link is not None:
+            try:
+                message = self._link.recv(0.0)
+            except VersionMismatch as error:
+                refuse(self._link, ErrorCode.VERSION, str(error))
+                self._board_left(str(error))
+                return
+            except PacketError:
+                for flight in self._flights.values():
+                    flight.damage_seen = True
+                continue
+            except LinkClosed as error:
+                self._board_left(str(error))
+                return
+            if message is None:
+                return
+            self._handle(message, now_ns(), self._link)
+
+    def _handle(self, message: Message, at_ns: int, link: Link) -> None:
+        if isinstance(message, Hello):
+            self._greet(message, link)
+        elif self._ack is None:
+            return
+        elif isinstance(message, PoseMessage):
+            self._take_pose(message, at_ns)
+        elif isinstance(message, Credit):
+            self._release(message.frame_id)
+        elif isinstance(message, TimeSyncReply):
+            self._take_sync(message, at_ns, link)
+        elif isinstance(message, TimeSyncRequest):
+            with contextlib.suppress(LinkClosed):  # the next recv reports it
+                link.send(answer_time_sync(message, at_ns))
+        elif isinstance(message, ErrorMessage):
+            self._take_error(message)
+        elif isinstance(message, Bye):
+            self._board_left(f"the board ended the session: {message.reason}")
+
+    def _greet(self, hello: Hello, link: Link) -> None:
+        assert self._terms is not None  # noqa: S101 - nobody is let in before the terms
+        terms = replace(self._terms.ack, chunk_bytes=link.transport.chunk_bytes)
+        wish = self._config.compression
+        compress = wish == "zstd" or (wish == "auto" and self._serial)
+        repeated = self._ack is not None and link.last_sequence != 0
+        try:
+            ack = answer_hello(hello, terms, compress=compress)
+        except LinkError as error:
+            refuse(link, ErrorCode.MODEL, str(error))
+            self._board_left(str(error))
+            return
+        if not repeated:
+            self._lose_flights("the board started again")
+            link.session_id = int.from_bytes(os.urandom(8), "little") or 1
+            self._clock = ClockFilter()
+            self._next_sync_ns = now_ns() + SYNC_PATIENCE_NS
+            self._counts = replace(self._counts, sessions=self._counts.sessions + 1)
+        self._ack = ack
+        try:
+            link.send(ack)
+            if not repeated:
+                link.send(TimeSyncRequest(now_ns()))
+        except LinkClosed as error:
+            self._board_left(str(error))
+            return
+        if not repeated:
+            # announced once the clocks are compared: a first frame on the line would spoil the exchange
+            self._board_up = BoardUp(
+                link.transport.name,
+                hello.board,
+                hello.model_name,
+                hello.method,
+                ack.encoding.name.lower(),
+                ack.window,
+            )
+
+    def _take_sync(self, reply: TimeSyncReply, at_ns: int, link: Link) -> None:
+        self._clock.add_reply(reply, at_ns)
+        if self._board_up is None:
+            return
+        if len(self._clock) >= SYNC_BURST:
+            self._announce()
+            return
+        with contextlib.suppress(LinkClosed):  # the next recv reports it
+            link.send(TimeSyncRequest(now_ns()))
+
+    def _announce(self) -> None:
+        if self._board_up is not None:
+            self._pipe.send(self._board_up)
+            self._board_up = None
+
+    def _take_pose(self, pose: PoseMessage, at_ns: int) -> None:
+        flight = self._flights.pop(pose.frame_id, None)
+        if flight is None:
+            self._counts = replace(self._counts, late_poses=self._counts.late_poses + 1)
+        else:
+            self._finish(
+                FrameResult(
+                    pose.frame_id,
+                    "accepted" if pose.accepted else "declined",
+                    pose.reason,
+                    flight.job.due_ns,
+                    flight.send_start_ns,
+                    flight.send_end_ns,
+                    at_ns,
+                    pose,
+                    self._clock.offset_ns,
+                )
+            )
+        self._release(pose.frame_id)
+
+    def _release(self, frame_id: int) -> None:
+        """Frames up to this one are no longer at the board; those without an answer never get one."""
+        self._held = [held for held in self._held if held > frame_id]
+        for passed in [f for f in self._flights if f <= frame_id]:
+            if self._flights[passed].damage_seen:
+                self._drop_flight(passed, "corrupt", "frame or pose was damaged on the line")
+            else:
+                self._drop_flight(passed, "skipped", "the board released the frame without an answer")
+
+    def _take_error(self, error: ErrorMessage) -> None:
+        if error.frame_id in self._flights:
+            self._drop_flight(error.frame_id, "corrupt", error.text)
+            self._held.remove(error.frame_id)
+        elif error.frame_id == NO_FRAME and error.code == ErrorCode.CORRUPT:
+            for flight in self._flights.values():
+                flight.damage_seen = True
+        elif error.code in (ErrorCode.MODEL, ErrorCode.VERSION):
+            self._board_left(error.text)
+
+    def _board_left(self, reason: str) -> None:
+        link, self._link, self._ack, self._board_up = self._link, None, None, None
+        if link is not None:
+            self._add_counts(link)
+            link.close()
+        # first of all, so that a run in lockstep does not send the next frame into the void
+        self._pipe.send(BoardDown(reason))
+        self._lose_flights(reason)
+
+    def _lose_flights(self, reason: str) -> None:
+        for frame_id in list(self._flights):
+            self._drop_flight(frame_id, "disconnected", reason)
+        self._held = []
+
+    def _add_counts(self, link: Link) -> None:
+        c, s = self._counts, link.stats
+        self._counts = replace(
+            c,
+            packets_sent=c.packets_sent + s.sent,
+            packets_received=c.packets_received + s.received,
+            packets_corrupt=c.packets_corrupt + s.corrupt,
+            sequence_gaps=c.sequence_gaps + s.sequence_gaps,
+            clock_round_trip_ns=self._clock.round_trip_ns,
+        )
+
+    def _sync_clock(self) -> None:
+        if self._link is not None and self._ack is not None and now_ns() >= self._next_sync_ns:
+            self._next_sync_ns = now_ns() + SYNC_EVERY_NS
+            self._announce()  # a board that never answers clock requests may still answer frames
+            try:
+                self._link.send(TimeSyncRequest(now_ns()))
+            except LinkClosed as error:
+                self._board_left(str(error))
+
+    def _shut(self, reason: str) -> None:
+        if self._link is not None:
+            self._add_counts(self._link)
+            self._link.close(reason)
+        self._listener.close()
+        if self._truth is not None:
+            self._truth.close()
+        with contextlib.suppress(OSError):  # the run may be gone
+            self._pipe.send(Closed(self._counts))
+
+
+def main() -> None:
+    """Entry of the process: two inherited descriptors, the pipe's and the pixels'."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the run decides what Ctrl-C means
+    pipe = Connection(int(sys.argv[1]))
+    config: LinkConfig = pipe.recv()
+    try:
+        server = LinkServer(pipe, int(sys.argv[2]), config)
+    except LinkError as error:
+        pipe.send(Failed(str(error)))
+        return
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # the run died
+        server.run()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,152 @@
+"""A page people look at, made from any ledger folder: report.html and its plots."""
+
+from __future__ import annotations
+
+import html
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from hil.host.ledger import read_ledger
+from hil.host.report_plots import draw_plots
+from hil.host.summary import SUMMARY_JSON, LedgerSummary, summarise
+from simulator.errors import UserError
+from simulator.files import write_atomic
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.host.ledger import LedgerRow
+
+REPORT_HTML = "report.html"
+PLOT_FOLDER = "report"
+
+CAPTIONS = {
+    "latency": "From the first byte of the frame to the pose back, on the link process's monotonic clock.",
+    "timeline": "Every frame in order; a red line is a frame without an answer.",
+    "jitter": "Change from one answer to the next; in real time also how late frames left.",
+    "outcomes": "Each frame that was offered to the link has exactly one outcome.",
+    "stages": "Medians do not add up to the median of the whole; link times rest on the clock offset.",
+    "errors": "Against the truth that stayed at the host.",
+}
+
+STYLE = """
+body{font:15px/1.5 system-ui,sans-serif;color:#1f2933;background:#f5f7fa;margin:0}
+main{max-width:1080px;margin:0 auto;padding:32px 24px 64px}
+h1{font-size:26px;margin:0 0 2px}p.dim,figcaption{color:#7b8794;font-size:13px;margin:2px 0 0}
+.tiles{display:flex;flex-wrap:wrap;gap:12px;margin:22px 0}
+.tile{background:#fff;border:1px solid #e4e7eb;border-radius:8px;padding:12px 18px;flex:1 1 130px}
+.tile b{display:block;font-size:22px;font-variant-numeric:tabular-nums}
+.tile span{color:#7b8794;font-size:13px}
+figure{background:#fff;border:1px solid #e4e7eb;border-radius:8px;padding:14px;margin:0 0 16px}
+img{width:100%;height:auto;display:block}
+table{border-collapse:collapse;background:#fff;border:1px solid #e4e7eb;border-radius:8px;width:100%}
+td,th{padding:6px 14px;text-align:right;border-top:1px solid #e4e7eb;font-variant-numeric:tabular-nums}
+th:first-child,td:first-child{text-align:left}th{border-top:0;color:#7b8794;font-weight:600;font-size:13px}
+"""
+
+
+def write_report(folder: Path) -> Path:
+    """Write ``report.html`` into a ledger folder; returns its path.
+
+    A ledger without summary.json (the host was killed) is summarised from its rows.
+
+    Raises
+    ------
+    UserError
+        If there is no ledger, or the folder cannot be written.
+    """
+    rows = read_ledger(folder)
+    summary = _summary(folder, rows)
+    plots = folder / PLOT_FOLDER
+    try:
+        plots.mkdir(exist_ok=True)
+        names = draw_plots(rows, summary.deadline_ms, plots)
+    except OSError as error:
+        raise UserError(
+            f"the report cannot be written to {folder} ({error.strerror}): copy the ledger elsewhere"
+        ) from error
+    path = folder / REPORT_HTML
+    write_atomic(path, _page(summary, names).encode())
+    return path
+
+
+def _summary(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary:
+    path = folder / SUMMARY_JSON
+    if not path.is_file():
+        return summarise(
+            rows,
+            started_utc=rows[0].epoch_utc if rows else "",
+            ended="failed",
+            mode="realtime" if any(row.send_lag_ms is not None for row in rows) else "lockstep",
+            truth="off",
+            url="",
+            timeout_s=0.0,
+        )
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=LedgerSummary)
+    except msgspec.DecodeError as error:
+        raise UserError(f"{path} is not a ledger summary of this version: {error}") from error
+
+
+def _text(value: float | None, unit: str, digits: int = 3) -> str:
+    return "&ndash;" if value is None else f"{value:.{digits}g}&thinsp;{unit}"
+
+
+def _page(s: LedgerSummary, names: Sequence[str]) -> str:
+    share = f"{s.accepted / s.sent:.0%}" if s.sent else "&ndash;"
+    tiles = [
+        (f"{s.sent}", "frames sent"),
+        (f"{s.accepted} ({share})", "poses accepted"),
+        (f"{s.declined}", "declined"),
+        (f"{s.dropped_total}", "dropped"),
+        (_text(s.e2e_ms_p50, "ms"), "latency p50"),
+        (_text(s.e2e_ms_p99, "ms"), "latency p99"),
+        (_text(s.e2e_ms_max, "ms"), "latency max"),
+        (_text(s.median_E_T_m, "m"), "median E_T, accepted"),
+        (_text(s.median_E_R_deg, "deg"), "median E_R, accepted"),
+    ]
+    if s.deadline_misses is not None:
+        tiles.insert(7, (f"{s.deadline_misses}", f"later than {_text(s.deadline_ms, 'ms')}"))
+    tile_html = "".join(f'<div class="tile"><b>{value}</b><span>{name}</span></div>' for value, name in tiles)
+    figures = "".join(
+        f'<figure><img src="{PLOT_FOLDER}/{name}.png" alt="{name}">'
+        f"<figcaption>{CAPTIONS[name]}</figcaption></figure>"
+        for name in names
+    )
+    stages = "".join(
+        f"<tr><td>{html.escape(t.name)}</td><td>{t.p50_ms:.3f}</td>"
+        f"<td>{t.p99_ms:.3f}</td><td>{t.max_ms:.3f}</td></tr>"
+        for t in s.stages
+    )
+    table = (
+        "<table><tr><th>board stage</th><th>p50 [ms]</th><th>p99 [ms]</th><th>max [ms]</th></tr>"
+        f"{stages}</table>"
+        if stages
+        else ""
+    )
+    causes = ", ".join(f"{n} {html.escape(cause)}" for cause, n in s.dropped.items()) or "none"
+    board = (
+        "no board"
+        if s.board is None
+        else f"{html.escape(s.board.name)}, method {html.escape(s.board.method)}"
+    )
+    trip = _text(s.link.clock_round_trip_ms, "ms")
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>Flyaround: hardware in the loop</title>
+<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head><body><main>
+<h1>Hardware in the loop</h1>
+<p class="dim">{html.escape(s.started_utc)} &middot; {s.mode} &middot; {html.escape(s.url)}
+&middot; truth {s.truth} &middot; {s.ended.replace("_", " ")}</p>
+<p class="dim">Board: {board}.
+Host: {html.escape(s.machine.processor)}, {s.machine.cpus} CPUs, {html.escape(s.machine.system)}.</p>
+<div class="tiles">{tile_html}</div>
+<p class="dim">{s.sent} sent = {s.accepted} accepted + {s.declined} declined + {s.dropped_total} dropped
+(causes: {causes}).
+Link: {s.link.packets_sent} packets out, {s.link.packets_received} in, {s.link.packets_corrupt} damaged,
+{s.link.sessions} session(s), clock exchange {trip} round trip.</p>
+<br>{figures}{table}
+<p class="dim">Rows: <a href="frames.csv">frames.csv</a> &middot; <a href="summary.json">summary.json</a></p>
+</main></body></html>
+"""

@@ -1,0 +1,162 @@
+"""TCP: length-prefixed packets, no delay, deadlines on both directions."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import select
+import socket
+import time
+from typing import Optional
+
+from hil.link.errors import LinkClosed, LinkError
+from hil.link.framing import LengthFraming
+from hil.link.transport import StreamTransport
+
+# a peer that takes no byte for this long is gone
+SEND_STALL_S = 10.0
+
+
+def _wait(sock: socket.socket, event: int, timeout_s: float) -> bool:
+    poller = select.poll()
+    poller.register(sock, event)
+    return bool(poller.poll(timeout_s * 1e3))
+
+
+class TcpTransport(StreamTransport):
+    """One TCP connection."""
+
+    def __init__(self, sock: socket.socket, name: str, send_stall_s: float = SEND_STALL_S) -> None:
+        super().__init__(name, LengthFraming())
+        sock.setblocking(False)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._sock = sock
+        self._send_stall_s = send_stall_s
+
+    def fileno(self) -> int:
+        """The socket's."""
+        return self._sock.fileno()
+
+    def close(self) -> None:
+        """Shut the connection; a second call does nothing."""
+        if not self._closed:
+            self._closed = True
+            with contextlib.suppress(OSError):  # the other side may have been faster
+                self._sock.shutdown(socket.SHUT_RDWR)
+            self._sock.close()
+
+    def _write(self, data: bytes) -> None:
+        view = memoryview(data)
+        try:
+            while view:
+                try:
+                    view = view[self._sock.send(view) :]
+                except BlockingIOError:
+                    if not _wait(self._sock, select.POLLOUT, self._send_stall_s):
+                        raise LinkClosed(
+                            f"{self.name} took no byte for {self._send_stall_s:g} s:"
+                            " it hangs or the network is cut"
+                        ) from None
+        except OSError as error:
+            raise LinkClosed(f"{self.name} went away while it was sent to ({error.strerror})") from error
+
+    def _read(self, timeout_s: float) -> bytes:
+        try:
+            try:
+                data = self._sock.recv(1 << 20)
+            except BlockingIOError:
+                if timeout_s <= 0 or not _wait(self._sock, select.POLLIN, timeout_s):
+                    return b""
+                data = self._sock.recv(1 << 20)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise LinkClosed(f"{self.name} went away ({error.strerror})") from error
+        if not data:
+            raise LinkClosed(f"{self.name} closed the connection")
+        return data
+
+
+def connect_tcp(host: str, port: int, timeout_s: float) -> TcpTransport:
+    """Connect, retrying while nobody listens yet.
+
+    Raises
+    ------
+    LinkError
+        If nobody listens before ``timeout_s`` has passed.
+    """
+    deadline = time.monotonic() + timeout_s
+    while True:
+        left = deadline - time.monotonic()
+        try:
+            sock = socket.create_connection((host, port), timeout=max(0.1, left))
+        except socket.gaierror as error:
+            raise LinkError(
+                f"host name {host!r} is unknown: check the link URL tcp://{host}:{port}"
+            ) from error
+        except OSError as error:
+            if left <= 0:
+                reason = error.strerror or "no answer"
+                raise LinkError(
+                    f"nobody listens on tcp://{host}:{port} ({reason}, tried for {timeout_s:g} s):"
+                    " start the other side first, or check host and port"
+                ) from error
+            time.sleep(min(0.1, max(0.0, left)))
+        else:
+            return TcpTransport(sock, f"tcp://{host}:{port}")
+
+
+class TcpListener:
+    """A listening socket."""
+
+    def __init__(self, host: str, port: int) -> None:
+        sock = None
+        try:
+            family, kind, proto, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+            sock = socket.socket(family, kind, proto)
+            # a port in TIME_WAIT after the last run is free; one that somebody listens on is not
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            sock.bind(address)
+            sock.listen(8)
+        except OSError as error:
+            if sock is not None:
+                sock.close()
+            if error.errno == errno.EADDRINUSE:
+                raise LinkError(
+                    f"port {port} on {host} is in use by another program:"
+                    " stop it, or choose another port in the link URL"
+                ) from error
+            raise LinkError(
+                f"cannot listen on tcp://{host}:{port} ({error.strerror}): choose another address or port"
+            ) from error
+        sock.setblocking(False)
+        self._sock = sock
+        bound = sock.getsockname()[1]
+        self.url = f"tcp://[{host}]:{bound}" if ":" in host else f"tcp://{host}:{bound}"
+
+    def accept_socket(self, timeout_s: float) -> Optional[socket.socket]:
+        """The bare connection of whoever came, None after ``timeout_s``."""
+        try:
+            return self._sock.accept()[0] if _wait(self._sock, select.POLLIN, timeout_s) else None
+        except (BlockingIOError, ConnectionError):
+            return None  # it came and went
+
+    def accept(self, timeout_s: float) -> Optional[TcpTransport]:
+        """A line to whoever came, None after ``timeout_s``."""
+        sock = self.accept_socket(timeout_s)
+        if sock is None:
+            return None
+        try:
+            peer = sock.getpeername()
+            return TcpTransport(sock, f"tcp://{peer[0]}:{peer[1]}")
+        except OSError:  # it left again
+            sock.close()
+            return None
+
+    def fileno(self) -> int:
+        """The socket's."""
+        return self._sock.fileno()
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._sock.close()

@@ -1,0 +1,145 @@
+"""Test vectors of the protocol: packets as bytes and as fields, for decoders written elsewhere.
+
+``python -m hil.link.vectors > docs/hil_vectors.json`` writes them anew.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from enum import IntEnum
+from typing import Any, Dict, List, Tuple
+
+from hil.link import cobs
+from hil.link.framing import PREFIX
+from hil.link.messages import (
+    Bye,
+    Credit,
+    Encoding,
+    ErrorCode,
+    ErrorMessage,
+    FrameChunk,
+    FrameHeader,
+    Hello,
+    HelloAck,
+    Message,
+    Mode,
+    PoseMessage,
+    TimeSyncReply,
+    TimeSyncRequest,
+    TruthMessage,
+    TruthPolicy,
+)
+from hil.link.packets import PROTOCOL_VERSION, Packet, encode_packet
+
+SESSION_ID = 0x0123456789ABCDEF
+
+_CAMERA = {
+    "width_px": 1920,
+    "height_px": 1200,
+    "fx_px": 3003.41297,
+    "fy_px": 3003.41297,
+    "cx_px": 959.5,
+    "cy_px": 599.5,
+    "distortion": {"model": "none", "coefficients": []},
+}
+
+EXAMPLES: List[Tuple[str, Message]] = [
+    ("hello", Hello(3, 2, "tango", "5a" * 32, "svd", "bench board, aarch64")),
+    (
+        "hello_ack",
+        HelloAck(
+            _CAMERA,
+            1920,
+            1200,
+            8,
+            Encoding.ZSTD,
+            Mode.REALTIME,
+            TruthPolicy.SEPARATE,
+            2,
+            262144,
+            "tango",
+            "5a" * 32,
+        ),
+    ),
+    ("time_sync_request", TimeSyncRequest(1_000_000_007)),
+    ("time_sync_reply", TimeSyncReply(1_000_000_007, 77_000_000_001, 77_000_000_900)),
+    (
+        "frame_header",
+        FrameHeader(
+            41,
+            1920,
+            1200,
+            8,
+            Encoding.RAW,
+            2304000,
+            9,
+            0.012,
+            4.1,
+            987654321012345,
+            "2026-11-21T03:31:40.123456Z",
+        ),
+    ),
+    ("frame_chunk", FrameChunk(41, 3, 786432, bytes(range(256)))),
+    (
+        "pose_accepted",
+        PoseMessage(
+            41,
+            accepted=True,
+            q_camera_from_target_wxyz=(0.5, -0.5, 0.5, -0.5),
+            t_camera_from_target_m=(0.125, -0.25, 9.75),
+            confidence=0.875,
+            stages_ms=(("gradient", 5.5), ("roi", 0.25), ("pnp", 12.125)),
+            receive_ns=77_000_001_000,
+            start_ns=77_000_002_000,
+            end_ns=77_018_002_000,
+        ),
+    ),
+    (
+        "pose_declined",
+        PoseMessage(
+            42, accepted=False, reason="too few lines: 3 of at least 5", receive_ns=1, start_ns=2, end_ns=3
+        ),
+    ),
+    ("credit", Credit(42, 2)),
+    ("truth", TruthMessage(41, {"q_camera_from_target_wxyz": [0.5, -0.5, 0.5, -0.5], "seed": 7})),
+    ("bye", Bye("the run is over")),
+    ("error", ErrorMessage(ErrorCode.INCOMPLETE, "frame 41 lost a packet on the line", 41)),
+]
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - a dataclass field
+    if isinstance(value, IntEnum):
+        return int(value)
+    return value.hex() if isinstance(value, bytes) else value
+
+
+def vectors() -> Dict[str, Any]:
+    """The document: packets in hexadecimal with their fields, as they are on TCP and on a serial line."""
+    entries = []
+    for sequence, (name, message) in enumerate(EXAMPLES):
+        data = encode_packet(Packet(message.TYPE, message.encode(), SESSION_ID, sequence))
+        fields = {f.name: _plain(getattr(message, f.name)) for f in dataclasses.fields(message)}
+        entries.append(
+            {
+                "name": name,
+                "type": int(message.TYPE),
+                "session_id": f"{SESSION_ID:016x}",
+                "sequence": sequence,
+                "fields": fields,
+                "packet_hex": data.hex(),
+                "tcp_hex": (PREFIX.pack(len(data)) + data).hex(),
+                "serial_hex": (b"\0" + cobs.encode(data) + b"\0").hex(),
+            }
+        )
+    return {
+        "schema": "flyaround.hil_vectors",
+        "version": 1,
+        "protocol_version": PROTOCOL_VERSION,
+        "vectors": entries,
+    }
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(vectors(), indent=1) + "\n")

@@ -1,0 +1,103 @@
+"""A whole run over a serial line: two pseudo-terminals wired to each other."""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import threading
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from hil.board.agent import run_board
+from hil.host.run import HostFrame, run_host
+
+
+@contextmanager
+def null_modem(damage_every: int = 0):
+    """Two serial devices; flips a bit in every ``damage_every``-th byte on its way from left to right."""
+    ends = [pty.openpty() for _ in range(2)]
+    stop = threading.Event()
+
+    def wire() -> None:
+        masters, seen = [master for master, _ in ends], 0
+        while not stop.is_set():
+            for ready in select.select(masters, [], [], 0.05)[0]:
+                data = bytearray(os.read(ready, 4096))
+                if ready == masters[0] and damage_every:
+                    for k in range(len(data)):
+                        seen += 1
+                        if seen % damage_every == 0:
+                            data[k] ^= 0x20
+                other = masters[1 - masters.index(ready)]
+                while data:
+                    del data[: os.write(other, data)]
+
+    thread = threading.Thread(target=wire, daemon=True)
+    thread.start()
+    try:
+        yield [os.ttyname(slave) for _, slave in ends]
+    finally:
+        stop.set()
+        thread.join(2.0)
+        for end in ends:
+            for fd in end:
+                os.close(fd)
+
+
+class Mean:
+    """Says how bright the image is, as a distance."""
+
+    accepted, reason, confidence = True, "", 1.0
+    q_camera_from_target_wxyz = (1.0, 0.0, 0.0, 0.0)
+
+    def __init__(self, _camera) -> None:
+        self.stages_ms = {"mean": 0.1}
+
+    def estimate(self, image):
+        self.t_camera_from_target_m = (0.0, 0.0, float(image.mean()))
+        return self
+
+
+def noise(k: int):
+    return np.random.default_rng(k).integers(0, 256, (60, 80), dtype=np.uint8)
+
+
+def frames(n: int):
+    for k in range(n):
+        yield HostFrame(k, "2026-01-01T00:00:00Z", 0.1 * k, 0.01, noise(k), {"width_px": 80}, {}, 0.0)
+
+
+@pytest.mark.parametrize("damage_every", [0, 12_000])
+def test_run_over_a_serial_line(damage_every):
+    rows, ended = [], []
+    with null_modem(damage_every) as (left, right):
+        board = threading.Thread(
+            target=lambda: ended.append(
+                run_board(f"serial://{right}?baud=921600", make_estimator=Mean, connect_timeout_s=10.0)
+            )
+        )
+        summary = run_host(
+            frames(15),
+            url=f"serial://{left}?baud=921600",
+            mode="lockstep",
+            truth="off",
+            log_dir=None,
+            timeout_s=1.0,
+            on_row=rows.append,
+            on_listening=lambda *_: board.start(),
+        )
+        board.join(5.0)
+    assert summary.board.encoding == "zstd"
+    assert summary.sent == 15 == summary.accepted + summary.dropped_total
+    if damage_every:
+        assert summary.dropped.keys() == {"corrupt"}
+        assert 3 <= summary.dropped["corrupt"] <= 9
+    else:
+        assert summary.accepted == 15
+        assert ended[0].goodbye
+    for row in rows:
+        if row.outcome == "accepted":
+            assert row.t_m[2] == noise(row.frame_id).mean()

@@ -1,0 +1,233 @@
+"""Handshake, clock offset, and frames as chunks."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hil.link.clock import ClockFilter
+from hil.link.errors import LinkError, PacketError
+from hil.link.images import (
+    FrameAssembler,
+    chunk_count,
+    chunks,
+    decode_image,
+    encode_image,
+    supported_encodings,
+)
+from hil.link.messages import Bye, Encoding, ErrorCode, FrameHeader, Hello, HelloAck
+from hil.link.packets import Packet, PacketType
+from hil.link.session import Link, answer_hello, greet_host, refuse
+from hil.link.transport import virtual_pair
+
+CAMERA = {"width_px": 64, "height_px": 48}
+TERMS = HelloAck(CAMERA, 64, 48, window=4, target_name="tango", target_sha256="ab" * 32)
+
+
+def host_side(transport, act) -> threading.Thread:
+    """Run ``act(link, hello)`` once a HELLO came."""
+
+    def serve() -> None:
+        link = Link(transport)
+        act(link, link.recv(5.0))
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    return thread
+
+
+def test_handshake_settles_session_window_and_camera():
+    board, host = virtual_pair()
+
+    def act(link, hello):
+        link.session_id = 77
+        link.send(answer_hello(hello, TERMS, compress=False))
+
+    thread = host_side(host, act)
+    link = Link(board)
+    terms = greet_host(link, Hello(supported_encodings(), 2, "tango", "ab" * 32, "svd", "test"), 5.0)
+    thread.join()
+    assert (terms.camera, terms.window, terms.encoding, link.session_id) == (CAMERA, 2, Encoding.RAW, 77)
+
+
+@pytest.mark.parametrize(
+    ("offered", "compress", "chosen"),
+    [(0b11, True, Encoding.ZSTD), (0b01, True, Encoding.RAW), (0b11, False, Encoding.RAW)],
+)
+def test_compression_is_what_both_can_and_the_host_wants(offered, compress, chosen):
+    assert answer_hello(Hello(offered, 1), TERMS, compress=compress).encoding == chosen
+
+
+@pytest.mark.parametrize(
+    ("hello", "sentence"),
+    [
+        (
+            Hello(model_name="cygnus"),
+            r"model of 'cygnus' but the host flies 'tango': start the board with --target",
+        ),
+        (
+            Hello(model_name="tango", model_sha256="cd" * 32),
+            r"\(cdcdcdcdcdcd\) is not the one .*copy it to the board",
+        ),
+    ],
+)
+def test_another_model_is_refused(hello, sentence):
+    with pytest.raises(LinkError, match=sentence):
+        answer_hello(hello, TERMS, compress=False)
+
+
+def test_an_unnamed_model_is_not_checked():
+    assert answer_hello(Hello(), replace(TERMS, target_name=""), compress=False).window == 1
+
+
+def test_the_board_hears_why_it_is_refused():
+    board, host = virtual_pair()
+    thread = host_side(host, lambda link, _: refuse(link, ErrorCode.BUSY, "another board is connected"))
+    with pytest.raises(LinkError, match="refuses: another board is connected"):
+        greet_host(Link(board), Hello(), 5.0)
+    thread.join()
+
+
+def test_version_mismatch_is_one_sentence_at_the_board():
+    board, host = virtual_pair()
+    host.send_packet(Packet(PacketType.BYE, Bye("later protocol").encode(), version=9))
+    with pytest.raises(
+        LinkError, match="speaks link protocol 9 and this one 1: install the same version"
+    ) as caught:
+        greet_host(Link(board), Hello(), 5.0)
+    assert "\n" not in str(caught.value)
+
+
+def test_silence_is_one_sentence():
+    board, _host = virtual_pair()
+    with pytest.raises(LinkError, match=r"no flyaround host answers on it \(waited 0\.2 s\)"):
+        greet_host(Link(board), Hello(), 0.2)
+
+
+def test_hello_is_repeated_on_a_line_that_loses_it():
+    board, host = virtual_pair(cobs=True)
+    seen = []
+
+    def act(link, hello):
+        seen.append((hello, link.last_sequence))
+        seen.append((link.recv(5.0), link.last_sequence))
+        link.send(TERMS)
+
+    thread = host_side(host, act)
+    assert greet_host(Link(board), Hello(board="x"), 5.0, repeat_s=0.05).camera == CAMERA
+    thread.join()
+    assert [s for _, s in seen] == [0, 1]
+    assert seen[0][0] == seen[1][0] == Hello(board="x")
+
+
+def test_packets_of_an_earlier_session_are_left_out():
+    a, b = virtual_pair()
+    old, new, receiver = Link(a, 1), Link(a, 2), Link(b, 2)
+    old.send(Bye("old"))
+    new.send(Bye("new"))
+    assert receiver.recv(1.0) == Bye("new")
+    assert receiver.stats.stale == 1
+
+
+# --- clock ---------------------------------------------------------------------------------
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.integers(-(10**15), 10**15),
+    st.lists(
+        st.tuples(st.integers(0, 10**7), st.integers(0, 10**7), st.integers(0, 10**6)),
+        min_size=1,
+        max_size=16,
+    ),
+)
+def test_offset_is_within_half_the_smallest_round_trip(offset_ns, delays):
+    clock, now = ClockFilter(), 10**16
+    for out, back, work in delays:
+        clock.add(now, now + out + offset_ns, now + out + work + offset_ns, now + out + work + back)
+        now += 10**9
+    best = min(out + back for out, back, _ in delays)
+    assert clock.round_trip_ns == best
+    assert abs(clock.offset_ns - offset_ns) <= best / 2 + 1
+
+
+def test_a_clock_that_runs_backwards_is_left_out():
+    clock = ClockFilter()
+    clock.add(100, 0, 500, 200)
+    assert clock.offset_ns is None
+    assert clock.round_trip_ns is None
+
+
+# --- images --------------------------------------------------------------------------------
+
+
+def frame(frame_id: int, image, encoding: Encoding, chunk_bytes: int):
+    data = encode_image(image, encoding)
+    rows, columns = image.shape
+    bits = 8 * image.dtype.itemsize
+    count = chunk_count(len(data), chunk_bytes)
+    header = FrameHeader(
+        frame_id, columns, rows, bits, encoding, len(data), count, 0.01, 0.0, 1, "2026-01-01T00:00:00Z"
+    )
+    parts = list(chunks(frame_id, data, chunk_bytes))
+    assert len(parts) == count
+    return header, parts
+
+
+@pytest.mark.parametrize("encoding", list(Encoding))
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("chunk_bytes", [100, 1 << 18])
+def test_image_round_trip_in_any_order(encoding, dtype, chunk_bytes):
+    rng = np.random.default_rng(2)
+    image = rng.integers(0, np.iinfo(dtype).max, (48, 65), dtype=dtype, endpoint=True)
+    header, parts = frame(3, image, encoding, chunk_bytes)
+    rng.shuffle(parts)
+    assembler = FrameAssembler()
+    assembler.header(header)
+    done = [assembler.chunk(part) for part in parts]
+    assert all(d is None for d in done[:-1])
+    assert done[-1] is not None
+    assert done[-1][0] == header
+    np.testing.assert_array_equal(done[-1][1], image)
+    assert not done[-1][1].flags.writeable
+    assert assembler.lost() == []
+
+
+def test_a_frame_that_misses_a_chunk_is_named_once():
+    image = np.zeros((20, 20), np.uint8)
+    (first, parts), (second, more) = frame(1, image, Encoding.RAW, 100), frame(2, image, Encoding.RAW, 100)
+    assembler = FrameAssembler()
+    assembler.header(first)
+    for part in parts[:-1]:
+        assembler.chunk(part)
+    assembler.header(second)
+    assert assembler.lost() == [1]
+    for part in more:
+        done = assembler.chunk(part)
+    assert done is not None
+    assert assembler.lost() == []
+
+
+def test_a_frame_without_header_is_named_once():
+    _, parts = frame(5, np.zeros((20, 20), np.uint8), Encoding.RAW, 100)
+    assembler = FrameAssembler()
+    for part in parts:
+        assert assembler.chunk(part) is None
+    assert assembler.lost() == [5]
+
+
+def test_damaged_zstd_and_lying_sizes_are_refused():
+    header, parts = frame(1, np.zeros((40, 40), np.uint8), Encoding.ZSTD, 1 << 18)
+    with pytest.raises(PacketError, match="damaged"):
+        decode_image(b"\0" * 40, header)
+    with pytest.raises(PacketError, match="unexpected size"):
+        decode_image(parts[0].data, replace(header, height_px=400))
+    with pytest.raises(PacketError, match="expected 1600"):
+        decode_image(b"\0" * 40, replace(header, encoding=Encoding.RAW))
+    with pytest.raises(PacketError, match="refused"):
+        FrameAssembler().header(replace(header, total_bytes=2**31))
