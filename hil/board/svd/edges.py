@@ -1,0 +1,199 @@
+"""Thin edges of a region of the picture, by direction, with the distance and way to the nearest one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Tuple
+
+import cv2
+import numpy as np
+
+Array = np.ndarray
+
+CHANNELS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeField:
+    """Directional nearest-edge tables of one region at one scale.
+
+    Parameters
+    ----------
+    x0, y0 : the region's corner, full-resolution pixels; factor : full-resolution pixels per field pixel.
+    mask : (h, w) thin edges. angle : (h, w) direction of the gradient, 0..pi.
+    distance : (K, h, w) float32 distance to the nearest edge of about that direction [field px].
+    nearest : (K, h, w, 2) float32 where that edge is [field px].
+    strength : (h, w) gradient magnitude in units of its noise.
+    lit : (h, w) whether anything within two pixels is brighter than the empty background.
+    direction : (h, w) direction of the gradient, -pi..pi, towards the brighter side.
+    empty : whether the background is empty space.
+    core : (h, w) what is brighter than empty background less the rim that blur lit; none when
+        it is not empty.
+    """
+
+    x0: float
+    y0: float
+    factor: float
+    mask: Array
+    angle: Array
+    distance: Array
+    nearest: Array
+    strength: Array
+    lit: Array
+    core: Array
+    direction: Array
+    empty: bool
+
+    @property
+    def size(self) -> Tuple[int, int]:
+        """Width and height [field px]."""
+        return self.mask.shape[1], self.mask.shape[0]
+
+    def to_field(self, pixels: Array) -> Array:
+        """Field coordinates of full-resolution pixels (..., 2)."""
+        return (pixels - (self.x0, self.y0) + 0.5) / self.factor - 0.5
+
+    def lookup(self, uv: Array, angle: Array) -> Tuple[Array, Array]:
+        """Flat indices into (K, h, w) tables, and whether the point lies in the field.
+
+        Parameters
+        ----------
+        uv : (..., 2) field coordinates. angle : (...) direction of the model edge's normal, 0..pi.
+        """
+        w, h = self.size
+        x = np.rint(uv[..., 0])
+        y = np.rint(uv[..., 1])
+        inside = (x >= 0) & (x < w) & (y >= 0) & (y < h)
+        xi = np.clip(x, 0, w - 1).astype(np.intp)
+        yi = np.clip(y, 0, h - 1).astype(np.intp)
+        k = np.rint(angle * (CHANNELS / np.pi)).astype(np.intp) % CHANNELS
+        return (k * h + yi) * w + xi, inside
+
+
+@lru_cache(maxsize=32)
+def gradient_noise(blur_px: float) -> float:
+    """Noise of one gradient component for white noise of unit variance, through the same filters."""
+    noise = np.random.default_rng(1).standard_normal((192, 192)).astype(np.float32)
+    gx, _ = gradient(noise, blur_px)
+    return float(np.std(gx[16:-16, 16:-16]))
+
+
+def gradient(image: Array, blur_px: float) -> Tuple[Array, Array]:
+    """Gradient per pixel of a blurred float32 image, Scharr's kernels (nearly isotropic)."""
+    blurred = cv2.GaussianBlur(image, (0, 0), blur_px) if blur_px > 0 else image
+    return (
+        cv2.Scharr(blurred, cv2.CV_32F, 1, 0, scale=1 / 32),
+        cv2.Scharr(blurred, cv2.CV_32F, 0, 1, scale=1 / 32),
+    )
+
+
+def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) -> Tuple[Array, float]:
+    """A region reduced by area averaging (which averages noise too) to ``longest_px`` at most."""
+    crop = image[y0:y1, x0:x1]
+    factor = max(1.0, max(crop.shape) / longest_px)
+    if factor > 1.0:
+        size = (max(8, round(crop.shape[1] / factor)), max(8, round(crop.shape[0] / factor)))
+        crop = cv2.resize(crop, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(crop, np.float32), factor
+
+
+def thin_edges(gx: Array, gy: Array, sigma: float, low: float, high: float) -> Tuple[Array, Array]:
+    """Canny's thinning and hysteresis with thresholds in units of the gradient's noise."""
+    magnitude = cv2.magnitude(gx, gy)
+    top = max(float(magnitude.max()), 1e-9)
+    scale = 8000.0 / top
+    mask = cv2.Canny(
+        np.clip(gx * scale, -32000, 32000).astype(np.int16),
+        np.clip(gy * scale, -32000, 32000).astype(np.int16),
+        max(low * sigma * scale, 2.0),
+        max(high * sigma * scale, 3.0),
+        L2gradient=True,
+    )
+    return mask > 0, magnitude
+
+
+def edge_field(
+    image: Array,
+    box: Tuple[int, int, int, int],
+    noise: float,
+    longest_px: int,
+    high: float = 6.0,
+    low: float = 3.0,
+    background: float = -1.0,
+) -> EdgeField:
+    """Edge tables of ``box`` (x0, y0, x1, y1), reduced to ``longest_px``.
+
+    Parameters
+    ----------
+    noise : standard deviation of the picture's noise, in the picture's units.
+    background : level of empty space; negative when the background is not empty (all counts as lit then).
+    """
+    x0, y0, x1, y1 = box
+    small, factor = shrink(image, x0, y0, x1, y1, longest_px)
+    blur = 1.0 if factor >= 3 else (1.3 if factor >= 1.8 else 1.7)
+    gx, gy = gradient(small, blur)
+    # area averaging over factor^2 independent pixels
+    sigma = max(noise / factor * gradient_noise(blur), 1e-6)
+    mask, magnitude = thin_edges(gx, gy, sigma, low, high)
+    mask = drop_specks(mask, 5)
+    direction = np.arctan2(gy, gx)
+    angle = np.mod(direction, np.pi).astype(np.float32)
+    distance, nearest = tables(mask, angle)
+    lit, core = np.ones(mask.shape, bool), np.zeros(mask.shape, bool)
+    if background >= 0:
+        # a Gaussian of b pixels averages 4 pi b^2 of them
+        level = cv2.GaussianBlur(small, (0, 0), blur)
+        step = 4.0 * noise / factor / (2 * np.sqrt(np.pi) * blur)
+        bright = (level > background + step).astype(np.uint8)
+        lit = cv2.dilate(bright, np.ones((5, 5), np.uint8)) > 0
+        core = cv2.erode(bright, np.ones((5, 5), np.uint8)) > 0
+    return EdgeField(
+        x0=float(x0),
+        y0=float(y0),
+        factor=factor,
+        mask=mask,
+        angle=angle,
+        distance=distance,
+        nearest=nearest,
+        strength=magnitude / sigma,
+        lit=lit,
+        core=core,
+        direction=direction,
+        empty=background >= 0,
+    )
+
+
+def drop_specks(mask: Array, smallest: int) -> Array:
+    """The mask without connected components of fewer than ``smallest`` pixels."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    if count <= 1:
+        return mask
+    keep = stats[:, cv2.CC_STAT_AREA] >= smallest
+    keep[0] = False
+    return np.asarray(keep[labels])
+
+
+def tables(mask: Array, angle: Array) -> Tuple[Array, Array]:
+    """Directional distance transforms (K, h, w) and nearest edges (K, h, w, 2)."""
+    h, w = mask.shape
+    distance = np.full((CHANNELS, h, w), 1e4, np.float32)
+    nearest = np.zeros((CHANNELS, h, w, 2), np.float32)
+    step = np.pi / CHANNELS
+    ys, xs = np.nonzero(mask)
+    theta = angle[ys, xs]
+    for k in range(CHANNELS):
+        off = np.abs(np.mod(theta - k * step + np.pi / 2, np.pi) - np.pi / 2)
+        near = off < 1.2 * step
+        if not near.any():
+            continue
+        zero = np.full((h, w), 255, np.uint8)
+        zero[ys[near], xs[near]] = 0
+        d, labels = cv2.distanceTransformWithLabels(
+            zero, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+        )
+        distance[k] = d
+        where = np.zeros((int(labels.max()) + 1, 2), np.float32)
+        where[labels[ys[near], xs[near]]] = np.stack([xs[near], ys[near]], axis=-1)
+        nearest[k] = where[labels]
+    return distance, nearest

@@ -1,0 +1,117 @@
+"""One picture on its way through the stages, the craft it may show, and what is said of it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Dict, Optional, Tuple
+
+import numpy as np
+
+from hil.board.svd.confidence import Evidence
+from hil.board.svd.edges import EdgeField
+from hil.board.svd.groups import Chains, model_triads
+from hil.board.svd.model import BoardModel, CameraIntrinsics
+from hil.board.svd.roi import Region
+from hil.board.svd.samples import EdgeSamples, sample_edges
+from hil.board.svd.score import Support
+from hil.board.svd.templates import ViewTable, build_views
+from hil.board.svd.visibility import Occluders, occluders
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PoseResult:
+    """What the estimator says of one picture.
+
+    Parameters
+    ----------
+    accepted : whether the pose may be used. reason : why not, else empty.
+    q_camera_from_target_wxyz, t_camera_from_target_m : best pose, ``x_camera = R(q) x_target + t``; None when
+        there is none. A declined result still carries its best pose.
+    confidence : 0..1. stages_ms : time of each stage in order. counts : what each stage found.
+    evidence : what the decision was made from; None when no pose was found.
+    """
+
+    accepted: bool
+    reason: str
+    q_camera_from_target_wxyz: Optional[Array]
+    t_camera_from_target_m: Optional[Array]
+    confidence: float
+    stages_ms: Dict[str, float] = field(default_factory=dict)
+    counts: Dict[str, int] = field(default_factory=dict)
+    evidence: Optional[Evidence] = None
+
+
+@dataclass(frozen=True, eq=False)
+class Craft:
+    """What is prepared once from the model and the camera.
+
+    Parameters
+    ----------
+    samples : points on the wireframe, ``spacing_m`` apart. occ : what hides them.
+    figures : triads of the wireframe. tables : views of it, near and far.
+    centre_m, radius_m : sphere that holds it.
+    """
+
+    model: BoardModel
+    camera: CameraIntrinsics
+    samples: EdgeSamples
+    spacing_m: float
+    occ: Occluders
+    figures: Chains
+    tables: Tuple[ViewTable, ...]
+    centre_m: Array
+    radius_m: float
+
+    @staticmethod
+    def prepare(model: BoardModel, camera: CameraIntrinsics) -> Craft:
+        """Tables of one target for one camera."""
+        radius = model.radius_m
+        spacing = radius / 30.0
+        samples, occ = sample_edges(model, spacing), occluders(model)
+        # perspective changes shapes near by: one table near, one far
+        tables = tuple(build_views(model, samples, occ, d * radius) for d in (4.5, 14.0))
+        return Craft(
+            model, camera, samples, spacing, occ, model_triads(model), tables, model.centre_m, radius
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A pose with its evidence, and the region and edges that gave it."""
+
+    q: Array
+    t: Array
+    support: Support
+    field: EdgeField
+    region: Region
+
+
+class Frame:
+    """A picture with its noise and background, and the record of its stages.
+
+    Parameters
+    ----------
+    image : (H, W). noise : standard deviation.
+    background : level of empty space, negative when it is not empty.
+    """
+
+    def __init__(self, image: Array) -> None:
+        self.image = image
+        self.noise = 0.0
+        self.background = -1.0
+        self.stages_ms: Dict[str, float] = {}
+        self.counts: Dict[str, int] = {}
+        self._last = time.perf_counter()
+
+    def mark(self, stage: str) -> None:
+        """Add the time since the last mark to ``stage``."""
+        now = time.perf_counter()
+        self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + 1e3 * (now - self._last)
+        self._last = now
+
+    def count(self, what: str, number: int) -> None:
+        """Add to a counter."""
+        self.counts[what] = self.counts.get(what, 0) + number

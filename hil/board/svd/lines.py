@@ -1,0 +1,56 @@
+"""Streams of straight line segments found in a region: Hough on two edge images, and LSD."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from hil.board.svd.gradient import eliminate_weak_gradients
+
+Array = np.ndarray
+
+# Share of the region's diagonal: least length and largest gap of each stream (svd.md, stage 3).
+WGE_LENGTH, WGE_GAP = 0.15, 0.03
+SH_LENGTH, SH_GAP = 0.05, 0.01
+
+
+def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
+    """(N, 4) segments x0 y0 x1 y1 by the probabilistic Hough transform, 1 px and 0.5 deg."""
+    votes = int(max(12, 0.6 * min_length_px))
+    found = cv2.HoughLinesP(
+        mask.astype(np.uint8) * 255,
+        1.0,
+        np.radians(0.5),
+        votes,
+        minLineLength=float(min_length_px),
+        maxLineGap=float(max(1.0, max_gap_px)),
+    )
+    # OpenCV 4 returns (N, 1, 4), OpenCV 5 (N, 4), both None when there is nothing
+    return np.zeros((0, 4)) if found is None else np.asarray(found, float).reshape(-1, 4)
+
+
+def wge_stream(image: Array, diagonal_px: float) -> Array:
+    """Segments of what weak gradient elimination leaves of a region."""
+    strong = eliminate_weak_gradients(image, cdf=0.9).strong
+    return hough(strong, WGE_LENGTH * diagonal_px, WGE_GAP * diagonal_px)
+
+
+def cleaned_stream(mask: Array, diagonal_px: float) -> Array:
+    """Segments of the thin edges that are left without small components (the thesis's S&H stream)."""
+    return hough(mask, max(8.0, SH_LENGTH * diagonal_px), max(2.0, SH_GAP * diagonal_px))
+
+
+def lsd_stream(image: Array, shortest_px: float) -> Array:
+    """Sub-pixel segments by the line segment detector; none where OpenCV was built without it."""
+    low, high = float(image.min()), float(np.percentile(image, 99.5))
+    if high <= low:
+        return np.zeros((0, 4))
+    scaled = np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
+    try:
+        found = cv2.createLineSegmentDetector().detect(scaled)[0]
+    except (cv2.error, AttributeError):
+        # removed from 3.4.6-3.4.15 and 4.1.0-4.5.3 for its licence
+        return np.zeros((0, 4))
+    # None when there is nothing, which OpenCV's stubs do not say
+    segments = np.asarray([] if np.ndim(found) == 0 else found, float).reshape(-1, 4)
+    return segments[np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]) >= shortest_px]

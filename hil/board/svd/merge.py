@@ -1,0 +1,79 @@
+"""Merging of truncated and repeated line segments into one line each."""
+
+from __future__ import annotations
+
+from typing import List
+
+import numpy as np
+
+Array = np.ndarray
+
+ANGLE_RAD = np.radians(4.0)
+
+
+def merge_segments(segments: Array, diagonal_px: float, keep: int = 60) -> Array:
+    """Merge segments of one direction, offset and place; the longest first.
+
+    Parameters
+    ----------
+    segments : (N, 4) x0 y0 x1 y1. diagonal_px : of the region, for offset (1 %) and end gap (10 %).
+
+    Returns
+    -------
+    (M, 4) segments refitted by total least squares weighted by length.
+    """
+    s = np.asarray(segments, float).reshape(-1, 4)
+    length = np.hypot(s[:, 2] - s[:, 0], s[:, 3] - s[:, 1])
+    order = np.argsort(-length)[:400]
+    s, length = s[order], length[order]
+    s, length = s[length > 1e-6], length[length > 1e-6]
+    offset_px, gap_px = max(2.0, 0.01 * diagonal_px), 0.1 * diagonal_px
+    free = np.ones(len(s), bool)
+    out: List[Array] = []
+    for i in range(len(s)):
+        if not free[i]:
+            continue
+        current = s[i]
+        members = np.zeros(len(s), bool)
+        members[i] = True
+        for _ in range(2):
+            near = free & _joinable(current, s, offset_px, gap_px)
+            near[i] = True
+            if np.array_equal(near, members) and _ > 0:
+                break
+            members = near
+            current = fit_line(s[members], length[members])
+        free &= ~members
+        out.append(current)
+        if len(out) >= keep:
+            break
+    lines = np.array(out).reshape(-1, 4)
+    return lines[np.argsort(-np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]))]
+
+
+def _joinable(one: Array, many: Array, offset_px: float, gap_px: float) -> Array:
+    d = one[2:] - one[:2]
+    length = float(np.hypot(*d))
+    d = d / max(length, 1e-9)
+    n = np.array([-d[1], d[0]])
+    e = many[:, 2:] - many[:, :2]
+    e = e / np.maximum(np.linalg.norm(e, axis=1, keepdims=True), 1e-9)
+    parallel = np.abs(e @ n) < np.sin(ANGLE_RAD)
+    a, b = many[:, :2] - one[:2], many[:, 2:] - one[:2]
+    close = np.maximum(np.abs(a @ n), np.abs(b @ n)) < offset_px
+    sa, sb = a @ d, b @ d
+    low, high = np.minimum(sa, sb), np.maximum(sa, sb)
+    gap = np.maximum(low - length, -high)
+    return np.asarray(parallel & close & (gap < gap_px))
+
+
+def fit_line(segments: Array, weight: Array) -> Array:
+    """(4,) the line through segments by weighted total least squares, from end to end."""
+    points = segments.reshape(-1, 2)
+    w = np.repeat(weight, 2)
+    centre = (points * w[:, None]).sum(axis=0) / w.sum()
+    # each segment's direction counts by its own length: the spread of its ends holds that already
+    _, _, vt = np.linalg.svd((points - centre) * np.sqrt(w)[:, None], full_matrices=False)
+    d = vt[0]
+    along = (points - centre) @ d
+    return np.concatenate([centre + along.min() * d, centre + along.max() * d])

@@ -1,0 +1,74 @@
+"""Unit quaternions (Hamilton, scalar first) on numpy arrays, batched over leading axes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def multiply(p: Array, q: Array) -> Array:
+    """Hamilton product of (..., 4) quaternions."""
+    pw, px, py, pz = np.moveaxis(np.asarray(p, float), -1, 0)
+    qw, qx, qy, qz = np.moveaxis(np.asarray(q, float), -1, 0)
+    return np.stack(
+        [
+            pw * qw - px * qx - py * qy - pz * qz,
+            pw * qx + px * qw + py * qz - pz * qy,
+            pw * qy - px * qz + py * qw + pz * qx,
+            pw * qz + px * qy - py * qx + pz * qw,
+        ],
+        axis=-1,
+    )
+
+
+def normalise(q: Array) -> Array:
+    """(..., 4) scaled to unit length, with a scalar part that is not negative."""
+    q = np.asarray(q, float)
+    q = q / np.maximum(np.linalg.norm(q, axis=-1, keepdims=True), 1e-300)
+    return np.where(q[..., :1] < 0, -q, q)
+
+
+def matrix(q: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of unit quaternions: ``x_a = R @ x_b`` for ``q_a_from_b``."""
+    w, x, y, z = np.moveaxis(np.asarray(q, float), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def from_matrix(R: Array) -> Array:
+    """Quaternions (..., 4) of rotation matrices (..., 3, 3).
+
+    The eigenvector of Bar-Itzhack's symmetric matrix would do as well; Shepperd's largest-pivot rule
+    (J. Guidance and Control 1(3), 1978) is cheaper and as exact.
+    """
+    R = np.asarray(R, float)
+    m = R.reshape(-1, 3, 3)
+    d0, d1, d2 = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
+    # all four pivots; the row with the largest is the well-conditioned one
+    cand = np.empty((len(m), 4, 4))
+    a, b, c = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
+    e, f, g = m[:, 1, 0] + m[:, 0, 1], m[:, 0, 2] + m[:, 2, 0], m[:, 2, 1] + m[:, 1, 2]
+    cand[:, 0] = np.stack([1 + d0 + d1 + d2, a, b, c], axis=-1)
+    cand[:, 1] = np.stack([a, 1 + d0 - d1 - d2, e, f], axis=-1)
+    cand[:, 2] = np.stack([b, e, 1 - d0 + d1 - d2, g], axis=-1)
+    cand[:, 3] = np.stack([c, f, g, 1 - d0 - d1 + d2], axis=-1)
+    k = np.argmax(cand[:, [0, 1, 2, 3], [0, 1, 2, 3]], axis=1)
+    return normalise(cand[np.arange(len(m)), k]).reshape((*R.shape[:-2], 4))
+
+
+def from_rotvec(v: Array) -> Array:
+    """Quaternion of a rotation by ``|v|`` about ``v`` (..., 3) [rad]."""
+    v = np.asarray(v, float)
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
+
+
+def angle_rad(p: Array, q: Array) -> Array:
+    """Angle between attitudes, broadcast over leading axes [rad]."""
+    dot = np.abs(np.sum(np.asarray(p, float) * np.asarray(q, float), axis=-1))
+    return np.asarray(2 * np.arccos(np.minimum(1.0, dot)))

@@ -1,0 +1,198 @@
+"""Regions of interest: where in the picture the target may be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import List, Tuple
+
+import cv2
+import numpy as np
+
+from hil.board.svd.edges import drop_specks, gradient, gradient_noise, thin_edges
+from hil.board.svd.gradient import WeakGradientElimination, marginal_interval
+from hil.board.svd.lines import lsd_stream
+
+Array = np.ndarray
+
+# The picture is searched at this reduction: 16 pixels averaged, noise a quarter.
+REDUCTION = 4
+
+
+@dataclass(frozen=True)
+class Region:
+    """A hypothesis of the target's extent, full-resolution pixels.
+
+    Parameters
+    ----------
+    x0, y0, x1, y1 : edges of the box. source : the rule that proposed it.
+    """
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+    source: str
+
+    @property
+    def diagonal_px(self) -> float:
+        """Length of the diagonal [px]."""
+        return float(np.hypot(self.x1 - self.x0, self.y1 - self.y0))
+
+    def grown(self, share: float, width: int, height: int) -> Tuple[int, int, int, int]:
+        """Integer box enlarged by ``share`` of the diagonal, clipped to the picture."""
+        m = max(6.0, share * self.diagonal_px)
+        return (
+            max(0, int(self.x0 - m)),
+            max(0, int(self.y0 - m)),
+            min(width, int(np.ceil(self.x1 + m)) + 1),
+            min(height, int(np.ceil(self.y1 + m)) + 1),
+        )
+
+
+def overlap(a: Region, b: Region) -> float:
+    """Intersection over union of two boxes."""
+    w = min(a.x1, b.x1) - max(a.x0, b.x0)
+    h = min(a.y1, b.y1) - max(a.y0, b.y0)
+    if w <= 0 or h <= 0:
+        return 0.0
+    union = (a.x1 - a.x0) * (a.y1 - a.y0) + (b.x1 - b.x0) * (b.y1 - b.y0) - w * h
+    return float(w * h / max(union, 1e-9))
+
+
+def cdf_region(strong: Array, low: float = 0.025, high: float = 0.975) -> Region:
+    """Sharma's region: the 2.5 %..97.5 % interval of both marginal CDFs of the surviving gradient."""
+    x0, x1 = marginal_interval(strong.sum(axis=0), low, high)
+    y0, y1 = marginal_interval(strong.sum(axis=1), low, high)
+    f = REDUCTION
+    return Region(x0 * f - 0.5, y0 * f - 0.5, (x1 + 1) * f - 0.5, (y1 + 1) * f - 0.5, "wge-cdf")
+
+
+def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
+    """Boxes (x0, y0, x1, y1, edge pixels) of the groups of edges closer than ``join_px``, largest first."""
+    size = 2 * (join_px // 2) + 1
+    joined = cv2.dilate(mask.astype(np.uint8), np.ones((size, size), np.uint8))
+    count, labels = cv2.connectedComponents(joined, connectivity=8)
+    labels = np.where(mask, labels, 0)
+    ys, xs = np.nonzero(labels)
+    which = labels[ys, xs]
+    out = []
+    for k in np.unique(which):
+        on = which == k
+        out.append(
+            (int(xs[on].min()), int(ys[on].min()), int(xs[on].max()), int(ys[on].max()), int(on.sum()))
+        )
+        if count > 400 and len(out) >= 400:
+            break
+    return sorted(out, key=lambda c: -c[4])
+
+
+def propose_regions(
+    small: Array, wge: WeakGradientElimination, noise_small: float
+) -> Tuple[List[Region], float]:
+    """Hypotheses, the likeliest first, and the share of the frame's border that is not empty.
+
+    Parameters
+    ----------
+    small : (h, w) float32, the picture reduced by ``REDUCTION``.
+    noise_small : standard deviation of its noise.
+
+    Notes
+    -----
+    Against black space everything above the noise belongs to the target, dim parts as well: the box of the
+    edge cluster is the best region. With Earth behind, the plain region grows to nearly the whole frame;
+    there the dense cluster of *strong, straight* edges is proposed next to it.
+    """
+    gx, gy = gradient(small, 1.0)
+    sigma = max(noise_small * gradient_noise(1.0), 1e-6)
+    mask, _ = thin_edges(gx, gy, sigma, 3.0, 6.0)
+    mask = drop_specks(mask, 4)
+    regions: List[Region] = []
+    busy = float(_busy_share(mask))
+
+    def add(x0: float, y0: float, x1: float, y1: float, source: str) -> None:
+        f = REDUCTION
+        r = Region(x0 * f, y0 * f, (x1 + 1) * f - 1, (y1 + 1) * f - 1, source)
+        if min(x1 - x0, y1 - y0) < 3 or any(overlap(r, o) > 0.85 for o in regions):
+            return
+        regions.append(r)
+
+    for join in (13, 31, 7):
+        groups = clusters(mask, join)
+        if not groups:
+            continue
+        x0, y0, x1, y1, _ = groups[0]
+        add(x0, y0, x1, y1, f"cluster-{join}")
+        # parts lit apart from each other: everything of weight near the main group
+        diagonal = np.hypot(x1 - x0, y1 - y0)
+        for g in groups[1:]:
+            gap = max(g[0] - x1, x0 - g[2], g[1] - y1, y0 - g[3], 0)
+            if gap < 0.6 * diagonal and g[4] >= 4:
+                x0, y0, x1, y1 = min(x0, g[0]), min(y0, g[1]), max(x1, g[2]), max(y1, g[3])
+        if busy < 0.2:
+            add(x0, y0, x1, y1, f"clusters-{join}")
+    if busy >= 0.2:
+        # behind the craft lies texture: what is made has straight lines, and many of them together
+        for box in straight_windows(small):
+            add(*box, "straight")
+        regions.sort(key=lambda r: r.source != "straight")
+    cdf = cdf_region(wge.strong)
+    if not any(overlap(cdf, o) > 0.85 for o in regions):
+        regions.append(cdf)
+    return regions, busy
+
+
+def straight_windows(small: Array, count: int = 3) -> List[Tuple[float, float, float, float]]:
+    """Boxes around the densest groups of long straight segments, best first [px of ``small``].
+
+    Coastlines and clouds break into short pieces; a segment counts by the square of its length.
+    """
+    segments = lsd_stream(cv2.GaussianBlur(small, (0, 0), 0.8), 8.0)
+    if not len(segments):
+        return []
+    h, w = small.shape
+    ends = segments.reshape(-1, 2, 2)
+    middle = ends.mean(axis=1)
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    # the limb of the Earth is one very long line; no edge of the craft outweighs it by length alone
+    weight = np.minimum(length, 60.0) ** 2
+    d = (ends[:, 1] - ends[:, 0]) / length[:, None]
+    at = np.clip(np.rint(middle).astype(int), 0, [w - 1, h - 1])
+    heat = np.zeros((3, h, w), np.float32)
+    for layer, value in enumerate(
+        (weight, weight * (d[:, 0] ** 2 - d[:, 1] ** 2), weight * 2 * d[:, 0] * d[:, 1])
+    ):
+        np.add.at(heat[layer], (at[:, 1], at[:, 0]), value)
+    found: List[Tuple[float, Tuple[float, float, float, float]]] = []
+    for side in (44, 72, 116, 190, 290):
+        total, c, s = (
+            cv2.boxFilter(layer, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
+            for layer in heat
+        )
+        # a square window of texture holds as many segments as it has area: the craft holds more, and across
+        # each other, where waves and limbs run one way
+        crossed = 1.0 - np.hypot(c, s) / np.maximum(total, 1e-6)
+        score = (total - float(heat[0].mean()) * side * side) * crossed / side
+        half = side // 2
+        for _ in range(2):
+            row, col = (int(v) for v in np.unravel_index(int(np.argmax(score)), score.shape))
+            if score[row, col] <= 0:
+                break
+            here = np.array([col, row], float)
+            inside = np.all(np.abs(middle - here) <= 0.5 * side, axis=1)
+            # segments that leave the window belong to it no more than halfway
+            p = np.clip(ends[inside].reshape(-1, 2), here - 0.6 * side, here + 0.6 * side)
+            (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)
+            found.append((float(score[row, col]), (float(x0), float(y0), float(x1), float(y1))))
+            score[max(0, row - half) : row + half, max(0, col - half) : col + half] = -1.0
+    found.sort(key=lambda f: -f[0])
+    return [box for _, box in found[: 2 * count]]
+
+
+def _busy_share(mask: Array) -> float:
+    """Share of 16 x 16 tiles of the frame that hold edges: small for black space, large for Earth."""
+    h, w = mask.shape
+    th, tw = h // 16, w // 16
+    if not th or not tw:
+        return 0.0
+    tiles = mask[: th * 16, : tw * 16].reshape(th, 16, tw, 16).sum(axis=(1, 3))
+    return float((tiles > 3).mean())

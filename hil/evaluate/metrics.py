@@ -1,0 +1,275 @@
+"""Errors of estimated poses, and the figures a set of them is summarised by."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from numpy.typing import ArrayLike
+
+SCHEMA = "flyaround.metrics"
+VERSION = 1
+
+COARSE_DEG, COARSE_SHARE = 5.0, 0.05
+FINE_DEG, FINE_SHARE = 0.5, 0.005
+RANGE_BINS_M = (
+    (0.0, 3.0),
+    (3.0, 6.0),
+    (6.0, 9.0),
+    (9.0, 12.0),
+    (12.0, 15.0),
+    (15.0, 18.0),
+    (18.0, float("inf")),
+)
+
+# SPEED+ counts no error below what its labels are good for (Park et al. 2023, Satellite Pose Estimation
+# Competition 2021): 0.169 deg, 2.173 mm per m.
+SPEED_PLUS_DEG, SPEED_PLUS_SHARE = 0.169, 2.173e-3
+
+
+class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """One frame's answer beside its truth.
+
+    Parameters
+    ----------
+    range_m : true distance of the target's origin from the camera [m].
+    E_T_m, e_t, E_R_deg : errors of the best pose returned; None when none was.
+    accepted : whether the estimator stands by it. feasible : whether the frame can be solved.
+    frame_class : for reports by class, e.g. ``feasible``, ``dark``, ``cropped``.
+    """
+
+    range_m: float
+    E_T_m: float | None
+    e_t: float | None
+    E_R_deg: float | None
+    accepted: bool
+    feasible: bool = True
+    frame_class: str = ""
+
+    @property
+    def coarse(self) -> bool:
+        """Within 5 deg and 5 % of the range."""
+        return _within(self, COARSE_DEG, COARSE_SHARE)
+
+    @property
+    def fine(self) -> bool:
+        """Within 0.5 deg and 0.5 % of the range."""
+        return _within(self, FINE_DEG, FINE_SHARE)
+
+
+class Summary(msgspec.Struct, frozen=True, kw_only=True):
+    """The figures of one group of frames; None where there is nothing to average.
+
+    Parameters
+    ----------
+    n, n_feasible : frames, and feasible ones among them.
+    coarse_success, fine_success : share of feasible frames whose best pose, accepted or not, is within
+        the bounds.
+    coarse_accepted : share of feasible frames that are accepted and coarse.
+    availability : accepted feasible frames over feasible ones.
+    false_accept : accepted but not coarse over accepted, infeasible frames included.
+    *_deg, *_m : over accepted frames; with ``_all`` over every feasible frame that has a pose.
+    *_wilson : 95 % interval of the share of that name.
+    speed_score : mean of E_R [rad] + e_t over every feasible frame with a pose; speed_plus_score :
+        the same with errors below SPEED+'s label accuracy counted as none.
+    """
+
+    n: int
+    n_feasible: int
+    n_accepted: int
+    coarse_success: float | None
+    fine_success: float | None
+    coarse_accepted: float | None
+    availability: float | None
+    false_accept: float | None
+    median_E_R_deg: float | None
+    median_E_T_m: float | None
+    mean_E_T_m: float | None
+    mean_E_R_deg: float | None
+    p95_E_R_deg: float | None
+    p95_E_T_m: float | None
+    median_E_R_deg_all: float | None
+    median_E_T_m_all: float | None
+    mean_E_T_m_all: float | None
+    mean_E_R_deg_all: float | None
+    p95_E_R_deg_all: float | None
+    p95_E_T_m_all: float | None
+    coarse_success_wilson: tuple[float, float] | None
+    fine_success_wilson: tuple[float, float] | None
+    coarse_accepted_wilson: tuple[float, float] | None
+    availability_wilson: tuple[float, float] | None
+    false_accept_wilson: tuple[float, float] | None
+    speed_score: float | None
+    speed_plus_score: float | None
+
+
+class RangeBin(Summary, frozen=True, kw_only=True):
+    """The figures of the frames between two true ranges; ``to_m`` None: no upper end."""
+
+    from_m: float
+    to_m: float | None
+
+
+class Metrics(Summary, frozen=True, kw_only=True):
+    """What ``metrics.json`` holds."""
+
+    schema: str = SCHEMA
+    version: int = VERSION
+    method: str = ""
+    by_range: list[RangeBin]
+    by_class: dict[str, Summary]
+
+
+def frame_errors(
+    q_true_wxyz: ArrayLike, t_true_m: ArrayLike, q_est_wxyz: ArrayLike, t_est_m: ArrayLike
+) -> tuple[float, float, float]:
+    """Errors of one pose: ``E_T`` [m], ``e_t = E_T / |t|`` [1], ``E_R`` [deg].
+
+    Parameters
+    ----------
+    q_true_wxyz, q_est_wxyz : (4,) ``q_camera_from_target``; either sign, normalised here.
+    t_true_m, t_est_m : (3,) target in the camera [m].
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite, a quaternion is zero, or the true range is zero.
+    """
+    q, p = np.asarray(q_true_wxyz, float), np.asarray(q_est_wxyz, float)
+    t, s = np.asarray(t_true_m, float), np.asarray(t_est_m, float)
+    range_m = float(np.linalg.norm(t))
+    sizes = [float(np.linalg.norm(q)), float(np.linalg.norm(p)), range_m]
+    if not all(np.isfinite(v).all() for v in (q, p, t, s)) or min(sizes) < 1e-9:
+        raise ValueError(
+            "pose errors need finite poses, quaternions that are not zero and a range that is not zero"
+        )
+    E_T = float(np.linalg.norm(s - t))
+    q, p = q / sizes[0], p / sizes[1]
+    # 2 acos |<q, p>| without its loss of digits near zero
+    p = p if q @ p >= 0 else -p
+    E_R = float(np.degrees(4 * np.arcsin(min(1.0, 0.5 * float(np.linalg.norm(q - p))))))
+    return E_T, E_T / range_m, E_R
+
+
+def frame_record(
+    q_true_wxyz: ArrayLike,
+    t_true_m: ArrayLike,
+    q_est_wxyz: ArrayLike | None,
+    t_est_m: ArrayLike | None,
+    *,
+    accepted: bool,
+    feasible: bool = True,
+    frame_class: str = "",
+) -> FrameRecord:
+    """A record from two poses; a frame without an estimate keeps its errors as None.
+
+    Raises
+    ------
+    ValueError
+        As ``frame_errors``; or if a frame is accepted without a pose.
+    """
+    range_m = float(np.linalg.norm(np.asarray(t_true_m, float)))
+    if q_est_wxyz is None or t_est_m is None:
+        if accepted:
+            raise ValueError("a frame cannot be accepted without a pose")
+        E_T = e_t = E_R = None
+    else:
+        E_T, e_t, E_R = frame_errors(q_true_wxyz, t_true_m, q_est_wxyz, t_est_m)
+    return FrameRecord(
+        range_m=range_m,
+        E_T_m=E_T,
+        e_t=e_t,
+        E_R_deg=E_R,
+        accepted=accepted,
+        feasible=feasible,
+        frame_class=frame_class or ("feasible" if feasible else "infeasible"),
+    )
+
+
+def wilson_interval(k: int, n: int, z: float = 1.959963984540054) -> tuple[float, float] | None:
+    """Wilson's score interval of a share ``k / n``, 95 % by default; None of nothing.
+
+    References
+    ----------
+    Wilson (1927), JASA 22, 209.
+    """
+    if n <= 0:
+        return None
+    p = k / n
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return (max(0.0, float(middle - half)), min(1.0, float(middle + half)))
+
+
+def summarise(records: Iterable[FrameRecord], *, method: str = "") -> Metrics:
+    """The figures of a set of frames, whole, by range and by class."""
+    frames = list(records)
+    bins = []
+    for low, high in RANGE_BINS_M:
+        part = [r for r in frames if low <= r.range_m < high]
+        if part:
+            bins.append(RangeBin(from_m=low, to_m=high if np.isfinite(high) else None, **_figures(part)))
+    classes = sorted({r.frame_class for r in frames})
+    by_class = {c: Summary(**_figures([r for r in frames if r.frame_class == c])) for c in classes}
+    return Metrics(method=method, by_range=bins, by_class=by_class, **_figures(frames))
+
+
+def metrics_json_schema() -> dict[str, Any]:
+    """JSON Schema of ``metrics.json``."""
+    return msgspec.json.schema(Metrics)
+
+
+def _within(r: FrameRecord, deg: float, share: float) -> bool:
+    return r.E_R_deg is not None and r.e_t is not None and r.E_R_deg <= deg and r.e_t <= share
+
+
+def _figures(frames: Sequence[FrameRecord]) -> dict[str, Any]:
+    feasible = [r for r in frames if r.feasible]
+    accepted = [r for r in frames if r.accepted]
+    shares = {
+        "coarse_success": (sum(r.coarse for r in feasible), len(feasible)),
+        "fine_success": (sum(r.fine for r in feasible), len(feasible)),
+        "coarse_accepted": (sum(r.coarse and r.accepted for r in feasible), len(feasible)),
+        "availability": (sum(r.accepted for r in feasible), len(feasible)),
+        "false_accept": (sum(not r.coarse for r in accepted), len(accepted)),
+    }
+    out: dict[str, Any] = {"n": len(frames), "n_feasible": len(feasible), "n_accepted": len(accepted)}
+    for name, (k, n) in shares.items():
+        out[name] = k / n if n else None
+        out[f"{name}_wilson"] = wilson_interval(k, n)
+    for suffix, part in (("", accepted), ("_all", feasible)):
+        turn = [r.E_R_deg for r in part if r.E_R_deg is not None]
+        shift = [r.E_T_m for r in part if r.E_T_m is not None]
+        for statistic, function in (("median", _median), ("mean", _mean), ("p95", _p95)):
+            out[f"{statistic}_E_R_deg{suffix}"] = _reduce(function, turn)
+            out[f"{statistic}_E_T_m{suffix}"] = _reduce(function, shift)
+    scores = [
+        (float(np.radians(r.E_R_deg)), r.e_t) for r in feasible if r.E_R_deg is not None and r.e_t is not None
+    ]
+    floor = float(np.radians(SPEED_PLUS_DEG))
+    out["speed_score"] = _reduce(_mean, [a + b for a, b in scores])
+    out["speed_plus_score"] = _reduce(
+        _mean, [(a if a > floor else 0.0) + (b if b > SPEED_PLUS_SHARE else 0.0) for a, b in scores]
+    )
+    return out
+
+
+def _median(values: ArrayLike) -> float:
+    return float(np.median(np.asarray(values, float)))
+
+
+def _mean(values: ArrayLike) -> float:
+    return float(np.mean(np.asarray(values, float)))
+
+
+def _p95(values: ArrayLike) -> float:
+    return float(np.percentile(np.asarray(values, float), 95))
+
+
+def _reduce(function: Callable[[ArrayLike], float], values: Sequence[float]) -> float | None:
+    return function(np.asarray(values, float)) if values else None

@@ -1,0 +1,125 @@
+"""Pose errors and their summary: values worked out by hand."""
+
+from __future__ import annotations
+
+import json
+
+import jsonschema
+import msgspec
+import numpy as np
+import pytest
+
+from hil.evaluate.metrics import (
+    FrameRecord,
+    Metrics,
+    frame_errors,
+    frame_record,
+    metrics_json_schema,
+    summarise,
+    wilson_interval,
+)
+
+
+def about_z(deg: float) -> list[float]:
+    return [float(np.cos(np.radians(deg) / 2)), 0.0, 0.0, float(np.sin(np.radians(deg) / 2))]
+
+
+def test_errors_of_a_known_turn_and_shift() -> None:
+    E_T, e_t, E_R = frame_errors(about_z(0), [0, 0, 10], about_z(30), [0.3, 0.4, 10])
+    assert (E_T, e_t, E_R) == pytest.approx((0.5, 0.05, 30.0))
+
+
+@pytest.mark.parametrize("deg", [1e-7, 0.05, 90.0, 179.999, 180.0])
+def test_rotation_error_ignores_the_sign_and_keeps_small_angles(deg: float) -> None:
+    q = np.array(about_z(deg))
+    for sign in (1, -1):
+        assert frame_errors(about_z(0), [0, 0, 1], sign * q, [0, 0, 1])[2] == pytest.approx(deg, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("q", "t"), [([0, 0, 0, 0], [0, 0, 1]), ([1, 0, 0, np.nan], [0, 0, 1]), ([1, 0, 0, 0], [np.inf, 0, 1])]
+)
+def test_useless_poses_are_refused(q: list[float], t: list[float]) -> None:
+    with pytest.raises(ValueError, match="finite"):
+        frame_errors([1, 0, 0, 0], [0, 0, 5], q, t)
+
+
+def test_accepted_without_a_pose_is_refused() -> None:
+    with pytest.raises(ValueError, match="without a pose"):
+        frame_record([1, 0, 0, 0], [0, 0, 5], None, None, accepted=True)
+
+
+def test_wilson_agrees_with_published_values() -> None:
+    # Brown, Cai & DasGupta (2001): n = 10, none seen: upper end 0.2775; and 50 of 100: 0.4038..0.5962
+    low, high = wilson_interval(0, 10) or (9, 9)
+    assert low == 0.0
+    assert high == pytest.approx(0.2775, abs=5e-5)
+    low, high = wilson_interval(50, 100) or (9, 9)
+    assert [low, high] == pytest.approx([0.4038, 0.5962], abs=5e-5)
+    assert wilson_interval(0, 0) is None
+
+
+def record(
+    range_m: float, deg: float | None, share: float | None, *, ok: bool, feasible: bool = True
+) -> FrameRecord:
+    E_T = None if share is None else share * range_m
+    return FrameRecord(
+        range_m=range_m, E_T_m=E_T, e_t=share, E_R_deg=deg, accepted=ok, feasible=feasible, frame_class="x"
+    )
+
+
+RECORDS = [
+    record(4.0, 0.1, 0.001, ok=True),  # fine
+    record(4.0, 2.0, 0.02, ok=True),  # coarse
+    record(10.0, 90.0, 0.01, ok=True),  # falsely accepted
+    record(10.0, 1.0, 0.01, ok=False),  # right but declined
+    record(10.0, None, None, ok=False),  # nothing found
+    record(17.0, 120.0, 0.5, ok=True, feasible=False),  # infeasible and falsely accepted
+]
+
+
+def test_shares_follow_their_definitions() -> None:
+    m = summarise(RECORDS)
+    assert (m.n, m.n_feasible, m.n_accepted) == (6, 5, 4)
+    assert m.coarse_success == pytest.approx(3 / 5)
+    assert m.fine_success == pytest.approx(1 / 5)
+    assert m.coarse_accepted == pytest.approx(2 / 5)
+    assert m.availability == pytest.approx(3 / 5)
+    assert m.false_accept == pytest.approx(2 / 4)
+
+
+def test_averages_are_over_accepted_and_over_all_feasible() -> None:
+    m = summarise(RECORDS)
+    assert m.median_E_R_deg == pytest.approx(46.0)  # of 0.1 2 90 120
+    assert m.median_E_R_deg_all == pytest.approx(1.5)  # of 0.1 1 2 90
+    assert m.mean_E_T_m == pytest.approx((0.004 + 0.08 + 0.1 + 8.5) / 4)
+    assert m.mean_E_T_m_all == pytest.approx((0.004 + 0.08 + 0.1 + 0.1) / 4)
+
+
+def test_speed_scores() -> None:
+    m = summarise(RECORDS[:2])
+    assert m.speed_score == pytest.approx((np.radians(2.1) + 0.021) / 2)
+    # the first frame is below what the labels are good for
+    assert m.speed_plus_score == pytest.approx((np.radians(2.0) + 0.02) / 2)
+
+
+def test_range_bins_cover_every_frame_once() -> None:
+    m = summarise(RECORDS)
+    assert [(b.from_m, b.to_m, b.n) for b in m.by_range] == [(3, 6, 2), (9, 12, 3), (15, 18, 1)]
+    assert sum(b.n for b in m.by_range) == m.n
+
+
+def test_an_empty_set_has_no_figures() -> None:
+    m = summarise([])
+    assert m.n == 0
+    assert m.coarse_success is None
+    assert m.false_accept_wilson is None
+
+
+def test_json_matches_the_schema_and_reads_back() -> None:
+    m = summarise(RECORDS, method="svd")
+    text = msgspec.json.encode(m)
+    jsonschema.validate(json.loads(text), metrics_json_schema())
+    assert json.loads(text)["schema"] == "flyaround.metrics"
+    assert json.loads(text)["version"] == 1
+    assert msgspec.json.decode(text, type=Metrics) == m
