@@ -1,0 +1,148 @@
+"""The live feed: asks the render process for the newest moment, never for more than it can draw."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from statistics import median
+from typing import TYPE_CHECKING, Protocol
+
+from gui.detail import DetailControl
+from gui.look import apply_look
+from gui.readout import Readout, read_out
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from gui.look import Look
+    from gui.session import Moment, Session
+    from simulator.camera.model import Camera
+    from simulator.labels.frame import Frame
+    from simulator.scene.state import Quality, SceneState
+
+
+class PictureSource(Protocol):
+    """What the feed needs of a render process."""
+
+    def submit(self, scene: SceneState, *, labels: bool = False) -> bool:
+        """Queue a scene; False when the queue is full."""
+
+    def results(self) -> Iterable[Frame]:
+        """The pictures finished since the last call, in the order they were asked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """One finished frame and the figures of its moment."""
+
+    frame: Frame
+    moment: Moment
+    readout: Readout
+    divisor: int
+
+
+@dataclass
+class _Request:
+    scene: SceneState
+    moment: Moment
+    divisor: int
+    labels: bool
+    asked_s: float
+
+
+class Feed:
+    """Keeps one picture in the making and, when it is about due, one more waiting.
+
+    Parameters
+    ----------
+    source : the render process.
+    clock : seconds, monotonic.
+    """
+
+    def __init__(self, source: PictureSource, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._source = source
+        self._clock = clock
+        self._waiting: list[_Request] = []
+        self._detail = DetailControl()
+        self._last: SceneState | None = None
+        self._save_wanted = False
+        self._due_s = 0.0
+        self.newest: Picture | None = None
+        self.saved: list[Picture] = []
+        self.finished = 0
+        self.frame_ms = 0.0
+        self.frames_s = 0.0
+        self._ends_s: list[float] = []
+        self._costs: list[tuple[Camera, float]] = []
+
+    def ask_to_save(self) -> None:
+        """Draw the present moment whole, with labels; it comes out in `saved`."""
+        self._save_wanted = True
+
+    @property
+    def saving(self) -> bool:
+        """Whether a picture to be saved is on its way."""
+        return self._save_wanted or any(r.labels for r in self._waiting)
+
+    def update(self, session: Session, look: Look) -> bool:
+        """Take what is finished, ask for what is new; whether there is a new picture."""
+        before = self.finished
+        self._collect()
+        self._ask(session, look)
+        return self.finished > before
+
+    def _ask(self, session: Session, look: Look) -> None:
+        if len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s):
+            return
+        if self._save_wanted:
+            scene = apply_look(session.scene(), look)
+            if self._submit(_Request(scene, session.moment, 1, labels=True, asked_s=self._clock())):
+                self._save_wanted = False
+            return
+        divisor = self.divisor(look, paused=session.paused)
+        quality: Quality | None = None if session.paused else "draft"
+        scene = apply_look(session.scene(), look, divisor=divisor, quality=quality)
+        # when nothing moves the picture that is there is the picture
+        if scene != self._last:
+            self._submit(_Request(scene, session.moment, divisor, labels=False, asked_s=self._clock()))
+
+    def divisor(self, look: Look, *, paused: bool) -> int:
+        """Pixels of the camera per pixel drawn."""
+        if paused or look.detail == "full":
+            return 1
+        if look.detail != "auto":
+            return {"half": 2, "quarter": 4}[look.detail]
+        return self._detail.divisor
+
+    def _submit(self, request: _Request) -> bool:
+        if not self._source.submit(request.scene, labels=request.labels):
+            return False
+        self._last = request.scene
+        self._waiting.append(request)
+        self._due_s = self._clock() + 0.7e-3 * self.frame_ms
+        return True
+
+    def _collect(self) -> None:
+        for frame in self._source.results():
+            request = self._waiting.pop(0)
+            self._account(frame, request)
+            readout = read_out(request.moment.world, request.scene)
+            self.newest = Picture(frame, request.moment, readout, request.divisor)
+            if request.labels:
+                self.saved.append(self.newest)
+
+    def _account(self, frame: Frame, request: _Request) -> None:
+        now = self._clock()
+        self.finished += 1
+        self._ends_s = [t for t in self._ends_s if now - t < 2.0] + [now]
+        if len(self._ends_s) > 1:
+            self.frames_s = (len(self._ends_s) - 1) / max(self._ends_s[-1] - self._ends_s[0], 1e-6)
+        ms = sum(v for k, v in frame.stage_ms.items() if "." not in k and k != "labels")
+        if request.labels or ms <= 0:
+            return
+        # the last few of one size: the first of a kind also pays for textures and shaders
+        if not self._costs or self._costs[-1][0] != request.scene.camera:
+            self._costs = []
+        self._costs = [*self._costs[-4:], (request.scene.camera, ms)]
+        self.frame_ms = median(cost for _, cost in self._costs)
+        self._detail.measured(request.divisor, ms, now)

@@ -1,0 +1,85 @@
+"""The figures an operator reads: range, closing speed, rates, LVLH state, phase angle, light."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.arrays import Vec3, vec3
+from simulator.world.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from simulator.scene.state import SceneState
+    from simulator.world.state import WorldState
+
+
+@dataclass(frozen=True, kw_only=True)
+class Readout:
+    """What one picture shows, in figures.
+
+    Parameters
+    ----------
+    range_m : camera to the target's centre of mass.
+    closing_m_s : how fast the range shrinks.
+    lateral_m_s : speed across the line of sight, in LVLH.
+    off_boresight_deg : angle between the boresight and the target's centre of mass.
+    relative_rate_deg_s : rate of the target as the camera sees it, camera axes.
+    camera_rate_deg_s : rate of the camera relative to the stars, camera axes.
+    position_lvlh_m, velocity_lvlh_m_s : chaser beside the target: radial, along-track, cross-track.
+    phase_deg : angle Sun - target - camera; 0 has the Sun behind the camera.
+    sun_visible_fraction : share of the Sun's disc that the target sees past the Earth.
+    altitude_km : of the target above a sphere of the Earth's equatorial radius.
+    """
+
+    epoch_utc: str
+    t_s: float
+    range_m: float
+    closing_m_s: float
+    lateral_m_s: float
+    off_boresight_deg: float
+    relative_rate_deg_s: Vec3
+    camera_rate_deg_s: Vec3
+    position_lvlh_m: Vec3
+    velocity_lvlh_m_s: Vec3
+    phase_deg: float
+    sun_visible_fraction: float
+    altitude_km: float
+
+    def document(self) -> dict[str, Any]:
+        """As a JSON-able object."""
+        return asdict(self)
+
+
+def read_out(world: WorldState, scene: SceneState, earth_radius_m: float = 6_378_137.0) -> Readout:
+    """The figures of one moment.
+
+    Parameters
+    ----------
+    world : the state. scene : the picture made of it.
+    """
+    p, v = np.array(world.position_lvlh_m), np.array(world.velocity_lvlh_m_s)
+    distance = float(np.linalg.norm(p))
+    closing = -float(p @ v) / distance
+    lateral = float(np.sqrt(max(float(v @ v) - closing**2, 0.0)))
+    R_camera_from_eci = matrix_from_quat(world.q_camera_from_eci_wxyz)
+    los = -R_camera_from_eci @ np.array(world.relative_eci_m)
+    R_camera_from_target = matrix_from_quat(scene.q_camera_from_target_wxyz)
+    relative = R_camera_from_target @ np.array(world.omega_target_rad_s) - np.array(world.omega_camera_rad_s)
+    to_sun = np.array(scene.sun_direction_camera)
+    return Readout(
+        epoch_utc=world.epoch_utc,
+        t_s=world.t_s,
+        range_m=distance,
+        closing_m_s=closing,
+        lateral_m_s=lateral,
+        off_boresight_deg=float(np.degrees(np.arctan2(np.hypot(los[0], los[1]), los[2]))),
+        relative_rate_deg_s=vec3(np.degrees(relative)),
+        camera_rate_deg_s=vec3(np.degrees(np.array(world.omega_camera_rad_s))),
+        position_lvlh_m=world.position_lvlh_m,
+        velocity_lvlh_m_s=world.velocity_lvlh_m_s,
+        phase_deg=float(np.degrees(np.arccos(np.clip(-los @ to_sun / distance, -1.0, 1.0)))),
+        sun_visible_fraction=world.sun_visible_fraction,
+        altitude_km=(float(np.linalg.norm(world.r_target_eci_m)) - earth_radius_m) / 1e3,
+    )

@@ -1,0 +1,81 @@
+"""Pictures for the window, drawn in a process of their own: the UI owns the window's context alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.labels.frame import Frame, take_frame
+from simulator.render.process import RenderProcess
+from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import TracebackType
+
+    from simulator.render.renderer import Renderer
+    from simulator.scene.state import SceneState
+
+# One being drawn and one waiting: more would only make the picture older.
+AHEAD = 2
+
+
+def draw(renderer: Renderer, scene: SceneState, *, labels: bool = False) -> Frame:
+    """What the render process does for each scene; the radiance stays there, the window has no use for it."""
+    frame = take_frame(renderer, scene, load_target(scene.target.name), labels=labels)
+    return replace(frame, radiance=np.zeros((0, 0), np.float32), depth_m=None)
+
+
+class RenderedPictures:
+    """The render process as the feed wants it: never waits, and a failure is one sentence.
+
+    Parameters
+    ----------
+    device_index : EGL device to draw on.
+    """
+
+    def __init__(self, device_index: int | None = None) -> None:
+        self._process: RenderProcess[Frame] = RenderProcess(draw, device_index=device_index, capacity=AHEAD)
+
+    def submit(self, scene: SceneState, *, labels: bool = False) -> bool:
+        """Queue a scene; False when enough are under way."""
+        if not self._process.has_room:
+            return False
+        try:
+            self._process.submit(scene, labels=labels)
+        except RuntimeError as error:
+            raise _stopped(error) from error
+        return True
+
+    def results(self) -> Iterator[Frame]:
+        """The pictures finished by now."""
+        try:
+            while self._process.ready():
+                yield self._process.result()
+        except RuntimeError as error:
+            raise _stopped(error) from error
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _stopped(error: RuntimeError) -> UserError:
+    last = str(error).strip().splitlines()[-1]
+    return UserError(
+        f"the console's render process failed ({last}); run flyaround -vv sim for more, or flyaround doctor"
+    )

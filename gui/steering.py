@@ -1,0 +1,96 @@
+"""From held keys to a thrust and a turn rate: gains, rate slew, brake, and keeping the target in view."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gui.keys import THRUST, TURN, Action
+from simulator.arrays import Vec3, vec3
+from simulator.world.rotation import matrix_from_quat, quat_from_rotvec
+from simulator.world.steer import ChaserState, Command
+
+if TYPE_CHECKING:
+    from collections.abc import Set as AbstractSet
+
+    from simulator.arrays import FloatArray
+    from simulator.world.lvlh import Lvlh
+
+ACCELERATION_M_S2 = 0.05
+"""Thrust per mass of one key: two seconds of it make 0.1 m/s, an inspection's pace."""
+RATE_RAD_S = np.radians(2.0)
+SLEW_RAD_S2 = np.radians(10.0)
+"""How quickly the attitude control reaches a commanded rate, so that pictures do not jerk."""
+BRAKE_M_S2 = 0.1
+TRACK_GAIN_1_S = 1.0
+COARSE_GAIN, FINE_GAIN = 5.0, 0.2
+AT_REST_M_S = 1e-6
+BRAKED_M_S = 1e-4
+"""Below this the brake has done its work and lets go."""
+
+
+def gain(held: AbstractSet[Action]) -> float:
+    """Factor of the held modifier keys."""
+    return (COARSE_GAIN if Action.COARSE in held else 1.0) * (FINE_GAIN if Action.FINE in held else 1.0)
+
+
+def thrust_camera_m_s2(held: AbstractSet[Action]) -> FloatArray:
+    """(3,) acceleration that the held keys ask for, camera axes [m s-2]."""
+    return ACCELERATION_M_S2 * gain(held) * _sum(THRUST, held)
+
+
+def turn_camera_rad_s(held: AbstractSet[Action]) -> FloatArray:
+    """(3,) rate relative to ECI that the held keys ask for, camera axes [rad s-1]."""
+    return RATE_RAD_S * gain(held) * _sum(TURN, held)
+
+
+def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3) -> FloatArray:
+    """Rate that keeps the target in a direction of the camera frame [rad s-1].
+
+    The line of sight's own rate, plus a turn that takes out what is left of the error.
+
+    Parameters
+    ----------
+    chaser : the state now.
+    aim_camera : unit vector where the target shall appear.
+    """
+    R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)
+    los = -R_camera_from_eci @ np.array(chaser.position_eci_m)
+    los_rate = -R_camera_from_eci @ np.array(chaser.velocity_eci_m_s)
+    distance = float(np.linalg.norm(los))
+    seen = los / distance
+    return np.cross(seen, los_rate) / distance + TRACK_GAIN_1_S * np.cross(np.array(aim_camera), seen)
+
+
+def turned_aim(aim_camera: Vec3, rate_camera_rad_s: FloatArray, dt_s: float) -> Vec3:
+    """Where a direction is in the camera once it has turned at a rate for ``dt_s``."""
+    turn = matrix_from_quat(quat_from_rotvec(-np.asarray(rate_camera_rad_s) * dt_s))
+    return vec3(turn @ np.array(aim_camera))
+
+
+def brake_camera_m_s2(chaser: ChaserState, frame: Lvlh, dt_s: float) -> tuple[FloatArray, float]:
+    """Acceleration that takes the chaser to rest in LVLH, bounded, and the speed that is left [m s-1]."""
+    _, v_lvlh = frame.from_eci(np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s))
+    v_camera = matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh @ v_lvlh
+    speed = float(np.linalg.norm(v_camera))
+    if speed < AT_REST_M_S:
+        return np.zeros(3), speed
+    return -v_camera / speed * min(BRAKE_M_S2, speed / dt_s), speed
+
+
+def command(acceleration: FloatArray, wanted_rate: FloatArray, chaser: ChaserState, dt_s: float) -> Command:
+    """The command of one step: the rate moves towards the wanted one no quicker than the slew allows."""
+    change = wanted_rate - np.array(chaser.omega_camera_rad_s)
+    size = float(np.linalg.norm(change))
+    most = SLEW_RAD_S2 * dt_s
+    if size > most:
+        change = change * (most / size)
+    return Command(
+        acceleration_camera_m_s2=vec3(acceleration),
+        rate_camera_rad_s=vec3(np.array(chaser.omega_camera_rad_s) + change),
+    )
+
+
+def _sum(directions: dict[Action, Vec3], held: AbstractSet[Action]) -> FloatArray:
+    return np.sum([directions[a] for a in directions if a in held] or [(0.0, 0.0, 0.0)], axis=0)

@@ -1,0 +1,269 @@
+"""The window: glfw, its OpenGL context, Dear ImGui's backend, fonts, the picture's texture."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import contextmanager
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from gui.keys import BINDINGS, HELD, Action
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from simulator.arrays import ByteArray
+
+NO_DISPLAY = (
+    "no window can be opened here (no X or Wayland display answers); start flyaround sim in a desktop "
+    "session, or on a virtual screen with: xvfb-run -s '-screen 0 1280x800x24' flyaround sim"
+)
+FONT_PX = 16.0
+CLEAR_COLOR = (0.035, 0.043, 0.055, 1.0)
+
+
+def import_parts() -> tuple[Any, Any]:
+    """The modules ``imgui_bundle`` and ``glfw``, loaded in the order that gives both one libglfw.
+
+    Raises
+    ------
+    UserError
+        If the extra is not installed.
+    """
+    try:
+        # PyOpenGL reports each optional accelerator that it does without
+        logging.getLogger("OpenGL").setLevel(logging.WARNING)
+        import imgui_bundle  # noqa: PLC0415 - an optional part
+        import OpenGL  # noqa: PLC0415
+
+        # every call checked costs as much as the call; moderngl's error state is read once a frame
+        OpenGL.ERROR_CHECKING = False
+        import glfw  # noqa: PLC0415
+        from imgui_bundle.python_backends import glfw_backend  # noqa: F401, PLC0415
+    except ImportError as error:
+        raise UserError(
+            f"the console needs {error.name}, which is not installed; run: pip install 'flyaround[gui]'"
+        ) from error
+    return imgui_bundle, glfw
+
+
+class Window:
+    """One window with its OpenGL context; made and used by the main thread only.
+
+    Parameters
+    ----------
+    title : of the window. size : width and height in screen units.
+    """
+
+    def __init__(self, title: str, size: tuple[int, int]) -> None:
+        bundle, self._glfw = import_parts()
+        import moderngl  # noqa: PLC0415 - after the optional parts were found
+        from imgui_bundle.python_backends.glfw_backend import GlfwRenderer  # noqa: PLC0415
+
+        self.imgui = bundle.imgui
+        self.implot = bundle.implot
+        self._native = self._open(title, size)
+        self._windowed: tuple[int, int, int, int] | None = None
+        self.context = moderngl.create_context(require=330)
+        self.gl_renderer = str(self.context.info["GL_RENDERER"])
+        self.imgui.create_context()
+        self.implot.create_context()
+        io = self.imgui.get_io()
+        io.set_ini_filename("")
+        self._backend = GlfwRenderer(self._native)
+        # a key that is down when the window loses the focus must not stay down
+        self._glfw.set_window_focus_callback(
+            self._native, lambda _, focused: io.add_focus_event(bool(focused))
+        )
+        self._monitor_scale = max(self._glfw.get_window_content_scale(self._native)[0], 1.0)
+        self._growth = 1.0
+        self.capture = False
+        self.captured: ByteArray | None = None
+        self.text_font, self.figure_font = self._load_fonts()
+        self._texture: moderngl.Texture | None = None
+        self._picture_key: object = None
+        self._keys = {
+            b.action: [getattr(self.imgui.Key, self._key_name(k)) for k in b.keys] for b in BINDINGS
+        }
+
+    def _open(self, title: str, size: tuple[int, int]) -> Any:  # noqa: ANN401 - a foreign handle
+        glfw = self._glfw
+        glfw.ERROR_REPORTING = False
+        if not glfw.init():
+            raise UserError(NO_DISPLAY)
+        for hint, value in (
+            (glfw.CONTEXT_VERSION_MAJOR, 3),
+            (glfw.CONTEXT_VERSION_MINOR, 3),
+            (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE),
+            (glfw.OPENGL_FORWARD_COMPAT, glfw.TRUE),
+            (glfw.SCALE_TO_MONITOR, glfw.TRUE),
+        ):
+            glfw.window_hint(hint, value)
+        native = glfw.create_window(*size, title, None, None)
+        if not native:
+            glfw.terminate()
+            raise UserError(
+                "the window system gives no OpenGL 3.3 context; install Mesa's drivers "
+                "(Debian and Ubuntu: apt-get install libgl1-mesa-dri libglx-mesa0)"
+            )
+        glfw.set_window_size_limits(native, 640, 420, glfw.DONT_CARE, glfw.DONT_CARE)
+        glfw.make_context_current(native)
+        # the loop paces itself: waiting for the screen would hold the keys up
+        glfw.swap_interval(0)
+        return native
+
+    @staticmethod
+    def _key_name(name: str) -> str:
+        return f"_{name}" if name.isdigit() else name
+
+    def _load_fonts(self) -> tuple[Any, Any]:
+        fonts = self.imgui.get_io().fonts
+        folder = files("imgui_bundle") / "assets" / "fonts"
+        size = FONT_PX * self._monitor_scale
+        text = fonts.add_font_from_file_ttf(str(folder / "Roboto" / "Roboto-Regular.ttf"), size)
+        figures = fonts.add_font_from_file_ttf(str(folder / "Inconsolata-Medium.ttf"), size)
+        return text, figures
+
+    # --- one turn of the loop
+
+    @property
+    def open(self) -> bool:
+        """Whether the operator has not closed it."""
+        return not self._glfw.window_should_close(self._native)
+
+    @property
+    def seconds(self) -> float:
+        """Monotonic time."""
+        return float(self._glfw.get_time())
+
+    @property
+    def framebuffer_size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        width, height = self._glfw.get_framebuffer_size(self._native)
+        return int(width), int(height)
+
+    @property
+    def scale(self) -> float:
+        """Size of letters and panels: the monitor's, and a little more in a large window."""
+        return self._monitor_scale * self._growth
+
+    def close(self) -> None:
+        """Ask the loop to end."""
+        self._glfw.set_window_should_close(self._native, True)
+
+    def wait(self, longest_s: float) -> bool:
+        """Take what input there is, waiting for it at most so long; whether some came."""
+        start = self.seconds
+        self._glfw.wait_events_timeout(longest_s)
+        return self.seconds - start < 0.9 * longest_s
+
+    @contextmanager
+    def frame(self) -> Iterator[None]:
+        """Draw what the body lays out."""
+        self._backend.process_inputs()
+        height = self.imgui.get_io().display_size.y
+        self._growth = min(max(height / self._monitor_scale / 900.0, 1.0), 1.5)
+        self.imgui.get_style().font_scale_main = self._growth
+        self.imgui.new_frame()
+        try:
+            yield
+        except BaseException:
+            self.imgui.end_frame()
+            raise
+        self.imgui.render()
+        self.context.screen.use()
+        self.context.viewport = (0, 0, *self.framebuffer_size)
+        self.context.clear(*CLEAR_COLOR)
+        self._backend.render(self.imgui.get_draw_data())
+        if self.capture:
+            # before the swap: afterwards the back buffer holds nothing one may rely on
+            self.captured = self._read_pixels()
+        self._glfw.swap_buffers(self._native)
+
+    def held(self) -> frozenset[Action]:
+        """Steering keys that are down."""
+        if self.imgui.get_io().want_text_input:
+            return frozenset()
+        down = self.imgui.is_key_down
+        return frozenset(a for a in HELD if any(down(k) for k in self._keys[a]))
+
+    def pressed(self) -> list[Action]:
+        """Keys of single actions that went down since the last frame."""
+        if self.imgui.get_io().want_text_input:
+            return []
+        hit = self.imgui.is_key_pressed
+        return [a for a, keys in self._keys.items() if a not in HELD and any(hit(k, False) for k in keys)]
+
+    def toggle_full_screen(self) -> None:
+        """The whole monitor, or back to the window that was."""
+        glfw = self._glfw
+        if self._windowed is not None:
+            x, y, width, height = self._windowed
+            glfw.set_window_monitor(self._native, None, x, y, width, height, glfw.DONT_CARE)
+            self._windowed = None
+            return
+        monitor = glfw.get_primary_monitor()
+        if not monitor:
+            return
+        self._windowed = (*glfw.get_window_pos(self._native), *glfw.get_window_size(self._native))
+        mode = glfw.get_video_mode(monitor)
+        glfw.set_window_monitor(
+            self._native, monitor, 0, 0, mode.size.width, mode.size.height, mode.refresh_rate
+        )
+
+    # --- pixels
+
+    def show_picture(self, key: object, image: np.ndarray, bits: int) -> Any:  # noqa: ANN401 - an imgui handle
+        """The picture as a texture for ``imgui.image``; uploaded when ``key`` is a new one.
+
+        Parameters
+        ----------
+        image : (H, W) or (H, W, 3) digital numbers of ``bits`` bits.
+        """
+        if key is not self._picture_key:
+            self._picture_key = key
+            self._upload(image if bits == 8 else (image >> max(bits - 8, 0)).astype(np.uint8))
+        if self._texture is None:
+            raise RuntimeError("no picture was uploaded")
+        return self.imgui.ImTextureRef(self._texture.glo)
+
+    def _upload(self, image: ByteArray) -> None:
+        height, width = image.shape[:2]
+        components = 1 if image.ndim == 2 else 3
+        if self._texture is None or (self._texture.size, self._texture.components) != (
+            (width, height),
+            components,
+        ):
+            if self._texture is not None:
+                self._texture.release()
+            self._texture = self.context.texture((width, height), components, alignment=1)
+            self._texture.swizzle = "RRR1" if components == 1 else "RGB1"
+            self._texture.repeat_x = self._texture.repeat_y = False
+        self._texture.write(np.ascontiguousarray(image).tobytes(), alignment=1)
+
+    def _read_pixels(self) -> ByteArray:
+        """(H, W, 3) what was drawn, top row first."""
+        width, height = self.framebuffer_size
+        screen = self.context.screen
+        screen.viewport = (0, 0, width, height)
+        data = screen.read(viewport=(0, 0, width, height), components=3, alignment=1)
+        return np.ascontiguousarray(np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1])
+
+    def release(self) -> None:
+        """Close the window and free what it held."""
+        if self._texture is not None:
+            self._texture.release()
+        self._backend.shutdown()
+        self.implot.destroy_context()
+        self.imgui.destroy_context()
+        self._glfw.destroy_window(self._native)
+        self._glfw.terminate()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()

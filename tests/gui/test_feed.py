@@ -1,0 +1,142 @@
+"""The live feed with a renderer of the test's own: what is asked for, when, and at which size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+
+from gui.detail import DIVISORS
+from gui.feed import Feed
+from gui.look import Look
+from gui.session import Session
+from simulator.labels.frame import Frame
+from simulator.scenario_load import load_scenario
+from simulator.scene.state import SceneState
+
+
+class FakeRenderer:
+    """Finishes pictures when told to, at a price per megapixel."""
+
+    def __init__(self, ms_per_mpx: float = 40.0) -> None:
+        self.asked: list[tuple[SceneState, bool]] = []
+        self.pending: list[SceneState] = []
+        self.done: list[Frame] = []
+        self.ms_per_mpx = ms_per_mpx
+
+    def submit(self, scene: SceneState, *, labels: bool = False) -> bool:
+        self.asked.append((scene, labels))
+        self.pending.append(scene)
+        return True
+
+    def results(self) -> Iterable[Frame]:
+        done, self.done = self.done, []
+        return done
+
+    def finish(self) -> None:
+        scene = self.pending.pop(0)
+        image = np.zeros((scene.camera.height_px, scene.camera.width_px), np.uint8)
+        ms = self.ms_per_mpx * image.size / 1e6
+        self.done.append(Frame(scene, image, image.astype(np.float32), stage_ms={"render": ms}))
+
+
+class Clock:
+    """A clock that the test turns."""
+
+    now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def session() -> Session:
+    return Session.of(load_scenario("tango-flyaround"))
+
+
+def look_of(session: Session) -> Look:
+    scene = session.scene()
+    return Look(bands=scene.bands, environment=scene.environment)
+
+
+def live(session: Session, ms_per_mpx: float, pictures: int) -> Feed:
+    source, clock = FakeRenderer(ms_per_mpx), Clock()
+    feed, look = Feed(source, clock), look_of(session)
+    for _ in range(pictures):
+        session.advance(0.1)
+        feed.update(session, look)
+        clock.now_s += 0.1
+        source.finish()
+    feed.update(session, look)
+    return feed
+
+
+def test_no_more_than_two_pictures_are_asked_for(session: Session) -> None:
+    source, clock = FakeRenderer(), Clock()
+    feed, look = Feed(source, clock), look_of(session)
+    for _ in range(20):
+        session.advance(0.1)
+        clock.now_s += 1.0
+        feed.update(session, look)
+    assert len(source.asked) == 2
+
+
+def test_a_paused_picture_is_drawn_once_and_whole(session: Session) -> None:
+    source, clock = FakeRenderer(), Clock()
+    feed, look = Feed(source, clock), look_of(session)
+    session.toggle_pause()
+    for _ in range(5):
+        clock.now_s += 1.0
+        feed.update(session, look)
+        if source.pending:
+            source.finish()
+    assert [scene for scene, _ in source.asked] == [session.scene()]
+    assert feed.newest is not None
+    assert feed.newest.frame.scene.camera == session.plan.camera
+
+
+def test_changed_exposure_redraws_a_paused_picture(session: Session) -> None:
+    source, clock = FakeRenderer(), Clock()
+    feed, look = Feed(source, clock), look_of(session)
+    session.toggle_pause()
+    feed.update(session, look)
+    source.finish()
+    look.exposure_stops = 1.0
+    feed.update(session, look)
+    assert source.asked[1][0].exposure_s == 2 * source.asked[0][0].exposure_s
+
+
+@pytest.mark.parametrize(
+    ("ms_per_mpx", "expected"), [(2.0, 1), (60.0, 2), (200.0, 3), (5000.0, DIVISORS[-1])]
+)
+def test_auto_detail_draws_what_fits(session: Session, ms_per_mpx: float, expected: int) -> None:
+    feed = live(session, ms_per_mpx, 30)
+    assert feed.newest is not None
+    assert feed.newest.divisor == expected
+
+
+def test_a_slow_start_does_not_cost_detail(session: Session) -> None:
+    source, clock = FakeRenderer(5000.0), Clock()
+    feed, look = Feed(source, clock), look_of(session)
+    for _ in range(20):
+        session.advance(0.1)
+        feed.update(session, look)
+        clock.now_s += 0.1
+        source.finish()
+        source.ms_per_mpx = 60.0
+    assert feed.newest is not None
+    assert feed.newest.divisor == 2
+
+
+def test_saving_asks_for_a_whole_picture_with_labels(session: Session) -> None:
+    source, clock = FakeRenderer(), Clock()
+    feed, look = Feed(source, clock), look_of(session)
+    feed.ask_to_save()
+    feed.update(session, look)
+    assert source.asked == [(session.scene(), True)]
+    assert feed.saving
+    source.finish()
+    feed.update(session, look)
+    assert [p.frame.scene for p in feed.saved] == [session.scene()]
+    assert not feed.saving

@@ -1,0 +1,271 @@
+"""The operator's session without a window: clock, rates, steering, restart, what is asked to be drawn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gui.keys import BINDINGS, THRUST, TURN, Action
+from gui.look import Look, apply_look, reduced_camera
+from gui.overlay import Letterbox
+from gui.readout import read_out
+from gui.session import FRAME_STEP_S, RATES, STEP_S, Session
+from gui.steering import ACCELERATION_M_S2, BRAKE_M_S2, COARSE_GAIN, RATE_RAD_S, SLEW_RAD_S2
+from simulator.scenario_load import load_scenario
+from simulator.scene.state import SceneState
+from simulator.world.rotation import matrix_from_quat, rotation_angle_rad
+
+TICK_S = 1 / 50
+
+
+@pytest.fixture
+def session() -> Session:
+    return Session.of(load_scenario("tango-flyaround"))
+
+
+def fly(session: Session, seconds: float, *held: Action) -> None:
+    for _ in range(round(seconds / TICK_S)):
+        session.advance(TICK_S, set(held))
+
+
+def camera_velocity(session: Session) -> np.ndarray:
+    chaser = session.moment.chaser
+    return matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ np.array(chaser.velocity_eci_m_s)
+
+
+def test_pause_freezes_time_and_the_picture(session: Session) -> None:
+    fly(session, 1.0)
+    session.toggle_pause()
+    before = session.scene()
+    fly(session, 5.0)
+    assert session.scene() == before
+    session.toggle_pause()
+    fly(session, 1.0)
+    assert session.t_s == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_simulated_time_runs_at_the_rate(session: Session, rate: float) -> None:
+    session.set_rate(rate)
+    fly(session, 2.0)
+    assert session.t_s == pytest.approx(2.0 * rate, abs=1.01 * STEP_S * rate)
+
+
+def test_faster_and_slower_stop_at_the_ends(session: Session) -> None:
+    for _ in range(20):
+        session.faster()
+    assert session.rate == RATES[-1]
+    for _ in range(20):
+        session.slower()
+    assert session.rate == RATES[0]
+
+
+def test_a_rate_that_is_not_offered_is_refused(session: Session) -> None:
+    with pytest.raises(ValueError, match="not one of"):
+        session.set_rate(3.0)
+
+
+def test_one_frame_advances_once_and_stays_paused(session: Session) -> None:
+    session.step_once()
+    assert session.paused
+    assert session.t_s == pytest.approx(FRAME_STEP_S)
+    fly(session, 1.0)
+    assert session.t_s == pytest.approx(FRAME_STEP_S)
+
+
+def test_a_stalled_window_does_not_make_time_jump(session: Session) -> None:
+    session.advance(30.0)
+    assert session.t_s < 0.5
+
+
+def test_guidance_is_the_scenarios_own_flight(session: Session) -> None:
+    fly(session, 3.0)
+    expected = session.plan.flight.state(session.t_s)
+    assert session.mode == "guidance"
+    assert session.moment.world == expected
+
+
+def test_the_first_key_takes_over_without_a_jump(session: Session) -> None:
+    fly(session, 2.0)
+    before = session.moment.chaser
+    session.toggle_pause()
+    session.advance(TICK_S, {Action.FORWARD})
+    assert session.mode == "steer"
+    assert session.moment.chaser == before
+
+
+@pytest.mark.parametrize("action", list(THRUST))
+def test_a_thrust_key_accelerates_along_its_camera_axis(session: Session, action: Action) -> None:
+    coasting = Session.of(session.plan.scenario)
+    for one in (session, coasting):
+        one.take_over()
+    seconds = 0.4
+    fly(session, seconds, action)
+    fly(coasting, seconds)
+    gained = camera_velocity(session) - camera_velocity(coasting)
+    direction = np.array(THRUST[action])
+    assert gained @ direction == pytest.approx(ACCELERATION_M_S2 * seconds, rel=0.02)
+    # the camera turns by half a degree meanwhile, so a little shows across the axis
+    assert np.linalg.norm(gained - (gained @ direction) * direction) < 0.03 * ACCELERATION_M_S2 * seconds
+
+
+@pytest.mark.parametrize("action", list(TURN))
+def test_a_turn_key_turns_the_camera_about_its_axis(session: Session, action: Action) -> None:
+    session.take_over()
+    session.toggle_tracking()
+    assert not session.tracking
+    fly(session, 1.0, action)
+    rate = np.array(session.moment.chaser.omega_camera_rad_s)
+    np.testing.assert_allclose(rate, RATE_RAD_S * np.array(TURN[action]), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("action", "axis", "sign"),
+    [(Action.YAW_RIGHT, 0, -1), (Action.YAW_LEFT, 0, 1), (Action.PITCH_UP, 1, 1), (Action.PITCH_DOWN, 1, -1)],
+)
+def test_the_target_moves_the_other_way_in_the_picture(
+    session: Session, action: Action, axis: int, sign: int
+) -> None:
+    before = np.array(session.scene().t_camera_from_target_m)
+    fly(session, 1.5, action)
+    moved = np.array(session.scene().t_camera_from_target_m) - before
+    # three degrees at nine metres
+    assert sign * moved[axis] == pytest.approx(
+        np.tan(1.5 * RATE_RAD_S) * session.moment.world.range_m, rel=0.1
+    )
+    assert abs(moved[1 - axis]) < 0.1
+
+
+def test_coarse_key_is_five_times_as_strong(session: Session) -> None:
+    other = Session.of(session.plan.scenario)
+    for one in (session, other):
+        one.take_over()
+        one.stop()
+        fly(one, 6.0)
+    fly(session, 0.2, Action.BACK)
+    fly(other, 0.2, Action.BACK, Action.COARSE)
+    ratio = np.linalg.norm(other.moment.world.velocity_lvlh_m_s) / np.linalg.norm(
+        session.moment.world.velocity_lvlh_m_s
+    )
+    assert ratio == pytest.approx(COARSE_GAIN, rel=0.05)
+
+
+def test_stop_brings_the_chaser_to_rest_in_lvlh(session: Session) -> None:
+    speed = np.linalg.norm(session.moment.world.velocity_lvlh_m_s)
+    session.stop()
+    fly(session, float(speed) / BRAKE_M_S2 + 1.0)
+    assert not session.braking
+    assert np.linalg.norm(session.moment.world.velocity_lvlh_m_s) < 3e-4
+
+
+def test_tracking_keeps_the_target_in_the_middle_while_thrusting(session: Session) -> None:
+    fly(session, 4.0, Action.RIGHT)
+    assert session.tracking
+    assert read_out(session.moment.world, session.scene()).off_boresight_deg < 0.1
+
+
+def test_tracking_brings_a_lost_target_back(session: Session) -> None:
+    fly(session, 2.0, Action.YAW_RIGHT)
+    assert read_out(session.moment.world, session.scene()).off_boresight_deg > 2.0
+    session.centre()
+    fly(session, 8.0)
+    assert read_out(session.moment.world, session.scene()).off_boresight_deg < 0.1
+
+
+def test_the_rate_changes_no_faster_than_the_slew(session: Session) -> None:
+    session.take_over()
+    session.toggle_tracking()
+    before = np.array(session.moment.chaser.omega_camera_rad_s)
+    session.advance(TICK_S, {Action.YAW_LEFT})
+    change = np.linalg.norm(np.array(session.moment.chaser.omega_camera_rad_s) - before)
+    assert change == pytest.approx(SLEW_RAD_S2 * STEP_S, rel=1e-6)
+
+
+def test_the_flight_does_not_depend_on_how_often_the_window_is_drawn(session: Session) -> None:
+    other = Session.of(session.plan.scenario)
+    for _ in range(100):
+        session.advance(0.02, {Action.RIGHT})
+    for _ in range(20):
+        other.advance(0.1, {Action.RIGHT})
+    assert other.moment.chaser == session.moment.chaser
+
+
+def test_restart_gives_the_first_picture_again(session: Session) -> None:
+    first = session.scene()
+    fly(session, 2.0, Action.FORWARD, Action.ROLL_LEFT)
+    session.restart()
+    assert session.scene() == first
+    assert session.mode == "guidance"
+    assert len(session.trail) == 1
+
+
+def test_reset_puts_the_chaser_back_and_keeps_steering(session: Session) -> None:
+    fly(session, 3.0, Action.BACK)
+    session.reset_chaser()
+    assert session.mode == "steer"
+    assert session.moment.world == session.flight.state(session.t_s)
+
+
+def test_the_flight_goes_on_past_the_scenarios_end(session: Session) -> None:
+    down = session.flight.pointing
+    session.set_rate(100.0)
+    early = session.moment.world.r_target_eci_m
+    fly(session, 1.0)
+    assert session.t_s > session.plan.scenario.duration_s
+    assert session.flight.pointing == down
+    session.restart()
+    np.testing.assert_allclose(session.moment.world.r_target_eci_m, early, atol=1e-6)
+
+
+def test_steered_time_equals_the_clock_at_high_rate(session: Session) -> None:
+    session.set_rate(50.0)
+    fly(session, 2.0, Action.FORWARD)
+    assert session.t_s == pytest.approx(100.0, abs=1.1)
+    assert session.moment.world.t_s == session.t_s
+
+
+def test_reduced_camera_sees_the_same_directions(session: Session) -> None:
+    camera = session.plan.camera
+    half = reduced_camera(camera, 2)
+    assert (half.width_px, half.height_px) == (camera.width_px // 2, camera.height_px // 2)
+    # the outer corner of the image, at pixel edges, is the same ray
+    x = (-0.5 - camera.cx_px) / camera.fx_px
+    assert (-0.5 - half.cx_px) / half.fx_px == pytest.approx(x, rel=1e-12)
+
+
+def test_look_changes_only_what_it_says(session: Session) -> None:
+    scene = session.scene()
+    look = Look(bands=scene.bands, environment=scene.environment)
+    assert apply_look(scene, look) == scene
+    darker: SceneState = apply_look(scene, replace(look, exposure_stops=-1.0))
+    assert darker == replace(scene, exposure_s=scene.exposure_s / 2)
+
+
+def test_letterbox_keeps_the_aspect_and_maps_pixel_edges() -> None:
+    box = Letterbox.fit((200, 100), (10.0, 20.0, 400.0, 400.0))
+    assert (box.x, box.y, box.width, box.height) == (10.0, 120.0, 400.0, 200.0)
+    assert box.at((-0.5, -0.5)) == (10.0, 120.0)
+    assert box.at((199.5, 99.5)) == (410.0, 320.0)
+
+
+def test_no_key_does_two_things() -> None:
+    keys = [key for b in BINDINGS for key in b.keys]
+    assert len(keys) == len(set(keys))
+    assert {b.action for b in BINDINGS} == set(Action)
+
+
+def test_readout_of_a_known_geometry(session: Session) -> None:
+    fly(session, 1.0)
+    world, scene = session.moment.world, session.scene()
+    shown = read_out(world, scene)
+    later = session.flight.state(session.t_s + 0.01)
+    assert shown.range_m == pytest.approx(world.range_m, abs=1e-9)
+    assert shown.closing_m_s == pytest.approx(-(later.range_m - world.range_m) / 0.01, abs=1e-4)
+    # the relative attitude turns at the relative rate
+    next_scene = session.plan.scene_of(later, 0)
+    turned = rotation_angle_rad(scene.q_camera_from_target_wxyz, next_scene.q_camera_from_target_wxyz)
+    assert np.degrees(turned) / 0.01 == pytest.approx(
+        float(np.linalg.norm(shown.relative_rate_deg_s)), rel=1e-3
+    )

@@ -1,0 +1,141 @@
+"""The console as an operator meets it: a window on a virtual screen, real keys, a real renderer."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.gui
+
+SCREEN = (1280, 800)
+START_TIMEOUT_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def display() -> Iterator[str]:
+    for program in ("Xvfb", "xdotool"):
+        if shutil.which(program) is None:
+            pytest.skip(f"{program} is not installed (apt-get install xvfb xdotool)")
+    pytest.importorskip("glfw", reason="the gui extra is not installed", exc_type=ImportError)
+    receiving, sending = os.pipe()
+    # -displayfd: the server picks a free number and tells it when it is ready
+    server = subprocess.Popen(
+        [
+            "Xvfb",
+            "-displayfd",
+            str(sending),
+            "-screen",
+            "0",
+            f"{SCREEN[0]}x{SCREEN[1]}x24",
+            "-nolisten",
+            "tcp",
+        ],
+        pass_fds=(sending,),
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(sending)
+    with os.fdopen(receiving) as pipe:
+        number = pipe.readline().strip()
+    yield f":{number}"
+    server.terminate()
+    server.wait(timeout=10)
+
+
+def xdotool(display: str, *arguments: str) -> str:
+    environment = {**os.environ, "DISPLAY": display}
+    done = subprocess.run(
+        ["xdotool", *arguments], env=environment, capture_output=True, text=True, check=False
+    )
+    return done.stdout.strip()
+
+
+def fly(
+    display: str, folder: Path, operate: Callable[[], None], *, seconds: float
+) -> tuple[dict[str, Any], np.ndarray]:
+    """Run the console, operate it once its first picture is up, and return its last state and last look."""
+    screenshot = folder / "console.png"
+    command = [sys.executable, "-m", "flyaround", "-v", "sim", "tango-flyaround", "--json"]
+    command += ["--seconds", str(seconds), "--screenshot", str(screenshot)]
+    environment = {**os.environ, "DISPLAY": display}
+    with subprocess.Popen(
+        command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as console:
+        assert console.stdout is not None
+        assert console.stderr is not None
+        lines: list[str] = []
+        for line in console.stderr:
+            lines.append(line)
+            if "first picture" in line:
+                break
+        else:
+            pytest.fail(f"no picture came: {''.join(lines)}")
+        operate()
+        out, err = console.communicate(timeout=START_TIMEOUT_S)
+    assert console.returncode == 0, err
+    return json.loads(out), cv2.cvtColor(cv2.imread(str(screenshot)), cv2.COLOR_BGR2RGB)
+
+
+def test_keys_fly_the_chaser_and_the_view_is_drawn(display: str, tmp_path: Path) -> None:
+    def forward() -> None:
+        xdotool(display, "keydown", "w")
+        time.sleep(3.0)
+        xdotool(display, "keyup", "w", "key", "p")
+
+    state, image = fly(display, tmp_path, forward, seconds=8.0)
+    assert state["mode"] == "steer"
+    # guidance alone would recede at this time; three seconds of thrust close in
+    assert state["closing_m_s"] > 0.05
+    assert 0 < state["t_s"] < 12.0
+    assert state["pictures"] >= 3
+    assert image.shape == (SCREEN[1], SCREEN[0], 3)
+    view, panel = image[200:600, 100:850], image[:, 960:]
+    assert view.std() > 8.0, "the view shows nothing"
+    assert 10.0 < panel.mean() < 100.0, "the panel is missing"
+    saved = sorted((tmp_path / "out" / "console").iterdir())
+    assert [p.suffix for p in saved] == [".json", ".png"]
+    truth = json.loads(saved[0].read_text())
+    picture = cv2.imread(str(saved[1]), cv2.IMREAD_UNCHANGED)
+    assert picture.shape[:2] == (truth["camera"]["height_px"], truth["camera"]["width_px"])
+
+
+def test_turning_right_moves_the_target_left_and_pause_freezes(display: str, tmp_path: Path) -> None:
+    def turn_and_pause() -> None:
+        xdotool(display, "keydown", "l")
+        time.sleep(2.0)
+        xdotool(display, "keyup", "l", "key", "space", "key", "F1")
+
+    state, image = fly(display, tmp_path, turn_and_pause, seconds=5.0)
+    assert state["paused"]
+    assert state["tracking"]
+    assert state["t_camera_from_target_m"][0] < -0.1
+    assert abs(state["t_camera_from_target_m"][1]) < 0.1
+    # the list of keys lies over the middle of the view
+    assert image[300:500, 500:700].mean() < 60.0
+
+
+def test_without_a_display_one_sentence_says_what_to_do(tmp_path: Path) -> None:
+    environment = {k: v for k, v in os.environ.items() if k not in {"DISPLAY", "WAYLAND_DISPLAY"}}
+    done = subprocess.run(
+        [sys.executable, "-m", "flyaround", "sim", "--seconds", "1"],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "xvfb-run" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
