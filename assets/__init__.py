@@ -1,1 +1,1 @@
-"""Textures, star catalogue, scenarios, cameras: data with provenance in NOTICE.md. No Python logic lives here."""
+"""Textures, stars, scenarios, cameras: data with provenance in NOTICE.md. No Python logic lives here."""

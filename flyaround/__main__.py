@@ -1,5 +1,42 @@
-"""Entry point of the command line."""
+"""Entry point of the command line: turns a user's mistake into one sentence and exit code 2."""
+
+from __future__ import annotations
+
+import logging
+import sys
+
+from rich.console import Console
+from rich.text import Text
+
+from flyaround.cli import app
+from hil.board.svd import BoardModelError
+from hil.link.errors import LinkError
+from simulator.errors import UserError
+
+INTERRUPTED = 130
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line and exit."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command line and return its exit code: 0 success, 1 a check that failed, 2 a user's mistake."""
+    stderr = Console(stderr=True)
+    try:
+        app(args=arguments, prog_name="flyaround")
+    except (UserError, LinkError, BoardModelError) as error:
+        stderr.print(Text.assemble(("flyaround: ", "red"), str(error)), soft_wrap=True)
+        logging.getLogger("flyaround").debug("traceback", exc_info=True)
+        return 2
+    except KeyboardInterrupt:
+        stderr.print("flyaround: interrupted; what was written so far is whole")
+        return INTERRUPTED
+    except SystemExit as leave:
+        return leave.code if isinstance(leave.code, int) else 0
+    return 0
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""estimate, evaluate: the board's estimator on images from files, on this machine."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from flyaround.progress import progress_bar
+from hil.board.svd import METHODS, CameraIntrinsics, PoseEstimator
+from hil.evaluate.run import board_model, evaluate_dataset
+from simulator.camera.files import load_camera
+from simulator.dataset.native import read_png
+from simulator.errors import UserError
+from simulator.files import empty_folder
+from simulator.targets.library import load_target
+
+
+def estimate(
+    images: Annotated[list[Path], typer.Argument(help="PNG images, 8 or 16 bits.")],
+    target: Annotated[str, typer.Option(help="Target name.")] = "tango",
+    camera: Annotated[str, typer.Option(help="CAMERA.json, or the name of a built-in camera.")] = "speed",
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON list.")] = False,
+) -> None:
+    """Estimate the pose of a target in images."""
+    check_method(method)
+    intrinsics = load_camera(camera)
+    estimator = PoseEstimator(
+        board_model(load_target(target)),
+        CameraIntrinsics.from_dict(msgspec.to_builtins(intrinsics)),
+        method=method,
+    )
+    rows: list[dict[str, Any]] = []
+    for path in images:
+        result = estimator.estimate(read_png(path))
+        q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
+        rows.append(
+            {
+                "image": str(path),
+                "accepted": bool(result.accepted),
+                "reason": result.reason,
+                "q_camera_from_target_wxyz": None if q is None else [float(x) for x in q],
+                "t_camera_from_target_m": None if t is None else [float(x) for x in t],
+                "confidence": float(result.confidence),
+                "stages_ms": {k: float(v) for k, v in result.stages_ms.items()},
+            }
+        )
+    if as_json:
+        typer.echo(json.dumps(rows if len(rows) > 1 else rows[0], indent=1))
+        return
+    table = Table("image", "outcome", "q wxyz", "t [m]", "confidence", "ms")
+    for row in rows:
+        q, t = row["q_camera_from_target_wxyz"], row["t_camera_from_target_m"]
+        table.add_row(
+            row["image"],
+            "accepted" if row["accepted"] else f"declined: {row['reason']}",
+            "" if q is None else " ".join(f"{x:+.4f}" for x in q),
+            "" if t is None else " ".join(f"{x:+.3f}" for x in t),
+            f"{row['confidence']:.2f}",
+            f"{sum(row['stages_ms'].values()):.0f}",
+        )
+    Console().print(table)
+
+
+def evaluate(
+    folder: Annotated[Path, typer.Argument(help="A data set written by capture.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder of the report: new or empty.")
+    ] = Path("report"),
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
+    as_json: Annotated[bool, typer.Option("--json", help="Print metrics.json.")] = False,
+) -> None:
+    """Estimate every frame of a data set and compare with its truth."""
+    check_method(method)
+    empty_folder(output)
+    with progress_bar("evaluate", quiet=as_json) as progress:
+        metrics = evaluate_dataset(folder, output, method=method, progress=progress)
+    if as_json:
+        typer.echo((output / "metrics.json").read_text())
+        return
+    table = Table("figure", "value")
+    for name, value in msgspec.structs.asdict(metrics).items():
+        if isinstance(value, (int, float)):
+            table.add_row(name, f"{value:.4g}")
+    Console().print(table)
+
+
+def check_method(method: str) -> None:
+    """Refuse a method that the estimator does not have.
+
+    Raises
+    ------
+    UserError
+        With the methods there are.
+    """
+    if method not in METHODS:
+        raise UserError(f"unknown method '{method}' in --method; choose from {', '.join(METHODS)}")

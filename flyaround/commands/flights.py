@@ -1,0 +1,118 @@
+"""fly, scenarios, targets, cameras: flights without pictures, and lists of what there is."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from simulator.camera.files import list_cameras, load_camera
+from simulator.files import empty_folder, write_atomic
+from simulator.loop import plan_flight
+from simulator.recipe import RECIPES
+from simulator.scenario_load import list_scenarios, load_scenario
+from simulator.targets.board_file import write_board_model
+from simulator.targets.glb import write_glb
+from simulator.targets.library import list_targets, load_target
+from simulator.world.flight import fly_table
+
+
+def fly(
+    scenario: Annotated[str, typer.Argument(help="Built-in name or TOML file.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for states.csv and scenario.json.")],
+    every_s: Annotated[float, typer.Option("--every", help="Seconds between rows.")] = 1.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
+) -> None:
+    """Propagate only: the states of both craft as a table."""
+    plan = plan_flight(load_scenario(scenario), every_s=every_s)
+    empty_folder(output)
+    rows = fly_table(plan.flight, plan.times_s)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_atomic(output / "states.csv", text.getvalue().encode())
+    write_atomic(
+        output / "scenario.json", msgspec.json.format(msgspec.json.encode(plan.scenario_document), indent=1)
+    )
+    summary = {"rows": len(rows), "states": str(output / "states.csv")}
+    if as_json:
+        typer.echo(json.dumps(summary))
+    else:
+        Console().print(f"{len(rows)} states in {output / 'states.csv'}")
+
+
+def scenarios(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
+    """List the built-in scenarios, and the recipes that capture takes."""
+    rows = [load_scenario(name) for name in list_scenarios()]
+    if as_json:
+        flights = [{"name": s.name, "title": s.title, "duration_s": s.duration_s} for s in rows]
+        recipes = [{"name": r.name, "title": r.title, "duration_s": None} for r in RECIPES]
+        typer.echo(json.dumps(flights + recipes))
+        return
+    table = Table("name", "title", "seconds")
+    for s in rows:
+        table.add_row(s.name, s.title, f"{s.duration_s:g}")
+    for r in RECIPES:
+        table.add_row(r.name, r.title, "recipe")
+    Console().print(table)
+
+
+def targets(
+    export: Annotated[
+        Path | None, typer.Option(help="Write NAME.glb and NAME.board.json of every target to this folder.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """List the targets, or export them."""
+    rows = [load_target(name) for name in list_targets()]
+    if export is not None:
+        empty_folder(export)
+        for t in rows:
+            write_glb(t, export / f"{t.name}.glb")
+            write_board_model(t, export / f"{t.name}.board.json")
+    if as_json:
+        document = [
+            {
+                "name": t.name,
+                "title": t.title,
+                "sha256": t.sha256,
+                "triangles": sum(len(p.triangles) for p in t.parts),
+                "keypoints": [k.name for k in t.keypoints],
+                "mass_kg": t.mass.mass_kg,
+            }
+            for t in rows
+        ]
+        typer.echo(json.dumps(document))
+        return
+    table = Table("name", "title", "parts", "triangles", "keypoints", "edges", "kg")
+    for t in rows:
+        triangles = sum(len(p.triangles) for p in t.parts)
+        counts = (len(t.parts), triangles, len(t.keypoints), len(t.wireframe))
+        table.add_row(t.name, t.title, *(str(c) for c in counts), f"{t.mass.mass_kg:.1f}")
+    Console().print(table)
+
+
+def cameras(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
+    """List the built-in cameras."""
+    rows = {name: load_camera(name) for name in list_cameras()}
+    if as_json:
+        typer.echo(msgspec.json.encode(rows).decode())
+        return
+    table = Table("name", "pixels", "fx fy [px]", "cx cy [px]", "distortion")
+    for name, c in rows.items():
+        table.add_row(
+            name,
+            f"{c.width_px} x {c.height_px}",
+            f"{c.fx_px:.2f} {c.fy_px:.2f}",
+            f"{c.cx_px:g} {c.cy_px:g}",
+            c.distortion.model,
+        )
+    Console().print(table)

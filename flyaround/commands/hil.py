@@ -1,0 +1,123 @@
+"""hil host, hil board, hil report: the two sides of the link, and what they measured."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+
+from flyaround.commands.estimation import check_method
+from flyaround.progress import progress_bar
+from hil.board.agent import run_board
+from hil.board.svd import METHODS
+from hil.host.ledger import LedgerRow
+from hil.host.report import write_report
+from hil.host.run import run_host
+from hil.host.stream import stream_frames
+from simulator.errors import UserError
+from simulator.files import empty_folder
+from simulator.loop import plan_flight
+from simulator.scenario_load import load_scenario
+from simulator.targets.board_file import write_board_model
+from simulator.targets.library import load_target
+
+# Seconds that a board has to connect and build its estimator, unless --timeout gives it longer.
+CONNECT_S = 60.0
+
+
+def host(
+    scenario: Annotated[str, typer.Argument(help="Built-in name or TOML file.")],
+    listen: Annotated[
+        str, typer.Option(help="Where the board connects: tcp://HOST:PORT.")
+    ] = "tcp://127.0.0.1:5600",
+    n: Annotated[int | None, typer.Option("-n", min=1, help="Frames, evenly in time (default 30).")] = None,
+    every_s: Annotated[
+        float | None, typer.Option("--every", help="Seconds between frames, instead of -n.")
+    ] = None,
+    mode: Annotated[
+        str, typer.Option(help="lockstep: wait for each pose; realtime: paced by simulated time.")
+    ] = "lockstep",
+    truth: Annotated[
+        str,
+        typer.Option(help="separate: own endpoint, one port up; inline: with each frame; off: kept home."),
+    ] = "separate",
+    log: Annotated[
+        Path | None, typer.Option(help="Folder for frames.csv and summary.json: new or empty.")
+    ] = None,
+    timeout_s: Annotated[
+        float, typer.Option("--timeout", min=0.1, help="Seconds to wait for a board or a pose.")
+    ] = 30.0,
+    seed: Annotated[int | None, typer.Option(help="Seed (default: the scenario's).")] = None,
+    gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+) -> None:
+    """Stream a flight to a board and keep the ledger of every frame."""
+    if mode not in {"lockstep", "realtime"}:
+        raise UserError(f"unknown mode '{mode}' in --mode; choose lockstep or realtime")
+    if truth not in {"off", "separate", "inline"}:
+        raise UserError(f"unknown truth '{truth}' in --truth; choose off, separate or inline")
+    if n is not None and every_s is not None:
+        raise UserError("hil host takes -n or --every, not both; leave one out")
+    plan = plan_flight(
+        load_scenario(scenario), n=None if every_s is not None else (n or 30), every_s=every_s, seed=seed
+    )
+    if log is not None:
+        empty_folder(log)
+    with progress_bar("frames to the board", quiet=as_json) as progress:
+        done = 0
+
+        def count(_row: LedgerRow) -> None:
+            nonlocal done
+            done += 1
+            progress(done, plan.n_frames)
+
+        summary = run_host(
+            stream_frames(plan, device_index=gpu),
+            url=listen,
+            mode="realtime" if mode == "realtime" else "lockstep",
+            truth="off" if truth == "off" else "inline" if truth == "inline" else "separate",
+            log_dir=log,
+            timeout_s=timeout_s,
+            connect_timeout_s=max(timeout_s, CONNECT_S),
+            on_row=count,
+            target_name=plan.target.name,
+            target_sha256=plan.target.sha256,
+        )
+    document = msgspec.json.encode(summary)
+    if as_json:
+        typer.echo(msgspec.json.format(document, indent=1).decode())
+    else:
+        Console().print_json(document.decode())
+
+
+def board(
+    url: Annotated[str, typer.Argument(help="The host: tcp://HOST:PORT.")],
+    target: Annotated[str, typer.Option(help="Target name.")] = "tango",
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
+) -> None:
+    """The board's side, on this machine: connect, estimate, answer."""
+    check_method(method)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"{target}.board.json"
+        write_board_model(load_target(target), path)
+        summary = run_board(url, str(path), method=method)
+    Console(stderr=True).print(f"{summary.frames} frames, {summary.accepted} accepted: {summary.ended}")
+    if not summary.goodbye:
+        raise typer.Exit(1)
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="A folder written by hil host --log.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+) -> None:
+    """Latency, jitter, drops by cause: a page with plots from a ledger."""
+    page = write_report(folder)
+    if as_json:
+        typer.echo(json.dumps({"report": str(page)}))
+    else:
+        Console().print(f"report: {page}")

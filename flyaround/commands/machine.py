@@ -1,0 +1,83 @@
+"""bench, doctor, demo: what this machine is, how fast it draws, and the whole chain in one command."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from flyaround.bench import run_bench
+from flyaround.demo import run_demo
+from flyaround.doctor import examine
+from flyaround.progress import progress_bar
+
+
+def bench(
+    frames: Annotated[int, typer.Option("-n", min=3, help="Frames timed per scene.")] = 20,
+    scene: Annotated[list[str] | None, typer.Option(help="Only these scenes (repeat the option).")] = None,
+    gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Frame cost per scene beside a reference pass of the same run."""
+    with progress_bar("bench", quiet=as_json) as progress:
+        document = run_bench(n_frames=frames, scenes=tuple(scene or ()), device_index=gpu, progress=progress)
+    if as_json:
+        typer.echo(json.dumps(document, indent=1))
+        return
+    table = Table(
+        "scene", "pixels", "p50 ms", "p95 ms", "render", "sensor", "read-back", "reference ms", "ratio"
+    )
+    for s in document["scenes"]:
+        table.add_row(
+            s["name"],
+            f"{s['width_px']}x{s['height_px']}",
+            *(
+                f"{s[key]:.1f}"
+                for key in (
+                    "frame_ms_p50",
+                    "frame_ms_p95",
+                    "render_ms_p50",
+                    "sensor_ms_p50",
+                    "readback_ms_p50",
+                )
+            ),
+            f"{s['reference_ms']:.1f}",
+            f"{s['frame_ms_p50'] / s['reference_ms']:.2f}",
+        )
+    console = Console()
+    console.print(f"{document['machine']['gl_renderer']}, {document['machine']['threads']} threads")
+    console.print(table)
+    for part in ("world", "link", "estimator", "capture"):
+        for row in document[part]:
+            console.print(f"{part}: {row['name']} p50 {row['ms_p50']:.3g} ms, p95 {row['ms_p95']:.3g} ms")
+
+
+def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
+    """What OpenGL, GPU and optional parts this machine has, and how to get the rest."""
+    findings = examine()
+    if as_json:
+        typer.echo(json.dumps([asdict(f) for f in findings], indent=1))
+    else:
+        table = Table("part", "state", "what to do")
+        for f in findings:
+            table.add_row(f.part, f"[green]{f.found}[/green]" if f.ok else f"[red]{f.found}[/red]", f.advice)
+        Console().print(table)
+    if not all(f.ok or not f.required for f in findings):
+        raise typer.Exit(1)
+
+
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the page.")] = Path("out/demo"),
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an earlier demo in that folder.")
+    ] = False,
+) -> None:
+    """Fly, capture and check 20 images, run 30 frames through a board process, and make a page of it."""
+    page = run_demo(output, overwrite=overwrite, executable=sys.executable)
+    Console().print(f"open {page}")

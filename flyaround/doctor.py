@@ -1,0 +1,69 @@
+"""Findings about this machine: each part, whether it is there, and how to get it."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import shutil
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.render.renderer import Renderer
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the report."""
+
+    part: str
+    ok: bool
+    required: bool
+    found: str
+    advice: str
+
+
+def examine() -> tuple[Finding, ...]:
+    """Look at Python, OpenGL, the screen and the optional parts."""
+    return (_python(), _opengl(), _screen(), *_optional())
+
+
+def _python() -> Finding:
+    version = platform.python_version()
+    return Finding("Python", sys.version_info >= (3, 11), True, f"{version}, numpy {np.__version__}", "")
+
+
+def _opengl() -> Finding:
+    try:
+        with Renderer() as renderer:
+            info = renderer.info
+    except UserError as error:
+        return Finding("OpenGL by EGL", False, True, "none", str(error))
+    kind = "software" if info.is_software else "hardware"
+    return Finding("OpenGL by EGL", True, True, f"{info.renderer}, {info.version} ({kind})", "")
+
+
+def _screen() -> Finding:
+    display = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
+    advice = "only the window needs one: start under X or Wayland, or use xvfb-run"
+    return Finding("screen", bool(display), False, display or "none", "" if display else advice)
+
+
+def _optional() -> list[Finding]:
+    rows = []
+    for module, part, advice in (
+        ("glfw", "window (glfw)", "pip install 'flyaround[gui]'"),
+        ("imgui_bundle", "panels (imgui-bundle)", "pip install 'flyaround[gui]'"),
+        ("serial", "serial lines (pyserial)", "pip install pyserial"),
+        ("zstandard", "compression (zstandard)", "pip install zstandard"),
+    ):
+        there = importlib.util.find_spec(module) is not None
+        rows.append(Finding(part, there, False, "there" if there else "missing", "" if there else advice))
+    for program, use in (("Xvfb", "tests of the window"), ("gcc", "the C decoder test")):
+        there = shutil.which(program) is not None
+        advice = "" if there else f"needed for {use} only: apt-get install {program.lower()}"
+        rows.append(Finding(program, there, False, "there" if there else "missing", advice))
+    return rows

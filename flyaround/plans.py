@@ -1,0 +1,33 @@
+"""From a name on the command line to the frames it means: a flight sampled in time, or a recipe's samples."""
+
+from __future__ import annotations
+
+from simulator.errors import UserError
+from simulator.loop import Plan, plan_flight
+from simulator.recipe import RecipePlan, list_recipes, plan_recipe
+from simulator.scenario_load import load_scenario
+from simulator.scene.state import Bands, Quality
+
+
+def choose_plan(
+    name: str,
+    *,
+    n: int,
+    every_s: float | None,
+    seed: int | None,
+    bands: Bands | None,
+    quality: Quality | None,
+) -> Plan | RecipePlan:
+    """The plan of a recipe's name, else of a scenario.
+
+    Raises
+    ------
+    UserError
+        If there is no such scenario or recipe, or ``every_s`` is asked of a recipe.
+    """
+    if name in list_recipes():
+        if every_s is not None:
+            raise UserError(f"recipe {name} has no time, so --every means nothing; use -n")
+        return plan_recipe(name, n, seed=seed, bands=bands, quality=quality)
+    count = None if every_s is not None else n
+    return plan_flight(load_scenario(name), n=count, every_s=every_s, seed=seed, bands=bands, quality=quality)

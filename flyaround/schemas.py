@@ -1,0 +1,44 @@
+"""The JSON Schemas of every file format, by name; `python -m flyaround.schemas DIR` writes them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from hil.evaluate.metrics import metrics_json_schema
+from hil.host.summary import summary_schema
+from simulator.dataset.card import card_json_schema
+from simulator.files import write_atomic
+from simulator.labels.truth import truth_json_schema
+from simulator.scenario_load import scenario_json_schema
+from simulator.targets.records import board_json_schema, target_json_schema
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def all_schemas() -> dict[str, dict[str, Any]]:
+    """Schema documents by format name."""
+    schemas = {
+        "scenario": scenario_json_schema(),
+        "target": target_json_schema(),
+        "board_model": board_json_schema(),
+        "truth": truth_json_schema(),
+        "dataset": card_json_schema(),
+        "ledger_summary": summary_schema(),
+        "metrics": metrics_json_schema(),
+    }
+    return {
+        name: {"$schema": DIALECT, "title": f"flyaround {name}", **schema} for name, schema in schemas.items()
+    }
+
+
+def write_schemas(folder: Path) -> None:
+    """Write ``NAME.schema.json`` of every format."""
+    for name, schema in all_schemas().items():
+        write_atomic(folder / f"{name}.schema.json", (json.dumps(schema, indent=1) + "\n").encode())
+
+
+if __name__ == "__main__":
+    write_schemas(Path(sys.argv[1]))

@@ -1,0 +1,192 @@
+"""A user's mistake on the command line: exit 2, one sentence with what, where and what to do, no traceback."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from flyaround.__main__ import run
+
+GOOD = """
+epoch_utc = "2026-03-21T10:00:00Z"
+duration_s = 10.0
+[orbit]
+kind = "elements"
+altitude_km = 700.0
+[chaser]
+mode = "hold"
+position_lvlh_m = [0.0, -10.0, 0.0]
+"""
+
+
+def _fails(capsys, *arguments, says):
+    code = run([str(a) for a in arguments])
+    error = " ".join(capsys.readouterr().err.split())
+    assert code == 2, error
+    assert "Traceback" not in error
+    for word in says:
+        assert word in error, error
+    return error
+
+
+@pytest.fixture
+def scenario_file(tmp_path):
+    def write(text):
+        path = tmp_path / "mine.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "command", [("render",), ("capture", "-o", "x"), ("fly", "-o", "x"), ("hil", "host")]
+)
+def test_unknown_scenario_names_the_nearest(capsys, command):
+    _fails(capsys, *command, "tango-flyaruond", says=("tango-flyaruond", "tango-flyaround"))
+
+
+def test_unknown_target_in_a_scenario(capsys, scenario_file):
+    path = scenario_file(GOOD.replace("[orbit]", 'target = "tangoo"\n[orbit]'))
+    _fails(capsys, "render", path, says=("tangoo", "tango"))
+
+
+def test_unknown_camera(capsys, scenario_file):
+    path = scenario_file(GOOD.replace("[orbit]", 'camera = "speeed"\n[orbit]'))
+    _fails(capsys, "render", path, says=("speeed", "speed"))
+    _fails(capsys, "estimate", "a.png", "--camera", "nikon", says=("nikon", "speed"))
+
+
+def test_unknown_format(capsys, tmp_path):
+    _fails(
+        capsys,
+        "capture",
+        "tango-flyaround",
+        "-o",
+        tmp_path / "o",
+        "--format",
+        "png",
+        says=("png", "native, speed"),
+    )
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("duration_s = 10.0", "duration_s = "), ("mine.toml", "line 3")),
+        (("altitude_km = 700.0", "altitude_km = -5.0"), ("mine.toml", "altitude_km", "-5", "150")),
+        (("altitude_km", "altitude"), ("mine.toml", "altitude", "altitude_km")),
+        (('"hold"', '"hover"'), ("mine.toml", "hover", "hold")),
+        (("duration_s = 10.0", 'duration_s = "ten"'), ("mine.toml", "duration_s", "ten")),
+        (("[0.0, -10.0, 0.0]", "[0.0, -1.0, 0.0]"), ("mine.toml",)),
+    ],
+)
+def test_mistakes_in_a_scenario_name_file_key_and_what_is_allowed(capsys, scenario_file, change, says):
+    assert change[0] in GOOD
+    _fails(capsys, "render", scenario_file(GOOD.replace(*change)), says=says)
+
+
+def test_time_outside_the_flight(capsys, tmp_path):
+    _fails(capsys, "render", "tango-flyaround", "-t", "1e6", "-o", tmp_path / "a.png", says=("1e+06", "60 s"))
+
+
+def test_unwritable_and_full_folders(capsys, tmp_path):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine.txt").write_text("keep")
+    _fails(capsys, "capture", "tango-flyaround", "-o", tmp_path / "full", says=("not empty", "--resume"))
+    assert (tmp_path / "full" / "mine.txt").read_text() == "keep"
+    _fails(
+        capsys,
+        "capture",
+        "tango-flyaround",
+        "-o",
+        tmp_path / "full" / "mine.txt",
+        says=("is a file", "folder"),
+    )
+    _fails(capsys, "render", "tango-flyaround", "-o", tmp_path / "none" / "a.png", says=("does not exist",))
+    _fails(capsys, "capture", "tango-flyaround", "-o", "/proc/flyaround", says=("/proc/flyaround",))
+
+
+def test_image_ending(capsys, tmp_path):
+    _fails(capsys, "render", "tango-flyaround", "-o", tmp_path / "a.tiff", says=(".tiff", ".png"))
+
+
+def test_truth_that_is_not_one(capsys, tmp_path):
+    path = tmp_path / "t.json"
+    _fails(capsys, "render", "--from-truth", path, says=("t.json", "render or capture"))
+    path.write_text('{"schema": "flyaround.truth"}')
+    _fails(capsys, "render", "--from-truth", path, says=("t.json", "not a truth record"))
+
+
+def test_check_of_something_else(capsys, tmp_path):
+    _fails(capsys, "check", tmp_path, says=("not a data set", "capture"))
+
+
+def test_unknown_method_and_quality(capsys, tmp_path):
+    _fails(capsys, "estimate", tmp_path / "a.png", "--method", "magic", says=("magic", "svd"))
+    _fails(capsys, "render", "tango-flyaround", "--quality", "best", says=("best", "draft"))
+
+
+def test_image_that_is_not_there(capsys, tmp_path):
+    _fails(capsys, "estimate", tmp_path / "a.png", says=("a.png", "missing"))
+
+
+def test_port_in_use(capsys):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        _fails(
+            capsys, "hil", "host", "tango-flyaround", "-n", "1", "--listen", f"tcp://127.0.0.1:{port}",
+            says=(str(port), "in use"),
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("url", ["ftp://127.0.0.1:5600", "tcp://127.0.0.1", "nonsense"])
+def test_bad_url(capsys, url):
+    _fails(capsys, "hil", "board", url, says=(url, "tcp://"))
+
+
+def test_unknown_option_and_missing_argument(capsys):
+    _fails(capsys, "capture", "tango-flyaround", says=("--output",))
+    _fails(capsys, "render", "--nonsense", says=("--nonsense",))
+
+
+def test_no_egl_says_how_to_get_it(tmp_path):
+    # an EGL without any vendor library: what a bare machine has
+    environment = os.environ | {"__EGL_VENDOR_LIBRARY_FILENAMES": str(tmp_path / "none.json")}
+    done = subprocess.run(
+        [sys.executable, "-m", "flyaround", "render", "tango-flyaround", "-o", str(tmp_path / "a.png")],
+        env=environment, capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert "apt-get install" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["scenarios", "targets", "cameras"])
+def test_lists_as_json(capsys, command):
+    assert run([command, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)
+
+
+def test_help_of_every_command(capsys):
+    for command in (
+        "sim",
+        "render",
+        "fly",
+        "capture",
+        "check",
+        "estimate",
+        "bench",
+        "doctor",
+        "hil host",
+        "hil board",
+    ):
+        assert run([*command.split(), "--help"]) == 0
+        assert "Usage" in capsys.readouterr().out
