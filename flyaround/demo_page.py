@@ -99,7 +99,7 @@ def with_inset(image: ByteArray, truth: Truth) -> ByteArray:
     inset = cv2.resize(cut, (side, side), interpolation=cv2.INTER_CUBIC)
     cv2.rectangle(inset, (0, 0), (side - 1, side - 1), (110, 120, 130), 5)
     out = image.copy()
-    left = slice(0, side) if centre[0] > width / 2 else slice(width - side, width)
+    left = slice(0, side) if centre[0] > 0.6 * width else slice(width - side, width)
     out[:side, left] = inset
     return out
 

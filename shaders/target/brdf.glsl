@@ -28,3 +28,11 @@ vec2 environment_brdf(float roughness, float n_v) {
     float a004 = min(r.x * r.x, exp2(-9.28 * n_v)) * r.x + r.y;
     return vec2(-1.04, 1.04) * a004 + r.zw;
 }
+
+// Reflectance at normal incidence of a surface under a clear coat of index 1.5 instead of in air: the coat's index is
+// between the two. Romain Guy & Mathias Agopian (2018), Physically based rendering in Filament, section 4.9.3.
+color under_coat(color f0) {
+    color root = sqrt(f0);
+    color ratio = (color(1.0) - 5.0 * root) / (color(5.0) - root);
+    return ratio * ratio;
+}

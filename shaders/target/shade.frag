@@ -43,6 +43,7 @@ color shade(uint material, vec3 n, vec3 p_m) {
     float alpha = clamp(surface.x * surface.x + 0.5 * u_sun_direction.w, 0.0, 1.0);
     color albedo = BAND(base);
     color f0 = mix(color(0.04), albedo, base.w);
+    f0 = mix(f0, under_coat(f0), surface.y);
     color diffuse = albedo * ((1.0 - base.w) / PI);
     color f = fresnel_schlick(f0, v_h);
     color sun = (color(1.0) - f) * diffuse + f * (distribution_ggx(n_h, alpha) * visibility_smith(n_l, n_v, alpha));

@@ -20,6 +20,7 @@ _SMALLEST_PX, _LARGEST_PX = 8, 32
 _SMOOTH_DISC = (
     0.08  # square of the ray's depth under the sphere, 1 at the nadir: up to 73 degrees from the vertical
 )
+_LARGEST_GROUND = 0.015  # of a cell on the ground [radii]: light and air are even enough over 100 km
 _POLE_SINE = 0.995  # the maps' longitude bends too fast nearer to the poles
 
 
@@ -56,8 +57,11 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     perigee2 = np.clip(float(earth.camera @ earth.camera) - along**2, 0, None)
     disc = 1 - perigee2
     smooth_corner = (along < 0) & (disc > _SMOOTH_DISC)
-    z = earth.camera[2] + (-along - np.sqrt(np.clip(disc, 0, None))) * d[..., 2]
-    smooth_corner &= np.abs(z) < _POLE_SINE
+    depth = np.sqrt(np.clip(disc, 0, None))
+    distance = -along - depth
+    smooth_corner &= np.abs(earth.camera[2] + distance * d[..., 2]) < _POLE_SINE
+    # seen from far away a cell spans much of the Earth
+    smooth_corner &= distance * size / min(camera.fx_px, camera.fy_px) < _LARGEST_GROUND * depth
     smooth = _all_corners(smooth_corner)
     # a ray's perigee moves by at most the camera's distance times the angle: within a cell, half its diagonal
     reach = float(np.linalg.norm(earth.camera)) * 0.75 * size / min(camera.fx_px, camera.fy_px) * 1.01
