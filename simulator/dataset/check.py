@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import cv2
@@ -19,7 +18,7 @@ from simulator.dataset.native import frame_paths, is_whole, read_png
 from simulator.dataset.speed import FOLDER as SPEED_FOLDER
 from simulator.errors import UserError
 from simulator.labels.frame import mask_box
-from simulator.labels.occlusion import Mesh
+from simulator.labels.occlusion import mesh_of
 from simulator.labels.truth import Truth, read_truth
 from simulator.targets.library import load_target
 from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
@@ -189,14 +188,9 @@ def _check_visible_on_mask(truth: Truth, mask: ByteArray) -> list[str]:
     return wrong
 
 
-@lru_cache(maxsize=4)
-def _mesh(target: Target) -> Mesh:
-    return Mesh.of(target)
-
-
 def _check_silhouette(truth: Truth, mask: ByteArray, target: Target) -> list[str]:
     """The mask against the projected triangles filled on the CPU, outline tolerance aside."""
-    mesh = _mesh(target)
+    mesh = mesh_of(target)
     R = matrix_from_quat(truth.q_camera_from_target_wxyz)
     in_camera = mesh.positions_m @ R.T + np.asarray(truth.t_camera_from_target_m)
     if in_camera[:, 2].min() <= 1e-3:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
-from functools import lru_cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,7 @@ from simulator.arrays import ByteArray, Float32Array
 from simulator.camera.develop import digitise, expose
 from simulator.labels.feasible import SILHOUETTE_SHARE, STEP_SHARE, wireframe_step_share
 from simulator.labels.keypoints import label_keypoints
-from simulator.labels.occlusion import Mesh
+from simulator.labels.occlusion import mesh_of
 from simulator.labels.truth import Box, InfeasibleReason, Software, Truth
 from simulator.scene.bands import sunlight_balance
 
@@ -89,9 +88,7 @@ def label_frame(
     signal : (H, W) noise-free signal, 1 at full scale.
     mask : (H, W) 0 or 255.
     """
-    if rendered.depth_m is None:
-        raise RuntimeError("the renderer was asked for labels and gave no depth")
-    share = wireframe_step_share(scene, target, rendered.depth_m, signal)
+    share = wireframe_step_share(scene, target, mesh_of(target), signal)
     amodal = amodal_box(scene, target)
     reason: InfeasibleReason = ""
     if rendered.silhouette_inside < SILHOUETTE_SHARE:
@@ -107,7 +104,7 @@ def label_frame(
         q_camera_from_target_wxyz=scene.q_camera_from_target_wxyz,
         t_camera_from_target_m=scene.t_camera_from_target_m,
         camera=scene.camera,
-        keypoints=label_keypoints(scene, target, _mesh_of(target), signal),
+        keypoints=label_keypoints(scene, target, mesh_of(target), signal),
         box_px=mask_box(mask),
         box_amodal_px=amodal,
         sun_direction_camera=scene.sun_direction_camera,
@@ -137,15 +134,10 @@ def mask_box(mask: ByteArray) -> Box | None:
 
 def amodal_box(scene: SceneState, target: Target) -> Box | None:
     """Bounds of all projected vertices, not clipped to the image; None when part is behind the camera."""
-    in_camera = scene.camera_from_target.apply(_mesh_of(target).positions_m)
+    in_camera = scene.camera_from_target.apply(mesh_of(target).positions_m)
     if in_camera[:, 2].min() <= 1e-3:
         return None
     pixels = scene.camera.project(in_camera)
     x0, y0 = pixels.min(axis=0)
     x1, y1 = pixels.max(axis=0)
     return (float(x0), float(y0), float(x1), float(y1))
-
-
-@lru_cache(maxsize=8)
-def _mesh_of(target: Target) -> Mesh:
-    return Mesh.of(target)

@@ -7,6 +7,7 @@ and each point is compared with the few triangles whose projection covers it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +40,12 @@ class Mesh:
                 np.int64
             ),
         )
+
+
+@lru_cache(maxsize=8)
+def mesh_of(target: Target) -> Mesh:
+    """``Mesh.of``, kept for the targets in use."""
+    return Mesh.of(target)
 
 
 def _covered(

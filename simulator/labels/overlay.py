@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from simulator.labels.occlusion import mesh_of
 from simulator.labels.truth import Truth
+from simulator.labels.wireframe import view_edges
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,20 +32,16 @@ def draw_truth(
     ----------
     image : (H, W) or (H, W, 3), 8 bits.
     truth, target : the record and the model it names.
-    wireframe : draw the edges that face the camera.
+    wireframe : draw what the camera sees of the edges.
     """
     mono = np.asarray(image, np.uint8)
     canvas: ByteArray = np.repeat(mono[..., None], 3, axis=2) if mono.ndim == 2 else mono.copy()
     pose, camera = truth.scene.camera_from_target, truth.camera
     weight = max(1, round(camera.width_px / 1900))
     if wireframe:
-        eye = np.asarray(pose.inverse().t_m)
-        for edge in target.wireframe:
-            ends = np.array([edge.a_m, edge.b_m])
-            view = eye - ends.mean(axis=0)
-            if edge.normals and max(float(view @ np.asarray(n)) for n in edge.normals) <= 0:
-                continue
-            _line(canvas, camera.project(pose.apply(ends)), BLUE, weight)
+        for view in view_edges(camera, pose, target, mesh_of(target)):
+            for stretch in view.stretches:
+                _line(canvas, view.at(np.array(stretch)), BLUE, weight)
     if truth.box_px is not None:
         x0, y0, x1, y1 = (round(v) for v in truth.box_px)
         cv2.rectangle(canvas, (x0, y0), (x1, y1), GREY, weight, cv2.LINE_AA)
@@ -66,8 +64,9 @@ def draw_pose(
     pose = type(truth.scene.camera_from_target).of("camera", "target", q_wxyz, t_m)
     drawn = canvas.copy()
     weight = max(1, round(truth.camera.width_px / 1900))
-    for edge in target.wireframe:
-        _line(drawn, truth.camera.project(pose.apply(np.array([edge.a_m, edge.b_m]))), ORANGE, weight)
+    for view in view_edges(truth.camera, pose, target, mesh_of(target)):
+        for stretch in view.stretches:
+            _line(drawn, view.at(np.array(stretch)), ORANGE, weight)
     return drawn
 
 

@@ -1,8 +1,7 @@
-"""Boxes and feasibility from made-up buffers."""
+"""Boxes from made-up masks."""
 
 import numpy as np
 
-from simulator.labels.feasible import visible_samples
 from simulator.labels.frame import mask_box
 
 
@@ -18,11 +17,3 @@ def test_empty_mask_has_no_box():
 
 def test_box_touches_the_image_edges():
     assert mask_box(np.full((6, 8), 255, np.uint8)) == (-0.5, -0.5, 7.5, 5.5)
-
-
-def test_samples_behind_the_surface_are_hidden_and_outlines_are_seen():
-    depth = np.full((20, 20), np.nan, np.float32)
-    depth[5:15, 5:15] = 4.0
-    pixels = np.array([[10.0, 10.0], [10.0, 10.0], [5.0, 10.0], [1.0, 1.0], [25.0, 3.0]])
-    seen = visible_samples(pixels, np.array([4.0, 4.5, 4.0, 6.0, 4.0]), depth)
-    assert seen.tolist() == [True, False, True, True, False]

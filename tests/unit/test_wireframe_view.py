@@ -1,0 +1,86 @@
+"""Hidden lines: geometry that can be done by hand."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from simulator.camera.files import load_camera
+from simulator.labels.occlusion import Mesh
+from simulator.labels.wireframe import view_edges
+from simulator.targets.library import load_target
+from simulator.targets.model import Edge
+from simulator.world.pose import Pose
+
+CAMERA = load_camera("speed")
+
+
+class _Model:
+    """A mesh and edges: all that view_edges reads of a target."""
+
+    def __init__(self, edges):
+        self.wireframe = edges
+
+
+def _mesh(*solids):
+    joined = trimesh.util.concatenate(solids)
+    return Mesh(np.asarray(joined.vertices, float), np.asarray(joined.faces, np.int64))
+
+
+def _box(size, centre):
+    solid = trimesh.creation.box(extents=size)
+    solid.apply_translation(centre)
+    return solid
+
+
+def test_a_bar_behind_a_plate_is_hidden_exactly_where_the_plate_is():
+    # plate 1 m wide at z = 0, a line 2 m behind it: from 10 m away the plate's edges fall at x = +-0.5 * 12 / 10
+    plate = _mesh(_box((1.0, 1.0, 1e-4), (0, 0, 0)))
+    line = Edge(name="line", a_m=(-1.0, 0.1, 2.0), b_m=(1.0, 0.1, 2.0))
+    pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 10.0))
+    (view,) = view_edges(CAMERA, pose, _Model([line]), plate)
+    (left, right) = view.stretches
+    # the plate's front face is at 10 m less half its thickness
+    edge = 0.5 * 12.0 / (10.0 - 5e-5)
+    assert left == pytest.approx((0.0, (1 - edge) / 2), abs=1e-9)
+    assert right == pytest.approx(((1 + edge) / 2, 1.0), abs=1e-9)
+
+
+def test_a_line_that_pierces_a_plate_is_hidden_behind_it():
+    plate = _mesh(_box((4.0, 4.0, 1e-6), (0, 0, 0)))
+    line = Edge(name="line", a_m=(-1.0, 0.0, -1.0), b_m=(1.0, 0.0, 1.0))
+    pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 10.0))
+    (view,) = view_edges(CAMERA, pose, _Model([line]), plate)
+    ((first, last),) = view.stretches
+    assert first == 0.0
+    # it dives at x = 0: on the screen the ends are at -1/9 and +1/11, so the share is (1/9) / (1/9 + 1/11); the
+    # tolerance of 2 mm lets it show a little longer
+    assert last == pytest.approx((1 / 9) / (1 / 9 + 1 / 11), abs=2e-3)
+    assert last > (1 / 9) / (1 / 9 + 1 / 11)
+
+
+def test_a_cube_from_its_corner_shows_nine_edges_and_from_a_face_four():
+    cube = _box((1, 1, 1), (0, 0, 0))
+    corners = [np.array(c) for c in np.ndindex(2, 2, 2)]
+    edges = []
+    for a in corners:
+        for b in corners:
+            if np.abs(a - b).sum() == 1 and tuple(a) < tuple(b):
+                axis = int(np.argmax(np.abs(a - b)))
+                normals = tuple(
+                    tuple(float(v) for v in np.eye(3)[k] * (2 * a[k] - 1)) for k in range(3) if k != axis
+                )
+                edges.append(Edge(name="e", a_m=tuple(a - 0.5), b_m=tuple(b - 0.5), normals=normals))
+    assert len(edges) == 12
+    for q, shown in (((1.0, 0, 0, 0), 4), ((0.88, 0.28, 0.36, 0.12), 9)):
+        views = view_edges(
+            CAMERA, Pose.of("camera", "target", q, (0.0, 0.0, 8.0)), _Model(edges), _mesh(cube)
+        )
+        seen = [v.visible_px / v.length_px for v in views]
+        assert sum(s > 0.999 for s in seen) == shown
+        assert sum(s < 0.001 for s in seen) == 12 - shown
+
+
+def test_nothing_is_seen_of_edges_behind_the_camera():
+    target = load_target("tango")
+    mesh = Mesh.of(target)
+    assert view_edges(CAMERA, Pose.of("camera", "target", (1.0, 0, 0, 0), (0, 0, -5.0)), target, mesh) == ()
