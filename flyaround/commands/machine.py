@@ -30,13 +30,10 @@ def bench(
     if as_json:
         typer.echo(json.dumps(document, indent=1))
         return
-    table = Table(
-        "scene", "pixels", "p50 ms", "p95 ms", "render", "sensor", "read-back", "reference ms", "ratio"
-    )
+    table = Table("scene", "p50 ms", "p95", "render", "sensor", "read", "ref", "ratio")
     for s in document["scenes"]:
         table.add_row(
-            s["name"],
-            f"{s['width_px']}x{s['height_px']}",
+            f"{s['name']} {s['width_px']}x{s['height_px']}",
             *(
                 f"{s[key]:.1f}"
                 for key in (
