@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import socket
 import subprocess
@@ -124,7 +125,9 @@ def _run_loop(plan: Plan, folder: Path, executable: str) -> Loop:
     command = [executable, "-P", "-m", "flyaround", "hil", "board", url, "--target", plan.target.name]
     log_path = folder / "board.log"
     with log_path.open("wb") as log, progress_bar("30 frames to the board") as progress:
-        board = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
+        # one thread, as on a board: BLAS threads on its small matrices only fight the renderer
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+        board = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=environment)
         logger = TruthLogger(truth_url, folder / "truth.jsonl")
         logger.start()
 
