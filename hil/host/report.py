@@ -91,7 +91,10 @@ def _summary(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary:
 
 
 def _text(value: float | None, unit: str, digits: int = 3) -> str:
-    return "&ndash;" if value is None else f"{value:.{digits}g}&thinsp;{unit}"
+    if value is None:
+        return "&ndash;"
+    # thousands are written out: 1362 ms, never 1.36e+03
+    return f"{value:.0f}&thinsp;{unit}" if abs(value) >= 10**digits else f"{value:.{digits}g}&thinsp;{unit}"
 
 
 def _page(s: LedgerSummary, names: Sequence[str]) -> str:

@@ -77,7 +77,7 @@ def plot_latency(rows: Sequence[LedgerRow], deadline_ms: float | None) -> Figure
         right.set_xscale("log")
     for q, colour in ((50, GREEN), (90, ORANGE), (99, RED)):
         value = float(np.percentile(e2e, q))
-        right.axvline(value, color=colour, ls="--", lw=1.2, label=f"p{q}  {value:.3g} ms")
+        right.axvline(value, color=colour, ls="--", lw=1.2, label=f"p{q}  {value:.4g} ms")
     if deadline_ms is not None:
         right.axvline(deadline_ms, color=INK, lw=1.2, label=f"deadline  {deadline_ms:.3g} ms")
     right.legend(fontsize=9, loc="lower right", frameon=False)
