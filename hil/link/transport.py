@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from typing import Deque, Optional, Protocol, Tuple
 from urllib.parse import parse_qs, urlsplit
@@ -63,7 +64,7 @@ class Listener(Protocol):
         """Stop listening."""
 
 
-class StreamTransport:
+class StreamTransport(ABC):
     """The part that all byte streams share: framing and deadlines."""
 
     chunk_bytes = 1 << 18
@@ -95,12 +96,13 @@ class StreamTransport:
             elif left <= 0:
                 return None
 
+    @abstractmethod
     def _write(self, data: bytes) -> None:
-        raise NotImplementedError
+        """All bytes onto the line; LinkClosed at its end."""
 
+    @abstractmethod
     def _read(self, timeout_s: float) -> bytes:
         """Bytes that are there within ``timeout_s``, none otherwise; LinkClosed at the end."""
-        raise NotImplementedError
 
 
 class _Pipe:
