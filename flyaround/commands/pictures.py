@@ -94,6 +94,7 @@ def capture(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where an interrupted capture stopped.")
     ] = False,
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that draw; same bytes.")] = 1,
     gpu: Device = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:

@@ -8,25 +8,17 @@ import msgspec
 import numpy as np
 
 from hil.host.run import HostFrame
-from simulator.labels.frame import Frame, take_frame
+from simulator.dataset.draw import draw_labelled
 from simulator.labels.truth import truth_to_json
 from simulator.render.process import RenderProcess
-from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from simulator.loop import Plan
-    from simulator.render.renderer import Renderer
-    from simulator.scene.state import SceneState
 
 # Frames drawn ahead of the one on the wire: one keeps the renderer busy while the board thinks.
 AHEAD = 2
-
-
-def draw_labelled(renderer: Renderer, scene: SceneState) -> Frame:
-    """What the render process does for each scene."""
-    return take_frame(renderer, scene, load_target(scene.target.name))
 
 
 def stream_frames(plan: Plan, *, device_index: int | None = None) -> Iterator[HostFrame]:

@@ -17,18 +17,19 @@ from simulator.dataset.card import (
     read_card,
 )
 from simulator.dataset.check import check_frame
+from simulator.dataset.draw import open_drawer
 from simulator.dataset.native import is_whole, write_frame
 from simulator.dataset.speed import export_speed
 from simulator.errors import UserError
 from simulator.files import empty_folder, write_atomic
-from simulator.labels.frame import take_frame
-from simulator.render.renderer import Renderer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
     from simulator.camera.model import Camera
+    from simulator.labels.frame import Frame
+    from simulator.render.context import GlInfo
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
@@ -104,6 +105,7 @@ def capture(
     *,
     formats: tuple[str, ...] = ("native",),
     resume: bool = False,
+    workers: int = 1,
     device_index: int | None = None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> CaptureSummary:
@@ -113,6 +115,10 @@ def capture(
     reason and is never silently kept. An interrupted capture is valid as far as it went and goes on with
     ``resume``.
 
+    Parameters
+    ----------
+    workers : processes that draw, each with a renderer of its own; the bytes do not depend on it.
+
     Raises
     ------
     UserError
@@ -120,40 +126,47 @@ def capture(
     """
     empty_folder(folder, resume=resume)
     (folder / "images").mkdir(exist_ok=True)
-    with Renderer(device_index=device_index) as renderer:
-        card = _card(plan, renderer, formats)
+    with open_drawer(workers, device_index) as drawer:
+        card = _card(plan, drawer.info, formats)
         if resume:
             _same_plan(folder, card)
         write_atomic(folder / CARD_NAME, card_to_json(card))
         kept = {k for k in range(plan.n_frames) if is_whole(folder, k)} if resume else set()
+        missing = [k for k in range(plan.n_frames) if k not in kept]
         quarantined: list[tuple[int, str]] = []
-        n_feasible = n_written = 0
-        for done, k in enumerate(range(plan.n_frames)):
-            if k not in kept:
-                frame = take_frame(renderer, plan.scene(k), plan.target)
-                if frame.truth is None or frame.mask is None:
-                    raise RuntimeError("a captured frame needs labels")
-                wrong = check_frame(frame.truth, frame.image.shape, frame.mask, card, plan.target)
-                place = folder
-                if wrong:
-                    place = folder / "quarantine"
-                    (place / "images").mkdir(parents=True, exist_ok=True)
-                    reason = "; ".join(wrong)
-                    write_atomic(place / f"{k:06d}.txt", (reason + "\n").encode())
-                    log.warning("frame %d is quarantined: %s", k, reason)
-                    quarantined.append((k, reason))
-                write_frame(place, k, frame)
-                n_written += not wrong
-                n_feasible += frame.truth.feasible and not wrong
-            progress(done + 1, plan.n_frames)
+        n_feasible = 0
+        frames = drawer.frames((plan.scene(k) for k in missing), plan.target)
+        for done, (k, frame) in enumerate(zip(missing, frames, strict=True)):
+            reason = _write_checked(folder, k, frame, card, plan.target)
+            if reason:
+                quarantined.append((k, reason))
+            elif frame.truth is not None:
+                n_feasible += frame.truth.feasible
+            progress(len(kept) + done + 1, plan.n_frames)
     if "speed" in formats:
         export_speed(folder, [k for k in range(plan.n_frames) if is_whole(folder, k)])
     write_atomic(folder / CARD_NAME, card_to_json(msgspec.structs.replace(card, complete=not quarantined)))
+    n_written = len(missing) - len(quarantined)
     return CaptureSummary(folder, n_written, len(kept), n_feasible, tuple(quarantined))
 
 
-def _card(plan: Plan, renderer: Renderer, formats: tuple[str, ...]) -> DatasetCard:
-    info = renderer.info
+def _write_checked(folder: Path, k: int, frame: Frame, card: DatasetCard, target: Target) -> str:
+    """Write a frame, to quarantine if its labels disagree; returns why, or nothing."""
+    if frame.truth is None or frame.mask is None:
+        raise RuntimeError("a captured frame needs labels")
+    reason = "; ".join(check_frame(frame.truth, frame.image.shape, frame.mask, card, target))
+    if not reason:
+        write_frame(folder, k, frame)
+        return ""
+    place = folder / "quarantine"
+    (place / "images").mkdir(parents=True, exist_ok=True)
+    write_atomic(place / f"{k:06d}.txt", (reason + "\n").encode())
+    write_frame(place, k, frame)
+    log.warning("frame %d is quarantined: %s", k, reason)
+    return reason
+
+
+def _card(plan: Plan, info: GlInfo, formats: tuple[str, ...]) -> DatasetCard:
     return DatasetCard(
         scenario_name=plan.scenario_name,
         scenario=plan.scenario_document,

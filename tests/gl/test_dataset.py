@@ -1,5 +1,6 @@
 """Capture, check, resume, exports: a data set from its files alone, and every kind of wrong label caught."""
 
+import dataclasses
 import json
 import shutil
 
@@ -180,6 +181,18 @@ def test_resume_draws_what_is_missing_and_gives_the_same_bytes(copy, plan):
     assert (summary.n_written, summary.n_kept) == (1, N - 1)
     assert all(frame_paths(copy, k).image.read_bytes() == before[k] for k in range(N))
     assert _faults(copy) == []
+
+
+def test_workers_give_the_same_bytes(dataset, plan, tmp_path):
+    folder = tmp_path / "set"
+    capture(plan, folder, workers=2)
+    for k in range(N):
+        for ours, theirs in zip(
+            dataclasses.astuple(frame_paths(folder, k)),
+            dataclasses.astuple(frame_paths(dataset, k)),
+            strict=True,
+        ):
+            assert ours.read_bytes() == theirs.read_bytes()
 
 
 def test_resume_refuses_another_plan(copy):
