@@ -108,7 +108,7 @@ def capture(
     )
     with progress_bar("capture", quiet=as_json) as progress:
         summary = capture_plan(
-            plan, output, formats=names, resume=resume, device_index=gpu, progress=progress
+            plan, output, formats=names, resume=resume, workers=workers, device_index=gpu, progress=progress
         )
     if as_json:
         typer.echo(

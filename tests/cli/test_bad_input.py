@@ -190,3 +190,11 @@ def test_help_of_every_command(capsys):
     ):
         assert run([*command.split(), "--help"]) == 0
         assert "Usage" in capsys.readouterr().out
+
+
+def test_workers_reach_the_capture(capsys, tmp_path):
+    arguments = ["capture", "tango-flyaround", "-n", "2", "--workers", "2", "--quality", "draft", "--json"]
+    assert run([*arguments, "-o", str(tmp_path / "set")]) == 0
+    assert json.loads(capsys.readouterr().out)["written"] == 2
+    assert run(["check", str(tmp_path / "set"), "--json"]) == 0
+    assert run(["capture", "tango-flyaround", "-o", str(tmp_path / "b"), "--workers", "0"]) == 2
