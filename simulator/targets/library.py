@@ -38,6 +38,7 @@ class TargetEntry:
 ENTRIES = (
     TargetEntry(name="tango", module="simulator.targets.tango", function="build_tango"),
     TargetEntry(name="tango-mli", module="simulator.targets.tango", function="build_tango_mli"),
+    TargetEntry(name="dragon", module="simulator.targets.craft.dragon.crew", function="build_dragon"),
 )
 
 
