@@ -42,6 +42,9 @@ ENTRIES = (
     TargetEntry(
         name="soyuz-ms", module="simulator.targets.craft.soyuz.soyuz_ms", function="build_soyuz_ms"
     ),
+    TargetEntry(
+        name="tianzhou", module="simulator.targets.craft.tianzhou.tianzhou", function="build_tianzhou"
+    ),
 )
 
 
