@@ -47,7 +47,7 @@ class Wing:
 
     @property
     def tip_m(self) -> float:
-        """x of the outer edge."""
+        """X of the outer edge."""
         return self.first_m + self.panels * (self.length_m + self.gap_m) - self.gap_m
 
 
@@ -88,7 +88,9 @@ def wing_ribs(wing: Wing, depth_m: float, count: int) -> Mesh:
     for lo, hi in wing.boxes():
         # offsets keep the ends of crossing ribs apart
         for x in np.linspace(lo[0] + 0.04, hi[0] - 0.04, count):
-            ribs.append(box((x - width / 2, lo[1] + 0.05, back - depth_m), (x + width / 2, hi[1] - 0.05, back)))
+            ribs.append(
+                box((x - width / 2, lo[1] + 0.05, back - depth_m), (x + width / 2, hi[1] - 0.05, back))
+            )
         for y in (lo[1] + 0.03, hi[1] - 0.03):
             ribs.append(
                 box((lo[0] + 0.01, y - width / 2, back - 1.2 * depth_m), (hi[0] - 0.01, y + width / 2, back))

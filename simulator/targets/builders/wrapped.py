@@ -103,7 +103,9 @@ def pad(
     """
     t = 2 * np.pi * (np.arange(segments) + 0.5) / segments
     c, s = np.cos(t), np.sin(t)
-    edge = np.column_stack([np.sign(c) * np.abs(c) ** (2 / exponent), np.sign(s) * np.abs(s) ** (2 / exponent)])
+    edge = np.column_stack(
+        [np.sign(c) * np.abs(c) ** (2 / exponent), np.sign(s) * np.abs(s) ** (2 / exponent)]
+    )
     rho = np.arange(1, rings + 1) / rings
     flat = (rho[:, None, None] * edge * np.asarray(half_m)).reshape(-1, 2)
     flat = np.concatenate([[(0.0, 0.0)], flat])
@@ -128,7 +130,9 @@ def pad(
     return creased(np.concatenate([top, low]), np.concatenate([caps, caps[:, ::-1] + n, *walls]))
 
 
-def tiled(surface: Revolved, azimuths_rad: ArrayLike, heights_m: ArrayLike, tile: Mesh, lift_m: float) -> Mesh:
+def tiled(
+    surface: Revolved, azimuths_rad: ArrayLike, heights_m: ArrayLike, tile: Mesh, lift_m: float
+) -> Mesh:
     """Copies of a flat tile (its z outward) at every crossing of azimuths and heights, touching the surface."""
     az, z = (a.ravel() for a in np.meshgrid(np.asarray(azimuths_rad, float), np.asarray(heights_m, float)))
     w = surface.normal(az, z)

@@ -10,7 +10,7 @@ from simulator.targets.assembly import Piece, part_of
 from simulator.targets.builders.mesh import merge
 from simulator.targets.check import check_target
 from simulator.targets.convert import content_sha256
-from simulator.targets.model import Edge, Keypoint, Material, MassProperties, Occluders, Target
+from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Target
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -40,10 +40,10 @@ CELL_BLUE = Material(
 )
 SUBSTRATE = Material(name="cell-substrate", base_color=(0.22, 0.22, 0.21), roughness=0.6)
 PANEL_BACK = Material(name="panel-back", base_color=(0.42, 0.42, 0.40), roughness=0.6)
-GREY_GREEN = Material(name="blanket-grey-green", base_color=(0.150, 0.160, 0.125), roughness=0.7, crinkle=0.45)
-GREY_GREEN_DARK = Material(
-    name="blanket-dark", base_color=(0.085, 0.090, 0.075), roughness=0.7, crinkle=0.45
+GREY_GREEN = Material(
+    name="blanket-grey-green", base_color=(0.150, 0.160, 0.125), roughness=0.7, crinkle=0.45
 )
+GREY_GREEN_DARK = Material(name="blanket-dark", base_color=(0.085, 0.090, 0.075), roughness=0.7, crinkle=0.45)
 GOLD = Material(name="mli-gold", base_color=(0.80, 0.58, 0.25), metallic=0.7, roughness=0.35, crinkle=0.8)
 SILVER = Material(name="mli-silver", base_color=(0.72, 0.72, 0.72), metallic=0.7, roughness=0.4, crinkle=0.6)
 

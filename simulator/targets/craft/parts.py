@@ -25,7 +25,12 @@ def revolve(profile: ArrayLike, segments: int) -> Mesh:
 
 
 def bell(
-    throat_m: ArrayLike, axis: ArrayLike, length_m: float, throat_radius_m: float, exit_radius_m: float, segments: int
+    throat_m: ArrayLike,
+    axis: ArrayLike,
+    length_m: float,
+    throat_radius_m: float,
+    exit_radius_m: float,
+    segments: int,
 ) -> Mesh:
     """A nozzle that opens along ``axis``: a parabolic bell, 8 % of its exit radius thick, closed at the throat."""
     t = np.linspace(0, 1, 6)
@@ -98,7 +103,9 @@ def window(
     return [Piece(f"{name}_frames", frame, rim), Piece(f"{name}_panes", "window", pane)]
 
 
-def stub(surface: Revolved, azimuth_deg: float, z_m: float, height_m: float, radius_m: float, segments: int) -> Mesh:
+def stub(
+    surface: Revolved, azimuth_deg: float, z_m: float, height_m: float, radius_m: float, segments: int
+) -> Mesh:
     """A short cylinder that stands on the surface."""
     az = np.deg2rad(azimuth_deg)
     p, n = surface.point(az, z_m), surface.normal(az, z_m)

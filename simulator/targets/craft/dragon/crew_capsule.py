@@ -48,7 +48,9 @@ def build_capsule(level: Level) -> list[Piece]:
         Piece("heat_shield", "burnt-ablator", revolve(shield, n)),
         Piece("capsule_sidewall", "white-paint", revolve(wall, n)),
         *_pods(level),
-        Piece("umbilical_fairing", "white-paint", box(CLAW_LOW_M, CLAW_HIGH_M, 0.03 if level.fittings else 0.0)),
+        Piece(
+            "umbilical_fairing", "white-paint", box(CLAW_LOW_M, CLAW_HIGH_M, 0.03 if level.fittings else 0.0)
+        ),
     ]
     return [*pieces, *(_fittings(level) if level.fittings else [])]
 
@@ -87,7 +89,11 @@ def _pods(level: Level) -> list[Piece]:
                 at = SIDEWALL.point(az + side * 0.14, POD_Z_M + up, 0.08)
                 out = SIDEWALL.normal(az, POD_Z_M + up) + side * 0.6 * tangent
                 pieces.append(
-                    Piece("draco_thrusters", "nozzle-alloy", bell(at, out, 0.10, 0.03, 0.055, level.segments(24)))
+                    Piece(
+                        "draco_thrusters",
+                        "nozzle-alloy",
+                        bell(at, out, 0.10, 0.03, 0.055, level.segments(24)),
+                    )
                 )
     return pieces
 

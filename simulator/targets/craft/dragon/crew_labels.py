@@ -93,7 +93,14 @@ def build_occluders() -> Occluders:
     n = 12
     ro, ri = TRUNK_RADIUS_M, TRUNK_INNER_M
     trunk = [(ri, TRUNK_LOW_M), (ro, TRUNK_LOW_M), (ro, 0.0), (ri, 0.0), (ri, TRUNK_LOW_M)]
-    capsule = [(0, -0.3), (1.3, -0.2), (RIM_RADIUS_M, 0.2), (RIM_RADIUS_M, RIM_TOP_M), (DECK_RADIUS_M, DECK_M), (0, DECK_M)]
+    capsule = [
+        (0, -0.3),
+        (1.3, -0.2),
+        (RIM_RADIUS_M, 0.2),
+        (RIM_RADIUS_M, RIM_TOP_M),
+        (DECK_RADIUS_M, DECK_M),
+        (0, DECK_M),
+    ]
     port = [(0, DECK_M - 0.05), (PORT_RADIUS_M, DECK_M - 0.05), (PORT_RADIUS_M, PORT_M), (0, PORT_M)]
     r, h = DECK_RADIUS_M, NOSE_HEIGHT_M
     # the cone's hollow counts little: a solid of its outer shape

@@ -49,7 +49,9 @@ def build_nose(level: Level, *, closed: bool = False) -> list[Piece]:
     arms = []
     for y in (-0.34, 0.34):
         end = nose_point(np.array([HINGE_X_M + 0.30, y, DECK_M + 0.12]))
-        arms.append(bar((HINGE_X_M + 0.28, y, DECK_M - 0.05), (HINGE_X_M, y, DECK_M + 0.02), 0.06, 0.08, (0, 0, 1)))
+        arms.append(
+            bar((HINGE_X_M + 0.28, y, DECK_M - 0.05), (HINGE_X_M, y, DECK_M + 0.02), 0.06, 0.08, (0, 0, 1))
+        )
         arms.append(bar((HINGE_X_M, y * 1.001, DECK_M + 0.02), end, 0.055, 0.075, (0, 0, 1)))
     arms.append(rod((HINGE_X_M, -0.42, DECK_M), (HINGE_X_M, 0.42, DECK_M), 0.035, level.segments(24)))
     if not closed:
@@ -77,13 +79,17 @@ def _port(level: Level) -> list[Piece]:
     ]
     if not level.fittings:
         return pieces
-    petal = prism([(-0.19, 0.0), (0.19, 0.0), (0.08, 0.20), (-0.08, 0.20)], 0.022, u=(0, 1, 0), v=(-0.5, 0, 0.866))
+    petal = prism(
+        [(-0.19, 0.0), (0.19, 0.0), (0.08, 0.20), (-0.08, 0.20)], 0.022, u=(0, 1, 0), v=(-0.5, 0, 0.866)
+    )
     petals = [petal.moved((0.545, 0, 3.78)).rotated(turn_z(np.deg2rad(a))) for a in (60.0, 180.0, 300.0)]
     soft = [(0.535, 3.93), (0.60, 3.93), (0.60, 3.985), (0.535, 3.985), (0.535, 3.93)]
     pieces.append(Piece("capture_petals", "black-paint", merge(petals)))
     pieces.append(Piece("soft_capture_ring", "black-paint", revolve(soft, n)))
     hooks = [
-        box((-0.035, -0.03, -0.05), (0.012, 0.03, 0.03)).moved((PORT_RADIUS_M + 0.008, 0, 3.89)).rotated(turn_z(a))
+        box((-0.035, -0.03, -0.05), (0.012, 0.03, 0.03))
+        .moved((PORT_RADIUS_M + 0.008, 0, 3.89))
+        .rotated(turn_z(a))
         for a in np.deg2rad(15.0 + 30.0 * np.arange(12))
     ]
     pieces.append(Piece("docking_hooks", "brushed-metal", merge(hooks)))
@@ -106,7 +112,13 @@ def _forward_fittings(level: Level) -> list[Piece]:
         for az in (75.0, -75.0)
     ]
     rails = revolve(
-        [(1.05, deck - 0.01), (1.075, deck - 0.01), (1.075, deck + 0.03), (1.05, deck + 0.03), (1.05, deck - 0.01)],
+        [
+            (1.05, deck - 0.01),
+            (1.075, deck - 0.01),
+            (1.075, deck + 0.03),
+            (1.05, deck + 0.03),
+            (1.05, deck - 0.01),
+        ],
         level.segments(48),
     )
     return [

@@ -35,7 +35,14 @@ def build_trunk(level: Level) -> list[Piece]:
     ri, ro, lo, hi = TRUNK_INNER_M, TRUNK_RADIUS_M, TRUNK_LOW_M, TRUNK_HIGH_M
     tube = revolve([(ri + 0.002, lo), (ro, lo), (ro, hi), (ri + 0.002, hi), (ri + 0.002, lo)], n)
     liner = revolve(
-        [(ri - 0.02, lo + 0.02), (ri + 0.004, lo + 0.02), (ri + 0.004, hi), (ri - 0.02, hi), (ri - 0.02, lo + 0.02)], n
+        [
+            (ri - 0.02, lo + 0.02),
+            (ri + 0.004, lo + 0.02),
+            (ri + 0.004, hi),
+            (ri - 0.02, hi),
+            (ri - 0.02, lo + 0.02),
+        ],
+        n,
     )
     fin = fin_mesh()
     pieces = [

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from simulator.targets.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge
+from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import bar, box, lathe, rod
-from simulator.targets.builders.wing import wing_cells, wing_hinges, wing_panels, wing_ribs, wing_yoke
 from simulator.targets.craft.labels import polar
 from simulator.targets.craft.level import Level
 from simulator.targets.craft.parts import dish, handrail, revolve
@@ -17,10 +16,7 @@ from simulator.targets.craft.soyuz.shape import (
     PROBE_TIP_M,
     SKIRT_EDGE_M,
     SKIRT_RADIUS_M,
-    WING,
-    WING_AXES,
-    WING_ROOT_M,
-    WING_Z_M,
+    WINGS,
 )
 
 KURS_BOOM_FOOT_M = (0.0, 0.95, 3.75)
@@ -30,13 +26,15 @@ MAST_TIP_M = (0.0, -1.95, -2.42)
 
 def build_fittings(level: Level) -> list[Piece]:
     """Probe, antennas, both wings."""
-    return [*_probe(level), *_wings(level), *(_antennas(level) if level.fittings else [])]
+    return [*_probe(level), *WINGS.pieces(level), *(_antennas(level) if level.fittings else [])]
 
 
 def _probe(level: Level) -> list[Piece]:
     """The probe on its base cone, its head retracted to 0.4 m before the docking plane, with four guide arms."""
     n = level.segments(36)
-    base = revolve([(0, 4.30), (0.50, 4.30), (0.50, COLLAR_M - 0.03), (0.30, COLLAR_M), (0.14, 4.64), (0, 4.64)], n)
+    base = revolve(
+        [(0, 4.30), (0.50, 4.30), (0.50, COLLAR_M - 0.03), (0.30, COLLAR_M), (0.14, 4.64), (0, 4.64)], n
+    )
     t = PROBE_TIP_M
     rod_ = [
         (0, 4.60), (0.055, 4.60), (0.055, t - 0.16), (0.085, t - 0.15), (0.085, t - 0.06), (0.045, t - 0.015),
@@ -48,7 +46,8 @@ def _probe(level: Level) -> list[Piece]:
     ]
     if level.fittings:
         arms = [
-            rod(polar(0.44, az, COLLAR_M - 0.06), polar(0.06, az, 4.74), 0.016, 8) for az in (45.0, 135.0, 225.0, 315.0)
+            rod(polar(0.44, az, COLLAR_M - 0.06), polar(0.06, az, 4.74), 0.016, 8)
+            for az in (45.0, 135.0, 225.0, 315.0)
         ]
         pieces.append(Piece("probe_arms", "brushed-metal", merge(arms)))
         hooks = [
@@ -56,30 +55,6 @@ def _probe(level: Level) -> list[Piece]:
             for az in np.arange(22.5, 360.0, 45.0)
         ]
         pieces.append(Piece("docking_hooks", "brushed-metal", merge(hooks)))
-    return pieces
-
-
-def place_wing(mesh: Mesh) -> Mesh:
-    """From the wing's own frame to the +x side of the craft."""
-    # the reflection y <-> z is a mirror of y followed by a quarter turn about x
-    return mesh.mirrored(1).rotated(WING_AXES @ np.diag([1.0, -1.0, 1.0])).moved((0, 0, WING_Z_M))
-
-
-def _wings(level: Level) -> list[Piece]:
-    grouping = {"full": "single", "medium": "string", "low": "panel"}[level.detail]
-    meshes = {
-        ("panels", "panel-back"): wing_panels(WING),
-        ("cells", "solar-cell-blue"): wing_cells(WING, grouping),
-        ("yoke", "grey-paint"): wing_yoke(WING, WING_ROOT_M, 0.55, 0.045),
-    }
-    if level.fittings:
-        meshes["ribs", "white-seam"] = wing_ribs(WING, 0.02, 3 if level.fine else 2)
-        meshes["hinges", "brushed-metal"] = wing_hinges(WING, 0.022, level.segments(12))
-    pieces = []
-    for (name, material), mesh in meshes.items():
-        right = place_wing(mesh)
-        pieces.append(Piece(f"wing_px_{name}", material, right))
-        pieces.append(Piece(f"wing_nx_{name}", material, right.mirrored(0)))
     return pieces
 
 
@@ -93,7 +68,10 @@ def _antennas(level: Level) -> list[Piece]:
         Piece("rendezvous_dish", "white-paint", dish(hub, look, 0.22, 0.07, n)),
         Piece("dish_gimbal", "black-paint", box(hub - (0.06, 0.07, 0.13), hub + (0.06, 0.05, -0.005), 0.01)),
     ]
-    feed = [rod(hub + 0.02 * look, hub + 0.16 * look, 0.012, 8), rod(hub + 0.13 * look, hub + 0.17 * look, 0.028, 12)]
+    feed = [
+        rod(hub + 0.02 * look, hub + 0.16 * look, 0.012, 8),
+        rod(hub + 0.13 * look, hub + 0.17 * look, 0.028, 12),
+    ]
     pieces.append(Piece("dish_feed", "black-paint", merge(feed)))
     mast = [
         bar((0, -SKIRT_RADIUS_M + 0.03, -2.20), MAST_TIP_M, 0.045, 0.045, (1, 0, 0)),
@@ -104,10 +82,17 @@ def _antennas(level: Level) -> list[Piece]:
     for az in (-60.0, 60.0, 120.0, 240.0):
         a = np.deg2rad(az)
         p, out = ORBITAL.point(a, 3.95), ORBITAL.normal(a, 3.95)
-        spirals.append(lathe([(0, -0.02), (0.05, -0.02), (0.05, 0.06), (0.028, 0.20), (0, 0.20)], p, out, n // 2))
+        spirals.append(
+            lathe([(0, -0.02), (0.05, -0.02), (0.05, 0.06), (0.028, 0.20), (0, 0.20)], p, out, n // 2)
+        )
     pieces.append(Piece("spiral_antennas", "white-paint", merge(spirals)))
     whips = [
-        rod(polar(SKIRT_RADIUS_M - 0.01, az, SKIRT_EDGE_M), polar(SKIRT_RADIUS_M + 0.55, az, SKIRT_EDGE_M - 0.10), 0.008, 6)
+        rod(
+            polar(SKIRT_RADIUS_M - 0.01, az, SKIRT_EDGE_M),
+            polar(SKIRT_RADIUS_M + 0.55, az, SKIRT_EDGE_M - 0.10),
+            0.008,
+            6,
+        )
         for az in (60.0, 120.0, 240.0, 300.0)
     ]
     pieces.append(Piece("whip_antennas", "brushed-metal", merge(whips)))
@@ -125,9 +110,8 @@ def _antennas(level: Level) -> list[Piece]:
                 rails.append(handrail(lo, hi, ORBITAL.normal(a, z), 0.07, 0.011))
         pieces.append(Piece("handrails", "bare-aluminium", merge(rails)))
         cables = [
-            bar(polar(1.10, az, -0.46), polar(1.12, az, 0.20), 0.05, 0.03, polar(1, az, 0)) for az in (75.0, 255.0)
+            bar(polar(1.10, az, -0.46), polar(1.12, az, 0.20), 0.05, 0.03, polar(1, az, 0))
+            for az in (75.0, 255.0)
         ]
         pieces.append(Piece("umbilicals", "blanket-dark", merge(cables)))
     return pieces
-
-

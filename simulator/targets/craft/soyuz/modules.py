@@ -6,6 +6,7 @@ import numpy as np
 
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge
+from simulator.targets.builders.solids import truss
 from simulator.targets.builders.wrapped import Revolved, sector
 from simulator.targets.craft.labels import RIM_SEGMENTS, polar
 from simulator.targets.craft.level import Level
@@ -28,9 +29,7 @@ from simulator.targets.craft.soyuz.shape import (
     SKIRT_EDGE_M,
     SKIRT_LOW_M,
     SKIRT_PROFILE,
-    SKIRT_RADIUS_M,
 )
-from simulator.targets.builders.solids import truss
 
 BLANKET_M = 0.012
 
@@ -56,7 +55,14 @@ def quilt(surface: Revolved, rows_m: list[float], count: int, start_deg: float, 
             gap = 0.010 / float(surface.radius((a + b) / 2))
             lift = BLANKET_M * (0.55 + 0.45 * np.sin(2.4 * k + 1.7 * row) ** 2)
             blankets.append(
-                sector(surface, (az + gap, az + pitch - gap), heights, lift, 0.01, max(2, level.segments(72) // count))
+                sector(
+                    surface,
+                    (az + gap, az + pitch - gap),
+                    heights,
+                    lift,
+                    0.01,
+                    max(2, level.segments(72) // count),
+                )
             )
     return blankets
 
@@ -79,7 +85,9 @@ def _orbital(level: Level) -> list[Piece]:
     ]
     if level.fittings:
         rows = [2.12, 2.55, ORBITAL_LOW_M, ORBITAL_HIGH_M, 3.80, 4.18]
-        pieces.append(Piece("orbital_blankets", "blanket-grey-green", merge(quilt(ORBITAL, rows, 12, 6.0, level))))
+        pieces.append(
+            Piece("orbital_blankets", "blanket-grey-green", merge(quilt(ORBITAL, rows, 12, 6.0, level)))
+        )
         pieces.append(Piece("orbital_belt", "grey-paint", hoop(ORBITAL, 3.18, 0.05, 0.022, n)))
         for az in (0.0, 180.0):
             pieces += window("orbital_porthole", ORBITAL, az + 40.0, 3.50, (0.13, 0.13), level, frame_m=0.06)
@@ -94,9 +102,20 @@ def _descent(level: Level) -> list[Piece]:
     pieces = [Piece("descent_shell", "blanket-dark", revolve(shell, n))]
     if level.fittings:
         rows = [0.14, 0.70, 1.22, 1.70]
-        pieces.append(Piece("descent_blankets", "blanket-grey-green", merge(quilt(DESCENT, rows, 9, 20.0, level))))
+        pieces.append(
+            Piece("descent_blankets", "blanket-grey-green", merge(quilt(DESCENT, rows, 9, 20.0, level)))
+        )
         for az in (35.0, 145.0):
-            pieces += window("descent_porthole", DESCENT, az, 0.98, (0.11, 0.11), level, frame="burnt-ablator", frame_m=0.05)
+            pieces += window(
+                "descent_porthole",
+                DESCENT,
+                az,
+                0.98,
+                (0.11, 0.11),
+                level,
+                frame="burnt-ablator",
+                frame_m=0.05,
+            )
         pieces.append(Piece("descent_rim", "burnt-ablator", hoop(DESCENT, 0.09, 0.08, 0.010, n)))
     return pieces
 
@@ -107,8 +126,18 @@ def _service(level: Level) -> list[Piece]:
     drum = revolve([(0, lo - 0.10), (r, lo - 0.10), (r, hi), (r - 0.04, hi + 0.04), (0, hi + 0.04)], n)
     # the skirt is a shell: one looks into it from below
     (ra, za), (rb, zb), (rc, zc) = SKIRT_PROFILE
-    skirt = [(ra - 0.025, za), (ra, za), (rb, zb), (rc, zc), (rc - 0.03, zc), (rb - 0.03, zb), (ra - 0.025, za)]
-    base = revolve([(0, BASE_LOW_M), (1.29, BASE_LOW_M), (1.29, BASE_LOW_M + 0.05), (0, BASE_LOW_M + 0.05)], n)
+    skirt = [
+        (ra - 0.025, za),
+        (ra, za),
+        (rb, zb),
+        (rc, zc),
+        (rc - 0.03, zc),
+        (rb - 0.03, zb),
+        (ra - 0.025, za),
+    ]
+    base = revolve(
+        [(0, BASE_LOW_M), (1.29, BASE_LOW_M), (1.29, BASE_LOW_M + 0.05), (0, BASE_LOW_M + 0.05)], n
+    )
     adapter = revolve([(0, hi), (0.80, hi), (0.80, -0.01), (0, -0.01)], level.segments(36))
     pieces = [
         Piece("service_drum", "blanket-dark", drum),
@@ -120,7 +149,9 @@ def _service(level: Level) -> list[Piece]:
     ring = [polar(1.055, 15.0 * k, (hi + 0.02, -0.03)[k % 2]) for k in range(24)]
     members = [(k, (k + 1) % 24) for k in range(24)]
     if level.fittings:
-        pieces.append(Piece("transfer_truss", "grey-paint", truss(ring, members, 0.018, 6 if level.fine else 4)))
+        pieces.append(
+            Piece("transfer_truss", "grey-paint", truss(ring, members, 0.018, 6 if level.fine else 4))
+        )
         pieces += _service_skin(level)
     return pieces
 
@@ -133,16 +164,29 @@ def _service_skin(level: Level) -> list[Piece]:
     for k in range(24):
         az = k * pitch
         panels.append(
-            sector(SKIRT, (az + 0.008, az + pitch - 0.008), [SKIRT_EDGE_M + 0.05, DRUM_LOW_M - 0.05], 0.012, 0.02, 3)
+            sector(
+                SKIRT,
+                (az + 0.008, az + pitch - 0.008),
+                [SKIRT_EDGE_M + 0.05, DRUM_LOW_M - 0.05],
+                0.012,
+                0.02,
+                3,
+            )
         )
     pieces = [
         Piece("drum_blankets", "blanket-grey-green", merge(blankets)),
         Piece("radiators", "radiator", merge(panels)),
-        Piece("skirt_rim", "grey-paint", hoop(SKIRT, SKIRT_LOW_M + 0.14, 0.05, 0.006, level.segments(RIM_SEGMENTS))),
+        Piece(
+            "skirt_rim",
+            "grey-paint",
+            hoop(SKIRT, SKIRT_LOW_M + 0.14, 0.05, 0.006, level.segments(RIM_SEGMENTS)),
+        ),
     ]
     if level.fine:
         pieces.append(Piece("drum_bands", "grey-paint", hoop(DRUM, -0.95, 0.03, 0.018, RIM_SEGMENTS)))
-        ribs = seams(SKIRT, [7.5 + 15.0 * k for k in range(24)], [SKIRT_EDGE_M + 0.04, DRUM_LOW_M - 0.06], 0.012, 0.018)
+        ribs = seams(
+            SKIRT, [7.5 + 15.0 * k for k in range(24)], [SKIRT_EDGE_M + 0.04, DRUM_LOW_M - 0.06], 0.012, 0.018
+        )
         pieces.append(Piece("radiator_ribs", "white-seam", ribs))
     return pieces
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from simulator.targets.builders.wing import Wing
 from simulator.targets.builders.wrapped import Revolved
+from simulator.targets.craft.side_wings import SideWings
 
 SKIRT_RADIUS_M = 1.36
 SKIRT_LOW_M = -2.52
@@ -32,12 +33,6 @@ ORBITAL_LOW_M, ORBITAL_HIGH_M = 3.02, 3.34
 COLLAR_RADIUS_M, COLLAR_M = 0.68, 4.55
 """Docking collar: outer radius and docking plane."""
 PROBE_TIP_M = 4.96
-WING = Wing(
-    panels=4, first_m=2.02, length_m=0.81, gap_m=0.03, chord_m=1.35, thickness_m=0.025, cells=(9, 18), margin_m=0.03
-)
-WING_ROOT_M = 1.18
-WING_Z_M = -1.86
-"""Height of the wings' long axis."""
 
 
 def _orbital() -> list[tuple[float, float]]:
@@ -66,5 +61,24 @@ DESCENT = Revolved.of(DESCENT_PROFILE)
 DRUM = Revolved.of([(DRUM_RADIUS_M, DRUM_LOW_M), (DRUM_RADIUS_M, DRUM_HIGH_M)])
 SKIRT = Revolved.of(SKIRT_PROFILE)
 
-WING_AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-"""Columns: the wing's own x, y, z in the model frame, for the wing on the +x side. A reflection: y to z, z to y."""
+WINGS = SideWings(
+    wing=Wing(
+        panels=4,
+        first_m=2.02,
+        length_m=0.81,
+        gap_m=0.03,
+        chord_m=1.35,
+        thickness_m=0.025,
+        cells=(9, 18),
+        margin_m=0.03,
+    ),
+    root_m=1.18,
+    z_m=-1.86,
+    spread=0.55,
+    section_m=0.045,
+    ribs=3,
+    rib_m=0.02,
+    cells="solar-cell-blue",
+    panels="panel-back",
+    back="white-seam",
+)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from simulator.targets.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge
+from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import bar, box, lathe, rod
-from simulator.targets.builders.wing import wing_cells, wing_hinges, wing_panels, wing_ribs, wing_yoke
 from simulator.targets.craft.labels import polar
 from simulator.targets.craft.level import Level
 from simulator.targets.craft.parts import dish
@@ -16,45 +15,26 @@ from simulator.targets.craft.tianzhou.shape import (
     CARGO_RADIUS_M,
     CONE,
     DRIVE_RADIUS_M,
-    WING,
-    WING_AXES,
-    WING_ROOT_M,
-    WING_Z_M,
+    WINGS,
 )
 
 RELAY_FOOT_M = (0.0, -CARGO_RADIUS_M + 0.02, 4.30)
 RELAY_HUB_M = (0.0, -2.45, 4.75)
 
 
+def _drives(level: Level) -> Piece:
+    """Housings of the wings' rotary drives."""
+    n, z = level.segments(24), WINGS.z_m
+    housings = [
+        rod((s * (DRIVE_RADIUS_M - 0.05), 0, z), (s * (DRIVE_RADIUS_M + 0.12), 0, z), 0.14, n)
+        for s in (1, -1)
+    ]
+    return Piece("wing_drives", "mli-gold", merge(housings))
+
+
 def build_fittings(level: Level) -> list[Piece]:
     """Both wings; from the medium level on antennas and sensors."""
-    return [*_wings(level), *(_antennas(level) if level.fittings else [])]
-
-
-def place_wing(mesh: Mesh) -> Mesh:
-    """From the wing's own frame to the +x side of the craft."""
-    # the reflection y <-> z is a mirror of y followed by a quarter turn about x
-    return mesh.mirrored(1).rotated(WING_AXES @ np.diag([1.0, -1.0, 1.0])).moved((0, 0, WING_Z_M))
-
-
-def _wings(level: Level) -> list[Piece]:
-    grouping = {"full": "single", "medium": "string", "low": "panel"}[level.detail]
-    drive = rod((DRIVE_RADIUS_M - 0.05, 0, 0), (DRIVE_RADIUS_M + 0.12, 0, 0), 0.14, level.segments(24))
-    meshes = {
-        ("panels", "cell-substrate"): wing_panels(WING),
-        ("cells", "solar-cell-blue"): wing_cells(WING, grouping),
-        ("yoke", "grey-paint"): wing_yoke(WING, WING_ROOT_M, 0.62, 0.06),
-        ("drive", "mli-gold"): drive,
-    }
-    if level.fittings:
-        meshes["ribs", "panel-back"] = wing_ribs(WING, 0.025, 4 if level.fine else 2)
-        meshes["hinges", "brushed-metal"] = wing_hinges(WING, 0.028, level.segments(12))
-    pieces = []
-    for (name, material), mesh in meshes.items():
-        right = place_wing(mesh)
-        pieces.append(Piece(f"wing_px_{name}", material, right))
-        pieces.append(Piece(f"wing_nx_{name}", material, right.mirrored(0)))
-    return pieces
+    return [*WINGS.pieces(level), _drives(level), *(_antennas(level) if level.fittings else [])]
 
 
 def _antennas(level: Level) -> list[Piece]:
@@ -84,7 +64,14 @@ def _antennas(level: Level) -> list[Piece]:
     for az, z in ((55.0, 0.5), (125.0, 0.5), (235.0, 0.5), (305.0, 0.5)):
         a = np.deg2rad(az)
         p = CARGO.point(a, z)
-        whips.append(rod(p - 0.02 * CARGO.normal(a, z), np.asarray(polar(CARGO_RADIUS_M + 0.42, az, z - 0.22)), 0.010, 6))
+        whips.append(
+            rod(
+                p - 0.02 * CARGO.normal(a, z),
+                np.asarray(polar(CARGO_RADIUS_M + 0.42, az, z - 0.22)),
+                0.010,
+                6,
+            )
+        )
     return [
         *pieces,
         Piece("rendezvous_sensors", "black-paint", merge(sensors)),

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from simulator.arrays import vec3
 from simulator.targets.builders.mesh import merge
-from simulator.targets.builders.wing import wing_panels
-from simulator.targets.craft.labels import box_edges, moved_edges, polar, rim_edges, welded
+from simulator.targets.craft.labels import polar, rim_edges, welded
 from simulator.targets.craft.parts import revolve
 from simulator.targets.craft.round_mass import Tube
-from simulator.targets.craft.tianzhou.fittings import place_wing
 from simulator.targets.craft.tianzhou.shape import (
     CARGO_HIGH_M,
     CARGO_LOW_M,
@@ -22,24 +17,15 @@ from simulator.targets.craft.tianzhou.shape import (
     DRIVE_RADIUS_M,
     PORT_M,
     PORT_RADIUS_M,
-    WING,
-    WING_AXES,
-    WING_Z_M,
+    WINGS,
 )
-from simulator.targets.mass import Lump, mass_properties
+from simulator.targets.mass import mass_properties
 from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
-
-MIRROR_X = np.diag([-1.0, 1.0, 1.0])
 
 
 def build_keypoints() -> tuple[Keypoint, ...]:
     """Corners of the wings, quarters of the rims of cargo module, propulsion module and port."""
-    points = {}
-    y, (z0, z1) = WING.thickness_m / 2, (WING_Z_M - WING.chord_m / 2, WING_Z_M + WING.chord_m / 2)
-    for side, sign in (("px", 1), ("nx", -1)):
-        for at, x in (("tip", WING.tip_m), ("root", WING.first_m)):
-            for end, z in (("aft", z0), ("fore", z1)):
-                points[f"wing_{side}_{at}_{end}"] = (sign * x, y, z)
+    points = WINGS.corners()
     for name, az in (("px", 0.0), ("py", 90.0), ("nx", 180.0), ("ny", 270.0)):
         points[f"cargo_high_{name}"] = polar(CARGO_RADIUS_M, az, CARGO_HIGH_M)
         points[f"drive_low_{name}"] = polar(DRIVE_RADIUS_M, az, DRIVE_LOW_M - 0.004)
@@ -58,11 +44,7 @@ def build_wireframe() -> tuple[Edge, ...]:
         *rim_edges("drive_low", DRIVE_LOW_M - 0.004, DRIVE_RADIUS_M, [(1, 0), (0, -1)]),
         *rim_edges("port", PORT_M, PORT_RADIUS_M, [(1, 0), (0, 1)], segments=48),
     ]
-    for k, (lo, hi) in enumerate(WING.boxes()):
-        panel = moved_edges(box_edges(f"panel_{k + 1}", lo, hi), WING_AXES, (0, 0, WING_Z_M))
-        edges += moved_edges(panel, np.eye(3), (0, 0, 0), "px_")
-        edges += moved_edges(panel, MIRROR_X, (0, 0, 0), "nx_")
-    return tuple(edges)
+    return tuple(edges + WINGS.edges())
 
 
 def build_occluders() -> Occluders:
@@ -72,28 +54,38 @@ def build_occluders() -> Occluders:
         (CARGO_RADIUS_M, CARGO_HIGH_M), (CONE_RADIUS_M, CONE_HIGH_M), (0.66, CONE_HIGH_M + 0.14), (PORT_RADIUS_M, PORT_M),
         (0, PORT_M),
     ]  # fmt: skip
-    panels = place_wing(wing_panels(WING))
-    return welded(merge([revolve(profile, 16), panels, panels.mirrored(0)]))
+    return welded(merge([revolve(profile, 16), WINGS.panel_bodies()]))
 
 
 def build_mass() -> MassProperties:
     """13.5 t at launch (China Manned Space Agency), 6.5 t of it cargo and propellant to give away; the split is an estimate."""
-    length, middle = WING.tip_m - WING.first_m, (WING.tip_m + WING.first_m) / 2
-    wings = [
-        Lump(
-            name=f"wing {side}",
-            mass_kg=190.0,
-            centre_m=vec3(np.array([sign * middle, 0.0, WING_Z_M])),
-            size_m=(length, WING.thickness_m, WING.chord_m),
-        )
-        for side, sign in (("+x", 1), ("-x", -1))
-    ]
     lumps = (
-        Tube(name="cargo module, shell", mass_kg=2600.0, centre_m=(0, 0, 2.6), radius_m=1.66, length_m=5.2, inner_m=1.5),
+        Tube(
+            name="cargo module, shell",
+            mass_kg=2600.0,
+            centre_m=(0, 0, 2.6),
+            radius_m=1.66,
+            length_m=5.2,
+            inner_m=1.5,
+        ),
         Tube(name="cargo", mass_kg=5500.0, centre_m=(0, 0, 2.6), radius_m=1.4, length_m=4.6, inner_m=0.5),
-        Tube(name="docking end and port", mass_kg=620.0, centre_m=(0, 0, 6.05), radius_m=0.9, length_m=1.4, inner_m=0.5),
-        Tube(name="propulsion module, dry", mass_kg=2200.0, centre_m=(0, 0, -1.8), radius_m=1.38, length_m=3.2, inner_m=0.6),
+        Tube(
+            name="docking end and port",
+            mass_kg=620.0,
+            centre_m=(0, 0, 6.05),
+            radius_m=0.9,
+            length_m=1.4,
+            inner_m=0.5,
+        ),
+        Tube(
+            name="propulsion module, dry",
+            mass_kg=2200.0,
+            centre_m=(0, 0, -1.8),
+            radius_m=1.38,
+            length_m=3.2,
+            inner_m=0.6,
+        ),
         Tube(name="propellant", mass_kg=2200.0, centre_m=(0, 0, -1.7), radius_m=1.1, length_m=1.4),
-        *wings,
+        *WINGS.lumps(190.0),
     )
     return mass_properties(lumps)

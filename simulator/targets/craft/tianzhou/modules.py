@@ -64,11 +64,15 @@ def _port(level: Level) -> list[Piece]:
         Piece("docking_hatch", "grey-paint", revolve(hatch, n)),
     ]
     if level.fittings:
-        petal = prism([(-0.20, 0.0), (0.20, 0.0), (0.09, 0.24), (-0.09, 0.24)], 0.025, u=(0, 1, 0), v=(-0.42, 0, 0.9075))
+        petal = prism(
+            [(-0.20, 0.0), (0.20, 0.0), (0.09, 0.24), (-0.09, 0.24)], 0.025, u=(0, 1, 0), v=(-0.42, 0, 0.9075)
+        )
         petals = [petal.moved((0.54, 0, 6.62)).rotated(turn_z(np.deg2rad(a))) for a in (30.0, 150.0, 270.0)]
         guide = [(0.50, 6.82), (0.555, 6.82), (0.555, 6.85), (0.50, 6.85), (0.50, 6.82)]
         hooks = [
-            box((-0.04, -0.035, -0.06), (0.014, 0.035, 0.03)).moved((PORT_RADIUS_M + 0.006, 0, 6.73)).rotated(turn_z(a))
+            box((-0.04, -0.035, -0.06), (0.014, 0.035, 0.03))
+            .moved((PORT_RADIUS_M + 0.006, 0, 6.73))
+            .rotated(turn_z(a))
             for a in np.deg2rad(15.0 + 30.0 * np.arange(12))
         ]
         pieces += [
@@ -88,7 +92,14 @@ def _skin(level: Level) -> list[Piece]:
     for k in range(12):
         a = np.deg2rad(30.0 * k)
         cone.append(
-            sector(CONE, (a + 0.008, a + np.deg2rad(30) - 0.008), np.linspace(5.20, 6.16, 3), BLANKET_M, 0.01, n // 12)
+            sector(
+                CONE,
+                (a + 0.008, a + np.deg2rad(30) - 0.008),
+                np.linspace(5.20, 6.16, 3),
+                BLANKET_M,
+                0.01,
+                n // 12,
+            )
         )
     radiators = []
     for k in range(16):
@@ -102,7 +113,6 @@ def _skin(level: Level) -> list[Piece]:
         Piece("forward_ring", "grey-paint", hoop(CARGO, CARGO_HIGH_M - 0.03, 0.05, 0.006, n)),
         Piece("aft_ring", "grey-paint", hoop(CARGO, CARGO_LOW_M + 0.03, 0.05, 0.006, n)),
         Piece("drive_ring", "grey-paint", hoop(DRIVE, -1.96, 0.06, 0.014, n)),
-        Piece("cargo_hatch_marks", "grey-paint", pad(CARGO, np.pi / 2, 2.6, (0.42, 0.42), lift_m=0.012, exponent=5.0, rings=4)),
         Piece("equipment_boxes", "mli-gold", merge(_boxes())),
     ]
     if level.fine:
@@ -119,7 +129,9 @@ def _grid(rows: np.ndarray, count: int, level: Level) -> list[Mesh]:
             az = k * pitch
             lift = BLANKET_M * (0.6 + 0.4 * np.sin(2.1 * k + 1.3 * row) ** 2)
             columns = level.segments(RIM_SEGMENTS) // count
-            blankets.append(sector(CARGO, (az + 0.006, az + pitch - 0.006), [a + 0.008, b - 0.008], lift, 0.01, columns))
+            blankets.append(
+                sector(CARGO, (az + 0.006, az + pitch - 0.006), [a + 0.008, b - 0.008], lift, 0.01, columns)
+            )
     return blankets
 
 
@@ -151,7 +163,10 @@ def _engines(level: Level) -> list[Piece]:
     """Four main engines on the base, clusters of attitude thrusters."""
     n = level.segments(36)
     length = DRIVE_LOW_M - NOZZLE_LOW_M + 0.02
-    main = [bell(polar(0.58, az, DRIVE_LOW_M + 0.02), (0, 0, -1), length, 0.06, 0.19, n) for az in (45, 135, 225, 315)]
+    main = [
+        bell(polar(0.58, az, DRIVE_LOW_M + 0.02), (0, 0, -1), length, 0.06, 0.19, n)
+        for az in (45, 135, 225, 315)
+    ]
     pieces = [Piece("main_engines", "nozzle-alloy", merge(main))]
     if not level.fittings:
         return pieces
@@ -167,8 +182,25 @@ def _engines(level: Level) -> list[Piece]:
             tangent = np.array([-np.sin(a), np.cos(a), 0.0])
             mounts.append(pad(surface, a, z, (0.20, 0.14), lift_m=0.05, exponent=4.0, segments=n))
             for side in (-1.0, 1.0):
-                small.append(bell(at + 0.03 * out + side * 0.09 * tangent, out + 0.7 * side * tangent, 0.12, 0.02, 0.05, n // 2))
-    heat = revolve([(0, DRIVE_LOW_M - 0.03), (1.30, DRIVE_LOW_M - 0.03), (1.34, DRIVE_LOW_M + 0.01), (0, DRIVE_LOW_M + 0.01)], 2 * n)
+                small.append(
+                    bell(
+                        at + 0.03 * out + side * 0.09 * tangent,
+                        out + 0.7 * side * tangent,
+                        0.12,
+                        0.02,
+                        0.05,
+                        n // 2,
+                    )
+                )
+    heat = revolve(
+        [
+            (0, DRIVE_LOW_M - 0.03),
+            (1.30, DRIVE_LOW_M - 0.03),
+            (1.34, DRIVE_LOW_M + 0.01),
+            (0, DRIVE_LOW_M + 0.01),
+        ],
+        2 * n,
+    )
     pieces += [
         Piece("attitude_thrusters", "nozzle-alloy", merge(small)),
         Piece("thruster_mounts", "mli-gold", merge(mounts)),

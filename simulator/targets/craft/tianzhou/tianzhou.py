@@ -6,7 +6,12 @@ from simulator.targets.craft.assemble import assemble
 from simulator.targets.craft.level import Detail, Level
 from simulator.targets.craft.materials import MATERIALS
 from simulator.targets.craft.tianzhou.fittings import build_fittings
-from simulator.targets.craft.tianzhou.labels import build_keypoints, build_mass, build_occluders, build_wireframe
+from simulator.targets.craft.tianzhou.labels import (
+    build_keypoints,
+    build_mass,
+    build_occluders,
+    build_wireframe,
+)
 from simulator.targets.craft.tianzhou.modules import build_modules
 from simulator.targets.craft.tianzhou.shape import DRIVE_LOW_M, PORT_M
 from simulator.targets.model import Target
