@@ -12,6 +12,8 @@ from simulator.targets.builders.wrapped import pad, sector
 from simulator.targets.craft.dragon.cargo_shape import (
     BAY_AZIMUTH_DEG,
     BAY_Z_M,
+    CLAW_HIGH_M,
+    CLAW_LOW_M,
     DECK_M,
     HATCH_HALF_M,
     PORT_M,
@@ -46,7 +48,11 @@ def _capsule(level: Level) -> list[Piece]:
         (RIM_RADIUS_M, RIM_TOP_M), (0, RIM_TOP_M),
     ]  # fmt: skip
     rows = np.linspace(RIM_TOP_M, DECK_M, 6 if level.fine else 2)
-    wall = [(0, RIM_TOP_M - 0.02), (RIM_RADIUS_M - 0.012, RIM_TOP_M - 0.02), (RIM_RADIUS_M - 0.012, RIM_TOP_M)]
+    wall = [
+        (0, RIM_TOP_M - 0.02),
+        (RIM_RADIUS_M - 0.012, RIM_TOP_M - 0.02),
+        (RIM_RADIUS_M - 0.012, RIM_TOP_M),
+    ]
     wall += [(float(r), float(z)) for r, z in zip(SIDEWALL.radius(rows), rows, strict=True)]
     wall += [(PORT_RADIUS_M - 0.05, DECK_M + 0.10), (0, DECK_M + 0.10)]
     return [
@@ -67,13 +73,15 @@ def _port(level: Level) -> list[Piece]:
         Piece("port_neck", "white-paint", revolve(neck, n)),
         Piece("berthing_ring", "bare-aluminium", revolve(ring, n)),
         Piece("port_bulkhead", "grey-paint", revolve(floor, n)),
-        Piece("port_hatch", "white-paint", box((-h, -h, DECK_M + 0.28), (h, h, DECK_M + 0.36), 0.05)),
+        Piece("port_hatch", "white-paint", box((-h, -h, DECK_M + 0.28), (h, h, DECK_M + 0.36), 0.02)),
     ]
     if not level.fittings:
         return pieces
     guides, bolts = [], []
     for k in range(4):
-        plate = prism([(-0.13, 0.0), (0.13, 0.0), (0.07, 0.13), (-0.07, 0.13)], 0.03, u=(0, 1, 0), v=(0.25, 0, 0.968))
+        plate = prism(
+            [(-0.13, 0.0), (0.13, 0.0), (0.07, 0.13), (-0.07, 0.13)], 0.03, u=(0, 1, 0), v=(0.25, 0, 0.968)
+        )
         guides.append(plate.moved((r - 0.10, 0, z - 0.02)).rotated(turn_z(np.deg2rad(45.0 + 90.0 * k))))
     for k in range(16):
         az = 22.5 * k + 11.25
@@ -91,7 +99,13 @@ def _trunk(level: Level) -> list[Piece]:
     n = level.segments(RIM_SEGMENTS)
     ri, ro, lo, hi = TRUNK_INNER_M, TRUNK_RADIUS_M, TRUNK_LOW_M, TRUNK_HIGH_M
     tube = [(ri + 0.002, lo), (ro, lo), (ro, hi), (ri + 0.002, hi), (ri + 0.002, lo)]
-    liner = [(ri - 0.02, lo + 0.02), (ri + 0.004, lo + 0.02), (ri + 0.004, hi), (ri - 0.02, hi), (ri - 0.02, lo + 0.02)]
+    liner = [
+        (ri - 0.02, lo + 0.02),
+        (ri + 0.004, lo + 0.02),
+        (ri + 0.004, hi),
+        (ri - 0.02, hi),
+        (ri - 0.02, lo + 0.02),
+    ]
     drives = [
         cone((s * (ro - 0.04), 0, WINGS.z_m), (s * (ro + 0.14), 0, WINGS.z_m), 0.16, 0.13, level.segments(24))
         for s in (1, -1)
@@ -112,7 +126,9 @@ def _thrusters(level: Level) -> list[Piece]:
     n = level.segments(24)
     small, pods = [], []
     for az in np.deg2rad(QUAD_AZIMUTHS_DEG):
-        pods.append(pad(SIDEWALL, az, 0.72, (0.34, 0.32), lift_m=0.035, exponent=4.0, segments=level.segments(36)))
+        pods.append(
+            pad(SIDEWALL, az, 0.72, (0.34, 0.32), lift_m=0.035, exponent=4.0, segments=level.segments(36))
+        )
         tangent = np.array([-np.sin(az), np.cos(az), 0.0])
         for side in (-1.0, 1.0):
             for z in (0.60, 0.86):
@@ -134,7 +150,9 @@ def _side(level: Level) -> list[Piece]:
     plate = rod(at - 0.02 * out, at + 0.05 * out, 0.20, n)
     shaft = rod(at + 0.04 * out, at + 0.30 * out, 0.022, level.segments(24))
     knob = rod(at + 0.29 * out, at + 0.33 * out, 0.04, level.segments(24))
-    lenses = [rod(p - 0.02 * out, p + 0.06 * out, 0.05, n) for p in (at + (0.32, 0, 0.10), at + (-0.32, 0, 0.10))]
+    lenses = [
+        rod(p - 0.02 * out, p + 0.06 * out, 0.05, n) for p in (at + (0.32, 0, 0.10), at + (-0.32, 0, 0.10))
+    ]
     # the open door stands out beside the bay
     side = at + np.array([-0.48, 0.02, 0.0])
     door = bar(side, side + 0.62 * out + (-0.22, 0, 0), 0.60, 0.04, (1, 0, 0))
@@ -151,10 +169,20 @@ def _side(level: Level) -> list[Piece]:
     for az in (-62.0, -118.0):
         pieces += window("porthole", SIDEWALL, az, 1.62, (0.13, 0.13), level, frame_m=0.05)
     if level.fine:
-        lines = [seams(SIDEWALL, [15.0 + 30.0 * k for k in range(12)], [RIM_TOP_M + 0.02, DECK_M - 0.02], 0.014, 0.0025)]
+        lines = [
+            seams(
+                SIDEWALL,
+                [15.0 + 30.0 * k for k in range(12)],
+                [RIM_TOP_M + 0.02, DECK_M - 0.02],
+                0.014,
+                0.0025,
+            )
+        ]
         lines += [hoop(SIDEWALL, z, 0.014, 0.0035, RIM_SEGMENTS) for z in (0.40, 1.08, 1.95)]
         pieces.append(Piece("tile_seams", "white-seam", merge(lines)))
-        pieces.append(Piece("forward_ring", "grey-paint", hoop(SIDEWALL, DECK_M - 0.05, 0.06, 0.006, RIM_SEGMENTS)))
+        pieces.append(
+            Piece("forward_ring", "grey-paint", hoop(SIDEWALL, DECK_M - 0.05, 0.06, 0.006, RIM_SEGMENTS))
+        )
     return pieces
 
 
@@ -166,20 +194,22 @@ def _trunk_skin(level: Level) -> list[Piece]:
             a, b = np.deg2rad([centre + 20.0 * k + 0.4, centre + 20.0 * (k + 1) - 0.4])
             panels.append(sector(TRUNK, (a, b), [-2.62, -0.25], 0.010, 0.01, level.segments(12) // 2))
     brackets = [
-        box((-0.03, -0.07, -0.10), (0.06, 0.07, 0.10), 0.01).moved((TRUNK_RADIUS_M, 0, z)).rotated(turn_z(np.deg2rad(a)))
+        box((-0.03, -0.07, -0.10), (0.06, 0.07, 0.10), 0.01)
+        .moved((TRUNK_RADIUS_M, 0, z))
+        .rotated(turn_z(np.deg2rad(a)))
         for a in (25.0, 155.0, 205.0, 335.0)
         for z in (-0.45, -2.45)
     ]
-    beams = [
-        bar((-1.77, y, -0.75), (1.77, y * 0.99, -0.76), 0.09, 0.12, (0, 0, 1))
-        for y in (-0.25, 0.25)
-    ]
-    claw = box((-0.16, -TRUNK_RADIUS_M - 0.20, -0.50), (0.16, -TRUNK_RADIUS_M + 0.10, 0.36), 0.03)
+    beams = [bar((-1.77, y, -0.75), (1.77, y * 0.99, -0.76), 0.09, 0.12, (0, 0, 1)) for y in (-0.25, 0.25)]
+    claw = box(CLAW_LOW_M, CLAW_HIGH_M, 0.03)
     return [
         Piece("radiators", "radiator", merge(panels)),
         Piece("fairing_brackets", "brushed-metal", merge(brackets)),
         Piece("cargo_beams", "brushed-metal", merge(beams)),
         Piece("umbilical_fairing", "white-paint", claw),
-        Piece("trunk_ring", "grey-paint", hoop(TRUNK, TRUNK_LOW_M + 0.06, 0.06, 0.006, level.segments(RIM_SEGMENTS))),
+        Piece(
+            "trunk_ring",
+            "grey-paint",
+            hoop(TRUNK, TRUNK_LOW_M + 0.06, 0.06, 0.006, level.segments(RIM_SEGMENTS)),
+        ),
     ]
-

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from simulator.targets.builders.mesh import merge
+from simulator.targets.builders.solids import box
 from simulator.targets.craft.dragon.cargo_shape import (
+    CLAW_HIGH_M,
+    CLAW_LOW_M,
     DECK_M,
     DECK_RADIUS_M,
     PORT_M,
@@ -56,7 +59,9 @@ def build_occluders() -> Occluders:
         (0, -0.30), (1.2, -0.20), (RIM_RADIUS_M, 0.18), (RIM_RADIUS_M, RIM_TOP_M), (DECK_RADIUS_M, DECK_M),
         (PORT_RADIUS_M - 0.06, DECK_M), (PORT_RADIUS_M - 0.06, PORT_M), (0, PORT_M),
     ]  # fmt: skip
-    return welded(merge([revolve(trunk, n), revolve(capsule, n), WINGS.panel_bodies()]))
+    return welded(
+        merge([revolve(trunk, n), revolve(capsule, n), box(CLAW_LOW_M, CLAW_HIGH_M), WINGS.panel_bodies()])
+    )
 
 
 def build_mass() -> MassProperties:
@@ -66,9 +71,23 @@ def build_mass() -> MassProperties:
         Tube(
             name="propellant", mass_kg=1290.0, centre_m=(0, 0, 0.75), radius_m=1.65, length_m=0.8, inner_m=1.3
         ),
-        Tube(name="pressure vessel", mass_kg=1900.0, centre_m=(0, 0, 1.5), radius_m=1.5, length_m=2.4, inner_m=1.2),
+        Tube(
+            name="pressure vessel",
+            mass_kg=1900.0,
+            centre_m=(0, 0, 1.5),
+            radius_m=1.5,
+            length_m=2.4,
+            inner_m=1.2,
+        ),
         Tube(name="pressurised cargo", mass_kg=2400.0, centre_m=(0, 0, 1.4), radius_m=1.15, length_m=1.9),
-        Tube(name="berthing port", mass_kg=340.0, centre_m=(0, 0, 3.05), radius_m=1.0, length_m=0.5, inner_m=0.6),
+        Tube(
+            name="berthing port",
+            mass_kg=340.0,
+            centre_m=(0, 0, 3.05),
+            radius_m=1.0,
+            length_m=0.5,
+            inner_m=0.6,
+        ),
         Tube(name="trunk", mass_kg=900.0, centre_m=(0, 0, -1.4), radius_m=1.83, length_m=2.77, inner_m=1.74),
         Tube(name="cargo in the trunk", mass_kg=500.0, centre_m=(0, 0, -0.9), radius_m=0.9, length_m=0.9),
         *WINGS.lumps(160.0),

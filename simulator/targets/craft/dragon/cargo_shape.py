@@ -31,7 +31,9 @@ TRUNK_RADIUS_M, TRUNK_INNER_M = 1.83, 1.78
 TRUNK_LOW_M, TRUNK_HIGH_M = -2.80, -0.03
 BAY_AZIMUTH_DEG, BAY_Z_M = 90.0, 0.78
 """Sensor bay behind its open door, with the grapple fixture."""
-HATCH_HALF_M = 0.66
+HATCH_HALF_M = 0.60
+CLAW_LOW_M, CLAW_HIGH_M = (-0.16, -2.03, -0.50), (0.16, -1.73, 0.36)
+"""Fairing of the umbilical between capsule and trunk."""
 
 SIDEWALL = Revolved.of([(RIM_RADIUS_M, RIM_TOP_M), (DECK_RADIUS_M, DECK_M)])
 TRUNK = Revolved.of([(TRUNK_RADIUS_M, TRUNK_LOW_M), (TRUNK_RADIUS_M, TRUNK_HIGH_M)])
