@@ -87,25 +87,24 @@ def wing_ribs(wing: Wing, depth_m: float, count: int) -> Mesh:
     ribs = []
     for lo, hi in wing.boxes():
         # offsets keep the ends of crossing ribs apart
-        for x in np.linspace(lo[0] + 0.04, hi[0] - 0.04, count):
-            ribs.append(
-                box((x - width / 2, lo[1] + 0.05, back - depth_m), (x + width / 2, hi[1] - 0.05, back))
-            )
-        for y in (lo[1] + 0.03, hi[1] - 0.03):
-            ribs.append(
-                box((lo[0] + 0.01, y - width / 2, back - 1.2 * depth_m), (hi[0] - 0.01, y + width / 2, back))
-            )
+        ribs += [
+            box((x - width / 2, lo[1] + 0.05, back - depth_m), (x + width / 2, hi[1] - 0.05, back))
+            for x in np.linspace(lo[0] + 0.04, hi[0] - 0.04, count)
+        ]
+        ribs += [
+            box((lo[0] + 0.01, y - width / 2, back - 1.2 * depth_m), (hi[0] - 0.01, y + width / 2, back))
+            for y in (lo[1] + 0.03, hi[1] - 0.03)
+        ]
     return merge(ribs)
 
 
 def wing_hinges(wing: Wing, radius_m: float, segments: int) -> Mesh:
     """Hinge barrels in the gaps, two to a gap, and at the inner edge."""
-    hinges = []
-    for lo, _ in wing.boxes():
-        x = lo[0] - wing.gap_m / 2
-        for y in (-0.33 * wing.chord_m, 0.33 * wing.chord_m):
-            hinges.append(rod((x, y - 0.06, 0), (x, y + 0.06, 0), radius_m, segments))
-    return merge(hinges)
+    at = [lo[0] - wing.gap_m / 2 for lo, _ in wing.boxes()]
+    y = 0.33 * wing.chord_m
+    return merge(
+        [rod((x, s * y - 0.06, 0), (x, s * y + 0.06, 0), radius_m, segments) for x in at for s in (-1, 1)]
+    )
 
 
 def wing_yoke(wing: Wing, root_m: float, spread: float, section_m: float) -> Mesh:

@@ -11,6 +11,8 @@ from simulator.targets.builders.creased import copies, creased, slab
 from simulator.targets.builders.mesh import Mesh, unit
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike
 
     from simulator.arrays import FloatArray
@@ -90,6 +92,7 @@ def pad(
     dome_m: float = 0.0,
     exponent: float = 2.0,
     turn_rad: float = 0.0,
+    relief: Callable[[FloatArray], FloatArray] | None = None,
     segments: int = 36,
     rings: int = 3,
 ) -> Mesh:
@@ -100,18 +103,17 @@ def pad(
     half_m : half extent round the axis and half extent along the surface.
     lift_m : height of the rim. dome_m : additional height of the middle.
     exponent : 2 an ellipse, 5 and more a rectangle with rounded corners. turn_rad : turn on the surface.
+    relief : height of what the plate lies on, above the surface, at points (N, 2) round the plate's middle.
     """
-    t = 2 * np.pi * (np.arange(segments) + 0.5) / segments
-    c, s = np.cos(t), np.sin(t)
-    edge = np.column_stack(
-        [np.sign(c) * np.abs(c) ** (2 / exponent), np.sign(s) * np.abs(s) ** (2 / exponent)]
-    )
+    edge = _superellipse(half_m, exponent, segments)
     rho = np.arange(1, rings + 1) / rings
-    flat = (rho[:, None, None] * edge * np.asarray(half_m)).reshape(-1, 2)
+    flat = (rho[:, None, None] * edge).reshape(-1, 2)
     flat = np.concatenate([[(0.0, 0.0)], flat])
     rise = lift_m + dome_m * (1 - np.concatenate([[0.0], np.repeat(rho, segments)]) ** 2)
     turn = np.array([[np.cos(turn_rad), np.sin(turn_rad)], [-np.sin(turn_rad), np.cos(turn_rad)]])
     flat = flat @ turn
+    if relief is not None:
+        rise = rise + relief(flat)
     z = z_m + flat[:, 1] / np.hypot(1.0, float(surface.slope(z_m)))
     az = azimuth_rad + flat[:, 0] / surface.radius(z)
     top, low = surface.point(az, z, rise), surface.point(az, z, -sink_m)
@@ -128,6 +130,17 @@ def pad(
         np.column_stack([n + last + i, last + j, last + i]),
     ]
     return creased(np.concatenate([top, low]), np.concatenate([caps, caps[:, ::-1] + n, *walls]))
+
+
+def _superellipse(half_m: tuple[float, float], exponent: float, count: int) -> FloatArray:
+    """(count, 2) points of a superellipse, evenly spaced along it, none on its axes."""
+    t = np.linspace(0, 2 * np.pi, 24 * count + 1)
+    c, s = np.cos(t), np.sin(t)
+    power = 2 / exponent
+    fine = np.column_stack([np.sign(c) * np.abs(c) ** power, np.sign(s) * np.abs(s) ** power]) * half_m
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))])
+    at = (np.arange(count) + 0.5) / count * along[-1]
+    return np.column_stack([np.interp(at, along, fine[:, k]) for k in (0, 1)])
 
 
 def tiled(

@@ -93,13 +93,14 @@ def window(
     exponent: float = 2.0,
     frame: str = "grey-paint",
     frame_m: float = 0.035,
+    lift_m: float = 0.012,
 ) -> list[Piece]:
     """A pane in a frame that stands slightly proud."""
     az = np.deg2rad(azimuth_deg)
     n = level.segments(36)
     outer = (half_m[0] + frame_m, half_m[1] + frame_m)
-    rim = pad(surface, az, z_m, outer, lift_m=0.012, exponent=exponent, segments=n)
-    pane = pad(surface, az, z_m, half_m, lift_m=0.016, exponent=exponent, segments=n)
+    rim = pad(surface, az, z_m, outer, lift_m=lift_m, exponent=exponent, segments=n)
+    pane = pad(surface, az, z_m, half_m, lift_m=lift_m + 0.004, exponent=exponent, segments=n)
     return [Piece(f"{name}_frames", frame, rim), Piece(f"{name}_panes", "window", pane)]
 
 

@@ -151,13 +151,13 @@ def _side(level: Level) -> list[Piece]:
     shaft = rod(at + 0.04 * out, at + 0.30 * out, 0.022, level.segments(24))
     knob = rod(at + 0.29 * out, at + 0.33 * out, 0.04, level.segments(24))
     lenses = [
-        rod(p - 0.02 * out, p + 0.06 * out, 0.05, n) for p in (at + (0.32, 0, 0.10), at + (-0.32, 0, 0.10))
+        rod(p - 0.02 * out, p + 0.06 * out, 0.05, n) for p in np.add(at, [(0.32, 0, 0.10), (-0.32, 0, 0.10)])
     ]
     # the open door stands out beside the bay
     side = at + np.array([-0.48, 0.02, 0.0])
     door = bar(side, side + 0.62 * out + (-0.22, 0, 0), 0.60, 0.04, (1, 0, 0))
-    hatch = pad(SIDEWALL, -bay, 1.30, (0.45, 0.55), lift_m=0.010, exponent=4.0, segments=n, rings=6)
-    seal = pad(SIDEWALL, -bay, 1.30, (0.475, 0.575), lift_m=0.005, exponent=4.0, segments=n, rings=6)
+    hatch = pad(SIDEWALL, -bay, 1.30, (0.45, 0.55), lift_m=0.010, exponent=4.0, segments=2 * n, rings=6)
+    seal = pad(SIDEWALL, -bay, 1.30, (0.475, 0.575), lift_m=0.005, exponent=4.0, segments=2 * n, rings=6)
     pieces = [
         Piece("sensor_bay", "dark-interior", recess),
         Piece("bay_door", "white-paint", door),

@@ -6,8 +6,8 @@ wings, whose cells look to +y.
 References
 ----------
 SpaceX, Dragon overview (spacex.com/dragon, 2012 to 2018): 7.2 m high with trunk and nose cap, 3.7 m wide, wings 16.5 m
-from tip to tip; 6.1 m without the cap, which is left behind on the way to orbit. Common Berthing Mechanism, passive half:
-ring 2.0 m wide, hatch 1.3 m square (NASA SSP 41004). Fittings: judged on public photographs.
+from tip to tip; 6.1 m without the cap, which is left behind on the way to orbit. Common Berthing Mechanism,
+passive half: ring 2.0 m wide, hatch 1.3 m square (NASA SSP 41004). Fittings: judged on public photographs.
 """
 
 from __future__ import annotations

@@ -120,8 +120,10 @@ def build_mass() -> MassProperties:
     nose = np.asarray(nose_cone(Level("low"), closed=False).positions_m).mean(axis=0)
     lumps = (
         Tube(name="heat shield", mass_kg=1100.0, centre_m=(0, 0, 0.05), radius_m=1.95, length_m=0.35),
-        Tube(name="propellant and engines", mass_kg=2900.0, centre_m=(0, 0, 0.80), radius_m=1.85, length_m=0.9, inner_m=1.3),
-        Tube(name="pressure vessel, crew, cargo", mass_kg=5600.0, centre_m=(0.05, 0, 1.45), radius_m=1.45, length_m=2.2),
+        Tube(name="propellant and engines", mass_kg=2900.0, centre_m=(0, 0, 0.80), radius_m=1.85, length_m=0.9,
+             inner_m=1.3),
+        Tube(name="pressure vessel, crew, cargo", mass_kg=5600.0, centre_m=(0.05, 0, 1.45), radius_m=1.45,
+             length_m=2.2),
         Tube(name="forward structure and port", mass_kg=900.0, centre_m=(0, 0, 3.35), radius_m=0.95, length_m=1.0),
         Lump(name="nose cone", mass_kg=250.0, centre_m=vec3(nose), size_m=(1.0, 2.2, 2.2)),
         Tube(name="trunk", mass_kg=1550.0, centre_m=(0, 0, -1.84), radius_m=1.85, length_m=3.62, inner_m=1.75),

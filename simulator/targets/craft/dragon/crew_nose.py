@@ -48,7 +48,7 @@ def build_nose(level: Level, *, closed: bool = False) -> list[Piece]:
         return pieces
     arms = []
     for y in (-0.34, 0.34):
-        end = nose_point(np.array([HINGE_X_M + 0.30, y, DECK_M + 0.12]))
+        end = nose_point(np.array([HINGE_X_M + 0.085, y, DECK_M + 0.03]))
         arms.append(
             bar((HINGE_X_M + 0.28, y, DECK_M - 0.05), (HINGE_X_M, y, DECK_M + 0.02), 0.06, 0.08, (0, 0, 1))
         )

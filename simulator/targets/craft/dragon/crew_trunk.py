@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from simulator.targets.assembly import Piece
@@ -73,7 +75,7 @@ def _solar_half(level: Level) -> list[Piece]:
         field = merge(
             [
                 sector(TRUNK, (p + 0.012, q - 0.012), [CELL_LOW_M, CELL_HIGH_M], 0.012, 0.0, 4)
-                for p, q in zip(edges[:-1], edges[1:], strict=True)
+                for p, q in itertools.pairwise(edges)
             ]
         )
     else:
@@ -94,6 +96,6 @@ def _radiators(level: Level) -> list[Piece]:
     edges = np.deg2rad([-82.0, -48.0, -24.0, 0.0, 24.0, 48.0, 82.0])
     rows = [-3.42, -0.20]
     panels = []
-    for p, q in zip(edges[:-1], edges[1:], strict=True):
+    for p, q in itertools.pairwise(edges):
         panels.append(sector(TRUNK, (p + 0.012, q - 0.012), rows, 0.010, 0.01, level.segments(12)))
     return [Piece("radiators", "radiator", merge(panels))]

@@ -66,7 +66,11 @@ def _antennas(level: Level) -> list[Piece]:
     pieces = [
         Piece("rendezvous_boom", "grey-paint", bar(foot, hub, 0.05, 0.05, (1, 0, 0))),
         Piece("rendezvous_dish", "white-paint", dish(hub, look, 0.22, 0.07, n)),
-        Piece("dish_gimbal", "black-paint", box(hub - (0.06, 0.07, 0.13), hub + (0.06, 0.05, -0.005), 0.01)),
+        Piece(
+            "dish_gimbal",
+            "black-paint",
+            box(hub - (0.06, 0.07, 0.13), np.add(hub, (0.06, 0.05, -0.005)), 0.01),
+        ),
     ]
     feed = [
         rod(hub + 0.02 * look, hub + 0.16 * look, 0.012, 8),

@@ -54,14 +54,14 @@ def build_wireframe() -> tuple[Edge, ...]:
 
 
 def build_occluders() -> Occluders:
-    """The modules as one body of twelve sides, and the wings' panels."""
+    """The modules as one body of ten sides, the skirt's hollow taken as full, and the wings' panels."""
     r, z = ORBITAL_RADIUS_M, (ORBITAL_LOW_M, ORBITAL_HIGH_M)
     profile = [
         (0, SKIRT_LOW_M + 0.02), (SKIRT_RADIUS_M, SKIRT_LOW_M + 0.02), (SKIRT_RADIUS_M, SKIRT_EDGE_M),
-        (DRUM_RADIUS_M, DRUM_LOW_M), (DRUM_RADIUS_M, 0.0), DESCENT_PROFILE[3], (0.60, 1.80), (0.70 * r, z[0] - 0.71 * r), (r, z[0]),
-        (r, z[1]), (0.68 * r, z[1] + 0.73 * r), (COLLAR_RADIUS_M - 0.06, COLLAR_M), (0, COLLAR_M),
+        (DRUM_RADIUS_M, DRUM_LOW_M), (DRUM_RADIUS_M, 0.0), DESCENT_PROFILE[3], (0.60, 1.80),
+        (0.70 * r, z[0] - 0.71 * r), (r, z[0]), (r, z[1]), (0.68 * r, z[1] + 0.73 * r),
+        (COLLAR_RADIUS_M - 0.06, COLLAR_M), (0, COLLAR_M),
     ]  # fmt: skip
-    # twice as thick a skirt as the mesh: its hollow is taken as full
     return welded(merge([revolve(profile, 10), WINGS.panel_bodies()]))
 
 

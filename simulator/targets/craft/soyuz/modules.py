@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from simulator.targets.assembly import Piece
@@ -48,7 +50,7 @@ def quilt(surface: Revolved, rows_m: list[float], count: int, start_deg: float, 
     """Blankets laid edge to edge round a surface, one row between each two heights, each at its own lift."""
     blankets = []
     pitch = 2 * np.pi / count
-    for row, (a, b) in enumerate(zip(rows_m[:-1], rows_m[1:], strict=True)):
+    for row, (a, b) in enumerate(itertools.pairwise(rows_m)):
         heights = np.linspace(a + 0.008, b - 0.008, level.segments(12) // 2)
         for k in range(count):
             az = np.deg2rad(start_deg) + (k + 0.5 * (row % 2)) * pitch
@@ -74,8 +76,8 @@ def _orbital(level: Level) -> list[Piece]:
     shell += [*_thinned(ORBITAL_PROFILE, level), (top[0] - 0.03, top[1] + 0.02), (0, top[1] + 0.02)]
     c, z = COLLAR_RADIUS_M, COLLAR_M
     collar = [
-        (0.40, 4.20), (c - 0.02, 4.20), (c - 0.02, 4.38), (c - 0.06, 4.42), (c - 0.06, 4.49), (c, 4.50), (c, z), (0.40, z),
-        (0.40, 4.20),
+        (0.40, 4.20), (c - 0.02, 4.20), (c - 0.02, 4.38), (c - 0.06, 4.42), (c - 0.06, 4.49), (c, 4.50), (c, z),
+        (0.40, z), (0.40, 4.20),
     ]  # fmt: skip
     neck = [(0, 1.70), (0.61, 1.70), (0.66, 1.98), (0.585, 2.06), (0, 2.06)]
     pieces = [
@@ -90,7 +92,9 @@ def _orbital(level: Level) -> list[Piece]:
         )
         pieces.append(Piece("orbital_belt", "grey-paint", hoop(ORBITAL, 3.18, 0.05, 0.022, n)))
         for az in (0.0, 180.0):
-            pieces += window("orbital_porthole", ORBITAL, az + 40.0, 3.50, (0.13, 0.13), level, frame_m=0.06)
+            pieces += window(
+                "orbital_porthole", ORBITAL, az + 40.0, 3.50, (0.13, 0.13), level, frame_m=0.06, lift_m=0.03
+            )
     return pieces
 
 
@@ -113,6 +117,7 @@ def _descent(level: Level) -> list[Piece]:
                 0.98,
                 (0.11, 0.11),
                 level,
+                lift_m=0.03,
                 frame="burnt-ablator",
                 frame_m=0.05,
             )

@@ -45,7 +45,7 @@ def _antennas(level: Level) -> list[Piece]:
     pieces = [
         Piece("relay_boom", "grey-paint", bar(RELAY_FOOT_M, hub, 0.07, 0.07, (1, 0, 0))),
         Piece("relay_dish", "white-paint", dish(hub + 0.05 * look, look, 0.36, 0.11, n)),
-        Piece("relay_gimbal", "mli-gold", box(hub - (0.09, 0.09, 0.09), hub + (0.09, 0.09, 0.09), 0.01)),
+        Piece("relay_gimbal", "mli-gold", box(np.subtract(hub, 0.09), np.add(hub, 0.09), 0.01)),
         Piece("relay_feed", "black-paint", rod(hub + 0.06 * look, hub + 0.30 * look, 0.022, 12)),
     ]
     sensors, lenses = [], []
@@ -53,9 +53,10 @@ def _antennas(level: Level) -> list[Piece]:
         a = np.deg2rad(az)
         p, w = CONE.point(a, 6.02), np.array([np.cos(a), np.sin(a), 0.0])
         at = p + 0.04 * w + (0, 0, 0.06)
-        sensors.append(box(at - (0.13, 0.12, 0.14), at + (0.13, 0.12, 0.14), 0.015))
-        for x in (-0.055, 0.06):
-            lenses.append(rod(at + (x, 0, 0.12), at + (x, 0, 0.165), 0.042, n // 2))
+        sensors.append(box(at - (0.13, 0.12, 0.14), np.add(at, (0.13, 0.12, 0.14)), 0.015))
+        lenses += [
+            rod(np.add(at, (x, 0, 0.12)), np.add(at, (x, 0, 0.165)), 0.042, n // 2) for x in (-0.055, 0.06)
+        ]
     radar = []
     for az in (30.0, 150.0, 210.0, 330.0):
         p, w = CONE.point(np.deg2rad(az), 5.62), CONE.normal(np.deg2rad(az), 5.62)

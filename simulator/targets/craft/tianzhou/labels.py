@@ -50,15 +50,15 @@ def build_wireframe() -> tuple[Edge, ...]:
 def build_occluders() -> Occluders:
     """Both modules and the port as one body of 16 sides, and the wings' panels."""
     profile = [
-        (0, DRIVE_LOW_M), (DRIVE_RADIUS_M, DRIVE_LOW_M), (DRIVE_RADIUS_M, DRIVE_HIGH_M), (CARGO_RADIUS_M, CARGO_LOW_M),
-        (CARGO_RADIUS_M, CARGO_HIGH_M), (CONE_RADIUS_M, CONE_HIGH_M), (0.66, CONE_HIGH_M + 0.14), (PORT_RADIUS_M, PORT_M),
-        (0, PORT_M),
+        (0, DRIVE_LOW_M), (DRIVE_RADIUS_M, DRIVE_LOW_M), (DRIVE_RADIUS_M, DRIVE_HIGH_M),
+        (CARGO_RADIUS_M, CARGO_LOW_M), (CARGO_RADIUS_M, CARGO_HIGH_M), (CONE_RADIUS_M, CONE_HIGH_M),
+        (0.66, CONE_HIGH_M + 0.14), (PORT_RADIUS_M, PORT_M), (0, PORT_M),
     ]  # fmt: skip
     return welded(merge([revolve(profile, 16), WINGS.panel_bodies()]))
 
 
 def build_mass() -> MassProperties:
-    """13.5 t at launch (China Manned Space Agency), 6.5 t of it cargo and propellant to give away; the split is an estimate."""
+    """13.5 t at launch (China Manned Space Agency), 6.5 t of it cargo and fuel to give away; the split is estimated."""
     lumps = (
         Tube(
             name="cargo module, shell",

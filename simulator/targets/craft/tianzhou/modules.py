@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from simulator.targets.assembly import Piece
@@ -54,7 +56,8 @@ def _port(level: Level) -> list[Piece]:
     n = level.segments(48)
     z = CONE_HIGH_M
     tunnel = [
-        (0.56, z - 0.1), (0.74, z - 0.1), (0.74, z + 0.10), (0.63, z + 0.16), (0.63, 6.60), (0.56, 6.60), (0.56, z - 0.1),
+        (0.56, z - 0.1), (0.74, z - 0.1), (0.74, z + 0.10), (0.63, z + 0.16), (0.63, 6.60), (0.56, 6.60),
+        (0.56, z - 0.1),
     ]  # fmt: skip
     ring = [(0.53, 6.58), (PORT_RADIUS_M, 6.58), (PORT_RADIUS_M, PORT_M), (0.53, PORT_M), (0.53, 6.58)]
     hatch = [(0, 6.34), (0.57, 6.34), (0.57, 6.37), (0.30, 6.41), (0, 6.41)]
@@ -124,7 +127,7 @@ def _skin(level: Level) -> list[Piece]:
 
 def _grid(rows: np.ndarray, count: int, level: Level) -> list[Mesh]:
     blankets, pitch = [], 2 * np.pi / count
-    for row, (a, b) in enumerate(zip(rows[:-1], rows[1:], strict=True)):
+    for row, (a, b) in enumerate(itertools.pairwise(rows)):
         for k in range(count):
             az = k * pitch
             lift = BLANKET_M * (0.6 + 0.4 * np.sin(2.1 * k + 1.3 * row) ** 2)
@@ -172,26 +175,21 @@ def _engines(level: Level) -> list[Piece]:
         return pieces
     small, mounts = [], []
     for az in (45.0, 135.0, 225.0, 315.0):
-        for d in (-4.0, 4.0):
-            small.append(bell(polar(1.18, az + d, DRIVE_LOW_M + 0.01), (0, 0, -1), 0.14, 0.025, 0.06, n // 2))
+        small += [
+            bell(polar(1.18, az + d, DRIVE_LOW_M + 0.01), (0, 0, -1), 0.14, 0.025, 0.06, n // 2)
+            for d in (-4.0, 4.0)
+        ]
     for az in (40.0, 140.0, 220.0, 320.0):
         a = np.deg2rad(az)
         for z, surface in ((-3.05, DRIVE), (4.85, CARGO)):
             out = surface.normal(a, z)
-            at = surface.point(a, z)
+            at = surface.point(a, z) + 0.03 * out
             tangent = np.array([-np.sin(a), np.cos(a), 0.0])
             mounts.append(pad(surface, a, z, (0.20, 0.14), lift_m=0.05, exponent=4.0, segments=n))
-            for side in (-1.0, 1.0):
-                small.append(
-                    bell(
-                        at + 0.03 * out + side * 0.09 * tangent,
-                        out + 0.7 * side * tangent,
-                        0.12,
-                        0.02,
-                        0.05,
-                        n // 2,
-                    )
-                )
+            small += [
+                bell(at + side * 0.09 * tangent, out + 0.7 * side * tangent, 0.12, 0.02, 0.05, n // 2)
+                for side in (-1.0, 1.0)
+            ]
     heat = revolve(
         [
             (0, DRIVE_LOW_M - 0.03),
