@@ -38,6 +38,14 @@ class TargetEntry:
 ENTRIES = (
     TargetEntry(name="tango", module="simulator.targets.tango", function="build_tango"),
     TargetEntry(name="tango-mli", module="simulator.targets.tango", function="build_tango_mli"),
+    TargetEntry(name="dragon", module="simulator.targets.craft.dragon.crew", function="build_dragon"),
+    TargetEntry(
+        name="dragon-cargo", module="simulator.targets.craft.dragon.cargo", function="build_dragon_cargo"
+    ),
+    TargetEntry(name="soyuz-ms", module="simulator.targets.craft.soyuz.soyuz_ms", function="build_soyuz_ms"),
+    TargetEntry(
+        name="tianzhou", module="simulator.targets.craft.tianzhou.tianzhou", function="build_tianzhou"
+    ),
 )
 
 

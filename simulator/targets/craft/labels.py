@@ -1,0 +1,135 @@
+"""Wireframe and occluders of craft made of round bodies and plates.
+
+A rim where a round body has a sharp edge is a polyline of straight edges between the mesh's vertices, each with the
+normals of the two surfaces that meet there. Silhouettes of smooth bodies depend on the view and are not stored.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import FloatArray, Vec3, vec3
+from simulator.targets.builders.mesh import Mesh, unit
+from simulator.targets.model import Edge, Occluders
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import ArrayLike
+
+RIM_SEGMENTS = 72
+"""Facets of large round bodies at full detail: a chord leaves a circle of 2 m radius by 1.9 mm at most."""
+
+
+def rim_edges(
+    name: str,
+    z_m: float,
+    radius_m: float,
+    sides: Sequence[tuple[float, float]],
+    *,
+    segments: int = RIM_SEGMENTS,
+) -> list[Edge]:
+    """A circle about z as chords; ``sides`` are the (radial, axial) normals of the surfaces that meet there."""
+    t = 2 * np.pi * np.arange(segments + 1) / segments
+    p = np.column_stack([radius_m * np.cos(t), radius_m * np.sin(t), np.full(len(t), z_m)])
+    p[-1] = p[0]
+    pairs = unit(np.array([(*s, 0.0) for s in sides]))[:, :2]
+    edges = []
+    for k in range(segments):
+        mid = (t[k] + t[k + 1]) / 2
+        normals = tuple((float(r * np.cos(mid)), float(r * np.sin(mid)), float(a)) for r, a in pairs)
+        edges.append(Edge(name=f"{name}_{k:02d}", a_m=vec3(p[k]), b_m=vec3(p[k + 1]), normals=normals))
+    return edges
+
+
+def box_edges(name: str, lo: Vec3, hi: Vec3) -> list[Edge]:
+    """The twelve edges of an axis-aligned box, each with the normals of its two faces."""
+    corner = np.array([lo, hi], float)
+    edges = []
+    for axis in range(3):
+        others = [k for k in range(3) if k != axis]
+        for sides in itertools.product((0, 1), repeat=2):
+            a, b = np.zeros(3), np.zeros(3)
+            normals, label = [], ""
+            for k, side in zip(others, sides, strict=True):
+                a[k] = b[k] = corner[side, k]
+                n = np.zeros(3)
+                n[k] = 2 * side - 1
+                normals.append(vec3(n))
+                label += ("n", "p")[side] + "xyz"[k]
+            a[axis], b[axis] = corner[:, axis]
+            edges.append(Edge(name=f"{name}_{label}", a_m=vec3(a), b_m=vec3(b), normals=tuple(normals)))
+    return edges
+
+
+def plate_edges(
+    name: str, outline: ArrayLike, thickness_m: float, origin_m: ArrayLike, u: ArrayLike, v: ArrayLike
+) -> list[Edge]:
+    """Edges of an extruded convex polygon: the arguments of :func:`prism`, outline counter-clockwise."""
+    flat = np.asarray(outline, float)
+    axes = np.stack([np.asarray(u, float), np.asarray(v, float)])
+    n = np.cross(axes[0], axes[1])
+    low = np.asarray(origin_m, float) + flat @ axes
+    side = np.roll(flat, -1, axis=0) - flat
+    wall = unit(np.column_stack([side[:, 1], -side[:, 0]])) @ axes
+    edges = []
+    for k in range(len(flat)):
+        j = (k + 1) % len(flat)
+        for label, points, cap in (("low", low, -n), ("top", low + n * thickness_m, n)):
+            edges.append(
+                Edge(
+                    name=f"{name}_{label}_{k}",
+                    a_m=vec3(points[k]),
+                    b_m=vec3(points[j]),
+                    normals=(vec3(cap), vec3(wall[k])),
+                )
+            )
+        edges.append(
+            Edge(
+                name=f"{name}_up_{k}",
+                a_m=vec3(low[k]),
+                b_m=vec3(low[k] + n * thickness_m),
+                normals=(vec3(wall[k - 1]), vec3(wall[k])),
+            )
+        )
+    return edges
+
+
+def moved_edges(edges: Iterable[Edge], R: ArrayLike, offset_m: ArrayLike, prefix: str = "") -> list[Edge]:
+    """Edges rotated by ``R`` (3, 3), which may be a reflection, then moved by ``offset_m``."""
+    rotation, offset = np.asarray(R, float), np.asarray(offset_m, float)
+
+    def place(p: Vec3) -> Vec3:
+        return vec3(rotation @ np.asarray(p) + offset)
+
+    return [
+        Edge(
+            name=prefix + e.name,
+            a_m=place(e.a_m),
+            b_m=place(e.b_m),
+            normals=tuple(vec3(rotation @ np.asarray(n)) for n in e.normals),
+            radius_m=e.radius_m,
+        )
+        for e in edges
+    ]
+
+
+def welded(mesh: Mesh) -> Occluders:
+    """The mesh with each corner once and no normals."""
+    vertices, index = np.unique(np.round(mesh.positions_m, 9), axis=0, return_inverse=True)
+    return Occluders(vertices_m=vertices, triangles=index.reshape(-1)[mesh.triangles])
+
+
+def polar(radius_m: float, azimuth_deg: float, z_m: float) -> Vec3:
+    """A point in cylinder coordinates about z."""
+    a = np.deg2rad(azimuth_deg)
+    return (float(radius_m * np.cos(a)), float(radius_m * np.sin(a)), float(z_m))
+
+
+def turn_z(azimuth_rad: float) -> FloatArray:
+    """(3, 3) rotation about z."""
+    c, s = np.cos(azimuth_rad), np.sin(azimuth_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

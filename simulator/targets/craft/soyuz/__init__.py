@@ -1,0 +1,1 @@
+"""Soyuz MS, the crewed craft that serves the International Space Station."""

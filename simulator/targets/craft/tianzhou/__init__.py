@@ -1,0 +1,1 @@
+"""Tianzhou, the cargo craft of the Chinese space station."""

@@ -1,0 +1,44 @@
+"""Tianzhou with its wings out."""
+
+from __future__ import annotations
+
+from simulator.targets.craft.assemble import assemble
+from simulator.targets.craft.level import Detail, Level
+from simulator.targets.craft.materials import MATERIALS
+from simulator.targets.craft.tianzhou.fittings import build_fittings
+from simulator.targets.craft.tianzhou.labels import (
+    build_keypoints,
+    build_mass,
+    build_occluders,
+    build_wireframe,
+)
+from simulator.targets.craft.tianzhou.modules import build_modules
+from simulator.targets.craft.tianzhou.shape import DRIVE_LOW_M, PORT_M
+from simulator.targets.model import Target
+
+NOTES = (
+    "z towards the docking port, origin where propulsion and cargo module meet, x along the wings, cells towards +y. "
+    "Length 10.6 m, diameter 3.35 m, propulsion module 2.8 m, span 14.9 m, mass 13.5 t: China Manned Space Agency. "
+    "Sizes of fittings are judged on photographs; the mass distribution is an estimate."
+)
+
+
+def build_tianzhou(detail: Detail = "full") -> Target:
+    """Tianzhou at a level of detail; labels are the same at all."""
+    level = Level(detail)
+    return assemble(
+        name="tianzhou",
+        title="Tianzhou cargo craft",
+        pieces=[*build_modules(level), *build_fittings(level)],
+        materials=MATERIALS,
+        keypoints=build_keypoints(),
+        wireframe=build_wireframe(),
+        occluders=build_occluders(),
+        mass=build_mass(),
+        frames={
+            "docking": ((0.0, 0.0, PORT_M), (0.0, 0.0, 1.0)),
+            "grasp": ((0.0, 0.0, DRIVE_LOW_M), (0.0, 0.0, -1.0)),
+        },
+        symmetry=((0.0, 0.0, 0.0, 1.0),),
+        notes=NOTES,
+    )
