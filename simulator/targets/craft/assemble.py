@@ -1,0 +1,81 @@
+"""From pieces, labels and a mass list to a checked Target: the last step of every craft's builder."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from simulator.arrays import Quat, Vec3
+from simulator.targets.assembly import Piece, part_of
+from simulator.targets.builders.mesh import Mesh, merge
+from simulator.targets.check import check_target
+from simulator.targets.convert import content_sha256
+from simulator.targets.mass import Lump, mass_properties
+from simulator.targets.model import Edge, Keypoint, Material, Target
+from simulator.targets.tango_labels import welded
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+
+def assemble(
+    name: str,
+    title: str,
+    *,
+    pieces: Sequence[Piece],
+    materials: Sequence[Material],
+    keypoints: Mapping[str, Vec3],
+    wireframe: Sequence[Edge],
+    occluders: Sequence[Mesh],
+    lumps: Sequence[Lump],
+    frames: dict[str, tuple[Vec3, Vec3]],
+    symmetry: tuple[Quat, ...] = (),
+    notes: str,
+) -> Target:
+    """A Target of parts (pieces of one name joined) in the materials that they use, refused if it is not sound.
+
+    Parameters
+    ----------
+    keypoints : position in the model frame [m] by name, in the order that labels report them.
+    occluders : coarse closed bodies. lumps : the mass distribution.
+    frames : origin [m] and unit axis by name.
+    """
+    parts = tuple(part_of(p) for p in gathered(pieces))
+    used = {p.material for p in parts}
+    kept = tuple(m for m in materials if m.name in used)
+    points = tuple(Keypoint(name=k, position_m=p) for k, p in keypoints.items())
+    bodies = welded(merge(occluders))
+    target = Target(
+        name=name,
+        title=title,
+        sha256=content_sha256(kept, parts, points, wireframe, bodies),
+        materials=kept,
+        parts=parts,
+        keypoints=points,
+        wireframe=tuple(wireframe),
+        mass=mass_properties(lumps),
+        frames=frames,
+        symmetry=symmetry,
+        notes=notes,
+        occluders=bodies,
+    )
+    check_target(target, f"target {name}")
+    return target
+
+
+def gathered(pieces: Sequence[Piece]) -> list[Piece]:
+    """Pieces of one name and material joined into one, in order of first appearance.
+
+    Raises
+    ------
+    ValueError
+        If one name has two materials.
+    """
+    groups: dict[str, list[Piece]] = {}
+    for p in pieces:
+        groups.setdefault(p.name, []).append(p)
+    joined = []
+    for name, group in groups.items():
+        if len({p.material for p in group}) > 1:
+            raise ValueError(f"part {name} has two materials")
+        joined.append(Piece(name, group[0].material, merge([p.mesh for p in group])))
+    return joined
