@@ -53,9 +53,7 @@ ENTRIES = (
     TargetEntry(
         name="cubesat-3u", module="simulator.targets.craft.cubesat.triple", function="build_cubesat_3u"
     ),
-    TargetEntry(
-        name="cubesat-6u", module="simulator.targets.craft.cubesat.six", function="build_cubesat_6u"
-    ),
+    TargetEntry(name="cubesat-6u", module="simulator.targets.craft.cubesat.six", function="build_cubesat_6u"),
     TargetEntry(name="envisat", module="simulator.targets.craft.envisat", function="build_envisat"),
     TargetEntry(
         name="calibration-board",

@@ -133,13 +133,23 @@ def _tanks(detail: Detail) -> list[Piece]:
         c = (sx * TANK_XY_M, sy * TANK_XY_M, TANK_Z_M)
         balls.append(sphere(c, TANK_RADIUS_M, 48, detail))
         skirts.append(
-            tube((c[0], c[1], c[2] - 0.02), (0, 0, 1), TANK_RADIUS_M + 0.014, TANK_RADIUS_M - 0.004, 0.04, 64, detail)
+            tube(
+                (c[0], c[1], c[2] - 0.02),
+                (0, 0, 1),
+                TANK_RADIUS_M + 0.014,
+                TANK_RADIUS_M - 0.004,
+                0.04,
+                64,
+                detail,
+            )
         )
         along = np.array([sx, -sy, 0.0]) / 2**0.5
         out = np.array([sx, sy, 0.0]) / 2**0.5
         rim = [np.asarray(c) + 0.16 * out + s * 0.30 * along for s in (-1, 1)]
         feet = [
-            np.array([sx * TANK_XY_M, sy * TANK_XY_M, z]) + s * 0.15 * along for s in (-1, 1) for z in (0.03, 0.99)
+            np.array([sx * TANK_XY_M, sy * TANK_XY_M, z]) + s * 0.15 * along
+            for s in (-1, 1)
+            for z in (0.03, 0.99)
         ]
         nodes = np.array([*rim, *feet])
         struts.append(truss(nodes, [(0, 2), (0, 3), (1, 4), (1, 5)], 0.010, facets(detail, 12)))
@@ -156,7 +166,10 @@ def _propulsion(detail: Detail) -> list[Piece]:
     )
     n = facets(detail, 48)
     chamber = lathe(
-        [(0, 0), (0.075, 0), (0.075, 0.05), (0.056, 0.085), (0, 0.085)], (0, 0, ENGINE_TOP_M - 0.02), (0, 0, 1), n
+        [(0, 0), (0.075, 0), (0.075, 0.05), (0.056, 0.085), (0, 0.085)],
+        (0, 0, ENGINE_TOP_M - 0.02),
+        (0, 0, 1),
+        n,
     )
     shield = lathe(
         [(0, 0.0), (0.42, 0.0), (0.40, 0.016), (0, 0.016)], (0, 0, -0.016), (0, 0, 1), facets(detail, 64)
@@ -169,7 +182,13 @@ def _propulsion(detail: Detail) -> list[Piece]:
     if detail != "low":
         stiffeners = [
             tube(
-                (0, 0, ENGINE_TOP_M - h), (0, 0, -1), r + ENGINE_WALL_M + 0.006, r + ENGINE_WALL_M - 0.002, 0.008, 64, detail
+                (0, 0, ENGINE_TOP_M - h),
+                (0, 0, -1),
+                r + ENGINE_WALL_M + 0.006,
+                r + ENGINE_WALL_M - 0.002,
+                0.008,
+                64,
+                detail,
             )
             for h, r in ((0.20, 0.1471), (0.38, 0.2000))
         ]
@@ -184,7 +203,9 @@ def _propulsion(detail: Detail) -> list[Piece]:
             for s in (-1, 1)
             for z in (BODY_TOP_M - 0.045,)
         ]
-        group += [thruster((0.808, s * 0.045, BODY_TOP_M - 0.15), (0, 0, -1), 0.019, 0.060, detail) for s in (-1, 1)]
+        group += [
+            thruster((0.808, s * 0.045, BODY_TOP_M - 0.15), (0, 0, -1), 0.019, 0.060, detail) for s in (-1, 1)
+        ]
         group.append(thruster((0.808, 0.0, BODY_TOP_M - 0.01), (0, 0, 1), 0.019, 0.060, detail))
         jets += [m.rotated(R) for m in group]
     return [
@@ -198,7 +219,9 @@ def _deck(detail: Detail) -> list[Piece]:
     """The sample port, three grips for the orbiter's claws, a cross target, reflectors, antennas, star trackers."""
     z = BODY_TOP_M
     port = cup((0, 0, z), (0, 0, 1), PORT_RADIUS_M, PORT_RADIUS_M - 0.025, PORT_TOP_M - z, 0.075, 64, detail)
-    flange = tube((0, 0, z + 0.004), (0, 0, 1), PORT_RADIUS_M + 0.045, PORT_RADIUS_M - 0.002, 0.018, 64, detail)
+    flange = tube(
+        (0, 0, z + 0.004), (0, 0, 1), PORT_RADIUS_M + 0.045, PORT_RADIUS_M - 0.002, 0.018, 64, detail
+    )
     hatch = cone((0, 0, z + 0.074), (0, 0, z + 0.086), 0.185, 0.175, facets(detail, 48))
     grips, feet = [], []
     n = facets(detail, 16)
@@ -207,7 +230,12 @@ def _deck(detail: Detail) -> list[Piece]:
         r = GRIP_RADIUS_M
         nodes = [(r, -0.085, z), (r, -0.085, GRIP_TOP_M), (r, 0.085, GRIP_TOP_M), (r, 0.085, z)]
         grips.append(truss(np.array(nodes) @ R.T, [(0, 1), (1, 2), (2, 3)], 0.014, n))
-        brace = [(r - 0.09, -0.085, z), (r, -0.085, GRIP_TOP_M - 0.02), (r - 0.09, 0.085, z), (r, 0.085, GRIP_TOP_M - 0.02)]
+        brace = [
+            (r - 0.09, -0.085, z),
+            (r, -0.085, GRIP_TOP_M - 0.02),
+            (r - 0.09, 0.085, z),
+            (r, 0.085, GRIP_TOP_M - 0.02),
+        ]
         grips.append(truss(np.array(brace) @ R.T, [(0, 1), (2, 3)], 0.009, n))
         feet.append(box((r - 0.12, -0.115, z + 0.002), (r + 0.035, 0.115, z + 0.014)).rotated(R))
     target = [
@@ -219,7 +247,12 @@ def _deck(detail: Detail) -> list[Piece]:
         rod((-0.50, 0, z + 0.02), (-0.50, 0, z + 0.075), 0.005, n),
     ]
     reflectors = [
-        lathe([(0, 0), (0.028, 0), (0.028, 0.03), (0.020, 0.036), (0, 0.036)], (x, y, z), (0, 0, 1), facets(detail, 24))
+        lathe(
+            [(0, 0), (0.028, 0), (0.028, 0.03), (0.020, 0.036), (0, 0.036)],
+            (x, y, z),
+            (0, 0, 1),
+            facets(detail, 24),
+        )
         for x, y in ((0.56, 0.22), (0.56, -0.22), (-0.56, 0.24), (-0.56, -0.24), (0.30, 0.56), (0.30, -0.56))
     ]
     horn = cup((0.50, 0.0, z), (0, 0, 1), 0.060, 0.050, 0.13, 0.02, 32, detail)
@@ -250,9 +283,12 @@ def _sides(detail: Detail) -> list[Piece]:
             for y in np.linspace(-0.28, 0.28, 15)
         ]
         tiles += [
-            box((face + 0.0115, -0.31, z - 0.0015), (face + 0.0131, 0.31, z + 0.0015)) for z in np.linspace(0.2, 0.74, 14)
+            box((face + 0.0115, -0.31, z - 0.0015), (face + 0.0131, 0.31, z + 0.0015))
+            for z in np.linspace(0.2, 0.74, 14)
         ]
-        pieces.append(Piece("radiator_joints", "grey-paint", merge([m for t in tiles for m in both_sides(t, 0)])))
+        pieces.append(
+            Piece("radiator_joints", "grey-paint", merge([m for t in tiles for m in both_sides(t, 0)]))
+        )
     boxes = [
         box((face, -0.30, 0.81), (face + 0.09, -0.10, 0.94), 0.004),
         box((face, 0.12, 0.82), (face + 0.07, 0.32, 0.93), 0.004),
@@ -278,12 +314,25 @@ def _wings(detail: Detail) -> list[Piece]:
     root = WIDTH_M / 2 - CORE_INSET_M
     inside = WING_Y_M - WING_RADIUS_M * np.cos(np.pi / WING_SIDES)
     yoke = [
-        rod((s * 0.13, root - 0.01, WING_Z_M - 0.02), (s * 0.13, inside + 0.06, WING_Z_M - 0.032), 0.016, facets(detail, 16))
+        rod(
+            (s * 0.13, root - 0.01, WING_Z_M - 0.02),
+            (s * 0.13, inside + 0.06, WING_Z_M - 0.032),
+            0.016,
+            facets(detail, 16),
+        )
         for s in (-1, 1)
     ]
-    hinge = rod((-0.20, root + 0.045, WING_Z_M - 0.022), (0.20, root + 0.045, WING_Z_M - 0.022), 0.024, facets(detail, 20))
+    hinge = rod(
+        (-0.20, root + 0.045, WING_Z_M - 0.022),
+        (0.20, root + 0.045, WING_Z_M - 0.022),
+        0.024,
+        facets(detail, 20),
+    )
     ribs = [
-        box((-0.62, WING_Y_M + y - 0.008, WING_Z_M - WING_PLATE_M - 0.020), (0.62, WING_Y_M + y + 0.008, WING_Z_M - WING_PLATE_M + 0.001))
+        box(
+            (-0.62, WING_Y_M + y - 0.008, WING_Z_M - WING_PLATE_M - 0.020),
+            (0.62, WING_Y_M + y + 0.008, WING_Z_M - WING_PLATE_M + 0.001),
+        )
         for y in (-0.22, 0.22)
     ]
     pieces = [
@@ -301,10 +350,16 @@ def _wing_cells(detail: Detail) -> Mesh:
     """Rows of cells that fit within the wing's rim; one plate at low detail."""
     reach = (WING_RADIUS_M - 0.026) * np.cos(np.pi / WING_SIDES)
     if detail == "low":
-        return prism(circle((0.0, WING_Y_M), WING_RADIUS_M - 0.03, WING_SIDES), 0.0015, origin_m=(0, 0, WING_Z_M))
+        return prism(
+            circle((0.0, WING_Y_M), WING_RADIUS_M - 0.03, WING_SIDES), 0.0015, origin_m=(0, 0, WING_Z_M)
+        )
     pitch = CELL_M if detail == "full" else (2 * CELL_M[0], 2 * CELL_M[1])
     w, h, clip = pitch[0] - 0.0015, pitch[1] - 0.0015, 0.006
-    outline = clipped_rectangle(w, h, clip, "all") if detail == "full" else rectangle((-w / 2, -h / 2), (w / 2, h / 2))
+    outline = (
+        clipped_rectangle(w, h, clip, "all")
+        if detail == "full"
+        else rectangle((-w / 2, -h / 2), (w / 2, h / 2))
+    )
     tile = prism(outline, 0.0015)
     count = (int(reach / pitch[0]) + 1, int(reach / pitch[1]) + 1)
     tiles = []

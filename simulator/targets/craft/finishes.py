@@ -12,18 +12,14 @@ from simulator.targets.model import Material
 WHITE_PAINT = Material(name="white-paint", base_color=(0.78, 0.78, 0.76), roughness=0.6)
 BLACK_PAINT = Material(name="black-paint", base_color=(0.04, 0.04, 0.042), roughness=0.6)
 GREY_PAINT = Material(name="grey-paint", base_color=(0.32, 0.32, 0.33), roughness=0.6)
-BARE_ALUMINIUM = Material(
-    name="bare-aluminium", base_color=(0.80, 0.80, 0.80), metallic=0.75, roughness=0.32
-)
+BARE_ALUMINIUM = Material(name="bare-aluminium", base_color=(0.80, 0.80, 0.80), metallic=0.75, roughness=0.32)
 BRUSHED_ALUMINIUM = Material(
     name="brushed-aluminium", base_color=(0.62, 0.62, 0.63), metallic=0.6, roughness=0.5
 )
 TITANIUM = Material(name="titanium", base_color=(0.50, 0.46, 0.42), metallic=0.7, roughness=0.38)
 NOZZLE_NIOBIUM = Material(name="nozzle", base_color=(0.16, 0.14, 0.13), metallic=0.6, roughness=0.45)
 STEEL = Material(name="spring-steel", base_color=(0.58, 0.55, 0.47), metallic=0.7, roughness=0.35)
-GOLD_MLI = Material(
-    name="mli-gold", base_color=(0.83, 0.60, 0.24), metallic=0.7, roughness=0.33, crinkle=0.9
-)
+GOLD_MLI = Material(name="mli-gold", base_color=(0.83, 0.60, 0.24), metallic=0.7, roughness=0.33, crinkle=0.9)
 SILVER_MLI = Material(
     name="mli-silver", base_color=(0.74, 0.74, 0.75), metallic=0.7, roughness=0.35, crinkle=0.8
 )

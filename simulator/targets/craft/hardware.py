@@ -86,7 +86,14 @@ def cup(
     detail: Detail,
 ) -> Mesh:
     """A pot: a pipe with a closed bottom of thickness ``floor_m``."""
-    profile = [(0, 0), (outer_m, 0), (outer_m, height_m), (inner_m, height_m), (inner_m, floor_m), (0, floor_m)]
+    profile = [
+        (0, 0),
+        (outer_m, 0),
+        (outer_m, height_m),
+        (inner_m, height_m),
+        (inner_m, floor_m),
+        (0, floor_m),
+    ]
     return lathe(profile, origin_m, axis, facets(detail, segments))
 
 
@@ -141,7 +148,12 @@ def thruster(
 
 
 def tape(
-    root_m: ArrayLike, tip_m: ArrayLike, width_m: float, thickness_m: float, face: ArrayLike, sag_m: float = 0.0
+    root_m: ArrayLike,
+    tip_m: ArrayLike,
+    width_m: float,
+    thickness_m: float,
+    face: ArrayLike,
+    sag_m: float = 0.0,
 ) -> list[Mesh]:
     """A tape antenna: a flat strip whose face looks along ``face``; a curl of ``sag_m`` stands as segments.
 

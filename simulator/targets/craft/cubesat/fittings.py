@@ -21,9 +21,7 @@ WING_M = 0.0016
 RIM_M = 0.0022
 """Height of the bright ring round a telescope's baffle."""
 
-HARD_ANODISED = Material(
-    name="hard-anodised", base_color=(0.42, 0.42, 0.43), metallic=0.4, roughness=0.45
-)
+HARD_ANODISED = Material(name="hard-anodised", base_color=(0.42, 0.42, 0.43), metallic=0.4, roughness=0.45)
 BOARD_GREEN = Material(name="panel-board", base_color=(0.030, 0.075, 0.045), roughness=0.5, clearcoat=0.3)
 BOARD_BLACK = Material(name="panel-board", base_color=(0.035, 0.035, 0.037), roughness=0.5, clearcoat=0.3)
 BOARD_GOLD = Material(name="panel-board", base_color=(0.44, 0.30, 0.10), metallic=0.35, roughness=0.45)
@@ -130,7 +128,9 @@ def tape_antenna(
     return Piece(name, "spring-steel", merge(tape(root_m, tip_m, 0.0050, 0.0003, face)))
 
 
-def onto(pieces: list[Piece], origin_m: tuple[float, float, float], normal: tuple[int, int, int]) -> list[Piece]:
+def onto(
+    pieces: list[Piece], origin_m: tuple[float, float, float], normal: tuple[int, int, int]
+) -> list[Piece]:
     """Pieces that lie on z = 0, put on a face: their y axis along the craft's z (or y, on an end)."""
     n = np.array(normal, float)
     v = np.array([0.0, 1.0, 0.0]) if abs(n[2]) > 0 else np.array([0.0, 0.0, 1.0])

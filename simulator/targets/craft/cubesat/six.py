@@ -31,7 +31,13 @@ from simulator.targets.craft.cubesat.fittings import (
     wing,
     wing_width_m,
 )
-from simulator.targets.craft.cubesat.structure import U6, body_occluder, corner_keypoints, rail_edges, structure
+from simulator.targets.craft.cubesat.structure import (
+    U6,
+    body_occluder,
+    corner_keypoints,
+    rail_edges,
+    structure,
+)
 from simulator.targets.craft.hardware import star_tracker, thruster
 from simulator.targets.craft.place import placed_pieces
 from simulator.targets.craft.wire import prism_edges, rim_point, ring_edges
@@ -114,7 +120,11 @@ def _front(detail: Detail) -> list[Piece]:
         *star_tracker("star_tracker", (TRACKER_X_M, 0.008, z + 0.002), (0, 0, -1), 0.024, 0.0085, detail),
         *onto(patch_antenna("gnss_patch", 0.025), (0.012, 0.028, z), (0, 0, -1)),
         Piece("ranger", "black-paint", box((0.002, -0.040, z - 0.004), (0.030, -0.018, z))),
-        Piece("ranger_lens", "lens", cone((0.016, -0.029, z - 0.0035), (0.016, -0.029, z - 0.005), 0.008, 0.008, n)),
+        Piece(
+            "ranger_lens",
+            "lens",
+            cone((0.016, -0.029, z - 0.0035), (0.016, -0.029, z - 0.005), 0.008, 0.008, n),
+        ),
     ]
 
 
@@ -124,7 +134,11 @@ def _rear(detail: Detail) -> list[Piece]:
     lo, hi = ARRAY_LOW_M, ARRAY_HIGH_M
     pieces = [
         Piece("array_board", "patch-ceramic", box(lo, hi)),
-        Piece("thruster_module", "bare-aluminium", box((0.022, -0.040, z - 0.001), (0.102, 0.040, z + 0.003), 0.001)),
+        Piece(
+            "thruster_module",
+            "bare-aluminium",
+            box((0.022, -0.040, z - 0.001), (0.102, 0.040, z + 0.003), 0.001),
+        ),
     ]
     if detail != "low":
         patches = [

@@ -24,7 +24,13 @@ from simulator.targets.craft.cubesat.fittings import (
     tape_antenna,
     telescope,
 )
-from simulator.targets.craft.cubesat.structure import U1, body_occluder, corner_keypoints, rail_edges, structure
+from simulator.targets.craft.cubesat.structure import (
+    U1,
+    body_occluder,
+    corner_keypoints,
+    rail_edges,
+    structure,
+)
 from simulator.targets.craft.hardware import bolts
 from simulator.targets.craft.wire import axis_edge
 from simulator.targets.detail import Detail, facets
@@ -126,7 +132,9 @@ def _antenna_board(detail: Detail) -> list[Piece]:
         pieces.append(Piece("antenna_guides", "wing-back", merge(posts)))
     if detail == "full":
         points = [(x, y, z - 0.001) for x in (-0.037, 0.037) for y in (-0.037, 0.037)]
-        pieces.append(Piece("antenna_screws", "bare-aluminium", bolts(points, (0, 0, -1), 0.0016, 0.0009, detail)))
+        pieces.append(
+            Piece("antenna_screws", "bare-aluminium", bolts(points, (0, 0, -1), 0.0016, 0.0009, detail))
+        )
         pins = [
             box((x, -0.036, z - 0.004), (x + 0.0007, -0.0353, z - 0.001))
             for x in (-0.012, -0.009, -0.006, -0.003, 0.0, 0.003, 0.006, 0.009)

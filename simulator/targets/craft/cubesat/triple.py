@@ -32,7 +32,13 @@ from simulator.targets.craft.cubesat.fittings import (
     wing,
     wing_width_m,
 )
-from simulator.targets.craft.cubesat.structure import U3, body_occluder, corner_keypoints, rail_edges, structure
+from simulator.targets.craft.cubesat.structure import (
+    U3,
+    body_occluder,
+    corner_keypoints,
+    rail_edges,
+    structure,
+)
 from simulator.targets.craft.hardware import star_tracker
 from simulator.targets.craft.place import placed_pieces
 from simulator.targets.craft.wire import axis_edge, prism_edges, rim_point, ring_edges
@@ -68,7 +74,11 @@ def tape_tip(k: int) -> Vec3:
 
 def build_cubesat_3u(detail: Detail = "full") -> Target:
     """The 3U craft, wings and antennas deployed."""
-    reach, y, z = U3.x_m / 2 + wing_width_m(WING_PANELS, WING_SIZE_M[0], WING_GAP_M), WING_Y_M, WING_SIZE_M[1] / 2
+    reach, y, z = (
+        U3.x_m / 2 + wing_width_m(WING_PANELS, WING_SIZE_M[0], WING_GAP_M),
+        WING_Y_M,
+        WING_SIZE_M[1] / 2,
+    )
     keypoints = corner_keypoints(U3)
     keypoints |= {
         f"wing_{a}_{c}": (sx * reach, y, sz * z)

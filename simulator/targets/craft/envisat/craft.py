@@ -105,7 +105,11 @@ def _keypoints() -> dict[str, Vec3]:
 
 
 def _wireframe() -> list[Edge]:
-    edges = box_edges("bus", (BUS_END_X_M + 0.001, -BUS_HALF_Y_M, -BUS_HALF_Z_M), (SERVICE_END_X_M, BUS_HALF_Y_M, BUS_HALF_Z_M))
+    edges = box_edges(
+        "bus",
+        (BUS_END_X_M + 0.001, -BUS_HALF_Y_M, -BUS_HALF_Z_M),
+        (SERVICE_END_X_M, BUS_HALF_Y_M, BUS_HALF_Z_M),
+    )
     # the end frames are hidden under boxes and blankets: the beams' long edges are what one sees
     edges = [e for e in edges if "x" not in e.name.removeprefix("bus")]
     x0, x1 = ARRAY_X_M
@@ -119,7 +123,9 @@ def _wireframe() -> list[Edge]:
     edges += ring_edges("ring", (RING_M, 0, 0), (1, 0, 0), RING_RADIUS_M, 96)
     rim = (DISH_X_M, 0.0, EARTH_M + 0.24 + DISH_DEPTH_M)
     edges += ring_edges("ra2", rim, (0, 0, 1), DISH_RADIUS_M, 64)
-    edges.append(axis_edge("ka_mast", (KA_MAST_X_M, 0.75, -BUS_HALF_Z_M), (KA_MAST_X_M, 0.75, -KA_TOP_M + 0.3), 0.06))
+    edges.append(
+        axis_edge("ka_mast", (KA_MAST_X_M, 0.75, -BUS_HALF_Z_M), (KA_MAST_X_M, 0.75, -KA_TOP_M + 0.3), 0.06)
+    )
     return edges
 
 
@@ -155,8 +161,12 @@ def _lumps() -> list[Lump]:
         Lump(name="service module", mass_kg=2700.0, centre_m=(-1.35, 0, 0), size_m=(2.5, y, z)),
         Lump(name="payload module", mass_kg=2700.0, centre_m=(-5.4, 0, 0), size_m=(5.4, y, z)),
         Lump(name="end instruments", mass_kg=800.0, centre_m=(-9.3, 0, -0.25), size_m=(1.3, 3.4, 1.9)),
-        Lump(name="Earth side instruments", mass_kg=480.0, centre_m=(-7.6, -0.2, 1.0), size_m=(3.8, 2.0, 0.5)),
+        Lump(
+            name="Earth side instruments", mass_kg=480.0, centre_m=(-7.6, -0.2, 1.0), size_m=(3.8, 2.0, 0.5)
+        ),
         Lump(name="ASAR antenna", mass_kg=780.0, centre_m=ASAR_CENTRE, size_m=(1.3, 10.0, 0.2)),
         Lump(name="solar array", mass_kg=338.0, centre_m=(8.6, 0, 0), size_m=(14.8, wing, 0.05)),
-        Lump(name="Ka-band antenna", mass_kg=30.0, centre_m=(KA_MAST_X_M, 0.75, -2.0), size_m=(0.8, 0.8, 0.8)),
+        Lump(
+            name="Ka-band antenna", mass_kg=30.0, centre_m=(KA_MAST_X_M, 0.75, -2.0), size_m=(0.8, 0.8, 0.8)
+        ),
     ]

@@ -101,16 +101,16 @@ def _optical(detail: Detail) -> list[Piece]:
     """MERIS, AATSR and the microwave radiometer on the Earth side."""
     z = EARTH_M
     meris = box((-8.05, -1.15, z - 0.02), (-7.30, -0.25, z + 0.55), 0.02)
-    fans = [
-        box((-7.98 + 0.13 * k, -1.05, z + 0.54), (-7.90 + 0.13 * k, -0.80, z + 0.565)) for k in range(5)
-    ]
+    fans = [box((-7.98 + 0.13 * k, -1.05, z + 0.54), (-7.90 + 0.13 * k, -0.80, z + 0.565)) for k in range(5)]
     aatsr = box((-9.75, -1.20, z - 0.02), (-8.60, -0.35, z + 0.60), 0.02)
     drum = cup((-9.2, -0.78, z + 0.59), (0, 0, 1), 0.30, 0.26, 0.32, 0.05, 48, detail)
     hood = cup((-8.75, -0.78, z + 0.59), (0.5, 0, 0.866), 0.14, 0.12, 0.30, 0.03, 32, detail)
     mwr = box((-8.0, 0.40, z - 0.02), (-7.4, 1.15, z + 0.30), 0.02)
     # an offset reflector on two posts
     dish = reflector((-8.25, 0.80, z + 0.42), (0.5, 0, 0.866), 0.30, 0.07, 48, detail)
-    nodes = np.array([(-8.4, 0.62, z - 0.01), (-8.30, 0.70, z + 0.40), (-8.4, 0.98, z - 0.01), (-8.30, 0.90, z + 0.40)])
+    nodes = np.array(
+        [(-8.4, 0.62, z - 0.01), (-8.30, 0.70, z + 0.40), (-8.4, 0.98, z - 0.01), (-8.30, 0.90, z + 0.40)]
+    )
     posts = truss(nodes, [(0, 1), (2, 3)], 0.02, facets(detail, 12))
     return [
         Piece("meris", "mli-gold", meris),
@@ -157,14 +157,23 @@ def _antennas(detail: Detail) -> list[Piece]:
     xband = cup((-5.5, -0.90, z + 0.02), (0, 0, 1), 0.19, 0.17, 0.16, 0.02, 48, detail)
     post = cone((-5.5, -0.90, z - 0.01), (-5.5, -0.90, z + 0.03), 0.08, 0.08, n)
     sband = [
-        lathe([(0, 0), (0.03, 0), (0.03, 0.25), (0.10, 0.32), (0, 0.36)], (-1.2, sy, BUS_HALF_Z_M - 0.005), (0, 0, 1), n)
+        lathe(
+            [(0, 0), (0.03, 0), (0.03, 0.25), (0.10, 0.32), (0, 0.36)],
+            (-1.2, sy, BUS_HALF_Z_M - 0.005),
+            (0, 0, 1),
+            n,
+        )
         for sy in (-0.95, 0.95)
     ]
-    retro = dome((-2.15, 0.5, BUS_HALF_Z_M - 0.005), (0, 0, 1), 0.13, 0.11, facets(detail, 32), RING_STEPS[detail])
+    retro = dome(
+        (-2.15, 0.5, BUS_HALF_Z_M - 0.005), (0, 0, 1), 0.13, 0.11, facets(detail, 32), RING_STEPS[detail]
+    )
     prisms = [
         rod(
-            np.array([-2.15, 0.5, BUS_HALF_Z_M]) + 0.09 * np.array([np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t)]),
-            np.array([-2.15, 0.5, BUS_HALF_Z_M]) + 0.135 * np.array([np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t)]),
+            np.array([-2.15, 0.5, BUS_HALF_Z_M])
+            + 0.09 * np.array([np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t)]),
+            np.array([-2.15, 0.5, BUS_HALF_Z_M])
+            + 0.135 * np.array([np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t)]),
             0.02,
             facets(detail, 16),
         )
@@ -195,6 +204,11 @@ def _zenith_side(detail: Detail) -> list[Piece]:
     ]
     for k, y in enumerate((-0.5, 0.5)):
         pieces += star_tracker(
-            f"star_tracker_{k + 1}", (-1.7, y, -BUS_HALF_Z_M), (0.0, 0.5 * np.sign(y), -0.866), 0.13, 0.42, detail
+            f"star_tracker_{k + 1}",
+            (-1.7, y, -BUS_HALF_Z_M),
+            (0.0, 0.5 * np.sign(y), -0.866),
+            0.13,
+            0.42,
+            detail,
         )
     return pieces

@@ -47,10 +47,14 @@ def _service_module(detail: Detail) -> list[Piece]:
     if detail != "low":
         tanks = [box((-0.01, s * 1.12 - 0.09, -0.35), (0.10, s * 1.12 + 0.09, 0.35), 0.01) for s in (-1, 1)]
         jets = [
-            thruster((0.0, sy * 1.2, sz * 0.62), (1, 0, 0), 0.035, 0.14, detail) for sy in (-1, 1) for sz in (-1, 1)
+            thruster((0.0, sy * 1.2, sz * 0.62), (1, 0, 0), 0.035, 0.14, detail)
+            for sy in (-1, 1)
+            for sz in (-1, 1)
         ]
         jets += [
-            thruster((-0.35, sy * Y, sz * 0.55), (0, sy, 0), 0.03, 0.11, detail) for sy in (-1, 1) for sz in (-1, 1)
+            thruster((-0.35, sy * Y, sz * 0.55), (0, sy, 0), 0.03, 0.11, detail)
+            for sy in (-1, 1)
+            for sz in (-1, 1)
         ]
         pieces += [
             Piece("service_boxes", "mli-silver", merge(tanks)),
@@ -62,7 +66,9 @@ def _service_module(detail: Detail) -> list[Piece]:
             for a in 2 * np.pi * np.arange(48) / 48
         ]
         pieces.append(Piece("ring_bolts", "titanium", bolts(rim, (1, 0, 0), 0.009, 0.006, detail)))
-        pieces.append(Piece("service_seams", "kapton-substrate", merge(_belts([-0.6, -1.25, -1.9], 0.04, 0.0))))
+        pieces.append(
+            Piece("service_seams", "kapton-substrate", merge(_belts([-0.6, -1.25, -1.9], 0.04, 0.0)))
+        )
     return pieces
 
 
@@ -102,7 +108,12 @@ def _payload_module(detail: Detail) -> list[Piece]:
     if detail != "low":
         pieces.append(Piece("payload_frames", "mli-gold", merge(frames)))
         rails = [
-            rod((x0 + 0.3, s * (Y - 0.25), -Z - 0.03), (x1 - 0.2, s * (Y - 0.25), -Z - 0.03), 0.025, facets(detail, 16))
+            rod(
+                (x0 + 0.3, s * (Y - 0.25), -Z - 0.03),
+                (x1 - 0.2, s * (Y - 0.25), -Z - 0.03),
+                0.025,
+                facets(detail, 16),
+            )
             for s in (-1, 1)
         ]
         posts = [
@@ -140,13 +151,23 @@ def _radiators(detail: Detail) -> list[Piece]:
                 continue
             face = y + s * 0.015
             for a in np.linspace(lo, hi, 8)[1:-1]:
-                joints.append(box((a - 0.004, min(face, face + s * 0.002), -h), (a + 0.004, max(face, face + s * 0.002), h)))
+                joints.append(
+                    box(
+                        (a - 0.004, min(face, face + s * 0.002), -h),
+                        (a + 0.004, max(face, face + s * 0.002), h),
+                    )
+                )
             for b in np.linspace(-h, h, 7)[1:-1]:
                 joints.append(
-                    box((lo, min(face, face + s * 0.0012), b - 0.004), (hi, max(face, face + s * 0.0012), b + 0.004))
+                    box(
+                        (lo, min(face, face + s * 0.0012), b - 0.004),
+                        (hi, max(face, face + s * 0.0012), b + 0.004),
+                    )
                 )
     for s in (-1, 1):
-        white.append(box((-2.25, min(s * Y, s * (Y + 0.015)), -0.48), (-0.55, max(s * Y, s * (Y + 0.015)), 0.48)))
+        white.append(
+            box((-2.25, min(s * Y, s * (Y + 0.015)), -0.48), (-0.55, max(s * Y, s * (Y + 0.015)), 0.48))
+        )
     pieces = [
         Piece("payload_radiators", "radiator-mirror", merge(mirrors)),
         Piece("service_radiators", "white-paint", merge(white)),

@@ -48,7 +48,13 @@ def build_array(detail: Detail) -> list[Piece]:
         # the outer half gap at each end belongs to the panels: the wing is exactly 14 m long
         x = ARRAY_ROOT_X_M + (k + 0.5) * ARRAY_PITCH_M
         one = panel(
-            "array", size, ARRAY_PLATE_M, FIELDS[detail], detail=detail, board="carbon-fibre", cell="solar-cell-silicon"
+            "array",
+            size,
+            ARRAY_PLATE_M,
+            FIELDS[detail],
+            detail=detail,
+            board="carbon-fibre",
+            cell="solar-cell-silicon",
         )
         pieces += placed_pieces(one, (x, 0, 0), (1, 0, 0), (0, 1, 0))
         if detail == "low":
@@ -59,7 +65,9 @@ def build_array(detail: Detail) -> list[Piece]:
                 hinges.append(rod((at, y - 0.06, -0.020), (at, y + 0.06, -0.020), 0.016, facets(detail, 12)))
         for y in (-2.1, -0.8, 0.8, 2.1):
             ribs.append(
-                box((x - 0.46, y - 0.02, -ARRAY_PLATE_M - 0.035), (x + 0.46, y + 0.02, -ARRAY_PLATE_M + 0.002))
+                box(
+                    (x - 0.46, y - 0.02, -ARRAY_PLATE_M - 0.035), (x + 0.46, y + 0.02, -ARRAY_PLATE_M + 0.002)
+                )
             )
     if hinges:
         pieces += [
@@ -75,12 +83,11 @@ def _arm(detail: Detail) -> list[Piece]:
     z = -ARRAY_PLATE_M / 2 - 0.03
     drive = cone((0.0, 0, z), (RING_M + 0.22, 0, z), 0.22, 0.20, n)
     mast = cone((RING_M + 0.20, 0, z), (1.15, 0, z), 0.075, 0.075, n)
-    nodes = np.array(
-        [(1.10, 0, z), (1.98, -1.9, z), (1.98, 1.9, z), (1.98, -0.6, z), (1.98, 0.6, z)]
-    )
+    nodes = np.array([(1.10, 0, z), (1.98, -1.9, z), (1.98, 1.9, z), (1.98, -0.6, z), (1.98, 0.6, z)])
     yoke = truss(nodes, [(0, 1), (0, 2), (0, 3), (0, 4), (1, 3), (3, 4), (4, 2)], 0.035, facets(detail, 16))
     feet = [
-        box((1.95, y - 0.05, z - 0.03), (2.06, y + 0.05, -ARRAY_PLATE_M + 0.004)) for y in (-1.9, -0.6, 0.6, 1.9)
+        box((1.95, y - 0.05, z - 0.03), (2.06, y + 0.05, -ARRAY_PLATE_M + 0.004))
+        for y in (-1.9, -0.6, 0.6, 1.9)
     ]
     return [
         Piece("array_drive", "mli-silver", drive),
@@ -106,12 +113,23 @@ def build_asar(detail: Detail) -> list[Piece]:
                 if detail == "full":
                     stripes += _stripes(a, b, low, high)
         for y in (-0.52, 0.0, 0.52):
-            frames.append(box((x0 + 0.03, y - 0.025, -ASAR_PLATE_M - 0.09), (x1 - 0.03, y + 0.025, -ASAR_PLATE_M + 0.001)))
+            frames.append(
+                box(
+                    (x0 + 0.03, y - 0.025, -ASAR_PLATE_M - 0.09),
+                    (x1 - 0.03, y + 0.025, -ASAR_PLATE_M + 0.001),
+                )
+            )
         for x in (x0 + 0.05, middle, x1 - 0.05):
-            frames.append(box((x - 0.02, -0.60, -ASAR_PLATE_M - 0.085), (x + 0.02, 0.60, -ASAR_PLATE_M + 0.002)))
+            frames.append(
+                box((x - 0.02, -0.60, -ASAR_PLATE_M - 0.085), (x + 0.02, 0.60, -ASAR_PLATE_M + 0.002))
+            )
         for x in (x0 + 0.5 * length - 0.45, x0 + 0.5 * length + 0.42):
-            boxes.append(box((x - 0.24, -0.42, -ASAR_PLATE_M - 0.14), (x + 0.24, -0.10, -ASAR_PLATE_M + 0.0015), 0.01))
-            boxes.append(box((x - 0.24, 0.10, -ASAR_PLATE_M - 0.14), (x + 0.24, 0.42, -ASAR_PLATE_M + 0.0015), 0.01))
+            boxes.append(
+                box((x - 0.24, -0.42, -ASAR_PLATE_M - 0.14), (x + 0.24, -0.10, -ASAR_PLATE_M + 0.0015), 0.01)
+            )
+            boxes.append(
+                box((x - 0.24, 0.10, -ASAR_PLATE_M - 0.14), (x + 0.24, 0.42, -ASAR_PLATE_M + 0.0015), 0.01)
+            )
     pieces = [
         Piece("asar_panels", "carbon-fibre", merge(plates)),
         Piece("asar_tiles", "asar-tile", merge(tiles)),
@@ -127,9 +145,7 @@ def build_asar(detail: Detail) -> list[Piece]:
 def _stripes(a: float, b: float, low: float, high: float) -> list[Mesh]:
     """Sixteen waveguides of a tile, a millimetre proud."""
     ys = np.linspace(low, high, 17)
-    return [
-        box((a + 0.03, y - 0.004, -0.001), (b - 0.03, y + 0.004, 0.001)) for y in (ys[:-1] + ys[1:]) / 2
-    ]
+    return [box((a + 0.03, y - 0.004, -0.001), (b - 0.03, y + 0.004, 0.001)) for y in (ys[:-1] + ys[1:]) / 2]
 
 
 def _asar_mount(detail: Detail) -> list[Piece]:
