@@ -218,7 +218,9 @@ def plan_recipe(
                 quality=quality or "default",
             )
     known = ", ".join(r.name for r in BASIC)
-    raise UserError(f"there is no recipe '{name}'; choose from {known}, or eval-black-NAME of a built-in target")
+    raise UserError(
+        f"there is no recipe '{name}'; choose from {known}, or eval-black-NAME of a built-in target"
+    )
 
 
 def scaled_range_m(target: Target) -> tuple[float, float]:

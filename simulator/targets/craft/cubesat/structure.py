@@ -3,7 +3,7 @@
 Frame of all CubeSats: origin at the middle of the structure, z along the rails, x across the wide side.
 
 Dimensions: CubeSat Design Specification rev. 14.1 (Cal Poly, 2022), sec. 2.2 and app. B: 1U 100 x 100 x 113.5 mm,
-3U 100 x 100 x 340.5 mm, 6U 226.3 x 100 x 366 mm; rails at least 8.5 mm wide, rounded to 1 mm; nothing but rails
+3U 100 x 100 x 340.5 mm, 6U 226.3 x 100 x 366 mm; rails at least 8.5 mm wide, rounded to 1 mm (a 0.9 mm chamfer here); nothing but rails
 touches the dispenser, and parts stand at most 6.5 mm proud of the plane of the rails.
 """
 
@@ -24,7 +24,7 @@ from simulator.targets.model import Edge
 from simulator.targets.tango_labels import box_edges
 
 RAIL_M = 0.0085
-RAIL_EDGE_M = 0.0010
+RAIL_EDGE_M = 0.0009
 RAIL_END_M = 0.0065
 """The rails reach this far past the end plates (the specification asks for 6.5 mm of standoff on +z and -z)."""
 PLATE_M = 0.0015

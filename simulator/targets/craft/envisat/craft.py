@@ -30,12 +30,19 @@ from simulator.targets.craft.envisat.dimensions import (
     DISH_RADIUS_M,
     DISH_X_M,
     KA_MAST_X_M,
+    KA_RADIUS_M,
     KA_TOP_M,
     RING_M,
     RING_RADIUS_M,
     SERVICE_END_X_M,
 )
-from simulator.targets.craft.envisat.instruments import EARTH_M, build_instruments
+from simulator.targets.craft.envisat.instruments import (
+    EARTH_M,
+    KA_AXIS,
+    KA_DEPTH_M,
+    KA_VERTEX,
+    build_instruments,
+)
 from simulator.targets.craft.envisat.structure import build_bus
 from simulator.targets.craft.envisat.wings import build_array, build_asar
 from simulator.targets.craft.finishes import FINISHES
@@ -101,6 +108,8 @@ def _keypoints() -> dict[str, Vec3]:
     rim = (DISH_X_M, 0.0, EARTH_M + 0.24 + DISH_DEPTH_M)
     for k in range(4):
         points[f"ra2_rim_{k}"] = rim_point(rim, (0, 0, 1), DISH_RADIUS_M, k)
+    ka = np.asarray(KA_VERTEX) + KA_DEPTH_M * np.asarray(KA_AXIS)
+    points |= {f"ka_rim_{k}": rim_point(ka, KA_AXIS, KA_RADIUS_M, k) for k in range(4)}
     return points
 
 
@@ -123,6 +132,8 @@ def _wireframe() -> list[Edge]:
     edges += ring_edges("ring", (RING_M, 0, 0), (1, 0, 0), RING_RADIUS_M, 96)
     rim = (DISH_X_M, 0.0, EARTH_M + 0.24 + DISH_DEPTH_M)
     edges += ring_edges("ra2", rim, (0, 0, 1), DISH_RADIUS_M, 64)
+    ka = np.asarray(KA_VERTEX) + KA_DEPTH_M * np.asarray(KA_AXIS)
+    edges += ring_edges("ka", ka, KA_AXIS, KA_RADIUS_M, 48)
     edges.append(
         axis_edge("ka_mast", (KA_MAST_X_M, 0.75, -BUS_HALF_Z_M), (KA_MAST_X_M, 0.75, -KA_TOP_M + 0.3), 0.06)
     )

@@ -24,6 +24,9 @@ from simulator.targets.detail import Detail, facets
 
 EARTH_M = BUS_HALF_Z_M - SKIN_M
 """z of the payload module's Earth face; the zenith face is opposite."""
+KA_AXIS = (-0.5, 0.0, -(0.75**0.5))
+KA_DEPTH_M = 0.13
+KA_VERTEX = (KA_MAST_X_M + KA_AXIS[0] * 0.20, 0.75, -KA_TOP_M + 0.10 + KA_AXIS[2] * 0.20)
 RING_STEPS: dict[Detail, int] = {"full": 10, "medium": 5, "low": 3}
 
 
@@ -84,9 +87,8 @@ def _ka_band(detail: Detail) -> list[Piece]:
     base = -BUS_HALF_Z_M
     mast = rod((x, 0.75, base + 0.03), (x, 0.75, -KA_TOP_M + 0.12), 0.06, n)
     head = box((x - 0.14, 0.61, -KA_TOP_M + 0.02), (x + 0.14, 0.89, -KA_TOP_M + 0.26), 0.02)
-    axis = (-0.5, 0.0, -(0.75**0.5))
-    vertex = (x + axis[0] * 0.20, 0.75, -KA_TOP_M + 0.10 + axis[2] * 0.20)
-    dish = reflector(vertex, axis, KA_RADIUS_M, 0.13, 48, detail)
+    axis, vertex = KA_AXIS, KA_VERTEX
+    dish = reflector(vertex, axis, KA_RADIUS_M, KA_DEPTH_M, 48, detail)
     tip = np.asarray(vertex) + 0.34 * np.asarray(axis)
     feed = cone(np.asarray(vertex) - 0.14 * np.asarray(axis), tip, 0.035, 0.035, n)
     return [
