@@ -3,11 +3,14 @@
 A sample is drawn in camera axes (pose, Sun, nadir) and then placed in the real sky: a random moment of the
 year, the Sun where it is, and the target above the point of the Earth that gives the drawn angle between Sun
 and nadir.
+
+Every built-in target has a recipe `eval-black-NAME`. Its range is 3 to 18 m times the ratio of the target's size to
+Tango's, so that both span the same sizes in the image; size is half the diagonal of the box about the mesh.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +21,7 @@ from simulator.camera.model import Camera
 from simulator.camera.presets import sensor_preset
 from simulator.errors import UserError
 from simulator.scene.state import Bands, Environment, Quality, SceneState, TargetRef
-from simulator.targets.library import load_target
+from simulator.targets.library import list_targets, load_target
 from simulator.targets.model import Target
 from simulator.world.constants import EARTH_RADIUS_M, MU_EARTH_M3_S2
 from simulator.world.earth_orientation import q_itrs_from_eci
@@ -33,6 +36,9 @@ if TYPE_CHECKING:
 YEAR_START_UTC = "2026-01-01T00:00:00Z"
 YEAR_S = 365.0 * 86400.0
 MAX_DRAWS = 1000
+TANGO_RANGE_M = (3.0, 18.0)
+TANGO_SIZE_M = 0.80320
+"""Half the diagonal of the box about Tango."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +47,7 @@ class Recipe:
 
     Parameters
     ----------
-    range_m : camera to model origin, uniform.
+    range_m : camera to model origin, uniform; None for Tango's range in proportion to the target's size.
     max_phase_deg : largest angle at the target between Sun and camera; directions uniform in solid angle.
     nadir_off_boresight_deg : angle between boresight and nadir, uniform in solid angle. 64 degrees puts the limb
         of the Earth on the boresight at 700 km.
@@ -54,14 +60,14 @@ class Recipe:
     nadir_off_boresight_deg: tuple[float, float]
     target: str = "tango"
     camera: str = "speed"
-    range_m: tuple[float, float] = (3.0, 18.0)
+    range_m: tuple[float, float] | None = TANGO_RANGE_M
     max_phase_deg: float = 120.0
     night_share: float = 0.1
     altitude_m: float = 700e3
     exposure_s: float = 0.001
 
 
-RECIPES = (
+BASIC = (
     Recipe(
         name="eval-black",
         title="Evaluation: 3-18 m, black space behind, SPEED noise",
@@ -73,6 +79,26 @@ RECIPES = (
         title="Evaluation: 3-18 m, Earth behind part or all of the frame, thesis noise",
         sensor="thesis",
         nadir_off_boresight_deg=(0.0, 66.0),
+    ),
+    Recipe(
+        name="thesis",
+        title="The thesis: tango-thesis at 3-18 m, Earth behind, thesis noise",
+        target="tango-thesis",
+        sensor="thesis",
+        nadir_off_boresight_deg=(0.0, 66.0),
+    ),
+)
+RECIPES = (
+    *BASIC,
+    *(
+        replace(
+            BASIC[0],
+            name=f"{BASIC[0].name}-{name}",
+            title=f"Evaluation: {name} as large in the image as Tango at 3-18 m, black space, SPEED noise",
+            target=name,
+            range_m=None,
+        )
+        for name in list_targets()
     ),
 )
 
@@ -109,7 +135,7 @@ class RecipePlan:
         """Sample k."""
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence(self.seed, spawn_key=(k, 0x5CE2E))))
         r = self.recipe
-        z = float(rng.uniform(*r.range_m))
+        z = float(rng.uniform(*(r.range_m or scaled_range_m(self.target))))
         q = _uniform_attitude(rng)
         t = _translation_in_view(rng, self.camera, _radius_m(self.target), z)
         sun, nadir = _sun_and_nadir(rng, r)
@@ -180,16 +206,29 @@ def plan_recipe(
     """
     for recipe in RECIPES:
         if recipe.name == name:
+            target = load_target(recipe.target)
             return RecipePlan(
-                recipe=recipe,
-                target=load_target(recipe.target),
+                # the range that was drawn from stands in the data set's card
+                recipe=replace(recipe, range_m=recipe.range_m or scaled_range_m(target)),
+                target=target,
                 camera=load_camera(recipe.camera),
                 n_frames=n,
                 seed=0 if seed is None else seed,
                 bands=bands or "mono",
                 quality=quality or "default",
             )
-    raise UserError(f"there is no recipe '{name}'; choose from {', '.join(list_recipes())}")
+    known = ", ".join(r.name for r in BASIC)
+    raise UserError(
+        f"there is no recipe '{name}'; choose from {known}, or eval-black-NAME of a built-in target"
+    )
+
+
+def scaled_range_m(target: Target) -> tuple[float, float]:
+    """Where a target is as large in the image as Tango at 3 and at 18 m [m], from the size of its mesh."""
+    corners = np.concatenate([(p.positions_m.min(axis=0), p.positions_m.max(axis=0)) for p in target.parts])
+    size_m = float(np.linalg.norm(np.ptp(corners.astype(float), axis=0))) / 2
+    near, far = (round(r * size_m / TANGO_SIZE_M, 3) for r in TANGO_RANGE_M)
+    return near, far
 
 
 def _radius_m(target: Target) -> float:

@@ -1,6 +1,8 @@
 """Targets by name: built once by code, kept as target files in the user's cache, always read from there.
 
-What is drawn is therefore what was exported.
+What is drawn is therefore what was exported. Each target comes in three levels of detail: ``tango`` is Tango in
+full, ``tango@medium`` and ``tango@low`` have fewer triangles and the same labels. The SHA-256 covers the geometry, so
+every level has its own; a record keeps name and hash of the level that was drawn, and is replayed with that level.
 """
 
 from __future__ import annotations
@@ -11,13 +13,14 @@ import hashlib
 import importlib
 import logging
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import platformdirs
 
 from simulator.errors import UserError
+from simulator.targets.detail import DETAILS, Detail, level_name, split_level
 from simulator.targets.glb import load_glb, write_glb
 
 if TYPE_CHECKING:
@@ -28,7 +31,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class TargetEntry:
-    """A built-in target: its name and the function that builds it, imported only when it must."""
+    """A built-in target: its name and the function of a level that builds it, imported only when it must."""
 
     name: str
     module: str
@@ -46,6 +49,25 @@ ENTRIES = (
     TargetEntry(
         name="tianzhou", module="simulator.targets.craft.tianzhou.tianzhou", function="build_tianzhou"
     ),
+    TargetEntry(
+        name="tango-thesis", module="simulator.targets.craft.tango_thesis", function="build_tango_thesis"
+    ),
+    TargetEntry(
+        name="change6-ascender", module="simulator.targets.craft.change6", function="build_change6_ascender"
+    ),
+    TargetEntry(
+        name="cubesat-1u", module="simulator.targets.craft.cubesat.swisscube", function="build_cubesat_1u"
+    ),
+    TargetEntry(
+        name="cubesat-3u", module="simulator.targets.craft.cubesat.triple", function="build_cubesat_3u"
+    ),
+    TargetEntry(name="cubesat-6u", module="simulator.targets.craft.cubesat.six", function="build_cubesat_6u"),
+    TargetEntry(name="envisat", module="simulator.targets.craft.envisat", function="build_envisat"),
+    TargetEntry(
+        name="calibration-board",
+        module="simulator.targets.craft.calibration_board",
+        function="build_calibration_board",
+    ),
 )
 
 
@@ -54,8 +76,13 @@ def list_targets() -> tuple[str, ...]:
     return tuple(e.name for e in ENTRIES)
 
 
-def load_target(name_or_path: str | Path) -> Target:
+def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
     """A built-in target by name, or a target file (``.glb``).
+
+    Parameters
+    ----------
+    name_or_path : a name of `list_targets`, alone or with a level (``tango@low``), or the path of a file.
+    detail : level of a built-in target whose name gives none; a file has one level only and ignores it.
 
     Raises
     ------
@@ -63,15 +90,17 @@ def load_target(name_or_path: str | Path) -> Target:
         If the name is unknown or the file is not a target.
     """
     text = str(name_or_path)
-    entry = next((e for e in ENTRIES if e.name == text), None)
+    name, level = split_level(text)
+    entry = next((e for e in ENTRIES if e.name == name), None)
     if entry is not None:
-        return _built_in(entry)
+        return _built_in(entry, detail if name == text else level)
     path = Path(name_or_path)
     if path.suffix.lower() == ".glb" or path.is_file():
         return load_glb(path)
-    near = difflib.get_close_matches(text, list_targets(), cutoff=0.4) or list_targets()
+    near = difflib.get_close_matches(name, list_targets(), cutoff=0.4) or list_targets()
     raise UserError(
-        f"unknown target {text!r}: name one of {', '.join(near)}, or give the path of a .glb target file"
+        f"unknown target {text!r}: name one of {', '.join(near)} (with @medium or @low for fewer triangles), or "
+        "give the path of a .glb target file"
     )
 
 
@@ -91,21 +120,24 @@ def source_key() -> str:
     return digest.hexdigest()[:16]
 
 
-def _built_in(entry: TargetEntry) -> Target:
-    path = cache_folder() / f"{entry.name}-{source_key()}.glb"
+def _built_in(entry: TargetEntry, detail: Detail) -> Target:
+    if detail not in DETAILS:
+        raise UserError(f"target {entry.name} has no level {detail!r}: choose from {', '.join(DETAILS)}")
+    name = level_name(entry.name, detail)
+    path = cache_folder() / f"{name}-{source_key()}.glb"
     if path.is_file():
         try:
             return load_glb(path)
         except UserError as error:
             # a damaged cache is not the user's mistake: build again
-            log.warning("rebuilding %s: %s", entry.name, error)
-    target: Target = getattr(importlib.import_module(entry.module), entry.function)()
+            log.warning("rebuilding %s: %s", name, error)
+    built: Target = getattr(importlib.import_module(entry.module), entry.function)(detail)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_glb(target, path)
+        # the hash does not cover the name: builders need not know how levels are called
+        write_glb(replace(built, name=name), path)
     except (OSError, UserError) as error:
         raise UserError(
-            f"cannot keep target {entry.name} in {path.parent}; set FLYAROUND_CACHE_DIR to a folder you may "
-            "write to"
+            f"cannot keep target {name} in {path.parent}; set FLYAROUND_CACHE_DIR to a folder you may write to"
         ) from error
     return load_glb(path)

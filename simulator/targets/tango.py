@@ -8,6 +8,7 @@ from simulator.arrays import Quat
 from simulator.targets.assembly import Piece, part_of
 from simulator.targets.check import check_target
 from simulator.targets.convert import content_sha256
+from simulator.targets.detail import Detail
 from simulator.targets.model import Material, Target
 from simulator.targets.tango_antennas import build_antennas
 from simulator.targets.tango_body import build_body
@@ -29,16 +30,37 @@ SYMMETRY: tuple[Quat, ...] = ((HALF, 0.0, 0.0, HALF), (0.0, 0.0, 0.0, 1.0), (HAL
 """Quarter turns about z: the nearly square panel and body look alike but for offset and antennas."""
 
 
-def build_tango() -> Target:
+SMALL = frozenset(
+    (
+        "side_bolts",
+        "rod_bolts",
+        "plate_bolts",
+        "side_marks",
+        "connector_sockets",
+        "side_box_windows",
+        "bottom_covers",
+    )
+)
+"""Parts under a centimetre that carry no label: left out at medium and low detail."""
+FINE = frozenset(
+    (
+        "antenna_collars", "corner_trusses", "plate_pins", "bottom_instrument_caps", "spike_bases", "spike_plates",
+        "connector_windows", "plate_standoffs", "bar_posts", "bar_apertures", "rod_clips", "side_brackets",
+    )
+)  # fmt: skip
+"""Parts of a few centimetres that carry no label: left out at low detail besides."""
+
+
+def build_tango(detail: Detail = "full") -> Target:
     """Tango with painted plates, as in SPEED's synthetic pictures."""
-    return _assemble("tango", "Tango (PRISMA), SPEED frame, painted sides", _pieces(), MATERIALS)
+    return _assemble("tango", "Tango (PRISMA), SPEED frame, painted sides", _pieces(detail), MATERIALS)
 
 
-def build_tango_mli() -> Target:
+def build_tango_mli(detail: Detail = "full") -> Target:
     """Tango with multi-layer insulation on the sides of its body."""
     wrapped = [
         replace(p, material="mli") if p.name.startswith(("body_side_sheet", "body_cover")) else p
-        for p in _pieces()
+        for p in _pieces(detail)
     ]
     return _assemble(
         "tango-mli",
@@ -48,19 +70,23 @@ def build_tango_mli() -> Target:
     )
 
 
-def _pieces() -> list[Piece]:
-    return [
-        *build_panel(),
+def _pieces(detail: Detail) -> list[Piece]:
+    left_out = {"full": frozenset[str](), "medium": SMALL, "low": SMALL | FINE}[detail]
+    pieces = [
+        *build_panel(detail),
         *build_body(),
-        *build_antennas(),
-        *build_brackets(),
-        *build_instruments(),
-        *build_fittings(),
+        *build_antennas(detail),
+        *build_brackets(detail),
+        *build_instruments(detail),
+        *build_fittings(detail),
     ]
+    return [p for p in pieces if p.name not in left_out]
 
 
 def _assemble(name: str, title: str, pieces: list[Piece], materials: tuple[Material, ...]) -> Target:
     parts = tuple(part_of(p) for p in pieces)
+    used = {p.material for p in parts}
+    materials = tuple(m for m in materials if m.name in used)
     keypoints, wireframe, occluders = build_keypoints(), build_wireframe(), build_occluders()
     target = Target(
         name=name,

@@ -1,4 +1,4 @@
-"""Tango's three rod antennas: a stub at the root, a collar, and a tapered rod to the tip."""
+"""Tango's rod antennas (three of them, four in the thesis): a stub at the root, a collar, and a tapered rod to the tip."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ import numpy as np
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import merge, unit
 from simulator.targets.builders.solids import lathe
+from simulator.targets.detail import Detail, facets
 from simulator.targets.tango_dimensions import (
-    ANTENNA_COLLAR_M,
     ANTENNA_RADIUS_COLLAR_M,
     ANTENNA_RADIUS_STUB_M,
     ANTENNA_RADIUS_TIP_M,
-    ANTENNA_ROOTS,
-    ANTENNA_TIPS,
+    SPEED,
+    TangoDimensions,
 )
 
 
-def build_antennas() -> list[Piece]:
+def build_antennas(detail: Detail = "full", d: TangoDimensions = SPEED) -> list[Piece]:
     """The rods, one part each, and their collars."""
     pieces, collars = [], []
-    for k, (root, tip) in enumerate(zip(ANTENNA_ROOTS, ANTENNA_TIPS, strict=True)):
+    for k, (root, tip) in enumerate(zip(d.antenna_roots, d.antenna_tips, strict=True)):
         axis = np.subtract(tip, root)
         length = float(np.linalg.norm(axis))
-        s, c = ANTENNA_RADIUS_STUB_M, ANTENNA_COLLAR_M
+        s, c = ANTENNA_RADIUS_STUB_M, d.antenna_collar_m
         profile = [
             (0, 0),
             (0.7 * s, 0),
@@ -33,9 +33,11 @@ def build_antennas() -> list[Piece]:
             (ANTENNA_RADIUS_TIP_M, length),
             (0, length),
         ]
-        pieces.append(Piece(f"antenna_{k + 1}", "antenna-grey", lathe(profile, root, axis, 40)))
+        pieces.append(
+            Piece(f"antenna_{k + 1}", "antenna-grey", lathe(profile, root, axis, facets(detail, 40)))
+        )
         r = ANTENNA_RADIUS_COLLAR_M
         ring = [(r - 0.002, 0), (r + 0.0025, 0), (r + 0.0025, 0.006), (r - 0.002, 0.006), (r - 0.002, 0)]
-        collars.append(lathe(ring, np.asarray(root) + unit(axis) * (c + 0.001), axis, 40))
+        collars.append(lathe(ring, np.asarray(root) + unit(axis) * (c + 0.001), axis, facets(detail, 40)))
     pieces.append(Piece("antenna_collars", "aluminium", merge(collars)))
     return pieces

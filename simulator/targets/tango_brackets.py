@@ -8,6 +8,7 @@ from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge, unit
 from simulator.targets.builders.prism import circle, prism
 from simulator.targets.builders.solids import bar, box, rod, truss
+from simulator.targets.detail import Detail, facets
 from simulator.targets.tango_dimensions import (
     ANTENNA_COLLAR_M,
     ANTENNA_RADIUS_COLLAR_M,
@@ -25,14 +26,18 @@ NODE_TOP_M, NODE_LOW_M = 0.284, 0.211
 """Heights of the two inner nodes of an outrigger."""
 
 
-def build_brackets() -> list[Piece]:
+def build_brackets(detail: Detail = "full") -> list[Piece]:
     """All brackets, by family."""
     return [
-        Piece("foot_brackets", "aluminium", merge([*_corner_feet(), *_middle_feet()])),
-        Piece("corner_trusses", "aluminium", merge(_corner_trusses())),
-        Piece("side_brackets", "aluminium", merge(_side_triangles())),
+        Piece("foot_brackets", "aluminium", merge([*_corner_feet(detail), *_middle_feet(detail)])),
+        Piece("corner_trusses", "aluminium", merge(_corner_trusses(detail))),
+        Piece("side_brackets", "aluminium", merge(_side_triangles(detail))),
         Piece("panel_outriggers", "aluminium", merge(_outriggers_low_y())),
-        Piece("antenna_brackets", "aluminium", merge([*_antenna_brackets_high_y(), _antenna_plate_low_y()])),
+        Piece(
+            "antenna_brackets",
+            "aluminium",
+            merge([*_antenna_brackets_high_y(detail), _antenna_plate_low_y(detail)]),
+        ),
         Piece("panel_blocks", "aluminium", merge(_panel_blocks())),
     ]
 
@@ -41,15 +46,18 @@ def _both_x(mesh: Mesh) -> list[Mesh]:
     return [mesh, mesh.mirrored(0)]
 
 
-def _boss(at: tuple[float, float], origin: np.ndarray, u: np.ndarray, v: np.ndarray) -> Mesh:
+def _boss(at: tuple[float, float], origin: np.ndarray, u: np.ndarray, v: np.ndarray, detail: Detail) -> Mesh:
     """A bolt head on a bracket's node."""
     n = np.cross(u, v)
     p = origin + at[0] * u + at[1] * v
-    return rod(p, p + n * (PLATE_M + 0.0025), 0.0042, 12)
+    return rod(p, p + n * (PLATE_M + 0.0025), 0.0042, facets(detail, 12))
 
 
 def _v_bracket(
-    origin: tuple[float, float, float], along: tuple[int, int, int], inward: tuple[int, int, int]
+    origin: tuple[float, float, float],
+    along: tuple[int, int, int],
+    inward: tuple[int, int, int],
+    detail: Detail,
 ) -> Mesh:
     """A bow-tie plate on an edge of the body: two triangles that meet at the waist.
 
@@ -62,23 +70,25 @@ def _v_bracket(
     holes = [[(s * 0.0525, 0.001), (s * 0.0525, 0.018), (s * 0.019, 0.001)] for s in (-1, 1)]
     o, u, v = (np.asarray(a, float) for a in (origin, along, inward))
     plate = prism(outline, PLATE_M, holes=holes, origin_m=o, u=u, v=v)
-    return merge([plate, _boss((-0.054, 0.0235), o, u, v), _boss((0.054, 0.0235), o, u, v)])
+    return merge([plate, _boss((-0.054, 0.0235), o, u, v, detail), _boss((0.054, 0.0235), o, u, v, detail)])
 
 
-def _corner_feet() -> list[Mesh]:
+def _corner_feet(detail: Detail) -> list[Mesh]:
     """V plates at the four corners, on the bottom and on the +-x faces."""
     feet = []
     for y, sign in ((BODY_Y_LOW_M, 1), (BODY_Y_HIGH_M, -1)):
         along_x = (sign * -1, 0, 0)
         # (-sign x) x (sign y) points to -z, the outside of the bottom
-        feet += _both_x(_v_bracket((0.260, y, 0.0), along_x, (0, sign, 0)))
+        feet += _both_x(_v_bracket((0.260, y, 0.0), along_x, (0, sign, 0), detail))
         along_z = (0, 0, sign * -1)
         # (-sign z) x (sign y) points to +x
-        feet += _both_x(_v_bracket((BODY_X_M, y, 0.111), along_z, (0, sign, 0)))
+        feet += _both_x(_v_bracket((BODY_X_M, y, 0.111), along_z, (0, sign, 0), detail))
     return feet
 
 
-def _m_bracket(depth_m: float, origin: tuple[float, float, float], inward: tuple[int, int, int]) -> Mesh:
+def _m_bracket(
+    depth_m: float, origin: tuple[float, float, float], inward: tuple[int, int, int], detail: Detail
+) -> Mesh:
     """A trapezoid plate with three triangular holes on a +-x edge of the bottom."""
     s = depth_m / 0.068
     outline = [(-0.0435, -0.009), (0.0435, -0.009), (0.0255, 0.068 * s), (-0.0255, 0.068 * s)]
@@ -88,17 +98,17 @@ def _m_bracket(depth_m: float, origin: tuple[float, float, float], inward: tuple
     # y x z = +x is the side's outside; y x (-x) = +z is the body's inside, so the bottom leaf runs along -y
     u = np.array([0.0, 1.0 if inward[2] else -1.0, 0.0])
     plate = prism(outline, PLATE_M, holes=holes, origin_m=o, u=u, v=v)
-    return merge([plate, *(_boss((k * 0.0205, 0.062 * s), o, u, v) for k in (-1, 1))])
+    return merge([plate, *(_boss((k * 0.0205, 0.062 * s), o, u, v, detail) for k in (-1, 1))])
 
 
-def _middle_feet() -> list[Mesh]:
+def _middle_feet(detail: Detail) -> list[Mesh]:
     """The two M feet at the middle of the +-x edges: one leaf on the side, one on the bottom."""
-    side = _m_bracket(0.068, (BODY_X_M, 0.020, 0.0), (0, 0, 1))
-    bottom = _m_bracket(0.044, (BODY_X_M, 0.020, 0.0), (-1, 0, 0))
+    side = _m_bracket(0.068, (BODY_X_M, 0.020, 0.0), (0, 0, 1), detail)
+    bottom = _m_bracket(0.044, (BODY_X_M, 0.020, 0.0), (-1, 0, 0), detail)
     return [*_both_x(side), *_both_x(bottom)]
 
 
-def _corner_trusses() -> list[Mesh]:
+def _corner_trusses(detail: Detail) -> list[Mesh]:
     """Thin rods over the +-y faces between the nodes of the corner feet."""
     meshes = []
     for y in (BODY_Y_LOW_M - 0.006, BODY_Y_HIGH_M + 0.006):
@@ -106,11 +116,11 @@ def _corner_trusses() -> list[Mesh]:
             (0.371, y, 0.160), (0.371, y, 0.062), (0.311, y, 0.0), (0.208, y, 0.0), (0.291, y, 0.0818),
         ]  # fmt: skip
         members = [(0, 3), (1, 2), (4, 1), (4, 2)]
-        meshes += _both_x(truss(nodes, members, 0.0030))
+        meshes += _both_x(truss(nodes, members, 0.0030, facets(detail, 8)))
     return meshes
 
 
-def _side_triangles() -> list[Mesh]:
+def _side_triangles(detail: Detail) -> list[Mesh]:
     """Triangular frames on the +-x faces, one towards each +-y edge."""
     meshes = []
     for edge, sign in ((BODY_Y_HIGH_M, 1), (BODY_Y_LOW_M, -1)):
@@ -123,7 +133,7 @@ def _side_triangles() -> list[Mesh]:
         meshes.append(prism(outline, PLATE_M, holes=[hole], origin_m=(BODY_X_M, 0, 0), u=Y_AXIS, v=Z_AXIS))
         bosses = [(edge - sign * 0.097, 0.2475), *((edge - sign * 0.019, z) for z in (0.284, 0.2475, 0.211))]
         o, u, v = np.array([BODY_X_M, 0, 0]), np.array([0.0, 1, 0]), np.array([0.0, 0, 1])
-        meshes += [_boss(b, o, u, v) for b in bosses]
+        meshes += [_boss(b, o, u, v, detail) for b in bosses]
     return [m for mesh in meshes for m in _both_x(mesh)]
 
 
@@ -150,7 +160,7 @@ def _panel_blocks() -> list[Mesh]:
     return [m for mesh in (low, high, foot) for m in _both_x(mesh)]
 
 
-def _antenna_brackets_high_y() -> list[Mesh]:
+def _antenna_brackets_high_y(detail: Detail) -> list[Mesh]:
     """Open trusses from the body's +y corners to a ring about each corner antenna's collar."""
     meshes = []
     for sign, root, tip in ((-1, ANTENNA_ROOTS[0], ANTENNA_TIPS[0]), (1, ANTENNA_ROOTS[1], ANTENNA_TIPS[1])):
@@ -158,9 +168,9 @@ def _antenna_brackets_high_y() -> list[Mesh]:
         centre = np.asarray(root) + axis * (ANTENNA_COLLAR_M - 0.006)
         u = unit(np.cross(axis, Z_AXIS))
         v = np.cross(u, axis)
-        hole = circle((0, 0), ANTENNA_RADIUS_COLLAR_M - 0.007, 24)
+        hole = circle((0, 0), ANTENNA_RADIUS_COLLAR_M - 0.007, facets(detail, 24))
         # u x v points back along the axis, so the plate is thickened towards the root
-        rim = circle((0, 0), 0.0345, 32)
+        rim = circle((0, 0), 0.0345, facets(detail, 32))
         meshes.append(prism(rim, 0.005, holes=[hole], origin_m=centre + axis * 0.005, u=u, v=v))
         ring = {(a, b): centre + a * 0.0225 * u + b * 0.0225 * v for a in (-1, 1) for b in (-1, 1)}
         out = 1 if (u @ np.array([sign, 0, 0])) > 0 else -1
@@ -171,20 +181,20 @@ def _antenna_brackets_high_y() -> list[Mesh]:
             ring[-out, 1], ring[-out, -1],
         ]  # fmt: skip
         members = [(0, 2), (1, 3), (0, 3), (4, 6), (5, 7), (4, 7), (0, 6), (1, 7)]
-        meshes.append(truss(np.array(nodes, float), members, 0.0030))
+        meshes.append(truss(np.array(nodes, float), members, 0.0030, facets(detail, 8)))
         top = [(0.315, 0.374), (0.372, 0.400), (0.348, 0.4255)]
         meshes.append(prism([(sign * a, b) for a, b in top], 0.004, origin_m=(0, 0, 0.2845)))
     return meshes
 
 
-def _antenna_plate_low_y() -> Mesh:
+def _antenna_plate_low_y(detail: Detail) -> Mesh:
     """The plate that holds the -y antenna's collar, fixed to the +x outrigger."""
     root, tip = np.asarray(ANTENNA_ROOTS[2]), np.asarray(ANTENNA_TIPS[2])
     centre = root + unit(tip - root) * (ANTENNA_COLLAR_M - 0.006)
     cx, cz = float(centre[0]), float(centre[2])
     arc = [(cx + 0.035 * np.cos(t), cz + 0.035 * np.sin(t)) for t in np.deg2rad(np.linspace(165, 270, 10))]
     outline = [(0.3740, cz - 0.035), (0.3740, 0.2960), (cx - 0.035 * 0.97, 0.2960), *arc]
-    hole = circle((cx, cz), ANTENNA_RADIUS_COLLAR_M - 0.007, 24)
+    hole = circle((cx, cz), ANTENNA_RADIUS_COLLAR_M - 0.007, facets(detail, 24))
     plate = prism(outline, 0.005, holes=[hole], origin_m=(0, float(centre[1]), 0), u=X_AXIS, v=Z_AXIS)
     y = float(centre[1])
     struts = [

@@ -7,6 +7,8 @@ bar and the rod, and to 25 mm for the faint tips of the spikes.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from simulator.arrays import Vec3
 
 PANEL_X_M = 0.370
@@ -71,3 +73,52 @@ WHITE_PLATE_HIGH_M: Vec3 = (0.1930, 0.3280, 0.1610)
 
 BAR_LOW_M: Vec3 = (-0.3290, -0.2710, -0.0335)
 BAR_HIGH_M: Vec3 = (-0.1375, -0.2670, -0.0075)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TangoDimensions:
+    """What differs between the two published geometries of Tango [m]; builders take one set whole, never a mixture.
+
+    Parameters
+    ----------
+    columns, rows : cells of each of the panel's two fields.
+    antenna_roots, antenna_tips : one pair per rod antenna. antenna_collar_m : from the root to the thick part.
+    """
+
+    panel_x_m: float
+    panel_y_m: float
+    panel_bottom_m: float
+    panel_top_m: float
+    columns: int
+    rows: int
+    cell_pitch_x_m: float
+    cell_pitch_y_m: float
+    body_x_m: float
+    body_y_low_m: float
+    body_y_high_m: float
+    body_top_m: float
+    core_top_m: float
+    antenna_roots: tuple[Vec3, ...]
+    antenna_tips: tuple[Vec3, ...]
+    antenna_collar_m: float
+
+
+SPEED = TangoDimensions(
+    panel_x_m=PANEL_X_M,
+    panel_y_m=PANEL_Y_M,
+    panel_bottom_m=PANEL_BOTTOM_M,
+    panel_top_m=PANEL_TOP_M,
+    columns=4,
+    rows=17,
+    cell_pitch_x_m=CELL_PITCH_X_M,
+    cell_pitch_y_m=CELL_PITCH_Y_M,
+    body_x_m=BODY_X_M,
+    body_y_low_m=BODY_Y_LOW_M,
+    body_y_high_m=BODY_Y_HIGH_M,
+    body_top_m=BODY_TOP_M,
+    core_top_m=CORE_TOP_M,
+    antenna_roots=ANTENNA_ROOTS,
+    antenna_tips=ANTENNA_TIPS,
+    antenna_collar_m=ANTENNA_COLLAR_M,
+)
+"""The geometry of the SPEED data sets; the thesis's stands in craft/tango_thesis.py."""

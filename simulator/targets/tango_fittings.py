@@ -8,6 +8,7 @@ from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import circle, prism, rectangle
 from simulator.targets.builders.solids import box, dome, rod
+from simulator.targets.detail import Detail, facets
 from simulator.targets.tango_dimensions import (
     BODY_X_M,
     BODY_Y_HIGH_M,
@@ -29,12 +30,12 @@ WINDOWS_X_M = (-0.0268, 0.0173, 0.0456)
 WINDOW_Y_M = 0.413
 
 
-def build_fittings() -> list[Piece]:
+def build_fittings(detail: Detail = "full") -> list[Piece]:
     """Everything bolted on that is neither bracket nor instrument."""
-    return [*_connector(), *_side_box(), *_rod(), *_plates_high_y()]
+    return [*_connector(detail), *_side_box(), *_rod(detail), *_plates_high_y(detail)]
 
 
-def _connector() -> list[Piece]:
+def _connector(detail: Detail) -> list[Piece]:
     """An L-shaped white block with three square windows, on a flange, with a second block under the panel."""
     z0, z1 = CONNECTOR_BOTTOM_M, CONNECTOR_TOP_M
     white = [
@@ -48,11 +49,11 @@ def _connector() -> list[Piece]:
         frame = rectangle((x - 0.0125, WINDOW_Y_M - 0.0135), (x + 0.0125, WINDOW_Y_M + 0.0135))
         opening = rectangle((x - 0.0095, WINDOW_Y_M - 0.0105), (x + 0.0095, WINDOW_Y_M + 0.0105))
         white.append(prism(frame, 0.0030, holes=[opening], origin_m=(0, 0, z1 - 0.0002)))
-        white.append(dome((x, WINDOW_Y_M, z1 - 0.0002), (0, 0, 1), 0.0068, 0.0055, 16, 4))
+        white.append(dome((x, WINDOW_Y_M, z1 - 0.0002), (0, 0, 1), 0.0068, 0.0055, facets(detail, 16), 4))
         floor = rectangle((x - 0.0093, WINDOW_Y_M - 0.0103), (x + 0.0093, WINDOW_Y_M + 0.0103))
         glass.append(prism(floor, 0.0010, origin_m=(0, 0, z1 - 0.0003)))
     dark = [
-        rod((0.0260, 0.3985, 0.2872), (0.0260, 0.4000, 0.2872), 0.0060, 16),
+        rod((0.0260, 0.3985, 0.2872), (0.0260, 0.4000, 0.2872), 0.0060, facets(detail, 16)),
         box((0.0210, 0.3845, 0.2830), (0.0350, 0.3852, 0.2915)),
         box((0.0600, 0.3845, 0.2820), (0.0780, 0.3852, 0.2925)),
     ]
@@ -81,10 +82,12 @@ def _side_box() -> list[Piece]:
     ]
 
 
-def _rod() -> list[Piece]:
+def _rod(detail: Detail) -> list[Piece]:
     """The rod along z off the -x face, its two clips, and the small marks beside it."""
     face = -BODY_X_M
-    bar = rod((ROD_X_M, ROD_Y_M, ROD_BOTTOM_M), (ROD_X_M, ROD_Y_M, ROD_TOP_M), ROD_RADIUS_M, 24)
+    bar = rod(
+        (ROD_X_M, ROD_Y_M, ROD_BOTTOM_M), (ROD_X_M, ROD_Y_M, ROD_TOP_M), ROD_RADIUS_M, facets(detail, 24)
+    )
     clips = []
     for z in (0.1725, 0.0425):
         clips.append(box((face - 0.0040, ROD_Y_M - 0.0295, z - 0.0085), (face, ROD_Y_M + 0.0295, z + 0.0085)))
@@ -96,15 +99,22 @@ def _rod() -> list[Piece]:
             )
         )
     bolts = [
-        rod((face - 0.003, ROD_Y_M + s * 0.0200, z), (face - 0.0058, ROD_Y_M + s * 0.0200, z), 0.0028, 8)
+        rod(
+            (face - 0.003, ROD_Y_M + s * 0.0200, z),
+            (face - 0.0058, ROD_Y_M + s * 0.0200, z),
+            0.0028,
+            facets(detail, 8),
+        )
         for s in (-1, 1)
         for z in (0.1725, 0.0425)
     ]
-    disc = [circle((y, z), 0.0058, 16) for y, z in ((0.2105, 0.2110), (0.2105, 0.0815))]
+    disc = [circle((y, z), 0.0058, facets(detail, 16)) for y, z in ((0.2105, 0.2110), (0.2105, 0.0815))]
     # on the -x face the plane's axes are z, y: z x y = -x
     marks = [prism(d[:, ::-1], 0.0010, origin_m=(face, 0, 0), u=(0, 0, 1), v=(0, 1, 0)) for d in disc]
     marks.append(box((face - 0.0012, 0.2400, 0.1895), (face, 0.2690, 0.2075)))
-    marks.append(rod((face - 0.0020, 0.2495, 0.2560), (face - 0.0020, 0.2495, 0.2895), 0.0016, 8))
+    marks.append(
+        rod((face - 0.0020, 0.2495, 0.2560), (face - 0.0020, 0.2495, 0.2895), 0.0016, facets(detail, 8))
+    )
     return [
         Piece("rod", "antenna-grey", bar),
         Piece("rod_clips", "aluminium", merge(clips)),
@@ -113,7 +123,7 @@ def _rod() -> list[Piece]:
     ]
 
 
-def _plates_high_y() -> list[Piece]:
+def _plates_high_y(detail: Detail) -> list[Piece]:
     """The white plate on standoffs and the grey plate with its pins on the +y face."""
     (x0, y0, z0), (x1, y1, z1) = WHITE_PLATE_LOW_M, WHITE_PLATE_HIGH_M
     plate = box(WHITE_PLATE_LOW_M, WHITE_PLATE_HIGH_M)
@@ -124,10 +134,10 @@ def _plates_high_y() -> list[Piece]:
     ]
     rim = [(x, z) for x in np.linspace(x0 + 0.006, x1 - 0.006, 5) for z in (z0 + 0.006, z1 - 0.006)]
     rim += [(x, (z0 + z1) / 2) for x in (x0 + 0.006, x1 - 0.006)]
-    bolts = [rod((x, y1 - 0.0005, z), (x, y1 + 0.0025, z), 0.0025, 8) for x, z in rim]
+    bolts = [rod((x, y1 - 0.0005, z), (x, y1 + 0.0025, z), 0.0025, facets(detail, 8)) for x, z in rim]
     grey = box((-0.1600, BODY_Y_HIGH_M - 0.0030, 0.0205), (-0.0805, BODY_Y_HIGH_M + 0.0030, 0.1280))
     pins = [
-        rod((x, BODY_Y_HIGH_M + 0.002, z), (x, BODY_Y_HIGH_M + 0.013, z), 0.0022, 8)
+        rod((x, BODY_Y_HIGH_M + 0.002, z), (x, BODY_Y_HIGH_M + 0.013, z), 0.0022, facets(detail, 8))
         for x in (-0.1340, -0.1205, -0.1070)
         for z in (0.048, 0.063, 0.078, 0.093, 0.108)
     ]

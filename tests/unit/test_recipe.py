@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.recipe import plan_recipe
+from simulator.recipe import RECIPES, list_recipes, plan_recipe, scaled_range_m
+from simulator.targets.library import list_targets, load_target
 from simulator.world.constants import EARTH_RADIUS_M
 from simulator.world.rotation import matrix_from_quat
 
 N = 400
 
 
-@pytest.fixture(scope="module", params=["eval-black", "eval-earth"])
+@pytest.fixture(scope="module", params=["eval-black", "eval-earth", "thesis"])
 def plan(request):
     return plan_recipe(request.param, N, seed=11)
 
@@ -81,5 +82,43 @@ def test_sample_depends_on_seed_and_number_alone():
 
 
 def test_unknown_recipe():
-    with pytest.raises(UserError, match="eval-black"):
+    with pytest.raises(UserError, match=r"eval-black.*thesis.*eval-black-NAME"):
         plan_recipe("eval-red", 1)
+
+
+def test_thesis_recipe_flies_the_thesis_geometry_with_its_noise():
+    plan = plan_recipe("thesis", 1)
+    assert plan.target.name == "tango-thesis"
+    assert plan.scene(0).target.name == "tango-thesis"
+    assert (plan.recipe.sensor, plan.recipe.range_m) == ("thesis", (3.0, 18.0))
+
+
+def test_every_target_has_its_recipe():
+    assert {f"eval-black-{name}" for name in list_targets()} <= set(list_recipes())
+    assert len(set(list_recipes())) == len(RECIPES)
+
+
+def half_diagonal_m(target):
+    points = np.concatenate([p.positions_m for p in target.parts]).astype(float)
+    return np.linalg.norm(np.ptp(points, axis=0)) / 2
+
+
+@pytest.mark.parametrize("name", list_targets())
+def test_every_target_is_as_large_in_the_image_as_tango(name):
+    plan = plan_recipe(f"eval-black-{name}", 60, seed=2)
+    tango = half_diagonal_m(load_target("tango"))
+    size = half_diagonal_m(plan.target)
+    low, high = plan.recipe.range_m
+    # ranges are rounded to a millimetre
+    assert size / low == pytest.approx(tango / 3, rel=1e-3)
+    assert size / high == pytest.approx(tango / 18, rel=1e-3)
+    assert plan.scenario_document["range_m"] == [low, high]
+    z = [plan.scene(k).t_camera_from_target_m[2] for k in range(60)]
+    assert low <= min(z) < low + 0.2 * (high - low)
+    assert high - 0.2 * (high - low) < max(z) <= high
+    # the camera never comes inside the craft
+    assert low > 1.5 * max(np.linalg.norm(p.positions_m, axis=1).max() for p in plan.target.parts)
+
+
+def test_tango_keeps_its_own_range():
+    assert scaled_range_m(load_target("tango")) == (3.0, 18.0)

@@ -1,1 +1,1 @@
-"""Spacecraft built by code, one folder each, and what they share: levels of detail, materials, labels, assembly."""
+"""The fleet: one file or folder per craft, each with a function ``build_...(detail)``, and what they share."""

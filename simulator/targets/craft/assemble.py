@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from typing import TYPE_CHECKING
 
 from simulator.arrays import Quat, Vec3
 from simulator.targets.assembly import Piece, part_of
-from simulator.targets.builders.mesh import merge
+from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.check import check_target
 from simulator.targets.convert import content_sha256
+from simulator.targets.mass import Lump, mass_properties
 from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Target
+from simulator.targets.tango_labels import welded
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
 
 def assemble(
@@ -34,13 +35,7 @@ def assemble(
 
     Pieces of one name become one part; they must be of one material.
     """
-    groups: dict[tuple[str, str], list[Piece]] = defaultdict(list)
-    for piece in pieces:
-        groups[piece.name, piece.material].append(piece)
-    parts = tuple(
-        part_of(Piece(part, material, merge([p.mesh for p in group])))
-        for (part, material), group in groups.items()
-    )
+    parts = tuple(part_of(p) for p in gathered(pieces))
     used = {p.material for p in parts}
     kept = tuple(m for m in materials if m.name in used)
     points, edges = tuple(keypoints), tuple(wireframe)
@@ -60,3 +55,59 @@ def assemble(
     )
     check_target(target, f"target {name}")
     return target
+
+
+def assemble_lumped(
+    name: str,
+    title: str,
+    *,
+    pieces: Sequence[Piece],
+    materials: Sequence[Material],
+    keypoints: Mapping[str, Vec3],
+    wireframe: Sequence[Edge],
+    occluders: Sequence[Mesh],
+    lumps: Sequence[Lump],
+    frames: dict[str, tuple[Vec3, Vec3]],
+    symmetry: tuple[Quat, ...] = (),
+    notes: str,
+) -> Target:
+    """``assemble`` from keypoints by name, coarse closed bodies and a mass list.
+
+    Parameters
+    ----------
+    keypoints : position in the model frame [m] by name, in the order that labels report them.
+    occluders : coarse closed bodies. lumps : the mass distribution.
+    frames : origin [m] and unit axis by name.
+    """
+    return assemble(
+        name=name,
+        title=title,
+        pieces=pieces,
+        materials=materials,
+        keypoints=[Keypoint(name=k, position_m=p) for k, p in keypoints.items()],
+        wireframe=wireframe,
+        occluders=welded(merge(occluders)),
+        mass=mass_properties(lumps),
+        frames=frames,
+        symmetry=symmetry,
+        notes=notes,
+    )
+
+
+def gathered(pieces: Sequence[Piece]) -> list[Piece]:
+    """Pieces of one name and material joined into one, in order of first appearance.
+
+    Raises
+    ------
+    ValueError
+        If one name has two materials.
+    """
+    groups: dict[str, list[Piece]] = {}
+    for p in pieces:
+        groups.setdefault(p.name, []).append(p)
+    joined = []
+    for name, group in groups.items():
+        if len({p.material for p in group}) > 1:
+            raise ValueError(f"part {name} has two materials")
+        joined.append(Piece(name, group[0].material, merge([p.mesh for p in group])))
+    return joined

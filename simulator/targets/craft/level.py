@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
-Detail = Literal["full", "medium", "low"]
+from simulator.targets.detail import Detail
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,9 @@ from simulator.targets.craft.dragon.cargo_labels import (
     build_wireframe,
 )
 from simulator.targets.craft.dragon.cargo_shape import BAY_AZIMUTH_DEG, BAY_Z_M, PORT_M, SIDEWALL, WINGS
-from simulator.targets.craft.level import Detail, Level
+from simulator.targets.craft.level import Level
 from simulator.targets.craft.materials import MATERIALS
+from simulator.targets.detail import Detail
 from simulator.targets.model import Target
 
 NOTES = (

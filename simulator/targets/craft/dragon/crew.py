@@ -14,8 +14,9 @@ from simulator.targets.craft.dragon.crew_labels import (
 from simulator.targets.craft.dragon.crew_nose import build_nose
 from simulator.targets.craft.dragon.crew_shape import PORT_M, TRUNK_LOW_M
 from simulator.targets.craft.dragon.crew_trunk import build_trunk
-from simulator.targets.craft.level import Detail, Level
+from simulator.targets.craft.level import Level
 from simulator.targets.craft.materials import MATERIALS
+from simulator.targets.detail import Detail
 from simulator.targets.model import Target
 
 NOTES = (

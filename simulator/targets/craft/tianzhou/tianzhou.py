@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from simulator.targets.craft.assemble import assemble
-from simulator.targets.craft.level import Detail, Level
+from simulator.targets.craft.level import Level
 from simulator.targets.craft.materials import MATERIALS
 from simulator.targets.craft.tianzhou.fittings import build_fittings
 from simulator.targets.craft.tianzhou.labels import (
@@ -14,6 +14,7 @@ from simulator.targets.craft.tianzhou.labels import (
 )
 from simulator.targets.craft.tianzhou.modules import build_modules
 from simulator.targets.craft.tianzhou.shape import DRIVE_LOW_M, PORT_M
+from simulator.targets.detail import Detail
 from simulator.targets.model import Target
 
 NOTES = (

@@ -1,0 +1,227 @@
+"""A three-unit CubeSat with two deployed wings: telescope at one end, antennas at the other.
+
+Rails and size: CubeSat Design Specification rev. 14.1. Wings of two hinged panels along the long edges of +y, a
+telescope that looks along -z, four deployed tape antennas and patches on +z: the common layout of commercial 3U
+Earth observers (compare Planet's Doves and the platforms of GomSpace, ISISPACE and EnduroSat). Places of the fittings
+are this model's own; 4 kg is the older limit for 3U and a common flight mass. A craft of this size has some
+15,000 triangles to show.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simulator.arrays import Vec3
+from simulator.targets.assembly import Piece
+from simulator.targets.builders.mesh import Mesh, merge
+from simulator.targets.builders.prism import circle, rectangle
+from simulator.targets.builders.prism import prism as plate
+from simulator.targets.builders.solids import box, rod
+from simulator.targets.craft.assemble import assemble_lumped
+from simulator.targets.craft.cubesat.fittings import (
+    BOARD_BLACK,
+    RIM_M,
+    WING_M,
+    face_cells,
+    materials,
+    onto,
+    patch_antenna,
+    sun_sensor,
+    tape_antenna,
+    telescope,
+    wing,
+    wing_width_m,
+)
+from simulator.targets.craft.cubesat.structure import (
+    U3,
+    body_occluder,
+    corner_keypoints,
+    rail_edges,
+    structure,
+)
+from simulator.targets.craft.hardware import star_tracker
+from simulator.targets.craft.place import placed_pieces
+from simulator.targets.craft.wire import axis_edge, prism_edges, rim_point, ring_edges
+from simulator.targets.detail import Detail, facets
+from simulator.targets.mass import Lump
+from simulator.targets.model import Edge, Target
+
+WING_PANELS, WING_SIZE_M, WING_GAP_M = 2, (0.0840, 0.3270), 0.0040
+WING_Y_M = U3.y_m / 2 + 0.0045
+"""Height of the wings' cells: the hinges lie on the rails of +y."""
+TAPE_M = 0.170
+TELESCOPE_M = 0.042
+END_M = U3.face_z_m
+NOTES = (
+    "Origin at the middle of the structure, z along the rails; telescope on -z, wings in the plane of +y. Mass split and "
+    "fittings estimated."
+)
+TAPE_ROOTS: tuple[Vec3, ...] = tuple(
+    (sx * 0.030, sy * 0.030, END_M + 0.0045) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+)
+
+
+def tape_tip(k: int) -> Vec3:
+    """Tip of tape antenna ``k``: diagonally outwards and 15 degrees up."""
+    x, y, z = TAPE_ROOTS[k]
+    flat, rise = TAPE_M * np.cos(np.deg2rad(15)), TAPE_M * np.sin(np.deg2rad(15))
+    return (
+        float(x + np.sign(x) * flat * 0.5**0.5),
+        float(y + np.sign(y) * flat * 0.5**0.5),
+        float(z + rise),
+    )
+
+
+def build_cubesat_3u(detail: Detail = "full") -> Target:
+    """The 3U craft, wings and antennas deployed."""
+    reach, y, z = (
+        U3.x_m / 2 + wing_width_m(WING_PANELS, WING_SIZE_M[0], WING_GAP_M),
+        WING_Y_M,
+        WING_SIZE_M[1] / 2,
+    )
+    keypoints = corner_keypoints(U3)
+    keypoints |= {
+        f"wing_{a}_{c}": (sx * reach, y, sz * z)
+        for a, sx in (("nx", -1), ("px", 1))
+        for c, sz in (("nz", -1), ("pz", 1))
+    }
+    keypoints |= {f"tape_{k + 1}_tip": tape_tip(k) for k in range(4)}
+    keypoints |= {
+        f"telescope_rim_{k}": rim_point((0, 0, -END_M - RIM_M), (0, 0, -1), 1.10 * TELESCOPE_M, k)
+        for k in range(4)
+    }
+    return assemble_lumped(
+        "cubesat-3u",
+        "CubeSat of three units, two deployed wings",
+        pieces=_pieces(detail),
+        materials=materials(BOARD_BLACK),
+        keypoints=keypoints,
+        wireframe=_wireframe(),
+        occluders=[body_occluder(U3), *_wing_bodies()],
+        lumps=_lumps(),
+        frames={
+            "grasp": ((0.0, -U3.y_m / 2, 0.0), (0.0, -1.0, 0.0)),
+            "telescope": ((0.0, 0.0, -END_M), (0.0, 0.0, -1.0)),
+        },
+        symmetry=((0.0, 0.0, 1.0, 0.0),),
+        notes=NOTES,
+    )
+
+
+def _pieces(detail: Detail) -> list[Piece]:
+    fx, fy = U3.face_x_m, U3.face_y_m
+    pieces = structure(U3, detail, rings_z_m=(-0.0553, 0.0553))
+    for name, origin, normal in (("nx", (-fx, 0.0, 0.0), (-1, 0, 0)), ("px", (fx, 0.0, 0.0), (1, 0, 0))):
+        for z in (-0.1075, 0.0, 0.1075):
+            at = (origin[0], 0.0, z)
+            pieces += onto(face_cells(f"face_{name}", 2, 1, detail), at, normal)
+    for z in (-0.1075, 0.0, 0.1075):
+        pieces += onto(face_cells("face_py", 2, 1, detail), (0.0, fy, z), (0, 1, 0))
+    return [*pieces, *_wings(detail), *_front(detail), *_rear(detail), *_radiator_side(detail)]
+
+
+def _wings(detail: Detail) -> list[Piece]:
+    """Both wings; seen along -y their cells look at the reader."""
+    right = wing("wing_px", WING_PANELS, 2, 4, WING_SIZE_M, WING_GAP_M, detail)
+    left = wing("wing_nx", WING_PANELS, 2, 4, WING_SIZE_M, WING_GAP_M, detail)
+    half = U3.x_m / 2
+    return [
+        # x along +-x of the craft, y along -+z: their product is +y
+        *placed_pieces(right, (half, WING_Y_M, 0), (1, 0, 0), (0, 0, -1)),
+        *placed_pieces(left, (-half, WING_Y_M, 0), (-1, 0, 0), (0, 0, 1)),
+    ]
+
+
+def _front(detail: Detail) -> list[Piece]:
+    """The telescope's end."""
+    pieces = onto(telescope("telescope", TELESCOPE_M, 0.0060, detail), (0.0, 0.0, -END_M), (0, 0, -1))
+    if detail == "full":
+        r, z = TELESCOPE_M * 0.95, -END_M
+        spider = [
+            box((-0.001, -r, z - 0.0055), (0.001, r, z - 0.0040)),
+            box((-r, -0.001, z - 0.0053), (r, 0.001, z - 0.0042)),
+            rod((0, 0, z - 0.0038), (0, 0, z - 0.0058), 0.012, facets(detail, 32)),
+        ]
+        pieces.append(Piece("telescope_spider", "black-paint", merge(spider)))
+    return pieces
+
+
+def _rear(detail: Detail) -> list[Piece]:
+    """The antennas' end: a frame that held the tapes, patches, sun sensor, kill switches."""
+    z = END_M
+    board = plate(
+        rectangle((-0.040, -0.040), (0.040, 0.040)),
+        0.0060,
+        holes=[circle((0, 0), 0.026, facets(detail, 48))],
+        origin_m=(0, 0, z),
+    )
+    pieces = [
+        Piece("antenna_frame", "wing-back", board),
+        *onto(patch_antenna("s_band_patch", 0.034), (0.0, 0.0, z), (0, 0, 1)),
+    ]
+    for k, root in enumerate(TAPE_ROOTS):
+        pieces.append(tape_antenna(f"tape_{k + 1}", root, tape_tip(k), (-root[1], root[0], 0.0)))
+    for x, y in ((0.034, 0.0), (-0.034, 0.0)):
+        pieces += onto(sun_sensor("sun_sensors", detail), (x, y, z + 0.006), (0, 0, 1))
+    return pieces
+
+
+def _radiator_side(detail: Detail) -> list[Piece]:
+    """-y: a white radiator, a star tracker's opening, the access port, a GNSS patch."""
+    y = -U3.face_y_m
+    pieces = [
+        Piece("radiator", "white-paint", box((-0.038, y - 0.0008, -0.140), (0.038, y, -0.010))),
+        Piece("access_port", "end-plate", box((-0.030, y - 0.0010, 0.075), (0.030, y, 0.140))),
+        Piece("access_cover", "black-paint", box((-0.022, y - 0.0016, 0.095), (0.012, y - 0.0005, 0.125))),
+        *onto(patch_antenna("gnss_patch", 0.025), (-0.020, y, 0.040), (0, -1, 0)),
+        *star_tracker("star_tracker", (0.020, y + 0.001, 0.036), (0, -1, 0), 0.015, 0.0075, detail),
+    ]
+    if detail == "full":
+        louvres = [
+            box((-0.037, y - 0.0012, z - 0.0006), (0.037, y - 0.0007, z + 0.0006))
+            for z in np.linspace(-0.134, -0.016, 14)
+        ]
+        pieces.append(Piece("radiator_seams", "grey-paint", merge(louvres)))
+    return pieces
+
+
+def _wing_outlines() -> dict[str, tuple[Vec3, Vec3]]:
+    z = WING_SIZE_M[1] / 2
+    outlines: dict[str, tuple[Vec3, Vec3]] = {}
+    for k in range(WING_PANELS):
+        x0 = U3.x_m / 2 + WING_GAP_M + k * (WING_SIZE_M[0] + WING_GAP_M)
+        x1 = x0 + WING_SIZE_M[0]
+        outlines[f"wing_px_{k}"] = ((x0, WING_Y_M - WING_M, -z), (x1, WING_Y_M, z))
+        outlines[f"wing_nx_{k}"] = ((-x1, WING_Y_M - WING_M, -z), (-x0, WING_Y_M, z))
+    return outlines
+
+
+def _wing_bodies() -> list[Mesh]:
+    return [box(lo, hi) for lo, hi in _wing_outlines().values()]
+
+
+def _wireframe() -> list[Edge]:
+    edges = rail_edges(U3)
+    for name, (lo, hi) in _wing_outlines().items():
+        # u x v = x x (-z) = +y
+        outline = rectangle((lo[0], -hi[2]), (hi[0], -lo[2]))
+        edges += prism_edges(name, outline, WING_M, origin_m=(0, lo[1], 0), u=(1, 0, 0), v=(0, 0, -1))
+    edges += ring_edges("telescope", (0, 0, -END_M - RIM_M), (0, 0, -1), 1.10 * TELESCOPE_M, 64)
+    edges += [axis_edge(f"tape_{k + 1}", TAPE_ROOTS[k], tape_tip(k), 0.0025) for k in range(4)]
+    return edges
+
+
+def _lumps() -> list[Lump]:
+    """4.0 kg: structure 0.75, avionics and battery 1.35, telescope 1.15, wings 0.5, rest 0.25."""
+    span = wing_width_m(WING_PANELS, WING_SIZE_M[0], WING_GAP_M)
+    middle = U3.x_m / 2 + span / 2
+    size = (span, WING_M, WING_SIZE_M[1])
+    return [
+        Lump(name="structure", mass_kg=0.75, centre_m=(0, 0, 0), size_m=(0.1, 0.1, 0.3405)),
+        Lump(name="avionics", mass_kg=1.35, centre_m=(0, 0, 0.085), size_m=(0.09, 0.09, 0.15)),
+        Lump(name="telescope", mass_kg=1.15, centre_m=(0, 0, -0.085), size_m=(0.09, 0.09, 0.15)),
+        Lump(name="face cells", mass_kg=0.22, centre_m=(0, 0.01, 0), size_m=(0.098, 0.098, 0.32)),
+        Lump(name="wing +x", mass_kg=0.25, centre_m=(middle, WING_Y_M, 0), size_m=size),
+        Lump(name="wing -x", mass_kg=0.25, centre_m=(-middle, WING_Y_M, 0), size_m=size),
+        Lump(name="antennas", mass_kg=0.03, centre_m=(0, 0, END_M), size_m=(0.2, 0.2, 0.01)),
+    ]
