@@ -94,7 +94,7 @@ RECIPES = (
         replace(
             BASIC[0],
             name=f"{BASIC[0].name}-{name}",
-            title=f"Evaluation: {name} as large in the image as Tango at 3-18 m, black space, SPEED noise",
+            title=f"Evaluation: {name} in black space, as large in the image as Tango, SPEED noise",
             target=name,
             range_m=None,
         )

@@ -1,4 +1,4 @@
-"""Tango's rod antennas (three of them, four in the thesis): a stub at the root, a collar, and a tapered rod to the tip."""
+"""Tango's rod antennas (three, four in the thesis): a stub at the root, a collar, and a tapered rod to the tip."""
 
 from __future__ import annotations
 

@@ -5,8 +5,8 @@ corners. Model frame: origin at the middle of the face, z out of the face, x rig
 the board; the dark square is in the upper left corner. Keypoint ``corner_R_C`` is inner corner C of row R, rows
 from the top, columns from the left: the order in which ``cv2.findChessboardCorners(image, (10, 7))`` reports the board,
 upright or upside down (of an odd number of squares by an even one the colours tell which end is up);
-``cv2.findChessboardCornersSB`` reports the same corners from the last to the first. The board has about 1,200 triangles and
-no more to show, so its three levels of detail are the same.
+``cv2.findChessboardCornersSB`` reports the same corners from the last to the first. The board has about 1,200 triangles
+and no more to show, so its three levels of detail are the same.
 """
 
 from __future__ import annotations

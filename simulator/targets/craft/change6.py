@@ -45,7 +45,7 @@ GRIP_RADIUS_M, GRIP_TOP_M = 0.40, BODY_TOP_M + 0.17
 PORT_RADIUS_M, PORT_TOP_M = 0.240, BODY_TOP_M + 0.12
 CELL_M = (0.0612, 0.0412)
 NOTES = (
-    "Origin at the middle of the lower deck, z away from the engine. Width and general arrangement from public releases; "
+    "Origin at the middle of the lower deck, z away from the engine. Width and arrangement from public releases; "
     "other sizes read off pictures; mass split estimated."
 )
 

@@ -76,8 +76,8 @@ THESIS = TangoDimensions(
     antenna_collar_m=0.046,
 )
 NOTES = (
-    "Dimensions of the thesis, not of SPEED: panel 570 x 759 mm, body 560 x 550 x 300 mm, four antennas of 204 mm, one bar. "
-    "The rest is taken over from the SPEED model; mass split estimated."
+    "Dimensions of the thesis, not of SPEED: panel 570 x 759 mm, body 560 x 550 x 300 mm, four antennas of 204 mm, one "
+    "bar. The rest is taken over from the SPEED model; mass split estimated."
 )
 
 

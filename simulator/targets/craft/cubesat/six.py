@@ -3,7 +3,8 @@
 Rails and size: CubeSat Design Specification rev. 14.1 (226.3 x 100 x 366 mm). Wings as on commercial 6U platforms,
 folded against the narrow sides and deployed into the plane of +y; a flat patch array on +z as on NASA's MarCO (Hodges
 et al., A deployable high-gain antenna bound for Mars, IEEE Antennas and Propagation Magazine 59(2), 2017, describes
-its bus). Places of the fittings are this model's own; 10 kg is a common flight mass. Some 25,000 triangles.
+its bus). Places of the fittings are this model's own; 10 kg is a common flight mass. Some 13,000 triangles: it
+has no more to show.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 Frame of all CubeSats: origin at the middle of the structure, z along the rails, x across the wide side.
 
 Dimensions: CubeSat Design Specification rev. 14.1 (Cal Poly, 2022), sec. 2.2 and app. B: 1U 100 x 100 x 113.5 mm,
-3U 100 x 100 x 340.5 mm, 6U 226.3 x 100 x 366 mm; rails at least 8.5 mm wide, rounded to 1 mm (a 0.9 mm chamfer here); nothing but rails
-touches the dispenser, and parts stand at most 6.5 mm proud of the plane of the rails.
+3U 100 x 100 x 340.5 mm, 6U 226.3 x 100 x 366 mm; rails at least 8.5 mm wide, rounded to 1 mm (a 0.9 mm chamfer
+here); nothing but rails touches the dispenser, and parts stand at most 6.5 mm proud of the plane of the rails.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Rails and size: CubeSat Design Specification rev. 14.1. Wings of two hinged pane
 telescope that looks along -z, four deployed tape antennas and patches on +z: the common layout of commercial 3U
 Earth observers (compare Planet's Doves and the platforms of GomSpace, ISISPACE and EnduroSat). Places of the fittings
 are this model's own; 4 kg is the older limit for 3U and a common flight mass. A craft of this size has some
-15,000 triangles to show.
+11,000 triangles to show.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ TAPE_M = 0.170
 TELESCOPE_M = 0.042
 END_M = U3.face_z_m
 NOTES = (
-    "Origin at the middle of the structure, z along the rails; telescope on -z, wings in the plane of +y. Mass split and "
-    "fittings estimated."
+    "Origin at the middle of the structure, z along the rails; telescope on -z, wings in the plane of +y. Mass "
+    "split and fittings estimated."
 )
 TAPE_ROOTS: tuple[Vec3, ...] = tuple(
     (sx * 0.030, sy * 0.030, END_M + 0.0045) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))

@@ -55,8 +55,9 @@ from simulator.targets.tango_labels import CORNERS, box_edges
 
 TILE = Material(name="asar-tile", base_color=(0.62, 0.60, 0.55), roughness=0.55)
 NOTES = (
-    "Origin at the launcher interface, x along the long axis towards the array, z to the Earth. Sizes of bus, array and ASAR "
-    "antenna as published by ESA; instruments after its drawings by eye; mass split fitted to the published totals."
+    "Origin at the launcher interface, x along the long axis towards the array, z to the Earth. Sizes of bus, array "
+    "and ASAR antenna as published by ESA; instruments after its drawings by eye; mass split fitted to the totals "
+    "that debris-removal studies publish."
 )
 ARRAY_X_M = (ARRAY_ROOT_X_M + ARRAY_GAP_M / 2, ARRAY_ROOT_X_M + ARRAY_LENGTH_M - ARRAY_GAP_M / 2)
 
@@ -163,8 +164,8 @@ def _occluders() -> list[Mesh]:
 def _lumps() -> list[Lump]:
     """7,828 kg, split so that centre of mass and inertia come near the published ones.
 
-    Published for the dead craft (Estable et al., 2020): x of the centre of mass -3.9 m; 17,000, 125,000 and
-    129,000 kg m2 about x, y and z.
+    ESA's debris-removal studies (e.Deorbit) quote for the dead craft x = -3.9 m of the centre of mass, and 17,000,
+    125,000 and 129,000 kg m2 about x, y and z.
     """
     y, z = 2 * BUS_HALF_Y_M, 2 * BUS_HALF_Z_M
     wing = 2 * ARRAY_HALF_Y_M

@@ -1,8 +1,8 @@
 """Envisat's dimensions [m] in the frame of the launcher interface.
 
-Frame: origin at the middle of the launcher's interface plane, x along the long axis out of it (towards the solar array),
-z towards the Earth in its former attitude, y completes; the bus lies at negative x. In such a frame ESA quotes
-the centre of mass of the dead craft at x = -3.9 m.
+Frame: origin at the middle of the launcher's interface plane, x along the long axis out of it (towards the array),
+z towards the Earth in its former attitude, y completes; the bus lies at negative x. In such a frame ESA quotes the
+centre of mass of the dead craft at x = -3.9 m.
 
 Sources: ESA and eoPortal, Envisat: bus 10 x 2.75 x 1.6 m, deployed 26 x 10 x 5 m, solar array 14 x 5 m of 14
 panels, ASAR antenna 10 x 1.3 m of 5 panels with 4 tiles each; Estable et al., Capturing and deorbiting Envisat

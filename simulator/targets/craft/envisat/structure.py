@@ -139,35 +139,19 @@ def _payload_module(detail: Detail) -> list[Piece]:
 
 def _radiators(detail: Detail) -> list[Piece]:
     """Mirror panels on +-y of the bays, white ones on the service module, each with its joints."""
-    mirrors, joints, white = [], [], []
+    mirrors, joints = [], []
     for k, x in enumerate(bays()[:-1]):
         lo, hi = x - BAY_M + 0.22, x - 0.22
         for s in (-1, 1):
             # the cold instruments' bays on -y carry the larger radiators
             h = 0.56 if s < 0 or k % 2 else 0.36
-            y = s * (Y - SKIN_M)
-            mirrors.append(box((lo, min(y, y + s * 0.015), -h), (hi, max(y, y + s * 0.015), h)))
-            if detail != "full":
-                continue
-            face = y + s * 0.015
-            for a in np.linspace(lo, hi, 8)[1:-1]:
-                joints.append(
-                    box(
-                        (a - 0.004, min(face, face + s * 0.002), -h),
-                        (a + 0.004, max(face, face + s * 0.002), h),
-                    )
-                )
-            for b in np.linspace(-h, h, 7)[1:-1]:
-                joints.append(
-                    box(
-                        (lo, min(face, face + s * 0.0012), b - 0.004),
-                        (hi, max(face, face + s * 0.0012), b + 0.004),
-                    )
-                )
-    for s in (-1, 1):
-        white.append(
-            box((-2.25, min(s * Y, s * (Y + 0.015)), -0.48), (-0.55, max(s * Y, s * (Y + 0.015)), 0.48))
-        )
+            mirrors.append(_on_side(s, lo, hi, -h, h, SKIN_M, 0.015))
+            if detail == "full":
+                columns, rows = np.linspace(lo, hi, 8)[1:-1], np.linspace(-h, h, 7)[1:-1]
+                out = SKIN_M - 0.015
+                joints += [_on_side(s, a - 0.004, a + 0.004, -h, h, out, 0.002) for a in columns]
+                joints += [_on_side(s, lo, hi, b - 0.004, b + 0.004, out, 0.0012) for b in rows]
+    white = [_on_side(s, -2.25, -0.55, -0.48, 0.48, 0.0, 0.015) for s in (-1, 1)]
     pieces = [
         Piece("payload_radiators", "radiator-mirror", merge(mirrors)),
         Piece("service_radiators", "white-paint", merge(white)),
@@ -175,3 +159,12 @@ def _radiators(detail: Detail) -> list[Piece]:
     if joints:
         pieces.append(Piece("radiator_joints", "grey-paint", merge(joints)))
     return pieces
+
+
+def _on_side(
+    side: int, x0_m: float, x1_m: float, z0_m: float, z1_m: float, inset_m: float, thickness_m: float
+) -> Mesh:
+    """A plate on the +y or -y face, ``inset_m`` inside the bus's width."""
+    y = Y - inset_m
+    plate = box((x0_m, y, z0_m), (x1_m, y + thickness_m, z1_m))
+    return plate if side > 0 else plate.mirrored(1)

@@ -63,12 +63,10 @@ def build_array(detail: Detail) -> list[Piece]:
             if k > 0:
                 at = x - ARRAY_PITCH_M / 2
                 hinges.append(rod((at, y - 0.06, -0.020), (at, y + 0.06, -0.020), 0.016, facets(detail, 12)))
-        for y in (-2.1, -0.8, 0.8, 2.1):
-            ribs.append(
-                box(
-                    (x - 0.46, y - 0.02, -ARRAY_PLATE_M - 0.035), (x + 0.46, y + 0.02, -ARRAY_PLATE_M + 0.002)
-                )
-            )
+        top = -ARRAY_PLATE_M + 0.002
+        ribs += [
+            box((x - 0.46, y - 0.02, top - 0.037), (x + 0.46, y + 0.02, top)) for y in (-2.1, -0.8, 0.8, 2.1)
+        ]
     if hinges:
         pieces += [
             Piece("array_hinges", "bare-aluminium", merge(hinges)),
@@ -112,17 +110,15 @@ def build_asar(detail: Detail) -> list[Piece]:
                 tiles.append(box((a, low, -0.013), (b, high, 0.0)))
                 if detail == "full":
                     stripes += _stripes(a, b, low, high)
-        for y in (-0.52, 0.0, 0.52):
-            frames.append(
-                box(
-                    (x0 + 0.03, y - 0.025, -ASAR_PLATE_M - 0.09),
-                    (x1 - 0.03, y + 0.025, -ASAR_PLATE_M + 0.001),
-                )
-            )
-        for x in (x0 + 0.05, middle, x1 - 0.05):
-            frames.append(
-                box((x - 0.02, -0.60, -ASAR_PLATE_M - 0.085), (x + 0.02, 0.60, -ASAR_PLATE_M + 0.002))
-            )
+        back = -ASAR_PLATE_M
+        frames += [
+            box((x0 + 0.03, y - 0.025, back - 0.09), (x1 - 0.03, y + 0.025, back + 0.001))
+            for y in (-0.52, 0.0, 0.52)
+        ]
+        frames += [
+            box((x - 0.02, -0.60, back - 0.085), (x + 0.02, 0.60, back + 0.002))
+            for x in (x0 + 0.05, middle, x1 - 0.05)
+        ]
         for x in (x0 + 0.5 * length - 0.45, x0 + 0.5 * length + 0.42):
             boxes.append(
                 box((x - 0.24, -0.42, -ASAR_PLATE_M - 0.14), (x + 0.24, -0.10, -ASAR_PLATE_M + 0.0015), 0.01)
