@@ -25,6 +25,8 @@ DECK_RADIUS_M = float(RIM_RADIUS_M - (DECK_M - RIM_TOP_M) * np.tan(np.deg2rad(15
 SLOPE = (float(np.cos(np.deg2rad(15.0))), float(np.sin(np.deg2rad(15.0))))
 """Outward normal of the sidewall: radial and axial."""
 PORT_RADIUS_M, PORT_M = 1.02, 3.30
+SHOULDER_RADIUS_M, SHOULDER_HIGH_M = 0.97, 2.82
+"""Inner end of the shoulder between sidewall and port."""
 CAP_HEIGHT_M = 1.10
 """Of the nose cap above the berthing plane at launch."""
 TRUNK_RADIUS_M, TRUNK_INNER_M = 1.83, 1.78
