@@ -5,9 +5,9 @@ wings, whose cells look to +y.
 
 References
 ----------
-SpaceX, Dragon overview (spacex.com/dragon, 2012 to 2018): 7.2 m high with trunk and nose cap, 3.7 m wide, wings 16.5 m
-from tip to tip; 6.1 m without the cap, which is left behind on the way to orbit. Common Berthing Mechanism,
-passive half: ring 2.0 m wide, hatch 1.3 m square (NASA SSP 41004). Fittings: judged on public photographs.
+SpaceX and NASA, CRS-6 press kit (2015): capsule 4.4 m and trunk 2.8 m high, both 3.66 m wide, wings 16.5 m from tip to
+tip. The 6.1 m that others give is taken as the height without the nose cap, which is left behind on the way to orbit.
+Common Berthing Mechanism, passive half: ring about 2 m wide. Fittings: judged from photographs.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ def build_occluders() -> Occluders:
 
 
 def build_mass() -> MassProperties:
-    """13.5 t at launch (China Manned Space Agency), 6.5 t of it cargo and fuel to give away; the split is estimated."""
+    """13.5 t at launch (public figure), 6.5 t of it cargo and fuel to give away; the split is estimated."""
     lumps = (
         Tube(
             name="cargo module, shell",

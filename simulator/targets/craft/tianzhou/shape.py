@@ -5,9 +5,9 @@ wings, whose cells look to +y.
 
 References
 ----------
-China Manned Space Agency, Tianzhou-1 press material (2017): length 10.6 m, greatest diameter 3.35 m, propulsion section
-2.8 m, span 14.9 m, launch mass up to 13.5 t. ESA eoPortal, Tianzhou (2017): cargo module with conical docking end, two
-wings of three panels on the propulsion module. Fittings: judged on public photographs.
+Chinese Academy of Sciences, news release of 21 April 2017: length 10.6 m, greatest diameter 3.35 m, launch mass 13.5 t.
+Wikipedia (de), Tianzhou: cargo module 6.3 m, propulsion module 3.3 m long and 2.8 m wide, span 14.9 m. Fittings: judged
+from photographs.
 """
 
 from __future__ import annotations
