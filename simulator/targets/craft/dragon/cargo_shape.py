@@ -5,8 +5,8 @@ wings, whose cells look to +y.
 
 References
 ----------
-SpaceX and NASA, CRS-6 press kit (2015): capsule 4.4 m and trunk 2.8 m high, both 3.66 m wide, wings 16.5 m from tip to
-tip. The 6.1 m that others give is taken as the height without the nose cap, which is left behind on the way to orbit.
+SpaceX and NASA, CRS-6 press kit (2015): capsule 4.4 m and trunk 2.8 m high, both 3.66 m wide, wings 16.5 m from tip
+to tip. The 6.1 m that others give is taken as the height without the nose cap, which is left on the way to orbit.
 Common Berthing Mechanism, passive half: ring about 2 m wide. Fittings: judged from photographs.
 """
 
