@@ -162,17 +162,22 @@ def test_edges_have_unit_normals_across_them(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_normals_of_edges_look_out_of_the_mesh(name: str) -> None:
+def test_both_faces_of_an_edge_are_on_the_mesh(name: str) -> None:
     target = craft(name)
-    mean = {e.name: np.sum(e.normals, axis=0) for e in target.wireframe}
-    middle = {e.name: (np.array(e.a_m) + np.array(e.b_m)) / 2 for e in target.wireframe}
-    for e in target.wireframe:
-        # a step along both normals leaves the body: no surface of the body within 2 mm of a point 10 mm out,
-        # unless something is mounted there
-        assert np.linalg.norm(mean[e.name]) > 0.2, e.name
-    outside = np.array([middle[e.name] + 0.010 * mean[e.name] for e in target.wireframe])
-    near = len(outside) - len(farther_than(target, outside, 2e-3))
-    assert near < 0.1 * len(outside)
+    corners = np.concatenate([p.positions_m.astype(float)[p.triangles] for p in target.parts])
+    lo, hi = corners.min(axis=1) - 1e-3, corners.max(axis=1) + 1e-3
+    wrong = []
+    for edge in target.wireframe:
+        middle = (np.array(edge.a_m) + np.array(edge.b_m)) / 2
+        close = corners[((lo <= middle) & (middle <= hi)).all(axis=1)]
+        on = trimesh.triangles.closest_point(close, np.tile(middle, (len(close), 1)))
+        close = close[np.linalg.norm(on - middle, axis=1) < 1e-3]
+        face = np.cross(close[:, 1] - close[:, 0], close[:, 2] - close[:, 0])
+        face /= np.linalg.norm(face, axis=1, keepdims=True)
+        # the normals stored are those of the facets, but for float32 and millimetre-wide steps
+        if (face @ np.array(edge.normals).T).max(axis=0).min() < np.cos(np.deg2rad(3)):
+            wrong.append(edge.name)
+    assert wrong == []
 
 
 @pytest.mark.parametrize("name", NAMES)

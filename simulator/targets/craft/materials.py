@@ -1,7 +1,8 @@
 """Surfaces that the larger craft share: paint, ablator, metal, blankets, cover glass, windows.
 
 White paints absorb 0.17 to 0.28 of sunlight, black ones 0.96 (Gilmore, Spacecraft Thermal Control Handbook);
-colours of blankets and cells are judged on public photographs.
+colours of blankets and cells are judged on public photographs. The non-metallic share of metals stands for scattering
+in machining marks, without which they mirror nothing but black sky.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ CHAR = Material(name="burnt-ablator", base_color=(0.030, 0.028, 0.026), roughnes
 BLACK = Material(name="black-paint", base_color=(0.035, 0.035, 0.037), roughness=0.6)
 GREY = Material(name="grey-paint", base_color=(0.30, 0.30, 0.31), roughness=0.6)
 DARK = Material(name="dark-interior", base_color=(0.085, 0.083, 0.080), roughness=0.75)
-ALUMINIUM = Material(name="bare-aluminium", base_color=(0.66, 0.66, 0.67), metallic=0.9, roughness=0.38)
-BRUSHED = Material(name="brushed-metal", base_color=(0.52, 0.51, 0.50), metallic=0.9, roughness=0.5)
-NOZZLE = Material(name="nozzle-alloy", base_color=(0.24, 0.21, 0.19), metallic=0.8, roughness=0.45)
+ALUMINIUM = Material(name="bare-aluminium", base_color=(0.55, 0.55, 0.56), metallic=0.5, roughness=0.4)
+BRUSHED = Material(name="brushed-metal", base_color=(0.42, 0.41, 0.40), metallic=0.5, roughness=0.5)
+NOZZLE = Material(name="nozzle-alloy", base_color=(0.24, 0.21, 0.19), metallic=0.6, roughness=0.45)
 WINDOW = Material(
     name="window", base_color=(0.010, 0.011, 0.013), roughness=0.3, clearcoat=1.0, clearcoat_roughness=0.02
 )
@@ -41,9 +42,9 @@ CELL_BLUE = Material(
 SUBSTRATE = Material(name="cell-substrate", base_color=(0.22, 0.22, 0.21), roughness=0.6)
 PANEL_BACK = Material(name="panel-back", base_color=(0.42, 0.42, 0.40), roughness=0.6)
 GREY_GREEN = Material(
-    name="blanket-grey-green", base_color=(0.150, 0.160, 0.125), roughness=0.7, crinkle=0.45
+    name="blanket-grey-green", base_color=(0.205, 0.215, 0.170), roughness=0.7, crinkle=0.45
 )
-GREY_GREEN_DARK = Material(name="blanket-dark", base_color=(0.085, 0.090, 0.075), roughness=0.7, crinkle=0.45)
+GREY_GREEN_DARK = Material(name="blanket-dark", base_color=(0.110, 0.116, 0.095), roughness=0.7, crinkle=0.45)
 GOLD = Material(name="mli-gold", base_color=(0.80, 0.58, 0.25), metallic=0.7, roughness=0.35, crinkle=0.8)
 SILVER = Material(name="mli-silver", base_color=(0.72, 0.72, 0.72), metallic=0.7, roughness=0.4, crinkle=0.6)
 

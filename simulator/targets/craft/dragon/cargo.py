@@ -21,8 +21,9 @@ from simulator.targets.model import Target
 
 NOTES = (
     "z towards the berthing port, origin where capsule and trunk meet, x along the wings, cells towards +y. "
-    "Height 7.2 m with nose cap (6.1 m on orbit), diameter 3.7 m, span 16.5 m: SpaceX's public figures; "
-    "port: Common Berthing Mechanism. Sizes of fittings are judged on photographs; the mass distribution is an estimate."
+    "Height 7.2 m with nose cap (6.1 m on orbit), diameter 3.7 m, span 16.5 m: press kit of CRS-6; "
+    "port: Common Berthing Mechanism. "
+    "Sizes of fittings are judged on photographs; the mass distribution is an estimate."
 )
 
 

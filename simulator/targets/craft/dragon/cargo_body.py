@@ -20,6 +20,8 @@ from simulator.targets.craft.dragon.cargo_shape import (
     PORT_RADIUS_M,
     RIM_RADIUS_M,
     RIM_TOP_M,
+    SHOULDER_HIGH_M,
+    SHOULDER_RADIUS_M,
     SIDEWALL,
     TRUNK,
     TRUNK_HIGH_M,
@@ -54,7 +56,7 @@ def _capsule(level: Level) -> list[Piece]:
         (RIM_RADIUS_M - 0.012, RIM_TOP_M),
     ]
     wall += [(float(r), float(z)) for r, z in zip(SIDEWALL.radius(rows), rows, strict=True)]
-    wall += [(PORT_RADIUS_M - 0.05, DECK_M + 0.10), (0, DECK_M + 0.10)]
+    wall += [(SHOULDER_RADIUS_M, SHOULDER_HIGH_M), (0, SHOULDER_HIGH_M)]
     return [
         Piece("heat_shield", "burnt-ablator", revolve(shield, n)),
         Piece("capsule_sidewall", "white-paint", revolve(wall, n)),

@@ -13,6 +13,8 @@ from simulator.targets.craft.dragon.cargo_shape import (
     PORT_RADIUS_M,
     RIM_RADIUS_M,
     RIM_TOP_M,
+    SHOULDER_HIGH_M,
+    SHOULDER_RADIUS_M,
     SLOPE,
     TRUNK_HIGH_M,
     TRUNK_INNER_M,
@@ -40,12 +42,13 @@ def build_keypoints() -> tuple[Keypoint, ...]:
 
 def build_wireframe() -> tuple[Edge, ...]:
     """Rims of trunk, shield, deck and port; outlines of the wings' panels."""
+    shoulder = (SHOULDER_HIGH_M - DECK_M, DECK_RADIUS_M - SHOULDER_RADIUS_M)
     edges = [
         *rim_edges("trunk_low", TRUNK_LOW_M, TRUNK_RADIUS_M, [(1, 0), (0, -1)]),
         *rim_edges("trunk_inner", TRUNK_LOW_M, TRUNK_INNER_M + 0.002, [(0, -1), (-1, 0)]),
         *rim_edges("trunk_high", TRUNK_HIGH_M, TRUNK_RADIUS_M, [(1, 0), (0, 1)]),
         *rim_edges("shield_rim", RIM_TOP_M, RIM_RADIUS_M, [(1, 0), SLOPE]),
-        *rim_edges("deck", DECK_M, DECK_RADIUS_M, [SLOPE, (0, 1)]),
+        *rim_edges("deck", DECK_M, DECK_RADIUS_M, [SLOPE, shoulder]),
         *rim_edges("port", PORT_M, PORT_RADIUS_M, [(1, 0), (0, 1)]),
     ]
     return tuple(edges + WINGS.edges())

@@ -5,9 +5,9 @@ wings, whose cells look to +y.
 
 References
 ----------
-SpaceX, Dragon overview (spacex.com/dragon, 2012 to 2018): 7.2 m high with trunk and nose cap, 3.7 m wide, wings 16.5 m
-from tip to tip; 6.1 m without the cap, which is left behind on the way to orbit. Common Berthing Mechanism,
-passive half: ring 2.0 m wide, hatch 1.3 m square (NASA SSP 41004). Fittings: judged on public photographs.
+SpaceX and NASA, CRS-6 press kit (2015): capsule 4.4 m and trunk 2.8 m high, both 3.66 m wide, wings 16.5 m from tip
+to tip. The 6.1 m that others give is taken as the height without the nose cap, which is left on the way to orbit.
+Common Berthing Mechanism, passive half: ring about 2 m wide. Fittings: judged from photographs.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ DECK_RADIUS_M = float(RIM_RADIUS_M - (DECK_M - RIM_TOP_M) * np.tan(np.deg2rad(15
 SLOPE = (float(np.cos(np.deg2rad(15.0))), float(np.sin(np.deg2rad(15.0))))
 """Outward normal of the sidewall: radial and axial."""
 PORT_RADIUS_M, PORT_M = 1.02, 3.30
+SHOULDER_RADIUS_M, SHOULDER_HIGH_M = 0.97, 2.82
+"""Inner end of the shoulder between sidewall and port."""
 CAP_HEIGHT_M = 1.10
 """Of the nose cap above the berthing plane at launch."""
 TRUNK_RADIUS_M, TRUNK_INNER_M = 1.83, 1.78

@@ -21,8 +21,9 @@ from simulator.targets.model import Target
 
 NOTES = (
     "z towards the docking port, origin where capsule and trunk meet, x towards the side hatch. "
-    "Height 8.1 m with closed nose cone, diameter 4 m: SpaceX's public figures; trunk 3.7 m wide: NASA's press kit; "
-    "port: International Docking System Standard. Sizes of fittings are judged on photographs; the mass distribution is an estimate."
+    "Height 8.1 m with closed nose cone, diameter 4 m: SpaceX's public figures; trunk 3.7 m wide; "
+    "port: International Docking System Standard. Sizes of fittings are judged on photographs; the mass distribution "
+    "is an estimate. No symmetry: cells, hatch and nose cone tell the quarters apart."
 )
 
 

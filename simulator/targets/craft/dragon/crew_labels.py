@@ -113,7 +113,7 @@ def build_occluders() -> Occluders:
 
 
 def build_mass() -> MassProperties:
-    """12.5 t in all (NASA's public figure for launch mass), shared out by an estimate.
+    """12.5 t in all (public figure for the launch mass), shared out by an estimate.
 
     The abort propellant sits low in the capsule; the trunk is light.
     """

@@ -5,10 +5,10 @@ hatch; the solar half of the trunk and the hinge of the nose cone are on the -x 
 
 References
 ----------
-SpaceX, Dragon (spacex.com/vehicles/dragon, 2020): height 8.1 m with trunk and closed nose cone, diameter 4 m.
-NASA, Commercial Crew press kit Demo-2 (2020): trunk 3.7 m wide, half solar array, half radiator, four fins.
-International Docking System Standard, rev. E: hard-capture ring 1.2 to 1.3 m wide. Heights of seams, windows and pods:
-judged on public photographs.
+SpaceX, Dragon (spacex.com/vehicles/dragon): height 8.1 m with trunk, diameter 4 m. Costello (2020),
+Meet Crew Dragon, spaceflightinsider.com: capsule about 4.5 m high and 3.7 m wide, four fins. The widths are taken as
+those of the heat shield's rim and of the trunk. International Docking System Standard: hard-capture ring 1.2 to 1.3 m
+wide. Heights of seams, windows and pods, and the angle of the open nose cone: judged from photographs.
 """
 
 from __future__ import annotations

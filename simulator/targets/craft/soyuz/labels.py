@@ -66,7 +66,7 @@ def build_occluders() -> Occluders:
 
 
 def build_mass() -> MassProperties:
-    """7,080 kg (RSC Energia), shared over the modules as Hall & Shayler (2003) give them.
+    """7,080 kg (public figure), shared over the modules as Hall & Shayler (2003) give them.
 
     Orbital module 1,300 kg, descent module 2,900 kg, service module with propellant 2,600 kg, the rest wings.
     """

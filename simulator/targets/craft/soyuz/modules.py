@@ -41,6 +41,11 @@ def build_modules(level: Level) -> list[Piece]:
     return [*_orbital(level), *_descent(level), *_service(level)]
 
 
+def _blanket(level: Level) -> str:
+    """Material of the shells: what shows between blankets, or the blankets' own where they are left out."""
+    return "blanket-dark" if level.fittings else "blanket-grey-green"
+
+
 def _thinned(profile: tuple[tuple[float, float], ...], level: Level) -> list[tuple[float, float]]:
     step = {"full": 1, "medium": 2, "low": 4}[level.detail]
     return [*profile[:-1:step], profile[-1]]
@@ -81,9 +86,9 @@ def _orbital(level: Level) -> list[Piece]:
     ]  # fmt: skip
     neck = [(0, 1.70), (0.61, 1.70), (0.66, 1.98), (0.585, 2.06), (0, 2.06)]
     pieces = [
-        Piece("orbital_shell", "blanket-dark", revolve(shell, n)),
+        Piece("orbital_shell", _blanket(level), revolve(shell, n)),
         Piece("docking_collar", "bare-aluminium", revolve(collar, level.segments(48))),
-        Piece("orbital_neck", "blanket-dark", revolve(neck, level.segments(48))),
+        Piece("orbital_neck", _blanket(level), revolve(neck, level.segments(48))),
     ]
     if level.fittings:
         rows = [2.12, 2.55, ORBITAL_LOW_M, ORBITAL_HIGH_M, 3.80, 4.18]
@@ -103,7 +108,7 @@ def _descent(level: Level) -> list[Piece]:
     first, last = DESCENT_PROFILE[0], DESCENT_PROFILE[-1]
     shell = [(0, -0.02), (1.0, -0.02), first]
     shell += [*_thinned(DESCENT_PROFILE, level)[1:], (last[0], last[1] + 0.02), (0, last[1] + 0.02)]
-    pieces = [Piece("descent_shell", "blanket-dark", revolve(shell, n))]
+    pieces = [Piece("descent_shell", _blanket(level), revolve(shell, n))]
     if level.fittings:
         rows = [0.14, 0.70, 1.22, 1.70]
         pieces.append(
@@ -145,7 +150,7 @@ def _service(level: Level) -> list[Piece]:
     )
     adapter = revolve([(0, hi), (0.80, hi), (0.80, -0.01), (0, -0.01)], level.segments(36))
     pieces = [
-        Piece("service_drum", "blanket-dark", drum),
+        Piece("service_drum", _blanket(level), drum),
         Piece("service_skirt", "white-cloth", revolve(skirt, n)),
         Piece("service_base", "mli-silver", base),
         Piece("transfer_core", "dark-interior", adapter),

@@ -5,9 +5,9 @@ solar wings, whose cells look to +y.
 
 References
 ----------
-RSC Energia, Soyuz MS (energia.ru, 2016): length 7.48 m, greatest diameter 2.72 m, crew modules 2.2 m wide, wings
-10.7 m from tip to tip. Hall & Shayler (2003), Soyuz: A Universal Spacecraft: lengths of the three modules (orbital 2.6
-to 3.0 m, descent 2.1 to 2.2 m, service 2.3 to 2.5 m). Fittings: judged on public photographs.
+Wikipedia, Soyuz MS (2024): greatest diameter 2.72 m, wings 10.7 m from tip to tip, 7,080 kg. Hall & Shayler (2003),
+Soyuz: A Universal Spacecraft: length 7.48 m, crew modules 2.2 m wide, modules 2.6 to 3.0, 2.1 to 2.2 and 2.3 to 2.5 m
+long. Fittings: judged from photographs.
 """
 
 from __future__ import annotations

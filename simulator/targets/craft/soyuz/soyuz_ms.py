@@ -14,8 +14,9 @@ from simulator.targets.model import Target
 
 NOTES = (
     "z towards the docking probe, origin where descent and service module meet, x along the wings, cells towards +y. "
-    "Length 7.48 m, greatest diameter 2.72 m, span 10.7 m: RSC Energia's public figures; lengths and masses "
-    "of modules: Hall & Shayler (2003). Sizes of fittings are judged on photographs; the mass distribution is an estimate."
+    "Length 7.48 m, greatest diameter 2.72 m, span 10.7 m: public figures; lengths and masses "
+    "of modules: Hall & Shayler (2003). "
+    "Sizes of fittings are judged on photographs; the mass distribution is an estimate."
 )
 
 

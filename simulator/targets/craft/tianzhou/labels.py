@@ -15,6 +15,7 @@ from simulator.targets.craft.tianzhou.shape import (
     DRIVE_HIGH_M,
     DRIVE_LOW_M,
     DRIVE_RADIUS_M,
+    NECK_RADIUS_M,
     PORT_M,
     PORT_RADIUS_M,
     WINGS,
@@ -36,7 +37,7 @@ def build_keypoints() -> tuple[Keypoint, ...]:
 def build_wireframe() -> tuple[Edge, ...]:
     """Rims of both modules, the cone and the port; outlines of the wings' panels."""
     cone = (CONE_HIGH_M - CARGO_HIGH_M, CARGO_RADIUS_M - CONE_RADIUS_M)
-    aft = (CARGO_LOW_M - DRIVE_HIGH_M, DRIVE_RADIUS_M - CARGO_RADIUS_M)
+    aft = (CARGO_LOW_M - DRIVE_HIGH_M, DRIVE_RADIUS_M - NECK_RADIUS_M)
     edges = [
         *rim_edges("cargo_high", CARGO_HIGH_M, CARGO_RADIUS_M, [(1, 0), cone]),
         *rim_edges("cargo_low", CARGO_LOW_M, CARGO_RADIUS_M, [(1, 0), (0, -1)]),
@@ -58,7 +59,7 @@ def build_occluders() -> Occluders:
 
 
 def build_mass() -> MassProperties:
-    """13.5 t at launch (China Manned Space Agency), 6.5 t of it cargo and fuel to give away; the split is estimated."""
+    """13.5 t at launch (public figure), 6.5 t of it cargo and fuel to give away; the split is estimated."""
     lumps = (
         Tube(
             name="cargo module, shell",

@@ -26,6 +26,7 @@ from simulator.targets.craft.tianzhou.shape import (
     DRIVE_HIGH_M,
     DRIVE_LOW_M,
     DRIVE_RADIUS_M,
+    NECK_RADIUS_M,
     NOZZLE_LOW_M,
     PORT_M,
     PORT_RADIUS_M,
@@ -44,7 +45,7 @@ def _shells(level: Level) -> list[Piece]:
     r, lo, hi = CARGO_RADIUS_M, CARGO_LOW_M, CARGO_HIGH_M
     cargo = [(0, lo), (r, lo), (r, hi), (CONE_RADIUS_M, CONE_HIGH_M), (0, CONE_HIGH_M)]
     d, base, top = DRIVE_RADIUS_M, DRIVE_LOW_M, DRIVE_HIGH_M
-    drive = [(0, base), (d, base), (d, top), (r - 0.035, lo + 0.0), (0, lo + 0.0)]
+    drive = [(0, base), (d, base), (d, top), (NECK_RADIUS_M, lo), (0, lo)]
     return [
         Piece("cargo_shell", "white-cloth", revolve(cargo, n)),
         Piece("drive_shell", "white-paint", revolve(drive, n).moved((0, 0, -0.004))),

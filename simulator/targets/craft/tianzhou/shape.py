@@ -5,9 +5,9 @@ wings, whose cells look to +y.
 
 References
 ----------
-China Manned Space Agency, Tianzhou-1 press material (2017): length 10.6 m, greatest diameter 3.35 m, propulsion section
-2.8 m, span 14.9 m, launch mass up to 13.5 t. ESA eoPortal, Tianzhou (2017): cargo module with conical docking end, two
-wings of three panels on the propulsion module. Fittings: judged on public photographs.
+Chinese Academy of Sciences, news release of 21 April 2017: length 10.6 m, greatest diameter 3.35 m, launch mass 13.5 t.
+Wikipedia (de), Tianzhou: cargo module 6.3 m, propulsion module 3.3 m long and 2.8 m wide, span 14.9 m. Fittings: judged
+from photographs.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ PORT_RADIUS_M, PORT_M = 0.70, 6.80
 """Docking adapter: outer radius, docking plane."""
 DRIVE_RADIUS_M, DRIVE_LOW_M, DRIVE_HIGH_M = 1.40, -3.40, -0.42
 """Propulsion module: radius, base plate, start of the cone to the cargo module."""
+NECK_RADIUS_M = 1.64
+"""Of the propulsion module's forward cone, where it meets the cargo module."""
 NOZZLE_LOW_M = -3.80
 
 CARGO = Revolved.of([(CARGO_RADIUS_M, CARGO_LOW_M), (CARGO_RADIUS_M, CARGO_HIGH_M)])

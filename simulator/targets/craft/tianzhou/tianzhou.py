@@ -19,7 +19,7 @@ from simulator.targets.model import Target
 
 NOTES = (
     "z towards the docking port, origin where propulsion and cargo module meet, x along the wings, cells towards +y. "
-    "Length 10.6 m, diameter 3.35 m, propulsion module 2.8 m, span 14.9 m, mass 13.5 t: China Manned Space Agency. "
+    "Length 10.6 m, diameter 3.35 m, propulsion module 2.8 m, span 14.9 m, mass 13.5 t: public figures of Tianzhou-1. "
     "Sizes of fittings are judged on photographs; the mass distribution is an estimate."
 )
 
