@@ -1,6 +1,6 @@
 """Targets by name: built once by code, kept as target files in the user's cache, always read from there.
 
-What is drawn is therefore what was exported.
+What is drawn is therefore what was exported. Meshes that the user added stand beside them, in the data folder.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import platformdirs
 
 from simulator.errors import UserError
 from simulator.targets.glb import load_glb, write_glb
+from simulator.targets.importing.install import user_file, user_targets
 
 if TYPE_CHECKING:
     from simulator.targets.model import Target
@@ -42,12 +43,18 @@ ENTRIES = (
 
 
 def list_targets() -> tuple[str, ...]:
-    """Names of the built-in targets."""
+    """Names of the built-in targets, then of those the user added."""
+    built_in = built_in_targets()
+    return (*built_in, *(n for n in user_targets() if n not in built_in))
+
+
+def built_in_targets() -> tuple[str, ...]:
+    """Names of the targets built by code."""
     return tuple(e.name for e in ENTRIES)
 
 
 def load_target(name_or_path: str | Path) -> Target:
-    """A built-in target by name, or a target file (``.glb``).
+    """A built-in target or one that the user added by name, or a target file (``.glb``).
 
     Raises
     ------
@@ -58,6 +65,8 @@ def load_target(name_or_path: str | Path) -> Target:
     entry = next((e for e in ENTRIES if e.name == text), None)
     if entry is not None:
         return _built_in(entry)
+    if text in user_targets():
+        return load_glb(user_file(text))
     path = Path(name_or_path)
     if path.suffix.lower() == ".glb" or path.is_file():
         return load_glb(path)
