@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.contact_views import OBLIQUE, SIDES, bounds_m, draw_labels, draw_view, view_scene
+from flyaround.contact_views import OBLIQUE, SIDES, bounds_m, draw_labels, draw_view
 from simulator.errors import UserError
 from simulator.files import write_atomic
 from simulator.render.renderer import Renderer
@@ -61,15 +61,17 @@ def jpeg(image: ByteArray, quality: int = JPEG_QUALITY) -> bytes:
 def _article(renderer: Renderer, target: Target, folder: Path) -> str:
     plain, marked, sides = [], [], []
     for k, eye in enumerate(OBLIQUE):
-        picture = draw_view(renderer, target, eye, *LARGE)
-        labelled = draw_labels(picture, view_scene(target, eye, *LARGE), target)
-        for kind, image, names in (("view", picture, plain), ("labels", labelled, marked)):
+        drawn = draw_view(renderer, target, eye, *LARGE)
+        for kind, image, names in (
+            ("view", drawn.image, plain),
+            ("labels", draw_labels(drawn, target), marked),
+        ):
             name = f"{target.name}-{kind}{k + 1}.jpg"
             write_atomic(folder / name, jpeg(image))
             names.append(name)
     for side, eye in SIDES.items():
         name = f"{target.name}-{side.replace('+', 'p').replace('-', 'n')}.jpg"
-        write_atomic(folder / name, jpeg(draw_view(renderer, target, eye, *SMALL)))
+        write_atomic(folder / name, jpeg(draw_view(renderer, target, eye, *SMALL).image))
         sides.append((name, side))
     rows = "".join(f"<tr><th>{k}<td>{html.escape(v)}" for k, v in facts(target).items())
     swatches = "".join(_swatch(m) for m in target.materials)
@@ -133,8 +135,8 @@ ul{list-style:none;padding:0;display:flex;flex-wrap:wrap;gap:4px 14px;font-size:
 i{display:inline-block;width:14px;height:14px;margin-right:5px;vertical-align:-2px;border:1px solid #444}.notes{color:#999;font-size:13px}
 </style>
 <h1>Targets</h1>
-<p>Drawn by the renderer that makes the images, the Sun behind the camera. Blue: wireframe edges that face the camera.
-Orange: keypoints, hidden ones too.</p>
+<p>Drawn by the renderer that makes the images, the Sun behind the camera. Blue: what can be seen of the wireframe.
+Orange: keypoints, those that the craft hides as rings.</p>
 @ARTICLES@
 </html>
 """

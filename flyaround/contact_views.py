@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import cv2
@@ -11,14 +11,15 @@ import numpy as np
 from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.camera.sensor import Sensor
+from simulator.scene.bands import sun_irradiance_w_m2
 from simulator.scene.state import Environment, SceneState, TargetRef
 from simulator.world.constants import AU_M
 from simulator.world.rotation import quat_from_matrix
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
-    from simulator.arrays import ByteArray, FloatArray
+    from simulator.arrays import ByteArray, Float32Array, FloatArray
     from simulator.render.renderer import Renderer
     from simulator.targets.model import Target
 
@@ -48,6 +49,9 @@ DARK = Environment(
 # RGB. Colours that a colour-blind reader tells apart (Okabe and Ito).
 EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
 GAMMA = 2.2
+PIECES = 60
+SKIN = 0.006
+"""Share of the craft's diagonal by which a label may lie under the surface it belongs to."""
 
 
 def bounds_m(target: Target) -> tuple[FloatArray, FloatArray]:
@@ -69,7 +73,6 @@ def view_scene(target: Target, eye: ArrayLike, width_px: int, height_px: int) ->
         cx_px=(width_px - 1) / 2,
         cy_px=(height_px - 1) / 2,
     )
-    low, high = bounds_m(target)
     z = -np.asarray(eye, float)
     z /= np.linalg.norm(z)
     # upright where the model's z is not along the view; else y is up
@@ -77,10 +80,10 @@ def view_scene(target: Target, eye: ArrayLike, width_px: int, height_px: int) ->
     x = np.cross(z, up)
     x /= np.linalg.norm(x)
     R = np.stack([x, np.cross(z, x), z])
-    corners = np.array(list(itertools.product(*zip(low, high, strict=True)))) @ R.T
-    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-    from_middle = corners - middle
-    # the range at which each corner just stays inside the filled part of the image
+    outline = np.concatenate([p.positions_m for p in target.parts]).astype(float) @ R.T
+    middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
+    from_middle = outline - middle
+    # the range at which each vertex just stays inside the filled part of the image
     need = [
         np.abs(from_middle[:, k]) * camera.fx_px / (FILL * size / 2) - from_middle[:, 2]
         for k, size in ((0, width_px), (1, height_px))
@@ -118,35 +121,66 @@ def view_scene(target: Target, eye: ArrayLike, width_px: int, height_px: int) ->
     )
 
 
-def draw_view(renderer: Renderer, target: Target, eye: ArrayLike, width_px: int, height_px: int) -> ByteArray:
-    """(H, W, 3) RGB picture, exposed for the craft."""
-    radiance = renderer.render(view_scene(target, eye, width_px, height_px), target).radiance
-    return developed(np.asarray(radiance, float))
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A picture of a craft: RGB (H, W, 3), the scene, and the depth of its surface (H, W) [m], NaN outside."""
+
+    image: ByteArray
+    scene: SceneState
+    depth_m: Float32Array
+
+
+def draw_view(renderer: Renderer, target: Target, eye: ArrayLike, width_px: int, height_px: int) -> Drawn:
+    """The craft seen from the direction ``eye`` (target frame), exposed for it."""
+    scene = view_scene(target, eye, width_px, height_px)
+    rendered = renderer.render(scene, target, labels=True)
+    if rendered.depth_m is None:
+        raise RuntimeError("the renderer was asked for labels and gave no depth")
+    return Drawn(developed(np.asarray(rendered.radiance, float)), scene, rendered.depth_m)
 
 
 def developed(radiance: FloatArray) -> ByteArray:
-    """Linear radiance for the eye: near the brightest two per cent of the craft white, gamma 2.2."""
-    grey = radiance.max(axis=2)
+    """Linear radiance for the eye: sunlight is white, the brightest two per cent near it, gamma 2.2."""
+    balanced = radiance / np.asarray(sun_irradiance_w_m2("rgb", AU_M))
+    grey = balanced.max(axis=2)
     lit = grey[grey > 0]
     white = float(np.percentile(lit, 98)) if lit.size else 1.0
-    return np.rint(255 * np.clip(0.85 * radiance / white, 0, 1) ** (1 / GAMMA)).astype(np.uint8)
+    return np.rint(255 * np.clip(0.85 * balanced / white, 0, 1) ** (1 / GAMMA)).astype(np.uint8)
 
 
-def draw_labels(image: ByteArray, scene: SceneState, target: Target) -> ByteArray:
-    """A copy with the edges that face the camera and the keypoints that do not lie behind the craft's middle."""
-    canvas = image.copy()
-    pose = scene.camera_from_target
+def draw_labels(drawn: Drawn, target: Target) -> ByteArray:
+    """A copy with what can be seen of the wireframe, and the keypoints: filled where seen, rings where hidden."""
+    canvas = drawn.image.copy()
+    pose, camera = drawn.scene.camera_from_target, drawn.scene.camera
+    low, high = bounds_m(target)
+    skin_m = SKIN * float(np.linalg.norm(high - low))
     eye = np.asarray(pose.inverse().t_m)
+    s = (np.arange(PIECES + 1) / PIECES)[:, None]
     for edge in target.wireframe:
         ends = np.array([edge.a_m, edge.b_m])
         sight = eye - ends.mean(axis=0)
         if edge.normals and max(float(sight @ np.asarray(n)) for n in edge.normals) <= 0:
             continue
-        a, b = (tuple(int(v) for v in np.rint(p * 8)) for p in scene.camera.project(pose.apply(ends)))
-        cv2.line(canvas, (a[0], a[1]), (b[0], b[1]), EDGE_RGB, 1, cv2.LINE_AA, 3)
+        line = pose.apply(ends[0] + s * (ends[1] - ends[0]))
+        seen = _unhidden(drawn, (line[:-1] + line[1:]) / 2, skin_m + edge.radius_m)
+        pixels = np.rint(camera.project(line) * 8).astype(int).tolist()
+        for k in np.flatnonzero(seen):
+            cv2.line(canvas, tuple(pixels[k]), tuple(pixels[k + 1]), EDGE_RGB, 1, cv2.LINE_AA, 3)
     if target.keypoints:
-        points = np.array([k.position_m for k in target.keypoints])
-        for p in scene.camera.project(pose.apply(points)):
-            centre = tuple(int(v) for v in np.rint(p * 8))
-            cv2.circle(canvas, (centre[0], centre[1]), 4 * 8, POINT_RGB, 1, cv2.LINE_AA, 3)
+        points = pose.apply(np.array([k.position_m for k in target.keypoints]))
+        seen = _unhidden(drawn, points, skin_m)
+        for pixel, is_seen in zip(
+            np.rint(camera.project(points) * 8).astype(int).tolist(), seen, strict=True
+        ):
+            weight = cv2.FILLED if is_seen else 1
+            cv2.circle(canvas, tuple(pixel), 4 * 8, POINT_RGB, weight, cv2.LINE_AA, 3)
     return canvas
+
+
+def _unhidden(drawn: Drawn, points: FloatArray, skin_m: float) -> NDArray[np.bool_]:
+    """Whether the drawn surface leaves points (K, 3) in the camera frame open, within a skin."""
+    depth = np.where(np.isnan(drawn.depth_m), np.float32(1e9), drawn.depth_m)
+    farthest = np.asarray(cv2.dilate(depth, np.ones((3, 3), np.uint8)))
+    height, width = farthest.shape
+    u, v = np.rint(drawn.scene.camera.project(points)).astype(int).T
+    return np.asarray(farthest[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] >= points[:, 2] - skin_m)

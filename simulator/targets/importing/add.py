@@ -11,7 +11,7 @@ from simulator.errors import UserError
 from simulator.targets.check import check_target
 from simulator.targets.convert import content_sha256
 from simulator.targets.glb import load_glb
-from simulator.targets.importing.decimate import decimate
+from simulator.targets.importing.decimate import decimate, deviation
 from simulator.targets.importing.keypoints import propose_keypoints
 from simulator.targets.importing.place import bounds, check_count, check_numbers, place_model
 from simulator.targets.importing.raw import unique_names
@@ -143,16 +143,18 @@ def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[
             lines.append(f"part {part.name!r} has no face with area: left out")
     if not bodies:
         raise UserError(f"{model.path} has no face with area; export the model again")
+    summary = ""
     reduced = options.decimate is not None and sum(len(b.triangles) for b in bodies) > options.decimate
     if reduced and options.decimate is not None:
         before = sum(len(b.triangles) for b in bodies)
-        bodies, deviation = decimate(bodies, options.decimate)
+        original, bodies = bodies, decimate(bodies, options.decimate)
+        off = deviation(original, bodies)
         bodies = [without_slivers(b, extent, Tally()) for b in bodies]
         bodies = [b for b in bodies if len(b.triangles)]
         after = sum(len(b.triangles) for b in bodies)
-        lines.append(
-            f"reduced {before:,} triangles to {after:,}: {deviation.rms_m * 1e3:.3g} mm off in the mean (rms), "
-            f"{deviation.largest_m * 1e3:.3g} mm at most"
+        summary = (
+            f"reduced {before:,} triangles to {after:,}: {off.rms_m * 1e3:.3g} mm off in the mean (rms), "
+            f"{off.largest_m * 1e3:.3g} mm at most"
         )
     holes = rims = branches = 0
     out = []
@@ -171,6 +173,8 @@ def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[
         holes, rims, branches = holes + found[0], rims + found[1], branches + found[2]
         out.append(oriented(closed, where, tally, lenient=options.keep_non_manifold or reduced))
     lines += tally.lines()
+    if summary:
+        lines.append(summary)
     if holes:
         lines.append(f"kept {holes} open outlines ({rims:,} open edges) as sheets seen from both sides")
     if branches:

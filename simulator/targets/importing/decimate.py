@@ -15,8 +15,10 @@ from simulator.arrays import FloatArray, IntArray
 from simulator.targets.importing.topology import Body
 
 SAMPLES = 20_000
-NEAREST = 12
-FINEST_STEPS = 2000
+NEAREST = 6
+SURFACE_POINTS = 300_000
+FINEST_STEPS = 4000
+SEARCHES = 12
 
 
 @dataclass(frozen=True)
@@ -27,23 +29,29 @@ class Deviation:
     largest_m: float
 
 
-def decimate(bodies: list[Body], most: int) -> tuple[list[Body], Deviation]:
-    """Bodies with at most ``most`` triangles together, and how far they are from the original."""
+def decimate(bodies: list[Body], most: int) -> list[Body]:
+    """Bodies with at most ``most`` triangles together; pieces smaller than a cluster are gone."""
     low = np.min([b.positions_m.min(axis=0) for b in bodies], axis=0)
     high = np.max([b.positions_m.max(axis=0) for b in bodies], axis=0)
     extent = float((high - low).max())
-    steps_low, steps_high, best = 2, FINEST_STEPS, 2
-    # the count grows with the square of the steps: secant steps would overshoot on sheets, halving never does
-    while steps_high - steps_low > max(1, steps_low // 50):
-        middle = (steps_low + steps_high) // 2
-        if sum(len(_collapsed(b, _cells(b, low, extent / middle))) for b in bodies) <= most:
-            steps_low = best = middle
-        else:
-            steps_high = middle
+    # the count grows about with the square of the steps, on sheets and on solids alike
+    steps, best, best_count = 48.0, 2, 0
+    too_many = float(FINEST_STEPS)
+    for _ in range(SEARCHES):
+        tried = max(2, int(min(steps, too_many - 1, FINEST_STEPS)))
+        count = sum(len(_collapsed(b, _cells(b, low, extent / tried))) for b in bodies)
+        if count > most:
+            too_many = min(too_many, tried)
+        elif count >= best_count:
+            best, best_count = tried, count
+        if count <= most and (count > 0.95 * most or tried + 1 >= too_many):
+            break
+        steps = tried * float(np.sqrt(0.985 * most / max(count, 1)))
+        if steps >= too_many or steps <= best:
+            steps = (best + too_many) / 2 if too_many < FINEST_STEPS else 2.0 * best
     cell_m = extent / best
     reduced = [_clustered(b, _cells(b, low, cell_m), low, cell_m) for b in bodies]
-    reduced = [b for b in reduced if len(b.triangles)]
-    return reduced, _deviation(bodies, reduced)
+    return [b for b in reduced if len(b.triangles)]
 
 
 def _cells(body: Body, low: FloatArray, cell_m: float) -> IntArray:
@@ -102,14 +110,21 @@ def _best_points(body: Body, cell: IntArray, cell_m: float) -> FloatArray:
     return mean + np.clip(step, -cell_m / 2, cell_m / 2)
 
 
-def _deviation(before: list[Body], after: list[Body]) -> Deviation:
+def deviation(before: list[Body], after: list[Body]) -> Deviation:
     """Distances of a sample of the original vertices to the nearest triangles of the reduced surface."""
     vertices = np.concatenate([b.positions_m for b in before])
     sample = vertices[:: len(vertices) // SAMPLES + 1]
     corners = np.concatenate([b.positions_m[b.triangles] for b in after])
-    _, near = cKDTree(corners.mean(axis=1)).query(sample, k=min(NEAREST, len(corners)))
-    near = near.reshape(len(sample), -1)
-    d = distance_to_triangles(np.repeat(sample, near.shape[1], axis=0), corners[near.ravel()])
+    # points spread over the reduced surface lead from each vertex to the triangles it may be nearest to
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    rng = np.random.default_rng(0)
+    owner = np.concatenate(
+        [np.arange(len(corners)), rng.choice(len(corners), SURFACE_POINTS, p=area / area.sum())]
+    )
+    weight = rng.dirichlet((1.0, 1.0, 1.0), len(owner))
+    points = np.einsum("nk,nkc->nc", weight, corners[owner])
+    _, near = cKDTree(points).query(sample, k=NEAREST)
+    d = distance_to_triangles(np.repeat(sample, NEAREST, axis=0), corners[owner[near].ravel()])
     d = d.reshape(near.shape).min(axis=1)
     return Deviation(float(np.sqrt(np.mean(d**2))), float(d.max()))
 

@@ -50,9 +50,11 @@ def read_gltf(path: Path, data: bytes) -> RawModel:
             document, blob = json.loads(data), b""
         except ValueError as error:
             raise UserError(f"{path} is not readable JSON ({error}); export it again") from error
-    if not isinstance(document, dict) or "asset" not in document:
+    if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):
         raise UserError(f"{path} holds JSON that is not a glTF document; export it again")
-    for name in document.get("extensionsRequired", []):
+    if str(document["asset"].get("version", "2")).startswith("1"):
+        raise UserError(f"{path} is glTF version 1; export it as version 2")
+    for name in map(str, document.get("extensionsRequired") or []):
         if name in COMPRESSED:
             raise UserError(
                 f"{path} is compressed with {COMPRESSED[name]}; export it without mesh compression"
@@ -161,9 +163,11 @@ class _Reader:
         if any(c is not None for c in colours):
             blank = [np.full((len(t), 3), np.nan) for t in triangles]
             colour = np.concatenate([b if c is None else c for b, c in zip(blank, colours, strict=True)])
+        with np.errstate(invalid="ignore", over="ignore"):  # vertices that are not finite are named later
+            places = np.concatenate(positions) @ linear.T + matrix[:3, 3]
         return RawPart(
             name=name,
-            positions_m=np.concatenate(positions) @ linear.T + matrix[:3, 3],
+            positions_m=places,
             triangles=all_triangles,
             face_material=np.concatenate(materials),
             normals=whole,

@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from simulator.arrays import FloatArray, vec3
 from simulator.targets.importing.seen import times_seen
-from simulator.targets.importing.topology import Body, edge_table
+from simulator.targets.importing.topology import Body, edge_table, used_vertices
 from simulator.targets.importing.wireframe import crease_edges
 from simulator.targets.model import Keypoint
 
@@ -53,8 +53,9 @@ def propose_keypoints(bodies: list[Body], extent: float) -> tuple[Keypoint, ...]
 
 def _candidates(bodies: list[Body]) -> tuple[FloatArray, np.ndarray]:
     corners = [b.positions_m[_corner_vertices(b)] for b in bodies]
-    hulls = [_tips(b.positions_m[np.unique(b.triangles)]) for b in bodies]
-    whole = _tips(np.concatenate([b.positions_m[np.unique(b.triangles)] for b in bodies]))
+    used = [b.positions_m[used_vertices(b.triangles, len(b.positions_m))] for b in bodies]
+    hulls = [_tips(points) for points in used]
+    whole = _tips(np.concatenate(used))
     sharp, round_ = np.concatenate(corners), np.concatenate([*hulls, whole])
     points = np.concatenate([sharp, round_])
     is_corner = np.arange(len(points)) < len(sharp)

@@ -136,7 +136,7 @@ def _part(
 
 def _faces(path: Path, lines: list[str]) -> IntArray:
     """(F, 3, 3) of vertex, texture and normal number, from 1; 0 where the file gives none."""
-    first = lines[0].split()
+    first = lines[0].split() or [""]
     slashes, double = first[0].count("/"), "//" in first[0]
     plain = all(line.count("/") == 3 * slashes and ("//" in line) == double for line in lines)
     if plain and all(len(line.split()) == 3 for line in lines):
@@ -157,6 +157,10 @@ def _faces(path: Path, lines: list[str]) -> IntArray:
             corners = [_corner(token) for token in line.partition("#")[0].split()]
         except ValueError as error:
             raise UserError(f"{path}: face {line.strip()[:60]!r} cannot be read; export it again") from error
+        if len(corners) < 3:
+            raise UserError(
+                f"{path}: face {line.strip()[:60]!r} has fewer than three corners; export it again"
+            )
         faces += [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
     return np.array(faces, np.int64).reshape(-1, 3, 3)
 

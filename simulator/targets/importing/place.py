@@ -7,6 +7,7 @@ import numpy as np
 from simulator.arrays import FloatArray
 from simulator.errors import UserError
 from simulator.targets.importing.raw import RawModel
+from simulator.targets.importing.topology import used_vertices
 
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 SMALLEST_M, LARGEST_M = 0.03, 150.0
@@ -121,7 +122,7 @@ def _check_size(model: RawModel, extent: float, *, said: bool) -> None:
 
 def bounds(model: RawModel) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest corner of the vertices that triangles use."""
-    used = [p.positions_m[np.unique(p.triangles)] for p in model.parts]
+    used = [p.positions_m[used_vertices(p.triangles, len(p.positions_m))] for p in model.parts]
     return (
         np.min([u.min(axis=0) for u in used], axis=0),
         np.max([u.max(axis=0) for u in used], axis=0),

@@ -79,7 +79,7 @@ def kind_of(data: bytes) -> str:
     if is_binary_stl(data):
         return "stl"
     head = data[:4096].lstrip()
-    if head[:6].lower() == b"solid " or head[:6].lower() in {b"solid\n", b"solid\r"}:
+    if head[:5].lower() == b"solid" and head[5:6] in b" \t\r\n":
         return "stl"
     if head[:1] == b"{":
         return "gltf"

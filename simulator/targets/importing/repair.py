@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.targets.importing.topology import Body, components, edge_table, weld
+from simulator.targets.importing.topology import Body, components, edge_table, used_vertices, weld
 
 if TYPE_CHECKING:
     from simulator.arrays import BoolArray, FloatArray, IntArray
@@ -51,10 +51,12 @@ class Tally:
 
 def welded_body(part: RawPart, low: FloatArray, extent: float, tally: Tally) -> Body:
     """The part with each place once, without faces that have no area or come twice."""
-    used = np.unique(part.triangles)
+    used = used_vertices(part.triangles, len(part.positions_m))
     places, index = weld(part.positions_m[used], low, extent)
     tally.merged += len(used) - len(places)
-    triangles = index[np.searchsorted(used, part.triangles)]
+    number = np.empty(len(part.positions_m), np.int64)
+    number[used] = index
+    triangles = number[part.triangles]
     normals = None if part.normals is None else part.normals[part.triangles]
     body = Body(
         name=part.name,
@@ -75,22 +77,23 @@ def without_slivers(body: Body, extent: float, tally: Tally) -> Body:
     thin = twice_area <= np.maximum(THINNEST * extent * longest, 2e-14)
     tally.zero_area += int(thin.sum())
     body = body.kept(~thin)
-    t = np.sort(body.triangles, axis=1)
-    # the same three corners in the same turn: a copy; in the other turn: the back of a sheet, which stays
-    turn = _even_turn(body.triangles)
-    order = np.lexsort((turn, t[:, 2], t[:, 1], t[:, 0]))
-    rows = np.column_stack([t, turn])[order]
-    again = np.zeros(len(t), bool)
-    again[order[1:]] = (rows[1:] == rows[:-1]).all(axis=1)
+    again = _copies(body.triangles)
     tally.twice += int(again.sum())
     return body.kept(~again)
 
 
-def _even_turn(t: IntArray) -> BoolArray:
-    """Whether the corners are an even permutation of their sorted order."""
-    return ((t[:, 0] < t[:, 1]) & (t[:, 1] < t[:, 2])) | ((t[:, 1] < t[:, 2]) & (t[:, 2] < t[:, 0])) | (
-        (t[:, 2] < t[:, 0]) & (t[:, 0] < t[:, 1])
-    )  # fmt: skip
+def _copies(triangles: IntArray) -> BoolArray:
+    """Faces with the corners of an earlier face in the same turn; in the other turn it is a sheet's back, and stays."""
+    # begin each face at its lowest corner: the turn is kept
+    start = np.argmin(triangles, axis=1)
+    rows = np.arange(len(triangles))
+    a, b, c = (triangles[rows, (start + k) % 3] for k in range(3))
+    _, edge = np.unique(a * (int(triangles.max(initial=0)) + 1) + b, return_inverse=True)
+    key = edge.ravel() * (int(triangles.max(initial=0)) + 1) + c
+    order = np.argsort(key, kind="stable")
+    again = np.zeros(len(triangles), bool)
+    again[order[1:]] = np.diff(key[order]) == 0
+    return again
 
 
 def oriented(body: Body, where: str, tally: Tally, *, lenient: bool) -> Body:

@@ -22,7 +22,7 @@ DIRECTIONS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) 
 def times_seen(bodies: list[Body], points_m: FloatArray) -> IntArray:
     """(K,) from how many of 26 directions each point (K, 3) is not hidden by the bodies."""
     if sum(len(b.triangles) for b in bodies) > MOST_TRIANGLES:
-        bodies, _ = decimate(bodies, MOST_TRIANGLES)
+        bodies = decimate(bodies, MOST_TRIANGLES)
     corners = np.concatenate([b.positions_m[b.triangles] for b in bodies])
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     radius = float(np.linalg.norm(high - low)) / 2

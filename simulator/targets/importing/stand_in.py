@@ -89,7 +89,7 @@ def _coarse(piece: Body, budget: int) -> tuple[FloatArray, IntArray]:
             steps -= 1
         return _outward(hull)
     if len(piece.triangles) > budget:
-        reduced, _ = decimate([piece], budget)
+        reduced = decimate([piece], budget)
         if not reduced:
             return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
         piece = oriented(_compact(reduced[0]), piece.name, Tally(), lenient=True)

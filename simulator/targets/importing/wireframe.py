@@ -20,6 +20,8 @@ BEND_COS = float(np.cos(np.deg2rad(35.0)))
 STRAIGHT = 0.004
 SHORTEST = 0.03
 """Shares of the craft: how far a stretch may leave its straight line, and how long it must be."""
+BEVEL = 0.006
+"""Share of the craft within which parallel edges are one."""
 MOST_EDGES = 200
 FEWEST_VIEWS = 2
 
@@ -35,10 +37,9 @@ def propose_wireframe(bodies: list[Body], extent: float) -> tuple[tuple[Edge, ..
     """Edges by length, the longest first, and how many more there were than are kept."""
     stretches = [s for b in bodies for s in _stretches(b, extent)]
     stretches = [s for s in stretches if np.linalg.norm(s.b - s.a) >= SHORTEST * extent]
-    stretches = _distinct(stretches, extent)
-    stretches.sort(key=lambda s: -float(np.linalg.norm(s.b - s.a)))
-    # rounding must not change the order: equal lengths keep the order of the file
-    stretches = stretches[: 4 * MOST_EDGES]
+    # the longest first; rounded, so that equal lengths keep the order of the file
+    stretches.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
+    stretches = _distinct(stretches[: 8 * MOST_EDGES], extent)[: 4 * MOST_EDGES]
     if not stretches:
         return (), 0
     middles = np.array([(1 - f) * s.a + f * s.b for s in stretches for f in (0.25, 0.5, 0.75)])
@@ -189,13 +190,34 @@ def _mean_normals(
 
 
 def _distinct(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
-    """One of each: bodies that touch have their common edges twice."""
-    seen: set[tuple[int, ...]] = set()
-    out = []
+    """The longest of those that run side by side within a bevel's width; it takes over the outermost normals.
+
+    Bodies that touch have their common edges twice; a bevelled edge is two lines that no camera tells apart.
+    """
+    kept: list[_Stretch] = []
     for s in stretches:
-        low, high = sorted((tuple(s.a), tuple(s.b)))
-        key = tuple(np.rint(np.array([low, high]).ravel() / (2e-3 * extent)).astype(int).tolist())
-        if key not in seen:
-            seen.add(key)
-            out.append(s)
-    return out
+        twin = next((k for k, t in enumerate(kept) if _beside(s, t, BEVEL * extent)), None)
+        if twin is None:
+            kept.append(s)
+        else:
+            t = kept[twin]
+            kept[twin] = _Stretch(t.a, t.b, _widest(np.concatenate([t.normals, s.normals])))
+    return kept
+
+
+def _beside(s: _Stretch, t: _Stretch, reach: float) -> bool:
+    """Whether both ends of ``s`` lie within ``reach`` of ``t``."""
+    chord = t.b - t.a
+    length2 = float(chord @ chord)
+    for end in (s.a, s.b):
+        along = min(max(float((end - t.a) @ chord) / length2, 0.0), 1.0)
+        if float(np.linalg.norm(end - t.a - along * chord)) > reach:
+            return False
+    return True
+
+
+def _widest(normals: FloatArray) -> FloatArray:
+    """The two of some normals that look apart the most."""
+    cosines = normals @ normals.T
+    i, j = np.unravel_index(int(np.argmin(cosines)), cosines.shape)
+    return normals[[i, j]] if i != j else normals[:1]
