@@ -135,7 +135,8 @@ ul{list-style:none;padding:0;display:flex;flex-wrap:wrap;gap:4px 14px;font-size:
 i{display:inline-block;width:14px;height:14px;margin-right:5px;vertical-align:-2px;border:1px solid #444}.notes{color:#999;font-size:13px}
 </style>
 <h1>Targets</h1>
-<p>Drawn by the renderer that makes the images, the Sun behind the camera. Blue: what can be seen of the wireframe.
+<p>Drawn by the renderer that makes the images, the Sun behind the camera and a
+little light from the other side. Blue: what can be seen of the wireframe.
 Orange: keypoints, those that the craft hides as rings.</p>
 @ARTICLES@
 </html>

@@ -32,6 +32,9 @@ SIDES = {
     "+z": (0, 0, 1),
     "-z": (0, 0, -1),
 }
+KEY_LIGHT, FILL_LIGHT, FILL_SHARE = (-0.5, -0.45, -1.0), (0.6, 0.25, -1.0), 0.2
+"""The Sun up and to the left behind the camera (camera frame); a fifth as much light from the other side, because
+what lies in the shadow of space is black."""
 FOCAL_WIDTHS = 3.0
 """Focal length in image widths: a long lens, so that sides look square."""
 FILL = 0.9
@@ -60,10 +63,14 @@ def bounds_m(target: Target) -> tuple[FloatArray, FloatArray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def view_scene(target: Target, eye: ArrayLike, width_px: int, height_px: int) -> SceneState:
+def view_scene(
+    target: Target, eye: ArrayLike, width_px: int, height_px: int, to_sun: ArrayLike = KEY_LIGHT
+) -> SceneState:
     """A scene that looks along ``-eye`` (target frame) at the craft and is filled by it.
 
-    The Sun stands behind the camera, up and to the left.
+    Parameters
+    ----------
+    to_sun : direction of the Sun, camera frame.
     """
     camera = Camera(
         width_px=width_px,
@@ -89,8 +96,7 @@ def view_scene(target: Target, eye: ArrayLike, width_px: int, height_px: int) ->
         for k, size in ((0, width_px), (1, height_px))
     ]
     t = -middle + np.array([0.0, 0.0, max(float(np.max(need)), float(from_middle[:, 2].max()) * 1.5)])
-    to_sun = np.array([-0.55, -0.5, -1.0])
-    sun = to_sun / np.linalg.norm(to_sun) * AU_M
+    sun = np.asarray(to_sun) / np.linalg.norm(to_sun) * AU_M
     place = np.array([ORBIT_M, 0.0, 0.0])
     return SceneState(
         epoch_utc="2026-01-01T00:00:00Z",
@@ -136,7 +142,9 @@ def draw_view(renderer: Renderer, target: Target, eye: ArrayLike, width_px: int,
     rendered = renderer.render(scene, target, labels=True)
     if rendered.depth_m is None:
         raise RuntimeError("the renderer was asked for labels and gave no depth")
-    return Drawn(developed(np.asarray(rendered.radiance, float)), scene, rendered.depth_m)
+    fill = renderer.render(view_scene(target, eye, width_px, height_px, FILL_LIGHT), target).radiance
+    radiance = np.asarray(rendered.radiance, float) + FILL_SHARE * np.asarray(fill, float)
+    return Drawn(developed(radiance), scene, rendered.depth_m)
 
 
 def developed(radiance: FloatArray) -> ByteArray:

@@ -17,7 +17,7 @@ from simulator.files import empty_folder
 from simulator.targets.board_file import write_board_model
 from simulator.targets.glb import write_glb
 from simulator.targets.importing.add import ImportOptions, import_mesh
-from simulator.targets.importing.install import check_name, install, user_targets
+from simulator.targets.importing.install import check_name, install, sheet_folder, user_targets
 from simulator.targets.importing.install import remove as remove_target
 from simulator.targets.library import built_in_targets, list_targets, load_target
 from simulator.targets.model import Target
@@ -110,7 +110,7 @@ def add(
     path = install(target)
     page: Path | None = None
     if sheet:
-        page = _sheet_of(target, path)
+        page = _sheet_of(target)
     if as_json:
         document = _summary(target) | {
             "path": str(path),
@@ -145,10 +145,10 @@ def _name_of(file: Path) -> str:
     return "-".join(piece for piece in plain.split("-") if piece) or "mesh"
 
 
-def _sheet_of(target: Target, path: Path) -> Path | None:
+def _sheet_of(target: Target) -> Path | None:
     """The target's contact sheet beside its file; a machine without OpenGL goes without, and is told."""
     try:
-        return write_contact_sheet([target], path.parent / f"{target.name}-sheet")
+        return write_contact_sheet([target], sheet_folder(target.name))
     except UserError as error:
         Console(stderr=True).print(f"no contact sheet: {error}", highlight=False, soft_wrap=True)
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,6 +36,11 @@ def user_targets() -> tuple[str, ...]:
 def user_file(name: str) -> Path:
     """Path of the user's target called ``name``, whether it is there or not."""
     return user_folder() / f"{name}.glb"
+
+
+def sheet_folder(name: str) -> Path:
+    """Where the contact sheet of the user's target called ``name`` goes."""
+    return user_folder() / f"{name}-sheet"
 
 
 def check_name(name: str, built_in: Sequence[str], *, replace: bool) -> None:
@@ -95,6 +101,7 @@ def remove(name: str, built_in: Sequence[str]) -> Path:
         raise UserError(f"no target called {name!r} in {user_folder()}; added there: {known}")
     try:
         path.unlink()
+        shutil.rmtree(sheet_folder(name), ignore_errors=True)
     except OSError as error:
         raise UserError(f"cannot remove {path}: {error.strerror}; check its permissions") from error
     return path

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from simulator.arrays import FloatArray, vec3
-from simulator.targets.importing.seen import times_seen
-from simulator.targets.importing.topology import Body, edge_table, used_vertices
+from simulator.targets.importing.seen import DIRECTIONS, times_seen
+from simulator.targets.importing.topology import Body, apart, edge_table, used_vertices
 from simulator.targets.importing.wireframe import crease_edges
 from simulator.targets.model import Keypoint
 
@@ -22,8 +22,9 @@ TURN_COS = float(np.cos(np.deg2rad(25.0)))
 def propose_keypoints(bodies: list[Body], extent: float) -> tuple[Keypoint, ...]:
     """Up to sixteen vertices of the mesh: corners where creases meet or end, and the tips of its hull.
 
-    The first is the one farthest from the middle, each next the one farthest from those before it; corners count
-    a quarter more than tips of round shapes. The same mesh always gives the same points.
+    The first is the one farthest from the middle, each next the one farthest from those before it; what is seen
+    from more sides counts more, corners count a quarter more than round rims, and what sticks out (the hull of
+    the craft) two fifths more. The same mesh always gives the same points.
     """
     points, is_corner = _candidates(bodies)
     if not len(points):
@@ -31,10 +32,15 @@ def propose_keypoints(bodies: list[Body], extent: float) -> tuple[Keypoint, ...]
     # rounding, then order, so that equal distances are settled by place and not by the file's order
     order = np.lexsort(np.round(points / (1e-6 * extent)).T)
     points, is_corner = points[order], is_corner[order]
-    visible = times_seen(bodies, points) >= FEWEST_VIEWS
+    seen = times_seen(bodies, points)
+    visible = seen >= FEWEST_VIEWS
     if visible.sum() >= WANTED:
-        points, is_corner = points[visible], is_corner[visible]
-    weight = np.where(is_corner, 1.25, 1.0)
+        points, is_corner, seen = points[visible], is_corner[visible], seen[visible]
+    weight = (
+        np.where(is_corner, 1.25, 1.0)
+        * np.where(_on_hull(points), 1.4, 1.0)
+        * (0.3 + seen / len(DIRECTIONS)) ** 1.5
+    )
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     distance = np.linalg.norm(points - centre, axis=1)
     chosen: list[int] = []
@@ -52,7 +58,8 @@ def propose_keypoints(bodies: list[Body], extent: float) -> tuple[Keypoint, ...]
 
 
 def _candidates(bodies: list[Body]) -> tuple[FloatArray, np.ndarray]:
-    corners = [b.positions_m[_corner_vertices(b)] for b in bodies]
+    pieces = [apart(b) for b in bodies]
+    corners = [b.positions_m[_corner_vertices(b)] for b in pieces]
     used = [b.positions_m[used_vertices(b.triangles, len(b.positions_m))] for b in bodies]
     hulls = [_tips(points) for points in used]
     whole = _tips(np.concatenate(used))
@@ -89,3 +96,13 @@ def _tips(points: FloatArray) -> FloatArray:
     except (QhullError, ValueError):
         far = [int(f(points[:, k])) for k in range(3) for f in (np.argmin, np.argmax)]
         return points[np.unique(far)]
+
+
+def _on_hull(points: FloatArray) -> np.ndarray:
+    """(K,) vertices of the hull of all points."""
+    out = np.zeros(len(points), bool)
+    try:
+        out[ConvexHull(points).vertices] = True
+    except (QhullError, ValueError):
+        out[:] = True
+    return out

@@ -128,3 +128,16 @@ def components(links: IntArray, count: int) -> tuple[int, IntArray]:
 def face_bodies(triangles: IntArray, table: EdgeTable) -> tuple[int, IntArray]:
     """Connected bodies by edges of two faces: their number and the body of each face."""
     return components(table.pairs // 3, len(triangles))
+
+
+def apart(body: Body) -> Body:
+    """The body with its connected pieces on vertices of their own, so that pieces that touch keep all their edges."""
+    _, piece = face_bodies(body.triangles, edge_table(body.triangles))
+    count = len(body.positions_m)
+    used, index = np.unique(piece[:, None] * count + body.triangles, return_inverse=True)
+    return Body(
+        name=body.name,
+        positions_m=body.positions_m[used % count],
+        triangles=index.reshape(-1, 3),
+        face_material=body.face_material,
+    )

@@ -11,7 +11,7 @@ import numpy as np
 
 from simulator.arrays import FloatArray, IntArray, Vec3, vec3
 from simulator.targets.importing.seen import times_seen
-from simulator.targets.importing.topology import Body, EdgeTable, edge_table
+from simulator.targets.importing.topology import Body, EdgeTable, apart, edge_table
 from simulator.targets.model import Edge
 
 CREASE_COS = float(np.cos(np.deg2rad(30.0)))
@@ -35,7 +35,7 @@ class _Stretch:
 
 def propose_wireframe(bodies: list[Body], extent: float) -> tuple[tuple[Edge, ...], int]:
     """Edges by length, the longest first, and how many more there were than are kept."""
-    stretches = [s for b in bodies for s in _stretches(b, extent)]
+    stretches = [s for b in bodies for s in _stretches(apart(b), extent)]
     stretches = [s for s in stretches if np.linalg.norm(s.b - s.a) >= SHORTEST * extent]
     # the longest first; rounded, so that equal lengths keep the order of the file
     stretches.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
