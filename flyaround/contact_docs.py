@@ -62,7 +62,8 @@ def _section(target: Target) -> str:
 INTRODUCTION = """# Targets
 
 Made by `python docs/make_targets.py`; do not edit. Left and middle: the craft with the Sun behind the camera and a
-little light from the other side. Right: what can be seen of its wireframe (blue) and its keypoints (orange; those that the craft hides as rings).
+little light from the other side. Right: what can be seen of its wireframe (blue) and its keypoints (orange; those
+that the craft hides as rings).
 `flyaround targets --contact-sheet DIR` makes a larger page with all six sides, your own targets among them.
 
 The format is described in [formats/target.md](formats/target.md); `flyaround targets add FILE` adds a mesh."""

@@ -59,7 +59,9 @@ def jpeg(image: ByteArray, quality: int = JPEG_QUALITY) -> bytes:
 
 
 def _article(renderer: Renderer, target: Target, folder: Path) -> str:
-    plain, marked, sides = [], [], []
+    plain: list[str] = []
+    marked: list[str] = []
+    sides = []
     for k, eye in enumerate(OBLIQUE):
         drawn = draw_view(renderer, target, eye, *LARGE)
         for kind, image, names in (

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from simulator.arrays import FloatArray
     from simulator.targets.importing.raw import RawModel
     from simulator.targets.importing.topology import Body
-    from simulator.targets.model import Part
+    from simulator.targets.model import Material, Part
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +182,9 @@ def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[
     return out, extent
 
 
-def _parts(bodies: list[Body], materials: list, options: ImportOptions, lines: list[str]) -> list[Part]:
+def _parts(
+    bodies: list[Body], materials: list[Material], options: ImportOptions, lines: list[str]
+) -> list[Part]:
     parts: list[Part] = []
     taken = absent = wrong = 0
     for body in bodies:

@@ -50,7 +50,7 @@ def decimate(bodies: list[Body], most: int) -> list[Body]:
         if steps >= too_many or steps <= best:
             steps = (best + too_many) / 2 if too_many < FINEST_STEPS else 2.0 * best
     cell_m = extent / best
-    reduced = [_clustered(b, _cells(b, low, cell_m), low, cell_m) for b in bodies]
+    reduced = [_clustered(b, _cells(b, low, cell_m), cell_m) for b in bodies]
     return [b for b in reduced if len(b.triangles)]
 
 
@@ -73,7 +73,7 @@ def _collapsed(body: Body, cell: IntArray) -> IntArray:
     return kept[np.sort(first)]
 
 
-def _clustered(body: Body, cell: IntArray, low: FloatArray, cell_m: float) -> Body:
+def _clustered(body: Body, cell: IntArray, cell_m: float) -> Body:
     faces = _collapsed(body, cell)
     points = _best_points(body, cell, cell_m)
     used, index = np.unique(cell[body.triangles[faces]], return_inverse=True)

@@ -1,4 +1,4 @@
-"""Scale, axes and the numbers themselves: is this the size of a spacecraft, and are its vertices real?"""
+"""Scale, axes and the numbers themselves: vertices that are real, on something the size of a spacecraft."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from simulator.targets.importing.raw import RawModel
 from simulator.targets.importing.topology import used_vertices
 
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+UNIT_NAMES = {"mm": "millimetres", "cm": "centimetres", "m": "metres", "in": "inches"}
 SMALLEST_M, LARGEST_M = 0.03, 150.0
 """From a printed-circuit satellite to the International Space Station (109 m); outside it the unit must be said."""
 SMALLEST_SAID_M, LARGEST_SAID_M = 0.005, 1000.0
@@ -26,7 +27,7 @@ def check_numbers(model: RawModel) -> None:
     """
     for part in model.parts:
         where = f"{model.path}, part {part.name!r}"
-        bad = ~np.isfinite(part.positions_m).all(axis=1)
+        bad = np.asarray(~np.isfinite(part.positions_m).all(axis=1))
         if bad.any():
             raise UserError(
                 f"{where}: {int(bad.sum())} of {len(bad)} vertices are not finite (the first is vertex "
@@ -107,16 +108,17 @@ def _check_size(model: RawModel, extent: float, *, said: bool) -> None:
     fits = [u for u in ("cm", "in", "mm") if SMALLEST_M <= extent * UNITS_M[u] <= 30.0]
     if extent > high and fits:
         unit = "mm" if "mm" in fits else fits[0]
-        hint = (
-            f"say --units {unit} if it is in {dict(mm='millimetres', cm='centimetres').get(unit, 'inches')} "
-            f"({extent * UNITS_M[unit]:.3g} m)"
-        )
+        hint = f"say --units {unit} if it is in {UNIT_NAMES[unit]} ({extent * UNITS_M[unit]:.3g} m)"
     elif extent > high:
         hint = "say --scale with the factor to metres"
     else:
-        hint = f"say --units m if it is that small, or --scale with the factor to metres (--scale {1 / extent:.3g} makes it 1 m)"
+        hint = (
+            "say --units m if it is that small, or --scale with the factor to metres "
+            f"(--scale {1 / extent:.3g} makes it 1 m)"
+        )
     raise UserError(
-        f"{model.path} is {extent:.4g} m across, not the size of a spacecraft ({SMALLEST_M:g} to {LARGEST_M:g} m); {hint}"
+        f"{model.path} is {extent:.4g} m across, not the size of a spacecraft "
+        f"({SMALLEST_M:g} to {LARGEST_M:g} m); {hint}"
     )
 
 

@@ -121,7 +121,8 @@ def oriented(body: Body, where: str, tally: Tally, *, lenient: bool) -> Body:
     if one_sided.any() and not lenient:
         raise UserError(
             f"{where}: {int(one_sided.sum())} faces form a one-sided surface (the first is face "
-            f"{int(np.argmax(one_sided))}); cut it in the modelling tool, or add --keep-non-manifold to take it as it is"
+            f"{int(np.argmax(one_sided))}); cut it in the modelling tool, or add "
+            "--keep-non-manifold to take it as it is"
         )
     flip = (as_is > turned) & ~one_sided
     _, piece = np.unique(np.minimum(as_is, turned), return_inverse=True)
@@ -144,8 +145,8 @@ def _look_inwards(body: Body, table: EdgeTable, piece: IntArray, flip: BoolArray
     n = int(piece.max(initial=-1)) + 1
     sign = np.where(flip, -1.0, 1.0)
     p = body.positions_m[body.triangles]
-    centre = np.stack([np.bincount(piece, p[..., k].mean(axis=1), n) for k in range(3)], axis=1)
-    centre /= np.bincount(piece, minlength=n)[:, None]
+    sums = np.stack([np.bincount(piece, p[..., k].mean(axis=1), n) for k in range(3)], axis=1)
+    centre = sums / np.bincount(piece, minlength=n)[:, None]
     p = p - centre[piece][:, None]
     volume = np.bincount(piece, sign * np.einsum("ij,ij->i", p[:, 0], np.cross(p[:, 1], p[:, 2])) / 6, n)
     area_vector = body.face_vectors * sign[:, None]
@@ -196,8 +197,8 @@ def check_surface(
         first = int(np.argmax(table.open))
         raise UserError(
             f"{where}: {holes} hole{'s' * (holes > 1)} with {len(ends)} open edges (the first at "
-            f"{_place(body, table.ends[first])}, face {int(table.first[first]) // 3}); close them in the modelling tool, "
-            "or add --fill-holes, or --keep-holes to take open surfaces as sheets seen from both sides"
+            f"{_place(body, table.ends[first])}, face {int(table.first[first]) // 3}); close them in the modelling "
+            "tool, or add --fill-holes, or --keep-holes to take open surfaces as sheets seen from both sides"
         )
     return holes, len(ends), int(bad.sum())
 

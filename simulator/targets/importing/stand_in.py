@@ -1,4 +1,4 @@
-"""Coarse closed bodies that stand for the craft in visibility tests: hulls of convex pieces, coarse shells of others."""
+"""Coarse closed bodies that stand for the craft in visibility tests: hulls of convex pieces, shells of others."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ def propose_occluders(bodies: list[Body], extent: float) -> Occluders:
     pieces = sorted(_pieces(bodies), key=lambda b: -_area(b))
     pieces = [b for b in pieces if _area(b) > 2e-3 * extent**2][:MOST_PIECES]
     total = sum(_area(b) for b in pieces)
-    vertices, triangles, count = [], [], 0
+    vertices: list[FloatArray] = []
+    triangles: list[IntArray] = []
+    count = 0
     for piece in pieces:
         budget = max(12, int(MOST_TRIANGLES * _area(piece) / total))
         v, t = _coarse(piece, budget)
@@ -47,8 +49,8 @@ def _pieces(bodies: list[Body]) -> list[Body]:
         if n == 1:
             out.append(body)
             continue
-        for k in np.argsort(-np.bincount(label), kind="stable")[:MOST_PIECES]:
-            out.append(_compact(body.kept(label == k)))
+        largest = np.argsort(-np.bincount(label), kind="stable")[:MOST_PIECES]
+        out += [_compact(body.kept(label == k)) for k in largest]
     return out
 
 
@@ -80,8 +82,8 @@ def _coarse(piece: Body, budget: int) -> tuple[FloatArray, IntArray]:
             size = float((points.max(axis=0) - low).max()) / steps
             cell = np.unique(np.floor((points - low) / size), axis=0, return_inverse=True)[1].ravel()
             n = int(cell.max()) + 1
-            mean = np.stack([np.bincount(cell, points[:, k], n) for k in range(3)], axis=1)
-            mean /= np.bincount(cell, minlength=n)[:, None]
+            sums = np.stack([np.bincount(cell, points[:, k], n) for k in range(3)], axis=1)
+            mean = sums / np.bincount(cell, minlength=n)[:, None]
             try:
                 hull = ConvexHull(mean)
             except (QhullError, ValueError):

@@ -12,7 +12,7 @@ MOST_MATERIALS = 250
 
 
 def used_materials(bodies: list[Body], materials: list[Material]) -> tuple[list[Material], list[str]]:
-    """Materials that faces use, renumbered in the bodies; beyond the limit the rarest become their nearest in colour."""
+    """Materials in use, renumbered in the bodies; beyond the limit the rarest become their nearest in colour."""
     area = np.zeros(len(materials))
     for b in bodies:
         area += np.bincount(b.face_material, np.linalg.norm(b.face_vectors, axis=1), minlength=len(materials))
