@@ -22,7 +22,8 @@ SHORTEST = 0.03
 """Shares of the craft: how far a stretch may leave its straight line, and how long it must be."""
 BEVEL = 0.006
 """Share of the craft within which parallel edges are one."""
-MOST_EDGES = 200
+MOST_EDGES = 80
+"""Tango drawn by hand has 61; with 200 proposed on its mesh the estimator found fewer poses than with 80."""
 FEWEST_VIEWS = 2
 
 
