@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.logging import RichHandler
 
-from flyaround.commands import console, estimation, flights, hil, machine, pictures
+from flyaround.commands import console, estimation, flights, hil, machine, pictures, targets
 
 app = typer.Typer(
     name="flyaround",
@@ -20,6 +20,11 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 hil_app = typer.Typer(name="hil", help="Hardware in the loop: host, board, reports.", no_args_is_help=True)
+targets_app = typer.Typer(
+    name="targets",
+    help="List the targets, add a mesh as one, export or draw them.",
+    invoke_without_command=True,
+)
 
 
 def _show_version(value: bool) -> None:  # noqa: FBT001 - typer passes the flag's value
@@ -53,7 +58,6 @@ app.command()(estimation.estimate)
 app.command()(estimation.evaluate)
 app.command()(machine.bench)
 app.command()(machine.doctor)
-app.command()(flights.targets)
 app.command()(flights.scenarios)
 app.command()(flights.cameras)
 app.command()(machine.demo)
@@ -61,3 +65,7 @@ hil_app.command("host")(hil.host)
 hil_app.command("board")(hil.board)
 hil_app.command("report")(hil.report)
 app.add_typer(hil_app)
+targets_app.callback()(targets.overview)
+targets_app.command("add")(targets.add)
+targets_app.command("remove")(targets.remove)
+app.add_typer(targets_app)

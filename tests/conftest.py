@@ -10,3 +10,9 @@ def renderer():
 
     with Renderer() as shared:
         yield shared
+
+
+@pytest.fixture(autouse=True)
+def no_targets_of_the_user(tmp_path_factory, monkeypatch):
+    """Tests neither see nor touch targets that whoever runs them has added."""
+    monkeypatch.setenv("FLYAROUND_DATA_DIR", str(tmp_path_factory.mktemp("data")))

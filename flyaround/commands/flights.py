@@ -1,4 +1,4 @@
-"""fly, scenarios, targets, cameras: flights without pictures, and lists of what there is."""
+"""fly, scenarios, cameras: flights without pictures, and lists of what there is."""
 
 from __future__ import annotations
 
@@ -18,9 +18,6 @@ from simulator.files import empty_folder, write_atomic
 from simulator.loop import plan_flight
 from simulator.recipe import RECIPES
 from simulator.scenario_load import list_scenarios, load_scenario
-from simulator.targets.board_file import write_board_model
-from simulator.targets.glb import write_glb
-from simulator.targets.library import list_targets, load_target
 from simulator.world.flight import fly_table
 
 
@@ -62,41 +59,6 @@ def scenarios(as_json: Annotated[bool, typer.Option("--json", help="Print JSON."
         table.add_row(s.name, s.title, f"{s.duration_s:g}")
     for r in RECIPES:
         table.add_row(r.name, r.title, "recipe")
-    Console().print(table)
-
-
-def targets(
-    export: Annotated[
-        Path | None, typer.Option(help="Write NAME.glb and NAME.board.json of every target to this folder.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-) -> None:
-    """List the targets, or export them."""
-    rows = [load_target(name) for name in list_targets()]
-    if export is not None:
-        empty_folder(export)
-        for t in rows:
-            write_glb(t, export / f"{t.name}.glb")
-            write_board_model(t, export / f"{t.name}.board.json")
-    if as_json:
-        document = [
-            {
-                "name": t.name,
-                "title": t.title,
-                "sha256": t.sha256,
-                "triangles": sum(len(p.triangles) for p in t.parts),
-                "keypoints": [k.name for k in t.keypoints],
-                "mass_kg": t.mass.mass_kg,
-            }
-            for t in rows
-        ]
-        typer.echo(json.dumps(document))
-        return
-    table = Table("name", "title", "parts", "triangles", "keypoints", "edges", "kg")
-    for t in rows:
-        triangles = sum(len(p.triangles) for p in t.parts)
-        counts = (len(t.parts), triangles, len(t.keypoints), len(t.wireframe))
-        table.add_row(t.name, t.title, *(str(c) for c in counts), f"{t.mass.mass_kg:.1f}")
     Console().print(table)
 
 

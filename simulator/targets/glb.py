@@ -115,7 +115,7 @@ def load_glb(path: Path) -> Target:
         data = path.read_bytes()
     except OSError as error:
         raise UserError(f"cannot read target {path}: {error.strerror}; check the path") from error
-    document, blob = _chunks(data, path)
+    document, blob = read_chunks(data, path)
     record = _record(document, path)
     try:
         materials = tuple(_material(m, record) for m in document.get("materials", []))
@@ -148,7 +148,7 @@ def load_glb(path: Path) -> Target:
     return target
 
 
-def _chunks(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
+def read_chunks(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
     """The JSON and the binary chunk of a GLB file (glTF 2.0 specification, section 4.4)."""
     if data[:4] != b"glTF":
         raise UserError(f"{path} is not a binary glTF file (.glb); export the model as one")

@@ -3,6 +3,7 @@
 What is drawn is therefore what was exported. Each target comes in three levels of detail: ``tango`` is Tango in
 full, ``tango@medium`` and ``tango@low`` have fewer triangles and the same labels. The SHA-256 covers the geometry, so
 every level has its own; a record keeps name and hash of the level that was drawn, and is replayed with that level.
+Meshes that the user added stand beside them, in the data folder, at one level.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import platformdirs
 from simulator.errors import UserError
 from simulator.targets.detail import DETAILS, Detail, level_name, split_level
 from simulator.targets.glb import load_glb, write_glb
+from simulator.targets.importing.install import user_file, user_targets
 
 if TYPE_CHECKING:
     from simulator.targets.model import Target
@@ -72,12 +74,18 @@ ENTRIES = (
 
 
 def list_targets() -> tuple[str, ...]:
-    """Names of the built-in targets."""
+    """Names of the built-in targets, then of those the user added."""
+    built_in = built_in_targets()
+    return (*built_in, *(n for n in user_targets() if n not in built_in))
+
+
+def built_in_targets() -> tuple[str, ...]:
+    """Names of the targets built by code."""
     return tuple(e.name for e in ENTRIES)
 
 
 def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
-    """A built-in target by name, or a target file (``.glb``).
+    """A built-in target or one that the user added by name, or a target file (``.glb``).
 
     Parameters
     ----------
@@ -94,6 +102,8 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
     entry = next((e for e in ENTRIES if e.name == name), None)
     if entry is not None:
         return _built_in(entry, detail if name == text else level)
+    if text in user_targets():
+        return load_glb(user_file(text))
     path = Path(name_or_path)
     if path.suffix.lower() == ".glb" or path.is_file():
         return load_glb(path)

@@ -69,9 +69,9 @@ class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     name: Name
     title: str
     sha256: Sha256
-    keypoints: tuple[KeypointRecord, ...]
-    wireframe: tuple[EdgeRecord, ...]
-    occluders: OccludersRecord
+    keypoints: tuple[KeypointRecord, ...] = ()
+    wireframe: tuple[EdgeRecord, ...] = ()
+    occluders: OccludersRecord = OccludersRecord()
     mass: MassRecord
     frames: dict[str, FrameRecord] = {}
     symmetry_wxyz: tuple[Quat, ...] = ()

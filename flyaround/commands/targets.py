@@ -1,0 +1,190 @@
+"""targets: the list of craft, their contact sheet, and a user's mesh added or removed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from flyaround.contact_page import write_contact_sheet
+from flyaround.progress import progress_bar
+from simulator.errors import UserError
+from simulator.files import empty_folder
+from simulator.targets.board_file import write_board_model
+from simulator.targets.glb import write_glb
+from simulator.targets.importing.add import ImportOptions, import_mesh
+from simulator.targets.importing.install import check_name, install, sheet_folder, user_targets
+from simulator.targets.importing.install import remove as remove_target
+from simulator.targets.library import built_in_targets, list_targets, load_target
+from simulator.targets.model import Target
+
+
+def overview(
+    context: typer.Context,
+    export: Annotated[
+        Path | None, typer.Option(help="Write NAME.glb and NAME.board.json of every target to this folder.")
+    ] = None,
+    contact_sheet: Annotated[
+        Path | None,
+        typer.Option(
+            "--contact-sheet", help="Draw every target: a page index.html with pictures in this folder."
+        ),
+    ] = None,
+    docs: Annotated[
+        Path | None,
+        typer.Option("--docs", help="Write targets.md and one small JPEG per target to this folder."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """List the targets, export them, or draw their contact sheet."""
+    if context.invoked_subcommand is not None:
+        return
+    rows = _loaded()
+    if export is not None:
+        empty_folder(export)
+        for t in rows:
+            write_glb(t, export / f"{t.name}.glb")
+            write_board_model(t, export / f"{t.name}.board.json")
+    console = Console(stderr=as_json)
+    if contact_sheet is not None:
+        folder = contact_sheet.parent if contact_sheet.suffix == ".html" else contact_sheet
+        page = "index.html" if folder == contact_sheet else contact_sheet.name
+        with progress_bar("contact sheet", quiet=as_json) as progress:
+            made = write_contact_sheet(rows, folder, page=page, progress=progress)
+        console.print(f"{made}", highlight=False, soft_wrap=True)
+    if docs is not None:
+        from flyaround.contact_docs import write_docs  # noqa: PLC0415 - the page alone needs it
+
+        built_in = [t for t in rows if t.name in built_in_targets()]
+        with progress_bar("docs", quiet=as_json) as progress:
+            console.print(f"{write_docs(built_in, docs, progress)}", highlight=False, soft_wrap=True)
+    if as_json:
+        typer.echo(json.dumps([_summary(t) for t in rows]))
+    elif contact_sheet is None and docs is None:
+        _print_table(rows)
+
+
+def add(
+    file: Annotated[Path, typer.Argument(help="A mesh: .glb, .gltf, .obj or .stl.")],
+    name: Annotated[str | None, typer.Option(help="Name of the target (default: the file's).")] = None,
+    scale: Annotated[float | None, typer.Option(help="Factor from the file's unit to metres.")] = None,
+    units: Annotated[str | None, typer.Option(help="The file's unit: mm, cm, m or in.")] = None,
+    up: Annotated[str | None, typer.Option(help="The file's up axis: y or z (default: y for glTF).")] = None,
+    decimate: Annotated[int | None, typer.Option(help="Reduce to at most so many triangles.")] = None,
+    fill_holes: Annotated[bool, typer.Option("--fill-holes", help="Close holes with flat fans.")] = False,
+    keep_holes: Annotated[
+        bool, typer.Option("--keep-holes", help="Take open surfaces as sheets seen from both sides.")
+    ] = False,
+    keep_non_manifold: Annotated[
+        bool, typer.Option("--keep-non-manifold", help="Take edges of three or more faces as they are.")
+    ] = False,
+    new_normals: Annotated[
+        bool, typer.Option("--new-normals", help="Compute normals even where the file's fit.")
+    ] = False,
+    mass: Annotated[float | None, typer.Option("--mass", help="Mass of the craft [kg].")] = None,
+    density: Annotated[float | None, typer.Option("--density", help="Or its mean density [kg/m3].")] = None,
+    replace: Annotated[bool, typer.Option("--replace", help="Overwrite a target of this name.")] = False,
+    sheet: Annotated[bool, typer.Option("--sheet/--no-sheet", help="Draw a contact sheet beside it.")] = True,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a report as JSON.")] = False,
+) -> None:
+    """Make a mesh a target: check it, repair what is safe, propose keypoints and a wireframe."""
+    chosen = name if name is not None else _name_of(file)
+    check_name(chosen, built_in_targets(), replace=replace)
+    options = ImportOptions(
+        scale=scale,
+        units=units,
+        up=up,
+        decimate=decimate,
+        fill_holes=fill_holes,
+        keep_holes=keep_holes,
+        keep_non_manifold=keep_non_manifold,
+        new_normals=new_normals,
+        mass_kg=mass,
+        density_kg_m3=density,
+    )
+    target, lines = import_mesh(file, chosen, options)
+    path = install(target)
+    page: Path | None = None
+    if sheet:
+        page = _sheet_of(target)
+    if as_json:
+        document = _summary(target) | {
+            "path": str(path),
+            "report": lines,
+            "contact_sheet": str(page) if page else None,
+        }
+        typer.echo(json.dumps(document))
+        return
+    console = Console()
+    for line in lines:
+        console.print(f"- {line}", highlight=False, soft_wrap=True)
+    console.print(f"target {chosen!r} in {path}", highlight=False, soft_wrap=True)
+    if page is not None:
+        console.print(f"look at it: {page}", highlight=False, soft_wrap=True)
+
+
+def remove(
+    name: Annotated[str, typer.Argument(help="A target that was added.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Remove a target that was added."""
+    path = remove_target(name, built_in_targets())
+    if as_json:
+        typer.echo(json.dumps({"removed": name, "path": str(path)}))
+    else:
+        Console().print(f"removed {name!r} ({path})", highlight=False, soft_wrap=True)
+
+
+def _name_of(file: Path) -> str:
+    """The file's name as a target's: small letters, other signs as hyphens."""
+    plain = "".join(c if c.isalnum() and c.isascii() else "-" for c in file.stem.lower())
+    return "-".join(piece for piece in plain.split("-") if piece) or "mesh"
+
+
+def _sheet_of(target: Target) -> Path | None:
+    """The target's contact sheet beside its file; a machine without OpenGL goes without, and is told."""
+    try:
+        return write_contact_sheet([target], sheet_folder(target.name))
+    except UserError as error:
+        Console(stderr=True).print(f"no contact sheet: {error}", highlight=False, soft_wrap=True)
+        return None
+
+
+def _loaded() -> list[Target]:
+    """All targets; one of the user's that cannot be read is named and left out."""
+    rows = []
+    for name in list_targets():
+        try:
+            rows.append(load_target(name))
+        except UserError as error:
+            if name not in user_targets():
+                raise
+            Console(stderr=True).print(
+                f"target {name!r} is left out: {error}", highlight=False, soft_wrap=True
+            )
+    return rows
+
+
+def _summary(t: Target) -> dict[str, Any]:
+    return {
+        "name": t.name,
+        "title": t.title,
+        "sha256": t.sha256,
+        "origin": "built-in" if t.name in built_in_targets() else "user",
+        "triangles": sum(len(p.triangles) for p in t.parts),
+        "keypoints": [k.name for k in t.keypoints],
+        "mass_kg": t.mass.mass_kg,
+    }
+
+
+def _print_table(rows: list[Target]) -> None:
+    table = Table("name", "title", "parts", "triangles", "keypoints", "edges", "kg")
+    for t in rows:
+        triangles = sum(len(p.triangles) for p in t.parts)
+        counts = (len(t.parts), triangles, len(t.keypoints), len(t.wireframe))
+        table.add_row(t.name, t.title, *(str(c) for c in counts), f"{t.mass.mass_kg:.1f}")
+    Console().print(table)

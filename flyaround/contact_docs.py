@@ -1,0 +1,69 @@
+"""docs/targets.md: a table of the built-in craft and one small picture of each, made by the renderer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.contact_page import facts, jpeg
+from flyaround.contact_views import OBLIQUE, draw_labels, draw_view
+from simulator.errors import UserError
+from simulator.files import write_atomic
+from simulator.render.renderer import Renderer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from simulator.targets.model import Target
+
+TILE = (400, 300)
+QUALITY = 80
+PICTURES = "images/targets"
+
+
+def write_docs(targets: Sequence[Target], folder: Path, progress: Callable[[int, int], None]) -> Path:
+    """Write ``targets.md`` and its pictures below ``folder``; returns the page's path.
+
+    Raises
+    ------
+    UserError
+        If the folder cannot be written or there is no OpenGL.
+    """
+    place = folder / PICTURES
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"cannot make folder {place}: {error.strerror}; name another with --docs") from error
+    lines = [INTRODUCTION]
+    with Renderer() as renderer:
+        for done, target in enumerate(targets):
+            views = [draw_view(renderer, target, eye, *TILE) for eye in OBLIQUE]
+            row = np.concatenate([views[0].image, views[2].image, draw_labels(views[1], target)], axis=1)
+            write_atomic(place / f"{target.name}.jpg", jpeg(row, QUALITY))
+            lines.append(_section(target))
+            progress(done + 1, len(targets))
+    path = folder / "targets.md"
+    write_atomic(path, "\n".join(lines).encode())
+    return path
+
+
+def _section(target: Target) -> str:
+    known = facts(target)
+    figures = "; ".join(f"{key} {known[key]}" for key in ("size", "mass", "triangles"))
+    frames = ", ".join(target.frames) or "none"
+    return (
+        f"\n## {target.name}\n\n{target.title}.\n\n![{target.name}]({PICTURES}/{target.name}.jpg)\n\n"
+        f"{figures}; keypoints {known['keypoints']}; edges {known['edges']}; frames: {frames}.\n\n{target.notes}\n"
+    )
+
+
+INTRODUCTION = """# Targets
+
+Made by `python docs/make_targets.py`; do not edit. Left and middle: the craft with the Sun behind the camera and a
+little light from the other side. Right: what can be seen of its wireframe (blue) and its keypoints (orange; those
+that the craft hides as rings).
+`flyaround targets --contact-sheet DIR` makes a larger page with all six sides, your own targets among them.
+
+The format is described in [formats/target.md](formats/target.md); `flyaround targets add FILE` adds a mesh."""

@@ -1,0 +1,194 @@
+"""Pictures of one craft by the real renderer, against black: oblique views with the Sun behind, and the six sides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.arrays import quat, vec3
+from simulator.camera.model import Camera
+from simulator.camera.sensor import Sensor
+from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.scene.state import Environment, SceneState, TargetRef
+from simulator.world.constants import AU_M
+from simulator.world.rotation import quat_from_matrix
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from simulator.arrays import ByteArray, Float32Array, FloatArray
+    from simulator.render.renderer import Renderer
+    from simulator.targets.model import Target
+
+OBLIQUE = ((1.0, -0.75, 0.55), (-0.85, 0.9, 0.45), (0.6, 0.85, -0.8))
+SIDES = {
+    "+x": (1, 0, 0),
+    "-x": (-1, 0, 0),
+    "+y": (0, 1, 0),
+    "-y": (0, -1, 0),
+    "+z": (0, 0, 1),
+    "-z": (0, 0, -1),
+}
+KEY_LIGHT, FILL_LIGHT, FILL_SHARE = (-0.5, -0.45, -1.0), (0.6, 0.25, -1.0), 0.2
+"""The Sun up and to the left behind the camera (camera frame); a fifth as much light from the other side, because
+what lies in the shadow of space is black."""
+FOCAL_WIDTHS = 3.0
+"""Focal length in image widths: a long lens, so that sides look square."""
+FILL = 0.9
+ORBIT_M = 7e6
+DARK = Environment(
+    earth=False,
+    clouds=False,
+    ocean_glint=False,
+    night_lights=False,
+    atmosphere=False,
+    stars=False,
+    sun=False,
+    earthshine=False,
+)
+# RGB. Colours that a colour-blind reader tells apart (Okabe and Ito).
+EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
+GAMMA = 2.2
+PIECES = 60
+SKIN = 0.006
+"""Share of the craft's diagonal by which a label may lie under the surface it belongs to."""
+
+
+def bounds_m(target: Target) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest corner of the craft [m]."""
+    points = np.concatenate([p.positions_m for p in target.parts]).astype(float)
+    return points.min(axis=0), points.max(axis=0)
+
+
+def view_scene(
+    target: Target, eye: ArrayLike, width_px: int, height_px: int, to_sun: ArrayLike = KEY_LIGHT
+) -> SceneState:
+    """A scene that looks along ``-eye`` (target frame) at the craft and is filled by it.
+
+    Parameters
+    ----------
+    to_sun : direction of the Sun, camera frame.
+    """
+    camera = Camera(
+        width_px=width_px,
+        height_px=height_px,
+        fx_px=FOCAL_WIDTHS * width_px,
+        fy_px=FOCAL_WIDTHS * width_px,
+        cx_px=(width_px - 1) / 2,
+        cy_px=(height_px - 1) / 2,
+    )
+    z = -np.asarray(eye, float)
+    z /= np.linalg.norm(z)
+    # upright where the model's z is not along the view; else y is up
+    up = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    x = np.cross(z, up)
+    x /= np.linalg.norm(x)
+    R = np.stack([x, np.cross(z, x), z])
+    outline = np.concatenate([p.positions_m for p in target.parts]).astype(float) @ R.T
+    middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
+    from_middle = outline - middle
+    # the range at which each vertex just stays inside the filled part of the image
+    need = [
+        np.abs(from_middle[:, k]) * camera.fx_px / (FILL * size / 2) - from_middle[:, 2]
+        for k, size in ((0, width_px), (1, height_px))
+    ]
+    t = -middle + np.array([0.0, 0.0, max(float(np.max(need)), float(from_middle[:, 2].max()) * 1.5)])
+    sun = np.asarray(to_sun) / np.linalg.norm(to_sun) * AU_M
+    place = np.array([ORBIT_M, 0.0, 0.0])
+    return SceneState(
+        epoch_utc="2026-01-01T00:00:00Z",
+        t_s=0.0,
+        frame_index=0,
+        seed=0,
+        camera=camera,
+        sensor=Sensor(),
+        exposure_s=0.01,
+        environment=DARK,
+        quality="high",
+        bands="rgb",
+        target=TargetRef(name=target.name, sha256=target.sha256),
+        q_camera_from_target_wxyz=quat(quat_from_matrix(R)),
+        t_camera_from_target_m=vec3(t),
+        omega_target_rad_s=(0.0, 0.0, 0.0),
+        v_target_camera_m_s=(0.0, 0.0, 0.0),
+        r_camera_eci_m=vec3(place),
+        v_camera_eci_m_s=(0.0, 0.0, 0.0),
+        q_camera_from_eci_wxyz=(1.0, 0.0, 0.0, 0.0),
+        omega_camera_rad_s=(0.0, 0.0, 0.0),
+        r_target_eci_m=vec3(place + t),
+        v_target_eci_m_s=(0.0, 0.0, 0.0),
+        r_sun_eci_m=vec3(place + t + sun),
+        r_moon_eci_m=(0.0, 3.8e8, 0.0),
+        q_itrs_from_eci_wxyz=(1.0, 0.0, 0.0, 0.0),
+        sun_visible_fraction=1.0,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A picture of a craft: RGB (H, W, 3), the scene, and the depth of its surface (H, W) [m], NaN outside."""
+
+    image: ByteArray
+    scene: SceneState
+    depth_m: Float32Array
+
+
+def draw_view(renderer: Renderer, target: Target, eye: ArrayLike, width_px: int, height_px: int) -> Drawn:
+    """The craft seen from the direction ``eye`` (target frame), exposed for it."""
+    scene = view_scene(target, eye, width_px, height_px)
+    rendered = renderer.render(scene, target, labels=True)
+    if rendered.depth_m is None:
+        raise RuntimeError("the renderer was asked for labels and gave no depth")
+    fill = renderer.render(view_scene(target, eye, width_px, height_px, FILL_LIGHT), target).radiance
+    radiance = np.asarray(rendered.radiance, float) + FILL_SHARE * np.asarray(fill, float)
+    return Drawn(developed(radiance), scene, rendered.depth_m)
+
+
+def developed(radiance: FloatArray) -> ByteArray:
+    """Linear radiance for the eye: sunlight is white, the brightest two per cent near it, gamma 2.2."""
+    balanced = radiance / np.asarray(sun_irradiance_w_m2("rgb", AU_M))
+    grey = balanced.max(axis=2)
+    lit = grey[grey > 0]
+    white = float(np.percentile(lit, 98)) if lit.size else 1.0
+    return np.rint(255 * np.clip(0.85 * balanced / white, 0, 1) ** (1 / GAMMA)).astype(np.uint8)
+
+
+def draw_labels(drawn: Drawn, target: Target) -> ByteArray:
+    """A copy with what can be seen of the wireframe, and the keypoints: filled where seen, rings where hidden."""
+    canvas = drawn.image.copy()
+    pose, camera = drawn.scene.camera_from_target, drawn.scene.camera
+    low, high = bounds_m(target)
+    skin_m = SKIN * float(np.linalg.norm(high - low))
+    eye = np.asarray(pose.inverse().t_m)
+    s = (np.arange(PIECES + 1) / PIECES)[:, None]
+    for edge in target.wireframe:
+        ends = np.array([edge.a_m, edge.b_m])
+        sight = eye - ends.mean(axis=0)
+        if edge.normals and max(float(sight @ np.asarray(n)) for n in edge.normals) <= 0:
+            continue
+        line = pose.apply(ends[0] + s * (ends[1] - ends[0]))
+        seen = _unhidden(drawn, (line[:-1] + line[1:]) / 2, skin_m + edge.radius_m)
+        pixels = np.rint(camera.project(line) * 8).astype(int).tolist()
+        for k in np.flatnonzero(seen):
+            cv2.line(canvas, tuple(pixels[k]), tuple(pixels[k + 1]), EDGE_RGB, 1, cv2.LINE_AA, 3)
+    if target.keypoints:
+        points = pose.apply(np.array([k.position_m for k in target.keypoints]))
+        seen = _unhidden(drawn, points, skin_m)
+        for pixel, is_seen in zip(
+            np.rint(camera.project(points) * 8).astype(int).tolist(), seen, strict=True
+        ):
+            weight = cv2.FILLED if is_seen else 1
+            cv2.circle(canvas, tuple(pixel), 4 * 8, POINT_RGB, weight, cv2.LINE_AA, 3)
+    return canvas
+
+
+def _unhidden(drawn: Drawn, points: FloatArray, skin_m: float) -> NDArray[np.bool_]:
+    """Whether the drawn surface leaves points (K, 3) in the camera frame open, within a skin."""
+    depth = np.where(np.isnan(drawn.depth_m), np.float32(1e9), drawn.depth_m)
+    farthest = np.asarray(cv2.dilate(depth, np.ones((3, 3), np.uint8)))
+    height, width = farthest.shape
+    u, v = np.rint(drawn.scene.camera.project(points)).astype(int).T
+    return np.asarray(farthest[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] >= points[:, 2] - skin_m)

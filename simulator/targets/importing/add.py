@@ -1,0 +1,221 @@
+"""From a mesh file to a target, step by step: read, place, check, repair, shade, propose labels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.targets.check import check_target
+from simulator.targets.convert import content_sha256
+from simulator.targets.glb import load_glb
+from simulator.targets.importing.decimate import decimate, deviation
+from simulator.targets.importing.keypoints import propose_keypoints
+from simulator.targets.importing.place import bounds, check_count, check_numbers, place_model
+from simulator.targets.importing.raw import unique_names
+from simulator.targets.importing.read import read_mesh
+from simulator.targets.importing.repair import (
+    Tally,
+    check_surface,
+    filled,
+    oriented,
+    welded_body,
+    without_slivers,
+)
+from simulator.targets.importing.shading import file_normals, normals_fit, parts_of, smooth_normals
+from simulator.targets.importing.stand_in import propose_occluders
+from simulator.targets.importing.surfaces import used_materials
+from simulator.targets.importing.weight import mass_properties_of
+from simulator.targets.importing.wireframe import propose_wireframe
+from simulator.targets.model import Target
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.arrays import FloatArray
+    from simulator.targets.importing.raw import RawModel
+    from simulator.targets.importing.topology import Body
+    from simulator.targets.model import Material, Part
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportOptions:
+    """What the user says about a mesh.
+
+    Parameters
+    ----------
+    scale, units : factor to metres, or mm, cm, m, in. up : y or z.
+    decimate : reduce to at most so many triangles.
+    fill_holes, keep_holes, keep_non_manifold : what to do where the surface is not closed or branches.
+    new_normals : compute normals even where the file's fit.
+    mass_kg, density_kg_m3 : of the uniform solid.
+    """
+
+    scale: float | None = None
+    units: str | None = None
+    up: str | None = None
+    decimate: int | None = None
+    fill_holes: bool = False
+    keep_holes: bool = False
+    keep_non_manifold: bool = False
+    new_normals: bool = False
+    mass_kg: float | None = None
+    density_kg_m3: float | None = None
+
+
+def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> tuple[Target, list[str]]:
+    """A target from a mesh file, and a line for each thing that was found, assumed, repaired or lost.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be a target as it is: one sentence with what, where and what to do.
+    """
+    options = options or ImportOptions()
+    _check_weights(options)
+    ready = _target_file(path, name, options)
+    if ready is not None:
+        return ready, ["already a target file: geometry, keypoints, wireframe and mass taken as they are"]
+    model = read_mesh(path)
+    check_numbers(model)
+    check_count(model, options.decimate)
+    lines = place_model(model, options.scale, options.units, options.up)
+    lines += model.notes
+    bodies, extent = _bodies(model, options, lines)
+    materials, notes = used_materials(bodies, model.materials)
+    lines += notes
+    parts = _parts(bodies, materials, options, lines)
+    mass, how = mass_properties_of(bodies, options.mass_kg, options.density_kg_m3)
+    keypoints = propose_keypoints(bodies, extent)
+    wireframe, left_out = propose_wireframe(bodies, extent)
+    occluders = propose_occluders(bodies, extent)
+    lines += _proposals(len(keypoints), len(wireframe), left_out, len(occluders.triangles))
+    lines.append(how)
+    used = {p.material for p in parts}
+    kept = tuple(m for m in materials if m.name in used)
+    target = Target(
+        name=name,
+        title=f"{path.name}, imported",
+        sha256=content_sha256(kept, parts, keypoints, wireframe, occluders),
+        materials=kept,
+        parts=tuple(parts),
+        keypoints=keypoints,
+        wireframe=wireframe,
+        mass=mass,
+        notes="Imported mesh. " + "; ".join(lines) + ".",
+        occluders=occluders,
+    )
+    check_target(target, str(path))
+    return target, lines
+
+
+def _check_weights(options: ImportOptions) -> None:
+    for option, value in (("--mass", options.mass_kg), ("--density", options.density_kg_m3)):
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise UserError(
+                f"{option} {value:g} is not a positive number; give it in {'kg' if option == '--mass' else 'kg/m3'}"
+            )
+
+
+def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None:
+    """The file itself when it is a whole target and nothing is to be changed."""
+    if options != ImportOptions() or path.suffix.lower() != ".glb":
+        return None
+    try:
+        return replace(load_glb(path), name=name)
+    except UserError:
+        return None
+
+
+def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[list[Body], float]:
+    """Welded, reduced, filled and outward bodies, and the craft's extent [m]."""
+    low, high = bounds(model)
+    extent = float((high - low).max())
+    tally = Tally()
+    bodies = []
+    for part in model.parts:
+        body = welded_body(part, low, extent, tally)
+        if len(body.triangles):
+            bodies.append(body)
+        else:
+            lines.append(f"part {part.name!r} has no face with area: left out")
+    if not bodies:
+        raise UserError(f"{model.path} has no face with area; export the model again")
+    summary = ""
+    reduced = options.decimate is not None and sum(len(b.triangles) for b in bodies) > options.decimate
+    if reduced and options.decimate is not None:
+        before = sum(len(b.triangles) for b in bodies)
+        original, bodies = bodies, decimate(bodies, options.decimate)
+        off = deviation(original, bodies)
+        bodies = [without_slivers(b, extent, Tally()) for b in bodies]
+        bodies = [b for b in bodies if len(b.triangles)]
+        after = sum(len(b.triangles) for b in bodies)
+        summary = (
+            f"reduced {before:,} triangles to {after:,}: {off.rms_m * 1e3:.3g} mm off in the mean (rms), "
+            f"{off.largest_m * 1e3:.3g} mm at most"
+        )
+    holes = rims = branches = 0
+    out = []
+    for body in bodies:
+        where = f"{model.path}, part {body.name!r}"
+        closed = filled(body, tally) if options.fill_holes else body
+        if options.fill_holes:
+            closed = without_slivers(closed, extent, tally)
+        found = check_surface(
+            closed,
+            where,
+            # reducing may open seams and pinch edges: reported, never refused
+            keep_holes=options.keep_holes or reduced,
+            keep_non_manifold=options.keep_non_manifold or reduced,
+        )
+        holes, rims, branches = holes + found[0], rims + found[1], branches + found[2]
+        out.append(oriented(closed, where, tally, lenient=options.keep_non_manifold or reduced))
+    lines += tally.lines()
+    if summary:
+        lines.append(summary)
+    if holes:
+        lines.append(f"kept {holes} open outlines ({rims:,} open edges) as sheets seen from both sides")
+    if branches:
+        lines.append(f"kept {branches:,} edges of three or more faces")
+    return out, extent
+
+
+def _parts(
+    bodies: list[Body], materials: list[Material], options: ImportOptions, lines: list[str]
+) -> list[Part]:
+    parts: list[Part] = []
+    taken = absent = wrong = 0
+    for body in bodies:
+        if not options.new_normals and normals_fit(body):
+            normals: FloatArray = file_normals(body)
+            taken += 1
+        else:
+            absent += body.corner_normals is None
+            wrong += body.corner_normals is not None
+            normals = smooth_normals(body)
+        parts += parts_of(body, normals, materials)
+    if absent:
+        lines.append(
+            f"computed normals of {absent} part{'s' * (absent > 1)} that had none, creased at 32 degrees"
+        )
+    if wrong:
+        why = "as told" if options.new_normals else "that pointed inwards or were no unit vectors"
+        lines.append(f"computed normals anew of {wrong} part{'s' * (wrong > 1)} {why}, creased at 32 degrees")
+    names = unique_names((p.name for p in parts), "part")
+    return [replace(p, name=n) for p, n in zip(parts, names, strict=True)]
+
+
+def _proposals(keypoints: int, edges: int, left_out: int, occluders: int) -> list[str]:
+    line = f"proposed {keypoints} keypoints, {edges} edges of the wireframe, {occluders} occluder triangles"
+    if left_out:
+        line += f" ({left_out} shorter edges left out)"
+    lines = [line]
+    if edges < 8:
+        lines.append(
+            f"only {edges} sharp edges: the built-in estimator looks for edges and will hardly find this shape"
+        )
+    if keypoints < 12:
+        lines.append(f"only {keypoints} keypoints: the shape has no more distinct corners")
+    return lines

@@ -1,0 +1,312 @@
+"""glTF 2.0, binary and JSON: nodes with their transforms, materials with factors, base-colour textures."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.targets.glb import CLEARCOAT, read_chunks
+from simulator.targets.importing.accessors import read_accessor
+from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart, unique_names
+from simulator.targets.importing.texture import decode_image, face_colours
+from simulator.targets.model import Material
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.arrays import ByteArray, FloatArray, IntArray
+
+TRIANGLES, STRIP, FAN = 4, 5, 6
+COMPRESSED = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression": "meshopt"}
+UNDERSTOOD = (
+    "KHR_materials_",
+    "KHR_mesh_quantization",
+    "KHR_lights",
+    "KHR_texture_transform",
+    "EXT_texture_",
+)
+SPECULAR = "KHR_materials_pbrSpecularGlossiness"
+
+
+def read_gltf(path: Path, data: bytes) -> RawModel:
+    """Read one glTF model; each node with a mesh becomes a part.
+
+    Raises
+    ------
+    UserError
+        If a buffer or picture is missing, the geometry is compressed, or the file breaks glTF's rules.
+    """
+    if data[:4] == b"glTF":
+        document, blob = read_chunks(data, path)
+    else:
+        try:
+            document, blob = json.loads(data), b""
+        except ValueError as error:
+            raise UserError(f"{path} is not readable JSON ({error}); export it again") from error
+    if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):
+        raise UserError(f"{path} holds JSON that is not a glTF document; export it again")
+    if str(document["asset"].get("version", "2")).startswith("1"):
+        raise UserError(f"{path} is glTF version 1; export it as version 2")
+    for name in map(str, document.get("extensionsRequired") or []):
+        if name in COMPRESSED:
+            raise UserError(
+                f"{path} is compressed with {COMPRESSED[name]}; export it without mesh compression"
+            )
+        if not name.startswith(UNDERSTOOD):
+            raise UserError(
+                f"{path} requires the glTF extension {name}, which is not read; export it without"
+            )
+    try:
+        return _Reader(path, document, blob).model()
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError, RecursionError) as error:
+        raise UserError(
+            f"{path} breaks the rules of glTF 2.0 ({type(error).__name__}: {error}); export it again"
+        ) from error
+
+
+class _Reader:
+    """One document on its way to parts."""
+
+    def __init__(self, path: Path, document: dict[str, Any], blob: bytes) -> None:
+        self.path, self.document = path, document
+        self.notes: list[str] = []
+        self.buffers = [self._buffer(b, blob, k) for k, b in enumerate(document.get("buffers", []))]
+        self.pictures: dict[int, ByteArray | None] = {}
+        self.lost: set[str] = set()
+
+    def model(self) -> RawModel:
+        document = self.document
+        materials = [self._material(m) for m in document.get("materials", [])]
+        names = unique_names((m.name for m in materials), "material")
+        materials = [replace(m, name=n) for m, n in zip(materials, names, strict=True)]
+        materials.append(UNNAMED_SURFACE)
+        found: list[tuple[str, int, FloatArray]] = []
+        scenes = document.get("scenes", [])
+        if scenes:
+            roots = scenes[document.get("scene", 0)].get("nodes", [])
+            if len(scenes) > 1:
+                self.notes.append(f"{len(scenes)} scenes in the file: only the first shown one is read")
+        else:
+            children = {c for n in document.get("nodes", []) for c in n.get("children", [])}
+            roots = [k for k in range(len(document.get("nodes", []))) if k not in children]
+        for root in roots:
+            self._visit(root, np.eye(4), found, 0)
+        parts = []
+        for name, (_, mesh, matrix) in zip(unique_names((f[0] for f in found), "part"), found, strict=True):
+            part = self._part(name, document["meshes"][mesh], matrix, len(materials) - 1)
+            if part is not None:
+                parts.append(part)
+        used = {int(k) for p in parts for k in np.unique(p.face_material)}
+        if len(materials) - 1 in used and document.get("materials"):
+            self.notes.append("some faces name no material: given a mid-grey paint")
+        if self.lost:
+            self.notes.append(f"not carried over: {', '.join(sorted(self.lost))}")
+        return RawModel(
+            path=self.path, kind="gltf", parts=parts, materials=materials, in_metres=True, up="y", notes=self.notes
+        )  # fmt: skip
+
+    def _visit(
+        self, number: int, parent: FloatArray, found: list[tuple[str, int, FloatArray]], depth: int
+    ) -> None:
+        if depth > 200:
+            raise ValueError("nodes form a circle")
+        node = self.document["nodes"][number]
+        matrix = parent @ node_matrix(node)
+        if "mesh" in node:
+            mesh = self.document["meshes"][node["mesh"]]
+            found.append((str(node.get("name") or mesh.get("name") or ""), node["mesh"], matrix))
+            if "skin" in node or any("targets" in p for p in mesh["primitives"]):
+                self.lost.add("skins and morph targets (the rest pose is taken)")
+        for child in node.get("children", []):
+            self._visit(child, matrix, found, depth + 1)
+
+    def _part(self, name: str, mesh: dict[str, Any], matrix: FloatArray, no_material: int) -> RawPart | None:
+        positions, normals, triangles, materials, colours = [], [], [], [], []
+        start = 0
+        for primitive in mesh["primitives"]:
+            mode = primitive.get("mode", TRIANGLES)
+            if mode not in (TRIANGLES, STRIP, FAN):
+                self.lost.add("points and lines")
+                continue
+            attributes = primitive["attributes"]
+            p = self._read(attributes["POSITION"])
+            index = (
+                self._read(primitive["indices"]).astype(np.int64).ravel()
+                if "indices" in primitive
+                else np.arange(len(p))
+            )
+            t = _as_triangles(index, mode)
+            number = primitive.get("material", no_material)
+            positions.append(p)
+            normals.append(self._read(attributes["NORMAL"]) if "NORMAL" in attributes else None)
+            triangles.append(t + start)
+            materials.append(np.full(len(t), number, np.int64))
+            colours.append(self._colours(primitive, t, len(p)))
+            start += len(p)
+        if not positions:
+            return None
+        linear = matrix[:3, :3]
+        all_triangles = np.concatenate(triangles)
+        if np.linalg.det(linear) < 0:
+            all_triangles = all_triangles[:, ::-1]  # a mirrored node turns the winding round
+        whole = None
+        if all(n is not None for n in normals):
+            whole = np.concatenate([n for n in normals if n is not None]) @ np.linalg.pinv(linear)
+        colour = None
+        if any(c is not None for c in colours):
+            blank = [np.full((len(t), 3), np.nan) for t in triangles]
+            colour = np.concatenate([b if c is None else c for b, c in zip(blank, colours, strict=True)])
+        with np.errstate(invalid="ignore", over="ignore"):  # vertices that are not finite are named later
+            places = np.concatenate(positions) @ linear.T + matrix[:3, 3]
+        return RawPart(
+            name=name,
+            positions_m=places,
+            triangles=all_triangles,
+            face_material=np.concatenate(materials),
+            normals=whole,
+            face_colour=colour,
+        )
+
+    def _colours(self, primitive: dict[str, Any], triangles: IntArray, count: int) -> FloatArray | None:
+        """(F, 3) colour of each face from the base-colour texture times its factor, or from the vertices."""
+        attributes, factor = primitive["attributes"], np.ones(3)
+        if "material" in primitive:
+            m = self.document["materials"][primitive["material"]]
+            pbr = m.get("pbrMetallicRoughness", {})
+            factor = np.asarray(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], float)
+            texture = pbr.get("baseColorTexture") or m.get("extensions", {}).get(SPECULAR, {}).get(
+                "diffuseTexture"
+            )
+            if texture is not None:
+                image = self._picture(texture["index"])
+                key = f"TEXCOORD_{texture.get('texCoord', 0)}"
+                if image is not None and key in attributes:
+                    uv = self._read(attributes[key])
+                    change = texture.get("extensions", {}).get("KHR_texture_transform", {})
+                    uv = uv * change.get("scale", [1, 1]) + change.get("offset", [0, 0])
+                    return face_colours(image, uv, triangles) * factor
+                return None
+        if "COLOR_0" in attributes:
+            vertex = self._read(attributes["COLOR_0"])[:, :3]
+            return np.asarray(vertex[np.clip(triangles, 0, count - 1)].mean(axis=1) * factor)
+        return None
+
+    def _material(self, m: dict[str, Any]) -> Material:
+        pbr, extensions = m.get("pbrMetallicRoughness", {}), m.get("extensions", {})
+        coat = extensions.get(CLEARCOAT, {})
+        metallic, roughness = float(pbr.get("metallicFactor", 1.0)), float(pbr.get("roughnessFactor", 1.0))
+        base = pbr.get("baseColorFactor", [1, 1, 1, 1])
+        if SPECULAR in extensions:
+            old = extensions[SPECULAR]
+            base, metallic = old.get("diffuseFactor", [1, 1, 1, 1]), 0.0
+            roughness = 1.0 - float(old.get("glossinessFactor", 1.0))
+        if "metallicRoughnessTexture" in pbr:
+            image = self._picture(pbr["metallicRoughnessTexture"]["index"])
+            if image is not None:
+                # glTF 2.0, 3.9.2: roughness in green, metalness in blue; a mean stands for the map
+                roughness *= float(image[..., 1].mean() / 255)
+                metallic *= float(image[..., 2].mean() / 255)
+            self.lost.add("maps of roughness and metalness (their means are taken)")
+        for key, what in (("normalTexture", "normal maps"), ("emissiveTexture", "emission"),
+                          ("occlusionTexture", "occlusion maps")):  # fmt: skip
+            if key in m:
+                self.lost.add(what)
+        if m.get("alphaMode", "OPAQUE") != "OPAQUE":
+            self.lost.add("transparency (drawn opaque)")
+        r, g, b = (float(np.clip(c, 0, 1)) for c in base[:3])
+        return Material(
+            name=str(m.get("name") or ""),
+            base_color=(r, g, b),
+            metallic=float(np.clip(metallic, 0, 1)),
+            roughness=float(np.clip(roughness, 0.03, 1)),
+            clearcoat=float(np.clip(coat.get("clearcoatFactor", 0.0), 0, 1)),
+            clearcoat_roughness=float(
+                np.clip(coat.get("clearcoatRoughnessFactor", Material.clearcoat_roughness), 0, 1)
+            ),
+        )
+
+    def _picture(self, texture: int) -> ByteArray | None:
+        record = self.document["textures"][texture]
+        source = record.get("source")
+        if source is None:
+            source = next((e["source"] for e in record.get("extensions", {}).values() if "source" in e), None)
+        if source is None:
+            return None
+        if source not in self.pictures:
+            image = self.document["images"][source]
+            if "bufferView" in image:
+                view = self.document["bufferViews"][image["bufferView"]]
+                start = view.get("byteOffset", 0)
+                raw = self.buffers[view["buffer"]][start : start + view["byteLength"]]
+            else:
+                raw = self._file(image["uri"], "texture")
+            self.pictures[source] = decode_image(raw)
+            if self.pictures[source] is None:
+                what = image.get("uri") or image.get("name") or f"image {source}"
+                raise UserError(
+                    f"{self.path}: texture {str(what)[:60]!r} is not a picture that can be read; convert it to PNG"
+                )
+        return self.pictures[source]
+
+    def _buffer(self, record: dict[str, Any], blob: bytes, number: int) -> bytes:
+        data = self._file(record["uri"], "buffer") if "uri" in record else blob
+        if len(data) < record["byteLength"]:
+            raise UserError(
+                f"{self.path}: buffer {number} has {len(data)} of {record['byteLength']} bytes; copy or export it again"
+            )
+        return data
+
+    def _file(self, uri: str, what: str) -> bytes:
+        if uri.startswith("data:"):
+            try:
+                return base64.b64decode(uri.partition(",")[2], validate=True)
+            except binascii.Error as error:
+                raise UserError(f"{self.path}: an embedded {what} is damaged; export it again") from error
+        place = self.path.parent / unquote(uri)
+        try:
+            return place.read_bytes()
+        except OSError as error:
+            raise UserError(
+                f"{self.path}: {what} file {unquote(uri)!r} is missing; put it beside the model, or export as .glb"
+            ) from error
+
+    def _read(self, number: int) -> FloatArray:
+        return read_accessor(self.document, self.buffers, number)
+
+
+def node_matrix(node: dict[str, Any]) -> FloatArray:
+    """(4, 4) of a node relative to its parent: a matrix by columns, or translation, rotation (xyzw), scale."""
+    if "matrix" in node:
+        return np.asarray(node["matrix"], float).reshape(4, 4).T
+    matrix = np.eye(4)
+    x, y, z, w = np.asarray(node.get("rotation", [0, 0, 0, 1]), float)
+    R = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    matrix[:3, :3] = R * np.asarray(node.get("scale", [1, 1, 1]), float)
+    matrix[:3, 3] = node.get("translation", [0, 0, 0])
+    return matrix
+
+
+def _as_triangles(index: IntArray, mode: int) -> IntArray:
+    if mode == TRIANGLES:
+        if len(index) % 3:
+            raise ValueError(f"{len(index)} indices are no whole number of triangles")
+        return index.reshape(-1, 3)
+    if mode == FAN:
+        first = np.full(max(len(index) - 2, 0), index[0] if len(index) else 0)
+        return np.stack([first, index[1:-1], index[2:]], axis=1)
+    t = np.stack([index[:-2], index[1:-1], index[2:]], axis=1)
+    t[1::2] = t[1::2, ::-1]  # every second triangle of a strip runs the other way
+    return t

@@ -1,0 +1,198 @@
+"""Wavefront OBJ with its .mtl: objects and groups as parts, diffuse colours and textures as materials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.targets.importing.mtl import read_mtl
+from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart, unique_names
+from simulator.targets.importing.texture import face_colours
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.arrays import FloatArray, IntArray
+    from simulator.targets.importing.mtl import ObjMaterial
+
+
+@dataclass(eq=False)
+class _Block:
+    """Faces between two changes of object, group or material, as text."""
+
+    part: str
+    material: str
+    lines: list[str] = field(default_factory=list)
+    seen: tuple[int, int, int] = (0, 0, 0)
+
+
+def read_obj(path: Path, data: bytes) -> RawModel:
+    """Read an OBJ; polygons are cut into fans of triangles.
+
+    Raises
+    ------
+    UserError
+        If its material library or a texture is missing, or a line cannot be read.
+    """
+    rows: dict[str, list[str]] = {"v": [], "vt": [], "vn": []}
+    blocks: list[_Block] = []
+    libraries: list[str] = []
+    part, material = "body", ""
+    text = data.decode("utf-8", "replace").replace("\\\n", " ").replace("\\\r\n", " ")
+    lost = False
+    for line in text.splitlines():
+        word, _, rest = line.strip().partition(" ")
+        if word in rows:
+            rows[word].append(rest)
+        elif word == "f":
+            if not blocks or (blocks[-1].part, blocks[-1].material) != (part, material):
+                blocks.append(_Block(part, material))
+            blocks[-1].lines.append(rest)
+            if "-" in rest:  # counted from the last vertex so far
+                blocks[-1].lines[-1] = _absolute(rest, (len(rows["v"]), len(rows["vt"]), len(rows["vn"])))
+        elif word in ("o", "g"):
+            part = rest.strip() or "body"
+        elif word == "usemtl":
+            material = rest.strip()
+        elif word == "mtllib":
+            libraries.append(rest.strip())
+        elif word in ("l", "p", "curv", "surf"):
+            lost = True
+    v = _numbers(path, rows["v"], 3, "v")
+    vt = _numbers(path, rows["vt"], 2, "vt")
+    vn = _numbers(path, rows["vn"], 3, "vn")
+    known = read_mtl(path, libraries)
+    model = RawModel(path=path, kind="obj", parts=[], materials=[])
+    if lost:
+        model.notes.append("not carried over: points, lines and curves")
+    _materials(path, model, blocks, known)
+    number = {m.name: k for k, m in enumerate(model.materials)}
+    order = list(dict.fromkeys(b.part for b in blocks))
+    for name, key in zip(unique_names(order, "body"), order, strict=True):
+        mine = [b for b in blocks if b.part == key]
+        model.parts.append(_part(path, name, mine, (v, vt, vn), known, number))
+    return model
+
+
+def _materials(path: Path, model: RawModel, blocks: list[_Block], known: dict[str, ObjMaterial]) -> None:
+    used = list(dict.fromkeys(b.material for b in blocks))
+    for name in used:
+        if name and name not in known and known:
+            raise UserError(
+                f"{path}: material {name!r} is in none of its .mtl files; export the model with its materials"
+            )
+    model.materials = [known[n].material for n in used if n in known] + [UNNAMED_SURFACE]
+    if known and any(n not in known for n in used):
+        model.notes.append("some faces name no material: given a mid-grey paint")
+
+
+def _part(
+    path: Path,
+    name: str,
+    blocks: list[_Block],
+    data: tuple[FloatArray, FloatArray, FloatArray],
+    known: dict[str, ObjMaterial],
+    number: dict[str, int],
+) -> RawPart:
+    v, vt, vn = data
+    corners, materials, colours = [], [], []
+    for block in blocks:
+        c = _faces(path, block.lines)
+        for column, count, what in ((0, len(v), "vertex"), (1, len(vt), "vt"), (2, len(vn), "vn")):
+            bad = (c[..., column] > count) | (c[..., column] < (1 if column == 0 else 0))
+            if bad.any():
+                face = int(np.argmax(bad.any(axis=1)))
+                value = int(c[face, :, column][bad[face]][0])
+                raise UserError(
+                    f"{path}, part {name!r}: triangle {face} uses {what} {value} of {count}; export it again"
+                )
+        corners.append(c)
+        materials.append(np.full(len(c), number.get(block.material, len(number) - 1), np.int64))
+        image = known[block.material].image if block.material in known else None
+        colour = np.full((len(c), 3), np.nan)
+        if image is not None and (c[..., 1] > 0).all():
+            # OBJ counts texture rows from the bottom
+            uv = np.stack([vt[:, 0], 1 - vt[:, 1]], axis=1)
+            colour = face_colours(image, uv, c[..., 1] - 1) * known[block.material].material.base_color
+        colours.append(colour)
+    c = np.concatenate(corners)
+    flat = c.reshape(-1, 3)
+    key, inverse = np.unique(flat[:, 0] * (len(vn) + 1) + flat[:, 2], return_inverse=True)
+    at, normal_at = key // (len(vn) + 1) - 1, key % (len(vn) + 1) - 1
+    with_normals = len(vn) > 0 and bool((normal_at >= 0).all())
+    colour = np.concatenate(colours)
+    return RawPart(
+        name=name,
+        positions_m=v[at],
+        triangles=inverse.reshape(-1, 3),
+        face_material=np.concatenate(materials),
+        normals=vn[normal_at] if with_normals else None,
+        face_colour=None if np.isnan(colour).all() else colour,
+    )
+
+
+def _faces(path: Path, lines: list[str]) -> IntArray:
+    """(F, 3, 3) of vertex, texture and normal number, from 1; 0 where the file gives none."""
+    first = lines[0].split() or [""]
+    slashes, double = first[0].count("/"), "//" in first[0]
+    plain = all(line.count("/") == 3 * slashes and ("//" in line) == double for line in lines)
+    if plain and all(len(line.split()) == 3 for line in lines):
+        numbers = np.fromstring(" ".join(lines).replace("//", " ").replace("/", " "), np.int64, sep=" ")
+        width = slashes + 1 - double
+        if numbers.size == len(lines) * 3 * width:
+            table = numbers.reshape(-1, 3, width)
+            out = np.zeros((len(lines), 3, 3), np.int64)
+            out[..., 0] = table[..., 0]
+            if width > 1:
+                out[..., 2 if double else 1] = table[..., 1]
+            if width > 2:
+                out[..., 2] = table[..., 2]
+            return out
+    faces = []
+    for line in lines:
+        try:
+            corners = [_corner(token) for token in line.partition("#")[0].split()]
+        except ValueError as error:
+            raise UserError(f"{path}: face {line.strip()[:60]!r} cannot be read; export it again") from error
+        if len(corners) < 3:
+            raise UserError(
+                f"{path}: face {line.strip()[:60]!r} has fewer than three corners; export it again"
+            )
+        faces += [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
+    return np.array(faces, np.int64).reshape(-1, 3, 3)
+
+
+def _corner(token: str) -> tuple[int, int, int]:
+    fields = [int(x) if x else 0 for x in token.split("/")] + [0, 0]
+    return (fields[0], fields[1], fields[2])
+
+
+def _absolute(text: str, counts: tuple[int, int, int]) -> str:
+    """Face corners counted from the end, counted from the start."""
+    out = []
+    for token in text.partition("#")[0].split():
+        fields = [
+            str(n + 1 + int(x)) if x.startswith("-") else x
+            for x, n in zip(token.split("/"), counts, strict=False)
+        ]
+        out.append("/".join(fields))
+    return " ".join(out)
+
+
+def _numbers(path: Path, rows: list[str], width: int, word: str) -> FloatArray:
+    """(N, width) from the rows after ``word``; columns beyond are colours or weights and are left out."""
+    if not rows:
+        return np.zeros((0, width))
+    try:
+        columns = len(rows[0].split())
+        flat = np.array(" ".join(rows).split(), float)
+        if columns >= width and flat.size == columns * len(rows):
+            return flat.reshape(len(rows), columns)[:, :width].copy()
+        return np.array([[float(x) for x in (row.split() + ["0"] * width)[:width]] for row in rows])
+    except ValueError as error:
+        raise UserError(
+            f"{path}: a {word} line holds something that is no number ({error}); export it again"
+        ) from error

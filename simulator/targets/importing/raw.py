@@ -1,0 +1,80 @@
+"""A mesh as a file holds it, before anything is checked: parts with per-face materials, and notes for the user."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from simulator.arrays import FloatArray, IntArray
+from simulator.targets.model import Material
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+UNNAMED_SURFACE = Material(name="grey-paint", base_color=(0.55, 0.55, 0.55), roughness=0.6)
+"""What a face without a material is given: a mid-grey paint."""
+
+
+@dataclass(eq=False, kw_only=True)
+class RawPart:
+    """A named body of a file.
+
+    Parameters
+    ----------
+    positions_m : (N, 3) in the file's axes, then in the model frame.
+    triangles : (F, 3) indices.
+    face_material : (F,) index into the model's materials.
+    normals : (N, 3) as the file has them, or None.
+    face_colour : (F, 3) linear colour of a texture or of vertices, NaN where there is none; or None.
+    """
+
+    name: str
+    positions_m: FloatArray
+    triangles: IntArray
+    face_material: IntArray
+    normals: FloatArray | None = None
+    face_colour: FloatArray | None = None
+
+
+@dataclass(eq=False, kw_only=True)
+class RawModel:
+    """A file's parts and materials.
+
+    Parameters
+    ----------
+    kind : the file's ending without its dot.
+    in_metres : the format says so (glTF); STL and OBJ carry no unit.
+    up : the axis that points up by the format's rules (glTF: y), or None.
+    notes : what was done or lost, a line each, for the user.
+    """
+
+    path: Path
+    kind: str
+    parts: list[RawPart]
+    materials: list[Material]
+    in_metres: bool = False
+    up: str | None = None
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of all parts."""
+        return sum(len(p.triangles) for p in self.parts)
+
+
+def unique_names(names: Iterable[str], fallback: str) -> list[str]:
+    """Names made different from each other by a number; empty ones are called ``fallback``."""
+    taken: dict[str, int] = {}
+    out = []
+    for raw in names:
+        name = raw.strip() or fallback
+        count = taken.get(name, 0)
+        candidate = name
+        while candidate in taken:
+            count += 1
+            candidate = f"{name}_{count + 1}"
+        taken[name] = count
+        taken.setdefault(candidate, 0)
+        out.append(candidate)
+    return out

@@ -1,0 +1,143 @@
+"""Which faces meet at which edges: welding, edge tables, connected bodies. Indices only, no policy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from simulator.arrays import BoolArray, FloatArray, IntArray
+
+GRID_BITS = 21
+"""Positions are compared on a grid of 2^21 steps per axis, about half a millionth of the craft."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Body:
+    """A part with each place once.
+
+    Parameters
+    ----------
+    positions_m : (V, 3) distinct places, model frame.
+    triangles : (F, 3) indices.
+    face_material : (F,).
+    corner_normals : (F, 3, 3) the file's normals at the corners, or None.
+    """
+
+    name: str
+    positions_m: FloatArray
+    triangles: IntArray
+    face_material: IntArray
+    corner_normals: FloatArray | None = None
+
+    def kept(self, faces: BoolArray) -> Body:
+        """The body with some of its faces."""
+        normals = None if self.corner_normals is None else self.corner_normals[faces]
+        return Body(
+            name=self.name,
+            positions_m=self.positions_m,
+            triangles=self.triangles[faces],
+            face_material=self.face_material[faces],
+            corner_normals=normals,
+        )
+
+    @property
+    def face_vectors(self) -> FloatArray:
+        """(F, 3) normals as long as twice the faces' areas [m2]."""
+        a, b, c = (self.positions_m[self.triangles[:, k]] for k in range(3))
+        return np.cross(b - a, c - a)
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeTable:
+    """Edges of a triangle mesh; half-edge h runs from corner h % 3 of face h // 3 to the next corner.
+
+    Parameters
+    ----------
+    ends : (E, 2) vertices, the lower number first.
+    count : (E,) faces that meet there. balance : (E,) those that run upwards less those that run downwards.
+    first : (E,) one half-edge of each.
+    pairs : (P, 2) half-edges of the edges of exactly two faces; pair_edge : (P,) which edge that is.
+    """
+
+    ends: IntArray
+    count: IntArray
+    balance: IntArray
+    first: IntArray
+    pairs: IntArray
+    pair_edge: IntArray
+
+    @property
+    def open(self) -> BoolArray:
+        """(E,) edges of one face."""
+        return self.count == 1
+
+    @property
+    def non_manifold(self) -> BoolArray:
+        """(E,) edges of three or more faces that are not the seam of bodies which touch."""
+        return (self.count > 2) & ((self.balance != 0) | (self.count % 2 == 1))
+
+
+def used_vertices(triangles: IntArray, count: int) -> IntArray:
+    """Numbers of the vertices that triangles use, ascending; counting is faster than sorting."""
+    return np.flatnonzero(np.bincount(triangles.ravel(), minlength=count))
+
+
+def weld(points: FloatArray, low: FloatArray, extent: float) -> tuple[FloatArray, IntArray]:
+    """Distinct places and the place of each point; compared on a grid of 2^21 steps over ``extent``."""
+    step = extent / (2**GRID_BITS - 2)
+    cell = np.floor((points - low) / step + 0.5).astype(np.int64)
+    key = (cell[:, 0] << (2 * GRID_BITS)) | (cell[:, 1] << GRID_BITS) | cell[:, 2]
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    return points[first], inverse.ravel()
+
+
+def edge_table(triangles: IntArray) -> EdgeTable:
+    """The edges of (F, 3) triangles."""
+    start = triangles.ravel()
+    end = np.roll(triangles, -1, axis=1).ravel()
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    key = low * (int(high.max(initial=0)) + 1) + high
+    order = np.argsort(key, kind="stable")
+    ordered = key[order]
+    begin = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+    count = np.diff(np.append(begin, len(order)))
+    sign = np.where(start < end, 1, -1)[order]
+    first = order[begin]
+    two = np.flatnonzero(count == 2)
+    pairs = np.stack([order[begin[two]], order[begin[two] + 1]], axis=1)
+    return EdgeTable(
+        np.stack([low[first], high[first]], axis=1),
+        count,
+        np.add.reduceat(sign, begin),
+        first,
+        pairs,
+        two,
+    )
+
+
+def components(links: IntArray, count: int) -> tuple[int, IntArray]:
+    """How many connected groups ``count`` things form by (K, 2) links, and the group of each."""
+    graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(count, count))
+    number, label = connected_components(graph, directed=False)
+    return int(number), label.astype(np.int64)
+
+
+def face_bodies(triangles: IntArray, table: EdgeTable) -> tuple[int, IntArray]:
+    """Connected bodies by edges of two faces: their number and the body of each face."""
+    return components(table.pairs // 3, len(triangles))
+
+
+def apart(body: Body) -> Body:
+    """The body with its connected pieces on vertices of their own, so that pieces that touch keep all their edges."""
+    _, piece = face_bodies(body.triangles, edge_table(body.triangles))
+    count = len(body.positions_m)
+    used, index = np.unique(piece[:, None] * count + body.triangles, return_inverse=True)
+    return Body(
+        name=body.name,
+        positions_m=body.positions_m[used % count],
+        triangles=index.reshape(-1, 3),
+        face_material=body.face_material,
+    )

@@ -1,0 +1,202 @@
+"""`flyaround targets add` and `remove`, the list and the contact sheet, from the command line."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from flyaround.__main__ import run
+from hil.board.svd import BoardModel as BoardView
+from simulator.dataset.check import check_dataset
+from simulator.errors import UserError
+from simulator.targets.board_file import write_board_model
+from simulator.targets.library import list_targets, load_target
+
+SCENARIO = """
+target = "{name}"
+epoch_utc = "2026-03-21T10:00:00Z"
+duration_s = 10.0
+[orbit]
+kind = "elements"
+altitude_km = 700.0
+[chaser]
+mode = "hold"
+position_lvlh_m = [0.0, -10.0, 0.0]
+"""
+
+
+def satellite():
+    """A bus with two wings and a mast, in metres."""
+    bus = trimesh.creation.box((1.0, 0.8, 0.6))
+    wings = [trimesh.creation.box((0.6, 1.2, 0.03)) for _ in range(2)]
+    wings[0].apply_translation((0, 1.1, 0.1))
+    wings[1].apply_translation((0, -1.1, 0.1))
+    mast = trimesh.creation.cylinder(0.04, 0.5, sections=24)
+    mast.apply_translation((0.3, 0.1, 0.55))
+    return [("bus", bus), ("wing_py", wings[0]), ("wing_ny", wings[1]), ("mast", mast)]
+
+
+@pytest.fixture
+def mesh_file(tmp_path):
+    scene = trimesh.Scene()
+    for name, mesh in satellite():
+        scene.add_geometry(mesh, node_name=name, geom_name=name)
+    path = tmp_path / "My Sat.glb"
+    path.write_bytes(scene.export(file_type="glb"))
+    return path
+
+
+def command(capsys, *arguments):
+    code = run(["targets", *(str(a) for a in arguments)])
+    out, err = capsys.readouterr()
+    return code, out, " ".join(err.split())
+
+
+def data_folder():
+    return Path(os.environ["FLYAROUND_DATA_DIR"]) / "targets"
+
+
+def test_a_mesh_becomes_a_target_by_name(capsys, mesh_file, tmp_path):
+    code, out, _ = command(capsys, "add", mesh_file, "--up", "z", "--mass", "120", "--no-sheet", "--json")
+    assert code == 0
+    report = json.loads(out)
+    assert report["name"] == "my-sat"
+    assert report["origin"] == "user"
+    assert Path(report["path"]) == data_folder() / "my-sat.glb"
+    assert any("size 1 x 3.4 x 1.1 m" in line for line in report["report"])
+    target = load_target("my-sat")
+    assert target.mass.mass_kg == pytest.approx(120)
+    assert [p.name for p in target.parts] == ["bus", "wing_py", "wing_ny", "mast"]
+    assert len(target.keypoints) >= 12
+    assert "my-sat" in list_targets()
+    assert load_target(report["path"]).sha256 == report["sha256"]
+    listed = {t["name"]: t["origin"] for t in json.loads(command(capsys, "--json")[1])}
+    assert (listed["my-sat"], listed["tango"]) == ("user", "built-in")
+    write_board_model(target, tmp_path / "board.json")
+    assert len(BoardView.read(tmp_path / "board.json").wireframe) == len(target.wireframe)
+    code, out, _ = command(capsys, "remove", "my-sat")
+    assert code == 0
+    assert "my-sat" not in list_targets()
+    assert list(data_folder().iterdir()) == []
+
+
+def test_names_that_cannot_be_had(capsys, mesh_file):
+    for name, says in (
+        ("tango", "is a built-in target"),
+        ("Ü ber", "cannot be used"),
+        ("../x", "cannot be used"),
+    ):
+        code, _, error = command(capsys, "add", mesh_file, "--name", name)
+        assert (code, says in error) == (2, True), error
+    assert command(capsys, "add", mesh_file, "--no-sheet")[0] == 0
+    code, _, error = command(capsys, "add", mesh_file, "--no-sheet")
+    assert code == 2
+    assert "already in" in error
+    assert "--replace" in error
+    assert command(capsys, "add", mesh_file, "--no-sheet", "--replace")[0] == 0
+    for name, says in (
+        ("tango", "stays"),
+        ("nothing", "no target called 'nothing'"),
+        ("../x", "no target called"),
+    ):
+        code, _, error = command(capsys, "remove", name)
+        assert (code, says in error) == (2, True), error
+
+
+def bad_files(folder):
+    """Files with one fault each, the options given, and what the sentence must say."""
+    box = trimesh.creation.box((2.0, 1.0, 0.5))
+    stl = box.export(file_type="stl")
+    yield "big.stl", trimesh.creation.box((740.0, 770.0, 300.0)).export(file_type="stl"), (), "--units mm"
+    yield (
+        "huge.stl",
+        trimesh.creation.box((4e4, 4e4, 4e4)).export(file_type="stl"),
+        ("--units", "m"),
+        "no spacecraft",
+    )
+    yield "wrong.obj", stl, (), "holds a .stl file"
+    yield "cut.glb", box.export(file_type="glb")[:300], (), "cut short"
+    open_box = trimesh.Trimesh(box.vertices, box.faces[2:], process=False)
+    yield "open.stl", open_box.export(file_type="stl"), (), "open edges"
+    yield "nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", (), "1 of 3 vertices are not finite"
+    yield "flat.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", (), "no face with area"
+    yield "mtl.obj", b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", (), "'gone.mtl' is missing"
+    yield "unit.stl", stl, ("--units", "feet"), "unknown unit 'feet'"
+    yield "both.stl", stl, ("--units", "mm", "--scale", "2"), "not both"
+    yield "few.stl", stl, ("--decimate", "3"), "--decimate 3 is out of range"
+    yield "mass.stl", stl, ("--mass", "0"), "--mass 0 is not a positive number"
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_a_bad_file_is_one_sentence_and_writes_nothing(capsys, tmp_path, number):
+    name, data, options, says = list(bad_files(tmp_path))[number]
+    (tmp_path / name).write_bytes(data)
+    code, out, error = command(capsys, "add", tmp_path / name, *options)
+    assert code == 2
+    assert says in error
+    assert "Traceback" not in error
+    assert out == ""
+    assert not data_folder().exists()
+
+
+def test_a_damaged_target_does_not_hide_the_others(capsys, mesh_file):
+    assert command(capsys, "add", mesh_file, "--no-sheet")[0] == 0
+    file = data_folder() / "my-sat.glb"
+    file.write_bytes(file.read_bytes()[:500])
+    code, out, error = command(capsys, "--json")
+    assert code == 0
+    assert "my-sat" not in [t["name"] for t in json.loads(out)]
+    assert "'my-sat' is left out" in error
+    with pytest.raises(UserError, match="cut short"):
+        load_target("my-sat")
+
+
+def test_unwritable_data_folder(capsys, mesh_file, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("x")
+    monkeypatch.setenv("FLYAROUND_DATA_DIR", str(tmp_path / "file"))
+    code, _, error = command(capsys, "add", mesh_file, "--no-sheet")
+    assert code == 2
+    assert "set FLYAROUND_DATA_DIR" in error
+
+
+@pytest.mark.gl
+def test_render_capture_check_and_contact_sheet_of_an_added_mesh(capsys, mesh_file, tmp_path):
+    code, out, _ = command(capsys, "add", mesh_file, "--up", "z", "--json")
+    assert code == 0
+    page = Path(json.loads(out)["contact_sheet"])
+    assert page == data_folder() / "my-sat-sheet" / "index.html"
+    text = page.read_text()
+    pictures = [piece.split('"')[0] for piece in text.split('src="')[1:]]
+    assert len(pictures) == 12
+    for picture in pictures:
+        assert (page.parent / picture).stat().st_size > 500
+    assert "1 × 3.4 × 1.1 m" in text
+    scenario = tmp_path / "mine.toml"
+    scenario.write_text(SCENARIO.format(name="my-sat"))
+    assert run(["capture", str(scenario), "-o", str(tmp_path / "set"), "-n", "3", "--json"]) == 0
+    capsys.readouterr()
+    report = check_dataset(tmp_path / "set")
+    assert report.n_frames == 3
+    assert report.faults == ()
+    truth = json.loads((tmp_path / "set" / "images" / "000001.json").read_text())
+    assert truth["box_px"] is not None
+    assert any(k["state"] == "visible" for k in truth["keypoints"])
+    assert command(capsys, "remove", "my-sat")[0] == 0
+    assert not page.exists()
+
+
+@pytest.mark.gl
+def test_docs_page_has_a_small_picture_of_each_built_in_craft(tmp_path, monkeypatch, mesh_file, capsys):
+    tango = load_target("tango")
+    monkeypatch.setattr("flyaround.commands.targets.list_targets", lambda: ("tango",))
+    code, _, _ = command(capsys, "--docs", tmp_path / "docs", "--contact-sheet", tmp_path / "sheet.html")
+    assert code == 0
+    text = (tmp_path / "docs" / "targets.md").read_text()
+    assert "![tango](images/targets/tango.jpg)" in text
+    assert tango.notes in text
+    assert (tmp_path / "docs" / "images" / "targets" / "tango.jpg").stat().st_size < 100_000
+    assert "tango-view1.jpg" in (tmp_path / "sheet.html").read_text()
+    assert np.all([(tmp_path / f"tango-labels{k}.jpg").is_file() for k in (1, 2, 3)])
