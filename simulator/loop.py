@@ -110,6 +110,8 @@ def plan_flight(
     UserError
         If a time is outside the flight, or the scenario names something unknown.
     """
+    if seed is not None and seed < 0:
+        raise UserError(f"the seed is {seed}, allowed: 0 or more")
     target = load_target(scenario.target)
     if times is None:
         times = tuple(float(t) for t in frame_times(scenario.duration_s, n, every_s))

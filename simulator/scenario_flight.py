@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
     from simulator.world.lvlh import Lvlh
 
+MOST_FRAMES = 1_000_000
+"""More frames than this in one run are taken for a mistake."""
+
 _LOWEST_M = 100e3
 """Perigee below which an orbit is taken for a mistake."""
 
@@ -132,11 +135,17 @@ def frame_times(duration_s: float, n: int | None = None, every_s: float | None =
     """
     if n is not None and n < 1:
         raise UserError(f"the number of frames is {n}, allowed: at least 1")
+    if n is not None and n > MOST_FRAMES:
+        raise UserError(f"the number of frames is {n}, allowed: at most {MOST_FRAMES}")
     if every_s is None:
         return np.linspace(0.0, duration_s, n or 1, dtype=float)
     if not (np.isfinite(every_s) and every_s > 0):
         raise UserError(f"the time between frames is {every_s} s, allowed: more than 0")
     # a rounding's worth of slack, so that 60 s hold 601 frames 0.1 s apart
+    if duration_s / every_s > MOST_FRAMES:
+        raise UserError(
+            f"frames every {every_s:g} s are more than {MOST_FRAMES} in {duration_s:g} s; choose a longer spacing"
+        )
     fitting = int(np.floor(duration_s / every_s + 1e-9)) + 1
     if n is not None and n > fitting:
         raise UserError(

@@ -26,7 +26,9 @@ def estimate(
     target: Annotated[str, typer.Option(help="Target name.")] = "tango",
     camera: Annotated[str, typer.Option(help="CAMERA.json, or the name of a built-in camera.")] = "speed",
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON list.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON: an object for one image, else a list.")
+    ] = False,
 ) -> None:
     """Estimate the pose of a target in images."""
     check_method(method)

@@ -52,7 +52,7 @@ def host(
     timeout_s: Annotated[
         float, typer.Option("--timeout", min=0.1, help="Seconds to wait for a board or a pose.")
     ] = 30.0,
-    seed: Annotated[int | None, typer.Option(help="Seed (default: the scenario's).")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed (default: the scenario's).")] = None,
     gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
@@ -113,7 +113,7 @@ def board(
 
 def report(
     folder: Annotated[Path, typer.Argument(help="A folder written by hil host --log.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print where the page is as JSON.")] = False,
 ) -> None:
     """Latency, jitter, drops by cause: a page with plots from a ledger."""
     page = write_report(folder)

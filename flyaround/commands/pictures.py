@@ -23,7 +23,7 @@ from simulator.scene.state import Bands, Quality
 from simulator.targets.library import load_target
 
 Seed = Annotated[
-    int | None, typer.Option("--seed", help="Seed of every random choice (default: the scenario's).")
+    int | None, typer.Option("--seed", min=0, help="Seed of every random choice (default: the scenario's).")
 ]
 Device = Annotated[
     int | None, typer.Option("--gpu", help="EGL device to draw on (default: the driver's choice).")
@@ -35,7 +35,9 @@ def render(
     output: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", help=".png image, .npy raw digital numbers; truth goes to .json beside it."
+            "--output",
+            "-o",
+            help=".png image, .npy raw numbers, .exr radiance; truth goes to .json beside it.",
         ),
     ] = Path("frame.png"),
     time_s: Annotated[

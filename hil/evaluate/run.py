@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from simulator.targets.model import Target
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -79,10 +82,15 @@ def evaluate_dataset(
     try:
         rows = []
         for done, k in enumerate(frames):
-            rows.append(_evaluate(folder, k, estimator))
+            try:
+                rows.append(_evaluate(folder, k, estimator))
+            except UserError as error:
+                log.warning("frame %d is left out: %s", k, error)
             progress(done + 1, len(frames))
     finally:
         cv2.setNumThreads(threads)
+    if not rows:
+        raise UserError(f"no frame of data set {folder} can be read; run flyaround check on it")
     metrics = summarise([row.record for row in rows], method=method)
     write_atomic(report / "metrics.json", msgspec.json.format(msgspec.json.encode(metrics), indent=1))
     write_atomic(report / "frames.csv", _table(rows))

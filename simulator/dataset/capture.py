@@ -93,6 +93,8 @@ def parse_formats(text: str) -> tuple[str, ...]:
         If one is unknown.
     """
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    if not names:
+        raise UserError(f"--format '{text}' names no data-set format; choose from {', '.join(FORMATS)}")
     for name in names:
         if name not in FORMATS:
             raise UserError(f"unknown data-set format '{name}' in --format; choose from {', '.join(FORMATS)}")
@@ -125,11 +127,11 @@ def capture(
         If the folder is not empty (without ``resume``), belongs to another plan, or cannot be written.
     """
     empty_folder(folder, resume=resume)
-    (folder / "images").mkdir(exist_ok=True)
     with open_drawer(workers, device_index) as drawer:
         card = _card(plan, drawer.info, formats)
         if resume:
-            _same_plan(folder, card)
+            card = _same_plan(folder, card)
+        (folder / "images").mkdir(exist_ok=True)
         write_atomic(folder / CARD_NAME, card_to_json(card))
         kept = {k for k in range(plan.n_frames) if is_whole(folder, k)} if resume else set()
         missing = [k for k in range(plan.n_frames) if k not in kept]
@@ -143,7 +145,7 @@ def capture(
             elif frame.truth is not None:
                 n_feasible += frame.truth.feasible
             progress(len(kept) + done + 1, plan.n_frames)
-    if "speed" in formats:
+    if "speed" in card.formats:
         export_speed(folder, [k for k in range(plan.n_frames) if is_whole(folder, k)])
     write_atomic(folder / CARD_NAME, card_to_json(msgspec.structs.replace(card, complete=not quarantined)))
     n_written = len(missing) - len(quarantined)
@@ -154,7 +156,7 @@ def _write_checked(folder: Path, k: int, frame: Frame, card: DatasetCard, target
     """Write a frame, to quarantine if its labels disagree; returns why, or nothing."""
     if frame.truth is None or frame.mask is None:
         raise RuntimeError("a captured frame needs labels")
-    reason = "; ".join(check_frame(frame.truth, frame.image.shape, frame.mask, card, target))
+    reason = "; ".join(check_frame(k, frame.truth, frame.image, frame.mask, card, target))
     if not reason:
         write_frame(folder, k, frame)
         return ""
@@ -185,12 +187,14 @@ def _card(plan: Plan, info: GlInfo, formats: tuple[str, ...]) -> DatasetCard:
     )
 
 
-def _same_plan(folder: Path, card: DatasetCard) -> None:
-    """Refuse to mix two plans in one folder."""
+def _same_plan(folder: Path, card: DatasetCard) -> DatasetCard:
+    """The card to go on with: refuses to mix two plans or two renderers, keeps the formats there were."""
     if not (folder / CARD_NAME).is_file():
-        if any((folder / "images").iterdir()):
-            raise UserError(f"{folder} has images but no {CARD_NAME}; name a new folder with -o")
-        return
+        if any(folder.iterdir()):
+            raise UserError(
+                f"{folder} is not empty and has no {CARD_NAME} to go on from; name a new folder with -o"
+            )
+        return card
     old = read_card(folder)
     for field in ("scenario", "seed", "n_frames", "every_s", "camera", "target"):
         if getattr(old, field) != getattr(card, field):
@@ -198,3 +202,10 @@ def _same_plan(folder: Path, card: DatasetCard) -> None:
                 f"{folder} was captured with another {field}; "
                 "resume with the same command, or name a new folder"
             )
+    for field in ("gl_renderer", "gl_version", "flyaround"):
+        if getattr(old.machine, field) != getattr(card.machine, field):
+            raise UserError(
+                f"{folder} was captured with {field} {getattr(old.machine, field)}, here it is "
+                f"{getattr(card.machine, field)}; go on where it began, or name a new folder"
+            )
+    return msgspec.structs.replace(card, formats=tuple(dict.fromkeys((*old.formats, *card.formats))))

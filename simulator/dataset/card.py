@@ -6,7 +6,7 @@ import os
 import platform
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -61,7 +61,7 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
     scenario_name: str
     scenario: dict[str, Any]
     seed: int
-    n_frames: int
+    n_frames: Annotated[int, msgspec.Meta(ge=1, le=10_000_000)]
     every_s: float | None
     complete: bool
     formats: tuple[str, ...]

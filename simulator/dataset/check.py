@@ -17,7 +17,8 @@ from simulator.dataset.card import DatasetCard, read_card
 from simulator.dataset.native import frame_paths, is_whole, read_png
 from simulator.dataset.speed import FOLDER as SPEED_FOLDER
 from simulator.errors import UserError
-from simulator.labels.frame import mask_box
+from simulator.labels.frame import amodal_box, infeasible_reason, mask_box, pixel_hash
+from simulator.labels.keypoints import geometric_states
 from simulator.labels.occlusion import mesh_of
 from simulator.labels.truth import Truth, read_truth
 from simulator.targets.library import load_target
@@ -26,6 +27,8 @@ from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, rotatio
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from simulator.arrays import ByteArray, FloatArray
     from simulator.targets.model import Target
@@ -81,6 +84,8 @@ def check_dataset(
         )
         target = None
     frames = [k for k in range(card.n_frames) if is_whole(folder, k)]
+    faults += _check_count(folder, card, len(frames))
+    readable = []
     if card.complete:
         faults += [Fault(k, "files are missing") for k in range(card.n_frames) if not is_whole(folder, k)]
     n_labels = 0
@@ -92,23 +97,45 @@ def check_dataset(
         except UserError as error:
             faults.append(Fault(k, str(error)))
             continue
-        found = check_frame(truth, image.shape, np.asarray(mask, np.uint8), card, target)
+        readable.append(k)
+        found = check_frame(k, truth, image, np.asarray(mask, np.uint8), card, target)
         faults += [Fault(k, what) for what in found]
         n_labels += len(truth.keypoints) + 4
         progress(done + 1, len(frames))
     if (folder / SPEED_FOLDER).is_dir():
-        faults += _check_speed(folder, frames)
+        faults += _check_speed(folder, readable)
     return CheckReport(len(frames), n_labels, tuple(faults))
 
 
+def _check_count(folder: Path, card: DatasetCard, n_whole: int) -> list[Fault]:
+    """The card's number of frames against the files."""
+    faults = []
+    surplus = [p.stem for p in (folder / "images").glob("*.json") if int(p.stem) >= card.n_frames]
+    if surplus:
+        faults.append(Fault(None, f"images/ holds {len(surplus)} frames beyond the card's {card.n_frames}"))
+    if n_whole == 0:
+        faults.append(Fault(None, "there is no whole frame to check"))
+    return faults
+
+
 def check_frame(
-    truth: Truth, image_shape: tuple[int, ...], mask: ByteArray, card: DatasetCard, target: Target | None
+    k: int,
+    truth: Truth,
+    image: NDArray[np.unsignedinteger],
+    mask: ByteArray,
+    card: DatasetCard,
+    target: Target | None,
 ) -> list[str]:
-    """Everything wrong with one frame, a sentence each."""
+    """Everything wrong with frame k, a sentence each."""
     wrong: list[str] = []
     size = (truth.camera.height_px, truth.camera.width_px)
-    if image_shape[:2] != size or mask.shape != size:
-        return [f"image is {image_shape[:2]}, mask {mask.shape}, camera says {size}"]
+    if image.shape[:2] != size or mask.shape != size:
+        return [f"image is {image.shape[:2]}, mask {mask.shape}, camera says {size}"]
+    if truth.image_sha256 != pixel_hash(image):
+        wrong.append("the image is not the one that the record describes")
+    if truth.mask_sha256 != pixel_hash(mask):
+        wrong.append("the mask is not the one that the record describes")
+    wrong += _check_bookkeeping(k, truth, card)
     if truth.camera != card.camera:
         wrong.append("camera differs from the card's")
     if not np.isin(mask, (0, 255)).all():
@@ -129,6 +156,45 @@ def check_frame(
     wrong += _check_visible_on_mask(truth, mask)
     if target is not None:
         wrong += _check_silhouette(truth, mask, target)
+        wrong += _check_geometry(truth, target)
+    return wrong
+
+
+def _check_bookkeeping(k: int, truth: Truth, card: DatasetCard) -> list[str]:
+    """What the record says twice, it says alike."""
+    scene = truth.scene
+    wrong: list[str] = []
+    twice = ("epoch_utc", "t_s", "seed", "frame_index", "camera", "sun_visible_fraction")
+    wrong += [
+        f"{name} differs from the scene's" for name in twice if getattr(truth, name) != getattr(scene, name)
+    ]
+    if truth.frame_index != k:
+        wrong.append(f"frame_index is {truth.frame_index} in the record of frame {k}")
+    if truth.seed != card.seed:
+        wrong.append(f"seed is {truth.seed}, the card's is {card.seed}")
+    reason = infeasible_reason(truth.silhouette_inside, truth.wireframe_step_share, truth.box_amodal_px)
+    if (truth.feasible, truth.infeasible_reason) != (reason == "", reason):
+        wrong.append(
+            f"feasible is {truth.feasible} ({truth.infeasible_reason or 'no reason'}), its shares say otherwise"
+        )
+    return wrong
+
+
+def _check_geometry(truth: Truth, target: Target) -> list[str]:
+    """The amodal box and the keypoints' geometric states, worked out again from the mesh."""
+    wrong = []
+    amodal = amodal_box(truth.scene, target)
+    if (amodal is None) != (truth.box_amodal_px is None) or (
+        amodal is not None and not np.allclose(amodal, truth.box_amodal_px or (), atol=PIXEL_TOLERANCE_PX)
+    ):
+        wrong.append(f"box_amodal_px {truth.box_amodal_px} is not the projected craft's {amodal}")
+    states = geometric_states(truth.scene, target, mesh_of(target))
+    for keypoint, state in zip(truth.keypoints, states, strict=False):
+        by_picture = keypoint.state in {"visible", "saturated", "below_noise"}
+        if (state is None) != by_picture or (state is not None and state != keypoint.state):
+            wrong.append(
+                f"keypoint {keypoint.name} is labelled {keypoint.state}, the mesh says {state or 'in sight'}"
+            )
     return wrong
 
 
@@ -234,21 +300,21 @@ def _filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[
 def _check_speed(folder: Path, frames: list[int]) -> list[Fault]:
     path = folder / SPEED_FOLDER / "train.json"
     try:
-        labels = {row["filename"]: row for row in json.loads(path.read_text())}
+        labels = {
+            row["filename"]: (tuple(row["q_vbs2tango"]), tuple(row["r_Vo2To_vbs_true"]))
+            for row in json.loads(path.read_text())
+        }
     except (OSError, ValueError, KeyError, TypeError) as error:
         return [Fault(None, f"{path} cannot be read: {error}")]
     faults = []
     for k in frames:
-        row = labels.get(f"img{k:06d}.jpg")
-        if row is None:
+        name = f"img{k:06d}.jpg"
+        if name not in labels:
             faults.append(Fault(k, "is missing from the SPEED export"))
             continue
         truth = read_truth(frame_paths(folder, k).truth)
-        if (
-            tuple(row["q_vbs2tango"]) != truth.q_camera_from_target_wxyz
-            or tuple(row["r_Vo2To_vbs_true"]) != truth.t_camera_from_target_m
-        ):
+        if labels[name] != (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m):
             faults.append(Fault(k, "has another pose in the SPEED export"))
-        if not (folder / SPEED_FOLDER / "images" / "train" / row["filename"]).is_file():
+        if not (folder / SPEED_FOLDER / "images" / "train" / name).is_file():
             faults.append(Fault(k, "has no image in the SPEED export"))
     return faults

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -68,7 +69,7 @@ def take_frame(renderer: Renderer, scene: SceneState, target: Target, *, labels:
     if rendered.coverage is None:
         raise RuntimeError("the renderer was asked for labels and gave no coverage")
     mask = np.where(rendered.coverage >= MASK_COVERAGE, np.uint8(255), np.uint8(0))
-    truth = label_frame(renderer, scene, target, rendered, mono, mask)
+    truth = label_frame(renderer, scene, target, rendered, mono, image, mask)
     stage_ms["labels"] = (time.perf_counter() - developed) * 1e3
     return Frame(scene, image, rendered.radiance, truth, mask, rendered.depth_m, stage_ms)
 
@@ -79,6 +80,7 @@ def label_frame(
     target: Target,
     rendered: Rendered,
     signal: Float32Array,
+    image: NDArray[np.unsignedinteger],
     mask: ByteArray,
 ) -> Truth:
     """The truth record of a drawn scene.
@@ -86,16 +88,11 @@ def label_frame(
     Parameters
     ----------
     signal : (H, W) noise-free signal, 1 at full scale.
-    mask : (H, W) 0 or 255.
+    image : what the detector gives. mask : (H, W) 0 or 255.
     """
     share = wireframe_step_share(scene, target, mesh_of(target), signal)
     amodal = amodal_box(scene, target)
-    reason: InfeasibleReason = ""
-    if rendered.silhouette_inside < SILHOUETTE_SHARE:
-        reason = "cropped"
-    elif share < STEP_SHARE:
-        small = amodal is not None and max(amodal[2] - amodal[0], amodal[3] - amodal[1]) < TOO_FAR_PX
-        reason = "too_far" if small else "dark"
+    reason = infeasible_reason(float(rendered.silhouette_inside), share, amodal)
     return Truth(
         epoch_utc=scene.epoch_utc,
         t_s=scene.t_s,
@@ -113,9 +110,26 @@ def label_frame(
         infeasible_reason=reason,
         silhouette_inside=float(rendered.silhouette_inside),
         wireframe_step_share=share,
+        image_sha256=pixel_hash(image),
+        mask_sha256=pixel_hash(mask),
         scene=scene,
         software=Software(flyaround=version("flyaround"), gl_renderer=renderer.info.renderer),
     )
+
+
+def infeasible_reason(silhouette_inside: float, step_share: float, amodal: Box | None) -> InfeasibleReason:
+    """Why a frame cannot be solved, or nothing: cropped first, then dark or, for a small target, too far."""
+    if silhouette_inside < SILHOUETTE_SHARE:
+        return "cropped"
+    if step_share >= STEP_SHARE:
+        return ""
+    small = amodal is not None and max(amodal[2] - amodal[0], amodal[3] - amodal[1]) < TOO_FAR_PX
+    return "too_far" if small else "dark"
+
+
+def pixel_hash(image: NDArray[np.unsignedinteger]) -> str:
+    """SHA-256 of an image's pixels, whatever file they are kept in."""
+    return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
 
 
 def mask_box(mask: ByteArray) -> Box | None:

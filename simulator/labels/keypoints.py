@@ -11,7 +11,7 @@ from simulator.labels.occlusion import Mesh, hidden_from_direction, occluded_fro
 from simulator.labels.truth import KeypointLabel, KeypointState
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array
+    from simulator.arrays import Float32Array, FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
@@ -36,34 +36,44 @@ def label_keypoints(
     One label per keypoint; ``state`` is the first that applies of out_of_frame, self_occluded, eclipsed,
     shadowed, saturated, below_noise, visible.
     """
-    pose = scene.camera_from_target
-    points = np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
-    in_camera = pose.apply(points)
-    pixels = scene.camera.project(in_camera)
-    inside = scene.camera.contains(pixels)
-    occluded = np.ones(len(points), bool)
-    front = in_camera[:, 2] > 0
-    occluded[front] = occluded_from_camera(mesh, points[front], pose.R, pose.t_m)
-    to_sun = pose.R.T @ np.asarray(scene.sun_direction_camera)
-    shadowed = hidden_from_direction(mesh, points, to_sun)
+    pixels = project_keypoints(scene, target)
     labels = []
-    for k, keypoint in enumerate(target.keypoints):
-        state: KeypointState
-        if not inside[k]:
-            state = "out_of_frame"
-        elif occluded[k]:
-            state = "self_occluded"
-        elif scene.sun_visible_fraction < ECLIPSED_BELOW:
-            state = "eclipsed"
-        elif shadowed[k]:
-            state = "shadowed"
-        else:
-            state = _radiometric_state(scene, pixels[k], signal)
-        pixel = (float(pixels[k, 0]), float(pixels[k, 1])) if front[k] else None
+    for keypoint, pixel, geometric in zip(
+        target.keypoints, pixels, geometric_states(scene, target, mesh), strict=True
+    ):
+        state = geometric or _radiometric_state(scene, pixel, signal)
+        place = (float(pixel[0]), float(pixel[1])) if np.isfinite(pixel).all() else None
         labels.append(
-            KeypointLabel(name=keypoint.name, target_m=keypoint.position_m, pixel_px=pixel, state=state)
+            KeypointLabel(name=keypoint.name, target_m=keypoint.position_m, pixel_px=place, state=state)
         )
     return tuple(labels)
+
+
+def project_keypoints(scene: SceneState, target: Target) -> FloatArray:
+    """Pixels (K, 2) of a target's keypoints, NaN behind the camera."""
+    points = np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
+    return scene.camera.project(scene.camera_from_target.apply(points))
+
+
+def geometric_states(scene: SceneState, target: Target, mesh: Mesh) -> tuple[KeypointState | None, ...]:
+    """State of each keypoint by geometry alone; None where it is lit and in sight, and the picture decides."""
+    pose = scene.camera_from_target
+    points = np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
+    inside = scene.camera.contains(project_keypoints(scene, target))
+    occluded = np.ones(len(points), bool)
+    occluded[inside] = occluded_from_camera(mesh, points[inside], pose.R, pose.t_m)
+    shadowed = hidden_from_direction(mesh, points, pose.R.T @ np.asarray(scene.sun_direction_camera))
+    states: list[KeypointState | None] = []
+    for k in range(len(points)):
+        if not inside[k]:
+            states.append("out_of_frame")
+        elif occluded[k]:
+            states.append("self_occluded")
+        elif scene.sun_visible_fraction < ECLIPSED_BELOW:
+            states.append("eclipsed")
+        else:
+            states.append("shadowed" if shadowed[k] else None)
+    return tuple(states)
 
 
 def _radiometric_state(scene: SceneState, pixel: np.ndarray, signal: Float32Array) -> KeypointState:

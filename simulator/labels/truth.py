@@ -10,6 +10,7 @@ import msgspec
 from simulator.arrays import Quat, Vec3
 from simulator.camera.model import Camera
 from simulator.errors import UserError
+from simulator.scene.check import scene_problem
 from simulator.scene.state import SceneState
 
 KeypointState = Literal[
@@ -38,7 +39,8 @@ class Software(msgspec.Struct, frozen=True, kw_only=True):
 class Truth(msgspec.Struct, frozen=True, kw_only=True):
     """Everything known of one frame, at mid-exposure.
 
-    ``scene`` holds every SceneState field and is all that is needed to draw the same bytes again.
+    ``scene`` holds every SceneState field and is all that is needed to draw the same bytes again. The hashes are
+    of the pixels, row by row, as written (RGB order, little-endian), not of the PNG files.
     """
 
     schema: Literal["flyaround.truth"] = "flyaround.truth"
@@ -59,6 +61,8 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
     infeasible_reason: InfeasibleReason
     silhouette_inside: float
     wireframe_step_share: float
+    image_sha256: str
+    mask_sha256: str
     scene: SceneState
     software: Software
 
@@ -83,11 +87,15 @@ def read_truth(path: Path) -> Truth:
             f"cannot read truth {path}: {error.strerror or error}; give a .json written by render or capture"
         ) from error
     try:
-        return msgspec.json.decode(data, type=Truth)
+        truth = msgspec.json.decode(data, type=Truth)
     except (msgspec.ValidationError, msgspec.DecodeError) as error:
         raise UserError(
             f"{path} is not a truth record: {error}; give a .json written by render or capture"
         ) from error
+    problem = scene_problem(truth.scene)
+    if problem is not None:
+        raise UserError(f"{path} is not a truth record: {problem}; give a .json written by render or capture")
+    return truth
 
 
 def truth_json_schema() -> dict[str, Any]:

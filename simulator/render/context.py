@@ -48,7 +48,8 @@ def create_context(device_index: int | None = None) -> moderngl.Context:
     except Exception as error:
         # moderngl raises bare Exception from its loader, whatever the cause
         where = "" if device_index is None else f" on device {device_index}"
-        raise UserError(f"no headless OpenGL by EGL{where} ({error}); {HOW_TO_GET_EGL}") from error
+        advice = HOW_TO_GET_EGL if device_index is None else "leave the device out, or name one that there is"
+        raise UserError(f"no headless OpenGL by EGL{where} ({error}); {advice}") from error
     check_version(context)
     return context
 

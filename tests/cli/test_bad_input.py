@@ -198,3 +198,54 @@ def test_workers_reach_the_capture(capsys, tmp_path):
     assert json.loads(capsys.readouterr().out)["written"] == 2
     assert run(["check", str(tmp_path / "set"), "--json"]) == 0
     assert run(["capture", "tango-flyaround", "-o", str(tmp_path / "b"), "--workers", "0"]) == 2
+
+
+def test_numbers_out_of_range(capsys, tmp_path):
+    out = tmp_path / "out"
+    _fails(capsys, "capture", "tango-flyaround", "-o", out, "--seed", "-3", says=("--seed",))
+    _fails(capsys, "capture", "tango-flyaround", "-o", out, "-n", "100000000000", says=("at most",))
+    _fails(capsys, "capture", "tango-flyaround", "-o", out, "--every", "1e-9", says=("longer spacing",))
+    _fails(capsys, "fly", "tango-flyaround", "-o", out, "--every", "1e-9", says=("longer spacing",))
+    _fails(capsys, "capture", "tango-flyaround", "-o", out, "--format", ",", says=("no data-set format",))
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("q_camera_from_target_wxyz", [0.0, 0.0, 0.0, 0.0]),
+        ("q_camera_from_eci_wxyz", [2.0, 0.0, 0.0, 0.0]),
+        ("t_camera_from_target_m", [0.0, 0.0, 1e300]),
+        ("t_camera_from_target_m", [0.0, 0.0, 0.0]),
+        ("exposure_s", -1.0),
+        ("seed", -1),
+        ("r_sun_eci_m", [0.0, 0.0, 0.0]),
+        ("r_camera_eci_m", [0.0, 0.0, 0.0]),
+        ("epoch_utc", "garbage"),
+        ("camera.width_px", 1000000),
+        ("camera.fx_px", -3000.0),
+        ("sensor.bits", 99),
+        ("sensor.gaussian_variance", -1.0),
+        ("sensor.blur_sigma_px", 1e9),
+    ],
+)
+def test_a_record_that_cannot_be_drawn_names_the_field(capsys, tmp_path, truth_record, field, value):
+    record = json.loads(truth_record)
+    place, *inner = field.split(".")
+    if inner:
+        record["scene"][place][inner[0]] = value
+    else:
+        record["scene"][place] = value
+    path = tmp_path / "t.json"
+    path.write_text(json.dumps(record))
+    _fails(capsys, "render", "--from-truth", path, "-o", tmp_path / "a.png", says=("t.json", place))
+    assert not (tmp_path / "a.png").exists()
+
+
+@pytest.fixture(scope="module")
+def truth_record(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("record")
+    assert (
+        run(["render", "tango-flyaround", "-t", "5", "--quality", "draft", "-o", str(folder / "a.png")]) == 0
+    )
+    return (folder / "a.json").read_text()

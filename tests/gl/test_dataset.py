@@ -106,9 +106,27 @@ def _swap_names(record):
     a["name"], b["name"] = b["name"], a["name"]
 
 
+def _see_through(record):
+    for k in record["keypoints"]:
+        if k["state"] == "self_occluded":
+            k["state"] = "visible"
+
+
+def _other_scene_camera(record):
+    record["scene"]["camera"]["fx_px"] = 1000.0
+
+
 @pytest.mark.parametrize(
     "change",
     [
+        _see_through,
+        _other_scene_camera,
+        lambda r: r.update(feasible=not r["feasible"], infeasible_reason="dark" if r["feasible"] else ""),
+        _set("box_amodal_px", [0.0, 0.0, 1.0, 1.0]),
+        _set("epoch_utc", "2020-01-01T00:00:00Z"),
+        _set("t_s", 12345.0),
+        _set("seed", 99),
+        _set("frame_index", 0),
         _shift_pixel,
         _shift_translation,
         _conjugate,
@@ -159,6 +177,33 @@ def test_missing_damaged_and_resized_files_are_caught(copy):
     assert {fault.frame for fault in check_dataset(copy).faults} == {0, 1, 2}
 
 
+def test_another_picture_in_its_place_is_caught(copy):
+    frame_paths(copy, 0).image.write_bytes(frame_paths(copy, 2).image.read_bytes())
+    assert any("image is not the one" in what for what in _faults(copy))
+
+
+def test_a_card_that_counts_wrong_is_caught(copy):
+    card = json.loads((copy / "dataset.json").read_text())
+    card["n_frames"] = N - 1
+    (copy / "dataset.json").write_text(json.dumps(card))
+    assert any("beyond the card's" in what for what in _faults(copy))
+
+
+def test_a_damaged_record_does_not_cost_the_report(copy):
+    path = frame_paths(copy, 0).truth
+    path.write_bytes(path.read_bytes()[:500])
+    report = check_dataset(copy)
+    assert {fault.frame for fault in report.faults} == {0}
+
+
+def test_a_row_without_its_pose_in_the_export_is_caught(copy):
+    path = copy / "speed" / "train.json"
+    rows = json.loads(path.read_text())
+    del rows[1]["q_vbs2tango"]
+    path.write_text(json.dumps(rows))
+    assert _faults(copy)
+
+
 def test_speed_export_copies_the_pose_and_is_checked(copy):
     labels = json.loads((copy / "speed" / "train.json").read_text())
     for k, row in enumerate(labels):
@@ -199,6 +244,16 @@ def test_resume_refuses_another_plan(copy):
     other = plan_flight(load_scenario("tango-flyaround"), n=N, seed=99, quality="draft")
     with pytest.raises(UserError, match="another seed"):
         capture(other, copy, resume=True)
+
+
+def test_resume_keeps_the_formats_and_needs_a_card(copy, plan, tmp_path):
+    capture(plan, copy, resume=True)
+    assert json.loads((copy / "dataset.json").read_text())["formats"] == ["native", "speed"]
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "mine.txt").write_text("keep")
+    with pytest.raises(UserError, match=r"no dataset\.json"):
+        capture(plan, tmp_path / "other", resume=True)
+    assert [p.name for p in (tmp_path / "other").iterdir()] == ["mine.txt"]
 
 
 def test_a_full_folder_is_refused_and_left_alone(tmp_path, plan):

@@ -1,0 +1,60 @@
+"""Whether a scene that came from a file can be drawn: every number finite and within what it means."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.world.time import Instant
+
+if TYPE_CHECKING:
+    from simulator.scene.state import SceneState
+
+LARGEST_IMAGE_PX = 16384  # what every OpenGL 4 driver can draw
+FARTHEST_TARGET_M = 1e6
+
+
+def scene_problem(scene: SceneState) -> str | None:
+    """What is wrong with a scene: field, value and what is allowed; None when it can be drawn."""
+    c, s = scene.camera, scene.sensor
+    ranges = (
+        ("scene.camera.width_px", c.width_px, 1, LARGEST_IMAGE_PX),
+        ("scene.camera.height_px", c.height_px, 1, LARGEST_IMAGE_PX),
+        ("scene.camera.fx_px", c.fx_px, 1.0, 1e7),
+        ("scene.camera.fy_px", c.fy_px, 1.0, 1e7),
+        ("scene.camera.cx_px", c.cx_px, -1e5, 1e5),
+        ("scene.camera.cy_px", c.cy_px, -1e5, 1e5),
+        ("scene.sensor.full_scale_j_m2_sr", s.full_scale_j_m2_sr, 1e-12, 1e6),
+        ("scene.sensor.blur_sigma_px", s.blur_sigma_px, 0.0, 10.0),
+        ("scene.sensor.speckle_variance", s.speckle_variance, 0.0, 1.0),
+        ("scene.sensor.gaussian_variance", s.gaussian_variance, 0.0, 1.0),
+        ("scene.sensor.bits", s.bits, 8, 16),
+        ("scene.exposure_s", scene.exposure_s, 1e-9, 1e4),
+        ("scene.seed", scene.seed, 0, 2**63 - 1),
+        ("scene.frame_index", scene.frame_index, 0, 2**31 - 1),
+        ("scene.sun_visible_fraction", scene.sun_visible_fraction, 0.0, 1.0),
+        ("|scene.t_camera_from_target_m|", _norm(scene.t_camera_from_target_m), 0.01, FARTHEST_TARGET_M),
+        ("|scene.r_camera_eci_m|", _norm(scene.r_camera_eci_m), 6.0e6, 1e12),
+        ("|scene.r_target_eci_m|", _norm(scene.r_target_eci_m), 6.0e6, 1e12),
+        ("|scene.r_sun_eci_m|", _norm(scene.r_sun_eci_m), 1e11, 2e11),
+        ("|scene.r_moon_eci_m|", _norm(scene.r_moon_eci_m), 1e8, 1e9),
+        ("|scene.q_camera_from_target_wxyz|", _norm(scene.q_camera_from_target_wxyz), 1 - 1e-6, 1 + 1e-6),
+        ("|scene.q_camera_from_eci_wxyz|", _norm(scene.q_camera_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
+        ("|scene.q_itrs_from_eci_wxyz|", _norm(scene.q_itrs_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
+    )
+    for name, value, low, high in ranges:
+        if not low <= value <= high:  # NaN fails too
+            return f"{name} is {value:g}, allowed: {low:g} to {high:g}"
+    if c.distortion.model != "none":
+        return f"scene.camera.distortion.model is '{c.distortion.model}', allowed for now: none"
+    try:
+        Instant.from_utc(scene.epoch_utc)
+    except ValueError as error:
+        return f"scene.epoch_utc: {error}"
+    return None
+
+
+def _norm(values: tuple[float, ...]) -> float:
+    with np.errstate(over="ignore"):
+        return float(np.linalg.norm(values))
