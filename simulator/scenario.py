@@ -141,6 +141,27 @@ class FlyaroundChaser(_Chaser, tag_field="mode", tag="flyaround", frozen=True, k
 AnyChaser = HoldChaser | DriftChaser | CircumnavigationChaser | VbarChaser | RbarChaser | FlyaroundChaser
 
 
+class SurfaceSection(Section, frozen=True, kw_only=True):
+    """A craft for drag and sunlight; the target's mass comes from its model unless given."""
+
+    mass_kg: Annotated[float, Meta(gt=0, le=1e6)] | None = None
+    area_m2: Annotated[float, Meta(gt=0, le=1e5)] = 1.0
+    drag_coefficient: Annotated[float, Meta(ge=0, le=10)] = 2.2
+    reflectivity: Annotated[float, Meta(ge=0, le=2)] = 1.3
+
+
+class Forces(Section, frozen=True, kw_only=True):
+    """What moves both craft. ``gravity_degree``: 0 a point mass, 2 to 70 EGM96; without it a point mass + J2."""
+
+    gravity_degree: Annotated[int, Meta(ge=0, le=70)] | None = None
+    sun: bool = False
+    moon: bool = False
+    drag: bool = False
+    solar_pressure: bool = False
+    target: SurfaceSection = SurfaceSection()
+    chaser: SurfaceSection = SurfaceSection()
+
+
 class SensorSection(Section, frozen=True, kw_only=True):
     """Noise recipe by name, exposure, and what of the recipe to change."""
 
@@ -190,6 +211,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     target: str = "tango"
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     orbit: ElementsOrbit | StateOrbit
+    forces: Forces = Forces()
     attitude: Attitude = Attitude()
     chaser: AnyChaser
     camera: str | CameraFile = "speed"

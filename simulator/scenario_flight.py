@@ -8,6 +8,7 @@ import numpy as np
 
 from simulator import scenario as sc
 from simulator.errors import UserError
+from simulator.scenario_forces import force_model
 from simulator.world.attitude import check_inertia
 from simulator.world.constants import EARTH_RADIUS_M, MU_EARTH_M3_S2
 from simulator.world.flight import Flight, propagate_flight
@@ -46,9 +47,12 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
     r, v = orbit_state(scenario)
     down = scenario.chaser.pointing.down
     pointing = scenario.chaser.pointing
+    epoch = Instant.from_utc(scenario.epoch_utc)
+    span_s = duration_s or scenario.duration_s
     return propagate_flight(
-        epoch=Instant.from_utc(scenario.epoch_utc),
-        duration_s=duration_s or scenario.duration_s,
+        epoch=epoch,
+        duration_s=span_s,
+        forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg),
         r_target_eci_m=r,
         v_target_eci_m_s=v,
         attitude=lambda frame: _q_eci_from_target(a, frame),
