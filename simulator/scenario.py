@@ -47,11 +47,25 @@ class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=Tr
     v_eci_km_s: tuple[float, float, float]
 
 
+class TleOrbit(Section, tag_field="kind", tag="tle", frozen=True, kw_only=True):
+    """Two-line elements, carried by SGP4 to the scenario's epoch; from there the forces move the target."""
+
+    line1: str
+    line2: str
+
+
+class OemOrbit(Section, tag_field="kind", tag="oem", frozen=True, kw_only=True):
+    """A CCSDS orbit ephemeris message (a path from the scenario's folder), read at the scenario's epoch."""
+
+    file: str
+
+
 class Attitude(Section, frozen=True, kw_only=True):
     """The target at the epoch, and its torque-free tumble.
 
     ``q_wxyz`` is ``q_frame_from_target`` (Hamilton, scalar first); instead of it ``euler_deg`` gives yaw,
     pitch, roll (turns about z, then the new y, then the new x) that carry the frame's axes to the target's.
+    Or ``aem_file`` names a CCSDS attitude ephemeris message, which gives attitude and rate at the epoch.
     ``rate_deg_s`` is relative to the stars, about the target's axes.
     """
 
@@ -59,6 +73,7 @@ class Attitude(Section, frozen=True, kw_only=True):
     q_wxyz: tuple[float, float, float, float] | None = None
     euler_deg: tuple[Degrees, Degrees, Degrees] | None = None
     rate_deg_s: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
+    aem_file: str | None = None
     inertia_kg_m2: (
         tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]] | None
     ) = None
@@ -197,8 +212,8 @@ class Output(Section, frozen=True, kw_only=True):
 class Scenario(Section, frozen=True, kw_only=True):
     """A scenario file, read and checked.
 
-    After `simulator.scenario_load.load_scenario` the camera is the camera itself, not its name, so that a
-    scenario stands alone.
+    After `simulator.scenario_load.load_scenario` the camera is the camera itself, not its name, and an orbit or
+    attitude from a file or a TLE is the state itself, so that a scenario stands alone.
     """
 
     schema: Literal["flyaround.scenario"] = "flyaround.scenario"
@@ -210,7 +225,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     duration_s: Annotated[float, Meta(gt=0, le=604_800)]
     target: str = "tango"
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
-    orbit: ElementsOrbit | StateOrbit
+    orbit: ElementsOrbit | StateOrbit | TleOrbit | OemOrbit
     forces: Forces = Forces()
     attitude: Attitude = Attitude()
     chaser: AnyChaser

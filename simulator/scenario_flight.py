@@ -74,6 +74,8 @@ def orbit_state(scenario: sc.Scenario) -> tuple[FloatArray, FloatArray]:
     o = scenario.orbit
     if isinstance(o, sc.StateOrbit):
         return np.array(o.r_eci_km) * 1e3, np.array(o.v_eci_km_s) * 1e3
+    if not isinstance(o, sc.ElementsOrbit):
+        raise UserError("the orbit is still a TLE or a file: load the scenario with load_scenario")
     return state_from_elements(
         Elements(
             semi_major_axis_m=EARTH_RADIUS_M + o.altitude_km * 1e3,
