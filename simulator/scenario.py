@@ -21,6 +21,7 @@ Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Range = Annotated[float, Meta(gt=0, le=1e5)]
 Seconds = Annotated[float, Meta(gt=0, le=1e6)]
 Speed = Annotated[float, Meta(ge=-1e3, le=1e3)]
+Torque = Annotated[float, Meta(ge=-1e3, le=1e3)]
 MetresXyz = tuple[Metres, Metres, Metres]
 SpeedXyz = tuple[Speed, Speed, Speed]
 
@@ -61,7 +62,7 @@ class OemOrbit(Section, tag_field="kind", tag="oem", frozen=True, kw_only=True):
 
 
 class Attitude(Section, frozen=True, kw_only=True):
-    """The target at the epoch, and its torque-free tumble.
+    """The target at the epoch, and its tumble: free, or under a torque fixed in its axes and the Earth's gravity.
 
     ``q_wxyz`` is ``q_frame_from_target`` (Hamilton, scalar first); instead of it ``euler_deg`` gives yaw,
     pitch, roll (turns about z, then the new y, then the new x) that carry the frame's axes to the target's.
@@ -74,6 +75,8 @@ class Attitude(Section, frozen=True, kw_only=True):
     euler_deg: tuple[Degrees, Degrees, Degrees] | None = None
     rate_deg_s: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
     aem_file: str | None = None
+    gravity_gradient: bool = False
+    torque_body_nm: tuple[Torque, Torque, Torque] = (0.0, 0.0, 0.0)
     inertia_kg_m2: (
         tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]] | None
     ) = None

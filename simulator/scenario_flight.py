@@ -66,6 +66,8 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
             roll_rad=np.radians(pointing.roll_deg),
         ),
         choose_down=down == "auto",
+        torque_body_nm=a.torque_body_nm,
+        gravity_gradient=a.gravity_gradient,
     )
 
 

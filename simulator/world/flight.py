@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.arrays import Quat, quat, vec3
-from simulator.world.attitude import AttitudeTrack, propagate_attitude
+from simulator.world.attitude import AttitudeTrack, propagate_attitude, torque_on
 from simulator.world.clohessy_wiltshire import mean_motion_rad_s
 from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.earth_orientation import pole_eci, q_itrs_from_eci
@@ -145,6 +145,8 @@ def propagate_flight(
     pointing: Pointing,
     choose_down: bool = False,
     forces: Forces | None = None,
+    torque_body_nm: ArrayLike = (0.0, 0.0, 0.0),
+    gravity_gradient: bool = False,
 ) -> Flight:
     """Propagate target orbit, tumble and chaser.
 
@@ -158,6 +160,7 @@ def propagate_flight(
     guidance : motion of the chaser.
     pointing : of the camera.
     choose_down : replace the pointing's ``down`` by the reference that suits this flight (`with_best_down`).
+    torque_body_nm, gravity_gradient : what turns the target: a torque fixed in its axes, the Earth's gravity.
     forces : on both craft; a point mass with J2 unless given.
     """
     r, v = np.asarray(r_target_eci_m, float), np.asarray(v_target_eci_m_s, float)
@@ -168,7 +171,8 @@ def propagate_flight(
     start = frame.to_eci(*guidance.state_lvlh(0.0, n)) if guidance.ballistic else None
     orbit = propagate(r, v, duration_s, forces, start)
     q0 = attitude(frame) if callable(attitude) else np.asarray(attitude, float)
-    tumble = propagate_attitude(quat_normalize(q0), omega_target_rad_s, inertia_kg_m2, duration_s)
+    torque = torque_on(orbit, inertia_kg_m2, torque_body_nm, gravity_gradient=gravity_gradient)
+    tumble = propagate_attitude(quat_normalize(q0), omega_target_rad_s, inertia_kg_m2, duration_s, torque)
     flight = Flight(
         epoch=epoch,
         duration_s=duration_s,
