@@ -96,10 +96,34 @@ class Pointing(Section, frozen=True, kw_only=True):
     roll_deg: Degrees = 0.0
 
 
+class ThrustersSection(Section, frozen=True, kw_only=True):
+    """With this section the chaser flies by thrusters and follows its path only as well as they let it."""
+
+    mass_kg: Annotated[float, Meta(gt=0, le=1e6)] = 100.0
+    force_n: Annotated[float, Meta(gt=0, le=1e5)] = 1.0
+    minimum_impulse_ns: Annotated[float, Meta(ge=0, le=1e3)] = 0.01
+    specific_impulse_s: Annotated[float, Meta(gt=0, le=1e4)] = 220.0
+    period_s: Annotated[float, Meta(ge=0.05, le=60)] = 1.0
+
+
+class KeepOutSection(Section, frozen=True, kw_only=True):
+    """A sphere about the target that may be entered through a cone only; else the chaser aborts and retreats."""
+
+    radius_m: Range
+    corridor_axis_lvlh: tuple[float, float, float] | None = None
+    corridor_half_angle_deg: Annotated[float, Meta(ge=0, le=90)] = 10.0
+    retreat_m_s: Annotated[float, Meta(gt=0, le=10)] = 0.1
+
+
 class _Chaser(Section, frozen=True, kw_only=True):
-    """What every mode of motion has; positions are in LVLH: radial outward, along-track, cross-track."""
+    """What every mode of motion has; positions are in LVLH: radial outward, along-track, cross-track.
+
+    ``keep_out`` takes effect for a chaser with thrusters.
+    """
 
     pointing: Pointing = Pointing()
+    thrusters: ThrustersSection | None = None
+    keep_out: KeepOutSection | None = None
     minimum_start_range_m: Range = 1.5
 
 
@@ -156,7 +180,44 @@ class FlyaroundChaser(_Chaser, tag_field="mode", tag="flyaround", frozen=True, k
     range_period_s: Seconds = 120.0
 
 
-AnyChaser = HoldChaser | DriftChaser | CircumnavigationChaser | VbarChaser | RbarChaser | FlyaroundChaser
+class WaypointsChaser(_Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=True):
+    """From point to point along straight lines, starting and ending each leg at rest."""
+
+    points_lvlh_m: Annotated[list[MetresXyz], Meta(min_length=1, max_length=1000)]
+    speed_m_s: Annotated[float, Meta(gt=0, le=100)]
+    rest_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+
+
+class GlideslopeChaser(_Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_only=True):
+    """A straight line on which the speed falls with the distance left."""
+
+    start_lvlh_m: MetresXyz
+    end_lvlh_m: MetresXyz
+    start_m_s: Annotated[float, Meta(gt=0, le=100)]
+    end_m_s: Annotated[float, Meta(gt=0, le=100)]
+
+
+class KeepRangeChaser(_Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_only=True):
+    """Free drift that thrusters turn back before the range leaves ``near_m`` to ``far_m``."""
+
+    position_lvlh_m: MetresXyz
+    near_m: Range
+    far_m: Range
+    turn_m_s: Annotated[float, Meta(gt=0, le=1)] = 0.01
+    margin_m: Annotated[float, Meta(gt=0, le=1e3)] = 1.0
+
+
+AnyChaser = (
+    HoldChaser
+    | DriftChaser
+    | CircumnavigationChaser
+    | VbarChaser
+    | RbarChaser
+    | FlyaroundChaser
+    | WaypointsChaser
+    | GlideslopeChaser
+    | KeepRangeChaser
+)
 
 
 class SurfaceSection(Section, frozen=True, kw_only=True):

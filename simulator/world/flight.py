@@ -11,6 +11,7 @@ from simulator.arrays import Quat, quat, vec3
 from simulator.world.attitude import AttitudeTrack, propagate_attitude, torque_on
 from simulator.world.clohessy_wiltshire import mean_motion_rad_s
 from simulator.world.constants import MU_EARTH_M3_S2
+from simulator.world.controlled import ControlledTrack, fly_controlled
 from simulator.world.earth_orientation import pole_eci, q_itrs_from_eci
 from simulator.world.eclipse import sun_visible_fraction
 from simulator.world.ephemeris import moon_eci_m, sun_eci_m
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
     from simulator.arrays import FloatArray
     from simulator.world.forces import Forces
+    from simulator.world.safety import KeepOut
+    from simulator.world.thrusters import Thrusters
 
 _EDGE_S = 1e-6
 """Times this far outside the span are taken for rounding."""
@@ -46,6 +49,7 @@ class Flight:
     orbit, attitude : the target's propagated tracks.
     guidance : how the chaser moves. n_rad_s : the target's mean motion at the start.
     pointing : how the camera looks.
+    controlled : the chaser's track when it flies by thrusters.
     """
 
     epoch: Instant
@@ -55,6 +59,7 @@ class Flight:
     guidance: Guidance
     n_rad_s: float
     pointing: Pointing
+    controlled: ControlledTrack | None = None
 
     def lvlh(self, t_s: float) -> Lvlh:
         """The target's LVLH frame."""
@@ -123,6 +128,8 @@ class Flight:
 
     def relative(self, t_s: float, frame: Lvlh) -> tuple[FloatArray, FloatArray]:
         """Chaser minus target along GCRS axes [m], [m s-1]; ``frame`` is `lvlh` at that time."""
+        if self.controlled is not None:
+            return self.controlled(t_s)
         if self.guidance.ballistic:
             return self.orbit.relative(t_s)
         return frame.to_eci(*self.guidance.state_lvlh(t_s, self.n_rad_s))
@@ -147,6 +154,8 @@ def propagate_flight(
     forces: Forces | None = None,
     torque_body_nm: ArrayLike = (0.0, 0.0, 0.0),
     gravity_gradient: bool = False,
+    thrusters: Thrusters | None = None,
+    keep_out: KeepOut | None = None,
 ) -> Flight:
     """Propagate target orbit, tumble and chaser.
 
@@ -161,6 +170,7 @@ def propagate_flight(
     pointing : of the camera.
     choose_down : replace the pointing's ``down`` by the reference that suits this flight (`with_best_down`).
     torque_body_nm, gravity_gradient : what turns the target: a torque fixed in its axes, the Earth's gravity.
+    thrusters, keep_out : of a chaser that flies by thrusters; else a path is followed exactly.
     forces : on both craft; a point mass with J2 unless given.
     """
     r, v = np.asarray(r_target_eci_m, float), np.asarray(v_target_eci_m_s, float)
@@ -181,6 +191,7 @@ def propagate_flight(
         guidance=guidance,
         n_rad_s=n,
         pointing=pointing,
+        controlled=fly_controlled(orbit, guidance, n, thrusters, keep_out) if thrusters else None,
     )
     return with_best_down(flight) if choose_down else flight
 
