@@ -21,6 +21,7 @@ Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Range = Annotated[float, Meta(gt=0, le=1e5)]
 Seconds = Annotated[float, Meta(gt=0, le=1e6)]
 Speed = Annotated[float, Meta(ge=-1e3, le=1e3)]
+Torque = Annotated[float, Meta(ge=-1e3, le=1e3)]
 MetresXyz = tuple[Metres, Metres, Metres]
 SpeedXyz = tuple[Speed, Speed, Speed]
 
@@ -47,11 +48,25 @@ class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=Tr
     v_eci_km_s: tuple[float, float, float]
 
 
+class TleOrbit(Section, tag_field="kind", tag="tle", frozen=True, kw_only=True):
+    """Two-line elements, carried by SGP4 to the scenario's epoch; from there the forces move the target."""
+
+    line1: str
+    line2: str
+
+
+class OemOrbit(Section, tag_field="kind", tag="oem", frozen=True, kw_only=True):
+    """A CCSDS orbit ephemeris message (a path from the scenario's folder), read at the scenario's epoch."""
+
+    file: str
+
+
 class Attitude(Section, frozen=True, kw_only=True):
-    """The target at the epoch, and its torque-free tumble.
+    """The target at the epoch, and its tumble: free, or under a torque fixed in its axes and the Earth's gravity.
 
     ``q_wxyz`` is ``q_frame_from_target`` (Hamilton, scalar first); instead of it ``euler_deg`` gives yaw,
     pitch, roll (turns about z, then the new y, then the new x) that carry the frame's axes to the target's.
+    Or ``aem_file`` names a CCSDS attitude ephemeris message, which gives attitude and rate at the epoch.
     ``rate_deg_s`` is relative to the stars, about the target's axes.
     """
 
@@ -59,6 +74,9 @@ class Attitude(Section, frozen=True, kw_only=True):
     q_wxyz: tuple[float, float, float, float] | None = None
     euler_deg: tuple[Degrees, Degrees, Degrees] | None = None
     rate_deg_s: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
+    aem_file: str | None = None
+    gravity_gradient: bool = False
+    torque_body_nm: tuple[Torque, Torque, Torque] = (0.0, 0.0, 0.0)
     inertia_kg_m2: (
         tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]] | None
     ) = None
@@ -78,10 +96,34 @@ class Pointing(Section, frozen=True, kw_only=True):
     roll_deg: Degrees = 0.0
 
 
+class ThrustersSection(Section, frozen=True, kw_only=True):
+    """With this section the chaser flies by thrusters and follows its path only as well as they let it."""
+
+    mass_kg: Annotated[float, Meta(gt=0, le=1e6)] = 100.0
+    force_n: Annotated[float, Meta(gt=0, le=1e5)] = 1.0
+    minimum_impulse_ns: Annotated[float, Meta(ge=0, le=1e3)] = 0.01
+    specific_impulse_s: Annotated[float, Meta(gt=0, le=1e4)] = 220.0
+    period_s: Annotated[float, Meta(ge=0.05, le=60)] = 1.0
+
+
+class KeepOutSection(Section, frozen=True, kw_only=True):
+    """A sphere about the target that may be entered through a cone only; else the chaser aborts and retreats."""
+
+    radius_m: Range
+    corridor_axis_lvlh: tuple[float, float, float] | None = None
+    corridor_half_angle_deg: Annotated[float, Meta(ge=0, le=90)] = 10.0
+    retreat_m_s: Annotated[float, Meta(gt=0, le=10)] = 0.1
+
+
 class _Chaser(Section, frozen=True, kw_only=True):
-    """What every mode of motion has; positions are in LVLH: radial outward, along-track, cross-track."""
+    """What every mode of motion has; positions are in LVLH: radial outward, along-track, cross-track.
+
+    ``keep_out`` takes effect for a chaser with thrusters.
+    """
 
     pointing: Pointing = Pointing()
+    thrusters: ThrustersSection | None = None
+    keep_out: KeepOutSection | None = None
     minimum_start_range_m: Range = 1.5
 
 
@@ -138,7 +180,65 @@ class FlyaroundChaser(_Chaser, tag_field="mode", tag="flyaround", frozen=True, k
     range_period_s: Seconds = 120.0
 
 
-AnyChaser = HoldChaser | DriftChaser | CircumnavigationChaser | VbarChaser | RbarChaser | FlyaroundChaser
+class WaypointsChaser(_Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=True):
+    """From point to point along straight lines, starting and ending each leg at rest."""
+
+    points_lvlh_m: Annotated[list[MetresXyz], Meta(min_length=1, max_length=1000)]
+    speed_m_s: Annotated[float, Meta(gt=0, le=100)]
+    rest_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+
+
+class GlideslopeChaser(_Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_only=True):
+    """A straight line on which the speed falls with the distance left."""
+
+    start_lvlh_m: MetresXyz
+    end_lvlh_m: MetresXyz
+    start_m_s: Annotated[float, Meta(gt=0, le=100)]
+    end_m_s: Annotated[float, Meta(gt=0, le=100)]
+
+
+class KeepRangeChaser(_Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_only=True):
+    """Free drift that thrusters turn back before the range leaves ``near_m`` to ``far_m``."""
+
+    position_lvlh_m: MetresXyz
+    near_m: Range
+    far_m: Range
+    turn_m_s: Annotated[float, Meta(gt=0, le=1)] = 0.01
+    margin_m: Annotated[float, Meta(gt=0, le=1e3)] = 1.0
+
+
+AnyChaser = (
+    HoldChaser
+    | DriftChaser
+    | CircumnavigationChaser
+    | VbarChaser
+    | RbarChaser
+    | FlyaroundChaser
+    | WaypointsChaser
+    | GlideslopeChaser
+    | KeepRangeChaser
+)
+
+
+class SurfaceSection(Section, frozen=True, kw_only=True):
+    """A craft for drag and sunlight; the target's mass comes from its model unless given."""
+
+    mass_kg: Annotated[float, Meta(gt=0, le=1e6)] | None = None
+    area_m2: Annotated[float, Meta(gt=0, le=1e5)] = 1.0
+    drag_coefficient: Annotated[float, Meta(ge=0, le=10)] = 2.2
+    reflectivity: Annotated[float, Meta(ge=0, le=2)] = 1.3
+
+
+class Forces(Section, frozen=True, kw_only=True):
+    """What moves both craft. ``gravity_degree``: 0 a point mass, 2 to 70 EGM96; without it a point mass + J2."""
+
+    gravity_degree: Annotated[int, Meta(ge=0, le=70)] | None = None
+    sun: bool = False
+    moon: bool = False
+    drag: bool = False
+    solar_pressure: bool = False
+    target: SurfaceSection = SurfaceSection()
+    chaser: SurfaceSection = SurfaceSection()
 
 
 class SensorSection(Section, frozen=True, kw_only=True):
@@ -176,8 +276,8 @@ class Output(Section, frozen=True, kw_only=True):
 class Scenario(Section, frozen=True, kw_only=True):
     """A scenario file, read and checked.
 
-    After `simulator.scenario_load.load_scenario` the camera is the camera itself, not its name, so that a
-    scenario stands alone.
+    After `simulator.scenario_load.load_scenario` the camera is the camera itself, not its name, and an orbit or
+    attitude from a file or a TLE is the state itself, so that a scenario stands alone.
     """
 
     schema: Literal["flyaround.scenario"] = "flyaround.scenario"
@@ -189,7 +289,8 @@ class Scenario(Section, frozen=True, kw_only=True):
     duration_s: Annotated[float, Meta(gt=0, le=604_800)]
     target: str = "tango"
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
-    orbit: ElementsOrbit | StateOrbit
+    orbit: ElementsOrbit | StateOrbit | TleOrbit | OemOrbit
+    forces: Forces = Forces()
     attitude: Attitude = Attitude()
     chaser: AnyChaser
     camera: str | CameraFile = "speed"

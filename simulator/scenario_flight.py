@@ -8,17 +8,11 @@ import numpy as np
 
 from simulator import scenario as sc
 from simulator.errors import UserError
+from simulator.scenario_chaser import check_chaser, guidance, keep_out, thrusters
+from simulator.scenario_forces import force_model
 from simulator.world.attitude import check_inertia
 from simulator.world.constants import EARTH_RADIUS_M, MU_EARTH_M3_S2
 from simulator.world.flight import Flight, propagate_flight
-from simulator.world.guidance import (
-    ForcedFlyaround,
-    FreeDrift,
-    Guidance,
-    Hold,
-    NaturalCircumnavigation,
-    StraightApproach,
-)
 from simulator.world.orbit import Elements, elements_from_state, state_from_elements
 from simulator.world.pointing import Pointing
 from simulator.world.rotation import quat_from_matrix, quat_from_rotvec, quat_multiply, quat_normalize
@@ -49,15 +43,20 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
     r, v = orbit_state(scenario)
     down = scenario.chaser.pointing.down
     pointing = scenario.chaser.pointing
+    epoch = Instant.from_utc(scenario.epoch_utc)
+    span_s = duration_s or scenario.duration_s
     return propagate_flight(
-        epoch=Instant.from_utc(scenario.epoch_utc),
-        duration_s=duration_s or scenario.duration_s,
+        epoch=epoch,
+        duration_s=span_s,
+        forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg),
         r_target_eci_m=r,
         v_target_eci_m_s=v,
         attitude=lambda frame: _q_eci_from_target(a, frame),
         omega_target_rad_s=np.radians(a.rate_deg_s),
         inertia_kg_m2=a.inertia_kg_m2 or target.mass.inertia_kg_m2,
         guidance=guidance(scenario.chaser),
+        thrusters=thrusters(scenario.chaser),
+        keep_out=keep_out(scenario.chaser),
         pointing=Pointing(
             down="nadir" if down == "auto" else down,
             right_rad=np.radians(pointing.right_deg),
@@ -65,6 +64,8 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
             roll_rad=np.radians(pointing.roll_deg),
         ),
         choose_down=down == "auto",
+        torque_body_nm=a.torque_body_nm,
+        gravity_gradient=a.gravity_gradient,
     )
 
 
@@ -73,6 +74,8 @@ def orbit_state(scenario: sc.Scenario) -> tuple[FloatArray, FloatArray]:
     o = scenario.orbit
     if isinstance(o, sc.StateOrbit):
         return np.array(o.r_eci_km) * 1e3, np.array(o.v_eci_km_s) * 1e3
+    if not isinstance(o, sc.ElementsOrbit):
+        raise UserError("the orbit is still a TLE or a file: load the scenario with load_scenario")
     return state_from_elements(
         Elements(
             semi_major_axis_m=EARTH_RADIUS_M + o.altitude_km * 1e3,
@@ -83,43 +86,6 @@ def orbit_state(scenario: sc.Scenario) -> tuple[FloatArray, FloatArray]:
             true_anomaly_rad=np.radians(o.true_anomaly_deg),
         )
     )
-
-
-def guidance(chaser: sc.AnyChaser) -> Guidance:
-    """The motion mode that a ``[chaser]`` section asks for."""
-    match chaser:
-        case sc.HoldChaser():
-            return Hold(position_lvlh_m=chaser.position_lvlh_m)
-        case sc.DriftChaser():
-            return FreeDrift(
-                position_lvlh_m=chaser.position_lvlh_m, velocity_lvlh_m_s=chaser.velocity_lvlh_m_s
-            )
-        case sc.CircumnavigationChaser():
-            return NaturalCircumnavigation(
-                radial_m=chaser.radial_m,
-                phase_rad=np.radians(chaser.phase_deg),
-                cross_track_m=chaser.cross_track_m,
-                cross_phase_rad=np.radians(chaser.cross_phase_deg),
-                centre_along_track_m=chaser.centre_along_track_m,
-            )
-        case sc.VbarChaser() | sc.RbarChaser():
-            axis = np.array([0.0, 1.0, 0.0] if isinstance(chaser, sc.VbarChaser) else [1.0, 0.0, 0.0])
-            return StraightApproach(
-                start_lvlh_m=tuple(chaser.start_m * axis),
-                hold_lvlh_m=tuple(chaser.hold_m * axis),
-                speed_m_s=chaser.speed_m_s,
-                braking_m_s2=chaser.braking_m_s2,
-            )
-        case sc.FlyaroundChaser():
-            return ForcedFlyaround(
-                radius_m=chaser.radius_m,
-                period_s=chaser.period_s,
-                inclination_rad=np.radians(chaser.inclination_deg),
-                node_rad=np.radians(chaser.node_deg),
-                phase_rad=np.radians(chaser.phase_deg),
-                far_radius_m=chaser.far_radius_m,
-                range_period_s=chaser.range_period_s,
-            )
 
 
 def frame_times(duration_s: float, n: int | None = None, every_s: float | None = None) -> FloatArray:
@@ -174,13 +140,7 @@ def check_physics(scenario: sc.Scenario, where: str) -> None:
     else:
         _check_state_orbit(r, v, where)
     _check_attitude(scenario.attitude, where)
-    start, _ = guidance(scenario.chaser).state_lvlh(0.0, 1e-3)
-    distance, least = float(np.linalg.norm(start)), scenario.chaser.minimum_start_range_m
-    if distance < least:
-        raise UserError(
-            f"{where}: section [chaser] starts {distance:.3g} m from the target, allowed: at least "
-            f"{least:g} m (key chaser.minimum_start_range_m)"
-        )
+    check_chaser(scenario.chaser, where)
 
 
 def _check_state_orbit(r: FloatArray, v: FloatArray, where: str) -> None:

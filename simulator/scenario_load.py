@@ -18,6 +18,7 @@ from simulator.errors import UserError
 from simulator.file_errors import explain
 from simulator.scenario import Scenario
 from simulator.scenario_flight import check_physics
+from simulator.scenario_messages import resolve_messages
 from simulator.world.time import Instant
 
 
@@ -78,6 +79,7 @@ def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
     scenario = msgspec.structs.replace(
         scenario, name=scenario.name or stem, camera=_camera(scenario.camera, where, folder)
     )
+    scenario = resolve_messages(scenario, where, folder)
     check_physics(scenario, where)
     return scenario
 

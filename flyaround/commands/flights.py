@@ -19,12 +19,15 @@ from simulator.loop import plan_flight
 from simulator.recipe import RECIPES
 from simulator.scenario_load import list_scenarios, load_scenario
 from simulator.world.flight import fly_table
+from simulator.world.flight_messages import flight_messages
 
 
 def fly(
     scenario: Annotated[str, typer.Argument(help="Built-in name or TOML file.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for states.csv and scenario.json.")],
     every_s: Annotated[float, typer.Option("--every", help="Seconds between rows.")] = 1.0,
+    oem: Annotated[bool, typer.Option("--oem", help="Write target.oem and chaser.oem (CCSDS).")] = False,
+    aem: Annotated[bool, typer.Option("--aem", help="Write target.aem and chaser.aem (CCSDS).")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
     """Propagate only: the states of both craft as a table."""
@@ -39,6 +42,8 @@ def fly(
     write_atomic(
         output / "scenario.json", msgspec.json.format(msgspec.json.encode(plan.scenario_document), indent=1)
     )
+    for name, content in flight_messages(plan.flight, plan.times_s, oem=oem, aem=aem).items():
+        write_atomic(output / name, content.encode())
     summary = {"rows": len(rows), "states": str(output / "states.csv")}
     if as_json:
         typer.echo(json.dumps(summary))

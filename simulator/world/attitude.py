@@ -1,20 +1,26 @@
-"""Rigid-body attitude: Euler's equations and quaternion kinematics, propagated without torque."""
+"""Rigid-body attitude: Euler's equations and quaternion kinematics, free or under torque."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from simulator.world.rotation import quat_normalize
+from simulator.arrays import FloatArray
+from simulator.world.constants import MU_EARTH_M3_S2
+from simulator.world.rotation import matrix_from_quat, quat_normalize
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from scipy.integrate import OdeSolution
 
-    from simulator.arrays import FloatArray
+    from simulator.world.orbit import OrbitTrack
+
+
+Torque = Callable[[float, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +37,13 @@ class AttitudeTrack:
 
 
 def propagate_attitude(
-    q_eci_from_body_wxyz: ArrayLike, omega_body_rad_s: ArrayLike, inertia_kg_m2: ArrayLike, duration_s: float
+    q_eci_from_body_wxyz: ArrayLike,
+    omega_body_rad_s: ArrayLike,
+    inertia_kg_m2: ArrayLike,
+    duration_s: float,
+    torque: Torque | None = None,
 ) -> AttitudeTrack:
-    """Torque-free tumble of a rigid body.
+    """Tumble of a rigid body.
 
     Parameters
     ----------
@@ -41,6 +51,7 @@ def propagate_attitude(
     omega_body_rad_s : (3,) rate relative to ECI, body axes.
     inertia_kg_m2 : (3, 3) about the centre of mass, body axes.
     duration_s : span [s].
+    torque : on the body, in its axes [N m], from time [s] and attitude ``q_eci_from_body_wxyz``; none unless given.
 
     Raises
     ------
@@ -58,12 +69,16 @@ def propagate_attitude(
     # a step turns the body by half a radian at most, which keeps the interpolant as good as the steps
     rate = float(np.linalg.norm(y0[4:]))
     max_step = 0.5 / rate if rate > 1e-6 else np.inf
+    if torque is not None:
+        # a body at rest may be turned: a minute bounds what the interpolant has to follow
+        max_step = min(max_step, 60.0)
 
-    def derivative(_t: float, y: FloatArray) -> FloatArray:
+    def derivative(t: float, y: FloatArray) -> FloatArray:
         qw, qx, qy, qz, a, b, c = y.tolist()
         L = J @ y[4:]
         la, lb, lc = L.tolist()
-        alpha = J_inverse @ np.array([lb * c - lc * b, lc * a - la * c, la * b - lb * a])
+        moment = np.array([lb * c - lc * b, lc * a - la * c, la * b - lb * a])
+        alpha = J_inverse @ (moment if torque is None else moment + torque(t, y[:4]))
         return np.array(
             [
                 0.5 * (-qx * a - qy * b - qz * c),
@@ -87,6 +102,51 @@ def propagate_attitude(
     if not result.success or result.sol is None:
         raise ValueError(f"the attitude could not be propagated over {duration_s} s: {result.message}")
     return AttitudeTrack(duration_s, result.sol)
+
+
+def gravity_gradient_torque(
+    r_eci_m: FloatArray,
+    R_body_from_eci: FloatArray,
+    inertia_kg_m2: FloatArray,
+    mu_m3_s2: float = MU_EARTH_M3_S2,
+) -> FloatArray:
+    """Torque of a central gravity field on a rigid body, in the body frame [N m].
+
+    Parameters
+    ----------
+    r_eci_m : (3,) body's position from the attracting centre, GCRS [m].
+    R_body_from_eci : (3, 3) rotation.
+    inertia_kg_m2 : (3, 3) about the centre of mass, body frame.
+    mu_m3_s2 : gravitational parameter.
+
+    References
+    ----------
+    Wertz (1978), Spacecraft Attitude Determination and Control, eq. 17-33.
+    """
+    r = float(np.linalg.norm(r_eci_m))
+    up = R_body_from_eci @ r_eci_m / r
+    return np.asarray(3 * mu_m3_s2 / r**3 * np.cross(up, inertia_kg_m2 @ up))
+
+
+def torque_on(
+    orbit: OrbitTrack, inertia_kg_m2: ArrayLike, constant_nm: ArrayLike, *, gravity_gradient: bool
+) -> Torque | None:
+    """The torque on a body along its orbit, or None when there is none.
+
+    Parameters
+    ----------
+    orbit : gives the position. inertia_kg_m2 : (3, 3), body axes.
+    constant_nm : (3,) torque fixed in the body [N m], such as a leak's. gravity_gradient : whether the Earth turns it.
+    """
+    J, fixed = np.asarray(inertia_kg_m2, float), np.asarray(constant_nm, float)
+    if not gravity_gradient:
+        return (lambda _t, _q: fixed) if fixed.any() else None
+
+    def torque(t_s: float, q: FloatArray) -> FloatArray:
+        r, _ = orbit(t_s)
+        return fixed + gravity_gradient_torque(r, matrix_from_quat(quat_normalize(q)).T, J)
+
+    return torque
 
 
 def check_inertia(inertia_kg_m2: FloatArray) -> None:

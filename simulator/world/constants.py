@@ -22,3 +22,15 @@ LIGHT_M_S = 299_792_458.0
 
 DAY_S = 86_400.0
 """Seconds per day of the Julian date."""
+
+FLATTENING = 1 / 298.257223563
+"""Flattening of the Earth's ellipsoid, WGS 84."""
+
+MU_SUN_M3_S2 = 1.32712440018e20
+"""Gravitational parameter of the Sun, IERS Conventions (2010), table 1.1 (TDB-compatible)."""
+
+MU_MOON_M3_S2 = 4.902800066e12
+"""Gravitational parameter of the Moon, JPL DE430 (Folkner et al. 2014)."""
+
+SOLAR_PRESSURE_PA = 1361.0 / LIGHT_M_S
+"""Pressure of sunlight on a black surface at 1 au: total solar irradiance of Kopp & Lean (2011) over c."""

@@ -1,4 +1,4 @@
-"""Orientation of the Earth: precession, nutation and rotation between GCRS and ITRS."""
+"""Orientation of the Earth: precession, nutation, rotation and polar motion between GCRS and ITRS."""
 
 from __future__ import annotations
 
@@ -7,21 +7,33 @@ from typing import TYPE_CHECKING
 import erfa
 import numpy as np
 
+from simulator.world.earth_parameters import earth_parameters
 from simulator.world.rotation import quat_from_matrix
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
     from simulator.world.time import Instant
 
+_MJD = 2400000.5
+
 
 def R_itrs_from_eci(instant: Instant) -> FloatArray:
-    """(3, 3) rotation from GCRS to ITRS, IAU 2006/2000A, without polar motion (0.3 arcsec, 10 m).
+    """(3, 3) rotation from GCRS to ITRS, IAU 2006/2000A, with measured UT1 and pole where the table has them.
+
+    The celestial pole offsets of the IERS (0.3 mas, 1 cm on the ground) are left out.
 
     References
     ----------
     IERS Conventions (2010), chapter 5; SOFA routine ``iauC2t06a``.
     """
-    return np.asarray(erfa.c2t06a(instant.tt1, instant.tt2, *instant.ut1, 0.0, 0.0), float)
+    return np.asarray(erfa.c2t06a(instant.tt1, instant.tt2, *instant.ut1, *_pole(instant)), float)
+
+
+def celestial_and_polar(instant: Instant) -> tuple[FloatArray, FloatArray]:
+    """The slow factors of `R_itrs_from_eci`: GCRS to CIRS, and TIRS to ITRS; between them turns the Earth."""
+    tt1, tt2 = instant.tt1, instant.tt2
+    polar = erfa.pom00(*_pole(instant), erfa.sp00(tt1, tt2))
+    return np.asarray(erfa.c2i06a(tt1, tt2), float), np.asarray(polar, float)
 
 
 def q_itrs_from_eci(instant: Instant) -> FloatArray:
@@ -30,5 +42,9 @@ def q_itrs_from_eci(instant: Instant) -> FloatArray:
 
 
 def pole_eci(instant: Instant) -> FloatArray:
-    """Unit vector along the Earth's axis (celestial intermediate pole) in GCRS."""
-    return R_itrs_from_eci(instant)[2]
+    """Unit vector along the Earth's axis (the celestial intermediate pole) in GCRS."""
+    return celestial_and_polar(instant)[0][2]
+
+
+def _pole(instant: Instant) -> tuple[float, float]:
+    return earth_parameters().pole(instant.tt1 - _MJD + instant.tt2)

@@ -18,6 +18,17 @@ if TYPE_CHECKING:
 _C_AU_DAY = LIGHT_M_S * DAY_S / AU_M
 
 
+def sun_geometric_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
+    """Where the Sun is, not where it is seen: geocentric, GCRS axes (..., 3) [m]; for its attraction."""
+    heliocentric, _ = guarded(erfa.epv00, tt1, tt2)
+    return np.asarray(-heliocentric["p"] * AU_M, float)
+
+
+def moon_geometric_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
+    """Where the Moon is, not where it is seen: geocentric, GCRS axes (..., 3) [m]; for its attraction."""
+    return np.asarray(erfa.moon98(tt1, tt2)["p"] * AU_M, float)
+
+
 def sun_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
     """Apparent geocentric position of the Sun in GCRS [m]: light time and annual aberration applied.
 

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.arrays import Quat, quat, vec3
-from simulator.world.attitude import AttitudeTrack, propagate_attitude
+from simulator.world.attitude import AttitudeTrack, propagate_attitude, torque_on
 from simulator.world.clohessy_wiltshire import mean_motion_rad_s
+from simulator.world.constants import MU_EARTH_M3_S2
+from simulator.world.controlled import ControlledTrack, fly_controlled
 from simulator.world.earth_orientation import pole_eci, q_itrs_from_eci
 from simulator.world.eclipse import sun_visible_fraction
 from simulator.world.ephemeris import moon_eci_m, sun_eci_m
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from simulator.arrays import FloatArray
+    from simulator.world.forces import Forces
+    from simulator.world.safety import KeepOut
+    from simulator.world.thrusters import Thrusters
 
 _EDGE_S = 1e-6
 """Times this far outside the span are taken for rounding."""
@@ -44,6 +49,7 @@ class Flight:
     orbit, attitude : the target's propagated tracks.
     guidance : how the chaser moves. n_rad_s : the target's mean motion at the start.
     pointing : how the camera looks.
+    controlled : the chaser's track when it flies by thrusters.
     """
 
     epoch: Instant
@@ -53,10 +59,11 @@ class Flight:
     guidance: Guidance
     n_rad_s: float
     pointing: Pointing
+    controlled: ControlledTrack | None = None
 
     def lvlh(self, t_s: float) -> Lvlh:
         """The target's LVLH frame."""
-        return lvlh_frame(*self.orbit(t_s), self.orbit.gravity)
+        return lvlh_frame(*self.orbit(t_s), self.orbit.acceleration(t_s))
 
     def chaser(self, t_s: float) -> ChaserState:
         """The chaser as its guidance and pointing have it; the start for steering by hand."""
@@ -121,6 +128,8 @@ class Flight:
 
     def relative(self, t_s: float, frame: Lvlh) -> tuple[FloatArray, FloatArray]:
         """Chaser minus target along GCRS axes [m], [m s-1]; ``frame`` is `lvlh` at that time."""
+        if self.controlled is not None:
+            return self.controlled(t_s)
         if self.guidance.ballistic:
             return self.orbit.relative(t_s)
         return frame.to_eci(*self.guidance.state_lvlh(t_s, self.n_rad_s))
@@ -142,9 +151,13 @@ def propagate_flight(
     guidance: Guidance,
     pointing: Pointing,
     choose_down: bool = False,
-    j2: bool = True,
+    forces: Forces | None = None,
+    torque_body_nm: ArrayLike = (0.0, 0.0, 0.0),
+    gravity_gradient: bool = False,
+    thrusters: Thrusters | None = None,
+    keep_out: KeepOut | None = None,
 ) -> Flight:
-    """Propagate target orbit (two-body + J2), tumble and chaser.
+    """Propagate target orbit, tumble and chaser.
 
     Parameters
     ----------
@@ -156,17 +169,20 @@ def propagate_flight(
     guidance : motion of the chaser.
     pointing : of the camera.
     choose_down : replace the pointing's ``down`` by the reference that suits this flight (`with_best_down`).
-    j2 : whether the Earth is oblate.
+    torque_body_nm, gravity_gradient : what turns the target: a torque fixed in its axes, the Earth's gravity.
+    thrusters, keep_out : of a chaser that flies by thrusters; else a path is followed exactly.
+    forces : on both craft; a point mass with J2 unless given.
     """
     r, v = np.asarray(r_target_eci_m, float), np.asarray(v_target_eci_m_s, float)
-    base = Gravity(pole_eci=vec3(pole_eci(epoch)))
-    gravity = base if j2 else Gravity(j2=0.0, pole_eci=base.pole_eci)
-    frame = lvlh_frame(r, v, gravity)
-    n = mean_motion_rad_s(elements_from_state(r, v).semi_major_axis_m, gravity.mu_m3_s2)
+    if forces is None:
+        forces = Gravity(pole_eci=vec3(pole_eci(epoch)))
+    frame = lvlh_frame(r, v, forces.target(0.0, r, v))
+    n = mean_motion_rad_s(elements_from_state(r, v).semi_major_axis_m, MU_EARTH_M3_S2)
     start = frame.to_eci(*guidance.state_lvlh(0.0, n)) if guidance.ballistic else None
-    orbit = propagate(r, v, duration_s, gravity, start)
+    orbit = propagate(r, v, duration_s, forces, start)
     q0 = attitude(frame) if callable(attitude) else np.asarray(attitude, float)
-    tumble = propagate_attitude(quat_normalize(q0), omega_target_rad_s, inertia_kg_m2, duration_s)
+    torque = torque_on(orbit, inertia_kg_m2, torque_body_nm, gravity_gradient=gravity_gradient)
+    tumble = propagate_attitude(quat_normalize(q0), omega_target_rad_s, inertia_kg_m2, duration_s, torque)
     flight = Flight(
         epoch=epoch,
         duration_s=duration_s,
@@ -175,6 +191,7 @@ def propagate_flight(
         guidance=guidance,
         n_rad_s=n,
         pointing=pointing,
+        controlled=fly_controlled(orbit, guidance, n, thrusters, keep_out) if thrusters else None,
     )
     return with_best_down(flight) if choose_down else flight
 

@@ -49,6 +49,22 @@ class Gravity:
         polar = 2 * central * k * along
         return np.array([radial * x + polar * px, radial * y + polar * py, radial * z + polar * pz])
 
+    def target(self, _t_s: float, r_eci_m: FloatArray, _v_eci_m_s: FloatArray) -> FloatArray:
+        """Acceleration of the target: `acceleration`."""
+        return self.acceleration(r_eci_m)
+
+    def pair(
+        self,
+        _t_s: float,
+        r_eci_m: FloatArray,
+        _v_eci_m_s: FloatArray,
+        p_eci_m: FloatArray,
+        _w_eci_m_s: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Acceleration of the target, and the chaser's less it (to 1e-15 m s-2)."""
+        a = self.acceleration(r_eci_m)
+        return a, self.acceleration(r_eci_m + p_eci_m) - a
+
     def potential(self, r_eci_m: FloatArray) -> float:
         """Potential energy per unit mass, zero at infinity [J kg-1]."""
         r = float(np.linalg.norm(r_eci_m))

@@ -9,7 +9,6 @@ import numpy as np
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
-    from simulator.world.gravity import Gravity
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +35,10 @@ class Lvlh:
         return R @ p_eci, R @ (v_eci - np.cross(self.omega_eci_rad_s, p_eci))
 
 
-def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, gravity: Gravity) -> Lvlh:
-    """LVLH of a spacecraft at ``r_eci_m`` moving with ``v_eci_m_s`` in ``gravity``.
+def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, a_eci_m_s2: FloatArray) -> Lvlh:
+    """LVLH of a spacecraft at ``r_eci_m`` moving with ``v_eci_m_s`` under ``a_eci_m_s2``.
 
-    The rate is exact for the given gravity: ``h/r^2`` about the cross-track axis, and the turning of the
+    The rate is exact for the given acceleration: ``h/r^2`` about the cross-track axis, and the turning of the
     orbit plane by the out-of-plane acceleration about the radial axis.
 
     References
@@ -50,6 +49,6 @@ def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, gravity: Gravity) -> 
     r_norm, h_norm = float(np.linalg.norm(r_eci_m)), float(np.linalg.norm(h))
     x, z = r_eci_m / r_norm, h / h_norm
     y = np.cross(z, x)
-    out_of_plane = float(gravity.acceleration(r_eci_m) @ z)
+    out_of_plane = float(a_eci_m_s2 @ z)
     omega = h_norm / r_norm**2 * z + r_norm * out_of_plane / h_norm * x
     return Lvlh(np.column_stack([x, y, z]), omega)

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.gravity import Gravity
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from scipy.integrate import OdeSolution
 
     from simulator.arrays import FloatArray
+    from simulator.world.forces import Forces
 
 _RTOL = 1e-12
 _MAX_STEP_S = 60.0
@@ -115,12 +115,12 @@ class OrbitTrack:
 
     Parameters
     ----------
-    gravity : the field it was propagated in.
+    forces : what it was propagated under.
     duration_s : end of the propagated span [s].
     solution : interpolant of [r, v] or [r, v, rho, rho'] in GCRS.
     """
 
-    gravity: Gravity
+    forces: Forces
     duration_s: float
     solution: OdeSolution
 
@@ -128,6 +128,10 @@ class OrbitTrack:
         """Position [m] and velocity [m s-1] of the target in GCRS."""
         y = self.solution(t_s)
         return y[:3], y[3:6]
+
+    def acceleration(self, t_s: float) -> FloatArray:
+        """Acceleration of the target in GCRS [m s-2]."""
+        return self.forces.target(t_s, *self(t_s))
 
     def relative(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """Chaser minus target: position [m] and velocity [m s-1] along GCRS axes (not a rotating frame)."""
@@ -139,7 +143,7 @@ def propagate(
     r_eci_m: FloatArray,
     v_eci_m_s: FloatArray,
     duration_s: float,
-    gravity: Gravity,
+    forces: Forces,
     relative: tuple[FloatArray, FloatArray] | None = None,
 ) -> OrbitTrack:
     """Propagate the target and, when ``relative`` is given, a chaser in free flight beside it.
@@ -151,7 +155,7 @@ def propagate(
     ----------
     r_eci_m, v_eci_m_s : (3,) target at t = 0, GCRS.
     duration_s : span [s].
-    gravity : the field.
+    forces : what accelerates the two.
     relative : chaser minus target at t = 0, position [m] and velocity [m s-1] along GCRS axes.
 
     References
@@ -161,17 +165,17 @@ def propagate(
     y0 = [r_eci_m, v_eci_m_s, *(relative or ())]
     atol = np.repeat([1e-7, 1e-10, 1e-10, 1e-13], 3)[: 3 * len(y0)]
     return OrbitTrack(
-        gravity, duration_s, _solve(_derivative(gravity, len(y0) > 2), np.concatenate(y0), duration_s, atol)
+        forces, duration_s, _solve(_derivative(forces, len(y0) > 2), np.concatenate(y0), duration_s, atol)
     )
 
 
-def _derivative(gravity: Gravity, with_chaser: bool) -> Callable[[float, FloatArray], FloatArray]:  # noqa: FBT001
-    def target_only(_t: float, y: FloatArray) -> FloatArray:
-        return np.concatenate([y[3:6], gravity.acceleration(y[:3])])
+def _derivative(forces: Forces, with_chaser: bool) -> Callable[[float, FloatArray], FloatArray]:  # noqa: FBT001
+    def target_only(t: float, y: FloatArray) -> FloatArray:
+        return np.concatenate([y[3:6], forces.target(t, y[:3], y[3:6])])
 
-    def both(_t: float, y: FloatArray) -> FloatArray:
-        a = gravity.acceleration(y[:3])
-        return np.concatenate([y[3:6], a, y[9:12], gravity.acceleration(y[:3] + y[6:9]) - a])
+    def both(t: float, y: FloatArray) -> FloatArray:
+        a, difference = forces.pair(t, y[:3], y[3:6], y[6:9], y[9:12])
+        return np.concatenate([y[3:6], a, y[9:12], difference])
 
     return both if with_chaser else target_only
 

@@ -69,17 +69,20 @@ def step(state: ChaserState, command: Command, dt_s: float, orbit: OrbitTrack) -
     push = np.array(command.acceleration_camera_m_s2, float)
     R0_eci_from_camera = matrix_from_quat(state.q_camera_from_eci_wxyz).T
 
-    def acceleration(tau: float, p: FloatArray) -> FloatArray:
-        r, _ = orbit(state.t_s + tau)
+    def acceleration(tau: float, p: FloatArray, w: FloatArray) -> FloatArray:
+        t = state.t_s + tau
         thrust = R0_eci_from_camera @ (matrix_from_quat(quat_from_rotvec(omega * tau)) @ push)
-        return orbit.gravity.acceleration(r + p) - orbit.gravity.acceleration(r) + thrust
+        return orbit.forces.pair(t, *orbit(t), p, w)[1] + thrust
 
     h = dt_s
     p0, v0 = np.array(state.position_eci_m), np.array(state.velocity_eci_m_s)
-    k1v, k1p = acceleration(0.0, p0), v0
-    k2v, k2p = acceleration(h / 2, p0 + h / 2 * k1p), v0 + h / 2 * k1v
-    k3v, k3p = acceleration(h / 2, p0 + h / 2 * k2p), v0 + h / 2 * k2v
-    k4v, k4p = acceleration(h, p0 + h * k3p), v0 + h * k3v
+    k1v, k1p = acceleration(0.0, p0, v0), v0
+    k2p = v0 + h / 2 * k1v
+    k2v = acceleration(h / 2, p0 + h / 2 * k1p, k2p)
+    k3p = v0 + h / 2 * k2v
+    k3v = acceleration(h / 2, p0 + h / 2 * k2p, k3p)
+    k4p = v0 + h * k3v
+    k4v = acceleration(h, p0 + h * k3p, k4p)
     q = quat_multiply(quat_conjugate(quat_from_rotvec(omega * h)), state.q_camera_from_eci_wxyz)
     return replace(
         state,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import erfa
 
 from simulator.world.constants import DAY_S
+from simulator.world.earth_parameters import earth_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -83,12 +84,13 @@ class Instant:
 
     @property
     def ut1(self) -> tuple[float, float]:
-        """Two-part Julian date of UT1, taken equal to UTC.
+        """Two-part Julian date of UT1, from the table of measured Earth rotation.
 
-        They differ by at most 0.9 s, which turns the Earth by 13.5 arcsec (420 m on the equator); without a
-        table of Earth orientation parameters this is the error of every sub-satellite longitude.
+        Outside the table UT1 - TAI is held at its nearest row (see `simulator.world.earth_parameters`).
         """
-        return self.utc
+        tai1, tai2 = erfa.tttai(self.tt1, self.tt2)
+        offset_s = earth_parameters().ut1_minus_tai(self.tt1 - 2400000.5 + self.tt2)
+        return float(tai1), float(tai2) + offset_s / DAY_S
 
     def iso(self) -> str:
         """ISO 8601 text in UTC with microseconds and a trailing Z."""

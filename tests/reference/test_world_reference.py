@@ -75,15 +75,15 @@ def test_moon_agrees_with_meeus() -> None:
 
 
 def test_earth_orientation_agrees_with_vallado() -> None:
-    """Vallado (2013), example 3-14, with UT1 - UTC = -0.4399619 s and polar motion (0.36 arcsec)."""
+    """Vallado (2013), example 3-14, UT1 and pole of the day included; 0.5 m are 0.01 arcsec."""
     t = Instant.from_utc("2004-04-06T07:51:28.386009Z")
     gcrs = np.array([5102.5089579, 6123.0114007, 6378.1369282]) * 1e3
     itrs = np.array([-1033.4793830, 7901.2952754, 6380.3565958]) * 1e3
-    # UT1 is taken as UTC here, so that our Earth has turned 0.44 s too far
-    ahead = 7.292115e-5 * 0.4399619
-    c, s = np.cos(ahead), np.sin(ahead)
-    corrected = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ R_itrs_from_eci(t) @ gcrs
-    assert np.linalg.norm(corrected - itrs) < 25.0
+    assert np.linalg.norm(R_itrs_from_eci(t) @ gcrs - itrs) < 0.5
+    # he takes the value of 0 h for the whole day
+    midnight = Instant.from_utc("2004-04-06T00:00:00Z")
+    (ut1, ut1_part), (utc, utc_part) = midnight.ut1, midnight.utc
+    assert ((ut1 - utc) + (ut1_part - utc_part)) * 86400 == pytest.approx(-0.4399619, abs=3e-5)
 
 
 def test_node_regresses_at_the_secular_rate() -> None:

@@ -276,7 +276,7 @@ MISTAKES = [
         ["unknown key altitude_m", "[orbit]", "did you mean altitude_km"],
     ),
     ("altitude_km = 700.0", "inclination_deg = 98", ["[orbit] lacks the key altitude_km", "at least 150"]),
-    ('kind = "elements"', 'kind = "tle"', ["orbit.kind", "'tle'", "elements", "state"]),
+    ('kind = "elements"', 'kind = "tles"', ["orbit.kind", "'tles'", "elements", "state"]),
     ('kind = "elements"', "", ["[orbit] lacks the key kind", "elements, state"]),
     ('mode = "hold"', 'mode = "holdd"', ["chaser.mode", "'holdd'", "did you mean 'hold'", "flyaround"]),
     ("[0, -10, 0]", "[0, -10]", ["chaser.position_lvlh_m", "[0, -10]", "a list of 3"]),

@@ -22,12 +22,12 @@ ROUND = Gravity(j2=0.0)
 
 
 def in_lvlh(track: OrbitTrack, t: float) -> np.ndarray:
-    frame = lvlh_frame(*track(t), track.gravity)
+    frame = lvlh_frame(*track(t), track.acceleration(t))
     return np.concatenate(frame.from_eci(*track.relative(t)))
 
 
 def drift(state_lvlh: np.ndarray, duration_s: float) -> OrbitTrack:
-    start = lvlh_frame(R0, V0, ROUND).to_eci(state_lvlh[:3], state_lvlh[3:])
+    start = lvlh_frame(R0, V0, ROUND.acceleration(R0)).to_eci(state_lvlh[:3], state_lvlh[3:])
     return propagate(R0, V0, duration_s, ROUND, start)
 
 
@@ -35,13 +35,13 @@ def test_lvlh_axes_and_rates() -> None:
     gravity = Gravity()
     track = propagate(R0, V0, 100.0, gravity)
     r, v = track(50.0)
-    frame = lvlh_frame(r, v, gravity)
+    frame = lvlh_frame(r, v, gravity.acceleration(r))
     x, y, z = frame.R_eci_from_lvlh.T
     assert np.allclose(x, r / np.linalg.norm(r))
     assert y @ v > 0
     assert np.allclose(z, np.cross(x, y))
     h = 0.5
-    after, before = (lvlh_frame(*track(50 + s), gravity).R_eci_from_lvlh for s in (h, -h))
+    after, before = (lvlh_frame(*track(50 + s), track.acceleration(50 + s)).R_eci_from_lvlh for s in (h, -h))
     turning = (after - before) / (2 * h) @ frame.R_eci_from_lvlh.T
     measured = np.array([turning[2, 1], turning[0, 2], turning[1, 0]])
     assert np.allclose(frame.omega_eci_rad_s, measured, atol=1e-9, rtol=0)
@@ -80,7 +80,7 @@ def test_natural_circumnavigation_closes_and_stays_clear_of_the_along_track_axis
 def test_two_bodies_a_millimetre_apart_do_not_lose_digits() -> None:
     """A chaser one millimetre ahead on the same circle stays there to a tenth of a micrometre."""
     turn = 1e-3 / A_M
-    frame = lvlh_frame(R0, V0, ROUND)
+    frame = lvlh_frame(R0, V0, ROUND.acceleration(R0))
     z = frame.R_eci_from_lvlh[:, 2]
     start = (turn * np.cross(z, R0), turn * np.cross(z, V0))
     track = propagate(R0, V0, 3000.0, ROUND, start)

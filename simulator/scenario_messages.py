@@ -1,0 +1,83 @@
+"""Orbits and attitudes that a scenario takes from TLEs and CCSDS messages, turned into plain states at its epoch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from simulator import scenario as sc
+from simulator.arrays import quat, vec3
+from simulator.errors import UserError
+from simulator.world.aem import read_aem_state
+from simulator.world.oem import read_oem_state
+from simulator.world.time import Instant
+from simulator.world.tle import state_from_tle
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+
+
+def resolve_messages(scenario: sc.Scenario, where: str, folder: Path) -> sc.Scenario:
+    """The scenario with a TLE or OEM orbit and an AEM attitude replaced by the states they give.
+
+    Parameters
+    ----------
+    scenario : as read. where : its name, for messages. folder : where relative paths start.
+
+    Raises
+    ------
+    UserError
+        If a file cannot be read or says nothing about the epoch.
+    """
+    epoch = Instant.from_utc(scenario.epoch_utc)
+    try:
+        return msgspec.structs.replace(
+            scenario,
+            orbit=_orbit(scenario.orbit, epoch, folder),
+            attitude=_attitude(scenario.attitude, epoch, folder),
+        )
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+
+
+def _orbit(
+    orbit: sc.ElementsOrbit | sc.StateOrbit | sc.TleOrbit | sc.OemOrbit, epoch: Instant, folder: Path
+) -> sc.ElementsOrbit | sc.StateOrbit:
+    match orbit:
+        case sc.TleOrbit():
+            r, v = state_from_tle(orbit.line1, orbit.line2, epoch)
+        case sc.OemOrbit():
+            r, v = read_oem_state(_read(orbit.file, "orbit.file", folder), orbit.file, epoch)
+        case _:
+            return orbit
+    return sc.StateOrbit(r_eci_km=vec3(r / 1e3), v_eci_km_s=vec3(v / 1e3))
+
+
+def _attitude(attitude: sc.Attitude, epoch: Instant, folder: Path) -> sc.Attitude:
+    name = attitude.aem_file
+    if name is None:
+        return attitude
+    if attitude.q_wxyz is not None or attitude.euler_deg is not None:
+        raise UserError("section [attitude] has aem_file and another attitude, allowed: one of them")
+    q, rate = read_aem_state(_read(name, "attitude.aem_file", folder), name, epoch)
+    x, y, z = np.degrees(rate)
+    return msgspec.structs.replace(
+        attitude, aem_file=None, frame="eci", q_wxyz=quat(_unit(q)), rate_deg_s=(float(x), float(y), float(z))
+    )
+
+
+def _unit(q: FloatArray) -> FloatArray:
+    return q / np.linalg.norm(q)
+
+
+def _read(name: str, key: str, folder: Path) -> str:
+    path = folder / name
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"key {key} is {name!r}, which cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"key {key} is {name!r}, which is not a text file") from error

@@ -1,0 +1,66 @@
+"""Measured Earth orientation parameters: UT1 and the pole, day by day, from the IERS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+
+_ARCSEC_RAD = np.pi / 648_000
+
+
+@dataclass(frozen=True, eq=False)
+class EarthParameters:
+    """The table, one row a day at 0 h UTC.
+
+    Outside it the nearest row holds: UT1 then drifts from the truth by up to half a second a year and the
+    pole by up to 0.5 arcsec, because the length of the day cannot be foretold.
+
+    Parameters
+    ----------
+    first_mjd : of the first row.
+    ut1_minus_tai_s : (n,) [s]; against TAI, so that leap seconds make no steps.
+    pole_rad : (n, 2) x and y of the pole [rad].
+    """
+
+    first_mjd: float
+    ut1_minus_tai_s: FloatArray
+    pole_rad: FloatArray
+
+    def _row(self, mjd: float) -> tuple[int, float]:
+        at = min(max(mjd - self.first_mjd, 0.0), len(self.ut1_minus_tai_s) - 1.000001)
+        return int(at), at - int(at)
+
+    def ut1_minus_tai(self, mjd: float) -> float:
+        """UT1 - TAI [s], linear between rows (0.02 ms)."""
+        k, f = self._row(mjd)
+        a, b = self.ut1_minus_tai_s[k : k + 2]
+        return float(a + f * (b - a))
+
+    def pole(self, mjd: float) -> tuple[float, float]:
+        """Coordinates of the pole in ITRS [rad]."""
+        k, f = self._row(mjd)
+        x, y = self.pole_rad[k] + f * (self.pole_rad[k + 1] - self.pole_rad[k])
+        return float(x), float(y)
+
+    def covers(self, mjd: float) -> bool:
+        """Whether the day is in the table."""
+        return 0 <= mjd - self.first_mjd <= len(self.ut1_minus_tai_s) - 1
+
+
+@lru_cache(maxsize=1)
+def earth_parameters() -> EarthParameters:
+    """The shipped table: IERS 20 C04 from 1972 on, then Bulletin A's measurements and year of predictions."""
+    source = files("assets").joinpath("earth_orientation", "eop.npz")
+    with source.open("rb") as file, np.load(file) as data:
+        return EarthParameters(
+            first_mjd=float(data["first_mjd"]),
+            ut1_minus_tai_s=data["ut1_minus_tai_us"] * 1e-6,
+            pole_rad=data["pole_10_uas"] * (1e-5 * _ARCSEC_RAD),
+        )

@@ -1,0 +1,47 @@
+"""A flight as CCSDS messages: orbit and attitude of target and chaser."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.world.aem import write_aem
+from simulator.world.oem import write_oem
+from simulator.world.rotation import quat_conjugate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from simulator.world.flight import Flight
+
+
+def flight_messages(
+    flight: Flight, times_s: Iterable[float], *, oem: bool = True, aem: bool = True
+) -> dict[str, str]:
+    """File names and texts of the messages asked for.
+
+    Orbits are those of the centres of mass; the target's body frame is its model's, the chaser's its camera's.
+    """
+    states = [flight.state(float(t)) for t in times_s]
+    epochs = [s.epoch_utc for s in states]
+    files = {}
+    if oem:
+        for name in ("target", "chaser"):
+            files[f"{name}.oem"] = write_oem(
+                name=name.upper(),
+                epochs_utc=epochs,
+                r_eci_m=[getattr(s, f"r_{name}_eci_m") for s in states],
+                v_eci_m_s=[getattr(s, f"v_{name}_eci_m_s") for s in states],
+                note="centre of mass",
+            )
+    if aem:
+        attitudes = {
+            "target": ("TARGET_MODEL", np.array([s.q_eci_from_target_wxyz for s in states])),
+            "chaser": ("CAMERA_1", quat_conjugate([s.q_camera_from_eci_wxyz for s in states])),
+        }
+        for name, (body, q) in attitudes.items():
+            files[f"{name}.aem"] = write_aem(
+                name=name.upper(), body_frame=body, epochs_utc=epochs, q_eci_from_body_wxyz=q
+            )
+    return files

@@ -1,0 +1,109 @@
+"""CCSDS orbit ephemeris messages (OEM, 502.0-B): reading a state out of one, and writing a flight's."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.world.ccsds import FRAMES, Segment, gcrf_from, header, read_segments, stamp
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from simulator.arrays import FloatArray
+    from simulator.world.time import Instant
+
+_GAP = 5.0
+"""A spacing this many times the median is a gap, over which nothing is interpolated."""
+_HALF_WINDOW = 4
+
+
+def read_oem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
+    """Position [m] and velocity [m s-1] in GCRS at ``epoch``.
+
+    Between lines the state is interpolated by the polynomial through position and velocity of the nearest
+    eight lines (Hermite), whatever the file suggests.
+
+    Parameters
+    ----------
+    text : the file. where : its name, for messages. epoch : must lie within a segment.
+
+    Raises
+    ------
+    UserError
+        If the file is not an OEM about the Earth in a known frame and time system, its lines are out of
+        order, or the epoch falls outside every segment or into a gap.
+    """
+    spans = []
+    for segment in read_segments(text, where, "OEM"):
+        segment.one_of("CENTER_NAME", ("EARTH",))
+        R = gcrf_from(segment.one_of("REF_FRAME", FRAMES))
+        instants = segment.instants()
+        times = np.array([t.minus(epoch) for t in instants])
+        spans.append(f"{instants[0].iso()} to {instants[-1].iso()}")
+        if times[0] <= 1e-6 and times[-1] >= -1e-6:
+            r, v = _interpolate(segment, times)
+            return R @ r, R @ v
+    raise UserError(f"{where} covers {' and '.join(spans)}, not {epoch.iso()}: choose an epoch within")
+
+
+def _interpolate(segment: Segment, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """State at zero of ``times_s``, in the file's frame."""
+    states = segment.numbers(6) * 1e3
+    nearest = int(np.argmin(np.abs(times_s)))
+    if abs(times_s[nearest]) < 1e-6:
+        return states[nearest, :3], states[nearest, 3:]
+    k = int(np.searchsorted(times_s, 0.0))
+    steps = np.diff(times_s)
+    if steps[k - 1] > _GAP * float(np.median(steps)):
+        raise UserError(
+            f"{segment.where}, line {segment.rows[k][0]}: {steps[k - 1]:.0f} s are missing before it, and the "
+            "epoch falls among them: choose another epoch or fill the gap"
+        )
+    near = slice(max(k - _HALF_WINDOW, 0), k + _HALF_WINDOW)
+    return _hermite_at_zero(times_s[near], states[near, :3], states[near, 3:])
+
+
+def _hermite_at_zero(t_s: FloatArray, r_m: FloatArray, v_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Value and slope at 0 of the polynomial with these values and slopes."""
+    scale = float(np.max(np.abs(t_s)))
+    x = t_s / scale
+    powers = np.arange(2 * len(x))
+    values = x[:, None] ** powers
+    slopes = powers * x[:, None] ** np.maximum(powers - 1, 0)
+    rows = np.linalg.solve(np.vstack([values, slopes]), np.vstack([r_m, v_m_s * scale]))
+    return rows[0], rows[1] / scale
+
+
+def write_oem(
+    *, name: str, epochs_utc: Sequence[str], r_eci_m: ArrayLike, v_eci_m_s: ArrayLike, note: str = ""
+) -> str:
+    """An OEM in GCRF and UTC with positions to the micrometre.
+
+    Parameters
+    ----------
+    name : of the object. epochs_utc : ISO 8601 with Z, in order.
+    r_eci_m, v_eci_m_s : (n, 3). note : a comment.
+    """
+    lines = header("OEM", "2.0", epochs_utc[0])
+    lines += [
+        "META_START",
+        *([f"COMMENT {note}"] if note else []),
+        f"OBJECT_NAME = {name}",
+        f"OBJECT_ID = {name}",
+        "CENTER_NAME = EARTH",
+        "REF_FRAME = GCRF",
+        "TIME_SYSTEM = UTC",
+        f"START_TIME = {stamp(epochs_utc[0])}",
+        f"STOP_TIME = {stamp(epochs_utc[-1])}",
+        "META_STOP",
+        "",
+    ]
+    for epoch, r, v in zip(epochs_utc, np.asarray(r_eci_m), np.asarray(v_eci_m_s), strict=True):
+        numbers = [f"{x / 1e3:.9f}" for x in r] + [f"{x / 1e3:.12f}" for x in v]
+        lines.append(" ".join([stamp(epoch), *numbers]))
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,106 @@
+"""Flights by thrusters: tracking, limits, fuel, bounds of range, keep-out and abort."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from simulator.world.controlled import ControlledTrack, fly_controlled
+from simulator.world.gravity import Gravity
+from simulator.world.guidance import Guidance, Hold, StraightApproach
+from simulator.world.guidance_paths import Glideslope, RangeKeeping, Waypoints
+from simulator.world.lvlh import lvlh_frame
+from simulator.world.orbit import Elements, propagate, state_from_elements
+from simulator.world.safety import KeepOut
+from simulator.world.thrusters import Thrusters
+
+R0, V0 = state_from_elements(Elements(semi_major_axis_m=7078e3, inclination_rad=1.7, eccentricity=0.001))
+N = np.sqrt(3.986004418e14 / 7078e3**3)
+ORBIT_S = 2 * np.pi / N
+
+
+def fly(
+    mode: Guidance, span: float, thrusters: Thrusters | None = None, keep_out: KeepOut | None = None
+) -> ControlledTrack:
+    return fly_controlled(propagate(R0, V0, span, Gravity()), mode, N, thrusters or Thrusters(), keep_out)
+
+
+def lvlh(track: ControlledTrack, t: float) -> np.ndarray:
+    frame = lvlh_frame(*track.orbit(t), track.orbit.acceleration(t))
+    return np.concatenate(frame.from_eci(*track(t)))
+
+
+@pytest.mark.parametrize(
+    "mode",
+    [
+        Hold(position_lvlh_m=(8.0, 3.0, 2.0)),
+        StraightApproach(start_lvlh_m=(0, -30, 0), hold_lvlh_m=(0, -10, 0), speed_m_s=0.05),
+        Waypoints(points_lvlh_m=((0, -20, 0), (10, -10, 0), (10, 0, 5)), speed_m_s=0.06, rest_s=30.0),
+        Glideslope(start_lvlh_m=(0, -30, 0), end_lvlh_m=(0, -3, 0), start_m_s=0.1, end_m_s=0.01),
+    ],
+    ids=lambda m: type(m).__name__,
+)
+def test_thrusters_follow_the_path(mode: Guidance) -> None:
+    track = fly(mode, 600.0)
+    for t in np.linspace(0.0, 600.0, 13):
+        p, _ = mode.state_lvlh(float(t), N)
+        # a pulse of 0.01 N s on 100 kg: 0.1 mm/s is let pass, for some tens of seconds
+        assert np.linalg.norm(lvlh(track, float(t))[:3] - p) < 0.03
+    assert track.mass_kg[-1] < track.mass_kg[0]
+
+
+def test_reference_velocity_is_the_derivative_of_the_path() -> None:
+    for mode in (
+        Waypoints(points_lvlh_m=((0, -20, 0), (10, -10, 0), (10, 0, 5)), speed_m_s=0.06, rest_s=30.0),
+        Glideslope(start_lvlh_m=(0, -30, 0), end_lvlh_m=(0, -3, 0), start_m_s=0.1, end_m_s=0.01),
+    ):
+        for t in (10.0, 100.0, 333.0, 500.0):
+            (p1, _), (p0, _) = mode.state_lvlh(t + 1e-3, N), mode.state_lvlh(t - 1e-3, N)
+            assert np.allclose((p1 - p0) / 2e-3, mode.state_lvlh(t, N)[1], atol=1e-6)
+
+
+def test_glideslope_arrives_at_its_final_speed() -> None:
+    mode = Glideslope(start_lvlh_m=(0, -30, 0), end_lvlh_m=(0, -3, 0), start_m_s=0.1, end_m_s=0.01)
+    arrival = 27.0 / 0.09 * np.log(10)
+    assert np.linalg.norm(mode.state_lvlh(0.0, N)[1]) == pytest.approx(0.1)
+    assert np.linalg.norm(mode.state_lvlh(arrival - 1e-3, N)[1]) == pytest.approx(0.01, rel=1e-3)
+    assert mode.state_lvlh(arrival + 1.0, N)[0].tolist() == [0, -3, 0]
+
+
+def test_thrusters_have_limits() -> None:
+    thrusters = Thrusters(
+        mass_kg=100.0, force_n=0.5, minimum_impulse_ns=0.02, period_s=2.0, specific_impulse_s=200.0
+    )
+    given, mass = thrusters.fire(np.array([1.0, -1e-4, 5e-3]), 100.0)
+    assert np.allclose(given, [0.01, 0.0, 5e-3])
+    assert 100.0 - mass == pytest.approx((1.0 + 0.5) / (200 * 9.80665))
+
+
+def test_range_stays_within_3_and_18_m_for_two_orbits() -> None:
+    mode = RangeKeeping(position_lvlh_m=(6.0, 8.0, 3.0), near_m=3.0, far_m=18.0)
+    track = fly(mode, 2 * ORBIT_S, Thrusters(period_s=5.0))
+    ranges = np.array([np.linalg.norm(track(t)[0]) for t in np.linspace(0, 2 * ORBIT_S, 1500)])
+    assert ranges.min() >= 3.0
+    assert ranges.max() <= 18.0
+    assert track.delta_v_m_s < 1.0
+    assert np.count_nonzero(np.linalg.norm(track.thrust_eci_m_s2, axis=1)) < 0.2 * len(track.mass_kg)
+
+
+def test_leaving_the_corridor_aborts_and_retreats() -> None:
+    corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_rad=0.2)
+    inside = StraightApproach(start_lvlh_m=(0, -20, 0), hold_lvlh_m=(0, -4, 0), speed_m_s=0.1)
+    aside = StraightApproach(start_lvlh_m=(4, -20, 0), hold_lvlh_m=(4, -4, 0), speed_m_s=0.1)
+    good, bad = fly(inside, 400.0, None, corridor), fly(aside, 400.0, None, corridor)
+    assert good.abort_s is None
+    assert bad.abort_s is not None
+    assert np.linalg.norm(good(400.0)[0]) == pytest.approx(4.0, abs=0.05)
+    assert min(np.linalg.norm(bad(float(t))[0]) for t in range(400)) > 9.0
+    assert np.linalg.norm(bad(400.0)[0]) > 15.0
+    assert not corridor.violated(np.array([0, -5.0, 0.1]))
+    assert corridor.violated(np.array([0, 5.0, 0.0]))
+
+
+def test_state_between_the_periods_is_continuous() -> None:
+    track = fly(Hold(position_lvlh_m=(8.0, 3.0, 2.0)), 30.0)
+    for k in range(1, 30):
+        assert np.allclose(track(k - 1e-9)[0], track(float(k))[0], atol=1e-8, rtol=0)

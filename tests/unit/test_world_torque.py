@@ -1,0 +1,56 @@
+"""Torques on the target: libration under the gravity gradient, spin-up by a constant torque, conservation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from simulator.world.attitude import gravity_gradient_torque, propagate_attitude, torque_on
+from simulator.world.constants import MU_EARTH_M3_S2
+from simulator.world.gravity import Gravity
+from simulator.world.orbit import propagate
+from simulator.world.rotation import matrix_from_quat, quat_from_rotvec
+
+A_M = 7078e3
+N = np.sqrt(MU_EARTH_M3_S2 / A_M**3)
+ORBIT = propagate(np.array([A_M, 0, 0]), np.array([0, N * A_M, 0]), 20000.0, Gravity(j2=0.0))
+# long axis x, orbit normal z
+J = np.diag([1.0, 4.0, 4.5])
+
+
+def test_pitch_libration_has_its_frequency() -> None:
+    """Wertz (1978), eq. 18-44: n sqrt(3 (J1 - J3) / J2) for small pitch about the orbit normal."""
+    small = 1e-3
+    torque = torque_on(ORBIT, J, (0, 0, 0), gravity_gradient=True)
+    track = propagate_attitude(quat_from_rotvec([0, 0, small]), [0, 0, N], J, 20000.0, torque)
+    w = N * np.sqrt(3 * (J[1, 1] - J[0, 0]) / J[2, 2])
+    for t in np.linspace(0, 20000, 15):
+        r, _ = ORBIT(float(t))
+        up = matrix_from_quat(track(float(t))[0]).T @ r / A_M
+        assert -up[1] == pytest.approx(small * np.cos(w * t), abs=2e-6)
+
+
+def test_no_torque_along_a_principal_axis() -> None:
+    r = np.array([A_M, 0.0, 0.0])
+    assert not gravity_gradient_torque(r, np.eye(3), J).any()
+    turned = matrix_from_quat(quat_from_rotvec([0, 0, np.pi / 4]))
+    # eq. 17-33 at 45 degrees: 3/2 n^2 (J2 - J1), and it restores
+    assert gravity_gradient_torque(r, turned.T, J)[2] == pytest.approx(-1.5 * N**2 * 3.0)
+
+
+def test_constant_torque_spins_up() -> None:
+    torque = torque_on(ORBIT, J, (0.0, 0.0, 0.009), gravity_gradient=False)
+    _, rate = propagate_attitude([1, 0, 0, 0], [0, 0, 0], J, 100.0, torque)(100.0)
+    assert np.allclose(rate, [0, 0, 0.2], atol=1e-9)
+    assert torque_on(ORBIT, J, (0, 0, 0), gravity_gradient=False) is None
+
+
+def test_free_tumble_keeps_energy_and_momentum() -> None:
+    track = propagate_attitude([1, 0, 0, 0], [0.03, -0.02, 0.01], J, 6000.0)
+    momenta, energies = [], []
+    for t in np.linspace(0, 6000, 25):
+        q, w = track(float(t))
+        momenta.append(matrix_from_quat(q) @ J @ w)
+        energies.append(w @ J @ w / 2)
+    assert np.ptp(energies) / energies[0] < 1e-9
+    assert np.max(np.linalg.norm(momenta - momenta[0], axis=1)) / np.linalg.norm(momenta[0]) < 1e-9
