@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from simulator.camera.files import list_cameras, load_camera
+from simulator.dataset.contact_sheet import write_contact_sheets
 from simulator.files import empty_folder, write_atomic
 from simulator.loop import plan_flight
 from simulator.recipe import RECIPES
@@ -51,9 +52,17 @@ def fly(
         Console().print(f"{len(rows)} states in {output / 'states.csv'}")
 
 
-def scenarios(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
+def scenarios(
+    sheets: Annotated[
+        Path | None, typer.Option("--contact-sheet", help="Draw six frames of each into this folder.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
     """List the built-in scenarios, and the recipes that capture takes."""
     rows = [load_scenario(name) for name in list_scenarios()]
+    if sheets is not None:
+        empty_folder(sheets)
+        write_contact_sheets(rows, sheets)
     if as_json:
         flights = [{"name": s.name, "title": s.title, "duration_s": s.duration_s} for s in rows]
         recipes = [{"name": r.name, "title": r.title, "duration_s": None} for r in RECIPES]

@@ -1,0 +1,39 @@
+"""Contact sheets: six frames of a flight in one picture, that show the target where the flight has it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from simulator.dataset.contact_sheet import contact_sheet, smaller, write_contact_sheets
+from simulator.dataset.native import read_png
+from simulator.render.renderer import Renderer
+from simulator.scenario_load import load_scenario
+
+pytestmark = pytest.mark.gl
+
+
+def test_sheet_holds_six_frames_with_the_target_in_the_middle(tmp_path) -> None:
+    scenario = load_scenario("tango-space-10m")
+    write_contact_sheets([scenario], tmp_path)
+    sheet = read_png(tmp_path / "tango-space-10m.png")
+    assert sheet.shape == (600, 1440, 3)
+    for row in range(2):
+        for column in range(3):
+            tile = sheet[300 * row : 300 * (row + 1), 480 * column : 480 * (column + 1)].astype(float)
+            assert tile[100:200, 190:290].mean() > 2 * tile[250:, :100].mean()
+
+
+def test_smaller_camera_sees_the_same() -> None:
+    camera = load_scenario("tango-space-10m").camera_model
+    small = smaller(camera, 480)
+    point = np.array([0.7, -0.4, 10.0])
+    full = camera.project(point)
+    assert np.allclose((small.project(point) + 0.5) * camera.width_px / 480, full + 0.5)
+
+
+def test_sheets_are_the_same_bytes_again() -> None:
+    scenario = load_scenario("geo-inspection")
+    with Renderer() as renderer:
+        first, second = (contact_sheet(scenario, renderer) for _ in range(2))
+    assert np.array_equal(first, second)
