@@ -163,9 +163,9 @@ def test_a_minute_is_propagated_in_a_moment() -> None:
     # the best of three: the machine may be busy
     spent = []
     for _ in range(3):
-        start = time.perf_counter()
+        start = time.process_time()
         fly(scenario, BOX)
-        spent.append(time.perf_counter() - start)
+        spent.append(time.process_time() - start)
     assert min(spent) < 0.3
 
 
