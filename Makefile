@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow lint bench docs schemas format system clean
+.PHONY: demo test test-slow lint bench validation docs schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -23,6 +23,9 @@ lint: $(STAMP)
 
 bench: $(STAMP) system
 	$(BIN)/flyaround bench
+
+validation: $(STAMP)
+	$(BIN)/python -m simulator.validation.dynamics
 
 docs: $(STAMP) system
 	$(BIN)/python docs/make_pictures.py

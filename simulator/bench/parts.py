@@ -9,13 +9,29 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from simulator.arrays import FloatArray
 from simulator.dataset.capture import capture
 from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
+from simulator.world.attitude import propagate_attitude
+from simulator.world.clohessy_wiltshire import mean_motion_rad_s
+from simulator.world.constants import DAY_S, EARTH_RADIUS_M
+from simulator.world.controlled import fly_controlled
+from simulator.world.forces import FullForces
+from simulator.world.guidance import Hold
+from simulator.world.lvlh import lvlh_frame
+from simulator.world.orbit import Elements, propagate, state_from_elements
+from simulator.world.pointing import Pointing
+from simulator.world.sky_table import SkyTable
+from simulator.world.spherical_harmonics import egm96
+from simulator.world.thrusters import Thrusters
+from simulator.world.time import Instant
 
 SCENARIO = "tango-flyaround"
 N_STATES = 200
 N_CAPTURED = 4
+N_STEPS = 100
+STEP_S = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +62,46 @@ def bench_world() -> tuple[PartCost, ...]:
         start = time.perf_counter()
         plan.scene(k)
         scenes.append((time.perf_counter() - start) * 1e3)
-    return (cost("propagate a minute", laps), cost("state and scene of one frame", scenes))
+    return (
+        cost("propagate a minute", laps),
+        cost("state and scene of one frame", scenes),
+        cost("a day at 600 km of both craft, EGM96 20x20 + Sun + Moon", _day_laps()),
+        cost("control step of both craft, EGM96 8x8 + Sun + Moon", _step_laps()),
+    )
+
+
+def _start(degree: int, duration_s: float) -> tuple[FloatArray, FloatArray, FullForces]:
+    r, v = state_from_elements(Elements(semi_major_axis_m=EARTH_RADIUS_M + 600e3, inclination_rad=1.7))
+    sky = SkyTable.of(Instant.from_utc("2025-03-21T06:00:00Z"), duration_s)
+    return r, v, FullForces(sky=sky, harmonics=egm96(degree), sun=True, moon=True)
+
+
+def _day_laps() -> list[float]:
+    r, v, forces = _start(20, DAY_S)
+    start = time.perf_counter()
+    propagate(r, v, DAY_S, forces, (np.array([0.0, 10.0, 0.0]), np.zeros(3)))
+    return [(time.perf_counter() - start) * 1e3]
+
+
+def _step_laps() -> list[float]:
+    """Guidance, control, thrusters and motion of one period, attitude of both at its end."""
+    r, v, forces = _start(8, N_STEPS * STEP_S)
+    orbit = propagate(r, v, N_STEPS * STEP_S, forces)
+    hold = Hold(position_lvlh_m=(0.0, -10.0, 0.0))
+    n = mean_motion_rad_s(float(np.linalg.norm(r)), forces.mu_m3_s2)
+    tumble = propagate_attitude([1, 0, 0, 0], [0.02, -0.03, 0.01], np.diag([2.5, 2.7, 3.9]), N_STEPS * STEP_S)
+    pointing = Pointing()
+    laps = []
+    for _ in range(5):
+        start = time.perf_counter()
+        track = fly_controlled(orbit, hold, n, Thrusters(period_s=STEP_S))
+        for k in range(N_STEPS):
+            p, w = track.position_eci_m[k], track.velocity_eci_m_s[k]
+            t = k * STEP_S
+            pointing.attitude(-p, -w, lvlh_frame(*orbit(t), orbit.acceleration(t)))
+            tumble(t)
+        laps.append((time.perf_counter() - start) * 1e3 / N_STEPS)
+    return laps
 
 
 def bench_capture() -> tuple[PartCost, ...]:

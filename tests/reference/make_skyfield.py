@@ -13,7 +13,7 @@ import skyfield_data
 from skyfield.api import Loader
 from skyfield.framelib import itrs
 
-N = 120
+N = 500
 FIRST_JD, LAST_JD = 2451545.0, 2469807.5  # 2000 to 2050
 
 
