@@ -207,8 +207,15 @@ class KeepRangeChaser(_Chaser, tag_field="mode", tag="keep_range", frozen=True, 
     margin_m: Annotated[float, Meta(gt=0, le=1e3)] = 1.0
 
 
+class ReplayChaser(_Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
+    """A recorded flight of both craft (a path from the scenario's folder); orbit and attitude come from it too."""
+
+    file: str
+
+
 AnyChaser = (
-    HoldChaser
+    ReplayChaser
+    | HoldChaser
     | DriftChaser
     | CircumnavigationChaser
     | VbarChaser

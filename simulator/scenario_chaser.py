@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from simulator import scenario as sc
+from simulator.arrays import vec3
 from simulator.errors import UserError
 from simulator.world.guidance import (
     ForcedFlyaround,
@@ -15,6 +18,7 @@ from simulator.world.guidance import (
     StraightApproach,
 )
 from simulator.world.guidance_paths import Glideslope, RangeKeeping, Waypoints
+from simulator.world.recording import Recording
 from simulator.world.safety import KeepOut
 from simulator.world.thrusters import Thrusters
 
@@ -22,6 +26,9 @@ from simulator.world.thrusters import Thrusters
 def guidance(chaser: sc.AnyChaser) -> Guidance:
     """The motion mode that a ``[chaser]`` section asks for."""
     match chaser:
+        case sc.ReplayChaser():
+            # the recording flies; this tells how far away it starts
+            return Hold(position_lvlh_m=vec3(Recording.read(Path(chaser.file)).arrays["relative_eci_m"][0]))
         case sc.HoldChaser():
             return Hold(position_lvlh_m=chaser.position_lvlh_m)
         case sc.DriftChaser():
@@ -113,6 +120,10 @@ def check_chaser(chaser: sc.AnyChaser, where: str) -> None:
     UserError
         With file, key, value and what is allowed.
     """
+    if isinstance(chaser, sc.ReplayChaser) and chaser.thrusters is not None:
+        raise UserError(
+            f"{where}: a replay has no [chaser.thrusters], the recording flies: remove the section"
+        )
     start, _ = guidance(chaser).state_lvlh(0.0, 1e-3)
     distance, least = float(np.linalg.norm(start)), chaser.minimum_start_range_m
     if distance < least:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +17,7 @@ from simulator.world.constants import EARTH_RADIUS_M, MU_EARTH_M3_S2
 from simulator.world.flight import Flight, propagate_flight
 from simulator.world.orbit import Elements, elements_from_state, state_from_elements
 from simulator.world.pointing import Pointing
+from simulator.world.recording import Recording, recorded_tracks
 from simulator.world.rotation import quat_from_matrix, quat_from_rotvec, quat_multiply, quat_normalize
 from simulator.world.time import Instant
 
@@ -45,7 +48,7 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
     pointing = scenario.chaser.pointing
     epoch = Instant.from_utc(scenario.epoch_utc)
     span_s = duration_s or scenario.duration_s
-    return propagate_flight(
+    flight = propagate_flight(
         epoch=epoch,
         duration_s=span_s,
         forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg),
@@ -67,6 +70,11 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
         torque_body_nm=a.torque_body_nm,
         gravity_gradient=a.gravity_gradient,
     )
+    if not isinstance(scenario.chaser, sc.ReplayChaser):
+        return flight
+    recording = Recording.read(Path(scenario.chaser.file))
+    orbit, tumble = recorded_tracks(recording, flight.orbit.forces, span_s)
+    return replace(flight, orbit=orbit, attitude=tumble, recording=recording)
 
 
 def orbit_state(scenario: sc.Scenario) -> tuple[FloatArray, FloatArray]:

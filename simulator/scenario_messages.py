@@ -13,6 +13,7 @@ from simulator.arrays import quat, vec3
 from simulator.errors import UserError
 from simulator.world.aem import read_aem_state
 from simulator.world.oem import read_oem_state
+from simulator.world.recording import Recording
 from simulator.world.time import Instant
 from simulator.world.tle import state_from_tle
 
@@ -38,6 +39,7 @@ def resolve_messages(scenario: sc.Scenario, where: str, folder: Path) -> sc.Scen
             scenario,
             orbit=_orbit(scenario.orbit, epoch, folder),
             attitude=_attitude(scenario.attitude, epoch, folder),
+            chaser=_chaser(scenario.chaser, scenario.duration_s, folder),
         )
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
@@ -67,6 +69,19 @@ def _attitude(attitude: sc.Attitude, epoch: Instant, folder: Path) -> sc.Attitud
     return msgspec.structs.replace(
         attitude, aem_file=None, frame="eci", q_wxyz=quat(_unit(q)), rate_deg_s=(float(x), float(y), float(z))
     )
+
+
+def _chaser(chaser: sc.AnyChaser, duration_s: float, folder: Path) -> sc.AnyChaser:
+    """The chaser, with the path of a recording made absolute and its length checked."""
+    if not isinstance(chaser, sc.ReplayChaser):
+        return chaser
+    path = (folder / chaser.file).resolve()
+    recorded_s = Recording.read(path).duration_s
+    if recorded_s < duration_s:
+        raise UserError(
+            f"key duration_s is {duration_s:g}, allowed: at most the {recorded_s:g} s of recording {chaser.file}"
+        )
+    return msgspec.structs.replace(chaser, file=str(path))
 
 
 def _unit(q: FloatArray) -> FloatArray:

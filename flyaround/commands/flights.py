@@ -19,8 +19,10 @@ from simulator.files import empty_folder, write_atomic
 from simulator.loop import plan_flight
 from simulator.recipe import RECIPES
 from simulator.scenario_load import list_scenarios, load_scenario
+from simulator.scenario_write import replay_scenario
 from simulator.world.flight import fly_table
 from simulator.world.flight_messages import flight_messages
+from simulator.world.recording import record
 
 
 def fly(
@@ -29,6 +31,10 @@ def fly(
     every_s: Annotated[float, typer.Option("--every", help="Seconds between rows.")] = 1.0,
     oem: Annotated[bool, typer.Option("--oem", help="Write target.oem and chaser.oem (CCSDS).")] = False,
     aem: Annotated[bool, typer.Option("--aem", help="Write target.aem and chaser.aem (CCSDS).")] = False,
+    with_recording: Annotated[
+        bool,
+        typer.Option("--record", help="Write flight.npz and replay.toml, a scenario that flies it again."),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
     """Propagate only: the states of both craft as a table."""
@@ -45,6 +51,9 @@ def fly(
     )
     for name, content in flight_messages(plan.flight, plan.times_s, oem=oem, aem=aem).items():
         write_atomic(output / name, content.encode())
+    if with_recording:
+        write_atomic(output / "flight.npz", record(plan.flight, plan.times_s).to_bytes())
+        write_atomic(output / "replay.toml", replay_scenario(plan.scenario, "flight.npz").encode())
     summary = {"rows": len(rows), "states": str(output / "states.csv")}
     if as_json:
         typer.echo(json.dumps(summary))

@@ -15,7 +15,6 @@ from simulator.world.rotation import matrix_from_quat, quat_normalize
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-    from scipy.integrate import OdeSolution
 
     from simulator.world.orbit import OrbitTrack
 
@@ -28,7 +27,7 @@ class AttitudeTrack:
     """A propagated tumble over ``0 <= t <= duration_s``."""
 
     duration_s: float
-    solution: OdeSolution
+    solution: Callable[[float], FloatArray]
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """``q_eci_from_body_wxyz`` (unit: the interpolant is renormalised) and the body rate [rad s-1]."""

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from simulator.arrays import FloatArray
     from simulator.world.forces import Forces
+    from simulator.world.recording import Recording
     from simulator.world.safety import KeepOut
     from simulator.world.thrusters import Thrusters
 
@@ -49,7 +50,7 @@ class Flight:
     orbit, attitude : the target's propagated tracks.
     guidance : how the chaser moves. n_rad_s : the target's mean motion at the start.
     pointing : how the camera looks.
-    controlled : the chaser's track when it flies by thrusters.
+    controlled : the chaser's track when it flies by thrusters. recording : what is played back instead.
     """
 
     epoch: Instant
@@ -60,6 +61,7 @@ class Flight:
     n_rad_s: float
     pointing: Pointing
     controlled: ControlledTrack | None = None
+    recording: Recording | None = None
 
     def lvlh(self, t_s: float) -> Lvlh:
         """The target's LVLH frame."""
@@ -68,6 +70,8 @@ class Flight:
     def chaser(self, t_s: float) -> ChaserState:
         """The chaser as its guidance and pointing have it; the start for steering by hand."""
         self._check(t_s)
+        if self.recording is not None:
+            return self.recording.chaser(t_s)
         frame = self.lvlh(t_s)
         p, v = self.relative(t_s, frame)
         q, omega = self.pointing.attitude(-p, -v, frame)
@@ -128,6 +132,9 @@ class Flight:
 
     def relative(self, t_s: float, frame: Lvlh) -> tuple[FloatArray, FloatArray]:
         """Chaser minus target along GCRS axes [m], [m s-1]; ``frame`` is `lvlh` at that time."""
+        if self.recording is not None:
+            chaser = self.recording.chaser(t_s)
+            return np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
         if self.controlled is not None:
             return self.controlled(t_s)
         if self.guidance.ballistic:

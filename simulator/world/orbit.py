@@ -122,7 +122,7 @@ class OrbitTrack:
 
     forces: Forces
     duration_s: float
-    solution: OdeSolution
+    solution: Callable[[float], FloatArray]
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """Position [m] and velocity [m s-1] of the target in GCRS."""

@@ -1,0 +1,160 @@
+"""A recorded flight: the states of both craft at its samples, and the tracks that play them back."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import quat, vec3
+from simulator.errors import UserError
+from simulator.world.attitude import AttitudeTrack
+from simulator.world.orbit import OrbitTrack
+from simulator.world.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
+from simulator.world.steer import ChaserState
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from simulator.arrays import FloatArray
+    from simulator.world.flight import Flight
+    from simulator.world.forces import Forces
+    from simulator.world.state import WorldState
+
+_FIELDS = {
+    "t_s": 1,
+    "r_target_eci_m": 3,
+    "v_target_eci_m_s": 3,
+    "q_eci_from_target_wxyz": 4,
+    "omega_target_rad_s": 3,
+    "relative_eci_m": 3,
+    "relative_eci_m_s": 3,
+    "q_camera_from_eci_wxyz": 4,
+    "omega_camera_rad_s": 3,
+}
+"""Arrays of the file and the width of each, named as in `WorldState`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Samples of a flight; ``arrays`` holds (n, width) of each of ``_FIELDS``, times (n,)."""
+
+    arrays: dict[str, FloatArray]
+
+    @staticmethod
+    def of(states: Iterable[WorldState]) -> Recording:
+        """Record states in the order of time, of a guided flight or of one steered by hand."""
+        rows = list(states)
+        return Recording({name: np.array([getattr(s, name) for s in rows], float) for name in _FIELDS})
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last sample [s]."""
+        return float(self.arrays["t_s"][-1])
+
+    def to_bytes(self) -> bytes:
+        """The npz file."""
+        out = io.BytesIO()
+        np.savez_compressed(out, **self.arrays)  # type: ignore[arg-type]
+        return out.getvalue()
+
+    @staticmethod
+    def read(path: Path) -> Recording:
+        """A recording from its file.
+
+        Raises
+        ------
+        UserError
+            If it cannot be read, lacks an array, or its times do not start at 0 and rise.
+        """
+        try:
+            with np.load(path) as file:
+                arrays = {name: np.asarray(file[name], float) for name in _FIELDS}
+        except OSError as error:
+            raise UserError(f"recording {path} cannot be read: {error.strerror or error}") from error
+        except (KeyError, ValueError, zipfile.BadZipFile) as error:
+            raise UserError(f"{path} is not a recording of a flight: {error}") from error
+        t = arrays["t_s"]
+        shapes = {name: (len(t),) if width == 1 else (len(t), width) for name, width in _FIELDS.items()}
+        if any(arrays[name].shape != shape for name, shape in shapes.items()) or len(t) < 2:
+            raise UserError(f"recording {path} has arrays of unequal length, or fewer than two samples")
+        if t[0] != 0.0 or np.any(np.diff(t) <= 0) or not all(np.isfinite(a).all() for a in arrays.values()):
+            raise UserError(f"recording {path} must start at 0 s, rise in time and hold finite numbers alone")
+        return Recording(arrays)
+
+    def _place(self, t_s: float) -> tuple[int, float]:
+        """The sample at or before a time, and the time since."""
+        t = self.arrays["t_s"]
+        k = min(max(int(np.searchsorted(t, t_s, side="right")) - 1, 0), len(t) - 1)
+        return k, t_s - float(t[k])
+
+    def _moved(self, r: str, v: str, t_s: float) -> FloatArray:
+        """Position and velocity (6,): the sample itself, a cubic between two, straight on after the last."""
+        k, d = self._place(t_s)
+        p, w = self.arrays[r], self.arrays[v]
+        if d == 0.0:
+            return np.concatenate([p[k], w[k]])
+        if k == len(p) - 1:
+            return np.concatenate([p[k] + d * w[k], w[k]])
+        h = float(self.arrays["t_s"][k + 1] - self.arrays["t_s"][k])
+        x = d / h
+        chord = (p[k + 1] - p[k]) / h
+        # Hermite's cubic as the first sample plus what its slopes add
+        a, b = w[k] - chord, w[k + 1] - chord
+        place = p[k] + d * chord + d * (1 - x) * ((1 - x) * a - x * b)
+        slope = chord + (1 - x) * (1 - 3 * x) * a - x * (2 - 3 * x) * b
+        return np.concatenate([place, slope])
+
+    def target(self, t_s: float) -> FloatArray:
+        """Position and velocity of the target, GCRS (6,)."""
+        return self._moved("r_target_eci_m", "v_target_eci_m_s", t_s)
+
+    def target_attitude(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_eci_from_target_wxyz`` and the rate in target axes; between samples the rate is taken as constant."""
+        k, d = self._place(t_s)
+        q, w = self.arrays["q_eci_from_target_wxyz"][k], self.arrays["omega_target_rad_s"][k]
+        return (q, w) if d == 0.0 else (quat_multiply(q, quat_from_rotvec(w * d)), w)
+
+    def chaser(self, t_s: float) -> ChaserState:
+        """The chaser and its camera."""
+        y = self._moved("relative_eci_m", "relative_eci_m_s", t_s)
+        k, d = self._place(t_s)
+        q, w = self.arrays["q_camera_from_eci_wxyz"][k], self.arrays["omega_camera_rad_s"][k]
+        if d != 0.0:
+            q = quat_multiply(quat_conjugate(quat_from_rotvec(w * d)), q)
+        return ChaserState(
+            t_s=t_s,
+            position_eci_m=vec3(y[:3]),
+            velocity_eci_m_s=vec3(y[3:]),
+            q_camera_from_eci_wxyz=quat(q),
+            omega_camera_rad_s=vec3(w),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedAttitude(AttitudeTrack):
+    """The target's recorded attitude, handed out to the last bit."""
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_eci_from_body_wxyz`` and the body rate [rad s-1]."""
+        y = self.solution(t_s)
+        return y[:4], y[4:]
+
+
+def record(flight: Flight, times_s: Iterable[float]) -> Recording:
+    """A flight sampled at times that start at 0."""
+    return Recording.of(flight.state(float(t)) for t in times_s)
+
+
+def recorded_tracks(
+    recording: Recording, forces: Forces, duration_s: float
+) -> tuple[OrbitTrack, AttitudeTrack]:
+    """The target as recorded."""
+    return (
+        OrbitTrack(forces, duration_s, recording.target),
+        RecordedAttitude(duration_s, lambda t: np.concatenate(recording.target_attitude(t))),
+    )

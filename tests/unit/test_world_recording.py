@@ -1,0 +1,76 @@
+"""Recordings: bit-exact at their samples, close between them, and refused when broken."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simulator.errors import UserError
+from simulator.loop import plan_flight
+from simulator.scenario_load import load_scenario
+from simulator.scenario_write import replay_scenario
+from simulator.world.recording import Recording, record
+from simulator.world.rotation import rotation_angle_rad
+from simulator.world.steer import Command, step
+
+
+@pytest.mark.parametrize("name", ["tango-flyaround", "tango-vbar-approach", "tango-eclipse-pass"])
+def test_replay_is_bit_exact(name: str, tmp_path: Path) -> None:
+    plan = plan_flight(load_scenario(name), n=50)
+    (tmp_path / "flight.npz").write_bytes(record(plan.flight, plan.times_s).to_bytes())
+    (tmp_path / "replay.toml").write_text(replay_scenario(plan.scenario, "flight.npz"))
+    again = plan_flight(load_scenario(tmp_path / "replay.toml"), n=50)
+    for k in range(50):
+        assert again.flight.state(again.times_s[k]) == plan.flight.state(plan.times_s[k])
+        assert again.scene(k) == plan.scene(k)
+
+
+def test_between_the_samples_it_is_close(tmp_path: Path) -> None:
+    plan = plan_flight(load_scenario("tango-flyaround"), every_s=1.0)
+    (tmp_path / "flight.npz").write_bytes(record(plan.flight, plan.times_s).to_bytes())
+    (tmp_path / "replay.toml").write_text(replay_scenario(plan.scenario, "flight.npz"))
+    again = plan_flight(load_scenario(tmp_path / "replay.toml"), n=1).flight
+    for t in (0.5, 17.25, 59.9):
+        a, b = again.state(t), plan.flight.state(t)
+        assert np.allclose(a.relative_eci_m, b.relative_eci_m, atol=1e-6)
+        assert np.allclose(a.r_target_eci_m, b.r_target_eci_m, atol=1e-6)
+        assert np.allclose(a.relative_eci_m_s, b.relative_eci_m_s, atol=1e-5)
+        assert rotation_angle_rad(a.q_eci_from_target_wxyz, b.q_eci_from_target_wxyz) < 1e-3
+        assert rotation_angle_rad(a.q_camera_from_eci_wxyz, b.q_camera_from_eci_wxyz) < 1e-3
+
+
+def test_steered_flight_is_recorded_as_it_was(tmp_path: Path) -> None:
+    plan = plan_flight(load_scenario("tango-flyaround"), n=1)
+    chaser = plan.flight.chaser(0.0)
+    states = [plan.flight.state_with_chaser(chaser)]
+    command = Command(acceleration_camera_m_s2=(0.01, 0.0, -0.02), rate_camera_rad_s=(0.0, 0.02, 0.0))
+    for _ in range(20):
+        chaser = step(chaser, command, 0.5, plan.flight.orbit)
+        states.append(plan.flight.state_with_chaser(chaser))
+    path = tmp_path / "steered.npz"
+    path.write_bytes(Recording.of(states).to_bytes())
+    flight = replace(plan.flight, recording=Recording.read(path))
+    for state in states:
+        assert flight.state(state.t_s) == state
+
+
+def test_broken_recordings_are_named(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="cannot be read"):
+        Recording.read(tmp_path / "none.npz")
+    (tmp_path / "text.npz").write_text("no recording")
+    with pytest.raises(UserError, match="is not a recording"):
+        Recording.read(tmp_path / "text.npz")
+    plan = plan_flight(load_scenario("tango-flyaround"), n=5)
+    good = record(plan.flight, plan.times_s)
+    backwards = {**good.arrays, "t_s": good.arrays["t_s"][::-1]}
+    (tmp_path / "back.npz").write_bytes(Recording(backwards).to_bytes())
+    with pytest.raises(UserError, match="must start at 0 s"):
+        Recording.read(tmp_path / "back.npz")
+    (tmp_path / "flight.npz").write_bytes(good.to_bytes())
+    text = replay_scenario(plan.scenario, "flight.npz").replace("duration_s = 60.0", "duration_s = 90.0")
+    (tmp_path / "long.toml").write_text(text)
+    with pytest.raises(UserError, match="at most the 60 s of recording"):
+        load_scenario(tmp_path / "long.toml")
