@@ -65,9 +65,9 @@ def propagate_attitude(
     check_inertia(J)
     J_inverse = np.linalg.inv(J)
     y0 = np.concatenate([quat_normalize(q_eci_from_body_wxyz), np.asarray(omega_body_rad_s, float)])
-    # a step turns the body by half a radian at most, which keeps the interpolant as good as the steps
+    # a step turns the body by a quarter radian at most, which keeps the interpolant as good as the steps
     rate = float(np.linalg.norm(y0[4:]))
-    max_step = 0.5 / rate if rate > 1e-6 else np.inf
+    max_step = 0.25 / rate if rate > 1e-6 else np.inf
     if torque is not None:
         # a body at rest may be turned: a minute bounds what the interpolant has to follow
         max_step = min(max_step, 60.0)
@@ -93,8 +93,8 @@ def propagate_attitude(
         (0.0, duration_s),
         y0,
         method="DOP853",
-        rtol=1e-11,
-        atol=1e-12,
+        rtol=1e-13,
+        atol=1e-14,
         max_step=max_step,
         dense_output=True,
     )
