@@ -1,24 +1,32 @@
 """From radiance to digital numbers: exposure, PSF, noise, quantisation. Seeded per frame.
 
 Frame k's noise depends on (seed, k) alone, never on the frames before it nor on the number of threads:
-the image is cut into fixed bands of rows and each has a generator of its own.
+the image is cut into fixed bands of rows and each has a source of random bits of its own.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
+
+from simulator.camera.deviates import (
+    add_normal,
+    bit_source,
+    for_each_band,
+    multiply_uniform,
+    normal_tables,
+)
+
+MIN_SHIFT = 4
+"""Fewer steps than 16 a digital number are not fine enough: then the arithmetic is in floating point."""
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from simulator.arrays import Float32Array
     from simulator.camera.sensor import Sensor
-
-NOISE_BANDS = 8
 
 
 def expose(
@@ -38,12 +46,36 @@ def expose(
     (H, W) or (H, W, 3) float32, 1 at full scale, not clipped.
     """
     gain = np.asarray(band_gain, np.float32) * np.float32(exposure_s / sensor.full_scale_j_m2_sr)
-    signal = radiance_w_m2_sr * gain
-    if sensor.blur_sigma_px > 0:
-        # 3 sigma either side, as in the public recipe's 7 taps for sigma = 1 px
-        taps = 2 * int(np.ceil(3 * sensor.blur_sigma_px)) + 1
-        signal = cv2.GaussianBlur(signal, (taps, taps), sensor.blur_sigma_px, borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(signal, np.float32)
+    if sensor.blur_sigma_px <= 0:
+        return np.asarray(radiance_w_m2_sr * gain, np.float32)
+    if gain.size > 1:
+        return _blur(np.asarray(radiance_w_m2_sr * gain, np.float32), sensor.blur_sigma_px, 1.0)
+    return _blur(radiance_w_m2_sr, sensor.blur_sigma_px, float(gain.flat[0]))
+
+
+def _blur(image: Float32Array, sigma_px: float, gain: float) -> Float32Array:
+    """A Gaussian blur times ``gain``, band by band; the image's border is repeated outwards."""
+    # 3 sigma either side, as in the public recipe's 7 taps for sigma = 1 px
+    reach = int(np.ceil(3 * sigma_px))
+    taps = cv2.getGaussianKernel(2 * reach + 1, sigma_px, cv2.CV_32F)
+    scaled = (taps * np.float32(gain)).astype(np.float32)
+    out = np.empty(image.shape, np.float32)
+    height = image.shape[0]
+
+    def blur_band(_: int, rows: slice) -> None:
+        # the rows that the taps reach into belong to the neighbouring bands
+        above, below = min(reach, rows.start), min(reach, height - rows.stop)
+        wide = cv2.sepFilter2D(
+            image[rows.start - above : rows.stop + below],
+            cv2.CV_32F,
+            taps,
+            scaled,
+            borderType=cv2.BORDER_REPLICATE,
+        )
+        out[rows] = wide[above : above + rows.stop - rows.start]
+
+    for_each_band(height, blur_band)
+    return out
 
 
 def noise_sigma(sensor: Sensor, signal: float = 0.0) -> float:
@@ -70,30 +102,32 @@ def digitise(
     -------
     Array of the signal's shape, uint8 for up to 8 bits, uint16 above.
     """
-    full = float(2**sensor.bits - 1)
-    dtype = np.uint8 if sensor.bits <= 8 else np.uint16
-    out = np.empty(signal.shape, dtype)
-    edges = np.linspace(0, signal.shape[0], NOISE_BANDS + 1).astype(int)
-    gaussian_sigma = np.float32(np.sqrt(sensor.gaussian_variance))
-    speckle_half_width = np.float32(np.sqrt(3 * sensor.speckle_variance))
+    height = signal.shape[0]
+    flat = signal.reshape(height, -1)
+    full = 2**sensor.bits - 1
+    sigma_dn = full * float(np.sqrt(sensor.gaussian_variance))
+    speckle_half_width = float(np.sqrt(3 * sensor.speckle_variance))
+    out = np.empty(flat.shape, np.uint8 if sensor.bits <= 8 else np.uint16)
+    # steps per digital number: as many as sixteen bits hold with 4.3 sigma to spare
+    shift = int(np.log2(32767 / (full * (1 + np.sqrt(3 * sensor.speckle_variance)) + 4.3 * sigma_dn + 1)))
+    fixed_point = shift >= MIN_SHIFT
+    scale = 2**shift if fixed_point else 1
+    tables = normal_tables(sigma_dn * scale, np.dtype(np.int16 if fixed_point else np.float32))
 
-    def develop_band(k: int) -> None:
-        rows = slice(edges[k], edges[k + 1])
-        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(frame_index, k))))
-        band = np.clip(signal[rows], 0.0, 1.0)
-        scratch = np.empty_like(band)
+    def develop_band(k: int, rows: slice) -> None:
+        source = bit_source(seed, frame_index, k)
+        values = np.clip(flat[rows], 0.0, 1.0)
+        values *= np.float32(full * scale)
         if speckle_half_width > 0:
-            rng.random(dtype=np.float32, out=scratch)
-            band *= 1 + (2 * scratch - 1) * speckle_half_width
-        if gaussian_sigma > 0:
-            rng.standard_normal(dtype=np.float32, out=scratch)
-            scratch *= gaussian_sigma
-            band += scratch
-        np.clip(band, 0.0, 1.0, out=band)
-        band *= np.float32(full)
-        band += np.float32(0.5)
-        out[rows] = band.astype(dtype)
+            multiply_uniform(values, speckle_half_width, source)
+        values += np.float32(0.5 * scale)  # what comes after cuts the fraction off
+        steps = values.astype(np.int16) if fixed_point else values
+        if sensor.gaussian_variance > 0:
+            add_normal(steps, tables, source)
+        if fixed_point:
+            np.right_shift(steps, shift, out=steps)
+        np.clip(steps, 0, full, out=steps)
+        out[rows] = steps
 
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(develop_band, range(NOISE_BANDS)))
-    return out
+    for_each_band(height, develop_band)
+    return out.reshape(signal.shape)

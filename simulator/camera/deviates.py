@@ -1,0 +1,100 @@
+"""Random deviates fast enough for video: normal and uniform numbers from whole random bytes.
+
+A normal deviate takes two bytes. Each picks one of the 256 equal slices of a bell curve (its mean), and the two are
+added with unequal weights, which gives 65536 different values. A small cubic term makes the fourth moment that of
+the normal law. Measured against it: mean 0, variance 1 and kurtosis 3 exactly, distribution function within
+6e-4 everywhere, largest deviate 4.2 sigma (the normal law has 2e-5 of its values beyond).
+Ziggurat normal numbers take five times as long.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ndtri
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from simulator.arrays import ByteArray, Float32Array, FloatArray
+
+NOISE_BANDS = 8
+_WEIGHTS = (0.75, float(np.sqrt(1 - 0.75**2)))
+
+
+def for_each_band(rows: int, work: Callable[[int, slice], None]) -> None:
+    """Call ``work(k, rows)`` for each fixed band of rows, on two threads.
+
+    The bands depend on the picture's height alone, so that the result does not depend on the number of threads.
+    """
+    edges = np.linspace(0, rows, NOISE_BANDS + 1).astype(int)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda k: work(k, slice(edges[k], edges[k + 1])), range(NOISE_BANDS)))
+
+
+def bit_source(seed: int, *key: int) -> np.random.SFC64:
+    """Random bits that depend on (seed, key) alone."""
+    return np.random.SFC64(np.random.SeedSequence(seed, spawn_key=key))
+
+
+def random_bytes(source: np.random.SFC64, shape: tuple[int, ...]) -> ByteArray:
+    """Even random bytes."""
+    count = int(np.prod(shape))
+    words: NDArray[np.uint64] = source.random_raw(-(-count // 8))
+    return words.view(np.uint8)[:count].reshape(shape)
+
+
+@lru_cache(maxsize=1)
+def _slices() -> tuple[FloatArray, FloatArray]:
+    """The 256 values of either byte, weighted."""
+    edges = ndtri(np.arange(257) / 256)
+    density = np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi)
+    means = (density[:-1] - density[1:]) * 256
+
+    def stretched(cubic: float) -> FloatArray:
+        table = means + cubic * means**3
+        return np.asarray(table / np.sqrt(np.mean(table**2)))
+
+    def excess(cubic: float) -> float:
+        # kurtosis of a sum: each term's excess times its weight to the fourth
+        own = float(np.mean(stretched(cubic) ** 4)) - 3
+        return own * (_WEIGHTS[0] ** 4 + _WEIGHTS[1] ** 4)
+
+    table = stretched(float(brentq(excess, -0.01, 0.05)))
+    return _WEIGHTS[0] * table, _WEIGHTS[1] * table
+
+
+def normal_tables(sigma: float, dtype: np.dtype[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Tables for `add_normal` that give deviates of the standard deviation ``sigma``, float32 or int16."""
+    first, second = (w * sigma for w in _slices())
+    if dtype.kind == "i":
+        first, second = np.rint(first), np.rint(second)
+    return first.astype(dtype)[None], second.astype(dtype)[None]
+
+
+def add_normal(
+    values: NDArray[Any], tables: tuple[NDArray[Any], NDArray[Any]], source: np.random.SFC64
+) -> None:
+    """Add a normal deviate to each value of a (rows, columns) array of the tables' type, in place."""
+    drawn = random_bytes(source, (2, *values.shape))
+    scratch = cv2.LUT(drawn[0], tables[0])
+    values += scratch
+    cv2.LUT(drawn[1], tables[1], dst=scratch)
+    values += scratch
+
+
+def multiply_uniform(values: Float32Array, half_width: float, source: np.random.SFC64) -> None:
+    """Multiply each value by 1 + n, n even between -``half_width`` and ``half_width``, in place."""
+    words = random_bytes(source, (*values.shape[:-1], values.shape[-1] * 2)).view(np.uint16)
+    factor = words.astype(np.float32)
+    step = np.float32(2 * half_width / 65536)
+    factor *= step
+    factor += np.float32(1 - half_width) + step / 2
+    values *= factor

@@ -1,0 +1,64 @@
+"""The fast random numbers: the normal law, no memory, and the same whatever the number of threads."""
+
+import threading
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from simulator.camera.deviates import add_normal, bit_source, for_each_band, multiply_uniform, normal_tables
+
+
+def _normal(count, *, seed=1, sigma=1.0, dtype=np.float32):
+    values = np.zeros((count // 1000, 1000), dtype)
+    add_normal(values, normal_tables(sigma, np.dtype(dtype)), bit_source(seed, 0))
+    return values
+
+
+def test_deviates_follow_the_normal_law():
+    values = _normal(1_000_000).astype(float).ravel()
+    n = values.size
+    assert abs(values.mean()) < 5 / np.sqrt(n)
+    assert values.var() == pytest.approx(1, abs=5 * np.sqrt(2 / n))
+    assert (values**4).mean() == pytest.approx(3, abs=5 * np.sqrt(96 / n))
+    # what the law itself differs by, 6e-4, and what a million draws scatter by
+    assert kstest(values[:200_000], "norm").statistic < 6e-4 + 1.95 / np.sqrt(200_000)
+    assert np.mean(np.abs(values) > 3) == pytest.approx(0.0027, rel=0.1)
+
+
+def test_deviates_are_white_along_rows_and_columns_and_between_sources():
+    first, second = _normal(1_000_000), _normal(1_000_000, seed=2)
+    limit = 5 / np.sqrt(first.size)
+    assert abs(float((first[:, 1:] * first[:, :-1]).mean())) < limit
+    assert abs(float((first[1:] * first[:-1]).mean())) < limit
+    assert abs(float((first * second).mean())) < limit
+    # no hidden period: the power of every spatial frequency is that of white noise
+    power = np.abs(np.fft.rfft2(first[:512, :512])) ** 2 / 512**2
+    assert power[1:, 1:-1].max() < 18  # exponential law, 1.3e5 frequencies: exp(-18) each
+    assert power[1:, 1:-1].mean() == pytest.approx(1, abs=0.02)
+
+
+def test_whole_number_deviates_keep_their_standard_deviation():
+    values = _normal(1_000_000, sigma=765.0, dtype=np.int16)
+    assert values.astype(float).std() == pytest.approx(765, rel=5 / np.sqrt(2 * values.size))
+
+
+def test_uniform_factor_has_its_variance_and_bounds():
+    values = np.ones((1000, 1000), np.float32)
+    multiply_uniform(values, 0.3, bit_source(4))
+    assert values.min() >= 0.7
+    assert values.max() <= 1.3
+    assert values.mean() == pytest.approx(1, abs=5e-4)
+    assert values.var() == pytest.approx(0.3**2 / 3, rel=5e-3)
+
+
+@pytest.mark.parametrize("rows", [1, 7, 8, 1201])
+def test_bands_cover_every_row_once_on_any_number_of_threads(rows):
+    counts, lock = np.zeros(rows, int), threading.Lock()
+
+    def work(_, band):
+        with lock:
+            counts[band] += 1
+
+    for_each_band(rows, work)
+    assert (counts == 1).all()
