@@ -27,6 +27,7 @@ from simulator.world.constants import EARTH_RADIUS_M, MU_EARTH_M3_S2
 from simulator.world.earth_orientation import q_itrs_from_eci
 from simulator.world.eclipse import sun_visible_fraction
 from simulator.world.ephemeris import moon_eci_m, sun_eci_m
+from simulator.world.moon import q_moon_from_eci
 from simulator.world.rotation import matrix_from_quat, quat_from_matrix
 from simulator.world.time import Instant
 
@@ -185,6 +186,7 @@ class RecipePlan:
             r_sun_eci_m=vec3(r_sun),
             r_moon_eci_m=vec3(moon_eci_m(now.tt1, now.tt2)),
             q_itrs_from_eci_wxyz=quat(q_itrs_from_eci(now)),
+            q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
             sun_visible_fraction=float(sun_visible_fraction(r_target, r_sun)),
         )
 

@@ -22,6 +22,7 @@ Range = Annotated[float, Meta(gt=0, le=1e5)]
 Seconds = Annotated[float, Meta(gt=0, le=1e6)]
 Speed = Annotated[float, Meta(ge=-1e3, le=1e3)]
 Torque = Annotated[float, Meta(ge=-1e3, le=1e3)]
+Centre = Literal["earth", "moon"]
 MetresXyz = tuple[Metres, Metres, Metres]
 SpeedXyz = tuple[Speed, Speed, Speed]
 
@@ -31,9 +32,10 @@ class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_only=True):
-    """Osculating Keplerian elements on GCRS axes; altitude = semi-major axis less 6378.137 km."""
+    """Osculating Keplerian elements on GCRS axes; altitude = semi-major axis less 6378.137 km (Moon: 1737.4 km)."""
 
-    altitude_km: Annotated[float, Meta(ge=150, le=50_000)]
+    centre: Centre = "earth"
+    altitude_km: Annotated[float, Meta(ge=10, le=50_000)]
     eccentricity: Annotated[float, Meta(ge=0, le=0.9)] = 0.0
     inclination_deg: Inclination = 0.0
     raan_deg: Degrees = 0.0
@@ -42,8 +44,9 @@ class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_o
 
 
 class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=True):
-    """Position and velocity of the target's centre of mass at the epoch, GCRS."""
+    """Position and velocity of the target's centre of mass at the epoch from ``centre``, along GCRS axes."""
 
+    centre: Centre = "earth"
     r_eci_km: tuple[float, float, float]
     v_eci_km_s: tuple[float, float, float]
 
@@ -58,6 +61,7 @@ class TleOrbit(Section, tag_field="kind", tag="tle", frozen=True, kw_only=True):
 class OemOrbit(Section, tag_field="kind", tag="oem", frozen=True, kw_only=True):
     """A CCSDS orbit ephemeris message (a path from the scenario's folder), read at the scenario's epoch."""
 
+    centre: Centre = "earth"
     file: str
 
 
@@ -237,7 +241,10 @@ class SurfaceSection(Section, frozen=True, kw_only=True):
 
 
 class Forces(Section, frozen=True, kw_only=True):
-    """What moves both craft. ``gravity_degree``: 0 a point mass, 2 to 70 EGM96; without it a point mass + J2."""
+    """What moves both craft. ``gravity_degree``: 0 a point mass, 2 to 70 EGM96; without it a point mass + J2.
+
+    About the Moon the Earth always pulls, and the degree is 0 (the default) or 2.
+    """
 
     gravity_degree: Annotated[int, Meta(ge=0, le=70)] | None = None
     sun: bool = False

@@ -11,9 +11,9 @@ import numpy as np
 from simulator import scenario as sc
 from simulator.errors import UserError
 from simulator.scenario_chaser import check_chaser, guidance, keep_out, thrusters
-from simulator.scenario_forces import force_model
+from simulator.scenario_forces import check_forces, force_model
 from simulator.world.attitude import check_inertia
-from simulator.world.constants import EARTH_RADIUS_M, MU_EARTH_M3_S2
+from simulator.world.bodies import BODIES, Body
 from simulator.world.flight import Flight, propagate_flight
 from simulator.world.orbit import Elements, elements_from_state, state_from_elements
 from simulator.world.pointing import Pointing
@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 
 MOST_FRAMES = 1_000_000
 """More frames than this in one run are taken for a mistake."""
-
-_LOWEST_M = 100e3
-"""Perigee below which an orbit is taken for a mistake."""
 
 
 def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) -> Flight:
@@ -48,10 +45,12 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
     pointing = scenario.chaser.pointing
     epoch = Instant.from_utc(scenario.epoch_utc)
     span_s = duration_s or scenario.duration_s
+    body = central_body(scenario)
     flight = propagate_flight(
         epoch=epoch,
         duration_s=span_s,
-        forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg),
+        forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg, body),
+        body=body,
         r_target_eci_m=r,
         v_target_eci_m_s=v,
         attitude=lambda frame: _q_eci_from_target(a, frame),
@@ -73,12 +72,18 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
     if not isinstance(scenario.chaser, sc.ReplayChaser):
         return flight
     recording = Recording.read(Path(scenario.chaser.file))
-    orbit, tumble = recorded_tracks(recording, flight.orbit.forces, span_s)
+    orbit, tumble = recorded_tracks(recording, flight.orbit.forces, span_s, epoch, body)
     return replace(flight, orbit=orbit, attitude=tumble, recording=recording)
 
 
+def central_body(scenario: sc.Scenario) -> Body:
+    """What the target circles."""
+    return BODIES["earth" if isinstance(scenario.orbit, sc.TleOrbit) else scenario.orbit.centre]
+
+
 def orbit_state(scenario: sc.Scenario) -> tuple[FloatArray, FloatArray]:
-    """Position [m] and velocity [m s-1] of the target at the epoch, GCRS."""
+    """Position [m] and velocity [m s-1] of the target at the epoch from its central body, GCRS axes."""
+    body = central_body(scenario)
     o = scenario.orbit
     if isinstance(o, sc.StateOrbit):
         return np.array(o.r_eci_km) * 1e3, np.array(o.v_eci_km_s) * 1e3
@@ -86,13 +91,14 @@ def orbit_state(scenario: sc.Scenario) -> tuple[FloatArray, FloatArray]:
         raise UserError("the orbit is still a TLE or a file: load the scenario with load_scenario")
     return state_from_elements(
         Elements(
-            semi_major_axis_m=EARTH_RADIUS_M + o.altitude_km * 1e3,
+            semi_major_axis_m=body.radius_m + o.altitude_km * 1e3,
             eccentricity=o.eccentricity,
             inclination_rad=np.radians(o.inclination_deg),
             raan_rad=np.radians(o.raan_deg),
             argument_of_perigee_rad=np.radians(o.argp_deg),
             true_anomaly_rad=np.radians(o.true_anomaly_deg),
-        )
+        ),
+        body.mu_m3_s2,
     )
 
 
@@ -138,43 +144,48 @@ def check_physics(scenario: sc.Scenario, where: str) -> None:
     """
     o = scenario.orbit
     r, v = orbit_state(scenario)
+    body = central_body(scenario)
     if isinstance(o, sc.ElementsOrbit):
-        perigee = (EARTH_RADIUS_M + o.altitude_km * 1e3) * (1 - o.eccentricity) - EARTH_RADIUS_M
-        if perigee < _LOWEST_M:
+        altitude = (body.radius_m + o.altitude_km * 1e3) * (1 - o.eccentricity) - body.radius_m
+        if altitude < body.lowest_m:
+            key, value = (
+                ("eccentricity", o.eccentricity) if o.eccentricity else ("altitude_km", o.altitude_km)
+            )
             raise UserError(
-                f"{where}: key orbit.eccentricity is {o.eccentricity:g}, which puts the perigee at "
-                f"{perigee / 1e3:.0f} km, allowed: a perigee of at least {_LOWEST_M / 1e3:.0f} km"
+                f"{where}: key orbit.{key} is {value:g}, which puts the orbit's lowest point at "
+                f"{altitude / 1e3:.0f} km, allowed: at least {body.lowest_m / 1e3:.0f} km above {body.title}"
             )
     else:
-        _check_state_orbit(r, v, where)
+        _check_state_orbit(r, v, body, where)
+    check_forces(scenario.forces, body, where)
     _check_attitude(scenario.attitude, where)
     check_chaser(scenario.chaser, where)
 
 
-def _check_state_orbit(r: FloatArray, v: FloatArray, where: str) -> None:
+def _check_state_orbit(r: FloatArray, v: FloatArray, body: Body, where: str) -> None:
     speed, radius = float(np.linalg.norm(v)), float(np.linalg.norm(r))
-    escape = float(np.sqrt(2 * MU_EARTH_M3_S2 / radius)) if radius > 0 else 0.0
-    lowest = EARTH_RADIUS_M + _LOWEST_M
+    escape = float(np.sqrt(2 * body.mu_m3_s2 / radius)) if radius > 0 else 0.0
+    lowest = body.radius_m + body.lowest_m
     if radius < lowest:
         raise UserError(
-            f"{where}: key orbit.r_eci_km is {radius / 1e3:.1f} km from the Earth's centre, "
+            f"{where}: key orbit.r_eci_km is {radius / 1e3:.1f} km from the centre of {body.title}, "
             f"allowed: at least {lowest / 1e3:.0f} km"
         )
     if speed >= escape:
         raise UserError(
             f"{where}: key orbit.v_eci_km_s is {speed / 1e3:.3f} km/s fast, "
-            f"allowed: less than the {escape / 1e3:.3f} km/s that leave the Earth"
+            f"allowed: less than the {escape / 1e3:.3f} km/s that leave {body.title}"
         )
     if float(np.linalg.norm(np.cross(r, v))) < 1e-3 * radius * escape:
         raise UserError(
             f"{where}: key orbit.v_eci_km_s points along orbit.r_eci_km, allowed: an orbit, not a fall"
         )
-    e = elements_from_state(r, v)
-    perigee = e.semi_major_axis_m * (1 - e.eccentricity)
-    if perigee < lowest:
+    e = elements_from_state(r, v, body.mu_m3_s2)
+    altitude = e.semi_major_axis_m * (1 - e.eccentricity) - body.radius_m
+    if altitude < body.lowest_m:
         raise UserError(
-            f"{where}: section [orbit] has its perigee {(perigee - EARTH_RADIUS_M) / 1e3:.0f} km high, "
-            f"allowed: at least {_LOWEST_M / 1e3:.0f} km"
+            f"{where}: section [orbit] has its lowest point {altitude / 1e3:.0f} km high, "
+            f"allowed: at least {body.lowest_m / 1e3:.0f} km above {body.title}"
         )
 
 

@@ -4,20 +4,37 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from simulator.errors import UserError
+from simulator.world.bodies import MOON
 from simulator.world.forces import FullForces, Surface
+from simulator.world.moon_forces import MoonForces
 from simulator.world.sky_table import SkyTable
 from simulator.world.spherical_harmonics import egm96
 
 if TYPE_CHECKING:
     from simulator import scenario as sc
+    from simulator.world.bodies import Body
     from simulator.world.forces import Forces
     from simulator.world.time import Instant
 
 _CHASER_MASS_KG = 100.0
+_MOON_DEGREE = 2
 
 
-def force_model(f: sc.Forces, epoch: Instant, duration_s: float, target_mass_kg: float) -> Forces | None:
-    """The forces asked for, or None for the plain point mass with J2."""
+def force_model(
+    f: sc.Forces, epoch: Instant, duration_s: float, target_mass_kg: float, body: Body
+) -> Forces | None:
+    """The forces asked for about a body, or None for the plain point mass with J2 (the Earth)."""
+    craft = (_surface(f.target, target_mass_kg), _surface(f.chaser, _CHASER_MASS_KG))
+    if body is MOON:
+        return MoonForces(
+            epoch=epoch,
+            sky=SkyTable.of(epoch, duration_s),
+            oblate=f.gravity_degree == _MOON_DEGREE,
+            sun=f.sun,
+            solar_pressure=f.solar_pressure,
+            craft=craft,
+        )
     if f.gravity_degree is None and not (f.sun or f.moon or f.drag or f.solar_pressure):
         return None
     degree = 2 if f.gravity_degree is None else f.gravity_degree
@@ -28,8 +45,28 @@ def force_model(f: sc.Forces, epoch: Instant, duration_s: float, target_mass_kg:
         moon=f.moon,
         drag=f.drag,
         solar_pressure=f.solar_pressure,
-        craft=(_surface(f.target, target_mass_kg), _surface(f.chaser, _CHASER_MASS_KG)),
+        craft=craft,
     )
+
+
+def check_forces(f: sc.Forces, body: Body, where: str) -> None:
+    """Refuse forces that the Moon does not have.
+
+    Raises
+    ------
+    UserError
+        With file, key, value and what is allowed.
+    """
+    if body is not MOON:
+        return
+    if f.gravity_degree not in {None, 0, _MOON_DEGREE}:
+        raise UserError(
+            f"{where}: key forces.gravity_degree is {f.gravity_degree}, allowed about the Moon: 0 or {_MOON_DEGREE}"
+        )
+    for key in ("moon", "drag"):
+        if getattr(f, key):
+            why = "is the centre of this orbit" if key == "moon" else "needs air, and the Moon has none"
+            raise UserError(f"{where}: key forces.{key} is true, but it {why}: remove the key")
 
 
 def _surface(s: sc.SurfaceSection, mass_kg: float) -> Surface:

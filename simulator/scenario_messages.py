@@ -50,12 +50,15 @@ def _orbit(
 ) -> sc.ElementsOrbit | sc.StateOrbit:
     match orbit:
         case sc.TleOrbit():
+            centre: sc.Centre = "earth"
             r, v = state_from_tle(orbit.line1, orbit.line2, epoch)
         case sc.OemOrbit():
-            r, v = read_oem_state(_read(orbit.file, "orbit.file", folder), orbit.file, epoch)
+            centre = orbit.centre
+            text = _read(orbit.file, "orbit.file", folder)
+            r, v = read_oem_state(text, orbit.file, epoch, centre.upper())
         case _:
             return orbit
-    return sc.StateOrbit(r_eci_km=vec3(r / 1e3), v_eci_km_s=vec3(v / 1e3))
+    return sc.StateOrbit(centre=centre, r_eci_km=vec3(r / 1e3), v_eci_km_s=vec3(v / 1e3))
 
 
 def _attitude(attitude: sc.Attitude, epoch: Instant, folder: Path) -> sc.Attitude:

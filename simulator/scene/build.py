@@ -81,5 +81,7 @@ def build_scene(
         r_sun_eci_m=world.r_sun_eci_m,
         r_moon_eci_m=world.r_moon_eci_m,
         q_itrs_from_eci_wxyz=world.q_itrs_from_eci_wxyz,
+        q_moon_from_eci_wxyz=world.q_moon_from_eci_wxyz,
         sun_visible_fraction=world.sun_visible_fraction,
+        central_body=world.central_body,
     )

@@ -42,6 +42,7 @@ def scene_problem(scene: SceneState) -> str | None:
         ("|scene.q_camera_from_target_wxyz|", _norm(scene.q_camera_from_target_wxyz), 1 - 1e-6, 1 + 1e-6),
         ("|scene.q_camera_from_eci_wxyz|", _norm(scene.q_camera_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
         ("|scene.q_itrs_from_eci_wxyz|", _norm(scene.q_itrs_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
+        ("|scene.q_moon_from_eci_wxyz|", _norm(scene.q_moon_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
     )
     for name, value, low, high in ranges:
         if not low <= value <= high:  # NaN fails too

@@ -10,6 +10,7 @@ import numpy as np
 from simulator.arrays import Quat, Vec3, vec3
 from simulator.camera.model import Camera
 from simulator.camera.sensor import Sensor
+from simulator.world.bodies import BodyName
 from simulator.world.pose import Pose
 from simulator.world.rotation import matrix_from_quat
 
@@ -60,9 +61,12 @@ class SceneState:
     r_camera_eci_m, v_camera_eci_m_s, q_camera_from_eci_wxyz, omega_camera_rad_s : the camera's state,
         its rate in the camera frame.
     r_target_eci_m, v_target_eci_m_s : centre of mass of the target.
-    r_sun_eci_m, r_moon_eci_m : apparent geocentric positions [m].
-    q_itrs_from_eci_wxyz : orientation of the Earth.
-    sun_visible_fraction : share of the Sun's disc that the target sees past the Earth, 0..1.
+    r_sun_eci_m, r_moon_eci_m : apparent geocentric positions [m]; about the Moon its own is the geometric one,
+        so that ``r_camera_eci_m - r_moon_eci_m`` is the place above its ground.
+    q_itrs_from_eci_wxyz, q_moon_from_eci_wxyz : orientation of the Earth and the Moon (mean Earth / polar axis
+        frame: x to longitude 0, z along the axis).
+    sun_visible_fraction : share of the Sun's disc that the target sees past the Earth and the Moon, 0..1.
+    central_body : what the target circles.
     """
 
     epoch_utc: str
@@ -90,6 +94,8 @@ class SceneState:
     r_moon_eci_m: Vec3
     q_itrs_from_eci_wxyz: Quat
     sun_visible_fraction: float
+    q_moon_from_eci_wxyz: Quat = (1.0, 0.0, 0.0, 0.0)
+    central_body: BodyName = "earth"
 
     @property
     def camera_from_target(self) -> Pose:

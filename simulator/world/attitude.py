@@ -143,7 +143,9 @@ def torque_on(
 
     def torque(t_s: float, q: FloatArray) -> FloatArray:
         r, _ = orbit(t_s)
-        return fixed + gravity_gradient_torque(r, matrix_from_quat(quat_normalize(q)).T, J)
+        return fixed + gravity_gradient_torque(
+            r, matrix_from_quat(quat_normalize(q)).T, J, orbit.forces.mu_m3_s2
+        )
 
     return torque
 

@@ -1,4 +1,4 @@
-"""Constants of the Earth, Sun and light, with their sources."""
+"""Constants of the Earth, Moon, Sun and light, with their sources."""
 
 from __future__ import annotations
 
@@ -31,6 +31,9 @@ MU_SUN_M3_S2 = 1.32712440018e20
 
 MU_MOON_M3_S2 = 4.902800066e12
 """Gravitational parameter of the Moon, JPL DE430 (Folkner et al. 2014)."""
+
+MOON_RADIUS_M = 1_737_400.0
+"""Mean radius of the Moon, IAU Working Group on Cartographic Coordinates (Archinal et al. 2011)."""
 
 SOLAR_PRESSURE_PA = 1361.0 / LIGHT_M_S
 """Pressure of sunlight on a black surface at 1 au: total solar irradiance of Kopp & Lean (2011) over c."""

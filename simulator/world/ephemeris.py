@@ -29,6 +29,12 @@ def moon_geometric_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
     return np.asarray(erfa.moon98(tt1, tt2)["p"] * AU_M, float)
 
 
+def moon_geometric_state(tt1: float, tt2: float) -> tuple[FloatArray, FloatArray]:
+    """Where the Moon is and how it moves: geocentric, GCRS axes, [m] and [m s-1], each (3,)."""
+    pv = erfa.moon98(tt1, tt2)
+    return np.asarray(pv["p"] * AU_M, float), np.asarray(pv["v"] * (AU_M / DAY_S), float)
+
+
 def sun_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
     """Apparent geocentric position of the Sun in GCRS [m]: light time and annual aberration applied.
 

@@ -9,15 +9,16 @@ import numpy as np
 
 from simulator.arrays import Quat, quat, vec3
 from simulator.world.attitude import AttitudeTrack, propagate_attitude, torque_on
+from simulator.world.bodies import EARTH, Body
 from simulator.world.clohessy_wiltshire import mean_motion_rad_s
-from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.controlled import ControlledTrack, fly_controlled
 from simulator.world.earth_orientation import pole_eci, q_itrs_from_eci
-from simulator.world.eclipse import sun_visible_fraction
+from simulator.world.eclipse import sun_fraction_past_both
 from simulator.world.ephemeris import moon_eci_m, sun_eci_m
 from simulator.world.gravity import Gravity
 from simulator.world.guidance import Guidance
 from simulator.world.lvlh import Lvlh, lvlh_frame
+from simulator.world.moon import q_moon_from_eci
 from simulator.world.orbit import OrbitTrack, elements_from_state, propagate
 from simulator.world.pointing import DOWN_AXES_LVLH, Pointing
 from simulator.world.rotation import quat_normalize
@@ -47,7 +48,7 @@ class Flight:
     Parameters
     ----------
     epoch : the start. duration_s : length [s].
-    orbit, attitude : the target's propagated tracks.
+    orbit, attitude : the target's propagated tracks; the orbit's is from the centre of ``body``.
     guidance : how the chaser moves. n_rad_s : the target's mean motion at the start.
     pointing : how the camera looks.
     controlled : the chaser's track when it flies by thrusters. recording : what is played back instead.
@@ -62,6 +63,7 @@ class Flight:
     pointing: Pointing
     controlled: ControlledTrack | None = None
     recording: Recording | None = None
+    body: Body = EARTH
 
     def lvlh(self, t_s: float) -> Lvlh:
         """The target's LVLH frame."""
@@ -104,11 +106,12 @@ class Flight:
         t_s = chaser.t_s
         self._check(t_s)
         now = self.epoch.plus(t_s)
-        r, v = self.orbit(t_s)
+        r, v, r_body = self._target(now, t_s)
         q_target, omega_target = self.attitude(t_s)
         p, p_rate = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
         p_lvlh, v_lvlh = self.lvlh(t_s).from_eci(p, p_rate)
         sun = sun_eci_m(now.tt1, now.tt2)
+        moon = moon_eci_m(now.tt1, now.tt2) if self.body is EARTH else r_body
         return WorldState(
             epoch_utc=now.iso(),
             t_s=float(t_s),
@@ -125,10 +128,22 @@ class Flight:
             position_lvlh_m=vec3(p_lvlh),
             velocity_lvlh_m_s=vec3(v_lvlh),
             r_sun_eci_m=vec3(sun),
-            r_moon_eci_m=vec3(moon_eci_m(now.tt1, now.tt2)),
+            r_moon_eci_m=vec3(moon),
             q_itrs_from_eci_wxyz=quat(q_itrs_from_eci(now)),
-            sun_visible_fraction=float(sun_visible_fraction(r, sun)),
+            q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
+            sun_visible_fraction=sun_fraction_past_both(r, sun, moon),
+            central_body=self.body.name,
         )
+
+    def _target(self, now: Instant, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Geocentric position and velocity of the target, and position of the body it circles."""
+        r_body, v_body = self.body.geocentric_state(now)
+        if self.recording is not None:
+            # as recorded, to the last bit
+            y = self.recording.target(t_s)
+            return y[:3], y[3:], r_body
+        r, v = self.orbit(t_s)
+        return r_body + r, v_body + v, r_body
 
     def relative(self, t_s: float, frame: Lvlh) -> tuple[FloatArray, FloatArray]:
         """Chaser minus target along GCRS axes [m], [m s-1]; ``frame`` is `lvlh` at that time."""
@@ -159,6 +174,7 @@ def propagate_flight(
     pointing: Pointing,
     choose_down: bool = False,
     forces: Forces | None = None,
+    body: Body = EARTH,
     torque_body_nm: ArrayLike = (0.0, 0.0, 0.0),
     gravity_gradient: bool = False,
     thrusters: Thrusters | None = None,
@@ -169,7 +185,7 @@ def propagate_flight(
     Parameters
     ----------
     epoch, duration_s : start and length.
-    r_target_eci_m, v_target_eci_m_s : target's centre of mass at the start, GCRS.
+    r_target_eci_m, v_target_eci_m_s : target's centre of mass at the start from the centre of ``body``, GCRS axes.
     attitude : ``q_eci_from_target_wxyz`` at the start, or a function that gives it from the LVLH frame there.
     omega_target_rad_s : (3,) rate relative to ECI, target axes.
     inertia_kg_m2 : (3, 3) of the target about its centre of mass, target axes.
@@ -179,12 +195,14 @@ def propagate_flight(
     torque_body_nm, gravity_gradient : what turns the target: a torque fixed in its axes, the Earth's gravity.
     thrusters, keep_out : of a chaser that flies by thrusters; else a path is followed exactly.
     forces : on both craft; a point mass with J2 unless given.
+    body : what they circle; with the Moon the forces must be given.
     """
     r, v = np.asarray(r_target_eci_m, float), np.asarray(v_target_eci_m_s, float)
     if forces is None:
         forces = Gravity(pole_eci=vec3(pole_eci(epoch)))
     frame = lvlh_frame(r, v, forces.target(0.0, r, v))
-    n = mean_motion_rad_s(elements_from_state(r, v).semi_major_axis_m, MU_EARTH_M3_S2)
+    mu = forces.mu_m3_s2
+    n = mean_motion_rad_s(elements_from_state(r, v, mu).semi_major_axis_m, mu)
     start = frame.to_eci(*guidance.state_lvlh(0.0, n)) if guidance.ballistic else None
     orbit = propagate(r, v, duration_s, forces, start)
     q0 = attitude(frame) if callable(attitude) else np.asarray(attitude, float)
@@ -199,6 +217,7 @@ def propagate_flight(
         n_rad_s=n,
         pointing=pointing,
         controlled=fly_controlled(orbit, guidance, n, thrusters, keep_out) if thrusters else None,
+        body=body,
     )
     return with_best_down(flight) if choose_down else flight
 

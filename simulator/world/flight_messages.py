@@ -23,16 +23,20 @@ def flight_messages(
 
     Orbits are those of the centres of mass; the target's body frame is its model's, the chaser's its camera's.
     """
-    states = [flight.state(float(t)) for t in times_s]
+    times = [float(t) for t in times_s]
+    states = [flight.state(t) for t in times]
     epochs = [s.epoch_utc for s in states]
     files = {}
     if oem:
-        for name in ("target", "chaser"):
+        about_the_body = np.array([np.concatenate(flight.orbit(t)) for t in times])
+        apart = np.array([(*s.relative_eci_m, *s.relative_eci_m_s) for s in states])
+        for name, rows in (("target", about_the_body), ("chaser", about_the_body + apart)):
             files[f"{name}.oem"] = write_oem(
                 name=name.upper(),
+                centre=flight.body.name.upper(),
                 epochs_utc=epochs,
-                r_eci_m=[getattr(s, f"r_{name}_eci_m") for s in states],
-                v_eci_m_s=[getattr(s, f"v_{name}_eci_m_s") for s in states],
+                r_eci_m=rows[:, :3],
+                v_eci_m_s=rows[:, 3:],
                 note="centre of mass",
             )
     if aem:

@@ -28,7 +28,15 @@ if TYPE_CHECKING:
 
 
 class Forces(Protocol):
-    """What accelerates the two craft; `simulator.world.gravity.Gravity` is the simplest."""
+    """What accelerates the two craft; `simulator.world.gravity.Gravity` is the simplest.
+
+    Positions are from the centre of the body that they circle, along GCRS axes.
+    """
+
+    @property
+    def mu_m3_s2(self) -> float:
+        """Gravitational parameter of the central body [m3 s-2]."""
+        ...
 
     def target(self, t_s: float, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
         """Acceleration of the target at ``r_eci_m``, GCRS [m s-2]."""
@@ -148,12 +156,20 @@ class FullForces:
             factor = craft.drag_coefficient * craft.area_m2 / craft.mass_kg
             a -= 0.5 * rho * factor * float(np.linalg.norm(wind)) * wind
         if self.solar_pressure:
-            from_sun = r - sun
-            distance = float(np.linalg.norm(from_sun))
-            seen = float(sun_visible_fraction(r, sun))
-            factor = craft.reflectivity * craft.area_m2 / craft.mass_kg
-            a += seen * SOLAR_PRESSURE_PA * factor * (AU_M / distance) ** 2 / distance * from_sun
+            a += light_pressure(craft, r - sun, float(sun_visible_fraction(r, sun)))
         return a
+
+
+def light_pressure(craft: Surface, from_sun_m: FloatArray, seen: float) -> FloatArray:
+    """Acceleration by sunlight on a craft at (3,) ``from_sun_m``, which sees this share of the Sun [m s-2].
+
+    References
+    ----------
+    Montenbruck & Gill (2000), Satellite Orbits, eq. 3.75.
+    """
+    distance = float(np.linalg.norm(from_sun_m))
+    factor = craft.reflectivity * craft.area_m2 / craft.mass_kg
+    return np.asarray(seen * SOLAR_PRESSURE_PA * factor * (AU_M / distance) ** 2 / distance * from_sun_m)
 
 
 def geodetic_altitude_m(r_eci_m: FloatArray, along_pole_m: float) -> float:

@@ -22,7 +22,9 @@ _GAP = 5.0
 _HALF_WINDOW = 4
 
 
-def read_oem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
+def read_oem_state(
+    text: str, where: str, epoch: Instant, centre: str = "EARTH"
+) -> tuple[FloatArray, FloatArray]:
     """Position [m] and velocity [m s-1] in GCRS at ``epoch``.
 
     Between lines the state is interpolated by the polynomial through position and velocity of the nearest
@@ -31,16 +33,17 @@ def read_oem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, F
     Parameters
     ----------
     text : the file. where : its name, for messages. epoch : must lie within a segment.
+    centre : body that it must count from.
 
     Raises
     ------
     UserError
-        If the file is not an OEM about the Earth in a known frame and time system, its lines are out of
+        If the file is not an OEM about that body in a known frame and time system, its lines are out of
         order, or the epoch falls outside every segment or into a gap.
     """
     spans = []
     for segment in read_segments(text, where, "OEM"):
-        segment.one_of("CENTER_NAME", ("EARTH",))
+        segment.one_of("CENTER_NAME", (centre,))
         R = gcrf_from(segment.one_of("REF_FRAME", FRAMES))
         instants = segment.instants()
         times = np.array([t.minus(epoch) for t in instants])
@@ -80,14 +83,20 @@ def _hermite_at_zero(t_s: FloatArray, r_m: FloatArray, v_m_s: FloatArray) -> tup
 
 
 def write_oem(
-    *, name: str, epochs_utc: Sequence[str], r_eci_m: ArrayLike, v_eci_m_s: ArrayLike, note: str = ""
+    *,
+    name: str,
+    epochs_utc: Sequence[str],
+    r_eci_m: ArrayLike,
+    v_eci_m_s: ArrayLike,
+    note: str = "",
+    centre: str = "EARTH",
 ) -> str:
     """An OEM in GCRF and UTC with positions to the micrometre.
 
     Parameters
     ----------
     name : of the object. epochs_utc : ISO 8601 with Z, in order.
-    r_eci_m, v_eci_m_s : (n, 3). note : a comment.
+    r_eci_m, v_eci_m_s : (n, 3) from the centre. note : a comment. centre : body they count from.
     """
     lines = header("OEM", "2.0", epochs_utc[0])
     lines += [
@@ -95,7 +104,7 @@ def write_oem(
         *([f"COMMENT {note}"] if note else []),
         f"OBJECT_NAME = {name}",
         f"OBJECT_ID = {name}",
-        "CENTER_NAME = EARTH",
+        f"CENTER_NAME = {centre}",
         "REF_FRAME = GCRF",
         "TIME_SYSTEM = UTC",
         f"START_TIME = {stamp(epochs_utc[0])}",

@@ -12,6 +12,7 @@ import numpy as np
 from simulator.arrays import quat, vec3
 from simulator.errors import UserError
 from simulator.world.attitude import AttitudeTrack
+from simulator.world.bodies import EARTH
 from simulator.world.orbit import OrbitTrack
 from simulator.world.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
 from simulator.world.steer import ChaserState
@@ -21,9 +22,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from simulator.arrays import FloatArray
+    from simulator.world.bodies import Body
     from simulator.world.flight import Flight
     from simulator.world.forces import Forces
     from simulator.world.state import WorldState
+    from simulator.world.time import Instant
 
 _FIELDS = {
     "t_s": 1,
@@ -151,10 +154,14 @@ def record(flight: Flight, times_s: Iterable[float]) -> Recording:
 
 
 def recorded_tracks(
-    recording: Recording, forces: Forces, duration_s: float
+    recording: Recording, forces: Forces, duration_s: float, epoch: Instant, body: Body
 ) -> tuple[OrbitTrack, AttitudeTrack]:
-    """The target as recorded."""
+    """The target as recorded: its orbit from the centre of ``body``, its attitude."""
+
+    def about_the_body(t_s: float) -> FloatArray:
+        return recording.target(t_s) - np.concatenate(body.geocentric_state(epoch.plus(t_s)))
+
     return (
-        OrbitTrack(forces, duration_s, recording.target),
+        OrbitTrack(forces, duration_s, recording.target if body is EARTH else about_the_body),
         RecordedAttitude(duration_s, lambda t: np.concatenate(recording.target_attitude(t))),
     )

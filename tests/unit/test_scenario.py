@@ -325,18 +325,18 @@ MISTAKES = [
     ("2026-03-20T12:00:00Z", "2026-03-20T12:00:00", ["epoch_utc", "2026-03-20T12:00:00", "Z"]),
     ("2026-03-20T12:00:00Z", '"tomorrow"', ["epoch_utc", "'tomorrow'", "2026-03-20T12:00:00Z"]),
     ("2026-03-20T12:00:00Z", '"1815-06-18T12:00:00Z"', ["epoch_utc", "1815", "1972 to 2099"]),
-    ("altitude_km = 700.0", "altitude_km = 7", ["orbit.altitude_km", "is 7", "at least 150"]),
+    ("altitude_km = 700.0", "altitude_km = 7", ["orbit.altitude_km", "is 7", "at least 10"]),
     (
         "altitude_km = 700.0",
         "altitude_km = 700\neccentricity = 0.5",
-        ["orbit.eccentricity", "0.5", "perigee"],
+        ["orbit.eccentricity", "0.5", "lowest point"],
     ),
     (
         "altitude_km = 700.0",
         "altitude_m = 7e5",
         ["unknown key altitude_m", "[orbit]", "did you mean altitude_km"],
     ),
-    ("altitude_km = 700.0", "inclination_deg = 98", ["[orbit] lacks the key altitude_km", "at least 150"]),
+    ("altitude_km = 700.0", "inclination_deg = 98", ["[orbit] lacks the key altitude_km", "at least 10"]),
     ('kind = "elements"', 'kind = "tles"', ["orbit.kind", "'tles'", "elements", "state"]),
     ('kind = "elements"', "", ["[orbit] lacks the key kind", "elements, state"]),
     ('mode = "hold"', 'mode = "holdd"', ["chaser.mode", "'holdd'", "did you mean 'hold'", "flyaround"]),
@@ -391,7 +391,7 @@ def test_a_mistake_is_one_sentence(old: str, new: str, words: list[str], tmp_pat
         ("r_eci_km = [7000, 0, 0]\nv_eci_km_s = [0, 12, 0]", ["orbit.v_eci_km_s", "12.000", "less than"]),
         ("r_eci_km = [6000, 0, 0]\nv_eci_km_s = [0, 7, 0]", ["orbit.r_eci_km", "6000.0", "at least 6478"]),
         ("r_eci_km = [7000, 0, 0]\nv_eci_km_s = [7, 0, 0]", ["orbit.v_eci_km_s", "an orbit, not a fall"]),
-        ("r_eci_km = [7000, 0, 0]\nv_eci_km_s = [0, 5, 0]", ["[orbit]", "perigee", "at least 100 km"]),
+        ("r_eci_km = [7000, 0, 0]\nv_eci_km_s = [0, 5, 0]", ["[orbit]", "lowest point", "at least 100 km"]),
     ],
 )
 def test_an_impossible_state_is_refused(orbit: str, words: list[str], tmp_path: Path) -> None:

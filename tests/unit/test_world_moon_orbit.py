@@ -1,0 +1,131 @@
+"""Flight about the Moon: forces against a geocentric propagation, eclipse by the Moon, what the scene says."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+
+from simulator.errors import UserError
+from simulator.loop import plan_flight
+from simulator.scenario_flight import check_physics
+from simulator.scenario_load import load_scenario
+from simulator.world.bodies import MOON
+from simulator.world.constants import AU_M, MOON_RADIUS_M
+from simulator.world.eclipse import sun_fraction_past_both
+from simulator.world.flight_messages import flight_messages
+from simulator.world.forces import FullForces
+from simulator.world.moon import R_moon_from_eci
+from simulator.world.moon_forces import MoonForces
+from simulator.world.oem import read_oem_state
+from simulator.world.orbit import Elements, propagate, state_from_elements
+from simulator.world.rotation import matrix_from_quat
+from simulator.world.sky_table import SkyTable
+from simulator.world.time import Instant
+
+EPOCH = Instant.from_utc("2024-06-06T05:00:00Z")
+HOUR = 3600.0
+
+
+def test_the_same_orbit_comes_out_of_a_propagation_about_the_earth() -> None:
+    sky = SkyTable.of(EPOCH, HOUR)
+    r, v = state_from_elements(
+        Elements(semi_major_axis_m=4e6, eccentricity=0.1, inclination_rad=2.0), MOON.mu_m3_s2
+    )
+    about_moon = propagate(r, v, HOUR, MoonForces(epoch=EPOCH, sky=sky, sun=True))
+    r0, v0 = MOON.geocentric_state(EPOCH)
+    about_earth = propagate(r0 + r, v0 + v, HOUR, FullForces(sky=sky, sun=True, moon=True))
+    there, _ = MOON.geocentric_state(EPOCH.plus(HOUR))
+    ours = about_moon(HOUR)[0]
+    # the Earth's tide moves the craft by 200 m; the Moon's series is smooth to some 10 m
+    without = propagate(r, v, HOUR, _OnlyMoon())(HOUR)[0]
+    assert np.linalg.norm(ours - without) > 150.0
+    apart = np.linalg.norm(there + ours - about_earth(HOUR)[0])
+    assert apart < 25.0
+
+
+class _OnlyMoon:
+    mu_m3_s2 = MOON.mu_m3_s2
+
+    def target(self, _t, r, _v):
+        return -self.mu_m3_s2 * r / np.linalg.norm(r) ** 3
+
+
+def test_flattening_turns_the_node_at_the_rate_of_its_formula() -> None:
+    J2 = 203.22e-6
+    a, i = MOON_RADIUS_M + 200e3, np.radians(60.0)
+    R = R_moon_from_eci(EPOCH)
+    r, v = state_from_elements(Elements(semi_major_axis_m=a, inclination_rad=i), MOON.mu_m3_s2)
+    n = np.sqrt(MOON.mu_m3_s2 / a**3)
+    span = 4 * 2 * np.pi / n
+    forces = MoonForces(epoch=EPOCH, sky=SkyTable.of(EPOCH, span), oblate=True)
+    plain = MoonForces(epoch=EPOCH, sky=SkyTable.of(EPOCH, span))
+
+    def node(f: MoonForces, t: float) -> float:
+        track = propagate(R.T @ r, R.T @ v, span, f)
+        h = R @ np.cross(*track(t))
+        return float(np.arctan2(h[0], -h[1]))
+
+    turned = node(forces, span) - node(plain, span)
+    expected = -1.5 * n * J2 * (MOON_RADIUS_M / a) ** 2 * np.cos(i) * span
+    # the bulge towards the Earth, a tenth of it, turns under the orbit and does not average out in a day
+    assert turned == pytest.approx(expected, rel=0.35)
+
+
+def test_scene_has_the_moon_where_the_orbit_is_about_it() -> None:
+    plan = plan_flight(load_scenario("lunar-orbit"), n=3)
+    for k in range(3):
+        s = plan.scene(k)
+        height = np.linalg.norm(np.subtract(s.r_camera_eci_m, s.r_moon_eci_m)) - MOON_RADIUS_M
+        assert 150e3 < height < 250e3
+        assert 3.5e8 < np.linalg.norm(s.r_moon_eci_m) < 4.1e8
+        assert s.central_body == "moon"
+        R = R_moon_from_eci(Instant.from_utc(s.epoch_utc))
+        assert np.allclose(matrix_from_quat(s.q_moon_from_eci_wxyz), R, atol=1e-9)
+    world = plan.flight.state(200.0)
+    assert world.altitude_m == pytest.approx(198e3, abs=5e3)
+    # radially outward of LVLH is away from the Moon
+    above = plan.flight.lvlh(200.0).R_eci_from_lvlh[:, 0]
+    out = np.subtract(world.r_target_eci_m, world.r_moon_eci_m)
+    assert above @ out / np.linalg.norm(out) == pytest.approx(1.0)
+
+
+def test_the_moon_and_the_earth_hide_the_sun() -> None:
+    sun, moon = np.array([AU_M, 0.0, 0.0]), np.array([0.0, 3.8e8, 0.0])
+    low = np.array([MOON_RADIUS_M + 100e3, 0.0, 0.0])
+    assert sun_fraction_past_both(moon + low, sun, moon) == 1.0
+    assert sun_fraction_past_both(moon - low, sun, moon) == 0.0
+    # an eclipse of the Moon: its day side lies in the Earth's shadow
+    behind = np.array([-3.8e8, 0.0, 0.0])
+    assert sun_fraction_past_both(behind + low, sun, behind) == 0.0
+    # an annular or total eclipse of the Sun seen from an Earth orbit
+    before = np.array([3.6e8, 0.0, 0.0])
+    assert sun_fraction_past_both(np.array([7e6, 0.0, 0.0]), sun, before) < 0.02
+
+
+def test_messages_count_from_the_moon() -> None:
+    flight = plan_flight(load_scenario("lunar-orbit"), n=1).flight
+    text = flight_messages(flight, [0.0, 60.0, 120.0], aem=False)["target.oem"]
+    assert "CENTER_NAME = MOON" in text
+    epoch = flight.epoch.plus(60.0)
+    r, v = read_oem_state(text, "target.oem", epoch, "MOON")
+    assert np.allclose(r, flight.orbit(60.0)[0], atol=1e-3)
+    assert np.allclose(v, flight.orbit(60.0)[1], atol=1e-6)
+    with pytest.raises(UserError, match="CENTER_NAME is MOON, allowed: EARTH"):
+        read_oem_state(text, "target.oem", epoch)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"gravity_degree": 20}, "gravity_degree is 20, allowed about the Moon: 0 or 2"),
+        ({"drag": True}, "forces.drag is true, but it needs air"),
+        ({"moon": True}, "forces.moon is true, but it is the centre"),
+    ],
+)
+def test_forces_that_the_moon_lacks_are_refused(change: dict[str, object], says: str) -> None:
+
+    scenario = load_scenario("lunar-orbit")
+    forces = msgspec.structs.replace(scenario.forces, **change)
+    with pytest.raises(UserError, match=says):
+        check_physics(msgspec.structs.replace(scenario, forces=forces), "mine.toml")
