@@ -8,12 +8,11 @@
 #include "earth/surface.glsl"
 
 #if SMOOTH
-in vec4 v_uv_plane;
-in vec4 v_sun;
-in float v_glint;
-in color v_light;
-in color v_through;
-in color v_haze;
+noperspective in vec4 v_uv_plane;
+noperspective in vec4 v_sun;
+noperspective in color v_light;
+noperspective in color v_lamps;
+noperspective in color v_haze;
 #endif
 uniform sampler2D t_coverage;
 layout(location = 0) out vec4 out_radiance;
@@ -25,7 +24,9 @@ void main() {
     if (open <= 0.0) discard;
 #endif
 #if SMOOTH
-    GroundPoint g = GroundPoint(v_uv_plane.xy, v_uv_plane.zw, v_sun.xy, v_sun.z, v_sun.w, v_glint, v_light, v_through, v_haze);
+    GroundPoint g = GroundPoint(
+        v_uv_plane.xy, v_uv_plane.zw, v_sun.xy, v_sun.z, 0.0, v_sun.w, v_light, v_lamps, v_haze
+    );
     color radiance = surface_radiance(g);
 #else
     EarthRay ray = earth_ray(gl_FragCoord.xy - 0.5);

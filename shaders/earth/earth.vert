@@ -7,12 +7,11 @@ uniform vec2 u_size; // of the image [px]
 in vec2 in_pixel;    // corner of the cell [px], edges of pixels at .5
 
 #if SMOOTH
-out vec4 v_uv_plane;
-out vec4 v_sun;   // toward, mu, level
-out float v_glint;
-out color v_light;
-out color v_through;
-out color v_haze;
+noperspective out vec4 v_uv_plane;
+noperspective out vec4 v_sun;   // toward, sharp, glint
+noperspective out color v_light;
+noperspective out color v_lamps;
+noperspective out color v_haze;
 #endif
 
 void main() {
@@ -20,10 +19,9 @@ void main() {
 #if SMOOTH
     GroundPoint g = ground_point(earth_ray(in_pixel));
     v_uv_plane = vec4(g.uv, g.plane);
-    v_sun = vec4(g.toward, g.mu, g.level);
-    v_glint = g.glint;
+    v_sun = vec4(g.toward, g.sharp, g.glint);
     v_light = g.light;
-    v_through = g.through;
+    v_lamps = g.lamps;
     v_haze = g.haze;
 #endif
 }

@@ -2,8 +2,6 @@
 
 const float EARTH_KM = 6378.137;
 const float TEXEL_KM = 4.97;            // of the maps, at the equator
-const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
-const float BROAD_KM = 560.0, FINE_KM = 118.0; // period of the detail texture at its two scales
 
 // Stereographic coordinates of a unit vector, each hemisphere from its own pole [1]. Conformal, without seam: both
 // halves agree on the equator. The term in z shears them differently, or the equator would be a mirror.
@@ -15,8 +13,6 @@ vec2 detail_vector(vec3 p, vec3 w) {
     float k = 1.0 / (1.0 + abs(p.z));
     return w.xy * k - p.xy * (sign(p.z) * w.z * k * k) + SHEAR * w.z;
 }
-
-const mat2 TURN = mat2(0.7986, 0.6018, -0.6018, 0.7986); // the fine detail is turned, so that tiles do not line up
 
 // Sea surface: unpolarised Fresnel reflectance of water, n = 1.34 (Schlick).
 float water_fresnel(float c) { return 0.0211 + 0.9789 * pow(1.0 - c, 5.0); }
@@ -39,15 +35,17 @@ uniform sampler2D t_ground; // irradiance on level ground over the Sun's, by the
 // A point of the ground as one pixel sees it.
 struct GroundPoint {
     vec2 uv;        // of the maps
-    vec2 plane;     // of the detail, in broad tiles
-    vec2 toward;    // the Sun's horizontal direction in the detail's plane [1 per radius]
+    vec2 plane;     // of the detail [tiles]
+    vec2 toward;    // of the detail's slope channels: rise towards the Sun over its height, times this [km-1 per unit]
+    float sharp;    // one over the pixel's footprint [km-1]
     float mu;       // cosine of the Sun's zenith angle
-    float level;    // log2 of the pixel's footprint [km]
-    float glint;    // Sun glint of a calm patch of sea over irradiance [sr-1]
-    color light;    // irradiance on level ground over the Sun's
-    color through;  // transmittance from the ground to the camera
-    color haze;     // radiance of the air in between over the Sun's irradiance [sr-1]
+    float glint;    // Sun glint of a calm patch of sea over irradiance, times pi [1]
+    color light;    // radiance at the camera of a white ground in the light there [W m-2 sr-1]
+    color lamps;    // radiance at the camera of a city's brightest texels [W m-2 sr-1]
+    color haze;     // radiance of the air in between [W m-2 sr-1]
 };
+
+const float CITY = 2.0e-3;    // radiance of a city's brightest texels [W m-2 sr-1 per band]; VIIRS: 100-200 nW cm-2 sr-1
 
 GroundPoint ground_point(EarthRay ray) {
     GroundPoint g;
@@ -59,17 +57,19 @@ GroundPoint ground_point(EarthRay ray) {
     g.mu = dot(p, sun);
     // the footprint is the mean of its two axes; 0.02: at the limb the air hides what is smaller
     float c_view = max(depth, 0.02);
-    g.level = log2(t * ray.pixel_rad * inversesqrt(c_view) * EARTH_KM);
+    g.sharp = sqrt(c_view) / (t * ray.pixel_rad * EARTH_KM);
     // longitude from the camera's meridian, so that the angle's jump is never in view
     vec2 meridian = u_earth_meridian.xy;
     float east = atan(meridian.x * n.y - meridian.y * n.x, dot(meridian, n.xy));
     g.uv = vec2((east + u_earth_meridian.z) * (0.5 / PI) + 0.5, 0.5 - asin(clamp(n.z, -1.0, 1.0)) / PI);
-    g.plane = detail_plane(p) * (EARTH_KM / BROAD_KM);
-    g.toward = detail_vector(p, sun - g.mu * p);
+    g.plane = detail_plane(p) * (EARTH_KM / DETAIL_KM);
+    // shadows longer than eight heights are the terminator's own dusk
+    g.toward = detail_vector(p, sun - g.mu * p) * (2.0 * SLOPE_PER_KM / clamp(g.mu, 0.12, 1.0));
     g.glint = 0.0;
 #if GLINT
-    if (g.mu > 0.0) g.glint = sun_glint(n, -ray.direction, sun, c_view, g.mu) / max(g.mu, 0.05);
+    if (g.mu > 0.0) g.glint = PI * sun_glint(n, -ray.direction, sun, c_view, g.mu) / max(g.mu, 0.05);
 #endif
+    color through = color(1.0);
 #if AIR
     vec2 table = table_uv(ray, true);
     float c = dot(ray.direction, sun);
@@ -77,19 +77,21 @@ GroundPoint ground_point(EarthRay ray) {
 #if BANDS == 1
     vec4 air = textureLod(t_air, table, 0.0);
     g.light = air.w;
-    g.through = air.z;
+    through = air.z;
     g.haze = air.x * pr + air.y * pm;
 #else
     g.haze = textureLod(t_air_rayleigh, table, 0.0).xyz * pr + textureLod(t_air_mie, table, 0.0).xyz * pm;
-    g.through = textureLod(t_air_transmittance, table, 0.0).xyz;
+    through = textureLod(t_air_transmittance, table, 0.0).xyz;
     float x = clamp((g.mu - GROUND_MU_MIN) / (1.0 - GROUND_MU_MIN), 0.0, 1.0);
     float column = (x * float(GROUND_SAMPLES - 1) + 0.5) / float(GROUND_SAMPLES);
     g.light = textureLod(t_ground, vec2(column, 0.5), 0.0).xyz;
 #endif
 #else
     g.light = color(max(g.mu, 0.0));
-    g.through = color(1.0);
     g.haze = color(0.0);
 #endif
+    g.light *= through * BAND(u_earth_irradiance) * (1.0 / PI);
+    g.haze *= BAND(u_earth_irradiance);
+    g.lamps = through * (CITY * (1.0 - smoothstep(-0.10, 0.02, g.mu)));
     return g;
 }

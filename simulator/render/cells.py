@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.earthview import EQUATOR_M
+
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
@@ -22,6 +24,24 @@ _SMOOTH_DISC = (
 )
 _LARGEST_GROUND = 0.015  # of a cell on the ground [radii]: light and air are even enough over 100 km
 _POLE_SINE = 0.995  # the maps' longitude bends too fast nearer to the poles
+_LEVEL_STEP = 0.5  # of the levels of detail: a smooth cell has one for all its pixels
+_NIGHT_MU = 0.03  # cosine of the Sun's zenith angle: city lights are out where it is higher
+
+
+@dataclass(frozen=True, order=True)
+class CellKind:
+    """What the cells of one draw call have in common.
+
+    Parameters
+    ----------
+    smooth : all ground, away from limb and poles. covered : the target may be in front.
+    night : some of it is dark enough for city lights. level : log2 of a pixel's footprint [km], smooth cells only.
+    """
+
+    smooth: bool
+    covered: bool
+    night: bool
+    level: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +51,11 @@ class Cells:
     Parameters
     ----------
     corners_px : (K, 2) float32 pixel positions; pixel edges lie at .5.
-    triangles : by (smooth, covered): indices of triangles, uint32.
+    triangles : indices of triangles, uint32.
     """
 
     corners_px: Float32Array
-    triangles: dict[tuple[bool, bool], np.typing.NDArray[np.uint32]]
+    triangles: dict[CellKind, np.typing.NDArray[np.uint32]]
 
 
 def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> Cells:
@@ -72,10 +92,20 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
         covered = ((x[:-1] < target.x1) & (x[1:] > target.x0 - 1))[None, :] & (
             (y[:-1] < target.y1) & (y[1:] > target.y0 - 1)
         )[:, None]
+    sun = earth.camera @ earth.sun + distance * (d @ earth.sun)
+    night = ~(_all_corners(sun > _NIGHT_MU) & smooth)
+    # footprint: the mean of its two axes, as in shaders/earth/point.glsl
+    footprint_km = (
+        distance * EQUATOR_M * 1e-3 / (min(camera.fx_px, camera.fy_px) * np.sqrt(np.fmax(depth, 0.02)))
+    )
+    level = np.round(np.log2(np.fmax(footprint_km[:-1, :-1], 1e-6)) / _LEVEL_STEP)
+    # one number per kind of cell
+    kind = (np.where(smooth, level, 0).astype(int) * 8 + smooth * 4 + covered * 2 + night)[touched]
     triangles = {
-        (is_smooth, is_covered): _triangles(touched & (smooth == is_smooth) & (covered == is_covered), len(x))
-        for is_smooth in (True, False)
-        for is_covered in (True, False)
+        CellKind(bool(k & 4), bool(k & 2), bool(k & 1), (k >> 3) * _LEVEL_STEP): _triangles(
+            touched.nonzero(), kind == k, len(x)
+        )
+        for k in map(int, np.unique(kind))
     }
     return Cells(np.stack([px, py], axis=-1).reshape(-1, 2).astype(np.float32), triangles)
 
@@ -88,8 +118,9 @@ def _all_corners(values: np.typing.NDArray[np.bool_]) -> np.typing.NDArray[np.bo
     return values[:-1, :-1] & values[:-1, 1:] & values[1:, :-1] & values[1:, 1:]
 
 
-def _triangles(chosen: np.typing.NDArray[np.bool_], stride: int) -> np.typing.NDArray[np.uint32]:
-    row, column = np.nonzero(chosen)
-    first = row * stride + column
+def _triangles(
+    cells: tuple[np.typing.NDArray[np.intp], ...], chosen: np.typing.NDArray[np.bool_], stride: int
+) -> np.typing.NDArray[np.uint32]:
+    first = cells[0][chosen] * stride + cells[1][chosen]
     pattern = np.array([0, 1, stride + 1, 0, stride + 1, stride])
     return (first[:, None] + pattern).astype(np.uint32).ravel()

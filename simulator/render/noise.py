@@ -2,41 +2,77 @@
 
 from __future__ import annotations
 
+import hashlib
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from simulator.render.cache import cached_array
+
 if TYPE_CHECKING:
     from simulator.arrays import ByteArray, FloatArray
 
-SIZE = 512
-GRADIENT_SCALE = 3.0  # the gradient channels hold +-1 / this per texel
+SIZE = 2048
+PERIOD_KM = 472.0  # of the tile: texels of 0.23 km, a pixel of a SPEED camera from 700 km
+SLOPE_PER_KM = 1.1  # the slope channels hold plus and minus this
+GRAIN = 0.7  # the land channel holds plus and minus half of this share of the reflectance
+_BROAD, _FINE = 512, 1024  # texels of the two fields: one over the whole tile, one repeated twice each way
+_BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
 _SEED = 20040800
 
 
 def detail_texture() -> ByteArray:
-    """(SIZE, SIZE, 4): cloud detail (even histogram), its gradient along u and v, land detail (mean 0.5)."""
+    """(SIZE, SIZE, 4) of the clouds' puffs, their slope along u and v, and the land's patches; from the cache."""
+    version = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
+    return cached_array(f"detail-{version}", make_detail)
+
+
+def make_detail() -> ByteArray:
+    """Two scales in one tile, so that one fetch serves both.
+
+    Channels: puffs of cloud, 0..1 with an even histogram; 0.5 + slope / (2 SLOPE_PER_KM) along u and v; 0.5 + the
+    land's relative brightness / GRAIN.
+    """
     rng = np.random.default_rng(_SEED)
-    # turrets: puffs of three sizes, brightest at their middles, on a turbulent field
-    puffs = np.zeros((SIZE, SIZE))
-    for count, weight in ((22, 1.0), (53, 0.7), (120, 0.45)):
-        puffs += weight * (1 - _cellular(rng, count))
-    soft = _fractal(rng, 1.25)
-    cloud = _equalise(soft / soft.std() + 0.75 * (puffs - puffs.mean()) / puffs.std())
-    cloud = _soften(cloud)
-    du = (np.roll(cloud, -1, axis=1) - np.roll(cloud, 1, axis=1)) / 2
-    dv = (np.roll(cloud, -1, axis=0) - np.roll(cloud, 1, axis=0)) / 2
-    # valleys: creases of several sizes, as rivers cut them, and patches
-    creases = np.zeros((SIZE, SIZE))
-    for k in range(4):
-        field = _fractal(rng, 1.9, low=4.0 * 2**k)
-        creases += 0.65**k * np.sqrt(np.abs(field / field.std()))
-    patches = _fractal(rng, 1.1)
-    land = _equalise(creases / creases.std() + 0.6 * patches / patches.std())
-    land = _soften(land)
-    channels = np.dstack([cloud, 0.5 + du * GRADIENT_SCALE / 2, 0.5 + dv * GRADIENT_SCALE / 2, land])
+    broad_cloud, broad_land = _field(rng, _BROAD)
+    fine_cloud, fine_land = _field(rng, _FINE)
+    cloud = _even(_BROAD_WEIGHT * _enlarge(broad_cloud) + _FINE_WEIGHT * np.tile(fine_cloud, (2, 2)))
+    texel_km = PERIOD_KM / SIZE
+    du = (np.roll(cloud, -1, axis=1) - np.roll(cloud, 1, axis=1)) / (2 * texel_km)
+    dv = (np.roll(cloud, -1, axis=0) - np.roll(cloud, 1, axis=0)) / (2 * texel_km)
+    land = 0.26 * (_enlarge(broad_land) - 0.5) + 0.42 * (np.tile(fine_land, (2, 2)) - 0.5)
+    slope = 1 / (2 * SLOPE_PER_KM)
+    channels = np.dstack([cloud, 0.5 + du * slope, 0.5 + dv * slope, 0.5 + land / GRAIN])
     return np.ascontiguousarray(np.clip(channels * 255 + 0.5, 0, 255).astype(np.uint8))
+
+
+def _field(rng: np.random.Generator, size: int) -> tuple[FloatArray, FloatArray]:
+    """Cloud and land detail, periodic, each with an even histogram 0..1."""
+    scale = size // 512
+    # turrets: puffs of three sizes, brightest at their middles, on a turbulent field
+    puffs = np.zeros((size, size))
+    for count, weight in ((22, 1.0), (53, 0.7), (120, 0.45)):
+        puffs += weight * (1 - _cellular(rng, size, count * scale))
+    soft = _fractal(rng, size, 1.25, 3.0 * scale)
+    cloud = _soften(_equalise(soft / soft.std() + 0.75 * (puffs - puffs.mean()) / puffs.std()))
+    # valleys: creases of several sizes, as rivers cut them, and patches
+    creases = np.zeros((size, size))
+    for k in range(4):
+        field = _fractal(rng, size, 1.9, 4.0 * scale * 2**k)
+        creases += 0.65**k * np.sqrt(np.abs(field / field.std()))
+    patches = _fractal(rng, size, 1.1, 3.0 * scale)
+    land = _soften(_equalise(creases / creases.std() + 0.6 * patches / patches.std()))
+    return cloud, land
+
+
+def _enlarge(image: FloatArray) -> FloatArray:
+    """To the tile's size, its edges still matching."""
+    factor, pad = SIZE // len(image), 8
+    wrapped = np.pad(image, pad, mode="wrap")
+    large = cv2.resize(wrapped, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
+    return np.asarray(large[pad * factor : -pad * factor, pad * factor : -pad * factor], float)
 
 
 def _soften(image: FloatArray) -> FloatArray:
@@ -45,28 +81,25 @@ def _soften(image: FloatArray) -> FloatArray:
     return np.asarray(cv2.GaussianBlur(wrapped, (0, 0), 0.6), float)[8:-8, 8:-8]
 
 
-def _fractal(rng: np.random.Generator, power: float, low: float = 3.0) -> FloatArray:
+def _fractal(rng: np.random.Generator, size: int, power: float, low: float) -> FloatArray:
     """Gaussian noise of amplitude spectrum ``frequency^-power`` from ``low`` cycles per tile up, periodic."""
-    f = np.hypot(np.fft.fftfreq(SIZE)[:, None], np.fft.fftfreq(SIZE)[None, :])
+    f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
     f[0, 0] = 1
     # the lowest frequencies are the map's business, and would show the tile
-    spectrum = np.fft.fft2(rng.standard_normal((SIZE, SIZE))) * f**-power * (f >= low / SIZE)
-    return np.asarray(np.fft.ifft2(spectrum).real)
+    spectrum = np.fft.rfft2(rng.standard_normal((size, size))) * f**-power * (f >= low / size)
+    return np.asarray(np.fft.irfft2(spectrum, (size, size)))
 
 
-def _cellular(rng: np.random.Generator, count: int) -> FloatArray:
+def _cellular(rng: np.random.Generator, size: int, count: int) -> FloatArray:
     """Distance to the nearest of ``count^2`` jittered points over their spacing, periodic (Worley 1996)."""
-    spacing = SIZE / count
-    jitter = rng.random((count, count, 2))
-    y, x = np.mgrid[0:SIZE, 0:SIZE] + 0.5
-    cy, cx = (y / spacing).astype(int), (x / spacing).astype(int)
-    best = np.full((SIZE, SIZE), np.inf)
-    for dy in (-1, 0, 1):
-        for dx in (-1, 0, 1):
-            point = jitter[(cy + dy) % count, (cx + dx) % count]
-            px, py = (cx + dx + point[..., 0]) * spacing, (cy + dy + point[..., 1]) * spacing
-            best = np.minimum(best, np.hypot(px - x, py - y) / spacing)
-    return best
+    spacing, pad = size / count, 32
+    cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)
+    x, y = np.moveaxis(((cell + rng.random((count, count, 2))) * spacing).astype(int), -1, 0)
+    away = np.ones((size, size), np.uint8)
+    away[y, x] = 0
+    wrapped = np.pad(away, pad, mode="wrap")
+    distance = cv2.distanceTransform(wrapped, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(distance[pad:-pad, pad:-pad], float) / spacing
 
 
 def _equalise(image: FloatArray) -> FloatArray:
@@ -74,3 +107,9 @@ def _equalise(image: FloatArray) -> FloatArray:
     order = np.empty(image.size)
     order[np.argsort(image, axis=None)] = np.arange(image.size)
     return ((order + 0.5) / image.size).reshape(image.shape)
+
+
+def _even(image: FloatArray) -> FloatArray:
+    """The same by the histogram: the sum of two even fields is not even."""
+    counts, edges = np.histogram(image, bins=2048)
+    return np.interp(image, edges, np.append(0, np.cumsum(counts)) / image.size)

@@ -143,12 +143,14 @@ class Renderer:
                 earth_pass.air.run(earth)
             clock.lap("earth.air")
             if earth.rect is not None:
-                earth_pass.run(images, earth_cells(earth, scene.camera, hidden), environment)
+                earth_pass.run(images, earth_cells(earth, scene.camera, hidden), environment, scene.quality)
             clock.lap("earth.surface")
-        if environment.stars:
+        # rays that all meet the ground see nothing behind it
+        open_sky = earth is None or earth.rect is None or earth.sky_rows is not None
+        if environment.stars and open_sky:
             self._stars.run(scene, view, images, earth, air)
             clock.lap("stars")
-        if environment.sun:
+        if environment.sun and open_sky:
             # without Earth in the image there is no air table either
             in_air = tables if earth is not None and earth.rect is not None else None
             self._sun.run(images, view, scene.camera, earth=earth is not None, air=in_air)

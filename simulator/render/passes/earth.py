@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from simulator.render.maps import packed_maps
-from simulator.render.noise import GRADIENT_SCALE, SIZE, detail_texture
+from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM, detail_texture
 from simulator.render.passes.air import TABLE_DEFINES, AirPass
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import ByteArray
-    from simulator.render.cells import Cells
+    from simulator.render.cells import CellKind, Cells
     from simulator.render.images import Images
     from simulator.render.programs import Program, ProgramLibrary
-    from simulator.scene.state import Bands, Environment
+    from simulator.scene.state import Bands, Environment, Quality
 
+DETAIL_TEXEL_KM = PERIOD_KM / SIZE
+LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
 _SAMPLERS = {
     1: ("t_coverage", "t_map", "t_detail", "t_air"),
     3: (
@@ -42,9 +45,8 @@ class EarthPass:
         self.tables = air_tables(bands)
         self.air = AirPass(context, programs, self.bands, self.tables)
         self._maps = [self._mapped(image) for image in packed_maps(self.bands)]
-        self._detail = context.texture((SIZE, SIZE), 4, detail_texture().tobytes())
+        self._detail = context.texture((SIZE, SIZE), 4, detail_texture())
         self._detail.build_mipmaps()
-        self._detail.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
         self._corners = context.buffer(reserve=64, dynamic=True)
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
 
@@ -56,36 +58,44 @@ class EarthPass:
         texture.repeat_x, texture.repeat_y = True, False
         return texture
 
-    def _program(self, environment: Environment, *, smooth: bool, covered: bool) -> Program:
+    def _program(self, environment: Environment, kind: CellKind) -> Program:
         defines: dict[str, object] = {
             "BANDS": self.bands,
             "AIR": int(environment.atmosphere),
             "CLOUDS": int(environment.clouds),
             "GLINT": int(environment.ocean_glint),
-            "NIGHT": int(environment.night_lights),
-            "SMOOTH": int(smooth),
-            "COVERED": int(covered),
-            "GRADIENT_SCALE": GRADIENT_SCALE,
+            "NIGHT": int(environment.night_lights and kind.night),
+            "SMOOTH": int(kind.smooth),
+            "COVERED": int(kind.covered),
+            "DETAIL_KM": PERIOD_KM,
+            "DETAIL_TEXEL_KM": DETAIL_TEXEL_KM,
+            "SLOPE_PER_KM": SLOPE_PER_KM,
+            "GRAIN": GRAIN,
             "GROUND_MU_MIN": GROUND_MU_MIN,
             "GROUND_SAMPLES": GROUND_SAMPLES,
             **TABLE_DEFINES,
         }
         return self._programs.get("earth/earth.vert", "earth/earth.frag", defines, _SAMPLERS[self.bands])
 
-    def run(self, images: Images, cells: Cells, environment: Environment) -> None:
+    def run(self, images: Images, cells: Cells, environment: Environment, quality: Quality) -> None:
         """Add the Earth's light to ``images``."""
+        # half of a trilinear fetch's cost is its second level, and a cell has one level anyway
+        smallest = (
+            self._context.LINEAR_MIPMAP_LINEAR if quality == "high" else self._context.LINEAR_MIPMAP_NEAREST
+        )
+        self._detail.filter = (smallest, self._context.LINEAR)
         self._corners.orphan(cells.corners_px.nbytes)
         self._corners.write(cells.corners_px.tobytes())
         images.sky_framebuffer.use()
         images.sky_framebuffer.viewport = (0, 0, *images.size)
-        self._context.enable_only(self._context.BLEND)
         self._context.blend_func = self._context.ONE, self._context.ONE
-        for (smooth, covered), triangles in cells.triangles.items():
-            if not len(triangles):
-                continue
-            program = self._program(environment, smooth=smooth, covered=covered)
+        for kind, triangles in cells.triangles.items():
+            program = self._program(environment, kind)
+            # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
+            self._context.enable_only(self._context.BLEND if kind.covered else self._context.NOTHING)
             program.bind_textures(**self._textures(images))
             program.set("u_size", images.size)
+            program.set("u_level", (kind.level - LOG2_TEXEL_KM, kind.level - math.log2(DETAIL_TEXEL_KM)))
             if program not in self._arrays:
                 indices = self._context.buffer(reserve=triangles.nbytes, dynamic=True)
                 array = self._context.vertex_array(
