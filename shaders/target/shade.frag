@@ -6,6 +6,10 @@
 
 uniform usampler2D t_surface;
 uniform sampler2D t_depth;
+#ifdef TEXTURED
+uniform sampler2D t_texel;     // reflectance per band and metalness of each sample
+uniform sampler2D t_detail;    // their normals and roughness
+#endif
 
 layout(location = 0) out vec4 out_radiance;
 layout(location = 1) out float out_coverage;
@@ -27,12 +31,11 @@ float wide_source(float c, float s) {
 }
 
 // Radiance that leaves one surface towards the camera [W m-2 sr-1].
-color shade(uint material, vec3 n, vec3 p_m) {
-    vec4 surface = u_material_surface[material];
-    vec4 base = u_material_color[material];
+// base: reflectance per band, metallic; surface: roughness, clear coat, its roughness, crinkle; p_m: camera frame [m].
+// geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
+color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
     vec3 v = -normalize(p_m);
-    float lit = sun_visibility(p_m, n);
-    vec3 geometric = n;
+    float lit = sun_visibility(p_m, geometric);
     if (surface.w > 0.0) n = crinkled(n, p_m, surface.w);
     float n_v = max(dot(n, v), 1e-3); // 1e-3: a normal averaged at the silhouette may look away
     vec3 l = u_sun_direction.xyz;
@@ -83,6 +86,13 @@ void main() {
 #define COUNT(k, i, j) covered += int(g##k != 0u); differs |= g##k ^ g0;
     FOR_EACH_SAMPLE(COUNT)
     if (covered == 0) discard;
+#ifdef TEXTURED
+    differs = 1u; // texels differ where the surface does not
+#define ADD_TEXEL(i, j) texel += texelFetch(t_texel, origin + ivec2(i, j), 0); \
+            detail += texelFetch(t_detail, origin + ivec2(i, j), 0);
+#else
+#define ADD_TEXEL(i, j)
+#endif
     color sum = color(0.0);
     int left = covered;
     for (int group = 0; group < MAX_SURFACES && left > 0; ++group) {
@@ -94,12 +104,16 @@ void main() {
         uint material = material_of(leader);
         ivec2 code = normal_code(leader);
         vec2 mean_code = vec2(code);
+#ifdef TEXTURED
+        vec4 texel = vec4(0.0);
+        vec4 detail = vec4(0.0);
+#endif
         int members = left;
         if (differs != 0u) {
             ivec2 total = ivec2(0);
             members = 0;
 #define GATHER(k, i, j) { ivec2 c = normal_code(g##k); ivec2 d = abs(c - code); \
-            if (material_of(g##k) == material && max(d.x, d.y) < SAME_NORMAL) { ++members; total += c; g##k = 0u; } }
+            if (material_of(g##k) == material && max(d.x, d.y) < SAME_NORMAL) { ++members; total += c; g##k = 0u; ADD_TEXEL(i, j) } }
             FOR_EACH_SAMPLE(GATHER)
             mean_code = vec2(total) / float(members);
         }
@@ -108,7 +122,14 @@ void main() {
         vec3 p_m = vec3((vec2(pixel) + sample_offset(at) - u_intrinsics.zw) / u_intrinsics.xy, 1.0) * z;
         // the last group takes what is left over, so that no light is lost
         int weight = group == MAX_SURFACES - 1 ? members + left : members;
-        sum += shade(material, decode_normal(mean_code), p_m) * float(weight);
+        vec4 base = u_material_color[material], surface = u_material_surface[material];
+        vec3 geometric = decode_normal(mean_code), n = geometric;
+#ifdef TEXTURED
+        base = texel / float(members);
+        surface.x = detail.w / float(members);
+        n = normalize(detail.xyz);
+#endif
+        sum += shade(base, surface, geometric, n, p_m) * float(weight);
     }
     out_radiance = OUT(sum / float(SAMPLES));
     out_coverage = float(covered) / float(SAMPLES);

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import moderngl
@@ -13,12 +13,26 @@ from simulator.errors import UserError
 from simulator.render.blocks import MAX_MATERIALS
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.arrays import Float32Array, FloatArray
     from simulator.targets.model import Material, Part, Target
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
 VERTEX_FORMAT = "3f 3f 1f"
 ATTRIBUTES = ("in_position_m", "in_normal", "in_material")
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A stretch of the index buffer with one set of textures.
+
+    Parameters
+    ----------
+    first, count : indices. material : what its textures and factors are taken from; None where there are none.
+    """
+
+    first: int
+    count: int
+    material: Material | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +44,7 @@ class Mesh:
     hull_m : (K, 3) points whose convex hull holds the mesh, target frame [m].
     center_m, radius_m : bounding sphere, target frame.
     is_closed : every part is a set of closed shells facing outwards.
+    uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
     """
 
     vertices: moderngl.Buffer
@@ -39,17 +54,24 @@ class Mesh:
     center_m: FloatArray
     radius_m: float
     is_closed: bool
+    uv: moderngl.Buffer | None = None
+    draws: tuple[Draw, ...] = ()
 
     def vertex_array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
         """The mesh as ``program`` reads it."""
-        return context.vertex_array(
-            program, [(self.vertices, VERTEX_FORMAT, *ATTRIBUTES)], self.indices, skip_errors=True
-        )
+        content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = [
+            (self.vertices, VERTEX_FORMAT, *ATTRIBUTES)
+        ]
+        if self.uv is not None and "in_uv" in program:
+            content.append((self.uv, "2f", "in_uv"))
+        return context.vertex_array(program, content, self.indices, skip_errors=True)
 
     def release(self) -> None:
         """Free the buffers."""
         self.vertices.release()
         self.indices.release()
+        if self.uv is not None:
+            self.uv.release()
 
 
 def upload(context: moderngl.Context, target: Target) -> Mesh:
@@ -66,7 +88,12 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
             f"target {target.name} has {len(numbers)} materials and {MAX_MATERIALS} can be drawn; merge some"
         )
     vertices, indices, start = [], [], 0
-    for part in target.parts:
+    uv: list[Float32Array] = []
+    draws: list[Draw] = []
+    textured = {m.name: m for m in target.materials if any(m.textures)}
+    first = 0
+    # parts with one material follow each other, so that each set of textures is bound once
+    for part in sorted(target.parts, key=lambda p: p.material if p.material in textured else ""):
         if part.material not in numbers:
             raise UserError(
                 f"part {part.name} of target {target.name} names the material {part.material!r}, which the target "
@@ -78,6 +105,14 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
         vertices.append(block)
         indices.append(np.asarray(part.triangles, np.uint32).ravel() + np.uint32(start))
         start += len(block)
+        if textured:
+            uv.append(np.zeros((len(block), 2), np.float32) if part.uv is None else part.uv)
+            material = textured.get(part.material)
+            if draws and draws[-1].material == material:
+                draws[-1] = replace(draws[-1], count=draws[-1].count + len(indices[-1]))
+            else:
+                draws.append(Draw(first, len(indices[-1]), material))
+            first += len(indices[-1])
     if not sum(len(block) for block in indices):
         raise UserError(f"target {target.name} has no triangles; give it at least one part with faces")
     merged = np.concatenate(vertices)
@@ -91,6 +126,8 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
         center_m=center,
         radius_m=float(np.linalg.norm(hull - center, axis=1).max()),
         is_closed=all(_is_closed(part) for part in target.parts),
+        uv=context.buffer(np.concatenate(uv).astype(np.float32).tobytes()) if textured else None,
+        draws=tuple(draws),
     )
 
 

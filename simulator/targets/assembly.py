@@ -6,17 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simulator.arrays import FloatArray
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.model import Part
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A mesh with the name and the material it will have."""
+    """A mesh with the name and the material it will have, and the texture coordinates (N, 2) of its vertices."""
 
     name: str
     material: str
     mesh: Mesh
+    uv: FloatArray | None = None
 
 
 def part_of(piece: Piece) -> Part:
@@ -28,4 +30,5 @@ def part_of(piece: Piece) -> Part:
         positions_m=piece.mesh.positions_m.astype(np.float32),
         normals=normals.astype(np.float32),
         triangles=piece.mesh.triangles.astype(np.int64),
+        uv=None if piece.uv is None else piece.uv.astype(np.float32),
     )

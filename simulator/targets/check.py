@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
+from simulator.targets.glb_pictures import mime_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,6 +28,7 @@ def check_target(target: Target, where: str) -> None:
     """
     for part in target.parts:
         check_part(part, where)
+    check_textures(target, where)
     check_labels(target.keypoints, target.wireframe, target.occluders, where)
     check_mass(target.mass, where)
 
@@ -58,6 +60,34 @@ def check_part(part: Part, where: str) -> None:
             f"{place}: some triangles are wound against their normals (inside out); flip those faces or "
             "recompute the normals"
         )
+
+
+def check_textures(target: Target, where: str) -> None:
+    """Every texture that a material names is there as PNG or JPEG, and parts that use it have coordinates."""
+    held = {p.name: p.data for p in target.pictures}
+    for name, data in held.items():
+        if not mime_of(data):
+            raise UserError(f"{where}: texture {name!r} is neither PNG nor JPEG; convert it to PNG")
+    textured = set()
+    for m in target.materials:
+        for name in filter(None, m.textures):
+            textured.add(m.name)
+            if name not in held:
+                raise UserError(
+                    f"{where}: material {m.name!r} names the texture {name!r}, which is missing; embed it in the file"
+                )
+    for part in target.parts:
+        if part.uv is None:
+            if part.material in textured:
+                raise UserError(
+                    f"{where}, part {part.name!r}: its material has a texture and the part no texture "
+                    "coordinates; unwrap it, or take the texture off"
+                )
+        elif part.uv.shape != (len(part.positions_m), 2) or not np.isfinite(part.uv).all():
+            raise UserError(
+                f"{where}, part {part.name!r}: texture coordinates are not two finite numbers for each vertex; "
+                "unwrap it again"
+            )
 
 
 def check_labels(

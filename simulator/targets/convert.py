@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -23,7 +24,7 @@ from simulator.targets.records import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.targets.model import Material, Part, Target
+    from simulator.targets.model import Material, Part, Picture, Target
 
 
 def _keypoints(points: Sequence[Keypoint]) -> tuple[KeypointRecord, ...]:
@@ -47,15 +48,18 @@ def content_sha256(
     keypoints: Sequence[Keypoint],
     wireframe: Sequence[Edge],
     occluders: Occluders,
+    pictures: Sequence[Picture] = (),
 ) -> str:
     """SHA-256 of everything that a picture or a label of the target depends on.
 
     The digest covers one line of canonical JSON (sorted keys, no spaces) with materials, part names,
     keypoints, wireframe and occluders, then for each part its positions and normals as little-endian
-    float32 and its triangles as little-endian uint32, each block preceded by its length in bytes (uint64).
+    float32 and its triangles as little-endian uint32, and its texture coordinates as float32 where it has
+    some; then each picture's name and bytes. Each block is preceded by its length in bytes (uint64).
+    Textures that a material does not have are left out of the JSON.
     """
     head: dict[str, Any] = {
-        "materials": materials,
+        "materials": [_material_head(m) for m in materials],
         "parts": [(p.name, p.material) for p in parts],
         "keypoints": _keypoints(keypoints),
         "wireframe": _wireframe(wireframe),
@@ -69,10 +73,19 @@ def content_sha256(
             np.ascontiguousarray(p.normals, "<f4").tobytes(),
             np.ascontiguousarray(p.triangles, "<u4").tobytes(),
         ]
+        if p.uv is not None:
+            blocks.append(np.ascontiguousarray(p.uv, "<f4").tobytes())
+    for picture in pictures:
+        blocks += [picture.name.encode(), picture.data]
     for block in blocks:
         digest.update(len(block).to_bytes(8, "little"))
         digest.update(block)
     return digest.hexdigest()
+
+
+def _material_head(material: Material) -> dict[str, Any]:
+    """The material without empty texture names: targets without textures keep the hash they had before these."""
+    return {k: v for k, v in asdict(material).items() if not (k.endswith("_texture") and v == "")}
 
 
 def record_of(target: Target) -> TargetRecord:

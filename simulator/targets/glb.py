@@ -26,7 +26,8 @@ from simulator.targets.convert import (
     record_of,
     wireframe_of,
 )
-from simulator.targets.model import Material, Part, Target
+from simulator.targets.glb_pictures import add_textures, append_pictures, pictures_of, texture_name
+from simulator.targets.model import Material, Part, Picture, Target
 from simulator.targets.records import TargetRecord
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def write_glb(target: Target, path: Path) -> None:
         If the file cannot be written.
     """
     document, blob = gl.GLTF2(asset=gl.Asset(version="2.0", generator="flyaround")), bytearray()
-    document.materials = [_gltf_material(m) for m in target.materials]
+    document.materials = [_gltf_material(m, target.pictures) for m in target.materials]
     index = {m.name: k for k, m in enumerate(target.materials)}
     for part in target.parts:
         at = [
@@ -56,13 +57,17 @@ def write_glb(target: Target, path: Path) -> None:
             _append(document, blob, np.ascontiguousarray(part.normals, "<f4"), gl.ARRAY_BUFFER),
             _append(document, blob, np.ascontiguousarray(part.triangles, "<u4"), gl.ELEMENT_ARRAY_BUFFER),
         ]
+        uv = None
+        if part.uv is not None:
+            uv = _append(document, blob, np.ascontiguousarray(part.uv, "<f4"), gl.ARRAY_BUFFER)
         primitive = gl.Primitive(
-            attributes=gl.Attributes(POSITION=at[0], NORMAL=at[1]),
+            attributes=gl.Attributes(POSITION=at[0], NORMAL=at[1], TEXCOORD_0=uv),
             indices=at[2],
             material=index[part.material],
         )
         document.meshes.append(gl.Mesh(name=part.name, primitives=[primitive]))
         document.nodes.append(gl.Node(name=part.name, mesh=len(document.meshes) - 1))
+    append_pictures(document, blob, target.pictures)
     children = list(range(len(document.nodes)))
     document.nodes.append(gl.Node(name=target.name, children=children, rotation=Y_UP_FROM_Z_UP_XYZW))
     extras = {"flyaround": msgspec.to_builtins(record_of(target))}
@@ -75,7 +80,7 @@ def write_glb(target: Target, path: Path) -> None:
     write_atomic(path, b"".join(document.save_to_bytes()))
 
 
-def _gltf_material(m: Material) -> gl.Material:
+def _gltf_material(m: Material, pictures: tuple[Picture, ...]) -> gl.Material:
     pbr = gl.PbrMetallicRoughness(
         baseColorFactor=[*m.base_color, 1.0], metallicFactor=m.metallic, roughnessFactor=m.roughness
     )
@@ -85,7 +90,9 @@ def _gltf_material(m: Material) -> gl.Material:
             "clearcoatFactor": m.clearcoat,
             "clearcoatRoughnessFactor": m.clearcoat_roughness,
         }
-    return gl.Material(name=m.name, pbrMetallicRoughness=pbr, alphaMode=gl.OPAQUE, extensions=extensions)
+    written = gl.Material(name=m.name, pbrMetallicRoughness=pbr, alphaMode=gl.OPAQUE, extensions=extensions)
+    add_textures(written, m, pictures)
+    return written
 
 
 def _append(document: gl.GLTF2, blob: bytearray, data: NDArray[Any], use: int) -> int:
@@ -96,7 +103,7 @@ def _append(document: gl.GLTF2, blob: bytearray, data: NDArray[Any], use: int) -
     accessor = gl.Accessor(bufferView=len(document.bufferViews) - 1, count=data.size, type=gl.SCALAR)
     accessor.componentType = gl.UNSIGNED_INT if use == gl.ELEMENT_ARRAY_BUFFER else gl.FLOAT
     if use == gl.ARRAY_BUFFER:
-        accessor.type, accessor.count = gl.VEC3, len(data)
+        accessor.type, accessor.count = (gl.VEC3 if data.shape[1] == 3 else gl.VEC2), len(data)
         accessor.min, accessor.max = (f(data, axis=0).astype(float).tolist() for f in (np.min, np.max))
     document.accessors.append(accessor)
     blob += data.tobytes()
@@ -118,7 +125,8 @@ def load_glb(path: Path) -> Target:
     document, blob = read_chunks(data, path)
     record = _record(document, path)
     try:
-        materials = tuple(_material(m, record) for m in document.get("materials", []))
+        pictures = pictures_of(document, blob)
+        materials = tuple(_material(document, m, record, pictures) for m in document.get("materials", []))
         parts = tuple(_parts(document, blob, materials, path))
     except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
         raise UserError(
@@ -137,9 +145,10 @@ def load_glb(path: Path) -> Target:
         symmetry=record.symmetry_wxyz,
         notes=record.notes,
         occluders=occluders_of(record),
+        pictures=pictures,
     )
     check_target(target, str(path))
-    digest = content_sha256(materials, parts, target.keypoints, target.wireframe, target.occluders)
+    digest = content_sha256(materials, parts, target.keypoints, target.wireframe, target.occluders, pictures)
     if digest != record.sha256:
         raise UserError(
             f"{path} does not match its own hash (says {record.sha256[:12]}, is {digest[:12]}): it was "
@@ -197,7 +206,9 @@ def _record(document: dict[str, Any], path: Path) -> TargetRecord:
         raise UserError(f"{path}, `flyaround` extras: {error}; see docs/formats/target.md") from error
 
 
-def _material(m: dict[str, Any], record: TargetRecord) -> Material:
+def _material(
+    document: dict[str, Any], m: dict[str, Any], record: TargetRecord, pictures: tuple[Picture, ...]
+) -> Material:
     pbr = m.get("pbrMetallicRoughness", {})
     r, g, b = (float(c) for c in pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])
     coat = m.get("extensions", {}).get(CLEARCOAT, {})
@@ -210,6 +221,9 @@ def _material(m: dict[str, Any], record: TargetRecord) -> Material:
         clearcoat=float(coat.get("clearcoatFactor", 0.0)),
         clearcoat_roughness=float(coat.get("clearcoatRoughnessFactor", Material.clearcoat_roughness)),
         crinkle=record.crinkle.get(m["name"], 0.0),
+        base_color_texture=texture_name(document, pbr.get("baseColorTexture"), pictures),
+        metallic_roughness_texture=texture_name(document, pbr.get("metallicRoughnessTexture"), pictures),
+        normal_texture=texture_name(document, m.get("normalTexture"), pictures),
     )
 
 
@@ -223,6 +237,9 @@ def _parts(document: dict[str, Any], blob: bytes, materials: tuple[Material, ...
         attributes = primitive["attributes"]
         if "NORMAL" not in attributes:
             raise UserError(f"{path}, part {node['name']!r}: no normals; export the model with normals")
+        uv = None
+        if "TEXCOORD_0" in attributes:
+            uv = _array(document, blob, attributes["TEXCOORD_0"], 2).astype(np.float32)
         parts.append(
             Part(
                 name=node["name"],
@@ -230,6 +247,7 @@ def _parts(document: dict[str, Any], blob: bytes, materials: tuple[Material, ...
                 positions_m=_array(document, blob, attributes["POSITION"], 3).astype(np.float32),
                 normals=_array(document, blob, attributes["NORMAL"], 3).astype(np.float32),
                 triangles=_array(document, blob, primitive["indices"], 1).astype(np.int64).reshape(-1, 3),
+                uv=uv,
             )
         )
     if not parts:

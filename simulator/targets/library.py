@@ -67,9 +67,10 @@ ENTRIES = (
     TargetEntry(name="envisat", module="simulator.targets.craft.envisat", function="build_envisat"),
     TargetEntry(
         name="calibration-board",
-        module="simulator.targets.craft.calibration_board",
+        module="simulator.targets.craft.charuco",
         function="build_calibration_board",
     ),
+    TargetEntry(name="chessboard", module="simulator.targets.craft.chessboard", function="build_chessboard"),
 )
 
 

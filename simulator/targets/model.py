@@ -19,6 +19,10 @@ class Material:
     metallic, roughness : as in glTF 2.0.
     clearcoat, clearcoat_roughness : KHR_materials_clearcoat.
     crinkle : amplitude of the procedural normal detail of insulation blankets, 0..1.
+    base_color_texture : name of a `Picture` (sRGB) that multiplies ``base_color`` where the part has texture
+        coordinates; none when empty.
+    metallic_roughness_texture : a picture whose green and blue multiply ``roughness`` and ``metallic``.
+    normal_texture : a picture of normals in the tangent frame, green towards the picture's top.
     """
 
     name: str
@@ -28,6 +32,22 @@ class Material:
     clearcoat: float = 0.0
     clearcoat_roughness: float = 0.05
     crinkle: float = 0.0
+    base_color_texture: str = ""
+    metallic_roughness_texture: str = ""
+    normal_texture: str = ""
+
+    @property
+    def textures(self) -> tuple[str, str, str]:
+        """Names of the pictures of base colour, of metalness and roughness, and of normals; empty where none."""
+        return (self.base_color_texture, self.metallic_roughness_texture, self.normal_texture)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A texture as a PNG or JPEG file, by name; rows from the top, repeated outside 0..1."""
+
+    name: str
+    data: bytes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,6 +59,7 @@ class Part:
     positions_m : (N, 3) float32, target frame.
     normals : (N, 3) float32, outward unit normals.
     triangles : (M, 3) indices, counter-clockwise seen from outside.
+    uv : (N, 2) float32 texture coordinates as in glTF, (0, 0) the upper left corner of a picture; or None.
     """
 
     name: str
@@ -46,6 +67,7 @@ class Part:
     positions_m: Float32Array
     normals: Float32Array
     triangles: IntArray
+    uv: Float32Array | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +129,7 @@ class Target:
     frames : named frames on the craft (docking port, grasp point): origin [m] and axis.
     symmetry : rotations (quaternions, model axes) under which the craft looks nearly the same.
     notes : sources of the dimensions.
+    pictures : the textures that materials name.
     """
 
     name: str
@@ -121,3 +144,4 @@ class Target:
     symmetry: tuple[tuple[float, float, float, float], ...] = ()
     notes: str = ""
     occluders: Occluders = field(default_factory=Occluders)
+    pictures: tuple[Picture, ...] = ()

@@ -19,6 +19,7 @@ import trimesh
 
 from simulator.errors import UserError
 from simulator.targets.board_file import write_board_model
+from simulator.targets.craft.charuco import build_calibration_board
 from simulator.targets.glb import load_glb, write_glb
 from simulator.targets.library import list_targets, load_target
 from simulator.targets.model import MassProperties, Target
@@ -108,6 +109,66 @@ def test_pygltflib_sees_materials_and_extras(tango: Target, glb: Path) -> None:
     schema = target_json_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     jsonschema.Draft202012Validator(schema).validate(extras)
+
+
+def test_textures_go_out_and_come_back(tmp_path: Path) -> None:
+    board = build_calibration_board()
+    path = tmp_path / "board.glb"
+    write_glb(board, path)
+    again = load_glb(path)
+    assert (again.materials, again.pictures) == (board.materials, board.pictures)
+    for a, b in zip(again.parts, board.parts, strict=True):
+        assert (a.uv is None) == (b.uv is None)
+        assert a.uv is None or (b.uv is not None and a.uv.tobytes() == b.uv.tobytes())
+    document = pygltflib.GLTF2().load(str(path))
+    printed = next(m for m in document.materials if m.name == "board-markers")
+    texture = document.textures[printed.pbrMetallicRoughness.baseColorTexture.index]
+    assert document.images[texture.source].mimeType == "image/png"
+    material = trimesh.load_scene(path).geometry["squares_light"].visual.material
+    assert material.baseColorTexture.size == (2112, 1536)
+    # trimesh turns v over; the upper left square holds no marker, its right neighbour one
+    uv = trimesh.load_scene(path).geometry["squares_light"].visual.uv
+    assert uv.min() >= 0
+    assert uv.max() <= 1
+    paper, ink = (np.asarray(material.baseColorTexture.convert("L"))[24, x] for x in (24, 8 * 24 + 36))
+    assert (paper, ink) == (255, 54)
+
+
+def no_coordinates(document: dict[str, Any]) -> None:
+    mesh = next(m for m in document["meshes"] if m["name"] == "squares_light")
+    del mesh["primitives"][0]["attributes"]["TEXCOORD_0"]
+
+
+def other_picture(document: dict[str, Any]) -> None:
+    view = document["bufferViews"][document["images"][0]["bufferView"]]
+    view["byteOffset"] += 4
+    view["byteLength"] -= 4
+
+
+def shorter_picture(document: dict[str, Any]) -> None:
+    document["bufferViews"][document["images"][0]["bufferView"]]["byteLength"] -= 4
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (
+            no_coordinates,
+            "part 'squares_light': its material has a texture and the part no texture coordinates",
+        ),
+        (other_picture, "texture 'markers' is neither PNG nor JPEG; convert it"),
+        (shorter_picture, "does not match its own hash"),
+    ],
+)
+def test_damaged_textures_are_refused(
+    damage: Callable[[dict[str, Any]], None], message: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "board.glb"
+    write_glb(build_calibration_board(), path)
+    document, blob = split(path)
+    damage(document)
+    with pytest.raises(UserError, match=message):
+        load_glb(join(path, document, blob))
 
 
 def test_hash_depends_on_what_is_seen_and_not_on_notes(tango: Target, tmp_path: Path) -> None:

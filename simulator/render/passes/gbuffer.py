@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from simulator.render.context import release
 
@@ -17,9 +17,12 @@ _GRAIN_PX = 256  # buffers grow in steps of this, so that a drifting target does
 class GBufferPass:
     """The supersampled target: one 32-bit word (material, normal) and a depth per sample."""
 
+    DEFINES: ClassVar[dict[str, object]] = {}
+    SAMPLERS: ClassVar[tuple[str, ...]] = ()
+
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context = context
-        self.program = programs.get("target/gbuffer.vert", "target/gbuffer.frag", {})
+        self.program = programs.get("target/gbuffer.vert", "target/gbuffer.frag", self.DEFINES, self.SAMPLERS)
         self._allocate(_GRAIN_PX, _GRAIN_PX)
 
     def _allocate(self, width: int, height: int) -> None:
@@ -35,10 +38,13 @@ class GBufferPass:
         old = self.surface.size
         if size[0] <= old[0] and size[1] <= old[1]:
             return
-        release(self._context, self._framebuffer, self.surface, self.depth)
+        self._release()
         self._allocate(
             *(max(have, -(-want // _GRAIN_PX) * _GRAIN_PX) for have, want in zip(old, size, strict=True))
         )
+
+    def _release(self) -> None:
+        release(self._context, self._framebuffer, self.surface, self.depth)
 
     def run(self, vertex_array: moderngl.VertexArray, size: tuple[int, int], *, closed: bool) -> None:
         """Draw the samples of one lattice window.
@@ -47,8 +53,11 @@ class GBufferPass:
         ----------
         closed : the mesh is made of closed shells, whose back faces are never seen and need not be drawn.
         """
+        self._begin(size, closed=closed)
+        vertex_array.render()
+
+    def _begin(self, size: tuple[int, int], *, closed: bool) -> None:
         self._framebuffer.use()
         self._framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=(0, 0, *size))
         self._context.enable_only(self._context.DEPTH_TEST | (self._context.CULL_FACE if closed else 0))
         self._framebuffer.viewport = (0, 0, *size)
-        vertex_array.render()

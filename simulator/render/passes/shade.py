@@ -20,19 +20,21 @@ class ShadePass:
     """Reads g-buffer and shadow map, writes the frame's radiance (premultiplied) and the target's coverage."""
 
     SAMPLERS = ("t_surface", "t_depth", "t_shadow")
+    TEXTURED = ("t_texel", "t_detail")
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context = context
         self._programs = programs
         self._arrays: dict[Program, moderngl.VertexArray] = {}
 
-    def program(self, lattice: Lattice, bands: int) -> Program:
-        """The program of one lattice and one number of bands."""
+    def program(self, lattice: Lattice, bands: int, *, textured: bool = False) -> Program:
+        """The program of one lattice and one number of bands, for meshes with textures or without."""
+        defines: dict[str, object] = {"BANDS": bands, "MAX_SURFACES": MAX_SURFACES}
         return self._programs.get(
             FULL_SCREEN,
             "target/shade.frag",
-            {"BANDS": bands, "MAX_SURFACES": MAX_SURFACES, **_lattice_defines(lattice)},
-            self.SAMPLERS,
+            {**defines, **({"TEXTURED": ""} if textured else {}), **_lattice_defines(lattice)},
+            self.SAMPLERS + self.TEXTURED * textured,
         )
 
     def run(
@@ -43,12 +45,13 @@ class ShadePass:
         surface: moderngl.Texture,
         depth: moderngl.Texture,
         shadow: moderngl.Texture,
+        **texels: moderngl.Texture,
     ) -> None:
-        """Shade the pixels of ``rect``."""
+        """Shade the pixels of ``rect``; ``texels`` are the samplers of a textured mesh."""
         framebuffer.use()
         framebuffer.viewport = rect.viewport
         self._context.enable_only(self._context.NOTHING)
-        program.bind_textures(t_surface=surface, t_depth=depth, t_shadow=shadow)
+        program.bind_textures(t_surface=surface, t_depth=depth, t_shadow=shadow, **texels)
         if program not in self._arrays:
             self._arrays[program] = self._context.vertex_array(program.gl, [])
         self._arrays[program].render(vertices=3)

@@ -13,7 +13,9 @@ from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass
 from simulator.render.passes.shade import ShadePass
 from simulator.render.passes.shadow import ShadowPass
+from simulator.render.passes.textured import TexturedGBufferPass
 from simulator.render.projection import PixelRect, clip_from_camera
+from simulator.render.textures import Textures
 from simulator.scene.bands import reflectance
 
 if TYPE_CHECKING:
@@ -50,6 +52,7 @@ class Loaded:
     shadow: moderngl.VertexArray
     gbuffer: moderngl.VertexArray
     labels: moderngl.VertexArray
+    textures: Textures | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +72,7 @@ class TargetPasses:
         self._context, self._programs, self._blocks = context, programs, blocks
         self._shadows: dict[int, ShadowPass] = {}
         self._gbuffer = GBufferPass(context, programs)
+        self._textured: TexturedGBufferPass | None = None  # made with the first mesh that has textures
         self._shade = ShadePass(context, programs)
         self._labels = LabelPass(context, programs)
         self._loaded: dict[str, Loaded] = {}
@@ -77,11 +81,17 @@ class TargetPasses:
         if target.sha256 not in self._loaded:
             mesh, context = upload(self._context, target), self._context
             shadow = self._shadow_pass("default")
+            textures = None
+            if mesh.uv is not None:
+                self._textured = self._textured or TexturedGBufferPass(context, self._programs)
+                textures = Textures(context, target)
+            gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
             self._loaded[target.sha256] = Loaded(
                 mesh,
                 mesh.vertex_array(context, shadow.program.gl),
-                mesh.vertex_array(context, self._gbuffer.program.gl),
+                mesh.vertex_array(context, gbuffer.program.gl),
                 mesh.vertex_array(context, self._labels.program.gl),
+                textures,
             )
         return self._loaded[target.sha256]
 
@@ -130,16 +140,24 @@ class TargetPasses:
         if view.sun_visible_fraction > 0:
             shadow.run(loaded.shadow)
         clock.lap("target.shadow")
-        self._gbuffer.reserve(size)
-        self._gbuffer.run(loaded.gbuffer, size, closed=loaded.mesh.is_closed)
+        textured = None if loaded.textures is None else self._textured
+        texels: dict[str, moderngl.Texture] = {}
+        gbuffer = self._gbuffer if textured is None else textured
+        gbuffer.reserve(size)
+        if textured is None or loaded.textures is None:
+            gbuffer.run(loaded.gbuffer, size, closed=loaded.mesh.is_closed)
+        else:
+            textured.run_textured(loaded.gbuffer, size, loaded.mesh, loaded.textures, scene.bands)
+            texels = {"t_texel": textured.texel, "t_detail": textured.detail}
         clock.lap("target.geometry")
         self._shade.run(
             images.target_framebuffer,
             place.rect,
-            self._shade.program(lattice, images.bands),
-            self._gbuffer.surface,
-            self._gbuffer.depth,
+            self._shade.program(lattice, images.bands, textured=textured is not None),
+            gbuffer.surface,
+            gbuffer.depth,
             shadow.map,
+            **texels,
         )
         clock.lap("target.shading")
         return place.rect
@@ -171,6 +189,8 @@ class TargetPasses:
         """Free the uploaded targets."""
         for loaded in self._loaded.values():
             loaded.mesh.release()
+            if loaded.textures is not None:
+                loaded.textures.release()
         self._loaded.clear()
 
 

@@ -10,7 +10,7 @@ from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.check import check_target
 from simulator.targets.convert import content_sha256
 from simulator.targets.mass import Lump, mass_properties
-from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Target
+from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Picture, Target
 from simulator.targets.tango_labels import welded
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def assemble(
     frames: dict[str, tuple[Vec3, Vec3]],
     symmetry: tuple[Quat, ...] = (),
     notes: str = "",
+    pictures: tuple[Picture, ...] = (),
 ) -> Target:
     """A target of the pieces, with those of ``materials`` that they use.
 
@@ -42,7 +43,7 @@ def assemble(
     target = Target(
         name=name,
         title=title,
-        sha256=content_sha256(kept, parts, points, edges, occluders),
+        sha256=content_sha256(kept, parts, points, edges, occluders, pictures),
         materials=kept,
         parts=parts,
         keypoints=points,
@@ -52,6 +53,7 @@ def assemble(
         symmetry=symmetry,
         notes=notes,
         occluders=occluders,
+        pictures=pictures,
     )
     check_target(target, f"target {name}")
     return target
@@ -70,6 +72,7 @@ def assemble_lumped(
     frames: dict[str, tuple[Vec3, Vec3]],
     symmetry: tuple[Quat, ...] = (),
     notes: str,
+    pictures: tuple[Picture, ...] = (),
 ) -> Target:
     """``assemble`` from keypoints by name, coarse closed bodies and a mass list.
 
@@ -91,6 +94,7 @@ def assemble_lumped(
         frames=frames,
         symmetry=symmetry,
         notes=notes,
+        pictures=pictures,
     )
 
 
@@ -100,7 +104,7 @@ def gathered(pieces: Sequence[Piece]) -> list[Piece]:
     Raises
     ------
     ValueError
-        If one name has two materials.
+        If one name has two materials, or several textured pieces.
     """
     groups: dict[str, list[Piece]] = {}
     for p in pieces:
@@ -109,5 +113,10 @@ def gathered(pieces: Sequence[Piece]) -> list[Piece]:
     for name, group in groups.items():
         if len({p.material for p in group}) > 1:
             raise ValueError(f"part {name} has two materials")
+        if len(group) == 1:
+            joined.append(group[0])
+            continue
+        if any(p.uv is not None for p in group):
+            raise ValueError(f"part {name} has several textured pieces; merge them before")
         joined.append(Piece(name, group[0].material, merge([p.mesh for p in group])))
     return joined

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.arrays import Vec3
+from simulator.arrays import FloatArray, Vec3
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.prism import prism, rectangle
@@ -23,7 +23,7 @@ from simulator.targets.craft.finishes import BARE_ALUMINIUM
 from simulator.targets.craft.wire import face_edges
 from simulator.targets.detail import Detail
 from simulator.targets.mass import Lump
-from simulator.targets.model import Edge, Material, Target
+from simulator.targets.model import Edge, Material, Picture, Target
 from simulator.targets.tango_labels import box_edges
 
 COLUMNS, ROWS = 11, 8
@@ -42,13 +42,32 @@ NOTES = (
 )
 
 
-def build_calibration_board(detail: Detail = "full") -> Target:  # noqa: ARG001 (one geometry for all levels)
+def build_chessboard(detail: Detail = "full") -> Target:  # noqa: ARG001 (one geometry for all levels)
     """The board; every level is the same."""
+    light = Piece("squares_light", MATT_WHITE.name, merge(squares(dark=False)))
+    return board("chessboard", "Chessboard, 11 x 8 squares of 40 mm", light, notes=NOTES)
+
+
+def board(
+    name: str,
+    title: str,
+    light: Piece,
+    *,
+    notes: str,
+    materials: tuple[Material, ...] = (),
+    pictures: tuple[Picture, ...] = (),
+) -> Target:
+    """A board with the given light squares; its dark squares, plate, labels and mass are the same for all."""
     return assemble_lumped(
-        "calibration-board",
-        "Calibration board, 11 x 8 squares of 40 mm",
-        pieces=_pieces(),
-        materials=(MATT_WHITE, MATT_BLACK, BARE_ALUMINIUM),
+        name,
+        title,
+        pieces=[
+            Piece("plate", BARE_ALUMINIUM.name, _plate(-COAT_M)),
+            Piece("margin", MATT_WHITE.name, _margin()),
+            Piece("squares_dark", MATT_BLACK.name, merge(squares(dark=True))),
+            light,
+        ],
+        materials=(MATT_WHITE, MATT_BLACK, BARE_ALUMINIUM, *materials),
         keypoints=_corners(),
         wireframe=_wireframe(),
         occluders=[_plate(0.0)],
@@ -66,45 +85,48 @@ def build_calibration_board(detail: Detail = "full") -> Target:  # noqa: ARG001 
         },
         # a half turn swaps dark for light: the outlines agree, the pattern does not
         symmetry=((0.0, 0.0, 0.0, 1.0),),
-        notes=NOTES,
+        notes=notes,
+        pictures=pictures,
     )
 
 
-def lines_x_m() -> np.ndarray:
+def lines_x_m() -> FloatArray:
     """(12,) x of the lines between columns, from the left [m]."""
-    return (np.arange(COLUMNS + 1) - COLUMNS / 2) * SQUARE_M
+    return np.asarray((np.arange(COLUMNS + 1) - COLUMNS / 2) * SQUARE_M, float)
 
 
-def lines_y_m() -> np.ndarray:
+def lines_y_m() -> FloatArray:
     """(9,) y of the lines between rows, from the top [m]."""
-    return (ROWS / 2 - np.arange(ROWS + 1)) * SQUARE_M
+    return np.asarray((ROWS / 2 - np.arange(ROWS + 1)) * SQUARE_M, float)
+
+
+def squares(*, dark: bool) -> list[Mesh]:
+    """The squares of one colour as thin tiles, row by row; the one in the upper left corner is dark."""
+    xs, ys = lines_x_m(), lines_y_m()
+    tiles = []
+    for row in range(ROWS):
+        # squares of one colour meet at their corners: in every other row they are thinner, so that
+        # two of them never share an upright edge and each stays a closed body of its own
+        low = -COAT_M * (1.0 if row % 2 else 0.9)
+        tiles += [
+            box((xs[column], ys[row + 1], low), (xs[column + 1], ys[row], 0.0))
+            for column in range(COLUMNS)
+            if ((row + column) % 2 == 0) == dark
+        ]
+    return tiles
 
 
 def _plate(top_m: float) -> Mesh:
     return box((-PLATE_X_M / 2, -PLATE_Y_M / 2, -PLATE_M), (PLATE_X_M / 2, PLATE_Y_M / 2, top_m))
 
 
-def _pieces() -> list[Piece]:
+def _margin() -> Mesh:
     xs, ys = lines_x_m(), lines_y_m()
-    squares: dict[bool, list[Mesh]] = {True: [], False: []}
-    for row in range(ROWS):
-        # squares of one colour meet at their corners: in every other row they are thinner, so that
-        # two of them never share an upright edge and each stays a closed body of its own
-        low = -COAT_M * (1.0 if row % 2 else 0.9)
-        for column in range(COLUMNS):
-            tile = box((xs[column], ys[row + 1], low), (xs[column + 1], ys[row], 0.0))
-            squares[(row + column) % 2 == 0].append(tile)
     # the margin's hole has a vertex at every line: no gap can open along the outer squares
     hole = [(x, ys[0]) for x in xs] + [(xs[-1], y) for y in ys[1:-1]]
     hole += [(x, ys[-1]) for x in xs[::-1]] + [(xs[0], y) for y in ys[-2:0:-1]]
     outline = rectangle((-PLATE_X_M / 2, -PLATE_Y_M / 2), (PLATE_X_M / 2, PLATE_Y_M / 2))
-    margin = prism(outline, COAT_M, holes=[hole], origin_m=(0, 0, -COAT_M))
-    return [
-        Piece("plate", "bare-aluminium", _plate(-COAT_M)),
-        Piece("margin", "board-white", margin),
-        Piece("squares_dark", "board-black", merge(squares[True])),
-        Piece("squares_light", "board-white", merge(squares[False])),
-    ]
+    return prism(outline, COAT_M, holes=[hole], origin_m=(0, 0, -COAT_M))
 
 
 def _corners() -> dict[str, Vec3]:
