@@ -1,25 +1,104 @@
-"""Sensor parameters and the seeded chain from radiance to digital numbers (blur, noise, quantisation)."""
+"""Parameters of the sensor: a noise recipe on a 0..1 image, or a detector counted in electrons."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
-NoiseOrder = Literal["speckle_then_gaussian"]
+ColourFilter = Literal["none", "rggb", "bggr", "grbg", "gbrg"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detector:
+    """A real detector, in electrons. All noise terms are standard deviations unless said otherwise.
+
+    Parameters
+    ----------
+    quantum_efficiency : electrons per photon, mean over the band: one number, or red, green, blue.
+    full_well_e : charge that a pixel holds [e]. gain_e_per_dn : system gain [e DN-1]. black_level_dn : offset.
+    read_noise_e : of each read-out. row_noise_e, column_noise_e : common to a row or column of one frame.
+    dark_current_e_s : at ``dark_reference_c``, doubling every ``dark_doubling_c`` kelvin; ``temperature_c`` now.
+    dsnu_e : offset that differs from pixel to pixel and stays. dark_nonuniformity : the same of dark current, a share.
+    prnu : share by which sensitivity differs from pixel to pixel.
+    hot_pixel_share, hot_pixel_e_s : share of pixels with additional dark current, exponentially distributed with that
+        mean. dead_pixel_share : share of pixels that see nothing.
+    blooming : share of the charge above the full well that runs over into the two neighbours of the column, and on.
+    cosmic_rays_cm2_s : rate of ionising particles. Each leaves 80 electrons per micrometre of its track in a layer of
+        ``layer_m``.
+    colour_filter : ``none`` (each pixel sees every band there is) or a Bayer mosaic, its first two by two pixels row
+        by row. demosaic : give the interpolated RGB image instead of the mosaic itself.
+    binning : image pixels are this many physical ones wide and high. charge_binning : added before the read-out (one
+        read noise), else after it.
+    roi_x0_px, roi_y0_px : first physical pixel of the image, which the fixed pattern belongs to.
+    serial : which piece of the series: seed of the fixed pattern, the same in every frame and scenario.
+    shot_noise : off only in clean twins, where every other noise is off too.
+    """
+
+    quantum_efficiency: tuple[float, ...] = (0.6,)
+    full_well_e: float = 10_000.0
+    gain_e_per_dn: float = 40.0
+    black_level_dn: float = 0.0
+    read_noise_e: float = 5.0
+    row_noise_e: float = 0.0
+    column_noise_e: float = 0.0
+    dark_current_e_s: float = 0.0
+    dark_reference_c: float = 20.0
+    dark_doubling_c: float = 7.0
+    temperature_c: float = 20.0
+    dsnu_e: float = 0.0
+    dark_nonuniformity: float = 0.0
+    prnu: float = 0.0
+    hot_pixel_share: float = 0.0
+    hot_pixel_e_s: float = 0.0
+    dead_pixel_share: float = 0.0
+    blooming: float = 0.0
+    cosmic_rays_cm2_s: float = 0.0
+    layer_m: float = 5e-6
+    colour_filter: ColourFilter = "none"
+    demosaic: bool = True
+    binning: int = 1
+    charge_binning: bool = False
+    roi_x0_px: int = 0
+    roi_y0_px: int = 0
+    serial: int = 0
+    shot_noise: bool = True
+
+    @property
+    def dark_e_s(self) -> float:
+        """Dark current of a physical pixel at the detector's temperature [e s-1]."""
+        return float(
+            self.dark_current_e_s
+            * 2.0 ** ((self.temperature_c - self.dark_reference_c) / self.dark_doubling_c)
+        )
+
+    @property
+    def pixels_per_bin(self) -> int:
+        """Physical pixels in one of the image."""
+        return self.binning * self.binning
+
+    @property
+    def read_noise_per_pixel_e(self) -> float:
+        """Read noise of an image pixel [e]: charge added before the read-out is read once."""
+        return self.read_noise_e if self.charge_binning else self.read_noise_e * self.binning
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """Detector and its noise recipe, on a 0..1 signal (1 = full scale).
+    """Detector and its noise recipe.
+
+    Without ``detector`` the signal is 0..1 (1 = full scale) and the noise a recipe; with it, photons and electrons are
+    counted and ``full_scale_j_m2_sr``, ``speckle_variance`` and ``gaussian_variance`` have no part.
 
     Parameters
     ----------
-    preset : name of the recipe: ``speed``, ``thesis``, ``ideal``.
+    preset : name of the recipe or of the built-in detector.
     full_scale_j_m2_sr : radiance times exposure that fills the scale, per band [J m-2 sr-1].
     blur_sigma_px : standard deviation of the Gaussian PSF [px].
     speckle_variance : variance of the uniform multiplicative noise ``I + n I`` [1].
     gaussian_variance : variance of the additive noise [1].
     bits : depth of the written image.
+    pixel_pitch_x_m, pixel_pitch_y_m : distance of an image's neighbouring pixels on the detector [m].
+    detector : the detector in electrons, or None.
     """
 
     preset: str = "speed"
@@ -28,3 +107,42 @@ class Sensor:
     speckle_variance: float = 0.0
     gaussian_variance: float = 0.0022
     bits: int = 8
+    pixel_pitch_x_m: float = 5.86e-6
+    pixel_pitch_y_m: float = 5.86e-6
+    detector: Detector | None = None
+
+    @property
+    def saturation_e(self) -> float:
+        """Charge of an image pixel at which the image saturates [e], of the detector's well or its converter.
+
+        Raises
+        ------
+        ValueError
+            If the sensor has no detector.
+        """
+        d = self.detector
+        if d is None:
+            raise ValueError("a noise recipe on a 0..1 image has no electrons")
+        converter = (2**self.bits - 1 - d.black_level_dn) * d.gain_e_per_dn
+        return min(d.full_well_e * d.pixels_per_bin, converter)
+
+
+def noiseless(sensor: Sensor) -> Sensor:
+    """The same sensor without noise: same scale, blur, bits, colour filter and saturation; for clean twins."""
+    detector = sensor.detector
+    if detector is not None:
+        detector = replace(
+            detector,
+            read_noise_e=0.0,
+            row_noise_e=0.0,
+            column_noise_e=0.0,
+            dark_current_e_s=0.0,
+            dsnu_e=0.0,
+            dark_nonuniformity=0.0,
+            prnu=0.0,
+            hot_pixel_share=0.0,
+            dead_pixel_share=0.0,
+            cosmic_rays_cm2_s=0.0,
+            shot_noise=False,
+        )
+    return replace(sensor, speckle_variance=0.0, gaussian_variance=0.0, detector=detector)

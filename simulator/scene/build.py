@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.arrays import Vec3, quat, vec3
+from simulator.camera.optics import Optics
 from simulator.scene.state import Bands, Environment, Quality, SceneState, TargetRef
 from simulator.world.rotation import matrix_from_quat, quat_multiply
 
@@ -29,6 +30,7 @@ def build_scene(
     quality: Quality = "default",
     bands: Bands = "mono",
     environment: Environment | None = None,
+    optics: Optics | None = None,
 ) -> SceneState:
     """Freeze the world at mid-exposure as one camera sees it.
 
@@ -38,7 +40,7 @@ def build_scene(
     Parameters
     ----------
     world : state at mid-exposure.
-    camera, sensor, exposure_s : what takes the picture.
+    camera, sensor, exposure_s, optics : what takes the picture.
     target : model that is drawn.
     com_target_m : its centre of mass in the model frame [m].
     frame_index, seed : key of the frame's random numbers.
@@ -66,6 +68,7 @@ def build_scene(
         quality=quality,
         bands=bands,
         environment=environment or Environment(),
+        optics=optics or Optics(),
         target=target,
         # one sign for one attitude, so that labels compare as text
         q_camera_from_target_wxyz=quat(q if q[0] >= 0 else -q),

@@ -9,6 +9,7 @@ import numpy as np
 
 from simulator.arrays import Quat, Vec3, vec3
 from simulator.camera.model import Camera
+from simulator.camera.optics import Optics
 from simulator.camera.sensor import Sensor
 from simulator.world.bodies import BodyName
 from simulator.world.pose import Pose
@@ -16,6 +17,7 @@ from simulator.world.rotation import matrix_from_quat
 
 Bands = Literal["mono", "rgb"]
 Quality = Literal["draft", "default", "high"]
+_PERFECT_LENS = Optics()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +55,7 @@ class SceneState:
     t_s : seconds since the scenario's start.
     frame_index, seed : key of this frame's random numbers.
     exposure_s : integration time [s].
+    optics : what the lens does to the light besides bending it.
     quality : preset of the renderer.
     bands : ``mono`` (panchromatic) or ``rgb``.
     q_camera_from_target_wxyz, t_camera_from_target_m : pose of the model frame in the camera.
@@ -76,6 +79,7 @@ class SceneState:
     camera: Camera
     sensor: Sensor
     exposure_s: float
+    optics: Optics = _PERFECT_LENS
     quality: Quality = "default"
     bands: Bands = "mono"
     environment: Environment = Environment()

@@ -1,0 +1,201 @@
+"""Lens distortion in normalised image coordinates: forward, backward, and up to where it is one to one.
+
+Normalised coordinates are (x / z, y / z) of a point in the camera frame. Models and order of coefficients are OpenCV's:
+
+- ``brown_conrady``: k1 k2 p1 p2 [k3 [k4 k5 k6]], Brown (1966), Decentering distortion of lenses; the last three
+  make the radial part a ratio of polynomials.
+- ``kannala_brandt``: k1 k2 k3 k4 of the angle from the axis, Kannala & Brandt (2006), A generic camera model and
+  calibration method for conventional, wide-angle, and fish-eye lenses, IEEE TPAMI 28(8).
+
+A polynomial turns back somewhere. `LensDomain` holds the radius up to which it is used, just outside the image;
+beyond, the picture goes on in proportion, so that what is outside the field of view can never land inside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+
+DistortionModel = Literal["none", "brown_conrady", "kannala_brandt"]
+COEFFICIENT_COUNTS: dict[str, tuple[int, ...]] = {
+    "none": (0,),
+    "brown_conrady": (4, 5, 8),
+    "kannala_brandt": (4,),
+}
+MARGIN = 1.05
+"""The polynomial is used to this many times the radius of the image's farthest corner, where it does not turn back."""
+LARGEST_ANGLE_RAD = np.deg2rad(85.0)
+"""Camera z is the depth that labels hold; beyond this angle from the axis it says too little."""
+_TABLE = 4096
+_NEWTON_STEPS = 12
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Lens distortion; ``coefficients`` in OpenCV's order for the model."""
+
+    model: DistortionModel = "none"
+    coefficients: tuple[float, ...] = ()
+
+    @property
+    def is_none(self) -> bool:
+        """Whether the lens draws straight lines straight."""
+        return self.model == "none" or not any(self.coefficients)
+
+
+def distort(distortion: Distortion, xy: FloatArray) -> FloatArray:
+    """Distorted normalised coordinates (..., 2) of undistorted ones, by the bare polynomial."""
+    return _forward(distortion, np.asarray(xy, float))[0]
+
+
+def jacobian(distortion: Distortion, xy: FloatArray) -> FloatArray:
+    """(..., 2, 2) derivative of `distort`: [[dxd/dx, dxd/dy], [dyd/dx, dyd/dy]]."""
+    return _forward(distortion, np.asarray(xy, float))[1]
+
+
+def _forward(distortion: Distortion, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+    x, y = xy[..., 0], xy[..., 1]
+    s = x * x + y * y
+    if distortion.model == "none":
+        return xy.copy(), np.broadcast_to(np.eye(2), (*xy.shape, 2)).copy()
+    scale, slope = _radial(distortion, s)  # and its derivative by s
+    xx, xy_, yy = scale + 2 * x * x * slope, 2 * x * y * slope, scale + 2 * y * y * slope
+    out = xy * scale[..., None]
+    J = np.stack([np.stack([xx, xy_], -1), np.stack([xy_, yy], -1)], -2)
+    if distortion.model == "brown_conrady":
+        _, _, p1, p2 = distortion.coefficients[:4]
+        out[..., 0] += 2 * p1 * x * y + p2 * (s + 2 * x * x)
+        out[..., 1] += p1 * (s + 2 * y * y) + 2 * p2 * x * y
+        J[..., 0, 0] += 2 * p1 * y + 6 * p2 * x
+        J[..., 0, 1] += 2 * p1 * x + 2 * p2 * y
+        J[..., 1, 0] += 2 * p1 * x + 2 * p2 * y
+        J[..., 1, 1] += 6 * p1 * y + 2 * p2 * x
+    return out, J
+
+
+def _radial(distortion: Distortion, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Factor of the radial part and its derivative by s, the square of the undistorted radius."""
+    if distortion.model == "brown_conrady":
+        k = np.zeros(8)
+        k[: len(distortion.coefficients)] = distortion.coefficients
+        k1, k2, _, _, k3, k4, k5, k6 = (float(value) for value in k)
+        top, bottom = 1 + s * (k1 + s * (k2 + s * k3)), 1 + s * (k4 + s * (k5 + s * k6))
+        d_top, d_bottom = k1 + s * (2 * k2 + s * 3 * k3), k4 + s * (2 * k5 + s * 3 * k6)
+        return top / bottom, (d_top - top / bottom * d_bottom) / bottom
+    k1, k2, k3, k4 = distortion.coefficients
+    r = np.sqrt(np.maximum(s, 1e-24))
+    angle = np.arctan(r)
+    t = angle * angle
+    series = 1 + t * (k1 + t * (k2 + t * (k3 + t * k4)))
+    d_series = 1 + t * (3 * k1 + t * (5 * k2 + t * (7 * k3 + t * 9 * k4)))  # of angle * series, by angle
+    scale = angle * series / r
+    d_scale = (d_series / (1 + s) - scale) / (2 * np.maximum(s, 1e-24))
+    # near the axis the difference loses its digits: first term of its series
+    d_scale = np.where(s < 1e-8, k1 - 1 / 3, d_scale)
+    return scale, d_scale
+
+
+@dataclass(frozen=True, eq=False)
+class LensDomain:
+    """Where a lens is used: up to an undistorted radius just outside the image.
+
+    Parameters
+    ----------
+    limit : that radius [1], infinite for a pinhole.
+    radius, image_radius : table of undistorted and distorted radius, for first guesses.
+    """
+
+    distortion: Distortion
+    limit: float
+    radius: FloatArray
+    image_radius: FloatArray
+
+    def distort(self, xy: FloatArray) -> FloatArray:
+        """Distorted coordinates (..., 2); beyond ``limit`` in proportion to the radius."""
+        xy = np.asarray(xy, float)
+        if self.distortion.is_none:
+            return xy.copy()
+        r = np.hypot(xy[..., 0], xy[..., 1])
+        with np.errstate(invalid="ignore"):
+            beyond = np.maximum(r / self.limit, 1.0)[..., None]
+            return distort(self.distortion, xy / beyond) * beyond
+
+    def undistort(self, image_xy: FloatArray) -> FloatArray:
+        """Undistorted coordinates (..., 2) of distorted ones, to 1e-13; NaN where the lens is not used."""
+        image_xy = np.asarray(image_xy, float)
+        if self.distortion.is_none:
+            return image_xy.copy()
+        r = np.hypot(image_xy[..., 0], image_xy[..., 1])
+        guess = np.interp(r, self.image_radius, self.radius)
+        with np.errstate(all="ignore"):
+            xy = image_xy * np.where(r > 0, guess / np.where(r > 0, r, 1), 1.0)[..., None]
+            for _ in range(_NEWTON_STEPS):
+                value, J = _forward(self.distortion, xy)
+                residual = value - image_xy
+                if np.nanmax(np.abs(residual), initial=0.0) < 1e-13:
+                    break
+                a, b, c, d = J[..., 0, 0], J[..., 0, 1], J[..., 1, 0], J[..., 1, 1]
+                step = np.stack(
+                    [
+                        d * residual[..., 0] - b * residual[..., 1],
+                        a * residual[..., 1] - c * residual[..., 0],
+                    ],
+                    -1,
+                )
+                xy = xy - step / (a * d - b * c)[..., None]
+            wrong = np.abs(distort(self.distortion, xy) - image_xy).max(axis=-1) > 1e-9
+            wrong |= ~(np.hypot(xy[..., 0], xy[..., 1]) <= self.limit * 1.0001)
+        xy[wrong] = np.nan
+        return xy
+
+
+def lens_domain(distortion: Distortion, border_xy: FloatArray) -> LensDomain:
+    """The lens over an image whose border is at distorted coordinates ``border_xy`` (K, 2).
+
+    Raises
+    ------
+    ValueError
+        If the lens folds back inside the image or sees further off its axis than 85 degrees; one sentence.
+    """
+    if distortion.is_none:
+        return LensDomain(distortion, np.inf, np.zeros(1), np.zeros(1))
+    far = np.tan(LARGEST_ANGLE_RAD)
+    angles = np.linspace(0, LARGEST_ANGLE_RAD, _TABLE)
+    radius = np.tan(angles)
+    with np.errstate(all="ignore"):
+        scale, slope = _radial(distortion, radius**2)
+        image_radius, rise = radius * scale, scale + 2 * radius**2 * slope
+    # the radial part is one to one until it first stops rising; a pole of the rational model ends it too
+    bad = ~((rise > 0) & (scale > 0) & np.isfinite(image_radius))
+    end = int(np.argmax(bad)) if bad.any() else _TABLE
+    if end < 2:
+        raise ValueError("the distortion turns the image inside out at its centre")
+    corner = float(np.hypot(border_xy[:, 0], border_xy[:, 1]).max())
+    whole = LensDomain(distortion, float(radius[end - 1]), radius[:end], image_radius[:end])
+    rays = whole.undistort(border_xy)
+    if not np.isfinite(rays).all():
+        if corner < image_radius[end - 1]:
+            raise ValueError("the distortion folds back inside the image: its tangential terms are too large")
+        if end == _TABLE:
+            raise ValueError(
+                f"the image reaches further than {np.rad2deg(LARGEST_ANGLE_RAD):.0f} degrees off the axis; "
+                "allowed is less: make the image smaller or the focal length longer"
+            )
+        raise ValueError(
+            "the distortion folds back inside the image: it reaches "
+            f"{image_radius[end - 1]:.4g} focal lengths from the principal point at most, the image's corner is at "
+            f"{corner:.4g}; check the coefficients and their order"
+        )
+    reach = float(np.hypot(rays[:, 0], rays[:, 1]).max())
+    limit = min(MARGIN * reach, 0.5 * (reach + float(radius[end - 1])), far)
+    domain = LensDomain(distortion, limit, radius[:end], image_radius[:end])
+    # the tangential part bends too: over the whole disc the map must keep its orientation
+    r, turn = np.meshgrid(np.linspace(0, limit, 24), np.linspace(0, 2 * np.pi, 49))
+    if np.linalg.det(jacobian(distortion, np.stack([r * np.cos(turn), r * np.sin(turn)], -1))).min() <= 0:
+        raise ValueError("the distortion folds back inside the image: its tangential terms are too large")
+    return domain
