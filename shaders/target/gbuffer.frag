@@ -1,17 +1,26 @@
 // What a lattice sample sees: material and normal. Back faces of open shells are lit from their own side.
+//
+// The lattice's axes are a reflection of the image's, which is itself upside down to OpenGL: two flips, so
+// counter-clockwise stays the outside (see simulator/render/lattice.py, projection.py).
 #include "target/pack.glsl"
-in vec3 v_normal;
-flat in uint v_material;
+flat in int v_material_word;
 layout(location = 0) out uint out_surface;
 #ifdef TEXTURED
+in vec3 v_normal;
+flat in uint v_material;
 #include "target/texture.glsl"
-#endif
 void main() {
-    // the lattice's axes are a reflection of the image's, which is itself upside down to OpenGL: two flips, so
-    // counter-clockwise stays the outside (see simulator/render/lattice.py, projection.py)
     vec3 n = normalize(gl_FrontFacing ? v_normal : -v_normal);
-#ifdef TEXTURED
     write_texel(n);
-#endif
-    out_surface = pack_surface(v_material, n);
+    out_surface = pack_surface(v_material_word, normal_steps(n));
 }
+#else
+in vec2 v_steps;
+void main() {
+#ifdef CLOSED
+    out_surface = pack_surface(v_material_word, v_steps);
+#else
+    out_surface = pack_surface(v_material_word, gl_FrontFacing ? v_steps : opposite_steps(v_steps));
+#endif
+}
+#endif

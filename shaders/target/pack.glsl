@@ -1,26 +1,42 @@
-// A surface sample in 32 bits: material number (8), octahedral normal in the camera frame (12 + 12).
-// Octahedral map: Cigolle et al. (2014), Survey of efficient representations for independent unit vectors, JCGT 3(2).
-const float OCT_STEPS = 4095.0;
+// A surface sample in 32 bits: material number above, the normal's two stereographic coordinates below it.
+//
+// Stereographic coordinates of a unit normal, seen from the pole that looks away from the camera (z > 0): they are
+// smooth over everything that can be visible (0 facing the camera, length 1 at the silhouette), so a triangle
+// interpolates them and a sample only rounds them. Snyder (1987), Map projections, USGS paper 1395, chapter 21.
+const float CODE_RANGE = 1.25; // a normal may look away from the camera by 12 degrees: smooth shading at silhouettes
+const int CODE_MASK = (1 << NORMAL_BITS) - 1;
+const float CODE_CENTER = 0.5 * float(CODE_MASK);
+const float CODE_SCALE = CODE_CENTER / CODE_RANGE;
 
-// Visible normals have z < 0 (towards the camera), so that pole is put where the map has no fold.
-uint pack_surface(uint material, vec3 n) {
-    n.z = -n.z;
-    vec2 p = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
-    if (n.z < 0.0) p = (1.0 - abs(p.yx)) * vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0);
-    uvec2 q = uvec2(clamp(p * 0.5 + 0.5, 0.0, 1.0) * OCT_STEPS + 0.5);
-    return (material << 24) | (q.x << 12) | q.y;
+// Stereographic coordinates of a unit normal in the camera frame, in steps of the code from its centre.
+vec2 normal_steps(vec3 n) {
+    vec2 p = n.xy / max(1.0 - n.z, 1e-6);
+    return CODE_SCALE * p * min(1.0, CODE_RANGE * inversesqrt(max(dot(p, p), 1e-12)));
 }
 
-uint material_of(uint word) { return word >> 24; }
+// The same of the opposite normal: what a back face shows.
+vec2 opposite_steps(vec2 steps) {
+    vec2 p = -steps * (CODE_SCALE * CODE_SCALE / max(dot(steps, steps), 1e-6));
+    return p * min(1.0, CODE_RANGE * CODE_SCALE * inversesqrt(max(dot(p, p), 1e-12)));
+}
 
-// The two octahedral coordinates, 0..4095; sums of them may be averaged.
-ivec2 normal_code(uint word) { return ivec2((word >> 12) & 0xfffu, word & 0xfffu); }
+// material_word: the material's number, shifted to its place.
+uint pack_surface(int material_word, vec2 steps) {
+    ivec2 q = ivec2(steps + (CODE_CENTER + 0.5));
+    return uint(material_word | (q.x << NORMAL_BITS) | q.y);
+}
+
+int material_word(float number) { return int(number + 0.5) << (2 * NORMAL_BITS); }
+
+uint material_of(uint word) { return word >> uint(2 * NORMAL_BITS); }
+
+// The two coordinates as whole numbers; sums of them may be averaged.
+ivec2 normal_code(uint word) {
+    return ivec2(int(word >> uint(NORMAL_BITS)) & CODE_MASK, int(word) & CODE_MASK);
+}
 
 vec3 decode_normal(vec2 code) {
-    vec2 p = code / OCT_STEPS * 2.0 - 1.0;
-    vec3 n = vec3(p, 1.0 - abs(p.x) - abs(p.y));
-    float t = max(-n.z, 0.0);
-    n.xy -= vec2(n.x >= 0.0 ? t : -t, n.y >= 0.0 ? t : -t);
-    n.z = -n.z;
-    return normalize(n);
+    vec2 p = (code - CODE_CENTER) / CODE_SCALE;
+    float r2 = dot(p, p);
+    return vec3(2.0 * p, r2 - 1.0) / (1.0 + r2);
 }

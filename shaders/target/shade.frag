@@ -2,7 +2,9 @@
 #include "target/brdf.glsl"
 #include "target/pack.glsl"
 #include "target/shadow.glsl"
+#ifdef CRINKLE
 #include "target/crinkle.glsl"
+#endif
 
 uniform usampler2D t_surface;
 uniform sampler2D t_depth;
@@ -14,8 +16,8 @@ uniform sampler2D t_detail;    // their normals and roughness
 layout(location = 0) out vec4 out_radiance;
 layout(location = 1) out float out_coverage;
 
-// Samples whose normals differ by less than this many octahedral steps (about 7 degrees) are one surface.
-const int SAME_NORMAL = 160;
+// Samples whose normals differ by less than this many steps of the code (5 to 10 degrees) are one surface.
+const int SAME_NORMAL = int(0.085 * CODE_SCALE);
 
 // Camera z [m] of a depth-buffer value; inverse of simulator/render/projection.py.
 float camera_z(float depth) {
@@ -36,7 +38,9 @@ float wide_source(float c, float s) {
 color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
     vec3 v = -normalize(p_m);
     float lit = sun_visibility(p_m, geometric);
+#ifdef CRINKLE
     if (surface.w > 0.0) n = crinkled(n, p_m, surface.w);
+#endif
     float n_v = max(dot(n, v), 1e-3); // 1e-3: a normal averaged at the silhouette may look away
     vec3 l = u_sun_direction.xyz;
     float n_l = max(dot(n, l), 0.0) * step(0.0, dot(geometric, l));
@@ -46,7 +50,9 @@ color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
     float alpha = clamp(surface.x * surface.x + 0.5 * u_sun_direction.w, 0.0, 1.0);
     color albedo = BAND(base);
     color f0 = mix(color(0.04), albedo, base.w);
+#ifdef CLEARCOAT
     f0 = mix(f0, under_coat(f0), surface.y);
+#endif
     color diffuse = albedo * ((1.0 - base.w) / PI);
     color f = fresnel_schlick(f0, v_h);
     color sun = (color(1.0) - f) * diffuse + f * (distribution_ggx(n_h, alpha) * visibility_smith(n_l, n_v, alpha));
@@ -59,7 +65,8 @@ color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
     vec2 e = environment_brdf(surface.x, n_v);
     float blur = surface.x * surface.x + 0.02;
     sky += earth_radiance * (f0 * e.x + e.y) * smoothstep(-blur, blur, rim);
-    if (surface.y > 0.0) {
+#ifdef CLEARCOAT
+    {
         float coat_alpha = surface.z * surface.z + 0.5 * u_sun_direction.w;
         float fc = (0.04 + 0.96 * pow5(1.0 - v_h)) * surface.y;
         sun = sun * (1.0 - fc) + fc * distribution_ggx(n_h, coat_alpha) * visibility_smith(n_l, n_v, coat_alpha);
@@ -67,6 +74,7 @@ color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
         float coat_blur = surface.z * surface.z + 0.02;
         sky = sky * (1.0 - fe) + earth_radiance * fe * smoothstep(-coat_blur, coat_blur, rim);
     }
+#endif
     return sun * BAND(u_sun_irradiance) * (n_l * lit) + sky;
 }
 
@@ -95,7 +103,9 @@ void main() {
 #endif
     color sum = color(0.0);
     int left = covered;
-    for (int group = 0; group < MAX_SURFACES && left > 0; ++group) {
+    int group = 0;
+    // llvmpipe runs a loop's body once more after a test at its head fails; a test at its foot ends it
+    do {
         // the first sample left, which is the one nearest to the pixel's centre, leads the group
         uint leader = 0u;
         ivec2 at = ivec2(0);
@@ -130,7 +140,8 @@ void main() {
         n = normalize(detail.xyz);
 #endif
         sum += shade(base, surface, geometric, n, p_m) * float(weight);
-    }
+        ++group;
+    } while (group < MAX_SURFACES && left > 0);
     out_radiance = OUT(sum / float(SAMPLES));
     out_coverage = float(covered) / float(SAMPLES);
 }

@@ -1,22 +1,47 @@
 // Share of the Sun's disc that a point of the target sees past the target itself.
-uniform sampler2DShadow t_shadow;
+uniform sampler2D t_shadow; // depth along the sunlight, 0..1 of the box around the target
 
-// Visibility of the Sun, 0..1, filtered over the blur of its disc (9 taps in a ring, hardware 2x2 each).
+// Visibility of the Sun, 0..1.
+//
+// Percentage-closer soft shadows (Fernando 2005, SIGGRAPH sketches) over one window of SHADOW_WINDOW^2 texels: those
+// nearer to the Sun than the receiver's own plane are blockers; their mean distance times the Sun's angular radius is
+// the radius of the penumbra's kernel, a disc like the Sun. The plane's depth is followed from texel to texel, so that
+// a slanted face does not shade itself.
 // p_m: camera frame [m]; n: unit geometric normal.
 float sun_visibility(vec3 p_m, vec3 n) {
     float n_l = dot(n, u_sun_direction.xyz);
-    if (n_l <= 0.0) return 0.0;
-    // a point is tested slightly off its surface, along the normal, more at grazing light: by about the width of
-    // the filter, which is what a flat face spans in depth under it
-    float texel_m = u_shadow.x, radius = u_shadow.w;
+    // off the surface by a part of a texel, more at grazing light: what facets differ from their smooth normal
     float slope = sqrt(max(1.0 - n_l * n_l, 0.0));
-    vec3 q = (u_light_from_camera * vec4(p_m + n * (texel_m * (0.3 + (radius + 1.0) * slope)), 1.0)).xyz;
-    float r = radius * u_shadow.z, d = 0.7071 * r;
-    float sum = texture(t_shadow, q);
-    sum += texture(t_shadow, q + vec3(d, d, 0.0)) + texture(t_shadow, q + vec3(-d, d, 0.0));
-    sum += texture(t_shadow, q + vec3(d, -d, 0.0)) + texture(t_shadow, q + vec3(-d, -d, 0.0));
-    if (sum == 0.0 || sum == 5.0) return sum / 5.0; // away from any shadow's edge
-    sum += texture(t_shadow, q + vec3(r, 0.0, 0.0)) + texture(t_shadow, q + vec3(-r, 0.0, 0.0));
-    sum += texture(t_shadow, q + vec3(0.0, r, 0.0)) + texture(t_shadow, q + vec3(0.0, -r, 0.0));
-    return sum / 9.0;
+    vec3 q = (u_light_from_camera * vec4(p_m + n * (u_shadow.x * (0.25 + 0.75 * slope)), 1.0)).xyz;
+    vec3 m = mat3(u_light_from_camera) * n;
+    float size = 1.0 / u_shadow.z;
+    vec2 at = q.xy * size - 0.5;
+    vec2 base = floor(at) - float(SHADOW_WINDOW / 2 - 1);
+    vec2 f = at - base;
+    // depth of the receiver's plane per texel; beyond 6 (80 degrees) light is grazing and the plane no longer known
+    vec2 g = clamp(-m.xy / min(m.z, -1e-9), -6.0, 6.0) * u_shadow.z;
+    const float REACH = float(SHADOW_WINDOW / 2) - 1.0;
+    const float REACH2 = REACH * REACH;
+    vec2 corner = (base + 1.0) * u_shadow.z;
+    // depth [m] of the blockers above the plane, and how much of the search disc they fill
+    float depth_sum = 0.0, blocked = 0.0;
+#define SHADOW_BLOCK(k, i, j) \
+    vec4 x##k = vec4(float(i), float(i) + 1.0, float(i) + 1.0, float(i)) - f.x; \
+    vec4 y##k = vec4(float(j) + 1.0, float(j) + 1.0, float(j), float(j)) - f.y; \
+    vec4 d##k = (q.z + g.x * x##k + g.y * y##k) - textureGather(t_shadow, corner + vec2(i, j) * u_shadow.z); \
+    x##k = x##k * x##k + y##k * y##k; \
+    y##k = clamp(0.5 + (REACH2 - x##k) * (0.5 / REACH), 0.0, 1.0) * step(0.0, d##k); \
+    blocked += dot(y##k, vec4(1.0)); \
+    depth_sum += dot(y##k, d##k);
+    FOR_EACH_SHADOW_BLOCK(SHADOW_BLOCK)
+    float penumbra = depth_sum / max(blocked, 1e-3) * u_sun_direction.w * size; // the box is a cube: depth as width
+    float radius2 = min(penumbra * penumbra + u_shadow.w * u_shadow.w, REACH2);
+    float sharpness = 0.5 * inversesqrt(radius2);
+    float total = 0.0, dark = 0.0;
+#define SHADOW_FILTER(k, i, j) \
+    x##k = clamp(0.5 + (radius2 - x##k) * sharpness, 0.0, 1.0); \
+    total += dot(x##k, vec4(1.0)); \
+    dark += dot(x##k, step(0.0, d##k));
+    FOR_EACH_SHADOW_BLOCK(SHADOW_FILTER)
+    return n_l > 0.0 ? 1.0 - dark / total : 0.0;
 }

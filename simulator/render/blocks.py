@@ -33,7 +33,7 @@ TARGET = (
     Field("vec4", "u_lattice"),  # s0, t0; near, far [m]
     Field(
         "vec4", "u_shadow"
-    ),  # texel [m], depth range [m], 1 / size, radius of the filter at the Sun's size [1]
+    ),  # texel [m], width of the box [m], 1 / size, radius of the sharpest edge's filter [texels]
 )
 
 # "Earth" space: Earth-fixed axes in equatorial radii, the polar axis stretched so that the ellipsoid is the unit sphere

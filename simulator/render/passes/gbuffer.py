@@ -9,9 +9,15 @@ from simulator.render.context import release
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.programs import ProgramLibrary
+    from simulator.render.mesh import Mesh
+    from simulator.render.programs import Program, ProgramLibrary
 
 _GRAIN_PX = 256  # buffers grow in steps of this, so that a drifting target does not reallocate every frame
+
+
+def normal_bits(mesh: Mesh) -> int:
+    """Bits of each of the normal's two coordinates: what the material's number leaves of 32."""
+    return 13 if len(mesh.materials) < 1 << 6 else 12
 
 
 class GBufferPass:
@@ -22,8 +28,17 @@ class GBufferPass:
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context = context
-        self.program = programs.get("target/gbuffer.vert", "target/gbuffer.frag", self.DEFINES, self.SAMPLERS)
+        self._programs = programs
         self._allocate(_GRAIN_PX, _GRAIN_PX)
+
+    def program(self, mesh: Mesh) -> Program:
+        """The program for a mesh: closed shells show no back faces, few materials leave bits to the normal."""
+        defines = {
+            "NORMAL_BITS": normal_bits(mesh),
+            **({"CLOSED": ""} if mesh.is_closed else {}),
+            **self.DEFINES,
+        }
+        return self._programs.get("target/gbuffer.vert", "target/gbuffer.frag", defines, self.SAMPLERS)
 
     def _allocate(self, width: int, height: int) -> None:
         self.surface = self._context.texture((width, height), 1, dtype="u4")

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.render.programs import FULL_SCREEN
+import numpy as np
+
+from simulator.render.passes.gbuffer import normal_bits
 
 if TYPE_CHECKING:
     import moderngl
 
+    from simulator.arrays import FloatArray
     from simulator.render.lattice import Lattice
+    from simulator.render.mesh import Mesh
     from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
 
+MAX_OUTLINE = 64  # corners
 MAX_SURFACES = 4  # distinct (material, normal) groups shaded per pixel; the rest joins the last
 
 
@@ -26,35 +31,60 @@ class ShadePass:
         self._context = context
         self._programs = programs
         self._arrays: dict[Program, moderngl.VertexArray] = {}
+        self._outline = context.buffer(reserve=8 * MAX_OUTLINE, dynamic=True)
 
-    def program(self, lattice: Lattice, bands: int, *, textured: bool = False) -> Program:
-        """The program of one lattice and one number of bands, for meshes with textures or without."""
-        defines: dict[str, object] = {"BANDS": bands, "MAX_SURFACES": MAX_SURFACES}
+    def program(self, lattice: Lattice, bands: int, mesh: Mesh, shadow_window: int) -> Program:
+        """The program of one lattice, number of bands and kind of mesh; what its materials lack is left out."""
+        switches = {
+            "TEXTURED": mesh.uv is not None,
+            "CRINKLE": any(m.crinkle > 0 for m in mesh.materials),
+            "CLEARCOAT": any(m.clearcoat > 0 for m in mesh.materials),
+        }
+        defines: dict[str, object] = {
+            "BANDS": bands,
+            "MAX_SURFACES": MAX_SURFACES,
+            "NORMAL_BITS": normal_bits(mesh),
+            **{name: "" for name, on in switches.items() if on},
+            **_lattice_defines(lattice),
+            **_shadow_defines(shadow_window),
+        }
         return self._programs.get(
-            FULL_SCREEN,
+            "target/outline.vert",
             "target/shade.frag",
-            {**defines, **({"TEXTURED": ""} if textured else {}), **_lattice_defines(lattice)},
-            self.SAMPLERS + self.TEXTURED * textured,
+            defines,
+            self.SAMPLERS + self.TEXTURED * switches["TEXTURED"],
         )
 
     def run(
         self,
         framebuffer: moderngl.Framebuffer,
         rect: PixelRect,
+        outline_px: FloatArray,
         program: Program,
         surface: moderngl.Texture,
         depth: moderngl.Texture,
         shadow: moderngl.Texture,
         **texels: moderngl.Texture,
     ) -> None:
-        """Shade the pixels of ``rect``; ``texels`` are the samplers of a textured mesh."""
+        """Shade the pixels of ``rect`` inside a convex outline.
+
+        Parameters
+        ----------
+        outline_px : (K, 2) corners in order, K at most `MAX_OUTLINE`.
+        texels : samplers of a textured mesh.
+        """
         framebuffer.use()
         framebuffer.viewport = rect.viewport
         self._context.enable_only(self._context.NOTHING)
         program.bind_textures(t_surface=surface, t_depth=depth, t_shadow=shadow, **texels)
         if program not in self._arrays:
-            self._arrays[program] = self._context.vertex_array(program.gl, [])
-        self._arrays[program].render(vertices=3)
+            self._arrays[program] = self._context.vertex_array(
+                program.gl, [(self._outline, "2f", "in_pixel")], mode=self._context.TRIANGLE_FAN
+            )
+        self._outline.orphan()
+        self._outline.write(np.asarray(outline_px, np.float32).tobytes())
+        program.set("u_window", rect.viewport)
+        self._arrays[program].render(vertices=len(outline_px))
 
 
 def _lattice_defines(lattice: Lattice) -> dict[str, object]:
@@ -66,3 +96,10 @@ def _lattice_defines(lattice: Lattice) -> dict[str, object]:
         "SAMPLES": lattice.samples,
         "FOR_EACH_SAMPLE(F)": each,
     }
+
+
+def _shadow_defines(window: int) -> dict[str, object]:
+    """The shadow's window of ``window`` x ``window`` texels as blocks of four, which one fetch gathers."""
+    starts = [(i, j) for j in range(0, window, 2) for i in range(0, window, 2)]
+    each = " ".join(f"F({k}, {i}, {j})" for k, (i, j) in enumerate(starts))
+    return {"SHADOW_WINDOW": window, "FOR_EACH_SHADOW_BLOCK(F)": each}

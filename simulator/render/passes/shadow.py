@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,33 @@ if TYPE_CHECKING:
     from simulator.render.mesh import Mesh
     from simulator.render.programs import ProgramLibrary
     from simulator.render.view import View
+    from simulator.scene.state import Quality
+
+
+@dataclass(frozen=True)
+class ShadowChoice:
+    """Resolution of the map, and the window of texels that a point looks at: wide penumbrae need many."""
+
+    size_px: int
+    window: int
+
+
+# the coarse map where its texel is at most a pixel wide, else the fine one
+_COARSE, _FINE, _BEST = ShadowChoice(512, 4), ShadowChoice(1024, 6), ShadowChoice(2048, 10)
+
+
+def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoice:
+    """Resolution for a preset and a view.
+
+    Parameters
+    ----------
+    box_m : width of the box that the map covers. pixel_m : width of an image pixel on the target.
+    """
+    if quality == "high":
+        return _BEST
+    if quality == "draft" or box_m / _COARSE.size_px < 1.1 * pixel_m:
+        return _COARSE
+    return _FINE
 
 
 class ShadowPass:
@@ -27,7 +55,8 @@ class ShadowPass:
         self._context = context
         self.size_px = size_px
         self.map = context.depth_texture((size_px, size_px))
-        self.map.compare_func = "<="
+        self.map.compare_func = ""
+        self.map.filter = (context.NEAREST, context.NEAREST)
         self.map.repeat_x = self.map.repeat_y = False
         self._framebuffer = context.framebuffer(depth_attachment=self.map)
         self.program = programs.get("target/shadow.vert", "target/shadow.frag", {})

@@ -9,10 +9,11 @@ import numpy as np
 
 from simulator.render.lattice import Lattice
 from simulator.render.mesh import upload
+from simulator.render.outline import outline_px
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass
 from simulator.render.passes.shade import ShadePass
-from simulator.render.passes.shadow import ShadowPass
+from simulator.render.passes.shadow import ShadowPass, choose_shadow
 from simulator.render.passes.textured import TexturedGBufferPass
 from simulator.render.projection import PixelRect, clip_from_camera
 from simulator.render.textures import Textures
@@ -39,7 +40,6 @@ LATTICES: dict[str, tuple[tuple[int, float], ...]] = {
     "default": ((4, 6e6), (3, 20e6), (2, np.inf)),
     "high": ((6, 8e6), (5, 20e6), (4, 40e6), (3, np.inf)),
 }
-SHADOW_SIZE_PX = {"draft": 512, "default": 1024, "high": 2048}
 TINY_PX = 24  # a target smaller than this gets the finest lattice: its whole light is in few pixels
 TINY_LATTICE = 8  # 65 samples per pixel
 
@@ -57,9 +57,10 @@ class Loaded:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where the target is in the image: bounds (not clipped), pixels to draw, depth range."""
+    """Where the target is in the image: bounds (not clipped), a polygon around it, pixels to draw, depth range."""
 
     bounds_px: FloatArray
+    outline_px: FloatArray
     rect: PixelRect
     near_far_m: tuple[float, float]
     camera_from_target: FloatArray
@@ -80,7 +81,7 @@ class TargetPasses:
     def _load(self, target: Target) -> Loaded:
         if target.sha256 not in self._loaded:
             mesh, context = upload(self._context, target), self._context
-            shadow = self._shadow_pass("default")
+            shadow = self._shadow_pass(512)
             textures = None
             if mesh.uv is not None:
                 self._textured = self._textured or TexturedGBufferPass(context, self._programs)
@@ -89,14 +90,13 @@ class TargetPasses:
             self._loaded[target.sha256] = Loaded(
                 mesh,
                 mesh.vertex_array(context, shadow.program.gl),
-                mesh.vertex_array(context, gbuffer.program.gl),
+                mesh.vertex_array(context, gbuffer.program(mesh).gl),
                 mesh.vertex_array(context, self._labels.program.gl),
                 textures,
             )
         return self._loaded[target.sha256]
 
-    def _shadow_pass(self, quality: Quality) -> ShadowPass:
-        size = SHADOW_SIZE_PX[quality]
+    def _shadow_pass(self, size: int) -> ShadowPass:
         if size not in self._shadows:
             self._shadows[size] = ShadowPass(self._context, self._programs, size)
         return self._shadows[size]
@@ -111,14 +111,16 @@ class TargetPasses:
             return None
         lattice = choose_lattice(scene.quality, place)
         size, origin = lattice.window(place.rect)
-        shadow = self._shadow_pass(scene.quality)
+        box_m = 2 * loaded.mesh.radius_m * 1.02
+        pixel_m = place.near_far_m[0] / max(scene.camera.fx_px, scene.camera.fy_px)
+        choice = choose_shadow(scene.quality, box_m, pixel_m)
+        shadow = self._shadow_pass(choice.size_px)
         light_from_target = ShadowPass.light_from_target(loaded.mesh, view)
         lattice_clip = clip_from_camera(
             scene.camera, *place.near_far_m, lattice.buffer_from_pixel(origin), size
         )
         half = np.diag([0.5, 0.5, 0.5, 1.0])
         half[:3, 3] = 0.5
-        box_m = 2 * loaded.mesh.radius_m * 1.02
         texel_m = box_m / shadow.size_px
         self._blocks.target.write(
             {
@@ -127,12 +129,8 @@ class TargetPasses:
                 "u_camera_from_target": place.camera_from_target,
                 "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
                 "u_lattice": [*origin, *place.near_far_m],
-                "u_shadow": [
-                    texel_m,
-                    box_m,
-                    1 / shadow.size_px,
-                    _filter_radius(place, scene.camera, texel_m),
-                ],
+                # the sharpest shadow: a texel wide, and half a pixel of the image where that is more
+                "u_shadow": [texel_m, box_m, 1 / shadow.size_px, max(0.5 * pixel_m / texel_m, 0.75)],
             }
         )
         self._blocks.materials.write(_material_values(loaded.mesh, scene))
@@ -153,7 +151,8 @@ class TargetPasses:
         self._shade.run(
             images.target_framebuffer,
             place.rect,
-            self._shade.program(lattice, images.bands, textured=textured is not None),
+            place.outline_px,
+            self._shade.program(lattice, images.bands, loaded.mesh, choice.window),
             gbuffer.surface,
             gbuffer.depth,
             shadow.map,
@@ -211,8 +210,10 @@ def locate(mesh: Mesh, view: View, camera: Camera, *, clip: bool = True) -> Plac
     if points[:, 2].min() > MIN_NEAR_M:
         pixels = camera.project(points)
         bounds = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+        outline = outline_px(pixels)
     else:
         bounds = np.array([-width, -height, 2.0 * width, 2.0 * height])
+        outline = bounds[[0, 1, 2, 1, 2, 3, 0, 3]].reshape(4, 2)
     limit = np.array([-width, -height, 2 * width, 2 * height]) * (1 if clip else 100)
     low = np.floor(np.clip(bounds[:2] - 0.5, limit[:2], limit[2:])).astype(int)
     high = np.ceil(np.clip(bounds[2:] + 0.5, limit[:2], limit[2:])).astype(int) + 1
@@ -222,6 +223,7 @@ def locate(mesh: Mesh, view: View, camera: Camera, *, clip: bool = True) -> Plac
             return None
     return Placement(
         bounds,
+        outline,
         PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1])),
         (near, far),
         camera_from_target,
@@ -237,12 +239,6 @@ def choose_lattice(quality: Quality, place: Placement) -> Lattice:
         if width * height <= limit:
             return Lattice(a)
     raise AssertionError("the last lattice of a preset has no limit")
-
-
-def _filter_radius(place: Placement, camera: Camera, texel_m: float) -> float:
-    """Radius of the shadow filter [texels]: a texel at least, and half a pixel of the image where that is more."""
-    pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
-    return float(np.clip(0.5 * pixel_m / texel_m, 1.0, 4.0))
 
 
 def _material_values(mesh: Mesh, scene: SceneState) -> dict[str, FloatArray]:

@@ -47,13 +47,14 @@ class TexturedGBufferPass(GBufferPass):
     ) -> None:
         """Draw the samples of one lattice window, one set of textures after the other."""
         self._begin(size, closed=mesh.is_closed)
-        self.program.set("u_band_from_rgb", _band_from_rgb(bands))
+        program = self.program(mesh)
+        program.set("u_band_from_rgb", _band_from_rgb(bands))
         for draw in mesh.draws:
             color, data, normal = textures.of(draw.material)
-            self.program.bind_textures(t_base_color=color, t_metallic_roughness=data, t_normal=normal)
+            program.bind_textures(t_base_color=color, t_metallic_roughness=data, t_normal=normal)
             material = draw.material
-            self.program.set("u_base_factor", (0.0,) * 4 if material is None else (*material.base_color, 1.0))
-            self.program.set("u_normal_mapped", float(material is not None and material.normal_texture != ""))
+            program.set("u_base_factor", (0.0,) * 4 if material is None else (*material.base_color, 1.0))
+            program.set("u_normal_mapped", float(material is not None and material.normal_texture != ""))
             vertex_array.render(vertices=draw.count, first=draw.first)
 
 
