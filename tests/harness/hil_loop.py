@@ -1,0 +1,197 @@
+"""What the tests of the host run against: boards, a man in the middle, a run around them."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from hil.board.agent import run_board
+from hil.host.run import HostFrame, run_host
+from hil.host.summary import LedgerSummary
+from hil.link.errors import LinkError
+from hil.link.packets import PacketType, decode_packet
+
+CAMERA = {"width_px": 64, "height_px": 48, "fx_px": 100.0, "fy_px": 100.0, "cx_px": 31.5, "cy_px": 23.5}
+MARK = "truth-must-not-leak"
+
+# An oracle: the pose is written into the first pixels of the image, as the host knows it.
+BOARD = """
+import sys, time
+from hil.board.agent import run_board
+class Result:
+    reason = "oracle"; confidence = 0.5; q_camera_from_target_wxyz = (1.0, 0.0, 0.0, 0.0)
+    def __init__(self, image):
+        self.accepted = bool(image[0, 0] % 3)
+        self.t_camera_from_target_m = (0.0, 0.0, float(image[0, 0]))
+        self.stages_ms = {"look": 0.5, "think": 1.5}
+class Oracle:
+    def __init__(self, camera): assert camera["width_px"] == 64
+    def estimate(self, image):
+        if image[0, 0] == 7: raise RuntimeError("seven")
+        return Result(image)
+summary = run_board(sys.argv[1], make_estimator=Oracle, method="oracle", model_name="tango")
+print(summary.ended); sys.exit(0 if summary.goodbye else 1)
+"""
+
+
+def frames(n: int, *, every_s: float = 0.05):
+    for k in range(n):
+        image = np.full((48, 64), k % 256, np.uint8)
+        truth = {
+            "q_camera_from_target_wxyz": [0.0, 0.0, 0.0, 1.0] if k == 1 else [1.0, 0.0, 0.0, 0.0],
+            "t_camera_from_target_m": [0.0, 0.123456789, float(k)],
+            "note": MARK,
+        }
+        yield HostFrame(k, "2026-01-01T00:00:00Z", k * every_s, 0.01, image, CAMERA, truth, 2.0)
+
+
+class Estimate:
+    """Accepts at once; a subclass of nothing, as a user's own would be."""
+
+    accepted, reason, confidence = True, "", 1.0
+    q_camera_from_target_wxyz = (1.0, 0.0, 0.0, 0.0)
+    t_camera_from_target_m = (0.0, 0.0, 1.0)
+
+    def __init__(self) -> None:
+        self.stages_ms: dict[str, float] = {}
+
+
+class Instant:
+    """Answers after the next of its ``sleeps``, at once when there is none left."""
+
+    def __init__(self, _camera) -> None:
+        self.sleeps: list[float] = []
+
+    def estimate(self, _image):
+        time.sleep(self.sleeps.pop(0) if self.sleeps else 0.0)
+        return Estimate()
+
+
+class Loop:
+    """A run with whatever is started once the ports are open."""
+
+    def __init__(self, *starters) -> None:
+        self.starters, self.threads, self.results = starters, [], []
+
+    def on_listening(self, url, truth_url) -> None:
+        self.url, self.truth_url = url, truth_url
+        for starter in self.starters:
+            thread = threading.Thread(target=self._start, args=(starter, url), daemon=True)
+            thread.start()
+            self.threads.append(thread)
+
+    def _start(self, starter, url) -> None:
+        self.results.append(starter(url))
+
+    def run(self, source, **options):
+        defaults = {
+            "url": "tcp://127.0.0.1:0",
+            "mode": "lockstep",
+            "truth": "off",
+            "log_dir": None,
+            "timeout_s": 2.0,
+            "connect_timeout_s": 20.0,
+        }
+        summary = run_host(source, on_listening=self.on_listening, **{**defaults, **options})
+        for thread in self.threads:
+            thread.join(5.0)
+        return summary
+
+
+def board(estimator=Instant, **options):
+    return lambda url: run_board(url, make_estimator=estimator, **options)
+
+
+def refused(client):
+    """A client that is expected to be turned away; returns the sentence it hears."""
+
+    def start(url):
+        with pytest.raises(LinkError) as caught:
+            client(url)
+        return str(caught.value)
+
+    return start
+
+
+class Proxy:
+    """Man in the middle: keeps what went to the board, and may change it packet by packet."""
+
+    def __init__(self, change=lambda _k, _kind, data: data) -> None:
+        self.change, self.to_board, self._n = change, bytearray(), 0
+
+    def __call__(self, host_url: str):
+        port = int(host_url.rsplit(":", 1)[1])
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            upstream = socket.create_connection(("127.0.0.1", port))
+            result = []
+            thread = threading.Thread(
+                target=lambda: result.append(board()(f"tcp://127.0.0.1:{server.getsockname()[1]}")),
+                daemon=True,
+            )
+            thread.start()
+            downstream, _ = server.accept()
+        back = threading.Thread(target=self._copy_back, args=(downstream, upstream), daemon=True)
+        back.start()
+        while (packet := self._packet(upstream)) is not None:
+            kind = decode_packet(packet).type
+            data = self.change(self._n, kind, struct.pack("<I", len(packet)) + packet)
+            self._n += 1
+            self.to_board += data
+            try:
+                downstream.sendall(data)
+            except OSError:
+                break
+        downstream.close()
+        thread.join(5.0)
+        upstream.close()
+        back.join(5.0)
+        return result[0] if result else None
+
+    @staticmethod
+    def _copy_back(source, sink) -> None:
+        try:
+            while data := source.recv(65536):
+                sink.sendall(data)
+        except OSError:
+            pass
+
+    @staticmethod
+    def _packet(sock):
+        def exactly(n):
+            data = b""
+            while len(data) < n:
+                more = sock.recv(n - len(data))
+                if not more:
+                    return None
+                data += more
+            return data
+
+        try:
+            prefix = exactly(4)
+            return None if prefix is None else exactly(struct.unpack("<I", prefix)[0])
+        except OSError:
+            return None
+
+
+def flip_first(kind: PacketType, nth: int):
+    """Damage the nth packet of a kind."""
+    seen = 0
+
+    def change(_k, this, data):
+        nonlocal seen
+        if this == kind:
+            seen += 1
+            if seen == nth:
+                return data[:40] + bytes([data[40] ^ 0x04]) + data[41:]
+        return data
+
+    return change
+
+
+def adds_up(summary: LedgerSummary) -> bool:
+    return summary.sent == summary.accepted + summary.declined + sum(summary.dropped.values())
