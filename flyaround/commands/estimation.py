@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.table import Table
 
 from flyaround.progress import progress_bar
-from hil.board.svd import METHODS, CameraIntrinsics, PoseEstimator
+from hil.board.svd import METHODS, BoardModelError, CameraIntrinsics, make_estimator
+from hil.board.svd.faithful.config import SOLVERS, STREAMS
 from hil.evaluate.run import board_model, evaluate_dataset
 from simulator.camera.files import load_camera
 from simulator.dataset.native import read_png
@@ -20,12 +21,27 @@ from simulator.errors import UserError
 from simulator.files import empty_folder
 from simulator.targets.library import load_target
 
+Solver = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Pose solver of svd-2018 and svd-thesis: {', '.join(SOLVERS)} (default: the method's own)."
+    ),
+]
+Streams = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Feature streams of svd-2018 and svd-thesis, with commas: {', '.join(STREAMS)} (default: wge,sh)."
+    ),
+]
+
 
 def estimate(
     images: Annotated[list[Path], typer.Argument(help="PNG images, 8 or 16 bits.")],
     target: Annotated[str, typer.Option(help="Target name.")] = "tango",
     camera: Annotated[str, typer.Option(help="CAMERA.json, or the name of a built-in camera.")] = "speed",
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
+    solver: Solver = None,
+    streams: Streams = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON: an object for one image, else a list.")
     ] = False,
@@ -33,11 +49,16 @@ def estimate(
     """Estimate the pose of a target in images."""
     check_method(method)
     intrinsics = load_camera(camera)
-    estimator = PoseEstimator(
-        board_model(load_target(target)),
-        CameraIntrinsics.from_dict(msgspec.to_builtins(intrinsics)),
-        method=method,
-    )
+    try:
+        estimator = make_estimator(
+            board_model(load_target(target)),
+            CameraIntrinsics.from_dict(msgspec.to_builtins(intrinsics)),
+            method,
+            solver,
+            split_streams(streams),
+        )
+    except BoardModelError as error:
+        raise UserError(str(error)) from error
     rows: list[dict[str, Any]] = []
     for path in images:
         result = estimator.estimate(read_png(path))
@@ -50,7 +71,18 @@ def estimate(
                 "q_camera_from_target_wxyz": None if q is None else [float(x) for x in q],
                 "t_camera_from_target_m": None if t is None else [float(x) for x in t],
                 "confidence": float(result.confidence),
+                "method": result.method,
                 "stages_ms": {k: float(v) for k, v in result.stages_ms.items()},
+                "counts": {k: int(v) for k, v in result.counts.items()},
+                "covariance": None if result.covariance is None else result.covariance.tolist(),
+                "alternatives": [
+                    {
+                        "q_camera_from_target_wxyz": a.q_camera_from_target_wxyz.tolist(),
+                        "t_camera_from_target_m": a.t_camera_from_target_m.tolist(),
+                        "score": float(a.score),
+                    }
+                    for a in result.alternatives
+                ],
             }
         )
     if as_json:
@@ -91,6 +123,11 @@ def evaluate(
         if isinstance(value, (int, float)):
             table.add_row(name, f"{value:.4g}")
     Console().print(table)
+
+
+def split_streams(streams: str | None) -> list[str] | None:
+    """The names between the commas."""
+    return None if streams is None else [s.strip() for s in streams.split(",") if s.strip()]
 
 
 def check_method(method: str) -> None:

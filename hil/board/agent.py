@@ -102,9 +102,17 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
     Raises
     ------
     LinkError
-        If the model file cannot be used.
+        If the model file or the method cannot be used.
     """
-    from hil.board.svd import BoardModel, CameraIntrinsics, PoseEstimator  # noqa: PLC0415 - needs OpenCV
+    from hil.board.svd import (  # noqa: PLC0415 - needs OpenCV
+        METHODS,
+        BoardModel,
+        CameraIntrinsics,
+        make_estimator,
+    )
+
+    if method not in METHODS:
+        raise LinkError(f"unknown method {method!r}: choose one of {', '.join(METHODS)}")
 
     try:
         model = BoardModel.read(str(model_path))
@@ -112,7 +120,7 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
         raise LinkError(f"{error}: write it anew on the host and copy it to the board") from error
 
     def make(camera: Dict[str, Any]) -> Estimator:
-        return PoseEstimator(model, CameraIntrinsics.from_dict(camera), method=method)
+        return make_estimator(model, CameraIntrinsics.from_dict(camera), method)
 
     return make, model.name, model.sha256
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import msgspec
 
-from hil.board.svd import CameraIntrinsics, PoseEstimator
+from hil.board.svd import CameraIntrinsics, make_estimator
 from hil.evaluate.run import board_model
 from simulator.bench.parts import PartCost, cost
 from simulator.labels.frame import take_frame
@@ -21,7 +21,7 @@ def bench_estimator() -> tuple[PartCost, ...]:
     """Initialisation from single frames along a flight, every stage included."""
     plan = plan_flight(load_scenario(SCENARIO), n=N_FRAMES)
     camera = CameraIntrinsics.from_dict(msgspec.to_builtins(plan.camera))
-    estimator = PoseEstimator(board_model(plan.target), camera)
+    estimator = make_estimator(board_model(plan.target), camera)
     with Renderer() as renderer:
         images = [
             take_frame(renderer, plan.scene(k), plan.target, labels=False).image for k in range(N_FRAMES)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import msgspec
 
-from hil.board.svd import BoardModel, CameraIntrinsics, PoseEstimator
+from hil.board.svd import BoardModel, CameraIntrinsics, Estimator, make_estimator
 from hil.evaluate.metrics import FrameRecord, Metrics, frame_record, summarise
 from simulator.dataset.card import read_card
 from simulator.dataset.native import frame_paths, is_whole, read_png
@@ -72,7 +72,7 @@ def evaluate_dataset(
     frames = [k for k in range(card.n_frames) if is_whole(folder, k)]
     if not frames:
         raise UserError(f"data set {folder} has no whole frame; capture some first")
-    estimator = PoseEstimator(
+    estimator = make_estimator(
         board_model(load_target(card.target.name)),
         CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera)),
         method=method,
@@ -97,7 +97,7 @@ def evaluate_dataset(
     return metrics
 
 
-def _evaluate(folder: Path, k: int, estimator: PoseEstimator) -> EvaluatedFrame:
+def _evaluate(folder: Path, k: int, estimator: Estimator) -> EvaluatedFrame:
     paths = frame_paths(folder, k)
     truth = read_truth(paths.truth)
     result = estimator.estimate(read_png(paths.image))

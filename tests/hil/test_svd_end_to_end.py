@@ -8,7 +8,15 @@ import cv2
 import numpy as np
 import pytest
 
-from hil.board.svd import METHODS, BoardModel, BoardModelError, CameraIntrinsics, PoseEstimator, PoseResult
+from hil.board.svd import (
+    METHODS,
+    BoardModel,
+    BoardModelError,
+    CameraIntrinsics,
+    PoseEstimator,
+    PoseResult,
+    make_estimator,
+)
 from hil.board.svd import quaternion as quat
 
 CAMERA = CameraIntrinsics(960, 600, 1500.0, 1500.0, 479.5, 299.5)
@@ -276,7 +284,7 @@ def test_a_craft_at_the_edge_of_the_picture_does_not_raise(craft: Craft, estimat
 def test_an_unknown_method_is_refused(craft: Craft) -> None:
     assert "svd" in METHODS
     with pytest.raises(BoardModelError, match="unknown method"):
-        PoseEstimator(craft.model(), CAMERA, method="guess")
+        make_estimator(craft.model(), CAMERA, method="guess")
 
 
 @pytest.mark.parametrize(

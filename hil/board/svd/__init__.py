@@ -2,8 +2,20 @@
 
 from __future__ import annotations
 
-from hil.board.svd.estimator import METHODS, PoseEstimator
-from hil.board.svd.frame import PoseResult
+from hil.board.svd.base import Estimator
+from hil.board.svd.estimator import PoseEstimator
+from hil.board.svd.frame import Alternative, PoseResult
+from hil.board.svd.methods import METHODS, make_estimator
 from hil.board.svd.model import BoardModel, BoardModelError, CameraIntrinsics
 
-__all__ = ["METHODS", "BoardModel", "BoardModelError", "CameraIntrinsics", "PoseEstimator", "PoseResult"]
+__all__ = [
+    "METHODS",
+    "Alternative",
+    "BoardModel",
+    "BoardModelError",
+    "CameraIntrinsics",
+    "Estimator",
+    "PoseEstimator",
+    "PoseResult",
+    "make_estimator",
+]

@@ -9,7 +9,7 @@ import numpy as np
 from hil.board.svd import quaternion as quat
 from hil.board.svd.confidence import Evidence
 from hil.board.svd.edges import gradient, gradient_noise, shrink
-from hil.board.svd.frame import Candidate, Craft, Frame
+from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
 from hil.board.svd.refine import FineFit, Gradients, fine_align
 from hil.board.svd.roi import Region
 from hil.board.svd.score import support
@@ -39,8 +39,10 @@ def differs(q: Array, t: Array, q2: Array, t2: Array) -> bool:
     return bool(far or quat.angle_rad(q, q2) > DISTINCT_RAD)
 
 
-def choose(craft: Craft, frame: Frame, found: List[Candidate]) -> Tuple[Candidate, FineFit, Evidence]:
-    """Refine the leaders, pick the best, and gather the evidence for it.
+def choose(
+    craft: Craft, frame: Frame, found: List[Candidate]
+) -> Tuple[Candidate, FineFit, Evidence, Tuple[Alternative, ...]]:
+    """Refine the leaders, pick the best, and gather the evidence for it and its distinct rivals.
 
     Parameters
     ----------
@@ -70,7 +72,22 @@ def choose(craft: Craft, frame: Frame, found: List[Candidate]) -> Tuple[Candidat
     frame.mark("verify")
     # what the best pose of this neighbourhood scores against the best of any other
     margin = top.support.total - max(rivals, default=0.0)
-    return best, fit, _evidence(craft, best, fit, margin)
+    rival_poses = [(r.q, r.t, r.support.total) for r in (*found, *(j[0] for j in judged))]
+    return best, fit, _evidence(craft, best, fit, margin), alternatives(rival_poses, fit.q, fit.t)
+
+
+def alternatives(
+    poses: List[Tuple[Array, Array, float]], q: Array, t: Array, keep: int = 3
+) -> Tuple[Alternative, ...]:
+    """The best poses (q, t, score) distinct from ``q``, ``t`` and from each other."""
+    out: List[Alternative] = []
+    for rq, rt, score in sorted(poses, key=lambda p: -p[2]):
+        taken = [(q, t)] + [(a.q_camera_from_target_wxyz, a.t_camera_from_target_m) for a in out]
+        if all(differs(rq, rt, aq, at) for aq, at in taken):
+            out.append(Alternative(rq, rt, score))
+        if len(out) >= keep:
+            break
+    return tuple(out)
 
 
 def _total(judged: Judged) -> float:

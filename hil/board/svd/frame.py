@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
-from typing import Dict, Optional, Tuple
+from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
 
@@ -21,6 +21,25 @@ from hil.board.svd.visibility import Occluders, occluders
 Array = np.ndarray
 
 
+# What the stages found, by name, for debug pictures.
+Trace = Dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """A distinct pose that was considered.
+
+    Parameters
+    ----------
+    q_camera_from_target_wxyz, t_camera_from_target_m : the pose.
+    score : what poses were ranked by, larger is better; only differences within one result mean anything.
+    """
+
+    q_camera_from_target_wxyz: Array
+    t_camera_from_target_m: Array
+    score: float
+
+
 @dataclass(frozen=True, eq=False)
 class PoseResult:
     """What the estimator says of one picture.
@@ -32,6 +51,8 @@ class PoseResult:
         there is none. A declined result still carries its best pose.
     confidence : 0..1. stages_ms : time of each stage in order. counts : what each stage found.
     evidence : what the decision was made from; None when no pose was found.
+    covariance : (6, 6) of turn [rad] and shift [m], camera axes. alternatives : distinct poses, best first.
+    method : its name.
     """
 
     accepted: bool
@@ -42,6 +63,9 @@ class PoseResult:
     stages_ms: Dict[str, float] = field(default_factory=dict)
     counts: Dict[str, int] = field(default_factory=dict)
     evidence: Optional[Evidence] = None
+    covariance: Optional[Array] = None
+    alternatives: Tuple[Alternative, ...] = ()
+    method: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +120,12 @@ class Frame:
     ----------
     image : (H, W). noise : standard deviation.
     background : level of empty space, negative when it is not empty.
+    trace : receives what ``keep`` is given; None costs nothing.
     """
 
-    def __init__(self, image: Array) -> None:
+    def __init__(self, image: Array, trace: Optional[Trace] = None) -> None:
         self.image = image
+        self.trace = trace
         self.noise = 0.0
         self.background = -1.0
         self.stages_ms: Dict[str, float] = {}
@@ -115,3 +141,8 @@ class Frame:
     def count(self, what: str, number: int) -> None:
         """Add to a counter."""
         self.counts[what] = self.counts.get(what, 0) + number
+
+    def keep(self, what: str, value: Any) -> None:  # noqa: ANN401 - arrays, regions, segments
+        """Keep what a stage found, where somebody looks."""
+        if self.trace is not None:
+            self.trace[what] = value

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Tuple
+from typing import Callable, Sequence, Tuple
 
 import cv2
 import numpy as np
@@ -96,28 +96,52 @@ _FLAGS = {
 }
 
 
+Solver = Callable[[Array, Array], Tuple[Sequence[Array], Sequence[Array]]]
+
+
+def point_solver(solver: str) -> Solver:
+    """One of OpenCV's solvers, by name: from object (N, 3) and rays (N, 2) at z = 1 to rotation vectors and shifts.
+
+    Parameters
+    ----------
+    solver : one of epnp sqpnp ap3p p3p iterative ippe.
+    """
+    eye = np.eye(3)
+    flag = cv2.SOLVEPNP_P3P if solver == "p3p" else getattr(cv2, _FLAGS[solver])
+
+    def solve(object_m: Array, rays: Array) -> Tuple[Sequence[Array], Sequence[Array]]:
+        obj, img = np.ascontiguousarray(object_m, float), np.ascontiguousarray(rays, float)
+        # IPPE goes astray on points that are not centred
+        centre = obj.mean(axis=0) if solver == "ippe" else np.zeros(3)
+        try:
+            if solver == "p3p":
+                # solvePnPGeneric refuses three points
+                _, rv, tv = cv2.solveP3P(obj[:3], img[:3], eye, None, flags=flag)
+            else:
+                _, rv, tv, _ = cv2.solvePnPGeneric(obj - centre, img, eye, None, flags=flag)
+        except cv2.error:
+            return [], []
+        keep = [k for k in range(len(rv)) if np.isfinite(rv[k]).all() and np.isfinite(tv[k]).all()]
+        turns = [np.ravel(rv[k]) for k in keep]
+        shifts = [np.ravel(tv[k]) for k in keep]
+        if solver == "ippe":
+            shifts = [t - quat.matrix(quat.from_rotvec(v)) @ centre for v, t in zip(turns, shifts)]  # noqa: B905 - 3.9
+        return turns, shifts
+
+    return solve
+
+
 def solve_points(object_m: Array, rays: Array, solver: str = "sqpnp") -> Tuple[Array, Array]:
     """Every pose an OpenCV solver finds: q (K, 4), t (K, 3); empty when it finds none.
 
     Parameters
     ----------
     object_m : (N, 3). rays : (N, 2) undistorted points at z = 1.
-    solver : one of epnp sqpnp ap3p p3p iterative ippe.
+    solver : as ``point_solver``.
     """
-    obj, img = np.ascontiguousarray(object_m, float), np.ascontiguousarray(rays, float)
-    try:
-        if solver == "p3p":
-            # solvePnPGeneric refuses three points
-            _, rv, tv = cv2.solveP3P(obj[:3], img[:3], np.eye(3), None, flags=cv2.SOLVEPNP_P3P)
-        else:
-            flag = getattr(cv2, _FLAGS[solver])
-            _, rv, tv, _ = cv2.solvePnPGeneric(obj, img, np.eye(3), None, flags=flag)
-    except cv2.error:
-        return np.zeros((0, 4)), np.zeros((0, 3))
-    if not rv:
-        return np.zeros((0, 4)), np.zeros((0, 3))
-    q = quat.normalise(quat.from_rotvec(np.array([np.ravel(r) for r in rv])))
-    return q, np.array([np.ravel(t) for t in tv])
+    rv, tv = point_solver(solver)(object_m, rays)
+    q = quat.normalise(quat.from_rotvec(np.array(rv).reshape(-1, 3)))
+    return q, np.array(tv).reshape(-1, 3)
 
 
 def undistorted_rays(camera: CameraIntrinsics, pixels: Array) -> Array:

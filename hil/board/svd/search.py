@@ -97,10 +97,14 @@ def poses_from_lines(
         merge_segments(cleaned_stream(fine.mask, diagonal), diagonal),
         lsd_stream(cv2.GaussianBlur(small, (0, 0), 1.0), 0.04 * diagonal),
     ]
+    frame.keep("streams", dict(zip(("WGE stream", "S&H stream", "LSD stream"), streams)))  # noqa: B905 - 3.9
+    frame.keep("stream_field", fine)
     frame.mark("lines")
     lines = Lines.of(merge_segments(np.concatenate(streams), diagonal, keep=45))
     frame.mark("merge")
     chains = image_triads(lines, proximity_pairs(lines, 0.08 * diagonal))
+    frame.keep("merged", lines)
+    frame.keep("chains", chains)
     frame.count("lines", len(lines.length))
     frame.count("triads", len(chains.closed))
     frame.mark("groups")

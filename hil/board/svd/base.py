@@ -1,0 +1,67 @@
+"""What every method does around its own stages: refuses unusable pictures and never raises on one."""
+
+from __future__ import annotations
+
+from typing import Any, Optional
+
+import numpy as np
+
+from hil.board.svd.frame import Frame, PoseResult, Trace
+from hil.board.svd.model import BoardModel, CameraIntrinsics
+
+# A frame smaller than this shows no craft [px].
+SMALLEST_FRAME_PX = 64
+
+
+class Estimator:
+    """A method of pose estimation; subclasses give ``method`` and ``_estimate``.
+
+    Parameters
+    ----------
+    model : the target. camera : the intrinsics of every picture.
+    """
+
+    method = ""
+
+    def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
+        self.model, self.camera = model, camera
+
+    def estimate(self, image: Any, trace: Optional[Trace] = None) -> PoseResult:  # noqa: ANN401 - whatever arrives
+        """The pose in ``image``, or a decline with its reason; never raises on a bad picture.
+
+        Parameters
+        ----------
+        image : (H, W) uint8 or uint16, the camera's size.
+        trace : receives what each stage found, for debug pictures.
+        """
+        reason = unusable(image, self.camera)
+        if reason:
+            return PoseResult(False, reason, None, None, 0.0, method=self.method)
+        frame = Frame(image, trace)
+        try:
+            return self._estimate(frame)
+        except Exception as error:  # noqa: BLE001 - a board must go on to the next frame whatever this one held
+            reason = f"internal: {error!r}"[:200]
+            return PoseResult(
+                False, reason, None, None, 0.0, frame.stages_ms, frame.counts, method=self.method
+            )
+
+    def _estimate(self, frame: Frame) -> PoseResult:
+        raise NotImplementedError
+
+
+def unusable(image: Any, camera: CameraIntrinsics) -> str:  # noqa: ANN401 - see Estimator.estimate
+    """Why a picture cannot be used, else empty."""
+    if not isinstance(image, np.ndarray) or image.size == 0:
+        return "no picture"
+    if image.ndim != 2:
+        return "not a single-channel picture"
+    if image.dtype not in (np.uint8, np.uint16):
+        return f"pixels must be uint8 or uint16, not {image.dtype}"
+    if image.shape != (camera.height_px, camera.width_px):
+        return f"picture is {image.shape[1]} x {image.shape[0]}, the camera {camera.width_px} x {camera.height_px}"
+    if min(image.shape) < SMALLEST_FRAME_PX:
+        return "picture is too small"
+    if int(image.max()) == int(image.min()):
+        return "picture is constant"
+    return ""

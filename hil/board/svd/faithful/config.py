@@ -1,0 +1,53 @@
+"""The switches of the published methods: each difference between them, and each step from them to ours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Tuple
+
+STREAMS = ("wge", "sh", "lsd", "ellipse", "harris")
+SOLVERS = ("epnp", "p3p", "ap3p", "sqpnp", "iterative", "ippe")
+
+
+@dataclass(frozen=True)
+class FaithfulConfig:
+    """One published method, or a step from one towards ours.
+
+    Parameters
+    ----------
+    name : of the method.
+    streams : of ``STREAMS``; straight lines, ellipses of round bodies, corner points.
+    solver : of ``SOLVERS``. ransac : three points of a figure at random and inliers counted, rather than all of its
+        points and reprojection error.
+    roi_growth : enlargement of the region, share of the mean edge length.
+    least_component : components of the Sobel picture with fewer pixels are removed, share of the region's
+        diagonal; 0 keeps all.
+    merge_each : streams merged by themselves before all are merged together.
+    top : poses refined.
+    regions : ``cdf`` (published) or ``proposed`` (ours: several).
+    rank : ``corners`` (published: reprojection error of corners) or ``edges`` (ours: support of the whole model).
+    finish : ``corners`` (published: Gauss-Newton on corners) or ``edges`` (ours: sub-pixel on all visible edges).
+    """
+
+    name: str
+    streams: Tuple[str, ...] = ("wge", "sh")
+    solver: str = "epnp"
+    ransac: bool = False
+    roi_growth: float = 0.0
+    least_component: float = 0.0
+    merge_each: Tuple[str, ...] = ("sh",)
+    top: int = 5
+    regions: str = "cdf"
+    rank: str = "corners"
+    finish: str = "corners"
+
+
+SVD_2018 = FaithfulConfig("svd-2018")
+SVD_THESIS = FaithfulConfig(
+    "svd-thesis",
+    solver="p3p",
+    ransac=True,
+    roi_growth=0.05,
+    least_component=0.04,
+    merge_each=("wge", "sh"),
+)

@@ -1,0 +1,58 @@
+"""The methods by name, one way to make any of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Optional, Sequence
+
+from hil.board.svd.base import Estimator
+from hil.board.svd.estimator import PoseEstimator
+from hil.board.svd.faithful.config import SOLVERS, STREAMS, SVD_2018, SVD_THESIS
+from hil.board.svd.faithful.estimator import FaithfulEstimator
+from hil.board.svd.model import BoardModel, BoardModelError, CameraIntrinsics
+
+METHODS = ("svd", "svd-2018", "svd-thesis")
+
+_PUBLISHED = {"svd-2018": SVD_2018, "svd-thesis": SVD_THESIS}
+
+
+def make_estimator(
+    model: BoardModel,
+    camera: CameraIntrinsics,
+    method: str = "svd",
+    solver: Optional[str] = None,
+    streams: Optional[Sequence[str]] = None,
+) -> Estimator:
+    """An estimator of one of ``METHODS``.
+
+    Parameters
+    ----------
+    solver : pose solver of the published methods, one of ``SOLVERS``; None: the method's own.
+    streams : feature streams of the published methods, of ``STREAMS``; None: the method's own.
+
+    Raises
+    ------
+    BoardModelError
+        If a name is not known, or the method has no such choice.
+    """
+    if method not in METHODS:
+        raise BoardModelError(f"unknown method {method!r}: choose one of {', '.join(METHODS)}")
+    config = _PUBLISHED.get(method)
+    if config is None:
+        if solver is not None or streams is not None:
+            raise BoardModelError(
+                f"method {method!r} has no choice of solver or streams: leave it out, or take {', '.join(_PUBLISHED)}"
+            )
+        return PoseEstimator(model, camera)
+    if solver is not None:
+        if solver not in SOLVERS:
+            raise BoardModelError(f"unknown solver {solver!r}: choose one of {', '.join(SOLVERS)}")
+        config = replace(config, solver=solver)
+    if streams is not None:
+        unknown = [s for s in streams if s not in STREAMS]
+        if unknown or not streams:
+            raise BoardModelError(
+                f"unknown stream {(unknown or [''])[0]!r}: choose from {', '.join(STREAMS)}"
+            )
+        config = replace(config, streams=tuple(streams))
+    return FaithfulEstimator(model, camera, config)

@@ -1,0 +1,197 @@
+"""The published methods' own stages on inputs whose answer is known."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from hil.board.svd import BoardModel, BoardModelError, CameraIntrinsics, make_estimator
+from hil.board.svd import quaternion as quat
+from hil.board.svd.faithful.config import SOLVERS, SVD_2018, SVD_THESIS
+from hil.board.svd.faithful.corners import corner_map, model_corners, refine_on_corners, reprojection
+from hil.board.svd.faithful.ellipses import (
+    EllipseFit,
+    circle_poses,
+    circle_views,
+    hough_ellipses,
+    model_circles,
+)
+from hil.board.svd.faithful.figures import image_figures, model_figures
+from hil.board.svd.faithful.streams import find_streams, grown_region, harris_corners, sobel_edges
+from hil.board.svd.gradient import eliminate_weak_gradients
+from hil.board.svd.pnp import solve_points, undistorted_rays
+from hil.board.svd.roi import Region
+
+CAMERA = CameraIntrinsics(640, 480, 900.0, 900.0, 319.5, 239.5)
+HALF = np.array([0.5, 0.4, 0.15])
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * HALF
+FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+NORMALS = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
+
+
+def edge(
+    a: np.ndarray, b: np.ndarray, normals: list[tuple[int, ...]], radius: float = 0.0
+) -> dict[str, object]:
+    return {"name": "e", "a_m": a.tolist(), "b_m": b.tolist(), "normals": normals, "radius_m": radius}
+
+
+def box(*more: dict[str, object]) -> BoardModel:
+    """A box of 1.0 x 0.8 x 0.3 m, and more edges."""
+    meets: dict[tuple[int, int], list[tuple[int, ...]]] = {}
+    for f, n in zip(FACES, NORMALS, strict=True):
+        for k in range(4):
+            i, j = sorted((f[k], f[(k + 1) % 4]))
+            meets.setdefault((i, j), []).append(n)
+    edges = [edge(CORNERS[i], CORNERS[j], n) for (i, j), n in meets.items()]
+    return BoardModel.from_dict(
+        {
+            "schema": "flyaround.board_model",
+            "version": 1,
+            "name": "box",
+            "sha256": "",
+            "wireframe": [*edges, *more],
+        }
+    )
+
+
+MODEL = box(edge(np.array([0.5, 0.4, 0.15]), np.array([0.75, 0.6, 0.15]), [], 0.02))
+Q, T = quat.normalise(np.array([0.8, 0.45, -0.35, 0.2])), np.array([0.15, -0.1, 4.0])
+
+
+def test_the_wireframe_of_a_box_has_its_groups() -> None:
+    figures = model_figures(MODEL)
+    # six faces, each from its four corners in two senses
+    assert figures.of("closed_tetrad").shape == (6 * 8, 4, 3)
+    assert figures.of("open_tetrad").shape == (6 * 8, 5, 3)
+    assert len(figures.of("open_triad")) == 6 * 8
+    # 8 corners of three edges: three pairs each, both ways round
+    assert len(figures.of("proximity_pair")) == 8 * 3 * 2
+    assert figures.of("antenna").shape == (2, 2, 3)
+
+
+def test_a_drawn_face_and_rod_are_grouped() -> None:
+    quad = np.array([[100.0, 100], [300, 120], [290, 260], [110, 250]])
+    sides = [np.concatenate([quad[k], quad[(k + 1) % 4]]) for k in range(4)]
+    rod = [np.array([320.0, 100, 400, 60]), np.array([322.0, 106, 402, 66])]
+    figures = image_figures(np.array([*sides, *rod]), 300.0)
+    assert len(figures.of("closed_tetrad")) == 1
+    found = figures.of("closed_tetrad")[0]
+    assert np.abs(np.sort(found, axis=0) - np.sort(quad, axis=0)).max() < 1.0
+    assert len(figures.of("antenna")) == 1
+    assert figures.of("antenna")[0].mean(axis=0) == pytest.approx([361, 83], abs=0.5)
+    # with one side missing the face is an open triad, with one broken corner an open tetrad
+    assert len(image_figures(np.array(sides[:3]), 300.0).of("open_triad")) == 1
+    broken = np.array([*sides[:3], np.concatenate([quad[3], 0.75 * quad[0] + 0.25 * quad[3]])])
+    assert len(image_figures(broken, 300.0).of("open_tetrad")) >= 1
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_every_solver_gives_the_pose_of_exact_points(solver: str) -> None:
+    plane = solver == "ippe"
+    points = CORNERS[[0, 2, 6, 4]] if plane else CORNERS[[0, 3, 5, 6, 1, 7]]
+    if solver in ("p3p", "ap3p"):
+        points = points[: 3 if solver == "p3p" else 4]
+    rays = undistorted_rays(CAMERA, CAMERA.pixels(points @ quat.matrix(Q).T + T))
+    q, t = solve_points(points, rays, solver)
+    errors = quat.angle_rad(q, Q) + np.linalg.norm(t - T, axis=1)
+    assert errors.min() < 2e-3
+
+
+def test_a_lens_that_bends_is_undone_before_the_solver() -> None:
+    camera = CameraIntrinsics(640, 480, 900, 900, 319.5, 239.5, "brown_conrady", (-0.25, 0.1, 1e-3, -5e-4))
+    rays = undistorted_rays(camera, camera.pixels(CORNERS @ quat.matrix(Q).T + T))
+    q, t = solve_points(CORNERS, rays, "sqpnp")
+    assert quat.angle_rad(q, Q).min() < 1e-4
+    assert np.linalg.norm(t - T, axis=1).min() < 1e-3
+
+
+def test_refinement_on_corners_returns_to_the_truth() -> None:
+    corners = model_corners(MODEL)
+    region = Region(150, 90, 520, 380, "test")
+    image = corner_map(CAMERA.pixels(corners.points_m @ quat.matrix(Q).T + T), region)
+    q = quat.normalise(quat.multiply(quat.from_rotvec(np.array([0.02, -0.03, 0.02])), Q))[None]
+    t = T[None] + [[0.01, -0.01, 0.05]]
+    before = reprojection(q, t, corners, CAMERA, image)[0][0]
+    q, t, covariance = refine_on_corners(q, t, corners, CAMERA, image, MODEL.radius_m)
+    after = reprojection(q, t, corners, CAMERA, image)[0][0]
+    assert after < 0.5 * before
+    assert quat.angle_rad(q[0], Q) < 1e-3
+    assert np.linalg.norm(t[0] - T) < 5e-3
+    assert np.linalg.eigvalsh(covariance[0]).min() > 0
+
+
+def drawn(shape: str, noise: float = 6.0) -> np.ndarray:
+    image = np.zeros((480, 640), np.float32)
+    if shape == "square":
+        cv2.fillPoly(image, [np.array([[200, 150], [420, 170], [400, 330], [190, 300]])], 150)
+    else:
+        cv2.ellipse(image, (320, 240), (120, 70), 25, 0, 360, 150, -1)
+    rng = np.random.default_rng(7)
+    return np.clip(
+        cv2.GaussianBlur(image, (0, 0), 1.0) + 10 + rng.normal(0, noise, image.shape), 0, 255
+    ).astype(np.float32)
+
+
+def test_both_streams_find_the_sides_and_harris_the_corners() -> None:
+    image = drawn("square")
+    wge = eliminate_weak_gradients(image, blur_px=1.5)
+    region = Region(180, 140, 430, 340, "test")
+    streams = find_streams(image, wge, region, SVD_THESIS)
+    assert min(len(streams.by_name[s]) for s in ("wge", "sh")) >= 4
+    # of some hundred segments one for each side, and a few strays
+    assert 4 <= len(streams.lines) <= 10
+    corners = harris_corners(image[140:340, 180:430], (180.0, 140.0))
+    for at in ([200, 150], [420, 170], [400, 330], [190, 300]):
+        assert np.linalg.norm(corners - at, axis=1).min() < 5
+    thin = sobel_edges(image)
+    assert 400 < thin.sum() < 3000
+    bigger = grown_region(region, streams.lines, 0.05, image.shape)
+    mean = np.hypot(*(streams.lines[:, 2:] - streams.lines[:, :2]).T).mean()
+    assert region.x0 - bigger.x0 == pytest.approx(0.05 * mean)
+
+
+def test_an_ellipse_is_found_by_its_hough_transform() -> None:
+    found = hough_ellipses(sobel_edges(drawn("ellipse")), (0.0, 0.0), 280.0)
+    e = found[0]
+    assert (e.u, e.v, e.a, e.b) == pytest.approx((320, 240, 120, 70), abs=2.5)
+    assert np.degrees(e.angle_rad) % 180 == pytest.approx(25, abs=2)
+
+
+def test_a_circle_seen_as_an_ellipse_gives_its_pose() -> None:
+    s = np.arange(48) * (2 * np.pi / 48)
+    ring = np.stack([0.6 * np.cos(s), 0.6 * np.sin(s), np.full(48, 0.3)], axis=-1)
+    model = box(*(edge(ring[k], ring[(k + 1) % 48], [(0, 0, 1), (1, 0, 0)]) for k in range(48)))
+    circles = model_circles(model)
+    assert circles[0].radius_m == pytest.approx(0.6, rel=0.01)
+    pixels = CAMERA.pixels(ring @ quat.matrix(Q).T + T)
+    views = circle_views(undistorted_rays(CAMERA, pixels))
+    centre = quat.matrix(Q) @ [0, 0, 0.3] + T
+    assert min(np.linalg.norm(0.6 * c - centre) for _, c in views) < 1e-6
+    (u, v), (w, h), angle = cv2.fitEllipseDirect(pixels.astype(np.float32))
+    long = np.radians(angle) + (0 if w >= h else np.pi / 2)
+    q, t = circle_poses((EllipseFit(u, v, max(w, h) / 2, min(w, h) / 2, long, 1.0),), circles, CAMERA)
+    near = np.linalg.norm(t - T, axis=1) < 0.1
+    assert np.degrees(quat.angle_rad(q[near], Q).min()) < 8
+
+
+def test_methods_differ_in_what_the_papers_say() -> None:
+    assert (SVD_2018.solver, SVD_2018.ransac, SVD_2018.top, SVD_2018.roi_growth) == ("epnp", False, 5, 0.0)
+    assert (SVD_THESIS.solver, SVD_THESIS.ransac, SVD_THESIS.roi_growth) == ("p3p", True, 0.05)
+    assert SVD_THESIS.least_component > 0 == SVD_2018.least_component
+
+
+@pytest.mark.parametrize(
+    ("method", "solver", "streams", "word"),
+    [
+        ("guess", None, None, "unknown method"),
+        ("svd", "epnp", None, "no choice"),
+        ("svd-2018", "dls", None, "unknown solver"),
+        ("svd-2018", None, ["wge", "x"], "unknown stream"),
+    ],
+)
+def test_unknown_choices_are_refused(
+    method: str, solver: str | None, streams: list[str] | None, word: str
+) -> None:
+    with pytest.raises(BoardModelError, match=word):
+        make_estimator(MODEL, CAMERA, method, solver, streams)
