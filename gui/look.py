@@ -21,6 +21,7 @@ LAYERS: tuple[tuple[str, str], ...] = (
     ("atmosphere", "Atmosphere"),
     ("stars", "Stars"),
     ("sun", "Sun"),
+    ("moon", "Moon"),
     ("earthshine", "Earthshine"),
 )
 OVERLAYS: tuple[tuple[str, str], ...] = (

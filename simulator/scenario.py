@@ -278,6 +278,7 @@ class EnvironmentSection(Section, frozen=True, kw_only=True):
     stars: bool = True
     sun: bool = True
     earthshine: bool = True
+    moon: bool = True
 
 
 class Output(Section, frozen=True, kw_only=True):

@@ -1,11 +1,14 @@
 // The Earth and its air behind the target: radiance to add [W m-2 sr-1].
 // Space: Earth-fixed axes, the polar one stretched so that the WGS84 ellipsoid is the unit sphere.
-// SMOOTH: the cell is all ground, away from limb and poles. COVERED: the target may be in front.
+// SMOOTH: the cell is all ground, away from limb and poles. COVERED: the target may be in front. MOON: the Moon may.
 #include "atmosphere/air.glsl"
 #include "earth/geometry.glsl"
 #include "earth/aerial.glsl"
 #include "earth/point.glsl"
 #include "earth/surface.glsl"
+#if MOON
+#include "moon/disc.glsl"
+#endif
 
 #if SMOOTH
 noperspective in vec4 v_uv_plane;
@@ -22,6 +25,9 @@ void main() {
 #if COVERED
     open -= texelFetch(t_coverage, ivec2(gl_FragCoord.xy), 0).x;
     if (open <= 0.0) discard;
+#endif
+#if MOON
+    open *= 1.0 - moon_share(moon_ray(gl_FragCoord.xy - 0.5)); // the Moon in front, seen from its orbit
 #endif
 #if SMOOTH
     GroundPoint g = GroundPoint(

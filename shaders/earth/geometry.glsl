@@ -1,4 +1,5 @@
 // Where a pixel's ray meets the Earth.
+#include "common/rays.glsl"
 
 // Camera, ray and closest approach, in units of the Earth's equatorial radius.
 struct EarthRay {
@@ -12,7 +13,7 @@ struct EarthRay {
 
 EarthRay earth_ray(vec2 pixel) {
     EarthRay ray;
-    vec3 d = mat3(u_earth_from_camera) * vec3((pixel - u_intrinsics.zw) / u_intrinsics.xy, 1.0);
+    vec3 d = mat3(u_earth_from_camera) * camera_ray(pixel);
     float scale = inversesqrt(dot(d, d));
     ray.direction = d * scale;
     ray.along = dot(u_earth_camera.xyz, ray.direction);

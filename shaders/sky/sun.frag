@@ -2,6 +2,7 @@
 #include "atmosphere/air.glsl"
 #include "earth/geometry.glsl"
 #include "earth/aerial.glsl"
+#include "moon/disc.glsl"
 uniform sampler2D t_coverage;
 uniform vec4 u_sun_disc; // xyz: direction, camera frame; w: sine of the angular radius
 uniform vec4 u_sun_full_irradiance; // per band [W m-2]
@@ -12,7 +13,7 @@ const float DARKENING = 0.6;
 
 void main() {
     vec2 pixel = gl_FragCoord.xy - 0.5;
-    vec3 d = normalize(vec3((pixel - u_intrinsics.zw) / u_intrinsics.xy, 1.0));
+    vec3 d = normalize(camera_ray(pixel));
     float pixel_rad = d.z / u_intrinsics.x;
     float s = length(cross(d, u_sun_disc.xyz)); // sine of the angle from the centre
     float edge = clamp((u_sun_disc.w - s) / pixel_rad + 0.5, 0.0, 1.0);
@@ -20,6 +21,9 @@ void main() {
     float x = min(s / u_sun_disc.w, 1.0);
     float profile = (1.0 - DARKENING * (1.0 - sqrt(1.0 - x * x))) / (1.0 - DARKENING / 3.0); // mean 1 over the disc
     color radiance = BAND(u_sun_full_irradiance) * (profile * edge / (PI * u_sun_disc.w * u_sun_disc.w));
+#if MOON
+    radiance *= 1.0 - moon_share(moon_ray(pixel));
+#endif
 #if EARTH
     EarthRay ray = earth_ray(pixel);
     if (!ray.away) {

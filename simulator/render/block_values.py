@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.earthview import EQUATOR_M, POLE_M
+from simulator.render.view import EQUATOR_M, POLE_M
 from simulator.scene.atmosphere import SUN_ANGULAR_RADIUS_RAD
 
 if TYPE_CHECKING:
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from simulator.arrays import FloatArray
     from simulator.render.earthview import EarthView
+    from simulator.render.moonview import MoonView
     from simulator.render.view import View
     from simulator.scene.atmosphere import Atmosphere
     from simulator.scene.state import SceneState
@@ -21,12 +22,12 @@ if TYPE_CHECKING:
 
 def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
     """Members of the block ``Frame``."""
-    camera, lit = scene.camera, view.sun_visible_fraction
+    camera = scene.camera
     shine = view.earthshine_w_m2 if scene.environment.earthshine else 0 * view.earthshine_w_m2
     return {
         "u_intrinsics": [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px],
         "u_sun_direction": [*view.sun_direction, view.sun_sine],
-        "u_sun_irradiance": _four(view.sun_irradiance_w_m2 * lit),
+        "u_sun_irradiance": _four(view.sun_irradiance_w_m2 * view.sun_share),
         "u_earthshine_direction": [*view.earthshine_direction, view.earth_sine],
         "u_earthshine_irradiance": _four(shine),
         "u_nadir_direction": [*view.nadir, 0.0],
@@ -54,6 +55,24 @@ def earth_values(view: View, earth: EarthView, air: Atmosphere) -> dict[str, Arr
         "u_air_mie_scattering": _four(air.mie_scattering_m),
         "u_air_mie_extinction": _four(air.mie_extinction_m),
         "u_air_ozone": _four(air.ozone_m),
+    }
+
+
+def moon_values(moon: MoonView) -> dict[str, ArrayLike]:
+    """Members of the block ``Moon``."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = moon.moon_from_camera
+    longitude = float(np.arctan2(moon.camera[1], moon.camera[0]))
+    return {
+        "u_moon_from_camera": matrix,
+        "u_moon_camera": [*moon.camera, 0.0],
+        "u_moon_sun": [*moon.sun, 0.0],
+        "u_moon_earth": [*moon.earth, moon.earthlight],
+        "u_moon_meridian": [np.cos(longitude), np.sin(longitude), longitude, 0.0],
+        "u_moon_albedo": _four(moon.albedo),
+        "u_moon_irradiance": _four(moon.irradiance_w_m2),
+        "u_moon_shadow": [*moon.shadow, moon.shadow_reach],
+        "u_moon_shadow_axis": [*moon.shadow_axis, 0.0],
     }
 
 

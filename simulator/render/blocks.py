@@ -55,6 +55,21 @@ EARTH = (
     Field("vec4", "u_air_ozone"),
 )
 
+# "Moon" space: the Moon's axes (mean Earth, polar axis), in its radii
+MOON = (
+    Field("mat4", "u_moon_from_camera"),
+    Field("vec4", "u_moon_camera"),  # position
+    Field("vec4", "u_moon_sun"),  # unit vector
+    Field("vec4", "u_moon_earth"),  # unit vector; w: irradiance of the Earth over that of the Sun
+    Field(
+        "vec4", "u_moon_meridian"
+    ),  # unit vector of the camera's longitude in the equator's plane; it [rad]
+    Field("vec4", "u_moon_albedo"),  # geometric, per band
+    Field("vec4", "u_moon_irradiance"),  # of the Sun, per band [W m-2]
+    Field("vec4", "u_moon_shadow"),  # from the Earth to the Moon; w: reach of the table across Earth's shadow
+    Field("vec4", "u_moon_shadow_axis"),  # unit vector along the shadow
+)
+
 MATERIALS = (
     Field("vec4", "u_material_color", MAX_MATERIALS + 1),  # reflectance per band; w: metallic
     Field("vec4", "u_material_surface", MAX_MATERIALS + 1),  # roughness, clear coat, its roughness, crinkle
@@ -69,6 +84,7 @@ class Blocks:
     target: UniformBlock
     materials: UniformBlock
     earth: UniformBlock
+    moon: UniformBlock
 
     @staticmethod
     def create(context: moderngl.Context) -> Blocks:
@@ -78,8 +94,9 @@ class Blocks:
             UniformBlock(context, "TargetTransforms", 1, TARGET),
             UniformBlock(context, "Materials", 2, MATERIALS),
             UniformBlock(context, "Earth", 3, EARTH),
+            UniformBlock(context, "Moon", 4, MOON),
         )
 
     def all(self) -> tuple[UniformBlock, ...]:
         """The blocks in order of their binding."""
-        return (self.frame, self.target, self.materials, self.earth)
+        return (self.frame, self.target, self.materials, self.earth, self.moon)

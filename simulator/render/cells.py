@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.earthview import EQUATOR_M
+from simulator.render.view import EQUATOR_M
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.projection import PixelRect
+from simulator.render.view import EQUATOR_M, POLE_M
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from simulator.render.view import View
     from simulator.scene.atmosphere import Atmosphere
 
-EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245  # WGS84
 _GRID = 33  # rays per side of the image that look for what is in view
 
 

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from simulator.errors import UserError
-from simulator.render.block_values import earth_values, frame_values
+from simulator.render.block_values import earth_values, frame_values, moon_values
 from simulator.render.blocks import Blocks
 from simulator.render.cells import earth_cells
 from simulator.render.context import create_context, describe
 from simulator.render.earthview import earth_view
 from simulator.render.images import Images
+from simulator.render.moonview import moon_view
 from simulator.render.passes.earth import EarthPass
+from simulator.render.passes.moon import MoonPass
 from simulator.render.passes.stars import StarPass
 from simulator.render.passes.sun import SunPass
 from simulator.render.passes.target import TargetPasses
@@ -78,6 +80,7 @@ class Renderer:
         self._stars = StarPass(self._gl, self._programs)
         self._sun = SunPass(self._gl, self._programs)
         self._images: Images | None = None
+        self._moon: MoonPass | None = None
         self._earths: dict[Bands, EarthPass] = {}
         self.check("start-up")
 
@@ -132,6 +135,9 @@ class Renderer:
         """Everything behind the target: each pass adds its light times the share that the target leaves open."""
         environment = scene.environment
         earth, air, tables = None, None, None
+        moon = moon_view(scene) if environment.moon else None
+        if moon is not None:
+            self._blocks.moon.write(moon_values(moon))
         if environment.earth:
             earth_pass = self._earth_pass(scene.bands)
             if environment.atmosphere:
@@ -143,17 +149,29 @@ class Renderer:
                 earth_pass.air.run(earth)
             clock.lap("earth.air")
             if earth.rect is not None:
-                earth_pass.run(images, earth_cells(earth, scene.camera, hidden), environment, scene.quality)
+                earth_pass.run(
+                    images,
+                    earth_cells(earth, scene.camera, hidden),
+                    scene,
+                    behind=moon is not None and moon.in_front,
+                )
             clock.lap("earth.surface")
         # rays that all meet the ground see nothing behind it
         open_sky = earth is None or earth.rect is None or earth.sky_rows is not None
         if environment.stars and open_sky:
-            self._stars.run(scene, view, images, earth, air)
+            self._stars.run(scene, view, images, earth, air, moon)
             clock.lap("stars")
+        # without Earth in the image there is no air table either
+        in_air = tables if earth is not None and earth.rect is not None else None
+        if moon is not None and moon.rect is not None and (open_sky or moon.in_front):
+            if self._moon is None:
+                self._moon = MoonPass(self._gl, self._programs)
+                self.check("uploading the Moon's map")
+            self._moon.run(images, moon, earth=earth is not None, air=in_air)
+            clock.lap("moon")
         if environment.sun and open_sky:
-            # without Earth in the image there is no air table either
-            in_air = tables if earth is not None and earth.rect is not None else None
-            self._sun.run(images, view, scene.camera, earth=earth is not None, air=in_air)
+            hides = moon is not None and moon.rect is not None
+            self._sun.run(images, view, scene.camera, earth=earth is not None, air=in_air, moon=hides)
             clock.lap("sun")
 
     def _earth_pass(self, bands: Bands) -> EarthPass:

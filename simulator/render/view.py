@@ -7,13 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.scene.bands import bands_of, sun_irradiance_w_m2
+from simulator.scene.refraction import sunlight_past_earth
+from simulator.world.constants import MOON_RADIUS_M
+from simulator.world.eclipse import sun_visible_fraction
 from simulator.world.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
     from simulator.scene.state import SceneState
 
+EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245  # WGS84
 SUN_RADIUS_M = 6.957e8  # IAU 2015 resolution B3, nominal solar radius
 EARTH_RADIUS_M = 6_371_008.8  # mean radius, for earthshine only; the picture uses the ellipsoid
 EARTH_MEAN_ALBEDO = 0.30  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53
@@ -29,7 +33,9 @@ class View:
     R_camera_from_itrs : orientation of the Earth. r_camera_itrs_m : camera, Earth-fixed.
     sun_direction : unit vector from the target to the Sun. sun_sine : sine of its angular radius.
     sun_itrs : unit vector from the Earth to the Sun, Earth-fixed.
-    sun_irradiance_w_m2 : per band, unobstructed, at the target. sun_at_earth_w_m2 : per band, at the Earth.
+    sun_irradiance_w_m2 : per band, unobstructed, at the target.
+    sun_share : per band, what Earth, air and Moon leave of it.
+    sun_at_earth_w_m2 : per band, at the Earth.
     earthshine_direction, earthshine_w_m2 : towards the lit part of the Earth; on a plate that faces it, per band.
     nadir : unit vector to the Earth's centre. earth_sine : sine of the Earth's angular radius.
     """
@@ -45,6 +51,7 @@ class View:
     sun_irradiance_w_m2: FloatArray
     sun_at_earth_w_m2: FloatArray
     sun_visible_fraction: float
+    sun_share: FloatArray
     earthshine_direction: FloatArray
     earthshine_w_m2: FloatArray
     nadir: FloatArray
@@ -75,11 +82,28 @@ def build_view(scene: SceneState) -> View:
         sun_irradiance_w_m2=sun_w_m2,
         sun_at_earth_w_m2=sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun))),
         sun_visible_fraction=scene.sun_visible_fraction,
+        sun_share=_sun_share(scene, R_ie),
         earthshine_direction=R_ce @ direction,
         earthshine_w_m2=sun_w_m2 * share,
         nadir=R_ce @ (-r_camera / np.linalg.norm(r_camera)),
         earth_sine=earth_sine,
     )
+
+
+def _sun_share(scene: SceneState, R_itrs_from_eci: FloatArray) -> FloatArray:
+    """Share (n,) of the Sun's light per band at the target, through the Earth's air where that is drawn."""
+    fraction = np.full(len(bands_of(scene.bands)), scene.sun_visible_fraction)
+    if not (scene.environment.earth and scene.environment.atmosphere):
+        return fraction
+    stretch = np.array([1.0, 1.0, EQUATOR_M / POLE_M])  # the ellipsoid becomes a sphere
+    r, sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
+    through = sunlight_past_earth(
+        stretch * (R_itrs_from_eci @ r), stretch * (R_itrs_from_eci @ sun), scene.bands
+    )
+    if np.all(through == 1):
+        return fraction
+    moon = np.asarray(scene.r_moon_eci_m)
+    return through * float(sun_visible_fraction(r - moon, sun - moon, MOON_RADIUS_M))
 
 
 def _earthshine(zenith: FloatArray, distance_m: float, sun: FloatArray) -> tuple[FloatArray, float, float]:

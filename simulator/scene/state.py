@@ -32,6 +32,7 @@ class Environment:
     stars: bool = True
     sun: bool = True
     earthshine: bool = True
+    moon: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,6 +25,7 @@ NOTHING = Environment(
     stars=False,
     sun=False,
     earthshine=False,
+    moon=False,
 )
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from simulator.render.cells import CellKind, Cells
     from simulator.render.images import Images
     from simulator.render.programs import Program, ProgramLibrary
-    from simulator.scene.state import Bands, Environment, Quality
+    from simulator.scene.state import Bands, Environment, SceneState
 
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
@@ -58,7 +58,7 @@ class EarthPass:
         texture.repeat_x, texture.repeat_y = True, False
         return texture
 
-    def _program(self, environment: Environment, kind: CellKind) -> Program:
+    def _program(self, environment: Environment, kind: CellKind, *, behind: bool) -> Program:
         defines: dict[str, object] = {
             "BANDS": self.bands,
             "AIR": int(environment.atmosphere),
@@ -67,6 +67,7 @@ class EarthPass:
             "NIGHT": int(environment.night_lights and kind.night),
             "SMOOTH": int(kind.smooth),
             "COVERED": int(kind.covered),
+            "MOON": int(behind),
             "DETAIL_KM": PERIOD_KM,
             "DETAIL_TEXEL_KM": DETAIL_TEXEL_KM,
             "SLOPE_PER_KM": SLOPE_PER_KM,
@@ -77,8 +78,14 @@ class EarthPass:
         }
         return self._programs.get("earth/earth.vert", "earth/earth.frag", defines, _SAMPLERS[self.bands])
 
-    def run(self, images: Images, cells: Cells, environment: Environment, quality: Quality) -> None:
-        """Add the Earth's light to ``images``."""
+    def run(self, images: Images, cells: Cells, scene: SceneState, *, behind: bool) -> None:
+        """Add the Earth's light to ``images``.
+
+        Parameters
+        ----------
+        behind : the Moon is nearer, and may hide it.
+        """
+        environment, quality = scene.environment, scene.quality
         # half of a trilinear fetch's cost is its second level, and a cell has one level anyway
         smallest = (
             self._context.LINEAR_MIPMAP_LINEAR if quality == "high" else self._context.LINEAR_MIPMAP_NEAREST
@@ -90,7 +97,7 @@ class EarthPass:
         images.sky_framebuffer.viewport = (0, 0, *images.size)
         self._context.blend_func = self._context.ONE, self._context.ONE
         for kind, triangles in cells.triangles.items():
-            program = self._program(environment, kind)
+            program = self._program(environment, kind, behind=behind)
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
             self._context.enable_only(self._context.BLEND if kind.covered else self._context.NOTHING)
             program.bind_textures(**self._textures(images))

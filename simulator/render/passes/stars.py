@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from simulator.arrays import FloatArray
     from simulator.render.earthview import EarthView
     from simulator.render.images import Images
+    from simulator.render.moonview import MoonView
     from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.view import View
     from simulator.scene.atmosphere import Atmosphere
@@ -32,15 +33,22 @@ class StarPass:
         self._arrays: dict[Program, moderngl.VertexArray] = {}
 
     def run(
-        self, scene: SceneState, view: View, images: Images, earth: EarthView | None, air: Atmosphere | None
+        self,
+        scene: SceneState,
+        view: View,
+        images: Images,
+        earth: EarthView | None,
+        air: Atmosphere | None,
+        moon: MoonView | None,
     ) -> None:
         """Add the stars in view.
 
         Parameters
         ----------
         earth : what hides them, ``None`` without Earth. air : what dims them near its limb.
+        moon : what also hides them.
         """
-        pixels, radiance = stars_in_view(scene, view, earth, air)
+        pixels, radiance = stars_in_view(scene, view, earth, air, moon)
         if not len(pixels):
             return
         program = self._programs.get(
@@ -64,7 +72,11 @@ class StarPass:
 
 
 def stars_in_view(
-    scene: SceneState, view: View, earth: EarthView | None, air: Atmosphere | None
+    scene: SceneState,
+    view: View,
+    earth: EarthView | None,
+    air: Atmosphere | None,
+    moon: MoonView | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Pixel positions (K, 2) and radiance (K, n) that one whole pixel would have [W m-2 sr-1]."""
     camera, field = scene.camera, stars(scene.epoch_utc, scene.bands)
@@ -79,6 +91,8 @@ def stars_in_view(
     d, irradiance = field.directions[near] @ view.R_camera_from_eci.T, field.irradiance_w_m2[near]
     pixels = camera.project(d)
     keep = camera.contains(pixels)
+    if moon is not None:
+        keep &= ~moon.hides(d)
     d, irradiance, pixels = d[keep], irradiance[keep], pixels[keep]
     if earth is not None:
         visible, share = _past_the_earth(d, earth, air)

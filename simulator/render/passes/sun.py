@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from simulator.render.moonview import disc_rect
 from simulator.render.passes.air import TABLE_DEFINES
 from simulator.render.programs import FULL_SCREEN
-from simulator.render.projection import PixelRect
 
 if TYPE_CHECKING:
     import moderngl
@@ -16,6 +14,7 @@ if TYPE_CHECKING:
     from simulator.camera.model import Camera
     from simulator.render.images import Images
     from simulator.render.programs import Program, ProgramLibrary
+    from simulator.render.projection import PixelRect
     from simulator.render.view import View
 
 _SAMPLERS = {
@@ -32,18 +31,32 @@ class SunPass:
         self._arrays: dict[Program, moderngl.VertexArray] = {}
 
     def run(
-        self, images: Images, view: View, camera: Camera, *, earth: bool, air: list[moderngl.Texture] | None
+        self,
+        images: Images,
+        view: View,
+        camera: Camera,
+        *,
+        earth: bool,
+        air: list[moderngl.Texture] | None,
+        moon: bool,
     ) -> None:
         """Add the Sun.
 
         Parameters
         ----------
         earth : whether the Earth hides it. air : this frame's air table, which reddens it; ``None`` without air.
+        moon : whether the Moon may hide it.
         """
         rect = sun_rect(view, camera)
         if rect is None:
             return
-        defines = {"BANDS": images.bands, "EARTH": int(earth), "AIR": int(air is not None), **TABLE_DEFINES}
+        defines = {
+            "BANDS": images.bands,
+            "EARTH": int(earth),
+            "AIR": int(air is not None),
+            "MOON": int(moon),
+            **TABLE_DEFINES,
+        }
         program = self._programs.get(FULL_SCREEN, "sky/sun.frag", defines, _SAMPLERS[images.bands])
         images.sky_framebuffer.use()
         images.sky_framebuffer.viewport = rect.viewport
@@ -61,13 +74,4 @@ class SunPass:
 
 def sun_rect(view: View, camera: Camera) -> PixelRect | None:
     """Pixels that the disc can touch, or ``None``."""
-    if view.sun_direction[2] <= 0.05:
-        return None
-    center = camera.project(view.sun_direction)
-    # a circle on the sky is stretched off the axis by at most 1 / cos^2
-    reach = view.sun_sine * max(camera.fx_px, camera.fy_px) / view.sun_direction[2] ** 2 + 2
-    low = np.floor(np.maximum(center - reach, 0)).astype(int)
-    high = np.ceil(np.minimum(center + reach + 1, [camera.width_px, camera.height_px])).astype(int)
-    if np.any(high <= low):
-        return None
-    return PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
+    return disc_rect(camera, view.sun_direction, view.sun_sine)

@@ -1,0 +1,131 @@
+"""The Moon as the camera sees it: its own axes and unit of length, its light, and the pixels that it touches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.projection import PixelRect
+from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.scene.moonlight import MOON_RADIUS_M, moon_albedo
+from simulator.scene.refraction import shadow_profile
+from simulator.world.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from simulator.arrays import FloatArray
+    from simulator.camera.model import Camera
+    from simulator.scene.state import SceneState
+
+EARTH_RADIUS_M = 6_371_008.8
+EARTH_GEOMETRIC_ALBEDO = 0.367  # Allen's Astrophysical Quantities (2000), table 12.4
+
+
+@dataclass(frozen=True, eq=False)
+class MoonView:
+    """Space of the Moon's axes in its radii, float64.
+
+    Parameters
+    ----------
+    moon_from_camera : (3, 3) rotation. camera : (3,) position. sun, earth : (3,) unit vectors from the Moon.
+    earthlight : irradiance of the Earth over the Sun's. irradiance_w_m2 : of the Sun, per band.
+    albedo : geometric, per band.
+    shadow : (3,) from the Earth to the Moon. shadow_axis : (3,) unit vector along the Earth's shadow.
+    shadow_share : (K, n) of the Sun's light across the shadow, ``None`` when the Moon is clear of it.
+    shadow_reach : distance from the axis of the last of them.
+    center_camera : (3,) direction to its centre, camera frame. sine : of its angular radius.
+    in_front : whether it is nearer than the Earth.
+    rect : pixels that it can touch, ``None`` when there are none.
+    """
+
+    moon_from_camera: FloatArray
+    camera: FloatArray
+    sun: FloatArray
+    earth: FloatArray
+    earthlight: float
+    irradiance_w_m2: FloatArray
+    albedo: FloatArray
+    shadow: FloatArray
+    shadow_axis: FloatArray
+    shadow_share: FloatArray | None
+    shadow_reach: float
+    center_camera: FloatArray
+    sine: float
+    in_front: bool
+    rect: PixelRect | None
+
+    def hides(self, directions_camera: FloatArray) -> np.typing.NDArray[np.bool_]:
+        """Whether unit directions (K, 3) in the camera frame end on the Moon."""
+        return np.asarray(directions_camera @ self.center_camera > np.sqrt(max(1 - self.sine**2, 0.0)))
+
+
+def moon_view(scene: SceneState) -> MoonView:
+    """Find the Moon in the image and work out its light."""
+    R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
+    R_me = matrix_from_quat(scene.q_moon_from_eci_wxyz)
+    moon, sun = np.asarray(scene.r_moon_eci_m), np.asarray(scene.r_sun_eci_m)
+    to_camera = np.asarray(scene.r_camera_eci_m) - moon
+    distance = float(np.linalg.norm(to_camera))
+    to_sun = sun - moon
+    sun_distance = float(np.linalg.norm(to_sun))
+    earth_distance = float(np.linalg.norm(moon))
+    axis = -sun / np.linalg.norm(sun)
+    behind = float(moon @ axis)
+    off = float(np.linalg.norm(moon - behind * axis))
+    share, reach = None, 1.0
+    if behind > 0 and off < 1.4e7:
+        share, reach = shadow_profile(round(behind / 1e3), round(sun_distance / 1e9), scene.bands)
+    cosine = float(-moon @ to_sun / (earth_distance * sun_distance))  # of the angle Earth - Moon - Sun
+    # the phase of the Earth seen from the Moon, as a Lambert sphere
+    phase = np.pi - np.arccos(np.clip(cosine, -1, 1))
+    lambert = (np.sin(phase) + (np.pi - phase) * np.cos(phase)) / np.pi
+    center = R_ce @ (-to_camera / distance)
+    sine = min(MOON_RADIUS_M / distance, 1.0)
+    return MoonView(
+        moon_from_camera=R_me @ R_ce.T,
+        camera=R_me @ to_camera / MOON_RADIUS_M,
+        sun=R_me @ to_sun / sun_distance,
+        earth=R_me @ -moon / earth_distance,
+        earthlight=EARTH_GEOMETRIC_ALBEDO * (EARTH_RADIUS_M / earth_distance) ** 2 * float(lambert),
+        irradiance_w_m2=sun_irradiance_w_m2(scene.bands, sun_distance),
+        albedo=moon_albedo(scene.bands),
+        shadow=R_me @ moon / MOON_RADIUS_M,
+        shadow_axis=R_me @ axis,
+        shadow_share=share,
+        shadow_reach=reach / MOON_RADIUS_M,
+        center_camera=center,
+        sine=sine,
+        in_front=distance < float(np.linalg.norm(scene.r_camera_eci_m)),
+        rect=disc_rect(scene.camera, center, sine),
+    )
+
+
+def disc_rect(camera: Camera, center_camera: FloatArray, sine: float) -> PixelRect | None:
+    """Pixels that a sphere can touch.
+
+    Parameters
+    ----------
+    center_camera : (3,) unit direction of its centre. sine : of its angular radius.
+    """
+    whole = PixelRect(0, 0, camera.width_px, camera.height_px)
+    radius, off = np.arcsin(min(sine, 1.0)), np.arccos(np.clip(center_camera[2], -1, 1))
+    if off > radius + camera.half_angle_rad() + 0.01:
+        return None
+    if radius > 0.15 or off + radius > 1.0:
+        return whole
+    # rays around it, a little further out than its rim
+    side = np.cross(center_camera, [0.0, 0.0, 1.0] if abs(center_camera[2]) < 0.9 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    up = np.cross(center_camera, side)
+    turn = np.arange(24) / 24 * 2 * np.pi
+    rim = center_camera + 1.02 * np.tan(radius) * (np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * up)
+    pixels: ArrayLike = camera.project(rim)
+    if not np.isfinite(pixels).all():
+        return whole
+    low, high = np.floor(np.min(pixels, axis=0)) - 1, np.ceil(np.max(pixels, axis=0)) + 2
+    x0, y0 = (max(int(v), 0) for v in low)
+    x1, y1 = min(int(high[0]), camera.width_px), min(int(high[1]), camera.height_px)
+    return PixelRect(x0, y0, x1, y1) if x1 > x0 and y1 > y0 else None

@@ -1,0 +1,125 @@
+"""Moon pass: its disc or its ground, lit by Sun and Earth. Reads map, craters, coverage; adds to the radiance."""
+
+from __future__ import annotations
+
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.render.cache import cached_array
+from simulator.render.craters import BROAD_LARGEST_PX, FINE_LARGEST_PX, SLOPE_MAX, crater_texture
+from simulator.render.passes.air import TABLE_DEFINES
+from simulator.render.programs import FULL_SCREEN
+from simulator.scene.moonlight import surface_phase
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.arrays import ByteArray
+    from simulator.render.images import Images
+    from simulator.render.moonview import MoonView
+    from simulator.render.programs import Program, ProgramLibrary
+
+MAP = "albedo_4096x2048.jpg"
+MAP_SCALE = 2.5  # of the map's 8 bits, in means of the near side
+_MAP_VERSION = 3
+_PHASES = 512
+_AIR = {1: ("t_air",), 3: ("t_air_rayleigh", "t_air_mie", "t_air_transmittance")}
+_OWN = ("t_coverage", "t_moon", "t_broad", "t_fine", "t_phase", "t_umbra")
+
+
+def moon_map() -> ByteArray:
+    """(2048, 4096) normal albedo over its mean on the near side, over ``MAP_SCALE``; from the cache."""
+    try:
+        data = resources.files("assets").joinpath("moon", MAP).read_bytes()
+    except FileNotFoundError as error:
+        raise UserError(f"the map assets/moon/{MAP} is missing; install Flyaround again") from error
+
+    def make() -> ByteArray:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
+        if image is None:
+            raise UserError(f"the map assets/moon/{MAP} cannot be decoded; install Flyaround again")
+        latitude = np.radians(90 - (np.arange(2048) + 0.5) / 2048 * 180)[:, None]
+        longitude = np.radians((np.arange(4096) + 0.5) / 4096 * 360 - 180)[None, :]
+        # the ground of the near side, limb and middle alike, as all phases together show it
+        weight = np.cos(latitude) * (np.cos(longitude) > 0)
+        # the mosaic is a picture: this power gives the maria half the highlands' albedo (0.07 and 0.13)
+        image = (image / np.float32(255)) ** np.float32(0.75)
+        mean = float((image * weight).sum() / weight.sum())
+        return np.asarray(np.clip(image / (mean * MAP_SCALE) * 255 + 0.5, 0, 255), np.uint8)
+
+    return cached_array(f"moon-{_MAP_VERSION}-{len(data)}", make)
+
+
+class MoonPass:
+    """Its textures are uploaded when it is made, which is when the Moon is first in view."""
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
+        self._context, self._programs = context, programs
+        albedo = moon_map()
+        self._map = context.texture(albedo.shape[::-1], 1, albedo, alignment=1)
+        self._craters = []
+        for largest in (BROAD_LARGEST_PX, FINE_LARGEST_PX):
+            craters = crater_texture(largest)
+            self._craters.append(context.texture(craters.shape[1::-1], 4, craters))
+        for texture in (self._map, *self._craters):
+            texture.build_mipmaps()
+            texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
+        self._map.repeat_y = False
+        phase = surface_phase((np.arange(_PHASES) + 0.5) / _PHASES * np.pi).astype(np.float32)
+        self._phase = context.texture((_PHASES, 1), 1, phase.tobytes(), dtype="f4")
+        self._umbra = context.texture((256, 1), 4, dtype="f4")
+        for texture in (self._phase, self._umbra):
+            texture.filter = (context.LINEAR, context.LINEAR)
+            texture.repeat_x = texture.repeat_y = False
+        self._arrays: dict[Program, moderngl.VertexArray] = {}
+
+    def run(self, images: Images, moon: MoonView, *, earth: bool, air: list[moderngl.Texture] | None) -> None:
+        """Add the Moon.
+
+        Parameters
+        ----------
+        earth : whether the Earth may hide it. air : this frame's air table, which dims it; ``None`` without air.
+        """
+        if moon.rect is None:
+            return
+        behind = earth and not moon.in_front
+        air = air if behind else None
+        bands = images.bands
+        samplers = (*_OWN, *(_AIR[bands] if air is not None else ()))
+        program = self._programs.get(
+            FULL_SCREEN,
+            "moon/moon.frag",
+            {
+                "BANDS": bands,
+                "EARTH": int(behind),
+                "AIR": int(air is not None),
+                "SLOPE_MAX": SLOPE_MAX,
+                **TABLE_DEFINES,
+            },
+            samplers,
+        )
+        share = np.ones((256, 4), np.float32)
+        if moon.shadow_share is not None:
+            share[:, : moon.shadow_share.shape[1]] = moon.shadow_share
+        self._umbra.write(share.tobytes())
+        program.bind_textures(
+            t_coverage=images.coverage,
+            t_moon=self._map,
+            t_broad=self._craters[0],
+            t_fine=self._craters[1],
+            t_phase=self._phase,
+            t_umbra=self._umbra,
+        )
+        if air is not None:
+            program.bind_textures(**dict(zip(_AIR[bands], air, strict=True)))
+        images.sky_framebuffer.use()
+        images.sky_framebuffer.viewport = moon.rect.viewport
+        self._context.enable_only(self._context.BLEND)
+        self._context.blend_func = self._context.ONE, self._context.ONE
+        if program not in self._arrays:
+            self._arrays[program] = self._context.vertex_array(program.gl, [])
+        self._arrays[program].render(vertices=3)

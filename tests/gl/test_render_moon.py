@@ -1,0 +1,168 @@
+"""The Moon: its irradiance, its phase, its place, and what it hides."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from simulator.camera.model import Camera
+from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.scene.moonlight import disc_phase, lommel_seeliger_disc
+from simulator.scene.refraction import shadow_profile, sunlight_past_earth
+from simulator.scene.state import Environment
+from simulator.world.rotation import quat_from_matrix
+
+pytestmark = pytest.mark.gl
+AU_M, MOON_M = 149_597_870_700.0, 384_400_000.0
+FAR = (0.0, 0.0, -50.0)
+
+
+@pytest.fixture(scope="module")
+def speck(draw_kit):
+    return draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
+
+
+def _scene(
+    draw_kit, speck, *, camera_eci, look_eci, moon_eci, sun_eci, environment, fov_rad=0.02, size=96, **more
+):
+    z = np.asarray(look_eci, float) / np.linalg.norm(look_eci)
+    x = np.cross([0.1, 0.2, 1.0], z)
+    x /= np.linalg.norm(x)
+    R_ce = np.stack([x, np.cross(z, x), z])
+    middle = (size - 1) / 2
+    f = size / fov_rad
+    camera = Camera(width_px=size, height_px=size, fx_px=f, fy_px=f, cx_px=middle, cy_px=middle)
+    scene = draw_kit.scene(speck, t_m=FAR, camera=camera, environment=environment)
+    camera_eci = np.asarray(camera_eci, float)
+    return replace(
+        scene,
+        r_camera_eci_m=tuple(map(float, camera_eci)),
+        r_target_eci_m=tuple(map(float, camera_eci + R_ce.T @ FAR)),
+        r_moon_eci_m=tuple(map(float, moon_eci)),
+        r_sun_eci_m=tuple(map(float, sun_eci)),
+        q_camera_from_eci_wxyz=quat_from_matrix(R_ce),
+        **more,
+    )
+
+
+def _facing(phase_rad):
+    """Orientation of the Moon with its near side to -x of ECI, and a far Sun at a phase angle."""
+    R_moon_from_eci = np.diag([-1.0, -1.0, 1.0])
+    sun = np.array([MOON_M, 0, 0]) + AU_M * np.array([-np.cos(phase_rad), np.sin(phase_rad), 0])
+    return quat_from_matrix(R_moon_from_eci), sun
+
+
+@pytest.mark.parametrize("phase_deg", [5.0, 50.0, 100.0])
+def test_the_moons_light_is_the_published_one(renderer, draw_kit, speck, phase_deg):
+    only = replace(draw_kit.nothing, moon=True)
+    irradiance = []
+    for phase in np.radians([phase_deg, -phase_deg]):
+        q, sun = _facing(phase)
+        # the camera at the Earth's centre, as the published figures have it
+        scene = _scene(
+            draw_kit, speck, camera_eci=(1.0, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0), sun_eci=sun,
+            environment=only, fov_rad=0.012, q_moon_from_eci_wxyz=q,
+        )  # fmt: skip
+        irradiance.append(renderer.render(scene, speck).radiance.astype(float).sum() * (0.012 / 96) ** 2)
+    # V = -12.74 at full against the Sun's -26.76 (Allen 2000), means of the waxing and the waning Moon
+    published = (
+        sun_irradiance_w_m2("mono", AU_M)[0]
+        * 10 ** (-0.4 * (-12.74 + 26.76))
+        * disc_phase(np.radians(phase_deg))
+    )
+    assert np.mean(irradiance) == pytest.approx(published, rel=0.15)
+
+
+def test_phase_of_the_lommel_seeliger_disc():
+    angle = np.radians([0.0, 60.0, 120.0])
+    for a, drawn in zip(angle, lommel_seeliger_disc(angle), strict=True):
+        # integral over the lit and seen part of the sphere, by brute force
+        x, y = np.meshgrid(np.linspace(-1, 1, 801), np.linspace(-1, 1, 801))
+        z = np.sqrt(np.clip(1 - x * x - y * y, 0, None))
+        mu, mu_sun = z, np.clip(x * np.sin(a) + z * np.cos(a), 0, None)
+        inside = x * x + y * y < 1
+        mean = (2 * mu_sun / (mu_sun + mu + 1e-9))[inside].mean()
+        assert drawn == pytest.approx(mean, abs=0.01)
+
+
+def test_the_moon_hides_stars_sun_and_earth(renderer, draw_kit, speck):
+    q, _ = _facing(0.0)
+    behind = {"camera_eci": (MOON_M + 4e6, 0, 0), "look_eci": (-1, 0, 0), "moon_eci": (MOON_M, 0, 0)}
+    sky = replace(draw_kit.nothing, earth=True, sun=True, stars=True)
+    scene = _scene(
+        draw_kit,
+        speck,
+        **behind,
+        sun_eci=(-AU_M, 0.06 * AU_M, 0),
+        environment=sky,
+        q_moon_from_eci_wxyz=q,
+        fov_rad=0.3,
+    )
+    open_sky = renderer.render(scene, speck).radiance
+    assert open_sky.max() > 1e5
+    hidden = renderer.render(replace(scene, environment=replace(sky, moon=True)), speck).radiance
+    assert hidden.max() < 1.0  # its night side
+
+
+def test_earthrise_and_a_moon_behind_the_earth(renderer, draw_kit, speck):
+    q, _ = _facing(0.0)
+    world = replace(draw_kit.nothing, earth=True, moon=True)
+    # 100 km up, over the Moon's limb seen from the Earth
+    place = np.array([MOON_M, 1_837_400.0, 0])
+    scene = _scene(
+        draw_kit, speck, camera_eci=place, look_eci=-place, moon_eci=(MOON_M, 0, 0), sun_eci=(0, AU_M, 0),
+        environment=world, q_moon_from_eci_wxyz=q, fov_rad=0.9, size=128,
+    )  # fmt: skip
+    image = renderer.render(scene, speck).radiance
+    earth = renderer.render(replace(scene, environment=replace(world, moon=False)), speck).radiance
+    moon = renderer.render(replace(scene, environment=replace(world, earth=False)), speck).radiance
+    assert (earth > 0).sum() > 5
+    assert (moon > 0).sum() > 500
+    assert np.array_equal(image, earth + moon)
+    # from low orbit with the Earth in between
+    scene = _scene(
+        draw_kit, speck, camera_eci=(-7e6, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0),
+        sun_eci=(-AU_M, 0.1 * AU_M, 0), environment=replace(draw_kit.nothing, moon=True), q_moon_from_eci_wxyz=q,
+    )  # fmt: skip
+    assert renderer.render(scene, speck).radiance.max() > 1
+    alone = renderer.render(replace(scene, environment=replace(draw_kit.nothing, earth=True)), speck).radiance
+    both = renderer.render(replace(scene, environment=world), speck).radiance
+    assert np.array_equal(alone, both)
+
+
+def test_eclipsed_moon_is_dim_and_red():
+    share, reach = shadow_profile(384_400, 150, "rgb")
+    # radii of umbra and penumbra: 4.6 and 8.2 thousand km (Meeus 1998, ch. 54, for the mean distance)
+    axis = np.linspace(0, reach, 256)
+    assert np.interp(0.99, share[:, 1], axis) == pytest.approx(8.2e6, rel=0.03)
+    assert np.interp(0.01, share[:, 1], axis) == pytest.approx(4.65e6, rel=0.04)
+    red, green, blue = share[20]
+    # total eclipses: ten thousand to a million times dimmer (Keen 1983, Science 222)
+    assert 1e-6 < red < 4e-4
+    assert red > 5 * green > 5 * blue
+
+
+def test_sunset_of_a_spacecraft_dims_reddens_and_ends():
+    heights = np.array([150e3, 30e3, 12e3, 0.0, -30e3, -120e3])
+    light = np.array(
+        [
+            sunlight_past_earth(np.array([-2.5e6, 0, 6_378_137 + h]), np.array([AU_M, 0, 0]), "rgb")
+            for h in heights
+        ]
+    )
+    assert light[0] == pytest.approx(1.0, abs=1e-3)
+    assert np.all(np.diff(light, axis=0) < 0)
+    assert np.all(light[3:5, 0] > 2 * light[3:5, 2])
+    assert light[-1].max() < 1e-4
+
+
+def test_switches_and_the_default_environment(renderer, draw_kit, speck):
+    q, sun = _facing(0.3)
+    scene = _scene(
+        draw_kit, speck, camera_eci=(7e6, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0), sun_eci=sun,
+        environment=Environment(), q_moon_from_eci_wxyz=q, bands="rgb",
+    )  # fmt: skip
+    seen = renderer.render(scene, speck).radiance
+    assert np.median(seen[40:56, 40:56, 0]) > np.median(seen[40:56, 40:56, 2]) * 1.1  # the Moon is warm
+    dark = renderer.render(replace(scene, environment=Environment(moon=False)), speck).radiance
+    assert dark[40:56, 40:56].max() < 0.5
