@@ -21,7 +21,7 @@ EarthRay earth_ray(vec2 pixel) {
     vec3 moment = cross(u_earth_camera.xyz, ray.direction);
     ray.perigee2 = dot(moment, moment);
     ray.disc = 1.0 - ray.perigee2;
-    ray.pixel_rad = scale / u_intrinsics.x;
+    ray.pixel_rad = ray_pixel_rad(pixel, scale);
     ray.away = ray.along >= 0.0;
     return ray;
 }

@@ -16,7 +16,7 @@ MoonRay moon_ray(vec2 pixel) {
     ray.along = dot(u_moon_camera.xyz, ray.direction);
     vec3 moment = cross(u_moon_camera.xyz, ray.direction);
     ray.disc = 1.0 - dot(moment, moment);
-    ray.pixel_rad = scale / u_intrinsics.x;
+    ray.pixel_rad = ray_pixel_rad(pixel, scale);
     return ray;
 }
 

@@ -14,7 +14,7 @@ const float DARKENING = 0.6;
 void main() {
     vec2 pixel = gl_FragCoord.xy - 0.5;
     vec3 d = normalize(camera_ray(pixel));
-    float pixel_rad = d.z / u_intrinsics.x;
+    float pixel_rad = ray_pixel_rad(pixel, d.z);
     float s = length(cross(d, u_sun_disc.xyz)); // sine of the angle from the centre
     float edge = clamp((u_sun_disc.w - s) / pixel_rad + 0.5, 0.0, 1.0);
     if (edge <= 0.0) discard;

@@ -1,5 +1,6 @@
 // Target vertices into the sample lattice; normals into the camera frame and their code.
 #include "target/pack.glsl"
+#include "target/raster.glsl"
 in vec3 in_position_m;
 in vec3 in_normal;
 in float in_material;
@@ -14,7 +15,7 @@ flat out uint v_material;
 out vec2 v_steps;
 #endif
 void main() {
-    gl_Position = u_lattice_clip_from_target * vec4(in_position_m, 1.0);
+    gl_Position = raster_position(u_lattice_clip_from_target, in_position_m);
     vec3 n = mat3(u_camera_from_target) * in_normal;
     v_material_word = material_word(in_material);
 #ifdef TEXTURED

@@ -1,4 +1,5 @@
 // Radiance [W m-2 sr-1] and coverage of the target, per image pixel, from its lattice samples.
+#include "common/rays.glsl"
 #include "target/brdf.glsl"
 #include "target/pack.glsl"
 #include "target/shadow.glsl"
@@ -129,7 +130,7 @@ void main() {
         }
         left -= members;
         float z = camera_z(texelFetch(t_depth, origin + at, 0).x);
-        vec3 p_m = vec3((vec2(pixel) + sample_offset(at) - u_intrinsics.zw) / u_intrinsics.xy, 1.0) * z;
+        vec3 p_m = camera_ray(vec2(pixel) + sample_offset(at)) * z;
         // the last group takes what is left over, so that no light is lost
         int weight = group == MAX_SURFACES - 1 ? members + left : members;
         vec4 base = u_material_color[material], surface = u_material_surface[material];

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from simulator.camera.model import Camera, Distortion
+from simulator.camera.model import Camera, Distortion, camera_problem
 from simulator.errors import UserError
 from simulator.file_errors import explain
 
@@ -21,7 +21,7 @@ _Centre = Annotated[float, Meta(ge=-1e5, le=1e5)]
 
 
 class DistortionSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Lens distortion as OpenCV orders it; only ``none`` can be drawn today."""
+    """Lens distortion: OpenCV's models, coefficients in OpenCV's order."""
 
     model: Literal["none", "brown_conrady", "kannala_brandt"] = "none"
     coefficients: tuple[float, ...] = ()
@@ -46,22 +46,21 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         Raises
         ------
         UserError
-            If the lens is distorted; ``where`` names the file.
+            If the lens cannot be, for example folds back inside the image; ``where`` names the file.
         """
-        if self.distortion.model != "none":
-            raise UserError(
-                f"{where}: key distortion.model is {self.distortion.model!r}, allowed so far: 'none'; "
-                "undistort the pictures and give the camera without distortion"
-            )
-        return Camera(
+        camera = Camera(
             width_px=self.width_px,
             height_px=self.height_px,
             fx_px=self.fx_px,
             fy_px=self.fy_px,
             cx_px=self.cx_px,
             cy_px=self.cy_px,
-            distortion=Distortion(),
+            distortion=Distortion(self.distortion.model, self.distortion.coefficients),
         )
+        problem = camera_problem(camera)
+        if problem is not None:
+            raise UserError(f"{where}: key {problem}")
+        return camera
 
 
 def list_cameras() -> tuple[str, ...]:

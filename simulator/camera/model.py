@@ -123,6 +123,12 @@ class Camera:
         """Largest angle from the boresight that the image shows [rad]."""
         return float(np.arccos(self.rays(self.border())[:, 2].min()))
 
+    def pixel_angle_rad(self) -> float:
+        """Largest angle that one pixel of the image spans [rad]; at a pinhole's principal point 1 / f."""
+        if self.distortion.is_none:
+            return 1 / min(self.fx_px, self.fy_px)
+        return _pixel_angle_rad(self)
+
     def contains(self, pixels_px: ArrayLike) -> np.typing.NDArray[np.bool_]:
         """Whether pixel positions lie on the image (its edges are at -0.5 and size - 0.5)."""
         p = np.asarray(pixels_px, float)
@@ -134,6 +140,16 @@ class Camera:
                 & (p[..., 1] < self.height_px - 0.5)
             )
         return np.asarray(inside)
+
+
+@lru_cache(maxsize=256)
+def _pixel_angle_rad(camera: Camera) -> float:
+    x = np.linspace(-0.5, camera.width_px - 0.5, 17)
+    y = np.linspace(-0.5, camera.height_px - 0.5, 17)
+    at = np.stack(np.meshgrid(x, y), axis=-1)
+    ray = camera.rays(at)
+    steps = (np.linalg.norm(camera.rays(at + step) - ray, axis=-1) for step in ((1.0, 0.0), (0.0, 1.0)))
+    return float(max(step.max() for step in steps))
 
 
 @lru_cache(maxsize=256)

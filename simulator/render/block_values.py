@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from simulator.arrays import FloatArray
+    from simulator.camera.model import Camera
     from simulator.render.earthview import EarthView
     from simulator.render.moonview import MoonView
     from simulator.render.view import View
@@ -73,6 +74,34 @@ def moon_values(moon: MoonView) -> dict[str, ArrayLike]:
         "u_moon_irradiance": _four(moon.irradiance_w_m2),
         "u_moon_shadow": [*moon.shadow, moon.shadow_reach],
         "u_moon_shadow_axis": [*moon.shadow_axis, 0.0],
+    }
+
+
+def lens_values(
+    camera: Camera, clip_from_camera: FloatArray, camera_from_target: FloatArray
+) -> dict[str, ArrayLike]:
+    """Members of the block ``Lens`` for one window of the image.
+
+    Parameters
+    ----------
+    clip_from_camera : (4, 4) of the window, as if the lens did not distort.
+    """
+    c = np.zeros(8)
+    distortion = camera.distortion
+    brown = distortion.model == "brown_conrady"
+    c[: len(distortion.coefficients)] = distortion.coefficients
+    k, m = ([c[0], c[1], c[4], c[5]], [c[6], c[7], c[2], c[3]]) if brown else (c[:4], c[4:])
+    return {
+        "u_lens_camera_from_target": camera_from_target,
+        "u_lens_clip_from_image": clip_from_camera,
+        "u_lens_k": k,
+        "u_lens_m": m,
+        "u_lens_limits": [
+            min(camera.domain.limit, 1e6),
+            1.0 if brown else 2.0,
+            max(camera.fx_px, camera.fy_px),
+            0.0,
+        ],
     }
 
 

@@ -25,6 +25,19 @@ FRAME = (
     Field("vec4", "u_nadir_direction"),  # xyz: towards the Earth's centre, camera frame
 )
 
+# the lens, where it distorts
+LENS = (
+    Field("mat4", "u_lens_camera_from_target"),
+    Field(
+        "mat4", "u_lens_clip_from_image"
+    ),  # from (x z, y z, z) of the distorted image, over the focal length
+    Field("vec4", "u_lens_k"),  # k1 k2 k3 k4
+    Field("vec4", "u_lens_m"),  # k5 k6 p1 p2
+    Field(
+        "vec4", "u_lens_limits"
+    ),  # undistorted radius of use; 1 Brown-Conrady, 2 Kannala-Brandt; focal length [px]
+)
+
 TARGET = (
     Field("mat4", "u_lattice_clip_from_target"),
     Field("mat4", "u_light_clip_from_target"),
@@ -85,6 +98,7 @@ class Blocks:
     materials: UniformBlock
     earth: UniformBlock
     moon: UniformBlock
+    lens: UniformBlock
 
     @staticmethod
     def create(context: moderngl.Context) -> Blocks:
@@ -95,8 +109,9 @@ class Blocks:
             UniformBlock(context, "Materials", 2, MATERIALS),
             UniformBlock(context, "Earth", 3, EARTH),
             UniformBlock(context, "Moon", 4, MOON),
+            UniformBlock(context, "Lens", 5, LENS),
         )
 
     def all(self) -> tuple[UniformBlock, ...]:
         """The blocks in order of their binding."""
-        return (self.frame, self.target, self.materials, self.earth, self.moon)
+        return (self.frame, self.target, self.materials, self.earth, self.moon, self.lens)

@@ -65,12 +65,11 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     ----------
     target : pixels that the target may cover, ``None`` without target.
     """
-    size = int(np.clip(round(CELL_RAD * min(camera.fx_px, camera.fy_px)), _SMALLEST_PX, _LARGEST_PX))
+    pixel_rad = camera.pixel_angle_rad()
+    size = int(np.clip(round(CELL_RAD / pixel_rad), _SMALLEST_PX, _LARGEST_PX))
     x, y = _edges(camera.width_px, size), _edges(camera.height_px, size)
     px, py = np.meshgrid(x, y)
-    d = np.stack(
-        [(px - camera.cx_px) / camera.fx_px, (py - camera.cy_px) / camera.fy_px, np.ones_like(px)], axis=-1
-    )
+    d = np.concatenate([camera.unproject(np.stack([px, py], axis=-1)), np.ones((*px.shape, 1))], axis=-1)
     d = d @ earth.earth_from_camera.T
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
     along = d @ earth.camera
@@ -81,10 +80,10 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     distance = -along - depth
     smooth_corner &= np.abs(earth.camera[2] + distance * d[..., 2]) < _POLE_SINE
     # seen from far away a cell spans much of the Earth
-    smooth_corner &= distance * size / min(camera.fx_px, camera.fy_px) < _LARGEST_GROUND * depth
+    smooth_corner &= distance * size * pixel_rad < _LARGEST_GROUND * depth
     smooth = _all_corners(smooth_corner)
     # a ray's perigee moves by at most the camera's distance times the angle: within a cell, half its diagonal
-    reach = float(np.linalg.norm(earth.camera)) * 0.75 * size / min(camera.fx_px, camera.fy_px) * 1.01
+    reach = float(np.linalg.norm(earth.camera)) * 0.75 * size * pixel_rad * 1.01
     touched_corner = (along < reach) & (np.sqrt(perigee2) < np.sqrt(earth.top2) + reach)
     touched = ~_all_corners(~touched_corner)
     covered = np.zeros_like(smooth)
@@ -95,9 +94,7 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     sun = earth.camera @ earth.sun + distance * (d @ earth.sun)
     night = ~(_all_corners(sun > _NIGHT_MU) & smooth)
     # footprint: the mean of its two axes, as in shaders/earth/point.glsl
-    footprint_km = (
-        distance * EQUATOR_M * 1e-3 / (min(camera.fx_px, camera.fy_px) * np.sqrt(np.fmax(depth, 0.02)))
-    )
+    footprint_km = distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(depth, 0.02))
     level = np.round(np.log2(np.fmax(footprint_km[:-1, :-1], 1e-6)) / _LEVEL_STEP)
     # one number per kind of cell
     kind = (np.where(smooth, level, 0).astype(int) * 8 + smooth * 4 + covered * 2 + night)[touched]

@@ -67,9 +67,7 @@ def earth_view(view: View, camera: Camera, air: Atmosphere | None) -> EarthView:
     x = np.linspace(-0.5, camera.width_px - 0.5, _GRID)
     y = np.linspace(-0.5, camera.height_px - 0.5, _GRID)
     px, py = np.meshgrid(x, y)
-    d = np.stack(
-        [(px - camera.cx_px) / camera.fx_px, (py - camera.cy_px) / camera.fy_px, np.ones_like(px)], axis=-1
-    )
+    d = np.concatenate([camera.unproject(np.stack([px, py], axis=-1)), np.ones((*px.shape, 1))], axis=-1)
     d = d @ M.T
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
     along, perigee2 = d @ c, (np.cross(c, d) ** 2).sum(axis=-1)

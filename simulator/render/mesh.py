@@ -64,7 +64,9 @@ class Mesh:
         ]
         if self.uv is not None and "in_uv" in program:
             content.append((self.uv, "2f", "in_uv"))
-        return context.vertex_array(program, content, self.indices, skip_errors=True)
+        return context.vertex_array(
+            program, content, self.indices, skip_errors=True, mode=(program.extra or {}).get("mode")
+        )
 
     def release(self) -> None:
         """Free the buffers."""

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import moderngl
 
+from simulator.render.subdivide import control_stage, evaluation_stage
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
@@ -15,6 +17,8 @@ if TYPE_CHECKING:
 
 GLSL_VERSION = "#version 410 core"
 FULL_SCREEN = "common/full_screen.vert"
+RAYS_UNIT = 15
+"""Texture unit of the rays; the passes' own samplers count up from 0."""
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
 
 
@@ -43,12 +47,16 @@ class ProgramLibrary:
     Parameters
     ----------
     blocks : uniform blocks; each is declared in every shader and connected where it is used.
+
+    With ``lens`` set, programs are made for a lens that distorts: they look up their rays in a texture, and meshes
+    that go through ``raster_position`` are cut until they can bend.
     """
 
     def __init__(self, context: moderngl.Context, blocks: Iterable[UniformBlock]) -> None:
         self._context = context
         self._blocks = tuple(blocks)
         self._built: dict[tuple[object, ...], Program] = {}
+        self.lens = False
 
     def get(
         self, vertex: str, fragment: str, defines: Mapping[str, object], samplers: tuple[str, ...] = ()
@@ -60,16 +68,29 @@ class ProgramLibrary:
         defines : preprocessor constants. Value ``""`` defines the bare name.
         samplers : names of the samplers; sampler ``k`` reads texture unit ``k``.
         """
-        key = (vertex, fragment, tuple(sorted((k, str(v)) for k, v in defines.items())), samplers)
+        key = (vertex, fragment, tuple(sorted((k, str(v)) for k, v in defines.items())), samplers, self.lens)
         if key not in self._built:
-            head = "\n".join([GLSL_VERSION, *(f"#define {k} {v}" for k, v in defines.items())]) + "\n"
-            head += "".join(block.glsl for block in self._blocks)
-            self._built[key] = Program(
-                self._context.program(
-                    vertex_shader=head + read_source(vertex), fragment_shader=head + read_source(fragment)
-                ),
-                samplers,
+            head = (
+                "\n".join(
+                    [
+                        GLSL_VERSION,
+                        f"#define LENS {int(self.lens)}",
+                        *(f"#define {k} {v}" for k, v in defines.items()),
+                    ]
+                )
+                + "\n"
             )
+            head += "".join(block.glsl for block in self._blocks)
+            stages = {
+                "vertex_shader": head + read_source(vertex),
+                "fragment_shader": head + read_source(fragment),
+            }
+            cut = self.lens and "raster_position(" in stages["vertex_shader"].split("void main")[-1]
+            if cut:
+                shared = head + read_source("target/subdivide.glsl")
+                stages["tess_control_shader"] = shared + control_stage(stages["vertex_shader"])
+                stages["tess_evaluation_shader"] = shared + evaluation_stage(stages["vertex_shader"])
+            self._built[key] = Program(self._context.program(**stages), samplers, patches=cut)
             for block in self._blocks:
                 block.attach(self._built[key].gl)
         return self._built[key]
@@ -78,11 +99,14 @@ class ProgramLibrary:
 class Program:
     """A linked program; setting a uniform that the compiler removed is silently nothing."""
 
-    def __init__(self, gl: moderngl.Program, samplers: tuple[str, ...]) -> None:
+    def __init__(self, gl: moderngl.Program, samplers: tuple[str, ...], *, patches: bool = False) -> None:
         self.gl = gl
+        # the arrays of a program that cuts its triangles are drawn as patches of three
+        self.gl.extra = {"mode": moderngl.PATCHES if patches else moderngl.TRIANGLES}
         self._samplers = samplers
         for unit, name in enumerate(samplers):
             self.set(name, unit)
+        self.set("t_rays", RAYS_UNIT)
 
     def set(self, name: str, value: object) -> None:
         """Set a plain uniform by name."""

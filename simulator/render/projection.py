@@ -67,6 +67,28 @@ def clip_from_camera(
     return np.stack([2 * buffer[0] / size[0] - w, 2 * buffer[1] / size[1] - w, depth, w])
 
 
+def lens_bounds_px(camera: Camera, hull_m: FloatArray) -> FloatArray:
+    """x0, y0, x1, y1 of everything inside the convex hull of camera points (K, 3), all of them in front [px].
+
+    A lens bends the hull's straight edges outwards; the rectangle about them, bent as a whole, still holds them.
+    """
+    xy = hull_m[:, :2] / hull_m[:, 2:]
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    t = np.linspace(0, 1, 33)[:, None]
+    corners = corners_px(np.concatenate([low, high]))
+    sides = [a + t * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    outline = np.concatenate(sides)
+    pixels = camera.project(np.concatenate([outline, np.ones((len(outline), 1))], axis=1))
+    # a bow between two of the 33 points is a thousandth of the whole bow, at most
+    slack = 1e-3 * float(np.ptp(pixels, axis=0).max()) + 0.5
+    return np.concatenate([pixels.min(axis=0) - slack, pixels.max(axis=0) + slack])
+
+
+def corners_px(bounds_px: FloatArray) -> FloatArray:
+    """(4, 2) corners of x0, y0, x1, y1, one after the other."""
+    return np.asarray(bounds_px[[0, 1, 2, 1, 2, 3, 0, 3]].reshape(4, 2))
+
+
 IMAGE_FROM_PIXEL = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
 
 

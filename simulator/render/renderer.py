@@ -18,7 +18,8 @@ from simulator.render.passes.moon import MoonPass
 from simulator.render.passes.stars import StarPass
 from simulator.render.passes.sun import SunPass
 from simulator.render.passes.target import TargetPasses
-from simulator.render.programs import ProgramLibrary
+from simulator.render.programs import RAYS_UNIT, ProgramLibrary
+from simulator.render.rays import RayTextures
 from simulator.render.timing import StageClock
 from simulator.render.view import build_view
 from simulator.scene.bands import bands_of
@@ -76,7 +77,9 @@ class Renderer:
         self.info: GlInfo = describe(self._gl)
         self._blocks = Blocks.create(self._gl)
         self._programs = ProgramLibrary(self._gl, self._blocks.all())
-        self._target = TargetPasses(self._gl, self._programs, self._blocks)
+        self._targets: dict[bool, TargetPasses] = {}
+        self._rays = RayTextures(self._gl)
+        self._target_passes()
         self._stars = StarPass(self._gl, self._programs)
         self._sun = SunPass(self._gl, self._programs)
         self._images: Images | None = None
@@ -101,7 +104,7 @@ class Renderer:
         Raises
         ------
         UserError
-            If ``target`` is not the one the scene was made for, or the lens distorts.
+            If ``target`` is not the one the scene was made for.
         """
         if scene.target.sha256 != target.sha256:
             raise UserError(
@@ -111,12 +114,16 @@ class Renderer:
         clock = StageClock(self._gl)
         for block in self._blocks.all():
             block.bind()
+        self._programs.lens = not scene.camera.distortion.is_none
+        if self._programs.lens:
+            self._rays.of(scene.camera).use(RAYS_UNIT)
+        passes = self._target_passes()
         view = build_view(scene)
         images = self._images_for(scene)
         images.clear()
         self._blocks.frame.write(frame_values(scene, view))
         clock.lap("setup")
-        hidden = self._target.run(scene, view, target, images, clock)
+        hidden = passes.run(scene, view, target, images, clock)
         self._draw_sky(scene, view, images, hidden, clock)
         radiance = images.read_radiance()
         clock.lap("readback")
@@ -124,7 +131,7 @@ class Renderer:
         inside = 1.0
         if labels:
             coverage = images.read_coverage()
-            depth, inside = self._target.labels(scene, view, target)
+            depth, inside = passes.labels(scene, view, target)
             clock.lap("labels")
         self.check("a frame")
         return Rendered(radiance, coverage, depth, inside, clock.stage_ms)
@@ -174,6 +181,13 @@ class Renderer:
             self._sun.run(images, view, scene.camera, earth=earth is not None, air=in_air, moon=hides)
             clock.lap("sun")
 
+    def _target_passes(self) -> TargetPasses:
+        """The spacecraft's passes for the lens at hand: programs and vertex arrays with it and without are apart."""
+        lens = self._programs.lens
+        if lens not in self._targets:
+            self._targets[lens] = TargetPasses(self._gl, self._programs, self._blocks)
+        return self._targets[lens]
+
     def _earth_pass(self, bands: Bands) -> EarthPass:
         if bands not in self._earths:
             self._earths[bands] = EarthPass(self._gl, self._programs, bands)
@@ -195,7 +209,9 @@ class Renderer:
         if self._images is not None:
             self._images.release()
             self._images = None
-        self._target.release()
+        for passes in self._targets.values():
+            passes.release()
+        self._rays.release()
         if self._owns_context:
             self._gl.release()
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.camera.model import camera_problem
 from simulator.world.time import Instant
 
 if TYPE_CHECKING:
@@ -47,8 +48,9 @@ def scene_problem(scene: SceneState) -> str | None:
     for name, value, low, high in ranges:
         if not low <= value <= high:  # NaN fails too
             return f"{name} is {value:g}, allowed: {low:g} to {high:g}"
-    if c.distortion.model != "none":
-        return f"scene.camera.distortion.model is '{c.distortion.model}', allowed for now: none"
+    lens = camera_problem(c)
+    if lens is not None:
+        return f"scene.camera.{lens}"
     try:
         Instant.from_utc(scene.epoch_utc)
     except ValueError as error:

@@ -80,14 +80,11 @@ def stars_in_view(
 ) -> tuple[FloatArray, FloatArray]:
     """Pixel positions (K, 2) and radiance (K, n) that one whole pixel would have [W m-2 sr-1]."""
     camera, field = scene.camera, stars(scene.epoch_utc, scene.bands)
-    corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * [camera.width_px, camera.height_px] - 0.5
-    tangent = np.hypot(
-        (corners[:, 0] - camera.cx_px) / camera.fx_px, (corners[:, 1] - camera.cy_px) / camera.fy_px
-    ).max()
+    widest = camera.half_angle_rad()
     # written out: a matrix product of this shape wakes all of BLAS's threads, which then fight the driver's
     x, y, z = field.directions.T
     axis = view.R_camera_from_eci[2]
-    near = np.flatnonzero(axis[0] * x + axis[1] * y + axis[2] * z > 0.999 / np.hypot(1, tangent))
+    near = np.flatnonzero(axis[0] * x + axis[1] * y + axis[2] * z > 0.999 * np.cos(widest))
     d, irradiance = field.directions[near] @ view.R_camera_from_eci.T, field.irradiance_w_m2[near]
     pixels = camera.project(d)
     keep = camera.contains(pixels)
@@ -97,9 +94,7 @@ def stars_in_view(
     if earth is not None:
         visible, share = _past_the_earth(d, earth, air)
         d, pixels, irradiance = d[visible], pixels[visible], (irradiance * share)[visible]
-    # solid angle of a pixel off the axis: cos^3 of the angle from it, over the focal lengths
-    solid_angle_sr = d[:, 2] ** 3 / (camera.fx_px * camera.fy_px)
-    return pixels, irradiance / solid_angle_sr[:, None]
+    return pixels, irradiance / camera.pixel_solid_angle_sr(pixels)[:, None]
 
 
 def _past_the_earth(

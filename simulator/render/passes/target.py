@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.block_values import lens_values
 from simulator.render.lattice import Lattice
 from simulator.render.mesh import upload
 from simulator.render.outline import outline_px
@@ -15,7 +16,7 @@ from simulator.render.passes.labels import LabelPass
 from simulator.render.passes.shade import ShadePass
 from simulator.render.passes.shadow import ShadowPass, choose_shadow
 from simulator.render.passes.textured import TexturedGBufferPass
-from simulator.render.projection import PixelRect, clip_from_camera
+from simulator.render.projection import PixelRect, clip_from_camera, corners_px, lens_bounds_px
 from simulator.render.textures import Textures
 from simulator.scene.bands import reflectance
 
@@ -119,6 +120,8 @@ class TargetPasses:
         lattice_clip = clip_from_camera(
             scene.camera, *place.near_far_m, lattice.buffer_from_pixel(origin), size
         )
+        if self._programs.lens:
+            self._blocks.lens.write(lens_values(scene.camera, lattice_clip, place.camera_from_target))
         half = np.diag([0.5, 0.5, 0.5, 1.0])
         half[:3, 3] = 0.5
         texel_m = box_m / shadow.size_px
@@ -208,12 +211,16 @@ def locate(mesh: Mesh, view: View, camera: Camera, *, clip: bool = True) -> Plac
     width, height = camera.width_px, camera.height_px
     points = mesh.hull_m @ view.R_camera_from_target.T + view.t_camera_from_target_m
     if points[:, 2].min() > MIN_NEAR_M:
-        pixels = camera.project(points)
-        bounds = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
-        outline = outline_px(pixels)
+        if camera.distortion.is_none:
+            pixels = camera.project(points)
+            bounds = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+            outline = outline_px(pixels)
+        else:
+            bounds = lens_bounds_px(camera, points)
+            outline = corners_px(bounds)
     else:
         bounds = np.array([-width, -height, 2.0 * width, 2.0 * height])
-        outline = bounds[[0, 1, 2, 1, 2, 3, 0, 3]].reshape(4, 2)
+        outline = corners_px(bounds)
     limit = np.array([-width, -height, 2 * width, 2 * height]) * (1 if clip else 100)
     low = np.floor(np.clip(bounds[:2] - 0.5, limit[:2], limit[2:])).astype(int)
     high = np.ceil(np.clip(bounds[2:] + 0.5, limit[:2], limit[2:])).astype(int) + 1
