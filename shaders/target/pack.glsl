@@ -3,7 +3,11 @@
 // Stereographic coordinates of a unit normal, seen from the pole that looks away from the camera (z > 0): they are
 // smooth over everything that can be visible (0 facing the camera, length 1 at the silhouette), so a triangle
 // interpolates them and a sample only rounds them. Snyder (1987), Map projections, USGS paper 1395, chapter 21.
+#if LENS
+const float CODE_RANGE = 4.0; // 62 degrees off the axis a surface seen edge-on looks so far away from the camera
+#else
 const float CODE_RANGE = 1.25; // a normal may look away from the camera by 12 degrees: smooth shading at silhouettes
+#endif
 const int CODE_MASK = (1 << NORMAL_BITS) - 1;
 const float CODE_CENTER = 0.5 * float(CODE_MASK);
 const float CODE_SCALE = CODE_CENTER / CODE_RANGE;

@@ -81,16 +81,19 @@ class ProgramLibrary:
                 + "\n"
             )
             head += "".join(block.glsl for block in self._blocks)
-            stages = {
-                "vertex_shader": head + read_source(vertex),
-                "fragment_shader": head + read_source(fragment),
-            }
-            cut = self.lens and "raster_position(" in stages["vertex_shader"].split("void main")[-1]
-            if cut:
-                shared = head + read_source("target/subdivide.glsl")
-                stages["tess_control_shader"] = shared + control_stage(stages["vertex_shader"])
-                stages["tess_evaluation_shader"] = shared + evaluation_stage(stages["vertex_shader"])
-            self._built[key] = Program(self._context.program(**stages), samplers, patches=cut)
+            source = head + read_source(vertex)
+            cut = self.lens and "raster_position(" in source.split("void main")[-1]
+            shared = head + read_source("target/subdivide.glsl") if cut else ""
+            self._built[key] = Program(
+                self._context.program(
+                    vertex_shader=source,
+                    fragment_shader=head + read_source(fragment),
+                    tess_control_shader=shared + control_stage(source) if cut else None,
+                    tess_evaluation_shader=shared + evaluation_stage(source) if cut else None,
+                ),
+                samplers,
+                patches=cut,
+            )
             for block in self._blocks:
                 block.attach(self._built[key].gl)
         return self._built[key]

@@ -448,8 +448,8 @@ def test_cameras() -> None:
     ("change", "words"),
     [
         (
-            {"distortion": {"model": "brown_conrady", "coefficients": [0.1, 0, 0, 0]}},
-            ["distortion.model", "'none'"],
+            {"distortion": {"model": "brown_conrady", "coefficients": [-25, 0, 0, 0]}},
+            ["distortion.coefficients", "folds back inside the image"],
         ),
         ({"width_px": 0}, ["width_px", "16"]),
         ({"fov_deg": 30}, ["unknown key fov_deg", "at the top level", "fx_px"]),
