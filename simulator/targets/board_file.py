@@ -1,18 +1,31 @@
-"""The board file: keypoints, wireframe and occluders of a target as one small JSON."""
+"""The board file: keypoints, wireframe, occluders and outlines of a target as one small JSON."""
 
 from __future__ import annotations
 
+import base64
+import contextlib
+import functools
+import hashlib
+import zlib
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
+from simulator.arrays import vec3
 from simulator.files import write_atomic
+from simulator.targets import outlines
+from simulator.targets.cache import cache_folder
 from simulator.targets.convert import board_model
+from simulator.targets.outlines import LARGEST_RADIUS, RANGE_RADII, Outlines, outlines_of
+from simulator.targets.records import OutlinesRecord
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from simulator.targets.model import Target
+
+POSITION_STEPS = 8192
+"""Steps along the craft's radius: half a millimetre on Dragon, less than a pixel's tenth wherever it fits a picture."""
 
 
 def write_board_model(target: Target, path: Path) -> None:
@@ -23,4 +36,46 @@ def write_board_model(target: Target, path: Path) -> None:
     UserError
         If the file cannot be written.
     """
-    write_atomic(path, msgspec.json.format(msgspec.json.encode(board_model(target)), indent=1))
+    model = board_model(target, kept_outlines(target))
+    write_atomic(path, msgspec.json.encode(model))
+
+
+def packed(o: Outlines) -> OutlinesRecord:
+    """Outlines in their small form; positions to a part in 8192 of the craft's radius, normals to half a degree."""
+    radius = o.range_m / RANGE_RADII
+    step, radius_step = radius / POSITION_STEPS, radius * LARGEST_RADIUS / 255
+    rows = (
+        np.rint(o.directions * 32767).astype("<i2"),
+        np.rint((o.points_m - o.center_m) / step).astype("<i2"),
+        np.rint(o.normals * 127).astype("i1"),
+        np.rint(o.radius_m / radius_step).astype("u1"),
+    )
+    return OutlinesRecord(
+        views=o.points_m.shape[0],
+        points=o.points_m.shape[1],
+        center_m=vec3(o.center_m),
+        range_m=o.range_m,
+        step_m=step,
+        radius_step_m=radius_step,
+        data=base64.b64encode(zlib.compress(b"".join(r.tobytes() for r in rows), 9)).decode(),
+    )
+
+
+def kept_outlines(target: Target) -> OutlinesRecord:
+    """The target's outlines: computed once, then read from the user's cache by the target's hash."""
+    path = cache_folder() / f"outlines-{target.sha256[:24]}-{_code_key()}.json"
+    with contextlib.suppress(OSError, msgspec.DecodeError):
+        # an older or a damaged file is computed anew
+        return msgspec.json.decode(path.read_bytes(), type=OutlinesRecord)
+    record = packed(outlines_of(target))
+    with contextlib.suppress(OSError):
+        # a board file can be written where the cache cannot
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(path, msgspec.json.encode(record))
+    return record
+
+
+@functools.cache
+def _code_key() -> str:
+    files = (Path(outlines.__file__), Path(__file__))
+    return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()[:8]

@@ -18,6 +18,7 @@ from simulator.targets.records import (
     KeypointRecord,
     MassRecord,
     OccludersRecord,
+    OutlinesRecord,
     TargetRecord,
 )
 
@@ -107,7 +108,7 @@ def record_of(target: Target) -> TargetRecord:
     )
 
 
-def board_model(target: Target) -> BoardModel:
+def board_model(target: Target, outlines: OutlinesRecord | None = None) -> BoardModel:
     """The target as a board knows it."""
     return BoardModel(
         schema="flyaround.board_model",
@@ -119,6 +120,7 @@ def board_model(target: Target) -> BoardModel:
         occluders=_occluders(target.occluders),
         symmetry_wxyz=target.symmetry,
         mass_kg=target.mass.mass_kg,
+        outlines=outlines,
     )
 
 

@@ -13,14 +13,12 @@ import functools
 import hashlib
 import importlib
 import logging
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import platformdirs
-
 from simulator.errors import UserError
+from simulator.targets.cache import cache_folder
 from simulator.targets.detail import DETAILS, Detail, level_name, split_level
 from simulator.targets.glb import load_glb, write_glb
 from simulator.targets.importing.install import user_file, user_targets
@@ -113,12 +111,6 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
         f"unknown target {text!r}: name one of {', '.join(near)} (with @medium or @low for fewer triangles), or "
         "give the path of a .glb target file"
     )
-
-
-def cache_folder() -> Path:
-    """Where built targets are kept: ``FLYAROUND_CACHE_DIR`` or the user's cache folder."""
-    chosen = os.environ.get("FLYAROUND_CACHE_DIR")
-    return (Path(chosen) if chosen else platformdirs.user_cache_path("flyaround", False)) / "targets"
 
 
 @functools.cache

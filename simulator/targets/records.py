@@ -79,6 +79,24 @@ class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     crinkle: dict[str, Fraction] = {}
 
 
+class OutlinesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Occluding contours from `views` directions, `points` each.
+
+    `data` is base64 of a zlib stream of little-endian rows, in order: directions to the camera (views, 3) int16/32767;
+    positions about `center_m` (views, points, 3) int16 x `step_m`; outward normals (views, points, 3) int8 / 127; radii
+    of curvature along the line of sight (views, points) uint8 x `radius_step_m`, 0 at sharp edges. `range_m`: of the
+    camera from `center_m`.
+    """
+
+    views: Index
+    points: Index
+    center_m: Vec3
+    range_m: Positive
+    step_m: Positive
+    radius_step_m: Positive
+    data: str
+
+
 class BoardModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What a board needs of a target to estimate its pose: no mesh, no materials."""
 
@@ -91,6 +109,7 @@ class BoardModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     occluders: OccludersRecord
     symmetry_wxyz: tuple[Quat, ...] = ()
     mass_kg: Positive
+    outlines: OutlinesRecord | None = None
 
 
 def target_json_schema() -> dict[str, Any]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Dict, Tuple, Union
+from typing import Any, Dict, Optional, Tuple, Union
 
 import numpy as np
+
+from hil.board.svd.outlines import Outlines
 
 Array = np.ndarray
 
@@ -47,6 +49,7 @@ class BoardModel:
     wireframe : the edges.
     vertices_m, triangles : (V, 3), (T, 3) closed mesh that hides edges; may be empty.
     symmetry_wxyz : (N, 4) rotations under which the craft looks nearly the same.
+    outlines : occluding contours from all sides; None in files written before there were any.
     """
 
     name: str
@@ -57,6 +60,7 @@ class BoardModel:
     triangles: Array
     symmetry_wxyz: Array
     mass_kg: float = 0.0
+    outlines: Optional[Outlines] = None
 
     @staticmethod
     def read(path: Union[str, Path]) -> BoardModel:
@@ -111,6 +115,7 @@ class BoardModel:
                 triangles=triangles,
                 symmetry_wxyz=np.asarray(data.get("symmetry_wxyz", []), float).reshape(-1, 4),
                 mass_kg=float(data.get("mass_kg", 0.0)),
+                outlines=None if data.get("outlines") is None else Outlines.from_dict(data["outlines"]),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise BoardModelError(f"board model has a bad field: {error!r}") from error

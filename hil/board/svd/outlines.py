@@ -1,0 +1,87 @@
+"""Occluding contours of the target from all sides, as the board file carries them."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from dataclasses import dataclass
+from typing import Any, Dict, Tuple
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """Outer outlines from V directions, N points each, evenly spaced along the outline.
+
+    Parameters
+    ----------
+    directions : (V, 3) unit vectors from the target's middle to the camera, target frame.
+    points_m : (V, N, 3) on the surface, target frame [m].
+    normals : (V, N, 3) unit, outward, across the line of sight.
+    radius_m : (V, N) of curvature along the line of sight [m]; 0 at sharp edges.
+    center_m : (3,) the target's middle. range_m : distance of the views from it [m].
+    """
+
+    directions: Array
+    points_m: Array
+    normals: Array
+    radius_m: Array
+    center_m: Array
+    range_m: float
+
+    @staticmethod
+    def from_dict(record: Dict[str, Any]) -> Outlines:
+        """Outlines from the board file's `outlines` object.
+
+        Raises
+        ------
+        KeyError, ValueError
+            If a field is missing or the data are damaged.
+        """
+        v, n = int(record["views"]), int(record["points"])
+        try:
+            data = zlib.decompress(base64.b64decode(record["data"], validate=True))
+        except zlib.error as error:
+            raise ValueError(f"outlines cannot be unpacked: {error}") from error
+        sizes = np.array([v * 3 * 2, v * n * 3 * 2, v * n * 3, v * n])
+        if v < 1 or n < 1 or len(data) != sizes.sum():
+            raise ValueError(f"outlines hold {len(data)} bytes instead of {sizes.sum()}")
+        at = np.concatenate([[0], np.cumsum(sizes)])
+        rows = [
+            np.frombuffer(data[a:b], dtype)
+            for a, b, dtype in zip(at[:-1], at[1:], ("<i2", "<i2", "i1", "u1"))  # noqa: B905 - Python 3.9
+        ]
+        center = np.asarray(record["center_m"], float).reshape(3)
+        return Outlines(
+            directions=_unit(rows[0].reshape(v, 3).astype(float)),
+            points_m=center + float(record["step_m"]) * rows[1].reshape(v, n, 3),
+            normals=_unit(rows[2].reshape(v, n, 3).astype(float)),
+            radius_m=float(record["radius_step_m"]) * rows[3].reshape(v, n),
+            center_m=center,
+            range_m=float(record["range_m"]),
+        )
+
+    def nearest(self, C_m: Array) -> Array:
+        """Number of the view nearest to each camera position (B, 3), target frame."""
+        return np.asarray(np.argmax(_unit(C_m - self.center_m) @ self.directions.T, axis=1))
+
+    def seen_from(self, view: int, C_m: Array) -> Tuple[Array, Array]:
+        """Points and normals (N, 3) of a view's outline, slid over the surface to a camera at ``C_m`` (3,).
+
+        Good to second order in the angle between the view and the camera, exact for spheres, cylinders seen across
+        and sharp edges (Cipolla and Giblin 2000, Visual Motion of Curves and Surfaces, section 3).
+        """
+        p, n, radius = self.points_m[view], self.normals[view], self.radius_m[view][:, None]
+        middle = p - radius * n  # of the circle of curvature
+        turned = n
+        for _ in range(3):  # the point's own line of sight differs a little from its middle's
+            sight = _unit(C_m - (middle + radius * turned))
+            turned = _unit(n - np.sum(n * sight, axis=-1, keepdims=True) * sight)
+        return middle + radius * turned, turned
+
+
+def _unit(v: Array) -> Array:
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12))
