@@ -12,9 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from flyaround.progress import progress_bar
-from hil.board.svd import METHODS, BoardModelError, CameraIntrinsics, make_estimator
+from hil.board.svd import METHODS, BoardModel, BoardModelError, CameraIntrinsics, make_estimator
 from hil.board.svd.faithful.config import SOLVERS, STREAMS
-from hil.evaluate.run import board_model, evaluate_dataset
+from hil.board.svd.methods import PUBLISHED
+from hil.evaluate.run import evaluate_dataset
+from hil.evaluate.worker import MethodChoice, board_model
 from simulator.camera.files import load_camera
 from simulator.dataset.native import read_png
 from simulator.errors import UserError
@@ -107,22 +109,57 @@ def evaluate(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Folder of the report: new or empty.")
     ] = Path("report"),
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
+    methods: Annotated[
+        list[str] | None,
+        typer.Option("--method", help=f"One of {', '.join(METHODS)} (default svd); repeat it to compare."),
+    ] = None,
+    solver: Solver = None,
+    streams: Streams = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="Board model file given to the estimator, instead of the target's own."),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes; with one, times are honest.")] = 1,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with what an interrupted run left.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print metrics.json.")] = False,
 ) -> None:
-    """Estimate every frame of a data set and compare with its truth."""
-    check_method(method)
-    empty_folder(output)
-    with progress_bar("evaluate", quiet=as_json) as progress:
-        metrics = evaluate_dataset(folder, output, method=method, progress=progress)
+    """Estimate every frame of a data set and compare with its truth: metrics.json, frames.csv, index.html."""
+    chosen = list(dict.fromkeys(methods or ["svd"]))
+    for method in chosen:
+        check_method(method)
+    names = split_streams(streams)
+    choices = tuple(
+        MethodChoice(m, solver, tuple(names) if names is not None else None)
+        if m in PUBLISHED
+        else MethodChoice(m)
+        for m in chosen
+    )
+    if (solver or streams) and not any(m in PUBLISHED for m in chosen):
+        raise UserError(
+            f"--solver and --streams belong to {' and '.join(PUBLISHED)}; leave them out for {chosen[0]}"
+        )
+    try:
+        given = None if model is None else BoardModel.read(model)
+        empty_folder(output, resume=resume)
+        with progress_bar("evaluate", quiet=as_json) as progress:
+            metrics = evaluate_dataset(
+                folder, output, methods=choices, model=given, workers=workers, progress=progress
+            )
+    except BoardModelError as error:
+        raise UserError(str(error)) from error
     if as_json:
         typer.echo((output / "metrics.json").read_text())
         return
-    table = Table("figure", "value")
-    for name, value in msgspec.structs.asdict(metrics).items():
-        if isinstance(value, (int, float)):
-            table.add_row(name, f"{value:.4g}")
+    table = Table("figure", *metrics.by_method)
+    for name in (n for n, v in msgspec.structs.asdict(metrics).items() if isinstance(v, (int, float))):
+        if name == "version":
+            continue
+        values = [getattr(m, name) for m in metrics.by_method.values()]
+        table.add_row(name, *("" if v is None else f"{v:.4g}" for v in values))
     Console().print(table)
+    Console().print(f"page: {output / 'index.html'}")
 
 
 def split_streams(streams: str | None) -> list[str] | None:

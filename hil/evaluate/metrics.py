@@ -41,6 +41,8 @@ class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
     E_T_m, e_t, E_R_deg : errors of the best pose returned; None when none was.
     accepted : whether the estimator stands by it. feasible : whether the frame can be solved.
     frame_class : for reports by class, e.g. ``feasible``, ``dark``, ``cropped``.
+    shift_camera_m : (3,) estimated less true position, camera axes [m]. turn_camera_deg : (3,) rotation vector from
+        true to estimated attitude, camera axes [deg].
     """
 
     range_m: float
@@ -50,6 +52,8 @@ class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
     accepted: bool
     feasible: bool = True
     frame_class: str = ""
+    shift_camera_m: tuple[float, float, float] | None = None
+    turn_camera_deg: tuple[float, float, float] | None = None
 
     @property
     def coarse(self) -> bool:
@@ -115,14 +119,32 @@ class RangeBin(Summary, frozen=True, kw_only=True):
     to_m: float | None
 
 
-class Metrics(Summary, frozen=True, kw_only=True):
-    """What ``metrics.json`` holds."""
+class MethodMetrics(Summary, frozen=True, kw_only=True):
+    """The figures of one method, whole, by range and by class.
 
-    schema: str = SCHEMA
-    version: int = VERSION
+    Parameters
+    ----------
+    failures : feasible frames that are not coarse, by the stage that failed.
+    bias_m, spread_m : mean and standard deviation of the position error of accepted frames along camera x, y, z.
+    time_ms_p50, time_ms_p95 : of one frame on the machine that evaluated.
+    """
+
     method: str = ""
     by_range: list[RangeBin]
     by_class: dict[str, Summary]
+    failures: dict[str, int] = {}
+    bias_m: tuple[float, float, float] | None = None
+    spread_m: tuple[float, float, float] | None = None
+    time_ms_p50: float | None = None
+    time_ms_p95: float | None = None
+
+
+class Metrics(MethodMetrics, frozen=True, kw_only=True):
+    """What ``metrics.json`` holds: the first method's figures at the top level, all of them by name."""
+
+    schema: str = SCHEMA
+    version: int = VERSION
+    by_method: dict[str, MethodMetrics] = {}
 
 
 def frame_errors(
@@ -174,12 +196,15 @@ def frame_record(
         As ``frame_errors``; or if a frame is accepted without a pose.
     """
     range_m = float(np.linalg.norm(np.asarray(t_true_m, float)))
+    shift = turn = None
     if q_est_wxyz is None or t_est_m is None:
         if accepted:
             raise ValueError("a frame cannot be accepted without a pose")
         E_T = e_t = E_R = None
     else:
         E_T, e_t, E_R = frame_errors(q_true_wxyz, t_true_m, q_est_wxyz, t_est_m)
+        shift = _triple(np.asarray(t_est_m, float) - np.asarray(t_true_m, float))
+        turn = _triple(np.degrees(_rotation_between(q_true_wxyz, q_est_wxyz)))
     return FrameRecord(
         range_m=range_m,
         E_T_m=E_T,
@@ -188,7 +213,26 @@ def frame_record(
         accepted=accepted,
         feasible=feasible,
         frame_class=frame_class or ("feasible" if feasible else "infeasible"),
+        shift_camera_m=shift,
+        turn_camera_deg=turn,
     )
+
+
+def _rotation_between(q_true_wxyz: ArrayLike, q_est_wxyz: ArrayLike) -> np.ndarray:
+    """(3,) rotation vector [rad] of ``R_est R_true'``, camera axes."""
+    w, x, y, z = np.asarray(q_true_wxyz, float) / np.linalg.norm(np.asarray(q_true_wxyz, float))
+    p = np.asarray(q_est_wxyz, float) / np.linalg.norm(np.asarray(q_est_wxyz, float))
+    # p times the conjugate of q
+    v = p[0] * np.array([-x, -y, -z]) + w * p[1:] + np.cross(p[1:], [-x, -y, -z])
+    s = p[0] * w + p[1:] @ np.array([x, y, z])
+    v, s = (v, s) if s >= 0 else (-v, -s)
+    size = float(np.linalg.norm(v))
+    return v * (2 * np.arctan2(size, s) / size if size > 1e-12 else 2.0)
+
+
+def _triple(values: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
 
 
 def wilson_interval(k: int, n: int, z: float = 1.959963984540054) -> tuple[float, float] | None:
@@ -206,8 +250,20 @@ def wilson_interval(k: int, n: int, z: float = 1.959963984540054) -> tuple[float
     return (max(0.0, float(middle - half)), min(1.0, float(middle + half)))
 
 
-def summarise(records: Iterable[FrameRecord], *, method: str = "") -> Metrics:
-    """The figures of a set of frames, whole, by range and by class."""
+def summarise(
+    records: Iterable[FrameRecord],
+    *,
+    method: str = "",
+    failures: Sequence[str] = (),
+    times_ms: Sequence[float] = (),
+) -> MethodMetrics:
+    """The figures of a set of frames, whole, by range and by class.
+
+    Parameters
+    ----------
+    failures : the stage that failed, one entry for each feasible frame that is not coarse.
+    times_ms : of each frame.
+    """
     frames = list(records)
     bins = []
     for low, high in RANGE_BINS_M:
@@ -216,7 +272,32 @@ def summarise(records: Iterable[FrameRecord], *, method: str = "") -> Metrics:
             bins.append(RangeBin(from_m=low, to_m=high if np.isfinite(high) else None, **_figures(part)))
     classes = sorted({r.frame_class for r in frames})
     by_class = {c: Summary(**_figures([r for r in frames if r.frame_class == c])) for c in classes}
-    return Metrics(method=method, by_range=bins, by_class=by_class, **_figures(frames))
+    shifts = np.array([r.shift_camera_m for r in frames if r.accepted and r.shift_camera_m is not None])
+    return MethodMetrics(
+        method=method,
+        by_range=bins,
+        by_class=by_class,
+        failures={kind: failures.count(kind) for kind in sorted(set(failures))},
+        bias_m=_triple(shifts.mean(axis=0)) if len(shifts) else None,
+        spread_m=_triple(shifts.std(axis=0)) if len(shifts) else None,
+        time_ms_p50=_reduce(_median, times_ms),
+        time_ms_p95=_reduce(_p95, times_ms),
+        **_figures(frames),
+    )
+
+
+def compose(methods: Sequence[MethodMetrics]) -> Metrics:
+    """The document of ``metrics.json``: the first method's figures at the top, every method's by name.
+
+    Raises
+    ------
+    ValueError
+        If there is no method.
+    """
+    if not methods:
+        raise ValueError("metrics need at least one method")
+    top = {name: getattr(methods[0], name) for name in MethodMetrics.__struct_fields__}
+    return Metrics(by_method={m.method: m for m in methods}, **top)
 
 
 def metrics_json_schema() -> dict[str, Any]:

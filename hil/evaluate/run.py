@@ -1,133 +1,128 @@
-"""The board's estimator over a labelled data set: every frame's answer beside its truth, and the metrics."""
+"""The board's estimators over a labelled data set: every frame's answer beside its truth, metrics and a page."""
 
 from __future__ import annotations
 
-import csv
-import io
 import logging
-from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
+import os
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import msgspec
 
-from hil.board.svd import BoardModel, CameraIntrinsics, Estimator, make_estimator
-from hil.evaluate.metrics import FrameRecord, Metrics, frame_record, summarise
+from hil.board.svd import BoardModel, BoardModelError
+from hil.evaluate.frames import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
+from hil.evaluate.metrics import Metrics, compose, summarise
+from hil.evaluate.page import write_page
+from hil.evaluate.worker import Evaluator, MethodChoice, answer_in_worker, board_model, start_worker
 from simulator.dataset.card import read_card
-from simulator.dataset.native import frame_paths, is_whole, read_png
+from simulator.dataset.native import is_whole
 from simulator.errors import UserError
 from simulator.files import write_atomic
-from simulator.labels.truth import read_truth
-from simulator.targets.board_file import write_board_model
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
 
-    from simulator.targets.model import Target
+__all__ = ["board_model", "evaluate_dataset"]
 
 log = logging.getLogger(__name__)
 
-
-@dataclass(frozen=True)
-class EvaluatedFrame:
-    """One frame of the report: its record, why it was declined, and what it cost."""
-
-    frame: int
-    record: FrameRecord
-    reason: str
-    confidence: float
-    total_ms: float
-
-
-def board_model(target: Target) -> BoardModel:
-    """The small form of a target, as a board reads it."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / f"{target.name}.board.json"
-        write_board_model(target, path)
-        return BoardModel.read(str(path))
+METRICS_JSON, FRAMES_CSV, ROWS = "metrics.json", "frames.csv", "rows.jsonl"
 
 
 def evaluate_dataset(
     folder: Path,
     report: Path,
     *,
-    method: str = "svd",
+    methods: tuple[MethodChoice, ...] = (MethodChoice("svd"),),
+    model: BoardModel | None = None,
+    workers: int = 1,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> Metrics:
-    """Estimate every frame of a data set and write ``metrics.json`` and ``frames.csv``.
+    """Estimate every frame by every method; write ``metrics.json``, ``frames.csv`` and ``index.html``.
 
     Parameters
     ----------
-    report : folder that receives the two files.
+    report : folder that receives the files; what an earlier run of the same left there is gone on with.
+    methods : the first one's figures stand at the top of the metrics.
+    model : the model the estimators are given, instead of the target's own.
+    workers : processes; times are honest with one.
 
     Raises
     ------
     UserError
-        If the folder is not a data set or holds no whole frame.
+        If the folder is not a data set, holds no whole frame, or the report is of something else.
     """
     card = read_card(folder)
     frames = [k for k in range(card.n_frames) if is_whole(folder, k)]
     if not frames:
         raise UserError(f"data set {folder} has no whole frame; capture some first")
-    estimator = make_estimator(
-        board_model(load_target(card.target.name)),
-        CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera)),
-        method=method,
-    )
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        rows = []
-        for done, k in enumerate(frames):
-            try:
-                rows.append(_evaluate(folder, k, estimator))
-            except UserError as error:
-                log.warning("frame %d is left out: %s", k, error)
-            progress(done + 1, len(frames))
-    finally:
-        cv2.setNumThreads(threads)
-    if not rows:
+    known = model or board_model(load_target(card.target.name))
+    labels = tuple(c.label for c in methods)
+    header = RunHeader(f"{card.scenario_name} {card.seed}", card.target.sha256, labels, known.sha256)
+    path = report / ROWS
+    done: list[EvaluatedFrame] = []
+    if path.is_file():
+        done = read_rows(path, header)
+        # without the torn line that an interruption leaves
+        write_atomic(path, b"")
+    append_row(path, header)
+    for row in done:
+        append_row(path, row)
+    there = {(row.frame, row.method) for row in done}
+    tasks = [(k, label) for k in frames for label in labels if (k, label) not in there]
+    total = len(tasks) + len(done)
+    setting = (folder, known, msgspec.to_builtins(card.camera), methods)
+    for answer in _answers(tasks, setting, workers):
+        if isinstance(answer, str):
+            log.warning("a frame is left out: %s", answer)
+            total -= 1
+        else:
+            append_row(path, answer)
+            done.append(answer)
+        progress(len(done), total)
+    if not done:
         raise UserError(f"no frame of data set {folder} can be read; run flyaround check on it")
-    metrics = summarise([row.record for row in rows], method=method)
-    write_atomic(report / "metrics.json", msgspec.json.format(msgspec.json.encode(metrics), indent=1))
-    write_atomic(report / "frames.csv", _table(rows))
+    done.sort(key=lambda row: (labels.index(row.method), row.frame))
+    metrics = compose([_metrics(label, [r for r in done if r.method == label]) for label in labels])
+    write_atomic(report / METRICS_JSON, msgspec.json.format(msgspec.json.encode(metrics), indent=1))
+    write_atomic(report / FRAMES_CSV, frames_csv(done))
+    write_page(report, folder, card, known, metrics, done)
     return metrics
 
 
-def _evaluate(folder: Path, k: int, estimator: Estimator) -> EvaluatedFrame:
-    paths = frame_paths(folder, k)
-    truth = read_truth(paths.truth)
-    result = estimator.estimate(read_png(paths.image))
-    record = frame_record(
-        truth.q_camera_from_target_wxyz,
-        truth.t_camera_from_target_m,
-        result.q_camera_from_target_wxyz,
-        result.t_camera_from_target_m,
-        accepted=result.accepted,
-        feasible=truth.feasible,
-        frame_class=truth.infeasible_reason or "feasible",
+def _metrics(label: str, rows: list[EvaluatedFrame]) -> Any:  # noqa: ANN401 - MethodMetrics
+    return summarise(
+        [r.record for r in rows],
+        method=label,
+        failures=[r.failure for r in rows if r.failure],
+        times_ms=[r.total_ms for r in rows],
     )
-    total_ms = float(sum(result.stages_ms.values()))
-    return EvaluatedFrame(k, record, result.reason, float(result.confidence), total_ms)
 
 
-def _table(rows: list[EvaluatedFrame]) -> bytes:
-    text = io.StringIO()
-    names = ["frame", *FrameRecord.__struct_fields__, "reason", "confidence", "total_ms"]
-    writer = csv.DictWriter(text, fieldnames=names, lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        values: dict[str, Any] = msgspec.structs.asdict(row.record)
-        writer.writerow(
-            values
-            | {
-                "frame": row.frame,
-                "reason": row.reason,
-                "confidence": row.confidence,
-                "total_ms": row.total_ms,
-            }
-        )
-    return text.getvalue().encode()
+def _answers(
+    tasks: list[tuple[int, str]],
+    setting: tuple[Path, BoardModel, dict[str, Any], tuple[MethodChoice, ...]],
+    workers: int,
+) -> Iterator[EvaluatedFrame | str]:
+    try:
+        if not tasks:
+            return
+        if workers <= 1:
+            evaluator = Evaluator(*setting)
+            for task in tasks:
+                try:
+                    yield evaluator.answer(*task)
+                except UserError as error:
+                    yield str(error)
+            return
+        # one thread each: matrices this small gain nothing from more, and processes would fight over the cores
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        with ProcessPoolExecutor(
+            min(workers, len(tasks)), get_context("spawn"), start_worker, setting
+        ) as pool:
+            yield from pool.map(answer_in_worker, tasks, chunksize=2)
+    except BoardModelError as error:
+        raise UserError(str(error)) from error

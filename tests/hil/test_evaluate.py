@@ -2,19 +2,21 @@
 
 import csv
 import json
+import re
 
 import jsonschema
 import numpy as np
 import pytest
 
 from flyaround.__main__ import run
+from hil.evaluate.failures import KINDS
 from hil.evaluate.metrics import metrics_json_schema
 from simulator.dataset.capture import capture
 from simulator.recipe import plan_recipe
 
 pytestmark = pytest.mark.gl
 
-N = 4
+N = 3
 
 
 @pytest.fixture(scope="module")
@@ -26,10 +28,14 @@ def dataset(tmp_path_factory):
 
 def test_metrics_follow_the_schema_and_the_table(dataset, tmp_path, capsys):
     report = tmp_path / "report"
-    assert run(["evaluate", str(dataset), "-o", str(report), "--json"]) == 0
+    methods = ["--method", "svd", "--method", "svd-2018"]
+    assert run(["evaluate", str(dataset), "-o", str(report), *methods, "--json"]) == 0
     metrics = json.loads(capsys.readouterr().out)
     jsonschema.validate(metrics, metrics_json_schema())
-    rows = list(csv.DictReader((report / "frames.csv").read_text().splitlines()))
+    both = list(csv.DictReader((report / "frames.csv").read_text().splitlines()))
+    assert len(both) == 2 * N
+    assert metrics["by_method"]["svd-2018"]["n"] == N
+    rows = [r for r in both if r["method"] == "svd"]
     assert len(rows) == metrics["n"] == N
     accepted = [r for r in rows if r["accepted"] == "True"]
     feasible = [r for r in rows if r["feasible"] == "True"]
@@ -37,6 +43,31 @@ def test_metrics_follow_the_schema_and_the_table(dataset, tmp_path, capsys):
     assert metrics["n_accepted"] == len(accepted)
     if accepted:
         assert metrics["median_E_R_deg"] == pytest.approx(np.median([float(r["E_R_deg"]) for r in accepted]))
+
+    page = (report / "index.html").read_text()
+    for name in re.findall(r"src='([^']+)'", page):
+        assert (report / name).stat().st_size > 1000
+    # every feasible frame that was missed is put down to one stage
+    missed = [r for r in both if r["feasible"] == "True" and not is_coarse(r)]
+    assert all(r["failure"] in KINDS for r in missed)
+    assert sum(metrics["by_method"]["svd-2018"]["failures"].values()) == sum(
+        r["method"] == "svd-2018" for r in missed
+    )
+    # an interrupted run goes on where it stopped, and comes to the same figures
+    lines = (report / "rows.jsonl").read_bytes().splitlines(keepends=True)
+    (report / "rows.jsonl").write_bytes(b"".join(lines[:-2]) + lines[-2][:40])
+    assert run(["evaluate", str(dataset), "-o", str(report), *methods, "--resume", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert {k: v for k, v in again.items() if "time" not in k and k != "by_method"} == {
+        k: v for k, v in metrics.items() if "time" not in k and k != "by_method"
+    }
+    # but a folder of something else is left alone
+    assert run(["evaluate", str(dataset), "-o", str(report), "--resume"]) == 2
+    assert "something else" in capsys.readouterr().err
+
+
+def is_coarse(row):
+    return row["E_R_deg"] != "" and float(row["E_R_deg"]) <= 5 and float(row["e_t"]) <= 0.05
 
 
 def test_estimate_answers_in_the_machine_read_form(dataset, capsys):

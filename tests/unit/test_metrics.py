@@ -12,6 +12,7 @@ import pytest
 from hil.evaluate.metrics import (
     FrameRecord,
     Metrics,
+    compose,
     frame_errors,
     frame_record,
     metrics_json_schema,
@@ -117,9 +118,24 @@ def test_an_empty_set_has_no_figures() -> None:
 
 
 def test_json_matches_the_schema_and_reads_back() -> None:
-    m = summarise(RECORDS, method="svd")
+    m = compose([summarise(RECORDS, method="svd"), summarise(RECORDS[:2], method="svd-2018")])
+    assert m.by_method["svd-2018"].n == 2
+    assert m.n == len(RECORDS)
     text = msgspec.json.encode(m)
     jsonschema.validate(json.loads(text), metrics_json_schema())
     assert json.loads(text)["schema"] == "flyaround.metrics"
     assert json.loads(text)["version"] == 1
     assert msgspec.json.decode(text, type=Metrics) == m
+
+
+def test_errors_along_the_camera_axes_carry_their_signs() -> None:
+    # a turn of 30 deg about the camera's z on top of a turn about x: p = z30 x q
+    q = np.array([np.cos(0.4), np.sin(0.4), 0, 0])
+    z = np.array(about_z(30))
+    p = [z[0] * q[0], z[0] * q[1], z[3] * q[1], z[3] * q[0]]
+    r = frame_record(q, [1.0, 2.0, 8.0], [-v for v in p], [1.1, 1.8, 8.3], accepted=True)
+    assert r.shift_camera_m == pytest.approx((0.1, -0.2, 0.3))
+    assert r.turn_camera_deg == pytest.approx((0, 0, 30), abs=1e-9)
+    m = summarise([r, r], failures=["edges"], times_ms=[10.0, 30.0])
+    assert m.bias_m == pytest.approx((0.1, -0.2, 0.3))
+    assert (m.time_ms_p50, m.failures) == (20.0, {"edges": 1})

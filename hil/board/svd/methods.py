@@ -13,7 +13,7 @@ from hil.board.svd.model import BoardModel, BoardModelError, CameraIntrinsics
 
 METHODS = ("svd", "svd-2018", "svd-thesis")
 
-_PUBLISHED = {"svd-2018": SVD_2018, "svd-thesis": SVD_THESIS}
+PUBLISHED = {"svd-2018": SVD_2018, "svd-thesis": SVD_THESIS}
 
 
 def make_estimator(
@@ -37,11 +37,11 @@ def make_estimator(
     """
     if method not in METHODS:
         raise BoardModelError(f"unknown method {method!r}: choose one of {', '.join(METHODS)}")
-    config = _PUBLISHED.get(method)
+    config = PUBLISHED.get(method)
     if config is None:
         if solver is not None or streams is not None:
             raise BoardModelError(
-                f"method {method!r} has no choice of solver or streams: leave it out, or take {', '.join(_PUBLISHED)}"
+                f"method {method!r} has no choice of solver or streams: leave it out, or take {', '.join(PUBLISHED)}"
             )
         return PoseEstimator(model, camera)
     if solver is not None:

@@ -1,0 +1,110 @@
+"""Why a pose was missed: the first stage of the estimator that had lost it, judged with the truth at hand."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hil.board.svd import quaternion as quat
+from hil.board.svd.edges import edge_field
+from hil.board.svd.score import support
+from hil.board.svd.visibility import visible_samples
+from hil.evaluate.metrics import COARSE_DEG, COARSE_SHARE, frame_errors
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.board.svd import PoseResult
+    from hil.board.svd.frame import Craft
+    from hil.board.svd.roi import Region
+
+# In the order of the thesis's slides: region, edges, then what comes after them.
+KINDS = ("region", "edges", "ambiguity", "correspondence")
+
+# A region serves when it holds this share of the true box and is at most this many times as large.
+HELD, TOO_LARGE = 0.7, 8.0
+
+# Edges serve when this share of the visible model has one under it at the true pose.
+DRAWN = 0.35
+
+EDGE_FIELD_PX = 360
+
+
+def failure_kind(
+    image: NDArray[Any],
+    box_px: tuple[float, float, float, float] | None,
+    q_true: Sequence[float],
+    t_true: Sequence[float],
+    result: PoseResult,
+    regions: Sequence[Region],
+    craft: Craft,
+    noise: float,
+) -> str:
+    """One of ``KINDS`` for a frame whose best pose is not coarse.
+
+    Parameters
+    ----------
+    image : (H, W). box_px : x0 y0 x1 y1 of the visible mask.
+    regions : those the estimator looked at; none known: the stage is not blamed.
+    noise : standard deviation of the image's noise.
+
+    Notes
+    -----
+    region: none of them holds the target. edges: too little of the model has an edge under it where it truly is.
+    ambiguity: the right pose was among the alternatives, or the answer is one of the model's near-symmetries.
+    correspondence: the edges were there and no hypothesis led to them.
+    """
+    if regions and box_px is not None and not any(_serves(r, box_px) for r in regions):
+        return "region"
+    q, t = quat.normalise(np.asarray(q_true, float)), np.asarray(t_true, float)
+    if box_px is not None and _drawn(image, box_px, q, t, craft, noise) < DRAWN:
+        return "edges"
+    for a in result.alternatives:
+        if _is_coarse(q, t, a.q_camera_from_target_wxyz, a.t_camera_from_target_m):
+            return "ambiguity"
+    if result.q_camera_from_target_wxyz is not None and result.t_camera_from_target_m is not None:
+        for s in craft.model.symmetry_wxyz:
+            twin = quat.multiply(result.q_camera_from_target_wxyz, s)
+            off = float(np.degrees(quat.angle_rad(twin, q)))
+            shift = np.linalg.norm(result.t_camera_from_target_m - t) / np.linalg.norm(t)
+            if off < 2 * COARSE_DEG and shift < 2 * COARSE_SHARE:
+                return "ambiguity"
+    return "correspondence"
+
+
+def _serves(region: Region, box: tuple[float, float, float, float]) -> bool:
+    w = max(0.0, min(region.x1, box[2]) - max(region.x0, box[0]))
+    h = max(0.0, min(region.y1, box[3]) - max(region.y0, box[1]))
+    true = max((box[2] - box[0]) * (box[3] - box[1]), 1.0)
+    area = max((region.x1 - region.x0) * (region.y1 - region.y0), 1.0)
+    return w * h / true >= HELD and area / true <= TOO_LARGE
+
+
+def _drawn(
+    image: NDArray[Any],
+    box: tuple[float, float, float, float],
+    q: NDArray[np.float64],
+    t: NDArray[np.float64],
+    craft: Craft,
+    noise: float,
+) -> float:
+    """Share of the visible model with an edge under it at the true pose."""
+    h, w = image.shape
+    m = 8.0 + 0.1 * (box[2] - box[0] + box[3] - box[1])
+    x0, y0 = max(0, int(box[0] - m)), max(0, int(box[1] - m))
+    x1, y1 = min(w, int(box[2] + m)), min(h, int(box[3] + m))
+    if min(x1 - x0, y1 - y0) < 16:
+        return 0.0
+    R = quat.matrix(q)
+    if visible_samples(craft.samples, craft.occ, -R.T @ t)[0].sum() < 8:
+        return 0.0
+    field = edge_field(image, (x0, y0, x1, y1), noise, EDGE_FIELD_PX)
+    return support(q, t, craft.samples, craft.occ, field, craft.camera, craft.spacing_m).drawn
+
+
+def _is_coarse(q: NDArray[np.float64], t: NDArray[np.float64], q2: Any, t2: Any) -> bool:  # noqa: ANN401 - arrays
+    _, e_t, E_R = frame_errors(q, t, q2, t2)
+    return E_R <= COARSE_DEG and e_t <= COARSE_SHARE

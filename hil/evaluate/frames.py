@@ -1,0 +1,104 @@
+"""The rows of an evaluation: one frame by one method; as CSV for people, line by line as JSON while it runs."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from hil.evaluate.metrics import FrameRecord
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+
+class EvaluatedFrame(msgspec.Struct, frozen=True, kw_only=True):
+    """One frame's answer by one method.
+
+    Parameters
+    ----------
+    record : errors beside the truth. reason : why it was declined. failure : the stage that lost a frame that is
+        not coarse, else empty.
+    q_wxyz, t_m : the best pose. stages_ms, counts : of the estimator.
+    """
+
+    frame: int
+    method: str
+    record: FrameRecord
+    reason: str
+    failure: str
+    confidence: float
+    q_wxyz: tuple[float, float, float, float] | None
+    t_m: tuple[float, float, float] | None
+    stages_ms: dict[str, float]
+    counts: dict[str, int]
+
+    @property
+    def total_ms(self) -> float:
+        """All stages together."""
+        return float(sum(self.stages_ms.values()))
+
+
+class RunHeader(msgspec.Struct, frozen=True):
+    """What an unfinished evaluation was of: the first line of its rows."""
+
+    dataset: str
+    target_sha256: str
+    methods: tuple[str, ...]
+    model_sha256: str
+
+
+def append_row(path: Path, row: EvaluatedFrame | RunHeader) -> None:
+    """Add one line; a torn last line is ignored when read."""
+    with path.open("ab") as file:
+        file.write(msgspec.json.encode(row) + b"\n")
+
+
+def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
+    """Rows of an earlier run of the same thing.
+
+    Raises
+    ------
+    UserError
+        If they are of another data set, model or choice of methods.
+    """
+    lines = path.read_bytes().split(b"\n")
+    try:
+        before = msgspec.json.decode(lines[0], type=RunHeader)
+    except msgspec.DecodeError as error:
+        raise UserError(f"{path} is not the record of an evaluation; name another folder with -o") from error
+    if before != header:
+        raise UserError(
+            f"{path.parent} holds an evaluation of something else (data set, model or methods differ);"
+            " name another folder with -o"
+        )
+    rows = []
+    for line in lines[1:-1]:
+        try:
+            rows.append(msgspec.json.decode(line, type=EvaluatedFrame))
+        except msgspec.DecodeError:
+            continue
+    return rows
+
+
+def frames_csv(rows: Iterable[EvaluatedFrame]) -> bytes:
+    """The table of all rows."""
+    text = io.StringIO()
+    axes = [f"shift_{a}_m" for a in "xyz"] + [f"turn_{a}_deg" for a in "xyz"]
+    plain = [n for n in FrameRecord.__struct_fields__ if n not in ("shift_camera_m", "turn_camera_deg")]
+    names = ["frame", "method", *plain, *axes, "reason", "failure", "confidence", "total_ms"]
+    writer = csv.DictWriter(text, fieldnames=names, lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        values: dict[str, Any] = {name: getattr(row.record, name) for name in plain}
+        both = (*(row.record.shift_camera_m or [""] * 3), *(row.record.turn_camera_deg or [""] * 3))
+        values |= dict(zip(axes, both, strict=True))
+        values |= {
+            name: getattr(row, name) for name in ("frame", "method", "reason", "failure", "confidence")
+        }
+        writer.writerow(values | {"total_ms": round(row.total_ms, 3)})
+    return text.getvalue().encode()

@@ -1,0 +1,87 @@
+"""Pictures of what went wrong: each missed frame with the true and the estimated wireframe."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from hil.board.svd import quaternion as quat
+from hil.board.svd.visibility import hidden, occluders
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.board.svd import BoardModel, CameraIntrinsics
+
+# BGR, Okabe and Ito.
+TRUE, ESTIMATED = (115, 158, 0), (0, 159, 230)
+
+WIDTH, HEIGHT = 360, 260
+
+# Points along an edge that are asked whether something hides them.
+STEPS = 24
+
+
+def draw_wireframe(
+    canvas: NDArray[Any],
+    model: BoardModel,
+    camera: CameraIntrinsics,
+    q_wxyz: Any,  # noqa: ANN401 - (4,) numbers
+    t_m: Any,  # noqa: ANN401 - (3,) numbers
+    colour: tuple[int, int, int],
+    corner: tuple[float, float] = (0.0, 0.0),
+    scale: float = 1.0,
+    weight: int = 1,
+) -> None:
+    """Draw the visible stretches of the model's edges on a BGR canvas that shows ``corner`` at ``scale``."""
+    R, t = quat.matrix(quat.normalise(np.asarray(q_wxyz, float))), np.asarray(t_m, float)
+    C = -R.T @ t
+    occ = occluders(model)
+    s = np.linspace(0, 1, STEPS)[:, None]
+    for e in model.wireframe:
+        X = e.a_m + s * (e.b_m - e.a_m)
+        if len(e.normals) and not ((C - X) @ e.normals.T > 0).any():
+            continue
+        seen = ~hidden(occ, C, X, np.full(STEPS, 0.006 + 1.5 * e.radius_m))
+        P = X @ R.T + t
+        seen &= P[:, 2] > 0.1
+        uv = ((camera.pixels(P) - corner) + 0.5) * scale - 0.5
+        uv = np.clip(uv, -30000, 30000)
+        for k in range(STEPS - 1):
+            if seen[k] and seen[k + 1]:
+                a, b = (tuple(int(v) for v in np.rint(p * 16)) for p in (uv[k], uv[k + 1]))
+                cv2.line(canvas, a, b, colour, weight, cv2.LINE_AA, 4)
+
+
+def failure_tile(
+    image: NDArray[Any],
+    box_px: tuple[float, float, float, float] | None,
+    model: BoardModel,
+    camera: CameraIntrinsics,
+    true: tuple[Any, Any],
+    estimated: tuple[Any, Any] | None,
+) -> NDArray[np.uint8]:
+    """(HEIGHT, WIDTH, 3) BGR tile around the target: truth green, estimate orange."""
+    h, w = image.shape[:2]
+    box = box_px or (0.0, 0.0, w - 1.0, h - 1.0)
+    half = max(0.75 * (box[2] - box[0]), 0.75 * (box[3] - box[1]) * WIDTH / HEIGHT, 60.0)
+    u, v = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
+    scale = WIDTH / (2 * half)
+    corner = (u - half, v - half * HEIGHT / WIDTH)
+    M = np.array(
+        [[scale, 0, 0.5 * scale - 0.5 - scale * corner[0]], [0, scale, 0.5 * scale - 0.5 - scale * corner[1]]]
+    )
+    top = 255.0 / max(float(np.percentile(image, 99.8)), 1.0)
+    flat = np.clip(image.astype(np.float32) * top, 0, 255).astype(np.uint8)
+    flags = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    if scale < 1:
+        flat = cv2.GaussianBlur(flat, (0, 0), 0.4 / scale)
+    tile = np.asarray(
+        cv2.cvtColor(cv2.warpAffine(flat, M, (WIDTH, HEIGHT), flags=flags), cv2.COLOR_GRAY2BGR), np.uint8
+    )
+    draw_wireframe(tile, model, camera, *true, TRUE, corner, scale)
+    if estimated is not None:
+        draw_wireframe(tile, model, camera, *estimated, ESTIMATED, corner, scale)
+    return tile

@@ -1,0 +1,206 @@
+"""The plots of an evaluation: errors against range, along the camera's axes, their histograms, stages."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+
+    from hil.evaluate.frames import EvaluatedFrame
+
+INK, DIM, GRID = "#1f2933", "#7b8794", "#e4e7eb"
+# Okabe and Ito: told apart by everybody.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+PALETTE = (*COLOURS, "#274c77", "#8ab17d", "#9d4edd", "#7b8794", "#b56576", "#6d597a", "#355070", "#bc6c25")
+AXES = ("x, right", "y, down", "z, forward")
+
+# What the thesis reports over its own images.
+THESIS_E_T_M, THESIS_E_R_DEG = 0.2506, 0.0528
+
+CAPTIONS = {
+    "range": "Every feasible frame's best pose. Filled: accepted; hollow: declined. Lines: medians in 3 m bins. "
+    "Dashed: the thesis's means, 0.2506 m and 0.0528 (as printed in degrees, and read as radians).",
+    "axes": "Estimated less true, accepted frames, along the camera's own axes; band: the middle 90 %; "
+    "triangles: beyond the axis.",
+    "histograms": "Feasible frames with a pose; the dark part is accepted. Right-most bin: everything beyond.",
+    "stages": "Median time of each stage in the order they run, one frame, this machine.",
+}
+
+
+def _figure(rows: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(11, height), layout="constrained", facecolor="white")
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for ax in axes:
+        ax.grid(color=GRID, lw=0.8)
+        ax.set_axisbelow(True)
+        ax.tick_params(colors=INK, labelsize=9)
+        for side in ("top", "right"):
+            ax.spines[side].set_visible(False)
+        for side in ("left", "bottom"):
+            ax.spines[side].set_color(DIM)
+    return figure, axes
+
+
+def draw_plots(rows: Sequence[EvaluatedFrame], labels: Sequence[str], folder: Path) -> list[str]:
+    """Write every plot that has something to show; their names, keys of ``CAPTIONS``."""
+    by_method = {label: [r for r in rows if r.method == label] for label in labels}
+    made = []
+    for name, figure in (
+        ("range", _against_range(by_method)),
+        ("axes", _along_axes(by_method)),
+        ("histograms", _histograms(by_method)),
+        ("stages", _stages(by_method)),
+    ):
+        if figure is not None:
+            figure.savefig(folder / f"{name}.png", dpi=110)
+            made.append(name)
+    return made
+
+
+def _posed(rows: Sequence[EvaluatedFrame]) -> list[EvaluatedFrame]:
+    return [r for r in rows if r.record.feasible and r.record.E_T_m is not None]
+
+
+def _against_range(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
+    if not any(_posed(rows) for rows in by_method.values()):
+        return None
+    figure, axes = _figure(1, 2, 4.6)
+    quantities = (("E_T_m", "translation error [m]"), ("E_R_deg", "rotation error [deg]"))
+    for ax, (field, label) in zip(axes, quantities, strict=True):
+        for k, (method, rows) in enumerate(by_method.items()):
+            posed = _posed(rows)
+            x = np.array([r.record.range_m for r in posed])
+            y = np.maximum([getattr(r.record, field) for r in posed], 1e-4)
+            accepted = np.array([r.record.accepted for r in posed], bool)
+            colour = COLOURS[k % len(COLOURS)]
+            ax.scatter(x[accepted], y[accepted], s=22, color=colour, lw=0, alpha=0.85, label=method)
+            ax.scatter(x[~accepted], y[~accepted], s=22, facecolors="none", edgecolors=colour, lw=0.9)
+            mids, medians = _binned(x, y)
+            ax.plot(mids, medians, color=colour, lw=1.8)
+        ax.set(xlabel="range [m]", ylabel=label, yscale="log")
+    axes[0].axhline(THESIS_E_T_M, color=INK, ls="--", lw=1)
+    axes[1].axhline(THESIS_E_R_DEG, color=INK, ls="--", lw=1)
+    axes[1].axhline(np.degrees(THESIS_E_R_DEG), color=INK, ls=":", lw=1)
+    axes[0].legend(frameon=False, fontsize=9)
+    return figure
+
+
+def _binned(x: np.ndarray, y: np.ndarray) -> tuple[list[float], list[float]]:
+    mids, medians = [], []
+    for low in np.arange(3 * np.floor(x.min(initial=0) / 3), x.max(initial=0) + 3, 3.0):
+        part = (x >= low) & (x < low + 3)
+        if part.sum() >= 3:
+            mids.append(float(np.median(x[part])))
+            medians.append(float(np.median(y[part])))
+    return mids, medians
+
+
+def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
+    accepted = {m: [r.record for r in rows if r.record.accepted] for m, rows in by_method.items()}
+    if not any(accepted.values()):
+        return None
+    right = [r for records in accepted.values() for r in records if r.coarse]
+    figure, axes = _figure(2, 3, 5.6)
+    for k, records in enumerate(accepted.values()):
+        if not records:
+            continue
+        x = np.array([r.range_m for r in records])
+        shift = 1e3 * np.array([r.shift_camera_m for r in records])
+        turn = np.array([r.turn_camera_deg for r in records])
+        for a in range(3):
+            for ax, values, top in (
+                (axes[a], shift[:, a], _reach([1e3 * (r.shift_camera_m or (0.0,) * 3)[a] for r in right])),
+                (axes[3 + a], turn[:, a], _reach([(r.turn_camera_deg or (0.0,) * 3)[a] for r in right])),
+            ):
+                colour = COLOURS[k % len(COLOURS)]
+                inside = np.abs(values) <= top
+                ax.scatter(x[inside], values[inside], s=14, color=colour, lw=0, alpha=0.8)
+                # what lies beyond is drawn at the edge it left by
+                for beyond, marker in ((values > top, "^"), (values < -top, "v")):
+                    edge = np.full(int(beyond.sum()), top if marker == "^" else -top)
+                    ax.scatter(x[beyond], edge, s=26, color=colour, marker=marker, lw=0)
+                if len(values) > 4:
+                    low, high = np.clip(np.percentile(values, [5, 95]), -top, top)
+                    ax.axhspan(float(low), float(high), color=colour, alpha=0.08, lw=0)
+                ax.set_ylim(-1.08 * top, 1.08 * top)
+    for a, name in enumerate(AXES):
+        axes[a].set_title(name, loc="left", fontsize=11, color=INK, fontweight="bold")
+        axes[a].set_ylabel("position error [mm]" if a == 0 else "")
+        axes[3 + a].set(xlabel="range [m]", ylabel="attitude error [deg]" if a == 0 else "")
+        for ax in (axes[a], axes[3 + a]):
+            ax.axhline(0, color=DIM, lw=0.8)
+    return figure
+
+
+def _reach(values: Sequence[float]) -> float:
+    """Half height of an axis that shows nearly all of the right poses' errors."""
+    return max(1.15 * float(np.percentile(np.abs(values), 98)), 1e-3) if values else 1.0
+
+
+def _histograms(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
+    methods = {m: _posed(rows) for m, rows in by_method.items() if _posed(rows)}
+    if not methods:
+        return None
+    figure, axes = _figure(len(methods), 2, 1.0 + 2.4 * len(methods))
+    quantities = (("E_T_m", "translation error [m]", 0.5), ("E_R_deg", "rotation error [deg]", 5.0))
+    for row, (method, posed) in enumerate(methods.items()):
+        for column, (field, label, top) in enumerate(quantities):
+            ax = axes[2 * row + column]
+            values = np.array([getattr(r.record, field) for r in posed])
+            accepted = np.array([r.record.accepted for r in posed], bool)
+            bins = np.linspace(0, top, 26).tolist()
+            # what lies beyond is shown, and counted in words
+            clipped = np.minimum(values, top - 1e-9)
+            colour = COLOURS[row % len(COLOURS)]
+            ax.hist(clipped, bins, color=colour, alpha=0.3)
+            ax.hist(clipped[accepted], bins, color=colour)
+            beyond = int((values > top).sum())
+            ax.set(xlabel=label, ylabel="frames" if column == 0 else "")
+            title = (
+                f"{method}: median {np.median(values):.3g}, mean {values.mean():.3g}, {beyond} beyond {top:g}"
+            )
+            ax.set_title(title, loc="left", fontsize=10, color=INK)
+    return figure
+
+
+def _stages(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
+    methods = {m: rows for m, rows in by_method.items() if any(r.stages_ms for r in rows)}
+    if not methods:
+        return None
+    figure, axes = _figure(1, 1, 1.4 + 0.75 * len(methods))
+    ax = axes[0]
+    medians = []
+    for rows in methods.values():
+        names = list(dict.fromkeys(n for r in rows for n in r.stages_ms))
+        medians.append({n: float(np.median([r.stages_ms.get(n, 0.0) for r in rows])) for n in names})
+    widest = max(1e-6, *(sum(m.values()) for m in medians))
+    order = list(dict.fromkeys(n for m in medians for n in m))
+    colours = {n: PALETTE[k % len(PALETTE)] for k, n in enumerate(order)}
+    for row, stages in enumerate(medians):
+        left = 0.0
+        for name, ms in stages.items():
+            ax.barh(row, ms, left=left, color=colours[name], height=0.6, lw=0)
+            if ms > 0.06 * widest:
+                ax.text(
+                    left + ms / 2,
+                    row,
+                    f"{name}\n{ms:.0f}",
+                    ha="center",
+                    va="center",
+                    fontsize=8,
+                    color="white",
+                )
+            left += ms
+        ax.text(left + 0.01 * widest, row, f"{left:.0f} ms", va="center", fontsize=9, color=INK)
+    ax.set_yticks(range(len(methods)), list(methods))
+    ax.set_xlim(0, 1.1 * widest)
+    ax.invert_yaxis()
+    ax.set_xlabel("median time [ms]; stages in the order they run, narrow ones unnamed")
+    return figure

@@ -1,0 +1,137 @@
+"""One process of an evaluation: its estimators made once, then frame after frame."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import msgspec
+
+from hil.board.svd import BoardModel, CameraIntrinsics, Estimator, make_estimator
+from hil.board.svd.frame import Craft
+from hil.board.svd.noise import noise_sigma
+from hil.evaluate.failures import failure_kind
+from hil.evaluate.frames import EvaluatedFrame
+from hil.evaluate.metrics import frame_record
+from simulator.dataset.native import frame_paths, read_png
+from simulator.errors import UserError
+from simulator.labels.truth import read_truth
+from simulator.targets.board_file import write_board_model
+
+if TYPE_CHECKING:
+    from simulator.targets.model import Target
+
+
+class MethodChoice(msgspec.Struct, frozen=True):
+    """A method with its solver and streams; None: the method's own."""
+
+    method: str
+    solver: str | None = None
+    streams: tuple[str, ...] | None = None
+
+    @property
+    def label(self) -> str:
+        """Its name in tables."""
+        return " ".join([self.method, *([self.solver] if self.solver else []), *(self.streams or ())])
+
+
+def board_model(target: Target) -> BoardModel:
+    """The small form of a target, as a board reads it."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"{target.name}.board.json"
+        write_board_model(target, path)
+        return BoardModel.read(str(path))
+
+
+class Evaluator:
+    """Answers frames of one data set with one or more methods.
+
+    Parameters
+    ----------
+    folder : the data set. camera : its camera object.
+    """
+
+    def __init__(
+        self, folder: Path, model: BoardModel, camera: dict[str, Any], choices: tuple[MethodChoice, ...]
+    ) -> None:
+        self.folder = folder
+        intrinsics = CameraIntrinsics.from_dict(camera)
+        self.craft = Craft.prepare(model, intrinsics)
+        self.estimators: dict[str, Estimator] = {
+            c.label: make_estimator(model, intrinsics, c.method, c.solver, c.streams) for c in choices
+        }
+
+    def answer(self, k: int, label: str) -> EvaluatedFrame:
+        """Frame ``k`` by the method ``label``.
+
+        Raises
+        ------
+        UserError
+            If the frame's files cannot be read.
+        """
+        paths = frame_paths(self.folder, k)
+        truth, image = read_truth(paths.truth), read_png(paths.image)
+        trace: dict[str, Any] = {}
+        threads = cv2.getNumThreads()
+        cv2.setNumThreads(1)
+        try:
+            result = self.estimators[label].estimate(image, trace)
+        finally:
+            cv2.setNumThreads(threads)
+        q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
+        record = frame_record(
+            truth.q_camera_from_target_wxyz,
+            truth.t_camera_from_target_m,
+            q,
+            t,
+            accepted=result.accepted,
+            feasible=truth.feasible,
+            frame_class=truth.infeasible_reason or "feasible",
+        )
+        failure = ""
+        if truth.feasible and not record.coarse and image.ndim == 2:
+            failure = failure_kind(
+                image,
+                truth.box_px,
+                truth.q_camera_from_target_wxyz,
+                truth.t_camera_from_target_m,
+                result,
+                trace.get("regions", ()),
+                self.craft,
+                max(noise_sigma(image, float(image.max())), 1e-3 * max(float(image.max()), 1.0)),
+            )
+        return EvaluatedFrame(
+            frame=k,
+            method=label,
+            record=record,
+            reason=result.reason,
+            failure=failure,
+            confidence=float(result.confidence),
+            q_wxyz=None if q is None else (float(q[0]), float(q[1]), float(q[2]), float(q[3])),
+            t_m=None if t is None else (float(t[0]), float(t[1]), float(t[2])),
+            stages_ms={name: round(float(ms), 3) for name, ms in result.stages_ms.items()},
+            counts={name: int(n) for name, n in result.counts.items()},
+        )
+
+
+_evaluator: Evaluator | None = None
+
+
+def start_worker(
+    folder: Path, model: BoardModel, camera: dict[str, Any], choices: tuple[MethodChoice, ...]
+) -> None:
+    """Make this process's estimators."""
+    global _evaluator  # noqa: PLW0603 - a pool hands its workers nothing else to hold on to
+    _evaluator = Evaluator(folder, model, camera, choices)
+
+
+def answer_in_worker(task: tuple[int, str]) -> EvaluatedFrame | str:
+    """One (frame, method) in a pool's process; a sentence when the frame cannot be read."""
+    if _evaluator is None:
+        raise RuntimeError("start_worker was not called in this process")
+    try:
+        return _evaluator.answer(*task)
+    except UserError as error:
+        return str(error)
