@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from simulator.arrays import FloatArray
 from simulator.world.constants import MU_EARTH_M3_S2
+from simulator.world.dense import Pieces, integrate
 from simulator.world.rotation import matrix_from_quat, quat_normalize
+from simulator.world.vectors import cross
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -22,17 +24,34 @@ if TYPE_CHECKING:
 Torque = Callable[[float, FloatArray], FloatArray]
 
 
+class AttitudeTrack(Protocol):
+    """The attitude of a body over a flight: propagated, prescribed or recorded."""
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1]."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
-class AttitudeTrack:
-    """A propagated tumble over ``0 <= t <= duration_s``."""
+class RigidBodyTrack:
+    """A propagated tumble over ``0 <= t <= duration_s``.
+
+    Parameters
+    ----------
+    duration_s : span [s]. solution : the attitude and the angular momentum along ECI axes, (7,).
+    inertia_kg_m2, inverse_inertia : (3, 3), body axes.
+    """
 
     duration_s: float
-    solution: Callable[[float], FloatArray]
+    solution: Pieces
+    inertia_kg_m2: FloatArray
+    inverse_inertia: FloatArray
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """``q_eci_from_body_wxyz`` (unit: the interpolant is renormalised) and the body rate [rad s-1]."""
         y = self.solution(t_s)
-        return quat_normalize(y[:4]), y[4:]
+        q = y[:4] / math.sqrt(float(y[:4] @ y[:4]))
+        return q, self.inverse_inertia @ (y[4:] @ matrix_from_quat(q))
 
 
 def propagate_attitude(
@@ -41,8 +60,11 @@ def propagate_attitude(
     inertia_kg_m2: ArrayLike,
     duration_s: float,
     torque: Torque | None = None,
-) -> AttitudeTrack:
+) -> RigidBodyTrack:
     """Tumble of a rigid body.
+
+    The state is the attitude and the angular momentum along inertial axes, which only a torque changes: a free
+    tumble keeps it to the last bit.
 
     Parameters
     ----------
@@ -59,48 +81,53 @@ def propagate_attitude(
 
     References
     ----------
-    Wertz (1978), Spacecraft Attitude Determination and Control, eq. 16-2 and 16-53.
+    Wertz (1978), Spacecraft Attitude Determination and Control, eq. 16-2 and 16-49.
     """
     J = np.asarray(inertia_kg_m2, float)
     check_inertia(J)
     J_inverse = np.linalg.inv(J)
-    y0 = np.concatenate([quat_normalize(q_eci_from_body_wxyz), np.asarray(omega_body_rad_s, float)])
-    # a step turns the body by a quarter radian at most, which keeps the interpolant as good as the steps
-    rate = float(np.linalg.norm(y0[4:]))
-    max_step = 0.25 / rate if rate > 1e-6 else np.inf
+    q0, w0 = quat_normalize(q_eci_from_body_wxyz), np.asarray(omega_body_rad_s, float)
+    momentum = matrix_from_quat(q0) @ (J @ w0)
+    # a step turns the body by a fifth of a radian at most, which keeps the interpolant as good as the steps
+    rate = float(np.linalg.norm(w0))
+    max_step = 0.2 / rate if rate > 1e-6 else np.inf
     if torque is not None:
         # a body at rest may be turned: a minute bounds what the interpolant has to follow
         max_step = min(max_step, 60.0)
+    ((a00, a01, a02), (a10, a11, a12), (a20, a21, a22)) = J_inverse.tolist()
 
     def derivative(t: float, y: FloatArray) -> FloatArray:
-        qw, qx, qy, qz, a, b, c = y.tolist()
-        L = J @ y[4:]
-        la, lb, lc = L.tolist()
-        moment = np.array([lb * c - lc * b, lc * a - la * c, la * b - lb * a])
-        alpha = J_inverse @ (moment if torque is None else moment + torque(t, y[:4]))
+        w, x, y_, z, lx, ly, lz = y.tolist()
+        s = 2 / (w * w + x * x + y_ * y_ + z * z)
+        # the momentum in the body: R_body_from_eci L
+        bx = lx - s * ((y_ * y_ + z * z) * lx - (x * y_ + w * z) * ly - (x * z - w * y_) * lz)
+        by = ly - s * ((x * x + z * z) * ly - (x * y_ - w * z) * lx - (y_ * z + w * x) * lz)
+        bz = lz - s * ((x * x + y_ * y_) * lz - (x * z + w * y_) * lx - (y_ * z - w * x) * ly)
+        a = a00 * bx + a01 * by + a02 * bz
+        b = a10 * bx + a11 * by + a12 * bz
+        c = a20 * bx + a21 * by + a22 * bz
+        push = (
+            (0.0, 0.0, 0.0) if torque is None else matrix_from_quat(quat_normalize(y[:4])) @ torque(t, y[:4])
+        )
         return np.array(
             [
-                0.5 * (-qx * a - qy * b - qz * c),
-                0.5 * (qw * a + qy * c - qz * b),
-                0.5 * (qw * b + qz * a - qx * c),
-                0.5 * (qw * c + qx * b - qy * a),
-                *alpha,
+                0.5 * (-x * a - y_ * b - z * c),
+                0.5 * (w * a + y_ * c - z * b),
+                0.5 * (w * b + z * a - x * c),
+                0.5 * (w * c + x * b - y_ * a),
+                *push,
             ]
         )
 
-    result = solve_ivp(
+    solution = integrate(
         derivative,
+        np.concatenate([q0, momentum]),
         (0.0, duration_s),
-        y0,
-        method="DOP853",
         rtol=1e-13,
-        atol=1e-14,
-        max_step=max_step,
-        dense_output=True,
+        atol=np.array([1e-14] * 4 + [1e-14 * max(float(np.linalg.norm(momentum)), 1e-6)] * 3),
+        max_step_s=max_step,
     )
-    if not result.success or result.sol is None:
-        raise ValueError(f"the attitude could not be propagated over {duration_s} s: {result.message}")
-    return AttitudeTrack(duration_s, result.sol)
+    return RigidBodyTrack(duration_s, solution, J, J_inverse)
 
 
 def gravity_gradient_torque(
@@ -124,7 +151,7 @@ def gravity_gradient_torque(
     """
     r = float(np.linalg.norm(r_eci_m))
     up = R_body_from_eci @ r_eci_m / r
-    return np.asarray(3 * mu_m3_s2 / r**3 * np.cross(up, inertia_kg_m2 @ up))
+    return np.asarray(3 * mu_m3_s2 / r**3 * cross(up, inertia_kg_m2 @ up))
 
 
 def torque_on(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.world.clohessy_wiltshire import transition_matrix
-from simulator.world.lvlh import lvlh_frame
+from simulator.world.relative_motion import Held, relative_step
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
@@ -46,43 +46,13 @@ class ControlledTrack:
         """Position [m] and velocity [m s-1] relative to the target at any time, GCRS axes."""
         k = min(max(int(t_s // self.period_s), 0), len(self.mass_kg) - 1)
         start = k * self.period_s
-        return coast(
-            self.orbit,
-            start,
-            t_s - start,
-            (self.position_eci_m[k], self.velocity_eci_m_s[k]),
-            self.thrust_eci_m_s2[k],
-        )
+        state = self.position_eci_m[k], self.velocity_eci_m_s[k]
+        return relative_step(self.orbit, start, t_s - start, state, Held(self.thrust_eci_m_s2[k]))
 
     @property
     def delta_v_m_s(self) -> float:
         """Sum of what the thrusters gave [m s-1]."""
         return float(np.sum(np.linalg.norm(self.thrust_eci_m_s2, axis=1))) * self.period_s
-
-
-def coast(
-    orbit: OrbitTrack,
-    t_s: float,
-    h: float,
-    state: tuple[FloatArray, FloatArray],
-    thrust_eci_m_s2: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Relative state ``h`` seconds later under a constant thrust: one classical Runge-Kutta step."""
-
-    def acceleration(t: float, p: FloatArray, w: FloatArray) -> FloatArray:
-        return orbit.forces.pair(t, *orbit(t), p, w)[1] + thrust_eci_m_s2
-
-    p, v = state
-    if h == 0.0:
-        return p, v
-    a1 = acceleration(t_s, p, v)
-    v2 = v + h / 2 * a1
-    a2 = acceleration(t_s + h / 2, p + h / 2 * v, v2)
-    v3 = v + h / 2 * a2
-    a3 = acceleration(t_s + h / 2, p + h / 2 * v2, v3)
-    v4 = v + h * a3
-    a4 = acceleration(t_s + h, p + h * v3, v4)
-    return p + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
 
 def fly_controlled(
@@ -106,13 +76,13 @@ def fly_controlled(
     h = thrusters.period_s
     Phi = transition_matrix(n_rad_s, h)
     decide = getattr(guidance, "impulse_lvlh", None)
-    frame = lvlh_frame(*orbit(0.0), orbit.acceleration(0.0))
+    frame = orbit.frame(0.0)
     state = frame.to_eci(*guidance.state_lvlh(0.0, n_rad_s))
     mass, abort_s = thrusters.mass_kg, None
     rows: list[FloatArray] = []
     for k in range(int(np.ceil(orbit.duration_s / h))):
         t = k * h
-        frame = lvlh_frame(*orbit(t), orbit.acceleration(t))
+        frame = orbit.frame(t)
         p, v = frame.from_eci(*state)
         if abort_s is None and keep_out is not None and keep_out.violated(p):
             abort_s = t
@@ -126,8 +96,8 @@ def fly_controlled(
             wanted = aim_v - coasted[3:] + (aim_p - coasted[:3]) / (_PULL_IN_PERIODS * h)
         given, after = thrusters.fire(wanted, mass)
         thrust = frame.R_eci_from_lvlh @ given / h
-        rows.append(np.concatenate([*state, thrust, [mass]]))
-        state = coast(orbit, t, min(h, orbit.duration_s - t), state, thrust)
+        rows.append(np.array([*state[0].tolist(), *state[1].tolist(), *thrust.tolist(), mass]))
+        state = relative_step(orbit, t, min(h, orbit.duration_s - t), state, Held(thrust))
         mass = after
     table = np.array(rows)
     return ControlledTrack(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from simulator.world.vectors import cross, cross_of, dot_of
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
@@ -27,12 +30,12 @@ class Lvlh:
     def to_eci(self, p_lvlh: FloatArray, v_lvlh: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Relative position and velocity of LVLH along GCRS axes (the frame's rotation added)."""
         p = self.R_eci_from_lvlh @ p_lvlh
-        return p, self.R_eci_from_lvlh @ v_lvlh + np.cross(self.omega_eci_rad_s, p)
+        return p, self.R_eci_from_lvlh @ v_lvlh + cross(self.omega_eci_rad_s, p)
 
     def from_eci(self, p_eci: FloatArray, v_eci: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Relative position and velocity as seen in the rotating LVLH frame."""
         R = self.R_eci_from_lvlh.T
-        return R @ p_eci, R @ (v_eci - np.cross(self.omega_eci_rad_s, p_eci))
+        return R @ p_eci, R @ (v_eci - cross(self.omega_eci_rad_s, p_eci))
 
 
 def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, a_eci_m_s2: FloatArray) -> Lvlh:
@@ -45,10 +48,12 @@ def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, a_eci_m_s2: FloatArra
     ----------
     Alfriend et al. (2010), Spacecraft Formation Flying, sec. 4.1.
     """
-    h = np.cross(r_eci_m, v_eci_m_s)
-    r_norm, h_norm = float(np.linalg.norm(r_eci_m)), float(np.linalg.norm(h))
-    x, z = r_eci_m / r_norm, h / h_norm
-    y = np.cross(z, x)
-    out_of_plane = float(a_eci_m_s2 @ z)
-    omega = h_norm / r_norm**2 * z + r_norm * out_of_plane / h_norm * x
-    return Lvlh(np.column_stack([x, y, z]), omega)
+    r, v = r_eci_m.tolist(), v_eci_m_s.tolist()
+    h = cross_of(r, v)
+    r_norm, h_norm = math.sqrt(dot_of(r, r)), math.sqrt(dot_of(h, h))
+    x, z = [c / r_norm for c in r], [c / h_norm for c in h]
+    y = cross_of(z, x)
+    turning = r_norm * dot_of(a_eci_m_s2.tolist(), z) / h_norm
+    rate = h_norm / r_norm**2
+    omega = [rate * c + turning * d for c, d in zip(z, x, strict=True)]
+    return Lvlh(np.array([x, y, z]).T, np.array(omega))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -14,6 +15,7 @@ from simulator.world.rotation import (
     quat_from_rotvec,
     quat_multiply,
 )
+from simulator.world.vectors import cross, length
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
@@ -67,22 +69,25 @@ class Pointing:
         """
         z, z_rate = _unit_and_rate(los_eci_m, los_rate_eci_m_s)
         d = self._reference(z, lvlh)
-        d_rate = np.cross(lvlh.omega_eci_rad_s, d)
+        d_rate = cross(lvlh.omega_eci_rad_s, d)
         across = d - (d @ z) * z
         across_rate = d_rate - (d_rate @ z + d @ z_rate) * z - (d @ z) * z_rate
         y, y_rate = _unit_and_rate(across, across_rate)
-        x = np.cross(y, z)
-        x_rate = np.cross(y_rate, z) + np.cross(y, z_rate)
+        x = cross(y, z)
+        x_rate = cross(y_rate, z) + cross(y, z_rate)
         q = quat_from_matrix(np.stack([x, y, z]))
         omega = np.array([y_rate @ z, z_rate @ x, x_rate @ y])
-        turn = self._turn()
+        turn = self._turn
         return quat_multiply(turn, q), matrix_from_quat(turn) @ omega
 
     def _reference(self, z: FloatArray, lvlh: Lvlh) -> FloatArray:
-        names = [self.down, *(name for name in DOWN_AXES_LVLH if name != self.down)]
-        axes = [lvlh.R_eci_from_lvlh @ np.array(DOWN_AXES_LVLH[name]) for name in names]
-        return next(d for d in axes if np.linalg.norm(np.cross(d, z)) > _DEGENERATE)
+        for name in (self.down, *(name for name in DOWN_AXES_LVLH if name != self.down)):
+            d = lvlh.R_eci_from_lvlh @ np.array(DOWN_AXES_LVLH[name])
+            if length(cross(d, z)) > _DEGENERATE:
+                break
+        return d
 
+    @cached_property
     def _turn(self) -> FloatArray:
         """``q_turned_from_pointed``: right about +y, then down about -x, then roll about +z."""
         right = quat_from_rotvec([0.0, self.right_rad, 0.0])
@@ -93,6 +98,6 @@ class Pointing:
 
 def _unit_and_rate(v: FloatArray, v_rate: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Unit vector along ``v`` and its derivative."""
-    n = np.linalg.norm(v)
+    n = length(v)
     u = v / n
     return u, (v_rate - (v_rate @ u) * u) / n

@@ -11,7 +11,6 @@ import numpy as np
 
 from simulator.arrays import quat, vec3
 from simulator.errors import UserError
-from simulator.world.attitude import AttitudeTrack
 from simulator.world.bodies import EARTH
 from simulator.world.orbit import OrbitTrack
 from simulator.world.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from simulator.arrays import FloatArray
+    from simulator.world.attitude import AttitudeTrack
     from simulator.world.bodies import Body
     from simulator.world.flight import Flight
     from simulator.world.forces import Forces
@@ -139,13 +139,14 @@ class Recording:
 
 
 @dataclass(frozen=True, eq=False)
-class RecordedAttitude(AttitudeTrack):
+class RecordedAttitude:
     """The target's recorded attitude, handed out to the last bit."""
+
+    recording: Recording
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """``q_eci_from_body_wxyz`` and the body rate [rad s-1]."""
-        y = self.solution(t_s)
-        return y[:4], y[4:]
+        return self.recording.target_attitude(t_s)
 
 
 def record(flight: Flight, times_s: Iterable[float]) -> Recording:
@@ -153,15 +154,33 @@ def record(flight: Flight, times_s: Iterable[float]) -> Recording:
     return Recording.of(flight.state(float(t)) for t in times_s)
 
 
+@dataclass(frozen=True, eq=False)
+class RecordedOrbit:
+    """The target's recorded orbit from the centre of the body it circles."""
+
+    recording: Recording
+    forces: Forces
+    epoch: Instant
+    body: Body
+
+    def __call__(self, t_s: float) -> FloatArray:
+        """Position [m] and velocity [m s-1], GCRS axes (6,)."""
+        geocentric = self.recording.target(t_s)
+        if self.body is EARTH:
+            return geocentric
+        return geocentric - np.concatenate(self.body.geocentric_state(self.epoch.plus(t_s)))
+
+    def rate(self, t_s: float) -> FloatArray:
+        """Its derivative, by the forces."""
+        y = self(t_s)
+        return np.concatenate([y[3:], self.forces.target(t_s, y[:3], y[3:])])
+
+
 def recorded_tracks(
     recording: Recording, forces: Forces, duration_s: float, epoch: Instant, body: Body
 ) -> tuple[OrbitTrack, AttitudeTrack]:
     """The target as recorded: its orbit from the centre of ``body``, its attitude."""
-
-    def about_the_body(t_s: float) -> FloatArray:
-        return recording.target(t_s) - np.concatenate(body.geocentric_state(epoch.plus(t_s)))
-
     return (
-        OrbitTrack(forces, duration_s, recording.target if body is EARTH else about_the_body),
-        RecordedAttitude(duration_s, lambda t: np.concatenate(recording.target_attitude(t))),
+        OrbitTrack(forces, duration_s, RecordedOrbit(recording, forces, epoch, body)),
+        RecordedAttitude(recording),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,17 +20,21 @@ def quat_multiply(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> FloatArray:
     p_wxyz, q_wxyz : (..., 4) quaternions, scalar first.
     """
     p, q = np.asarray(p_wxyz, float), np.asarray(q_wxyz, float)
+    if p.ndim == 1 and q.ndim == 1:
+        return np.array(_product(*p.tolist(), *q.tolist()))
     pw, px, py, pz = np.moveaxis(p, -1, 0)
     qw, qx, qy, qz = np.moveaxis(q, -1, 0)
-    return np.stack(
-        [
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        ],
-        axis=-1,
-    )
+    return np.stack(_product(pw, px, py, pz, qw, qx, qy, qz), axis=-1)
+
+
+def _product(pw: Any, px: Any, py: Any, pz: Any, qw: Any, qx: Any, qy: Any, qz: Any) -> list[Any]:  # noqa: ANN401
+    """Components of the Hamilton product, of floats (one product, at a tenth of numpy's cost) or of arrays."""
+    return [
+        pw * qw - px * qx - py * qy - pz * qz,
+        pw * qx + px * qw + py * qz - pz * qy,
+        pw * qy - px * qz + py * qw + pz * qx,
+        pw * qz + px * qy - py * qx + pz * qw,
+    ]
 
 
 def quat_conjugate(q_wxyz: ArrayLike) -> FloatArray:
@@ -64,13 +68,19 @@ def matrix_from_quat(q_wxyz: ArrayLike) -> FloatArray:
     -------
     (..., 3, 3) matrix.
     """
-    w, x, y, z = np.moveaxis(np.asarray(q_wxyz, float), -1, 0)
-    rows = [
+    q = np.asarray(q_wxyz, float)
+    if q.ndim == 1:
+        return np.array(_rows(*q.tolist()))
+    return np.stack([np.stack(row, axis=-1) for row in _rows(*np.moveaxis(q, -1, 0))], axis=-2)
+
+
+def _rows(w: Any, x: Any, y: Any, z: Any) -> list[list[Any]]:  # noqa: ANN401
+    """Rows of the matrix, of floats or of arrays."""
+    return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def quat_from_matrix(R: ArrayLike) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
@@ -55,28 +55,37 @@ class HarmonicField:
         return np.asarray((self.table @ Z.reshape(-1, len(r_itrs_m))).real.T)
 
     def _harmonics(self, r_itrs_m: FloatArray) -> ComplexArray:
-        """Normalised solid harmonics, (degree + 2, degree + 2, k)."""
-        x, y, z = r_itrs_m.T
-        square = x * x + y * y + z * z
-        size = self.degree + 2
-        k = len(r_itrs_m)
-        turn = (x + 1j * y) * (self.radius_m / square)
-        starts = np.empty((size, k), complex)
-        starts[0] = self.radius_m / np.sqrt(square)
-        starts[1:] = turn
-        starts = np.cumprod(starts, axis=0) * self.sectoral[:, None]
-        Z = np.zeros((size, size, k), complex)
-        Z[np.arange(size), np.arange(size)] = starts
-        rise = self.vertical[:, :, None] * (z * (self.radius_m / square))
-        fall = self.lower[:, :, None] * (self.radius_m**2 / square)
-        before: ComplexArray = Z[0]
-        Z[1] += rise[1] * before
+        """Normalised solid harmonics, (degree + 2, degree + 2, k).
+
+        The Legendre functions, divided by ``cos(latitude)^m``, follow degree by degree for all orders at once;
+        ``exp(i m longitude) cos(latitude)^m`` and ``(R/r)^(n+1)`` are powers.
+        """
+        size, k = self.degree + 2, len(r_itrs_m)
+        r = np.sqrt(np.einsum("ij,ij->i", r_itrs_m, r_itrs_m))
+        x, y, sine = (r_itrs_m / r[:, None]).T
+        legendre = np.zeros((size, size, k))
+        legendre[self._orders, self._orders] = self.sectoral[:, None]
+        weights = self._weights[..., None] * np.array([np.ones(k), sine])[:, None, None]
+        # order 0 of degree 1 has no degree below its own
+        legendre[1, :1] = weights[1, 1, :1] * legendre[0, :1]
+        product, total = np.multiply, np.add.reduce
         for n in range(2, size):
-            row = Z[n]
-            row += rise[n] * Z[n - 1]
-            row -= fall[n] * before
-            before = Z[n - 1]
-        return Z
+            total(product(weights[:, n, :n], legendre[n - 2 : n, :n]), axis=0, out=legendre[n, :n])
+        turns = np.empty((size, k), complex)
+        turns[0] = 1.0
+        turns[1:] = x + 1j * y
+        np.cumprod(turns, axis=0, out=turns)
+        legendre *= ((self.radius_m / r) ** (self._orders[:, None] + 1))[:, None]
+        return np.asarray(legendre * turns)
+
+    @cached_property
+    def _weights(self) -> FloatArray:
+        """(2, size, size) of the two degrees below in each: the second is to be multiplied by sin(latitude)."""
+        return np.stack([-self.lower, self.vertical])
+
+    @cached_property
+    def _orders(self) -> NDArray[np.int64]:
+        return np.arange(self.degree + 2)
 
 
 @lru_cache(maxsize=8)

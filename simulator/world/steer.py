@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.arrays import Quat, Vec3, quat, vec3
+from simulator.world.relative_motion import relative_step
 from simulator.world.rotation import (
     matrix_from_quat,
     quat_conjugate,
@@ -17,7 +18,6 @@ from simulator.world.rotation import (
 )
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
     from simulator.world.orbit import OrbitTrack
 
 
@@ -68,27 +68,22 @@ def step(state: ChaserState, command: Command, dt_s: float, orbit: OrbitTrack) -
     omega = np.array(command.rate_camera_rad_s, float)
     push = np.array(command.acceleration_camera_m_s2, float)
     R0_eci_from_camera = matrix_from_quat(state.q_camera_from_eci_wxyz).T
+    turning = bool(omega.any() and push.any())
 
-    def acceleration(tau: float, p: FloatArray, w: FloatArray) -> FloatArray:
-        t = state.t_s + tau
-        thrust = R0_eci_from_camera @ (matrix_from_quat(quat_from_rotvec(omega * tau)) @ push)
-        return orbit.forces.pair(t, *orbit(t), p, w)[1] + thrust
+    def thrust(tau: float) -> list[float]:
+        turned = matrix_from_quat(quat_from_rotvec(omega * tau)) @ push if turning else push
+        return [float(x) for x in R0_eci_from_camera @ turned]
 
     h = dt_s
-    p0, v0 = np.array(state.position_eci_m), np.array(state.velocity_eci_m_s)
-    k1v, k1p = acceleration(0.0, p0, v0), v0
-    k2p = v0 + h / 2 * k1v
-    k2v = acceleration(h / 2, p0 + h / 2 * k1p, k2p)
-    k3p = v0 + h / 2 * k2v
-    k3v = acceleration(h / 2, p0 + h / 2 * k2p, k3p)
-    k4p = v0 + h * k3v
-    k4v = acceleration(h, p0 + h * k3p, k4p)
+    p, v = relative_step(
+        orbit, state.t_s, h, (np.array(state.position_eci_m), np.array(state.velocity_eci_m_s)), thrust
+    )
     q = quat_multiply(quat_conjugate(quat_from_rotvec(omega * h)), state.q_camera_from_eci_wxyz)
     return replace(
         state,
         t_s=state.t_s + h,
-        position_eci_m=vec3(p0 + h / 6 * (k1p + 2 * k2p + 2 * k3p + k4p)),
-        velocity_eci_m_s=vec3(v0 + h / 6 * (k1v + 2 * k2v + 2 * k3v + k4v)),
+        position_eci_m=vec3(p),
+        velocity_eci_m_s=vec3(v),
         q_camera_from_eci_wxyz=quat(quat_normalize(q)),
         omega_camera_rad_s=vec3(omega),
     )

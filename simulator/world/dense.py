@@ -1,0 +1,119 @@
+"""A propagated state between the steps of the integrator: polynomials of the seventh degree, piece by piece."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from simulator.arrays import FloatArray
+
+_DEGREE = 7
+
+
+def _monomials() -> FloatArray:
+    """(7, 8) the integrator's nested products of x and 1 - x as coefficients of x^0 to x^7."""
+    rows = []
+    for k in range(_DEGREE):
+        product = np.array([1.0])
+        for i in range(k, -1, -1):
+            product = np.convolve(product, [0.0, 1.0] if i % 2 == 0 else [1.0, -1.0])
+        rows.append(np.pad(product, (0, _DEGREE + 1 - len(product))))
+    return np.array(rows)
+
+
+_MONOMIALS = _monomials()
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """A state over time.
+
+    Parameters
+    ----------
+    starts_s : (n,) where each piece starts, rising; at a start the later piece holds, so that what jumps has
+        its value after the jump. lengths_s : (n,).
+    coefficients : (n, 8, width) of powers of the share of the piece that has passed, from the zeroth up.
+    """
+
+    starts_s: list[float]
+    lengths_s: list[float]
+    coefficients: FloatArray
+
+    def __call__(self, t_s: float) -> FloatArray:
+        """(width,) the state."""
+        k = min(max(bisect_right(self.starts_s, t_s) - 1, 0), len(self.starts_s) - 1)
+        x = (t_s - self.starts_s[k]) / self.lengths_s[k]
+        x2 = x * x
+        x4 = x2 * x2
+        powers = np.array((1.0, x, x2, x2 * x, x4, x4 * x, x4 * x2, x4 * x2 * x))
+        return np.asarray(powers @ self.coefficients[k])
+
+    def rate(self, t_s: float) -> FloatArray:
+        """(width,) its derivative [s-1]."""
+        k = min(max(bisect_right(self.starts_s, t_s) - 1, 0), len(self.starts_s) - 1)
+        h = self.lengths_s[k]
+        x = (t_s - self.starts_s[k]) / h
+        x2 = x * x
+        x4 = x2 * x2
+        slopes = np.array((0.0, 1.0, 2 * x, 3 * x2, 4 * x2 * x, 5 * x4, 6 * x4 * x, 7 * x4 * x2))
+        return np.asarray(slopes @ self.coefficients[k]) / h
+
+    @staticmethod
+    def joined(parts: Sequence[Pieces]) -> Pieces:
+        """One after the other."""
+        return Pieces(
+            [t for p in parts for t in p.starts_s],
+            [h for p in parts for h in p.lengths_s],
+            np.concatenate([p.coefficients for p in parts]),
+        )
+
+
+def integrate(
+    derivative: Callable[[float, FloatArray], FloatArray],
+    start: FloatArray,
+    span_s: tuple[float, float],
+    *,
+    rtol: float,
+    atol: FloatArray | float,
+    max_step_s: float,
+) -> Pieces:
+    """Integrate a state over a span.
+
+    Parameters
+    ----------
+    derivative : of time [s] and state (width,). start : (width,). span_s : from, to.
+    rtol, atol : of the step control. max_step_s : bounds the error of the polynomials.
+
+    Raises
+    ------
+    ValueError
+        If the integrator gives up.
+
+    References
+    ----------
+    Hairer, Norsett & Wanner (1993), Solving Ordinary Differential Equations I: DOP853 and its dense output.
+    """
+    result = solve_ivp(
+        derivative,
+        span_s,
+        start,
+        method="DOP853",
+        rtol=rtol,
+        atol=atol,
+        max_step=max_step_s,
+        dense_output=True,
+    )
+    if not result.success or result.sol is None:
+        raise ValueError(f"the integration from {span_s[0]} to {span_s[1]} s failed: {result.message}")
+    steps: list[Any] = list(result.sol.interpolants)
+    nested = np.array([s.F for s in steps], float)
+    coefficients = np.asarray(np.einsum("kj,skw->sjw", _MONOMIALS, nested), float)
+    coefficients[:, 0] += [s.y_old for s in steps]
+    return Pieces([float(s.t_old) for s in steps], [float(s.h) for s in steps], coefficients)
