@@ -21,8 +21,11 @@ Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Range = Annotated[float, Meta(gt=0, le=1e5)]
 Seconds = Annotated[float, Meta(gt=0, le=1e6)]
 Speed = Annotated[float, Meta(ge=-1e3, le=1e3)]
+Inertia = Annotated[float, Meta(gt=0, le=1e9)]
 Torque = Annotated[float, Meta(ge=-1e3, le=1e3)]
 Centre = Literal["earth", "moon"]
+Aim = Literal["nadir", "zenith", "along_track", "cross_track", "sun", "chaser"]
+DirectionXyz = tuple[float, float, float]
 MetresXyz = tuple[Metres, Metres, Metres]
 SpeedXyz = tuple[Speed, Speed, Speed]
 
@@ -65,22 +68,38 @@ class OemOrbit(Section, tag_field="kind", tag="oem", frozen=True, kw_only=True):
     file: str
 
 
+class Point(Section, frozen=True, kw_only=True):
+    """``axis`` of the target exactly at ``at``; ``second_axis`` as near to ``second_at`` as it can be."""
+
+    axis: DirectionXyz
+    at: Aim
+    second_axis: DirectionXyz
+    second_at: Aim
+
+
 class Attitude(Section, frozen=True, kw_only=True):
-    """The target at the epoch, and its tumble: free, or under a torque fixed in its axes and the Earth's gravity.
+    """The target at the epoch, and how it turns from there.
 
     ``q_wxyz`` is ``q_frame_from_target`` (Hamilton, scalar first); instead of it ``euler_deg`` gives yaw,
     pitch, roll (turns about z, then the new y, then the new x) that carry the frame's axes to the target's.
     Or ``aem_file`` names a CCSDS attitude ephemeris message, which gives attitude and rate at the epoch.
     ``rate_deg_s`` is relative to the stars, about the target's axes.
+
+    ``motion``: ``tumble`` as a rigid body, free or under the torques below; ``spin`` steadily by ``rate_deg_s``, the
+    axis fixed in the target and among the stars; ``fixed`` in ``frame``; ``point`` as section ``point`` says;
+    ``aem`` follows the file all through the flight.
     """
 
+    motion: Literal["tumble", "spin", "fixed", "point", "aem"] = "tumble"
     frame: Literal["eci", "lvlh"] = "lvlh"
     q_wxyz: tuple[float, float, float, float] | None = None
     euler_deg: tuple[Degrees, Degrees, Degrees] | None = None
     rate_deg_s: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
     aem_file: str | None = None
+    point: Point | None = None
     gravity_gradient: bool = False
     torque_body_nm: tuple[Torque, Torque, Torque] = (0.0, 0.0, 0.0)
+    residual_dipole_a_m2: tuple[Torque, Torque, Torque] = (0.0, 0.0, 0.0)
     inertia_kg_m2: (
         tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]] | None
     ) = None
@@ -110,6 +129,21 @@ class ThrustersSection(Section, frozen=True, kw_only=True):
     period_s: Annotated[float, Meta(ge=0.05, le=60)] = 1.0
 
 
+class WheelsSection(Section, frozen=True, kw_only=True):
+    """With this section reaction wheels turn the camera, and it points only as well as they can.
+
+    Three wheels along the camera's axes (right, down, forward). ``start_error_deg`` turns the camera at the start.
+    """
+
+    inertia_kg_m2: tuple[Inertia, Inertia, Inertia] = (20.0, 20.0, 20.0)
+    torque_nm: Annotated[float, Meta(gt=0, le=1e3)] = 0.05
+    momentum_nms: Annotated[float, Meta(gt=0, le=1e4)] = 4.0
+    bandwidth_rad_s: Annotated[float, Meta(gt=0, le=10)] = 0.2
+    damping: Annotated[float, Meta(gt=0, le=5)] = 0.9
+    period_s: Annotated[float, Meta(ge=0.01, le=10)] = 0.25
+    start_error_deg: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
+
+
 class KeepOutSection(Section, frozen=True, kw_only=True):
     """A sphere about the target that may be entered through a cone only; else the chaser aborts and retreats."""
 
@@ -122,11 +156,12 @@ class KeepOutSection(Section, frozen=True, kw_only=True):
 class _Chaser(Section, frozen=True, kw_only=True):
     """What every mode of motion has; positions are in LVLH: radial outward, along-track, cross-track.
 
-    ``keep_out`` takes effect for a chaser with thrusters.
+    ``keep_out`` takes effect for a chaser that flies by thrusters or is steered.
     """
 
     pointing: Pointing = Pointing()
     thrusters: ThrustersSection | None = None
+    wheels: WheelsSection | None = None
     keep_out: KeepOutSection | None = None
     minimum_start_range_m: Range = 1.5
 
@@ -151,6 +186,15 @@ class CircumnavigationChaser(_Chaser, tag_field="mode", tag="circumnavigation", 
     phase_deg: Degrees = 0.0
     cross_track_m: Annotated[float, Meta(ge=0, le=1e5)] = 0.0
     cross_phase_deg: Degrees = 90.0
+    centre_along_track_m: Metres = 0.0
+
+
+class SafeEllipseChaser(_Chaser, tag_field="mode", tag="safe_ellipse", frozen=True, kw_only=True):
+    """Free flight on an ellipse that stays clear of the along-track axis by the smaller of its two half sizes."""
+
+    radial_m: Range
+    cross_track_m: Range
+    phase_deg: Degrees = 0.0
     centre_along_track_m: Metres = 0.0
 
 
@@ -211,6 +255,27 @@ class KeepRangeChaser(_Chaser, tag_field="mode", tag="keep_range", frozen=True, 
     margin_m: Annotated[float, Meta(gt=0, le=1e3)] = 1.0
 
 
+class SteerCommand(Section, frozen=True, kw_only=True):
+    """A push, or a turn of the camera, for a while; commands that overlap add up."""
+
+    start_s: Annotated[float, Meta(ge=0, le=1e6)]
+    duration_s: Seconds
+    acceleration_m_s2: SpeedXyz = (0.0, 0.0, 0.0)
+    axes: Literal["lvlh", "camera"] = "lvlh"
+    rate_camera_deg_s: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
+
+
+class SteeredChaser(_Chaser, tag_field="mode", tag="steered", frozen=True, kw_only=True):
+    """Free flight with an operator's commands, written down; ``tracking`` keeps the camera on the target."""
+
+    position_lvlh_m: MetresXyz
+    velocity_lvlh_m_s: SpeedXyz = (0.0, 0.0, 0.0)
+    commands: Annotated[list[SteerCommand], Meta(max_length=10_000)] = []
+    tracking: bool = True
+    brake_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.05
+    period_s: Annotated[float, Meta(ge=0.05, le=60)] = 0.5
+
+
 class ReplayChaser(_Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
     """A recorded flight of both craft (a path from the scenario's folder); orbit and attitude come from it too."""
 
@@ -222,12 +287,14 @@ AnyChaser = (
     | HoldChaser
     | DriftChaser
     | CircumnavigationChaser
+    | SafeEllipseChaser
     | VbarChaser
     | RbarChaser
     | FlyaroundChaser
     | WaypointsChaser
     | GlideslopeChaser
     | KeepRangeChaser
+    | SteeredChaser
 )
 
 
@@ -253,6 +320,18 @@ class Forces(Section, frozen=True, kw_only=True):
     solar_pressure: bool = False
     target: SurfaceSection = SurfaceSection()
     chaser: SurfaceSection = SurfaceSection()
+
+
+class BurnSection(Section, frozen=True, kw_only=True):
+    """A change of velocity of either craft along the target's LVLH axes: at once, or evenly over ``duration_s``.
+
+    The chaser's burns are for one in free flight (drift, circumnavigation, safe_ellipse).
+    """
+
+    craft: Literal["target", "chaser"]
+    start_s: Annotated[float, Meta(ge=0, le=1e6)]
+    delta_v_lvlh_m_s: SpeedXyz
+    duration_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
 
 
 class SensorSection(Section, frozen=True, kw_only=True):
@@ -306,6 +385,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     orbit: ElementsOrbit | StateOrbit | TleOrbit | OemOrbit
     forces: Forces = Forces()
+    burns: Annotated[list[BurnSection], Meta(max_length=1000)] = []
     attitude: Attitude = Attitude()
     chaser: AnyChaser
     camera: str | CameraFile = "speed"

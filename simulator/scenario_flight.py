@@ -10,21 +10,28 @@ import numpy as np
 
 from simulator import scenario as sc
 from simulator.errors import UserError
-from simulator.scenario_chaser import check_chaser, guidance, keep_out, thrusters
+from simulator.scenario_attitude import check_attitude, q_eci_from_target, target_motion
+from simulator.scenario_chaser import (
+    burns,
+    check_burns,
+    check_chaser,
+    guidance,
+    keep_out,
+    thrusters,
+    wheels,
+)
 from simulator.scenario_forces import check_forces, force_model
-from simulator.world.attitude import check_inertia
 from simulator.world.bodies import BODIES, Body
-from simulator.world.flight import Flight, propagate_flight
+from simulator.world.flight_build import propagate_flight
 from simulator.world.orbit import Elements, elements_from_state, state_from_elements
 from simulator.world.pointing import Pointing
 from simulator.world.recording import Recording, recorded_tracks
-from simulator.world.rotation import quat_from_matrix, quat_from_rotvec, quat_multiply, quat_normalize
 from simulator.world.time import Instant
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
     from simulator.targets.model import Target
-    from simulator.world.lvlh import Lvlh
+    from simulator.world.flight import Flight
 
 MOST_FRAMES = 1_000_000
 """More frames than this in one run are taken for a mistake."""
@@ -53,12 +60,13 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
         body=body,
         r_target_eci_m=r,
         v_target_eci_m_s=v,
-        attitude=lambda frame: _q_eci_from_target(a, frame),
-        omega_target_rad_s=np.radians(a.rate_deg_s),
-        inertia_kg_m2=a.inertia_kg_m2 or target.mass.inertia_kg_m2,
+        burns=burns(scenario.burns),
+        attitude=lambda frame: q_eci_from_target(a, frame),
+        motion=target_motion(a, target.mass.inertia_kg_m2, epoch, span_s),
         guidance=guidance(scenario.chaser),
         thrusters=thrusters(scenario.chaser),
         keep_out=keep_out(scenario.chaser),
+        wheels=wheels(scenario.chaser),
         pointing=Pointing(
             down="nadir" if down == "auto" else down,
             right_rad=np.radians(pointing.right_deg),
@@ -66,8 +74,6 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
             roll_rad=np.radians(pointing.roll_deg),
         ),
         choose_down=down == "auto",
-        torque_body_nm=a.torque_body_nm,
-        gravity_gradient=a.gravity_gradient,
     )
     if not isinstance(scenario.chaser, sc.ReplayChaser):
         return flight
@@ -158,8 +164,9 @@ def check_physics(scenario: sc.Scenario, where: str) -> None:
     else:
         _check_state_orbit(r, v, body, where)
     check_forces(scenario.forces, body, where)
-    _check_attitude(scenario.attitude, where)
+    check_attitude(scenario.attitude, body, where)
     check_chaser(scenario.chaser, where)
+    check_burns(scenario, where)
 
 
 def _check_state_orbit(r: FloatArray, v: FloatArray, body: Body, where: str) -> None:
@@ -187,33 +194,3 @@ def _check_state_orbit(r: FloatArray, v: FloatArray, body: Body, where: str) -> 
             f"{where}: section [orbit] has its lowest point {altitude / 1e3:.0f} km high, "
             f"allowed: at least {body.lowest_m / 1e3:.0f} km above {body.title}"
         )
-
-
-def _check_attitude(a: sc.Attitude, where: str) -> None:
-    if a.q_wxyz is not None and a.euler_deg is not None:
-        raise UserError(f"{where}: section [attitude] has both q_wxyz and euler_deg, allowed: one of them")
-    if a.q_wxyz is not None:
-        norm = float(np.linalg.norm(a.q_wxyz))
-        if abs(norm - 1) > 1e-3:
-            raise UserError(
-                f"{where}: key attitude.q_wxyz is {list(a.q_wxyz)} with norm {norm:.6g}, "
-                "allowed: a unit quaternion, scalar first"
-            )
-    if a.inertia_kg_m2 is not None:
-        try:
-            check_inertia(np.array(a.inertia_kg_m2))
-        except ValueError as error:
-            raise UserError(f"{where}: key attitude.inertia_kg_m2: {error}") from error
-
-
-def _q_eci_from_target(a: sc.Attitude, frame: Lvlh) -> FloatArray:
-    q = np.array([1.0, 0.0, 0.0, 0.0])
-    if a.q_wxyz is not None:
-        q = quat_normalize(a.q_wxyz)
-    elif a.euler_deg is not None:
-        yaw, pitch, roll = np.radians(a.euler_deg)
-        about_z, about_y = quat_from_rotvec([0.0, 0.0, yaw]), quat_from_rotvec([0.0, pitch, 0.0])
-        q = quat_multiply(quat_multiply(about_z, about_y), quat_from_rotvec([roll, 0.0, 0.0]))
-    if a.frame == "lvlh":
-        q = quat_multiply(quat_from_matrix(frame.R_eci_from_lvlh), q)
-    return q

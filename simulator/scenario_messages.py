@@ -54,7 +54,7 @@ def _orbit(
             r, v = state_from_tle(orbit.line1, orbit.line2, epoch)
         case sc.OemOrbit():
             centre = orbit.centre
-            text = _read(orbit.file, "orbit.file", folder)
+            text = read_message(orbit.file, "orbit.file", folder)
             r, v = read_oem_state(text, orbit.file, epoch, centre.upper())
         case _:
             return orbit
@@ -67,7 +67,10 @@ def _attitude(attitude: sc.Attitude, epoch: Instant, folder: Path) -> sc.Attitud
         return attitude
     if attitude.q_wxyz is not None or attitude.euler_deg is not None:
         raise UserError("section [attitude] has aem_file and another attitude, allowed: one of them")
-    q, rate = read_aem_state(_read(name, "attitude.aem_file", folder), name, epoch)
+    if attitude.motion == "aem":
+        # the file stays with the scenario; the flight reads all of it
+        return msgspec.structs.replace(attitude, aem_file=str((folder / name).resolve()))
+    q, rate = read_aem_state(read_message(name, "attitude.aem_file", folder), name, epoch)
     x, y, z = np.degrees(rate)
     return msgspec.structs.replace(
         attitude, aem_file=None, frame="eci", q_wxyz=quat(_unit(q)), rate_deg_s=(float(x), float(y), float(z))
@@ -91,7 +94,14 @@ def _unit(q: FloatArray) -> FloatArray:
     return q / np.linalg.norm(q)
 
 
-def _read(name: str, key: str, folder: Path) -> str:
+def read_message(name: str, key: str, folder: Path) -> str:
+    """Text of a message file.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read, with the key that names it.
+    """
     path = folder / name
     try:
         return path.read_text(encoding="utf-8")

@@ -20,8 +20,8 @@ from simulator.loop import plan_flight
 from simulator.recipe import RECIPES
 from simulator.scenario_load import list_scenarios, load_scenario
 from simulator.scenario_write import replay_scenario
-from simulator.world.flight import fly_table
 from simulator.world.flight_messages import flight_messages
+from simulator.world.flight_table import fly_table
 from simulator.world.recording import record
 
 

@@ -1,13 +1,16 @@
-"""CCSDS attitude ephemeris messages (AEM, 504.0-B): reading an attitude out of one, and writing a flight's."""
+"""CCSDS attitude ephemeris messages (AEM, 504.0-B): an attitude or its history out of one, and a flight into one."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from simulator.errors import UserError
-from simulator.world.ccsds import FRAMES, Segment, gcrf_from, header, read_segments, stamp
+from simulator.world.ccsds import Segment, header, read_segments, stamp
+from simulator.world.ccsds_frames import FRAMES, R_gcrf_from, known_frame
 from simulator.world.rotation import quat_conjugate, quat_from_matrix, quat_multiply, quat_normalize
 
 if TYPE_CHECKING:
@@ -17,6 +20,13 @@ if TYPE_CHECKING:
 
     from simulator.arrays import FloatArray
     from simulator.world.time import Instant
+
+_ROUNDING_S = 1e-6
+_BESIDE = 12
+"""Lines before and after a flight that the spline takes in."""
+_QUATERNION_TYPES = ("QUATERNION", "QUATERNION/DERIVATIVE", "QUATERNION/RATE", "QUATERNION/ANGVEL")
+_EULER_TYPES = ("EULER_ANGLE", "EULER_ANGLE/RATE", "EULER_ANGLE/DERIVATIVE", "EULER_ANGLE/ANGVEL")
+_TYPES = (*_QUATERNION_TYPES, *_EULER_TYPES, "SPIN")
 
 
 def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
@@ -28,50 +38,132 @@ def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, F
     Raises
     ------
     UserError
-        If the file is not an AEM of quaternions against a known inertial frame, its lines are out of order,
-        or the epoch falls outside every segment.
+        If the file is not an AEM of a known kind against a known frame, its lines are out of order, or the
+        epoch falls outside every segment or into a gap.
     """
+    segment, times = _segment_over(text, where, epoch, 0.0)
+    k = min(max(int(np.searchsorted(times, 0.0)) - 1, 0), len(times) - 2)
+    segment.refuse_gap(times, k + 1)
+    q0, q1 = _attitudes(segment)[k : k + 2]
+    turn = _rotvec(quat_multiply(quat_conjugate(q0), q1)) / (times[k + 1] - times[k])
+    half = turn * -times[k]
+    angle = float(np.linalg.norm(half))
+    step = np.array([np.cos(angle / 2), *(0.5 * np.sinc(angle / (2 * np.pi)) * half)])
+    return quat_multiply(q0, step), turn
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeHistory:
+    """The attitude of a message over a flight: a cubic rotation spline through its lines, with a smooth rate."""
+
+    spline: RotationSpline
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1]."""
+        x, y, z, w = self.spline(t_s).as_quat()
+        return np.array([w, x, y, z]), np.asarray(self.spline(t_s, 1), float)
+
+
+def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -> AttitudeHistory:
+    """The attitude from ``epoch`` on for ``duration_s``.
+
+    Raises
+    ------
+    UserError
+        As `read_aem_state`, and if no segment covers the whole flight.
+
+    References
+    ----------
+    Hughes (1986), Spacecraft Attitude Dynamics, ch. 2; the spline is that of scipy's ``RotationSpline``.
+    """
+    segment, times = _segment_over(text, where, epoch, duration_s)
+    low = max(int(np.searchsorted(times, 0.0)) - _BESIDE, 0)
+    high = min(int(np.searchsorted(times, duration_s)) + _BESIDE + 1, len(times))
+    for k in range(low + 1, high):
+        segment.refuse_gap(times, k)
+    q = _attitudes(segment)[low:high]
+    return AttitudeHistory(RotationSpline(times[low:high], Rotation.from_quat(np.roll(q, -1, axis=1))))
+
+
+def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> tuple[Segment, FloatArray]:
+    """The segment that covers a flight, and the times of its lines since ``epoch`` [s]."""
     spans = []
     for segment in read_segments(text, where, "AEM"):
         instants = segment.instants()
-        times = np.array([t.minus(epoch) for t in instants])
-        spans.append(f"{instants[0].iso()} to {instants[-1].iso()}")
-        if len(times) > 1 and times[0] <= 1e-6 and times[-1] >= -1e-6:
-            k = min(max(int(np.searchsorted(times, 0.0)) - 1, 0), len(times) - 2)
-            q0, q1 = _quaternions(segment)[k : k + 2]
-            turn = _rotvec(quat_multiply(quat_conjugate(q0), q1)) / (times[k + 1] - times[k])
-            half = turn * -times[k]
-            angle = float(np.linalg.norm(half))
-            step = np.array([np.cos(angle / 2), *(0.5 * np.sinc(angle / (2 * np.pi)) * half)])
-            return quat_multiply(q0, step), turn
-    raise UserError(f"{where} covers {' and '.join(spans)}, not {epoch.iso()}: choose an epoch within")
+        first, last = segment.usable(instants)
+        spans.append(f"{first.iso()} to {last.iso()}")
+        covers = first.minus(epoch) <= _ROUNDING_S and last.minus(epoch) >= duration_s - _ROUNDING_S
+        if len(instants) > 1 and covers:
+            return segment, np.array([t.minus(epoch) for t in instants])
+    asked = epoch.iso() + (f" to {epoch.plus(duration_s).iso()}" if duration_s else "")
+    raise UserError(
+        f"{where} covers {' and '.join(spans)}, not {asked}: choose an epoch and a duration within"
+    )
+
+
+def _attitudes(segment: Segment) -> FloatArray:
+    """(n, 4) ``q_eci_from_body_wxyz``, one sign through the file."""
+    kind = segment.one_of("ATTITUDE_TYPE", _TYPES)
+    if kind in _QUATERNION_TYPES:
+        q = _quaternions(segment)
+    elif kind in _EULER_TYPES:
+        q = _from_angles(segment.numbers(3), _sequence(segment))
+    else:
+        q = _from_angles(_spin_angles(segment), "ZYZ")
+    a, b = segment.need("REF_FRAME_A"), segment.need("REF_FRAME_B")
+    if segment.meta.get("ATTITUDE_DIR", "A2B").upper() == "B2A":
+        q = quat_conjugate(q)
+    frame = known_frame(a)
+    if frame is None:
+        frame, q = known_frame(b), quat_conjugate(q)
+    if frame is None:
+        raise UserError(
+            f"{segment.where}: neither REF_FRAME_A = {a} nor REF_FRAME_B = {b} is one of {', '.join(FRAMES)}"
+        )
+    turning = frame in {"ITRF", "TOD", "TEME"}
+    instants = segment.instants() if turning else segment.instants()[:1] * len(q)
+    fixed = None if turning else quat_from_matrix(R_gcrf_from(frame, instants[0]))
+    rows = [
+        quat_multiply(quat_from_matrix(R_gcrf_from(frame, t)) if fixed is None else fixed, row)
+        for t, row in zip(instants, q, strict=True)
+    ]
+    return np.array(rows)
 
 
 def _quaternions(segment: Segment) -> FloatArray:
-    """(n, 4) ``q_eci_from_body_wxyz``.
+    """(n, 4) scalar first.
 
     A quaternion of these messages carries vectors of frame A to frame B by rotating the frame, which makes
     it the Hamilton quaternion ``q_A_from_B``.
     """
-    if segment.need("ATTITUDE_TYPE").upper() != "QUATERNION":
-        raise UserError(
-            f"{segment.where}: ATTITUDE_TYPE is {segment.meta['ATTITUDE_TYPE']}, allowed: QUATERNION"
-        )
     values = segment.numbers(4)
     if segment.meta.get("QUATERNION_TYPE", "LAST").upper() == "LAST":
         values = np.roll(values, 1, axis=1)
     try:
-        q = quat_normalize(values)
+        return quat_normalize(values)
     except ValueError as error:
         raise UserError(f"{segment.where}: {error}") from error
-    a, b = segment.need("REF_FRAME_A").upper(), segment.need("REF_FRAME_B").upper()
-    if segment.meta.get("ATTITUDE_DIR", "A2B").upper() == "B2A":
-        q = quat_conjugate(q)
-    if a not in FRAMES and b in FRAMES:
-        a, q = b, quat_conjugate(q)
-    if a not in FRAMES:
-        raise UserError(f"{segment.where}: neither REF_FRAME_A nor REF_FRAME_B is one of {', '.join(FRAMES)}")
-    return quat_multiply(quat_from_matrix(gcrf_from(a)), q)
+
+
+def _sequence(segment: Segment) -> str:
+    """The axes of an Euler sequence such as 321, as scipy names turns about the turned axes."""
+    named = segment.need("EULER_ROT_SEQ").upper().translate(str.maketrans("123", "XYZ"))
+    if len(named) != 3 or set(named) - set("XYZ") or named[0] == named[1] or named[1] == named[2]:
+        raise UserError(
+            f"{segment.where}: EULER_ROT_SEQ is {segment.meta['EULER_ROT_SEQ']}, allowed: three axes such as 321"
+        )
+    return named
+
+
+def _spin_angles(segment: Segment) -> FloatArray:
+    """Turns about z, y, z that bring frame A to a body spinning about its z axis (right ascension, declination)."""
+    alpha, delta, phase, _ = segment.numbers(4).T
+    return np.stack([alpha, 90.0 - delta, phase], axis=1)
+
+
+def _from_angles(angles_deg: FloatArray, axes: str) -> FloatArray:
+    """(n, 4) ``q_A_from_B`` of turns that carry frame A's axes to B's, in the order of the sequence."""
+    return np.roll(Rotation.from_euler(axes, angles_deg, degrees=True).as_quat(), 1, axis=1)
 
 
 def _rotvec(q_wxyz: FloatArray) -> FloatArray:

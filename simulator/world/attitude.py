@@ -10,15 +10,11 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from simulator.arrays import FloatArray
-from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.dense import Pieces, integrate
 from simulator.world.rotation import matrix_from_quat, quat_normalize
-from simulator.world.vectors import cross
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-    from simulator.world.orbit import OrbitTrack
 
 
 Torque = Callable[[float, FloatArray], FloatArray]
@@ -128,53 +124,6 @@ def propagate_attitude(
         max_step_s=max_step,
     )
     return RigidBodyTrack(duration_s, solution, J, J_inverse)
-
-
-def gravity_gradient_torque(
-    r_eci_m: FloatArray,
-    R_body_from_eci: FloatArray,
-    inertia_kg_m2: FloatArray,
-    mu_m3_s2: float = MU_EARTH_M3_S2,
-) -> FloatArray:
-    """Torque of a central gravity field on a rigid body, in the body frame [N m].
-
-    Parameters
-    ----------
-    r_eci_m : (3,) body's position from the attracting centre, GCRS [m].
-    R_body_from_eci : (3, 3) rotation.
-    inertia_kg_m2 : (3, 3) about the centre of mass, body frame.
-    mu_m3_s2 : gravitational parameter.
-
-    References
-    ----------
-    Wertz (1978), Spacecraft Attitude Determination and Control, eq. 17-33.
-    """
-    r = float(np.linalg.norm(r_eci_m))
-    up = R_body_from_eci @ r_eci_m / r
-    return np.asarray(3 * mu_m3_s2 / r**3 * cross(up, inertia_kg_m2 @ up))
-
-
-def torque_on(
-    orbit: OrbitTrack, inertia_kg_m2: ArrayLike, constant_nm: ArrayLike, *, gravity_gradient: bool
-) -> Torque | None:
-    """The torque on a body along its orbit, or None when there is none.
-
-    Parameters
-    ----------
-    orbit : gives the position. inertia_kg_m2 : (3, 3), body axes.
-    constant_nm : (3,) torque fixed in the body [N m], such as a leak's. gravity_gradient : whether the Earth turns it.
-    """
-    J, fixed = np.asarray(inertia_kg_m2, float), np.asarray(constant_nm, float)
-    if not gravity_gradient:
-        return (lambda _t, _q: fixed) if fixed.any() else None
-
-    def torque(t_s: float, q: FloatArray) -> FloatArray:
-        r, _ = orbit(t_s)
-        return fixed + gravity_gradient_torque(
-            r, matrix_from_quat(quat_normalize(q)).T, J, orbit.forces.mu_m3_s2
-        )
-
-    return torque
 
 
 def check_inertia(inertia_kg_m2: FloatArray) -> None:

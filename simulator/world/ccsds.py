@@ -11,15 +11,15 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.world.constants import DAY_S
-from simulator.world.time import Instant
+from simulator.world.time import Instant, tdb_minus_tt_s
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
 
 _TT_AHEAD_OF = {"TAI": 32.184, "TT": 0.0, "GPS": 51.184}
-TIME_SYSTEMS = ("UTC", *_TT_AHEAD_OF)
-FRAMES = ("GCRF", "ICRF", "EME2000", "J2000")
-"""Inertial frames understood; the last two differ from the first by a constant 23 milliarcseconds."""
+TIME_SYSTEMS = ("UTC", *_TT_AHEAD_OF, "TDB")
+_GAP = 5.0
+"""A spacing this many times the median is a gap, over which nothing is interpolated."""
 
 
 @dataclass
@@ -80,6 +80,32 @@ class Segment:
                     "sort the lines by time and remove doubles"
                 )
         return times
+
+    def usable(self, instants: Sequence[Instant]) -> tuple[Instant, Instant]:
+        """First and last moment that may be interpolated: what the metadata say, or else all."""
+        system = self.one_of("TIME_SYSTEM", TIME_SYSTEMS)
+
+        def told(key: str, otherwise: Instant) -> Instant:
+            return (
+                read_time(self.meta[key], system, f"{self.where}: {key}") if key in self.meta else otherwise
+            )
+
+        return told("USEABLE_START_TIME", instants[0]), told("USEABLE_STOP_TIME", instants[-1])
+
+    def refuse_gap(self, times_s: FloatArray, k: int) -> None:
+        """Refuse to interpolate between lines ``k - 1`` and ``k`` when lines are missing there.
+
+        Raises
+        ------
+        UserError
+            With the line and the length of the gap.
+        """
+        steps = np.diff(times_s)
+        if steps[k - 1] > _GAP * float(np.median(steps)):
+            raise UserError(
+                f"{self.where}, line {self.rows[k][0]}: {steps[k - 1]:.0f} s are missing before it, and the "
+                "flight falls among them: choose another epoch or fill the gap"
+            )
 
     def numbers(self, count: int) -> FloatArray:
         """The next ``count`` words of each data line, (n, count).
@@ -167,15 +193,9 @@ def read_time(text: str, system: str, where: str) -> Instant:
         return instant
     # the clock reading was taken for UTC: as a reading of TT it lies this much earlier
     utc1, utc2 = instant.utc
+    if system == "TDB":
+        return Instant(utc1, utc2 - tdb_minus_tt_s(utc1, utc2) / DAY_S)
     return Instant(utc1, utc2 + _TT_AHEAD_OF[system] / DAY_S)
-
-
-def gcrf_from(frame: str) -> FloatArray:
-    """(3, 3) rotation to GCRF from one of ``FRAMES``: the constant frame bias, or nothing."""
-    if frame in {"EME2000", "J2000"}:
-        bias, _, _ = erfa.bp06(2451545.0, 0.0)
-        return np.asarray(bias.T, float)
-    return np.eye(3)
 
 
 def header(kind: str, version: str, created_utc: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""More ways to move the chaser: waypoints, the glideslope, and keeping the range within bounds."""
+"""More ways to move the chaser: the safe ellipse, waypoints, the glideslope, keeping the range within bounds."""
 
 from __future__ import annotations
 
@@ -9,9 +9,44 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from simulator.arrays import Vec3
+from simulator.world.clohessy_wiltshire import bounded_ellipse
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafeEllipse:
+    """No thrust, on a closed ellipse that never comes near the target's along-track axis, however it drifts along it.
+
+    Radial and cross-track swing are a quarter turn apart, so that one is largest where the other is zero.
+
+    Parameters
+    ----------
+    radial_m, cross_track_m : half sizes; the smaller is the least distance from the along-track axis.
+    phase_rad : 0 at the top (radially outward). centre_along_track_m : centre of the ellipse.
+
+    References
+    ----------
+    D'Amico & Montenbruck (2006), J. Guidance 29(3): parallel eccentricity and inclination vectors.
+    """
+
+    ballistic: ClassVar[bool] = True
+    radial_m: float
+    cross_track_m: float
+    phase_rad: float = 0.0
+    centre_along_track_m: float = 0.0
+
+    def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
+        """The initial state, by Clohessy-Wiltshire."""
+        return bounded_ellipse(
+            n_rad_s, self.radial_m, self.phase_rad, self.cross_track_m, np.pi / 2, self.centre_along_track_m
+        )
+
+    @property
+    def least_distance_m(self) -> float:
+        """From the along-track axis [m]."""
+        return min(self.radial_m, self.cross_track_m)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.world.ccsds import FRAMES, Segment, gcrf_from, header, read_segments, stamp
+from simulator.world.ccsds import Segment, header, read_segments, read_time, stamp
+from simulator.world.ccsds_frames import need_frame, state_in_gcrf
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,9 +18,9 @@ if TYPE_CHECKING:
     from simulator.arrays import FloatArray
     from simulator.world.time import Instant
 
-_GAP = 5.0
-"""A spacing this many times the median is a gap, over which nothing is interpolated."""
 _HALF_WINDOW = 4
+_OF_DATE = ("TEME", "TOD")
+"""Frames that a message may freeze at a moment, its REF_FRAME_EPOCH."""
 
 
 def read_oem_state(
@@ -44,13 +45,18 @@ def read_oem_state(
     spans = []
     for segment in read_segments(text, where, "OEM"):
         segment.one_of("CENTER_NAME", (centre,))
-        R = gcrf_from(segment.one_of("REF_FRAME", FRAMES))
+        frame = need_frame(segment.need("REF_FRAME"), where)
         instants = segment.instants()
         times = np.array([t.minus(epoch) for t in instants])
-        spans.append(f"{instants[0].iso()} to {instants[-1].iso()}")
-        if times[0] <= 1e-6 and times[-1] >= -1e-6:
+        first, last = segment.usable(instants)
+        spans.append(f"{first.iso()} to {last.iso()}")
+        if first.minus(epoch) <= 1e-6 and last.minus(epoch) >= -1e-6:
+            # interpolated in the file's own frame, whose velocities are the slopes of its positions
             r, v = _interpolate(segment, times)
-            return R @ r, R @ v
+            if "REF_FRAME_EPOCH" in segment.meta and frame in _OF_DATE:
+                at = read_time(segment.meta["REF_FRAME_EPOCH"], segment.need("TIME_SYSTEM").upper(), where)
+                return state_in_gcrf(frame, at, r, v)
+            return state_in_gcrf(frame, epoch, r, v)
     raise UserError(f"{where} covers {' and '.join(spans)}, not {epoch.iso()}: choose an epoch within")
 
 
@@ -61,12 +67,7 @@ def _interpolate(segment: Segment, times_s: FloatArray) -> tuple[FloatArray, Flo
     if abs(times_s[nearest]) < 1e-6:
         return states[nearest, :3], states[nearest, 3:]
     k = int(np.searchsorted(times_s, 0.0))
-    steps = np.diff(times_s)
-    if steps[k - 1] > _GAP * float(np.median(steps)):
-        raise UserError(
-            f"{segment.where}, line {segment.rows[k][0]}: {steps[k - 1]:.0f} s are missing before it, and the "
-            "epoch falls among them: choose another epoch or fill the gap"
-        )
+    segment.refuse_gap(times_s, k)
     near = slice(max(k - _HALF_WINDOW, 0), k + _HALF_WINDOW)
     return _hermite_at_zero(times_s[near], states[near, :3], states[near, 3:])
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from simulator.world.directions import unit_and_rate
 from simulator.world.rotation import (
     matrix_from_quat,
     quat_conjugate,
@@ -67,12 +68,12 @@ class Pointing:
         -------
         ``q_camera_from_eci_wxyz`` (4,) and the rate relative to ECI in the camera frame [rad s-1] (3,).
         """
-        z, z_rate = _unit_and_rate(los_eci_m, los_rate_eci_m_s)
+        z, z_rate = unit_and_rate(los_eci_m, los_rate_eci_m_s)
         d = self._reference(z, lvlh)
         d_rate = cross(lvlh.omega_eci_rad_s, d)
         across = d - (d @ z) * z
         across_rate = d_rate - (d_rate @ z + d @ z_rate) * z - (d @ z) * z_rate
-        y, y_rate = _unit_and_rate(across, across_rate)
+        y, y_rate = unit_and_rate(across, across_rate)
         x = cross(y, z)
         x_rate = cross(y_rate, z) + cross(y, z_rate)
         q = quat_from_matrix(np.stack([x, y, z]))
@@ -94,10 +95,3 @@ class Pointing:
         down = quat_from_rotvec([-self.below_rad, 0.0, 0.0])
         roll = quat_from_rotvec([0.0, 0.0, self.roll_rad])
         return quat_conjugate(quat_multiply(quat_multiply(right, down), roll))
-
-
-def _unit_and_rate(v: FloatArray, v_rate: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit vector along ``v`` and its derivative."""
-    n = length(v)
-    u = v / n
-    return u, (v_rate - (v_rate @ u) * u) / n

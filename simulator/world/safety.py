@@ -36,3 +36,49 @@ class KeepOut:
         axis = np.array(self.corridor_axis_lvlh, float)
         cosine = float(position_lvlh_m @ axis) / (distance * float(np.linalg.norm(axis)))
         return cosine < np.cos(self.corridor_half_angle_rad)
+
+    def guard(
+        self,
+        position_lvlh_m: FloatArray,
+        velocity_lvlh_m_s: FloatArray,
+        asked_m_s2: FloatArray,
+        dt_s: float,
+        brake_m_s2: float,
+    ) -> tuple[FloatArray, bool]:
+        """An operator's acceleration as far as the sphere allows it, and whether it was overruled.
+
+        The command passes while the chaser, after this step of it, could still stop outside the sphere or
+        inside the corridor. Otherwise what it asks inward is taken away and the chaser brakes; inside the
+        sphere it is driven out at the retreat speed. What it asks sideways stays.
+
+        Parameters
+        ----------
+        position_lvlh_m, velocity_lvlh_m_s, asked_m_s2 : (3,) state and command. dt_s : the command is held so long.
+        brake_m_s2 : deceleration that the chaser has.
+        """
+        p, v, a = position_lvlh_m, velocity_lvlh_m_s, asked_m_s2
+        distance = float(np.linalg.norm(p))
+        out = p / max(distance, 1e-9)
+        later_p, later_v = p + v * dt_s + a * (dt_s * dt_s / 2), v + a * dt_s
+        # half the braking time at the present speed is as far as braking from it takes
+        stopped = later_p + later_v * (float(np.linalg.norm(later_v)) / (2 * brake_m_s2))
+        closing = max(-float(later_v @ out), 0.0)
+        reach = float(np.linalg.norm(later_p)) - closing * closing / (2 * brake_m_s2)
+        inside = self.violated(p)
+        if not inside and (
+            reach >= self.radius_m
+            or not (self.violated(stopped) or self.violated(later_p) or self._crosses(p))
+        ):
+            return a, False
+        rate = float(v @ out)
+        wanted = self.retreat_m_s if inside else 0.0
+        push = float(np.clip((wanted - rate) / dt_s, 0.0, brake_m_s2))
+        outward = float(a @ out)
+        return a - outward * out + max(outward, push) * out, True
+
+    def _crosses(self, position_lvlh_m: FloatArray) -> bool:
+        """Whether the way in from here would enter the sphere beside the corridor."""
+        distance = float(np.linalg.norm(position_lvlh_m))
+        return distance >= self.radius_m and self.violated(
+            position_lvlh_m * (self.radius_m * (1 - 1e-9) / distance)
+        )

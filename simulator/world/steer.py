@@ -1,4 +1,4 @@
-"""A chaser under manual control: six degrees of freedom, commanded in camera axes."""
+"""A chaser under manual control: six degrees of freedom, commanded in camera or LVLH axes, keep-out defended."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from simulator.world.rotation import (
 )
 
 if TYPE_CHECKING:
+    from simulator.world.lvlh import Lvlh
     from simulator.world.orbit import OrbitTrack
+    from simulator.world.safety import KeepOut
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,11 +30,13 @@ class Command:
     Parameters
     ----------
     acceleration_camera_m_s2 : thrust per mass along camera axes (x right, y down, z forward).
+    acceleration_lvlh_m_s2 : and along the target's LVLH axes (radial, along-track, cross-track); the two add up.
     rate_camera_rad_s : angular rate relative to ECI about camera axes; attitude control follows it exactly.
     """
 
     acceleration_camera_m_s2: Vec3 = (0.0, 0.0, 0.0)
     rate_camera_rad_s: Vec3 = (0.0, 0.0, 0.0)
+    acceleration_lvlh_m_s2: Vec3 = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,10 +73,14 @@ def step(state: ChaserState, command: Command, dt_s: float, orbit: OrbitTrack) -
     push = np.array(command.acceleration_camera_m_s2, float)
     R0_eci_from_camera = matrix_from_quat(state.q_camera_from_eci_wxyz).T
     turning = bool(omega.any() and push.any())
+    steady = np.zeros(3)
+    if any(command.acceleration_lvlh_m_s2):
+        # along the axes of the middle of the step, which turn a tenth of a milliradian a step
+        steady = orbit.frame(state.t_s + dt_s / 2).R_eci_from_lvlh @ np.array(command.acceleration_lvlh_m_s2)
 
     def thrust(tau: float) -> list[float]:
         turned = matrix_from_quat(quat_from_rotvec(omega * tau)) @ push if turning else push
-        return [float(x) for x in R0_eci_from_camera @ turned]
+        return [float(x) for x in R0_eci_from_camera @ turned + steady]
 
     h = dt_s
     p, v = relative_step(
@@ -87,3 +95,25 @@ def step(state: ChaserState, command: Command, dt_s: float, orbit: OrbitTrack) -
         q_camera_from_eci_wxyz=quat(quat_normalize(q)),
         omega_camera_rad_s=vec3(omega),
     )
+
+
+def guarded_command(
+    state: ChaserState, command: Command, dt_s: float, frame: Lvlh, keep_out: KeepOut, brake_m_s2: float
+) -> tuple[Command, bool]:
+    """The command as far as the keep-out sphere allows it, and whether it was overruled.
+
+    Parameters
+    ----------
+    state, command, dt_s : what would be stepped. frame : the target's LVLH frame now.
+    keep_out : the sphere. brake_m_s2 : with which the chaser can stop.
+    """
+    p, v = frame.from_eci(np.array(state.position_eci_m), np.array(state.velocity_eci_m_s))
+    R_lvlh_from_camera = frame.R_eci_from_lvlh.T @ matrix_from_quat(state.q_camera_from_eci_wxyz).T
+    asked = R_lvlh_from_camera @ np.array(command.acceleration_camera_m_s2)
+    asked = asked + np.array(command.acceleration_lvlh_m_s2)
+    allowed, overruled = keep_out.guard(p, v, asked, dt_s, brake_m_s2)
+    if not overruled:
+        return command, False
+    return replace(
+        command, acceleration_camera_m_s2=(0.0, 0.0, 0.0), acceleration_lvlh_m_s2=vec3(allowed)
+    ), True

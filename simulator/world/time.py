@@ -92,9 +92,24 @@ class Instant:
         offset_s = earth_parameters().ut1_minus_tai(self.tt1 - 2400000.5 + self.tt2)
         return float(tai1), float(tai2) + offset_s / DAY_S
 
+    @property
+    def tdb(self) -> tuple[float, float]:
+        """Two-part Julian date of TDB."""
+        return self.tt1, self.tt2 + tdb_minus_tt_s(self.tt1, self.tt2) / DAY_S
+
     def iso(self) -> str:
         """ISO 8601 text in UTC with microseconds and a trailing Z."""
         year, month, day, hmsf = guarded(erfa.d2dtf, "UTC", 6, *self.utc)
         date = f"{int(year):04d}-{int(month):02d}-{int(day):02d}"
         h, m, s, f = (int(hmsf[field]) for field in "hmsf")
         return f"{date}T{h:02d}:{m:02d}:{s:02d}.{f:06d}Z"
+
+
+def tdb_minus_tt_s(tt1: float, tt2: float) -> float:
+    """TDB - TT at the Earth's centre [s], at most 1.7 ms; the argument may be either.
+
+    References
+    ----------
+    SOFA routine ``iauDtdb`` (Fairhead & Bretagnon 1990: 3 ns).
+    """
+    return float(erfa.dtdb(tt1, tt2, (tt1 + tt2 + 0.5) % 1.0, 0.0, 0.0, 0.0))

@@ -11,7 +11,9 @@ from simulator.camera.model import Camera
 from simulator.camera.sensor import Sensor
 from simulator.scene.build import build_scene
 from simulator.scene.state import SceneState, TargetRef
-from simulator.world.flight import Flight, fly_table, propagate_flight
+from simulator.world.flight import Flight
+from simulator.world.flight_build import propagate_flight
+from simulator.world.flight_table import fly_table
 from simulator.world.guidance import (
     ForcedFlyaround,
     FreeDrift,
@@ -23,6 +25,7 @@ from simulator.world.guidance import (
 from simulator.world.orbit import Elements, state_from_elements
 from simulator.world.pointing import Pointing
 from simulator.world.rotation import matrix_from_quat
+from simulator.world.target_attitude import Tumble
 from simulator.world.time import Instant
 
 CAMERA = Camera(width_px=1920, height_px=1200, fx_px=3003.41, fy_px=3003.41, cx_px=960, cy_px=600)
@@ -46,8 +49,7 @@ def flight(guidance: Guidance, pointing: Pointing | None = None, *, choose_down:
         r_target_eci_m=r,
         v_target_eci_m_s=v,
         attitude=(0.5, -0.5, 0.1, 0.7),
-        omega_target_rad_s=(0.02, -0.03, 0.01),
-        inertia_kg_m2=np.diag([2.5, 2.7, 3.9]),
+        motion=Tumble(omega_rad_s=(0.02, -0.03, 0.01), inertia_kg_m2=np.diag([2.5, 2.7, 3.9])),
         guidance=guidance,
         pointing=pointing or Pointing(),
         choose_down=choose_down,

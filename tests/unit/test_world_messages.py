@@ -161,9 +161,9 @@ def test_aem_directions_and_order_of_the_scalar() -> None:
     swapped = swapped.replace("FRAME_B = SC_BODY_1", "FRAME_B = GCRF")
     # naming the frames the other way round and the direction too is the same attitude
     assert rotation_angle_rad(read_aem_state(swapped, "a.aem", epoch)[0], found) < 1e-10
-    with pytest.raises(UserError, match="ATTITUDE_TYPE is EULER_ANGLE"):
-        read_aem_state(text.replace("= QUATERNION\n", "= EULER_ANGLE\n"), "a.aem", epoch)
-    with pytest.raises(UserError, match="neither REF_FRAME_A nor"):
+    with pytest.raises(UserError, match="ATTITUDE_TYPE is SPIN/NUTATION"):
+        read_aem_state(text.replace("= QUATERNION\n", "= SPIN/NUTATION\n"), "a.aem", epoch)
+    with pytest.raises(UserError, match="neither REF_FRAME_A = LVLH nor"):
         read_aem_state(text.replace("GCRF", "LVLH"), "a.aem", epoch)
 
 

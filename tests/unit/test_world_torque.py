@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.attitude import gravity_gradient_torque, propagate_attitude, torque_on
+from simulator.world.attitude import propagate_attitude
 from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.gravity import Gravity
 from simulator.world.orbit import propagate
 from simulator.world.rotation import matrix_from_quat, quat_from_rotvec
+from simulator.world.time import Instant
+from simulator.world.torques import Torques, gravity_gradient_torque, torque_on
 
+EPOCH = Instant.from_utc("2026-03-21T10:00:00Z")
 A_M = 7078e3
 N = np.sqrt(MU_EARTH_M3_S2 / A_M**3)
 ORBIT = propagate(np.array([A_M, 0, 0]), np.array([0, N * A_M, 0]), 20000.0, Gravity(j2=0.0))
@@ -21,7 +24,7 @@ J = np.diag([1.0, 4.0, 4.5])
 def test_pitch_libration_has_its_frequency() -> None:
     """Wertz (1978), eq. 18-44: n sqrt(3 (J1 - J3) / J2) for small pitch about the orbit normal."""
     small = 1e-3
-    torque = torque_on(ORBIT, J, (0, 0, 0), gravity_gradient=True)
+    torque = torque_on(Torques(gravity_gradient=True), ORBIT, J, EPOCH)
     track = propagate_attitude(quat_from_rotvec([0, 0, small]), [0, 0, N], J, 20000.0, torque)
     w = N * np.sqrt(3 * (J[1, 1] - J[0, 0]) / J[2, 2])
     for t in np.linspace(0, 20000, 15):
@@ -39,10 +42,10 @@ def test_no_torque_along_a_principal_axis() -> None:
 
 
 def test_constant_torque_spins_up() -> None:
-    torque = torque_on(ORBIT, J, (0.0, 0.0, 0.009), gravity_gradient=False)
+    torque = torque_on(Torques(constant_nm=(0.0, 0.0, 0.009)), ORBIT, J, EPOCH)
     _, rate = propagate_attitude([1, 0, 0, 0], [0, 0, 0], J, 100.0, torque)(100.0)
     assert np.allclose(rate, [0, 0, 0.2], atol=1e-9)
-    assert torque_on(ORBIT, J, (0, 0, 0), gravity_gradient=False) is None
+    assert torque_on(Torques(), ORBIT, J, EPOCH) is None
 
 
 def test_free_tumble_keeps_energy_and_momentum() -> None:

@@ -1,0 +1,134 @@
+"""Putting a flight together: target orbit, tumble, chaser and its camera, propagated one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import Quat, vec3
+from simulator.world.bodies import EARTH, Body
+from simulator.world.clohessy_wiltshire import mean_motion_rad_s
+from simulator.world.controlled import fly_controlled
+from simulator.world.directions import Surroundings
+from simulator.world.earth_orientation import pole_eci
+from simulator.world.flight import Flight
+from simulator.world.gravity import Gravity
+from simulator.world.lvlh import lvlh_frame
+from simulator.world.orbit import elements_from_state, propagate
+from simulator.world.pointing import DOWN_AXES_LVLH
+from simulator.world.rotation import quat_normalize
+from simulator.world.scripted import Steered, fly_script
+from simulator.world.target_attitude import TargetMotion
+from simulator.world.wheels import fly_wheels
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike
+
+    from simulator.arrays import FloatArray
+    from simulator.world.burns import Burn
+    from simulator.world.forces import Forces
+    from simulator.world.guidance import Guidance
+    from simulator.world.lvlh import Lvlh
+    from simulator.world.pointing import Pointing
+    from simulator.world.safety import KeepOut
+    from simulator.world.thrusters import Thrusters
+    from simulator.world.time import Instant
+    from simulator.world.wheels import Wheels
+
+
+def propagate_flight(
+    *,
+    epoch: Instant,
+    duration_s: float,
+    r_target_eci_m: ArrayLike,
+    v_target_eci_m_s: ArrayLike,
+    attitude: Callable[[Lvlh], FloatArray] | Quat,
+    motion: TargetMotion,
+    guidance: Guidance,
+    pointing: Pointing,
+    choose_down: bool = False,
+    forces: Forces | None = None,
+    body: Body = EARTH,
+    burns: tuple[Burn, ...] = (),
+    thrusters: Thrusters | None = None,
+    keep_out: KeepOut | None = None,
+    wheels: Wheels | None = None,
+) -> Flight:
+    """Propagate target orbit, tumble and chaser.
+
+    Parameters
+    ----------
+    epoch, duration_s : start and length.
+    r_target_eci_m, v_target_eci_m_s : target's centre of mass at the start from the centre of ``body``, GCRS axes.
+    attitude : ``q_eci_from_target_wxyz`` at the start, or a function that gives it from the LVLH frame there.
+    motion : how the target turns from there.
+    guidance : motion of the chaser.
+    pointing : of the camera.
+    choose_down : replace the pointing's ``down`` by the reference that suits this flight (`with_best_down`).
+    forces : on both craft; a point mass with J2 unless given.
+    body : what they circle; with the Moon the forces must be given.
+    burns : of both craft; the chaser's are for one in free flight.
+    thrusters, keep_out : of a chaser that flies by thrusters; else a path is followed exactly.
+    wheels : that turn the camera; else its pointing is followed exactly.
+    """
+    r, v = np.asarray(r_target_eci_m, float), np.asarray(v_target_eci_m_s, float)
+    if forces is None:
+        forces = Gravity(pole_eci=vec3(pole_eci(epoch)))
+    frame = lvlh_frame(r, v, forces.target(0.0, r, v))
+    mu = forces.mu_m3_s2
+    n = mean_motion_rad_s(elements_from_state(r, v, mu).semi_major_axis_m, mu)
+    start = frame.to_eci(*guidance.state_lvlh(0.0, n)) if guidance.ballistic else None
+    orbit = propagate(r, v, duration_s, forces, start, burns)
+    q0 = quat_normalize(attitude(frame) if callable(attitude) else np.asarray(attitude, float))
+    scripted = isinstance(guidance, Steered)
+    flight = Flight(
+        epoch=epoch,
+        duration_s=duration_s,
+        orbit=orbit,
+        # a stand-in: what the target points at may be the chaser
+        attitude=lambda _t_s: (q0, np.zeros(3)),
+        guidance=guidance,
+        n_rad_s=n,
+        pointing=pointing,
+        controlled=fly_controlled(orbit, guidance, n, thrusters, keep_out) if thrusters else None,
+        steered=fly_script(orbit, guidance, n, pointing, keep_out) if isinstance(guidance, Steered) else None,
+        body=body,
+    )
+    around = Surroundings(
+        orbit=orbit,
+        body=body,
+        epoch=epoch,
+        duration_s=duration_s,
+        relative=lambda t_s: flight.relative(t_s, orbit.frame(t_s)),
+    )
+    flight = replace(flight, attitude=motion.track(q0, around))
+    # the thrust of a script follows the camera's axes, which must stay as they were flown
+    flight = with_best_down(flight) if choose_down and not scripted else flight
+    return with_wheels(flight, wheels)
+
+
+def with_wheels(flight: Flight, wheels: Wheels | None) -> Flight:
+    """The flight with its camera turned by wheels after the pointing, or as it is."""
+    if wheels is None:
+        return flight
+    return replace(flight, wheels=fly_wheels(flight.looking, flight.duration_s, wheels))
+
+
+def with_best_down(flight: Flight, samples: int = 61) -> Flight:
+    """The flight with the first down reference that stays 10 deg off the boresight, or else the best one."""
+    boresights = []
+    for t in np.linspace(0.0, flight.duration_s, samples):
+        frame = flight.lvlh(float(t))
+        p, _ = flight.relative(float(t), frame)
+        boresights.append(frame.R_eci_from_lvlh.T @ p / np.linalg.norm(p))
+    sines = {
+        name: min(float(np.linalg.norm(np.cross(axis, b))) for b in boresights)
+        for name, axis in DOWN_AXES_LVLH.items()
+    }
+    clear = [name for name, sine in sines.items() if sine > np.sin(np.radians(10))]
+    down = clear[0] if clear else max(sines, key=lambda name: sines[name])
+    return replace(flight, pointing=replace(flight.pointing, down=down))

@@ -1,0 +1,139 @@
+"""How the target turns: pointing, spin, at rest in a frame, a file's history, the magnetic torque."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from simulator.errors import UserError
+from simulator.world.aem import read_aem_history, write_aem
+from simulator.world.bodies import EARTH
+from simulator.world.directions import Surroundings
+from simulator.world.ephemeris import sun_eci_m
+from simulator.world.gravity import Gravity
+from simulator.world.magnetic import magnetic_field_t
+from simulator.world.orbit import Elements, propagate, state_from_elements
+from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, quat_multiply, rotation_angle_rad
+from simulator.world.target_attitude import Fixed, Pointed, Spin, TargetMotion, Tumble
+from simulator.world.time import Instant
+from simulator.world.torques import Torques, torque_on
+
+EPOCH = Instant.from_utc("2026-03-20T12:00:00Z")
+SPAN = 3000.0
+R0, V0 = state_from_elements(Elements(semi_major_axis_m=7e6, inclination_rad=1.7, eccentricity=0.01))
+ORBIT = propagate(R0, V0, SPAN, Gravity(), (np.array([5.0, -8.0, 3.0]), np.array([0.01, 0.0, 0.02])))
+AROUND = Surroundings(orbit=ORBIT, body=EARTH, epoch=EPOCH, duration_s=SPAN, relative=ORBIT.relative)
+Q0 = quat_from_rotvec([0.4, -0.9, 0.2])
+
+MOTIONS: dict[str, TargetMotion] = {
+    "nadir": Pointed(axis_body=(0, 0, 1), at="nadir", second_axis_body=(1, 0, 0), second_at="along_track"),
+    "sun": Pointed(axis_body=(0, 0, 1), at="sun", second_axis_body=(1, 1, 0), second_at="cross_track"),
+    "chaser": Pointed(axis_body=(1, 0, 0), at="chaser", second_axis_body=(0, 0, 1), second_at="zenith"),
+    "spin": Spin(axis_body=(1.0, 2.0, -1.0), rate_rad_s=0.05),
+    "lvlh": Fixed(frame="lvlh"),
+    "eci": Fixed(frame="eci"),
+    "tumble": Tumble(omega_rad_s=(0.02, -0.03, 0.01), inertia_kg_m2=np.diag([2.5, 2.7, 3.9])),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_rate_is_the_derivative_of_the_attitude(name: str) -> None:
+    track, h = MOTIONS[name].track(Q0, AROUND), 0.005
+    for t in (10.0, 1234.5, 2900.0):
+        (before, _), (now, omega), (after, _) = (track(t + s) for s in (-h, 0.0, h))
+        R0_, R1_ = matrix_from_quat(before), matrix_from_quat(after)
+        spin = matrix_from_quat(now).T @ (R1_ - R0_) / (2 * h)
+        assert np.allclose(omega, [spin[2, 1], spin[0, 2], spin[1, 0]], atol=2e-8, rtol=0)
+
+
+def test_axes_point_where_they_are_told() -> None:
+    t = 1700.0
+    r, v = ORBIT(t)
+    R = matrix_from_quat(MOTIONS["nadir"].track(Q0, AROUND)(t)[0])
+    assert R[:, 2] @ r / np.linalg.norm(r) == pytest.approx(-1.0)
+    assert R[:, 0] @ v / np.linalg.norm(v) == pytest.approx(1.0, abs=1e-4)
+    now = EPOCH.plus(t)
+    to_sun = sun_eci_m(now.tt1, now.tt2) - r
+    R = matrix_from_quat(MOTIONS["sun"].track(Q0, AROUND)(t)[0])
+    assert np.linalg.norm(R[:, 2] - to_sun / np.linalg.norm(to_sun)) < 1e-8
+    p, _ = ORBIT.relative(t)
+    R = matrix_from_quat(MOTIONS["chaser"].track(Q0, AROUND)(t)[0])
+    assert np.allclose(R[:, 0], p / np.linalg.norm(p), atol=1e-12)
+
+
+def test_at_rest_in_lvlh_and_among_the_stars() -> None:
+    track = MOTIONS["lvlh"].track(Q0, AROUND)
+    seen = [ORBIT.frame(t).R_eci_from_lvlh.T @ matrix_from_quat(track(t)[0]) for t in (0.0, 1500.0)]
+    assert np.allclose(seen[0], seen[1], atol=1e-12)
+    assert rotation_angle_rad(track(0.0)[0], Q0) < 1e-12
+    assert MOTIONS["eci"].track(Q0, AROUND)(2000.0)[0] is Q0
+
+
+def test_directions_that_run_together_are_refused() -> None:
+    # the along-track axis follows the velocity, nadir does not meet it; the zenith meets itself
+    motion = Pointed(axis_body=(0, 0, 1), at="nadir", second_axis_body=(1, 0, 0), second_at="zenith")
+    with pytest.raises(UserError, match="nadir and zenith run together 0 s after the start"):
+        motion.track(Q0, AROUND)
+
+
+def history_text(every_s: float) -> tuple[str, TargetMotion]:
+    motion = MOTIONS["tumble"]
+    track = motion.track(Q0, AROUND)
+    times = np.arange(0.0, 601.0, every_s)
+    text = write_aem(
+        name="A",
+        body_frame="SC_BODY_1",
+        epochs_utc=[EPOCH.plus(float(t)).iso() for t in times],
+        q_eci_from_body_wxyz=[track(float(t))[0] for t in times],
+    )
+    return text, motion
+
+
+def test_history_of_a_file_is_followed_between_its_lines() -> None:
+    track = MOTIONS["tumble"].track(Q0, AROUND)
+    errors = []
+    for every in (4.0, 8.0):
+        text, _ = history_text(every)
+        history = read_aem_history(text, "a.aem", EPOCH.plus(50.0), 400.0)
+        worst = 0.0
+        for t in np.linspace(0.0, 400.0, 41):
+            (q, omega), (q0, omega0) = history(float(t)), track(float(t) + 50.0)
+            worst = max(worst, rotation_angle_rad(q, q0))
+            assert np.allclose(omega, omega0, atol=2e-4)
+        errors.append(worst)
+    assert errors[0] < 1e-5
+    # a cubic: twice the spacing, sixteen times the error (the file's own rounding is 1e-12)
+    assert errors[1] / errors[0] > 8
+
+
+def test_history_that_does_not_cover_the_flight_or_has_a_gap_is_refused() -> None:
+    text, _ = history_text(4.0)
+    with pytest.raises(UserError, match=r"covers 2026-03-20T12:00:00.*to 2026-03-20T12:20"):
+        read_aem_history(text, "a.aem", EPOCH, 1200.0)
+    lines = text.splitlines(keepends=True)
+    first = next(k for k, line in enumerate(lines) if line.startswith("2026-03-20T12:05"))
+    with pytest.raises(UserError, match="s are missing before it"):
+        read_aem_history("".join(lines[:first] + lines[first + 12 :]), "a.aem", EPOCH, 590.0)
+
+
+def test_magnetic_field_points_north_and_doubles_at_the_pole() -> None:
+    equator = magnetic_field_t(np.array([6371.2e3, 0, 0]), 2025.0)
+    pole = magnetic_field_t(np.array([0, 0, 6371.2e3]), 2025.0)
+    assert equator[2] == pytest.approx(29350e-9)
+    assert pole[2] == pytest.approx(-2 * 29350e-9)
+    # no sources outside the Earth's centre
+    h, r = 1e3, np.array([5e6, 3e6, -4e6])
+    field = [[magnetic_field_t(r + s * h * e, 2025.0) for s in (-1, 1)] for e in np.eye(3)]
+    divergence = sum((b - a)[k] for k, (a, b) in enumerate(field)) / (2 * h)
+    assert abs(divergence) < 1e-8 * np.linalg.norm(magnetic_field_t(r, 2025.0)) / 1.0
+
+
+def test_residual_dipole_turns_like_a_compass_needle() -> None:
+    torque = torque_on(Torques(residual_dipole_a_m2=(0.0, 0.0, 1.0)), ORBIT, np.diag([2.5, 2.7, 3.9]), EPOCH)
+    assert torque is not None
+    found = torque(100.0, Q0)
+    # one ampere square metre in some 20 to 45 microtesla, normal to the moment
+    assert found[2] == 0.0
+    assert 1e-6 < np.linalg.norm(found) < 5e-5
+    turned = quat_multiply(quat_from_rotvec([0.0, 0.0, 0.0]), Q0)
+    assert np.allclose(torque(100.0, turned), found)
