@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from simulator.labels.frame import amodal_box
+from simulator.labels.boxes import amodal_box
 from simulator.labels.occlusion import Mesh, hidden_from_direction, occluded_from_camera
 from simulator.world.rotation import rotation_angle_rad
 

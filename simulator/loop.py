@@ -63,6 +63,11 @@ class Plan:
         return self.scenario.name
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """Label layers that the scenario asks for."""
+        return self.scenario.output.labels
+
+    @property
     def scenario_document(self) -> dict[str, Any]:
         """The scenario as a JSON-able document, with this plan's overrides."""
         return dict(msgspec.json.decode(msgspec.json.encode(self.scenario)))
@@ -70,6 +75,10 @@ class Plan:
     def scene(self, k: int) -> SceneState:
         """The snapshot of frame k."""
         return self.scene_of(self.flight.state(self.times_s[k]), k)
+
+    def next_scene(self, k: int) -> SceneState | None:
+        """The snapshot after frame k's; none after the last."""
+        return self.scene(k + 1) if k + 1 < self.n_frames else None
 
     def scene_of(self, world: WorldState, k: int) -> SceneState:
         """The snapshot of a state of the world, as frame k of this plan (steered flights come this way)."""
@@ -86,6 +95,7 @@ class Plan:
             quality=self.quality,
             bands=self.bands,
             environment=scenario.environment_model,
+            shutter=scenario.shutter_model,
         )
 
     def shifted(self, times_s: tuple[float, ...]) -> Plan:

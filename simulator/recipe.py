@@ -128,6 +128,11 @@ class RecipePlan:
         return self.recipe.name
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """No layers unless they are asked for."""
+        return ()
+
+    @property
     def scenario_document(self) -> dict[str, Any]:
         """The recipe as a JSON-able document."""
         return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self.recipe).items()}
@@ -141,6 +146,10 @@ class RecipePlan:
         t = _translation_in_view(rng, self.camera, _radius_m(self.target), z)
         sun, nadir = _sun_and_nadir(rng, r)
         return self._placed_in_the_sky(rng, k, q, t, sun, nadir)
+
+    def next_scene(self, _k: int) -> SceneState | None:
+        """None: samples are independent."""
+        return None
 
     def _placed_in_the_sky(
         self, rng: Generator, k: int, q: FloatArray, t: FloatArray, sun: FloatArray, nadir: FloatArray

@@ -12,6 +12,7 @@ from simulator.camera.files import CameraFile, read_camera_file
 from simulator.camera.model import Camera
 from simulator.camera.presets import sensor_preset
 from simulator.camera.sensor import Sensor
+from simulator.camera.shutter import Shutter
 from simulator.scene.state import Bands, Environment, Quality
 
 Degrees = Annotated[float, Meta(ge=-360, le=360)]
@@ -28,6 +29,9 @@ Aim = Literal["nadir", "zenith", "along_track", "cross_track", "sun", "chaser"]
 DirectionXyz = tuple[float, float, float]
 MetresXyz = tuple[Metres, Metres, Metres]
 SpeedXyz = tuple[Speed, Speed, Speed]
+
+
+Layer = Literal["all", "amodal", "parts", "depth", "normals", "flow", "clean", "wireframe"]
 
 
 class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -344,6 +348,9 @@ class SensorSection(Section, frozen=True, kw_only=True):
     speckle_variance: Annotated[float, Meta(ge=0, le=1)] | None = None
     gaussian_variance: Annotated[float, Meta(ge=0, le=1)] | None = None
     bits: Annotated[int, Meta(ge=8, le=16)] | None = None
+    shutter: Literal["global", "rolling"] = "global"
+    readout_s: Annotated[float, Meta(ge=0, le=10)] = 0.0
+    motion_blur: bool = True
 
 
 class EnvironmentSection(Section, frozen=True, kw_only=True):
@@ -361,10 +368,11 @@ class EnvironmentSection(Section, frozen=True, kw_only=True):
 
 
 class Output(Section, frozen=True, kw_only=True):
-    """Bands and quality of the picture."""
+    """Bands and quality of the picture, and the label layers that a capture writes (``all`` for every one)."""
 
     bands: Bands = "mono"
     quality: Quality = "default"
+    labels: tuple[Layer, ...] = ()
 
 
 class Scenario(Section, frozen=True, kw_only=True):
@@ -405,9 +413,15 @@ class Scenario(Section, frozen=True, kw_only=True):
         changes = {
             key: value
             for key, value in msgspec.structs.asdict(self.sensor).items()
-            if key not in {"preset", "exposure_s"} and value is not None
+            if key in Sensor.__dataclass_fields__ and key != "preset" and value is not None
         }
         return replace(sensor_preset(self.sensor.preset), **changes)
+
+    @property
+    def shutter_model(self) -> Shutter:
+        """When rows are exposed."""
+        s = self.sensor
+        return Shutter(kind=s.shutter, readout_s=s.readout_s, motion_blur=s.motion_blur)
 
     @property
     def environment_model(self) -> Environment:

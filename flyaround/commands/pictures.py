@@ -16,6 +16,7 @@ from simulator.dataset.capture import capture as capture_plan
 from simulator.dataset.check import check_dataset
 from simulator.dataset.picture import render_scene, save_picture
 from simulator.errors import UserError
+from simulator.labels.request import LAYERS, LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
@@ -24,6 +25,12 @@ from simulator.targets.library import load_target
 
 Seed = Annotated[
     int | None, typer.Option("--seed", min=0, help="Seed of every random choice (default: the scenario's).")
+]
+Labels = Annotated[
+    str | None,
+    typer.Option(
+        "--labels", help=f"Label layers beyond truth and mask: all, none, or of {', '.join(LAYERS)}."
+    ),
 ]
 Device = Annotated[
     int | None, typer.Option("--gpu", help="EGL device to draw on (default: the driver's choice).")
@@ -49,6 +56,7 @@ def render(
     ] = None,
     rgb: Annotated[bool, typer.Option("--rgb", help="Colour image instead of the scenario's bands.")] = False,
     quality: Annotated[str | None, typer.Option(help="draft, default or high.")] = None,
+    labels: Labels = None,
     seed: Seed = None,
     gpu: Device = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the truth record.")] = False,
@@ -57,15 +65,18 @@ def render(
     if (scenario is None) == (from_truth is None):
         raise UserError("render needs either a SCENARIO or --from-truth FILE; see flyaround render --help")
     if from_truth is not None:
-        scene = read_truth(from_truth).scene
-        target = load_target(scene.target.name)
+        record = read_truth(from_truth)
+        scene, target = record.scene, load_target(record.scene.target.name)
+        request = LabelRequest(layers=record.layers, flow=record.flow)
     else:
         bands: Bands | None = "rgb" if rgb else None
         plan = plan_flight(
             load_scenario(scenario or ""), times=(time_s,), seed=seed, bands=bands, quality=_quality(quality)
         )
-        scene, target = plan.scene(0), plan.target
-    frame = render_scene(scene, target, device_index=gpu)
+        scene, target, request = plan.scene(0), plan.target, LabelRequest()
+    if labels is not None:
+        request = LabelRequest(layers=parse_labels(labels), flow=request.flow)
+    frame = render_scene(scene, target, labels=request, device_index=gpu)
     truth_path = save_picture(frame, output)
     if as_json:
         typer.echo(truth_path.read_text())
@@ -92,6 +103,7 @@ def capture(
         bool, typer.Option("--rgb", help="Colour images instead of the scenario's bands.")
     ] = False,
     quality: Annotated[str | None, typer.Option(help="draft, default or high.")] = None,
+    labels: Labels = None,
     seed: Seed = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where an interrupted capture stopped.")
@@ -108,9 +120,17 @@ def capture(
     plan = choose_plan(
         scenario, n=n or 20, every_s=every_s, seed=seed, bands=bands, quality=_quality(quality)
     )
+    wanted = ",".join(plan.labels) if labels is None else labels
     with progress_bar("capture", quiet=as_json) as progress:
         summary = capture_plan(
-            plan, output, formats=names, resume=resume, workers=workers, device_index=gpu, progress=progress
+            plan,
+            output,
+            formats=names,
+            labels=parse_labels(wanted),
+            resume=resume,
+            workers=workers,
+            device_index=gpu,
+            progress=progress,
         )
     if as_json:
         typer.echo(

@@ -22,6 +22,8 @@ from simulator.dataset.native import is_whole, write_frame
 from simulator.dataset.speed import export_speed
 from simulator.errors import UserError
 from simulator.files import empty_folder, write_atomic
+from simulator.labels.request import LAYERS, LabelRequest
+from simulator.labels.truth import FlowLabel
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -72,6 +74,9 @@ class Plan(Protocol):
     def scene(self, k: int) -> SceneState:
         """The snapshot of frame k."""
 
+    def next_scene(self, k: int) -> SceneState | None:
+        """What optical flow leads to from frame k, if there is such a thing."""
+
 
 @dataclass(frozen=True)
 class CaptureSummary:
@@ -106,6 +111,7 @@ def capture(
     folder: Path,
     *,
     formats: tuple[str, ...] = ("native",),
+    labels: tuple[str, ...] = (),
     resume: bool = False,
     workers: int = 1,
     device_index: int | None = None,
@@ -119,6 +125,7 @@ def capture(
 
     Parameters
     ----------
+    labels : layers beyond truth and mask, out of ``simulator.labels.request.LAYERS``.
     workers : processes that draw, each with a renderer of its own; the bytes do not depend on it.
 
     Raises
@@ -126,9 +133,10 @@ def capture(
     UserError
         If the folder is not empty (without ``resume``), belongs to another plan, or cannot be written.
     """
+    labels = _possible(plan, labels)
     empty_folder(folder, resume=resume)
     with open_drawer(workers, device_index) as drawer:
-        card = _card(plan, drawer.info, formats)
+        card = _card(plan, drawer.info, formats, labels)
         if resume:
             card = _same_plan(folder, card)
         (folder / "images").mkdir(exist_ok=True)
@@ -137,7 +145,7 @@ def capture(
         missing = [k for k in range(plan.n_frames) if k not in kept]
         quarantined: list[tuple[int, str]] = []
         n_feasible = 0
-        frames = drawer.frames((plan.scene(k) for k in missing), plan.target)
+        frames = drawer.frames(((plan.scene(k), _request(plan, k, labels)) for k in missing), plan.target)
         for done, (k, frame) in enumerate(zip(missing, frames, strict=True)):
             reason = _write_checked(folder, k, frame, card, plan.target)
             if reason:
@@ -152,11 +160,38 @@ def capture(
     return CaptureSummary(folder, n_written, len(kept), n_feasible, tuple(quarantined))
 
 
+def _possible(plan: Plan, labels: tuple[str, ...]) -> tuple[str, ...]:
+    """The layers that the plan's frames can have: of ``all``, optical flow is left out where there is none."""
+    if "flow" not in labels:
+        return labels
+    reason = ""
+    if plan.n_frames > 1 and plan.next_scene(0) is None:
+        reason = f"{plan.scenario_name} draws independent samples, which have no next frame"
+    elif plan.scene(0).shutter.is_rolling:
+        reason = "it is defined between two instants, and a rolling shutter's rows have each their own"
+    if reason and len(labels) < len(LAYERS):
+        raise UserError(f"--labels flow is not possible: {reason}; leave it out")
+    return tuple(name for name in labels if name != "flow") if reason else labels
+
+
+def _request(plan: Plan, k: int, labels: tuple[str, ...]) -> LabelRequest:
+    """What to label of frame k; the last frame of a flight leads nowhere."""
+    following = plan.next_scene(k) if "flow" in labels else None
+    if following is None:
+        return LabelRequest(layers=labels)
+    flow = FlowLabel(
+        t_s=following.t_s,
+        q_camera_from_target_wxyz=following.q_camera_from_target_wxyz,
+        t_camera_from_target_m=following.t_camera_from_target_m,
+    )
+    return LabelRequest(layers=labels, flow=flow)
+
+
 def _write_checked(folder: Path, k: int, frame: Frame, card: DatasetCard, target: Target) -> str:
     """Write a frame, to quarantine if its labels disagree; returns why, or nothing."""
     if frame.truth is None or frame.mask is None:
         raise RuntimeError("a captured frame needs labels")
-    reason = "; ".join(check_frame(k, frame.truth, frame.image, frame.mask, card, target))
+    reason = "; ".join(check_frame(k, frame.truth, frame.image, frame.mask, card, target, frame.layers))
     if not reason:
         write_frame(folder, k, frame)
         return ""
@@ -168,7 +203,7 @@ def _write_checked(folder: Path, k: int, frame: Frame, card: DatasetCard, target
     return reason
 
 
-def _card(plan: Plan, info: GlInfo, formats: tuple[str, ...]) -> DatasetCard:
+def _card(plan: Plan, info: GlInfo, formats: tuple[str, ...], labels: tuple[str, ...]) -> DatasetCard:
     return DatasetCard(
         scenario_name=plan.scenario_name,
         scenario=plan.scenario_document,
@@ -177,10 +212,12 @@ def _card(plan: Plan, info: GlInfo, formats: tuple[str, ...]) -> DatasetCard:
         every_s=plan.every_s,
         complete=False,
         formats=tuple(dict.fromkeys(("native", *formats))),
+        labels=labels,
         camera=plan.camera,
         target=CardTarget(
             name=plan.target.name,
             sha256=plan.target.sha256,
+            parts=tuple(part.name for part in plan.target.parts),
             keypoints={k.name: k.position_m for k in plan.target.keypoints},
         ),
         machine=describe_machine(info.vendor, info.renderer, info.version),
@@ -196,7 +233,7 @@ def _same_plan(folder: Path, card: DatasetCard) -> DatasetCard:
             )
         return card
     old = read_card(folder)
-    for field in ("scenario", "seed", "n_frames", "every_s", "camera", "target"):
+    for field in ("scenario", "seed", "n_frames", "every_s", "camera", "target", "labels"):
         if getattr(old, field) != getattr(card, field):
             raise UserError(
                 f"{folder} was captured with another {field}; "

@@ -23,11 +23,17 @@ CONVENTIONS = {
     "box_px": "x0 y0 x1 y1 of the visible mask at pixel edges, clipped to the image; "
     "a one-pixel mask at (3, 4) is 2.5 3.5 3.5 4.5",
     "box_amodal_px": "x0 y0 x1 y1 of the whole projected craft, not clipped",
-    "mask": "8 bit PNG, 255 where the target covers at least half of the pixel",
+    "mask": "8 bit PNG, 255 where the target covers the pixel's centre",
     "keypoint_states": "first that applies: out_of_frame self_occluded eclipsed shadowed saturated "
     "below_noise visible",
     "epoch_utc": "mid-exposure",
     "sun_direction_camera": "unit vector from the target to the apparent Sun, camera frame",
+    "earth_direction_camera": "unit vector from the target to the Earth's centre, camera frame",
+    "layers": "NNNNNN.NAME.png or .exr, those named in labels. depth: camera z [m], float32, NaN off the target. "
+    "normals: X Y Z, camera frame, unit, towards the camera, float16, zero off the target. parts: number of the part "
+    "from 1 in the order of target.parts, 0 off the target. amodal: mask of the whole target, also beyond the image; "
+    "its first pixel is amodal_origin_px. flow: U V, way to the next frame [px], float32, NaN off the target. "
+    "clean: the image without noise",
     "speed": "q_vbs2tango is q_camera_from_target_wxyz; r_Vo2To_vbs_true is t_camera_from_target_m",
 }
 
@@ -37,6 +43,7 @@ class CardTarget(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     sha256: str
+    parts: tuple[str, ...] = ()
     keypoints: dict[str, tuple[float, float, float]]
 
 
@@ -65,11 +72,15 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
     every_s: float | None
     complete: bool
     formats: tuple[str, ...]
+    labels: tuple[str, ...] = ()
     camera: Camera
     target: CardTarget
     machine: CardMachine
     conventions: dict[str, str] = msgspec.field(default_factory=lambda: dict(CONVENTIONS))
-    layout: str = "images/NNNNNN.png image, images/NNNNNN.mask.png mask, images/NNNNNN.json truth"
+    layout: str = (
+        "images/NNNNNN.png image, images/NNNNNN.mask.png mask, images/NNNNNN.LAYER.png or .exr layers, "
+        "images/NNNNNN.json truth"
+    )
     licence: str = (
         "images and labels made with Flyaround belong to whoever made them; Earth imagery: NASA Visible Earth"
     )

@@ -10,19 +10,23 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
 from simulator.dataset.card import DatasetCard, read_card
-from simulator.dataset.native import frame_paths, is_whole, read_png
+from simulator.dataset.check_clean import check_clean
+from simulator.dataset.check_geometry import check_keypoints, check_states_and_boxes, check_visible_on_mask
+from simulator.dataset.check_layers import check_against_mesh, check_layers
+from simulator.dataset.check_rows import check_rows
+from simulator.dataset.check_wireframe import check_wireframe
+from simulator.dataset.native import frame_paths, is_whole, read_layer, read_png
 from simulator.dataset.speed import FOLDER as SPEED_FOLDER
 from simulator.errors import UserError
-from simulator.labels.frame import amodal_box, infeasible_reason, mask_box, pixel_hash
-from simulator.labels.keypoints import geometric_states
-from simulator.labels.occlusion import mesh_of
+from simulator.labels.boxes import mask_box
+from simulator.labels.frame import infeasible_reason, pixel_hash
 from simulator.labels.truth import Truth, read_truth
 from simulator.targets.library import load_target
-from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
+from simulator.world.eclipse import sun_visible_fraction
+from simulator.world.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,19 +34,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.arrays import ByteArray, FloatArray
+    from simulator.arrays import ByteArray
+    from simulator.dataset.probe import Layers
     from simulator.targets.model import Target
-
-# Exported pixels carry float64 through JSON: only rounding in the projection may differ.
-PIXEL_TOLERANCE_PX = 1e-6
-POSE_TOLERANCE_RAD = 1e-6
-POSE_TOLERANCE_RELATIVE = 1e-6
-# Both round coverage at one half, on different sample grids: the outline may differ by one pixel, never two.
-OUTLINE_TOLERANCE_PX = 1
-FILL_SCALE = 4
-FILL_SHIFT = 4
-# Between these shares of a pixel, five samples a pixel (draft quality) may round to either side of one half.
-SURELY_COVERED, SURELY_TOUCHED = 0.9, 0.1
 
 
 @dataclass(frozen=True)
@@ -89,22 +83,40 @@ def check_dataset(
     if card.complete:
         faults += [Fault(k, "files are missing") for k in range(card.n_frames) if not is_whole(folder, k)]
     n_labels = 0
+    previous: Truth | None = None
     for done, k in enumerate(frames):
         try:
             truth = read_truth(frame_paths(folder, k).truth)
             image = read_png(frame_paths(folder, k).image)
             mask = read_png(frame_paths(folder, k).mask)
+            layers = {name: read_layer(folder / "images", f"{k:06d}", name) for name in truth.layer_sha256}
         except UserError as error:
             faults.append(Fault(k, str(error)))
             continue
         readable.append(k)
-        found = check_frame(k, truth, image, np.asarray(mask, np.uint8), card, target)
+        faults += _check_flow_to(k, truth, previous)
+        previous = truth
+        found = check_frame(k, truth, image, np.asarray(mask, np.uint8), card, target, layers)
         faults += [Fault(k, what) for what in found]
-        n_labels += len(truth.keypoints) + 4
+        n_labels += len(truth.keypoints) + len(truth.layers) + 7
         progress(done + 1, len(frames))
     if (folder / SPEED_FOLDER).is_dir():
         faults += _check_speed(folder, readable)
     return CheckReport(len(frames), n_labels, tuple(faults))
+
+
+def _check_flow_to(k: int, truth: Truth, previous: Truth | None) -> list[Fault]:
+    """The frame that the one before says its flow leads to is this one."""
+    if previous is None or previous.flow is None or previous.frame_index != truth.frame_index - 1:
+        return []
+    flow = previous.flow
+    if (flow.t_s, flow.q_camera_from_target_wxyz, flow.t_camera_from_target_m) != (
+        truth.t_s,
+        truth.q_camera_from_target_wxyz,
+        truth.t_camera_from_target_m,
+    ):
+        return [Fault(k - 1, "the optical flow leads to another time or pose than the next frame's")]
+    return []
 
 
 def _check_count(folder: Path, card: DatasetCard, n_whole: int) -> list[Fault]:
@@ -125,8 +137,15 @@ def check_frame(
     mask: ByteArray,
     card: DatasetCard,
     target: Target | None,
+    layers: Layers | None = None,
 ) -> list[str]:
-    """Everything wrong with frame k, a sentence each."""
+    """Everything wrong with frame k, a sentence each.
+
+    Parameters
+    ----------
+    layers : the label layers of the frame by name, as drawn or as read.
+    """
+    layers = layers or {}
     wrong: list[str] = []
     size = (truth.camera.height_px, truth.camera.width_px)
     if image.shape[:2] != size or mask.shape != size:
@@ -150,13 +169,37 @@ def check_frame(
         truth.t_camera_from_target_m,
     ):
         wrong.append("pose differs from the scene's")
-    if not np.allclose(truth.sun_direction_camera, scene.sun_direction_camera, atol=1e-9):
-        wrong.append("sun_direction_camera differs from the scene's Sun")
-    wrong += _check_keypoints(truth, card)
-    wrong += _check_visible_on_mask(truth, mask)
+    wrong += _check_directions(truth)
+    wrong += check_rows(truth)
+    wrong += check_keypoints(truth, card)
+    wrong += check_visible_on_mask(truth, mask)
+    of_layers = check_layers(truth, mask, layers)
+    wrong += of_layers
+    if not of_layers and "clean" in layers:
+        wrong += check_clean(truth, image, mask, layers["clean"])
     if target is not None:
-        wrong += _check_silhouette(truth, mask, target)
-        wrong += _check_geometry(truth, target)
+        if not of_layers:
+            wrong += check_against_mesh(truth, mask, layers, target)
+        wrong += check_wireframe(truth, target)
+        wrong += check_states_and_boxes(truth, target)
+    return wrong
+
+
+def _check_directions(truth: Truth) -> list[str]:
+    """Sun, Earth, eclipse and exposure, from the positions in the scene."""
+    scene, wrong = truth.scene, []
+    to_camera = matrix_from_quat(scene.q_camera_from_eci_wxyz)
+    target, sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
+    for name, label, way in (
+        ("sun_direction_camera", truth.sun_direction_camera, sun - target),
+        ("earth_direction_camera", truth.earth_direction_camera, -target),
+    ):
+        if label is not None and not np.allclose(label, to_camera @ way / np.linalg.norm(way), atol=1e-9):
+            wrong.append(f"{name} is not the direction that the scene's positions give")
+    if abs(truth.sun_visible_fraction - float(sun_visible_fraction(target, sun))) > 1e-9:
+        wrong.append("sun_visible_fraction is not what the Earth leaves of the Sun's disc")
+    if truth.exposure_s is not None and truth.exposure_s != scene.exposure_s:
+        wrong.append("exposure_s differs from the scene's")
     return wrong
 
 
@@ -178,123 +221,6 @@ def _check_bookkeeping(k: int, truth: Truth, card: DatasetCard) -> list[str]:
             f"feasible is {truth.feasible} ({truth.infeasible_reason or 'no reason'}), its shares say otherwise"
         )
     return wrong
-
-
-def _check_geometry(truth: Truth, target: Target) -> list[str]:
-    """The amodal box and the keypoints' geometric states, worked out again from the mesh."""
-    wrong = []
-    amodal = amodal_box(truth.scene, target)
-    if (amodal is None) != (truth.box_amodal_px is None) or (
-        amodal is not None and not np.allclose(amodal, truth.box_amodal_px or (), atol=PIXEL_TOLERANCE_PX)
-    ):
-        wrong.append(f"box_amodal_px {truth.box_amodal_px} is not the projected craft's {amodal}")
-    states = geometric_states(truth.scene, target, mesh_of(target))
-    for keypoint, state in zip(truth.keypoints, states, strict=False):
-        by_picture = keypoint.state in {"visible", "saturated", "below_noise"}
-        if (state is None) != by_picture or (state is not None and state != keypoint.state):
-            wrong.append(
-                f"keypoint {keypoint.name} is labelled {keypoint.state}, the mesh says {state or 'in sight'}"
-            )
-    return wrong
-
-
-def _check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
-    wrong = []
-    known = card.target.keypoints
-    if {k.name: tuple(k.target_m) for k in truth.keypoints} != {n: tuple(p) for n, p in known.items()}:
-        wrong.append("keypoints differ from the card's")
-    ahead = [k for k in truth.keypoints if k.pixel_px is not None]
-    if len(ahead) < 4:
-        return wrong
-    points = np.array([k.target_m for k in ahead])
-    pixels = np.array([k.pixel_px for k in ahead])
-    R = matrix_from_quat(truth.q_camera_from_target_wxyz)
-    t = np.asarray(truth.t_camera_from_target_m)
-    distortion = np.array(truth.camera.distortion.coefficients or [0.0] * 5)
-    projected, _ = cv2.projectPoints(points, cv2.Rodrigues(R)[0], t, truth.camera.K, distortion)
-    error = float(np.abs(np.asarray(projected).reshape(-1, 2) - pixels).max())
-    if not error <= PIXEL_TOLERANCE_PX:
-        wrong.append(f"a keypoint is {error:.3g} px from its projection")
-        return wrong
-    # from the label itself as the start: the question is whether the pixels agree with the pose to 1e-6
-    _, rotation, translation = cv2.solvePnP(
-        points,
-        pixels,
-        truth.camera.K,
-        distortion,
-        cv2.Rodrigues(R)[0],
-        t.reshape(3, 1).copy(),
-        True,
-        cv2.SOLVEPNP_ITERATIVE,
-    )
-    angle = rotation_angle_rad(
-        quat_from_rotvec(np.asarray(rotation).ravel()), truth.q_camera_from_target_wxyz
-    )
-    shift = float(np.linalg.norm(np.asarray(translation).ravel() - t) / np.linalg.norm(t))
-    if angle > POSE_TOLERANCE_RAD or shift > POSE_TOLERANCE_RELATIVE:
-        wrong.append(f"pose from keypoints is off by {angle:.2g} rad and {shift:.2g} of the range")
-    inside = truth.camera.contains(pixels)
-    wrong += [
-        f"keypoint {k.name} at {k.pixel_px} is labelled {k.state}"
-        for k, is_inside in zip(ahead, inside, strict=True)
-        if (k.state == "out_of_frame") == bool(is_inside)
-    ]
-    return wrong
-
-
-def _check_visible_on_mask(truth: Truth, mask: ByteArray) -> list[str]:
-    """A keypoint that is seen lies within 3 px of the mask (far rods cover less than half a pixel)."""
-    near = cv2.dilate(mask, np.ones((7, 7), np.uint8))
-    wrong = []
-    for k in truth.keypoints:
-        if k.state in {"visible", "shadowed", "eclipsed", "saturated"} and k.pixel_px is not None:
-            u, v = (int(x) for x in np.rint(k.pixel_px))
-            if not near[np.clip(v, 0, mask.shape[0] - 1), np.clip(u, 0, mask.shape[1] - 1)]:
-                wrong.append(f"keypoint {k.name} is {k.state} but lies off the mask")
-    return wrong
-
-
-def _check_silhouette(truth: Truth, mask: ByteArray, target: Target) -> list[str]:
-    """The mask against the projected triangles filled on the CPU, outline tolerance aside."""
-    mesh = mesh_of(target)
-    R = matrix_from_quat(truth.q_camera_from_target_wxyz)
-    in_camera = mesh.positions_m @ R.T + np.asarray(truth.t_camera_from_target_m)
-    if in_camera[:, 2].min() <= 1e-3:
-        return []
-    inner, outer = _filled_silhouette(truth.camera.project(in_camera)[mesh.triangles], mask.shape)
-    reach = np.ones((2 * OUTLINE_TOLERANCE_PX + 1,) * 2, np.uint8)
-    extra = int(np.count_nonzero((mask > 0) & (np.asarray(cv2.dilate(outer, reach)) == 0)))
-    missing = int(np.count_nonzero((np.asarray(cv2.erode(inner, reach)) > 0) & (mask == 0)))
-    if extra or missing:
-        return [f"mask has {extra} pixels outside the projected craft and lacks {missing} inside it"]
-    return []
-
-
-def _filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[ByteArray, ByteArray]:
-    """Projected triangles (M, 3, 2) filled on a grid FILL_SCALE times finer: surely inside, and perhaps inside.
-
-    OpenCV fills the pixels a border touches too, which closes slots narrower than a pixel: ``outer`` has them
-    closed, ``inner`` has one fine pixel taken off every border, which opens them.
-    """
-    height, width = shape
-    low = np.clip(np.floor(corners_px.min(axis=(0, 1))) - 4, 0, (width, height)).astype(int)
-    high = np.clip(np.ceil(corners_px.max(axis=(0, 1))) + 5, 0, (width, height)).astype(int)
-    inner, outer = np.zeros((2, height, width), np.uint8)
-    if np.any(high <= low):
-        return inner, outer
-    fine = np.zeros(((high[1] - low[1]) * FILL_SCALE, (high[0] - low[0]) * FILL_SCALE), np.uint8)
-    # a coarse pixel's centre is at (FILL_SCALE - 1) / 2 on the finer grid
-    at = (corners_px - low) * FILL_SCALE + (FILL_SCALE - 1) / 2
-    for triangle in np.rint(at * 2**FILL_SHIFT).astype(np.int32):
-        cv2.fillConvexPoly(fine, triangle, 255, cv2.LINE_8, FILL_SHIFT)
-    size = (int(high[0] - low[0]), int(high[1] - low[1]))
-    eroded = cv2.erode(fine, np.ones((3, 3), np.uint8))
-    for place, grid, share in ((inner, eroded, SURELY_COVERED), (outer, fine, SURELY_TOUCHED)):
-        coarse = cv2.resize(grid, size, interpolation=cv2.INTER_AREA)
-        place[low[1] : high[1], low[0] : high[0]] = np.where(
-            coarse >= 255 * share, np.uint8(255), np.uint8(0)
-        )
-    return inner, outer
 
 
 def _check_speed(folder: Path, frames: list[int]) -> list[Fault]:

@@ -13,9 +13,12 @@ from simulator.targets.library import load_target
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from simulator.labels.request import LabelRequest
     from simulator.render.context import GlInfo
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
+
+    Job = tuple[SceneState, LabelRequest]
 
 
 class Drawer(Protocol):
@@ -25,8 +28,8 @@ class Drawer(Protocol):
     def info(self) -> GlInfo:
         """What draws."""
 
-    def frames(self, scenes: Iterable[SceneState], target: Target) -> Iterator[Frame]:
-        """One frame per scene, in order."""
+    def frames(self, jobs: Iterable[Job], target: Target) -> Iterator[Frame]:
+        """One frame per job, in order."""
 
 
 class _Here:
@@ -34,9 +37,9 @@ class _Here:
         self._renderer = renderer
         self.info = renderer.info
 
-    def frames(self, scenes: Iterable[SceneState], target: Target) -> Iterator[Frame]:
-        for scene in scenes:
-            yield take_frame(self._renderer, scene, target)
+    def frames(self, jobs: Iterable[Job], target: Target) -> Iterator[Frame]:
+        for scene, request in jobs:
+            yield take_frame(self._renderer, scene, target, labels=request)
 
 
 class _Workers:
@@ -47,25 +50,25 @@ class _Workers:
     def info(self) -> GlInfo:
         return self._processes[0].info
 
-    def frames(self, scenes: Iterable[SceneState], target: Target) -> Iterator[Frame]:  # noqa: ARG002 - each loads its own
-        """Scene k goes to process k modulo their number, so results come back in order."""
+    def frames(self, jobs: Iterable[Job], target: Target) -> Iterator[Frame]:  # noqa: ARG002 - each loads its own
+        """Job k goes to process k modulo their number, so results come back in order."""
         n = len(self._processes)
         asked = given = 0
-        for scene in scenes:
+        for scene, request in jobs:
             process = self._processes[asked % n]
             if not process.has_room:
                 yield self._processes[given % n].result()
                 given += 1
-            process.submit(scene)
+            process.submit(scene, request=request)
             asked += 1
         while given < asked:
             yield self._processes[given % n].result()
             given += 1
 
 
-def draw_labelled(renderer: Renderer, scene: SceneState) -> Frame:
-    """What a drawing process does for each scene."""
-    return take_frame(renderer, scene, load_target(scene.target.name))
+def draw_labelled(renderer: Renderer, scene: SceneState, request: LabelRequest) -> Frame:
+    """What a drawing process does for each job."""
+    return take_frame(renderer, scene, load_target(scene.target.name), labels=request)
 
 
 @contextmanager

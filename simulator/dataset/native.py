@@ -1,14 +1,15 @@
-"""The native layout of a data set: images/NNNNNN.png, .mask.png, .json; the .json is written last."""
+"""The native layout of a data set: images/NNNNNN.png, .mask.png, layers, .json; the .json is written last."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 
+from simulator.dataset.exr import encode_exr, read_exr
 from simulator.errors import UserError
 from simulator.files import write_atomic
 from simulator.labels.truth import truth_to_json
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 
 # PNG level 1: noise does not compress, and level 9 costs five times the time for 2 % of the size.
 PNG_LEVEL = 1
+
+
+PNG_LAYERS = ("amodal", "parts", "clean")
+EXR_CHANNELS = {"depth": ("Z",), "normals": ("X", "Y", "Z"), "flow": ("U", "V")}
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,38 @@ def read_png(path: Path) -> NDArray[np.unsignedinteger]:
     return np.ascontiguousarray(image if image.ndim == 2 else image[..., ::-1], dtype)
 
 
+def layer_path(folder: Path, stem: str, name: str) -> Path:
+    """Where a layer of the frame called ``stem`` lies."""
+    return folder / f"{stem}.{name}.{'png' if name in PNG_LAYERS else 'exr'}"
+
+
+def write_layers(folder: Path, stem: str, frame: Frame) -> None:
+    """Write the layers of a frame; ids of parts take 8 bits where they fit."""
+    for name, layer in frame.layers.items():
+        if name in EXR_CHANNELS:
+            data = encode_exr(EXR_CHANNELS[name], layer)
+        elif name == "parts" and layer.max(initial=0) < 256:
+            data = encode_png(layer.astype(np.uint8))
+        else:
+            data = encode_png(layer)
+        write_atomic(layer_path(folder, stem, name), data)
+
+
+def read_layer(folder: Path, stem: str, name: str) -> NDArray[Any]:
+    """A layer as it was drawn, of the type and shape that the record's hash is of.
+
+    Raises
+    ------
+    UserError
+        If the file is missing or damaged.
+    """
+    path = layer_path(folder, stem, name)
+    if name in EXR_CHANNELS:
+        return read_exr(path, EXR_CHANNELS[name])
+    image = read_png(path)
+    return image.astype(np.uint16) if name == "parts" else image
+
+
 def write_frame(folder: Path, k: int, frame: Frame) -> FramePaths:
     """Write frame k; its truth record comes last, so that a record means a whole frame.
 
@@ -76,6 +113,7 @@ def write_frame(folder: Path, k: int, frame: Frame) -> FramePaths:
     mask: ByteArray = frame.mask
     write_atomic(paths.image, encode_png(frame.image))
     write_atomic(paths.mask, encode_png(mask))
+    write_layers(folder / "images", f"{k:06d}", frame)
     write_atomic(paths.truth, truth_to_json(frame.truth))
     return paths
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import io
-import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import OpenEXR
 
-from simulator.dataset.native import encode_png
+from simulator.dataset.exr import encode_exr
+from simulator.dataset.native import encode_png, write_layers
 from simulator.errors import UserError
 from simulator.files import write_atomic
 from simulator.labels.frame import Frame, take_frame
@@ -18,14 +16,27 @@ from simulator.labels.truth import truth_to_json
 from simulator.render.renderer import Renderer
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.labels.request import LabelRequest
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
 SUFFIXES = (".png", ".npy", ".exr")
 
 
-def render_scene(scene: SceneState, target: Target, *, device_index: int | None = None) -> Frame:
+def render_scene(
+    scene: SceneState,
+    target: Target,
+    *,
+    labels: LabelRequest | None = None,
+    device_index: int | None = None,
+) -> Frame:
     """Draw one scene with labels in a renderer of its own.
+
+    Parameters
+    ----------
+    labels : layers to give beyond truth and mask.
 
     Raises
     ------
@@ -38,11 +49,11 @@ def render_scene(scene: SceneState, target: Target, *, device_index: int | None 
             f"{target.sha256[:12]}; use the flyaround version named in the record"
         )
     with Renderer(device_index=device_index) as renderer:
-        return take_frame(renderer, scene, target)
+        return take_frame(renderer, scene, target, labels=labels or True)
 
 
 def save_picture(frame: Frame, path: Path) -> Path:
-    """Write the image by its ending and the truth to ``.json`` beside it; returns the truth's path.
+    """Write the image by its ending, the truth to ``.json`` and the layers beside it; returns the truth's path.
 
     Raises
     ------
@@ -59,6 +70,7 @@ def save_picture(frame: Frame, path: Path) -> Path:
         raise RuntimeError("a saved picture needs its truth")
     write_atomic(path, _encode(frame, path.suffix))
     truth_path = path.with_suffix(".json")
+    write_layers(path.parent, path.stem, frame)
     write_atomic(truth_path, truth_to_json(frame.truth))
     return truth_path
 
@@ -71,9 +83,4 @@ def _encode(frame: Frame, suffix: str) -> bytes:
         np.save(buffer, frame.image)
         return buffer.getvalue()
     # radiance before the detector [W m-2 sr-1], one channel Y or three
-    channels = {"Y" if frame.radiance.ndim == 2 else "RGB": frame.radiance}
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / "radiance.exr"
-        OpenEXR.File(header, channels).write(str(place))
-        return place.read_bytes()
+    return encode_exr(("Y",) if frame.radiance.ndim == 2 else ("R", "G", "B"), frame.radiance)

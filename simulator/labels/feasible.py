@@ -8,16 +8,14 @@ import cv2
 import numpy as np
 
 from simulator.camera.develop import noise_sigma
-from simulator.labels.wireframe import EdgeView, view_edges
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
-    from simulator.labels.occlusion import Mesh
+    from simulator.labels.wireframe import EdgeView
     from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
 
 SILHOUETTE_SHARE = 0.9
 STEP_SHARE = 0.4
@@ -49,19 +47,18 @@ def visible_samples(views: Iterable[EdgeView], camera: Camera) -> tuple[FloatArr
     return np.concatenate(pixels), np.concatenate(normals)
 
 
-def wireframe_step_share(scene: SceneState, target: Target, mesh: Mesh, signal: Float32Array) -> float:
+def wireframe_step_share(scene: SceneState, views: Iterable[EdgeView], signal: Float32Array) -> float:
     """Share of the visible wireframe's length whose step in the noise-free image reaches one sigma.
 
     Parameters
     ----------
-    mesh : all triangles of ``target``.
+    views : the target's edges as the camera sees them.
     signal : (H, W) noise-free signal, 1 at full scale.
 
     Returns
     -------
     0..1; 0 when no edge is visible.
     """
-    views = view_edges(scene.camera, scene.camera_from_target, target, mesh)
     pixels, normals = visible_samples(views, scene.camera)
     if len(pixels) == 0:
         return 0.0

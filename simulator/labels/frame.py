@@ -6,27 +6,34 @@ import hashlib
 import time
 from dataclasses import dataclass, field
 from importlib.metadata import version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
-from simulator.arrays import ByteArray, Float32Array
+from simulator.arrays import ByteArray, Float32Array, vec3
 from simulator.camera.develop import digitise, expose
+from simulator.labels.boxes import amodal_box, box_3d_m, mask_box
+from simulator.labels.exposure import integrate, surfaces
 from simulator.labels.feasible import SILHOUETTE_SHARE, STEP_SHARE, wireframe_step_share
-from simulator.labels.keypoints import label_keypoints
+from simulator.labels.keypoints import label_keypoints, pixel_or_none
+from simulator.labels.layers import draw_layers, layer_hash, visible_mask, wants_surfaces
 from simulator.labels.occlusion import mesh_of
-from simulator.labels.truth import Box, InfeasibleReason, Software, Truth
+from simulator.labels.request import LabelRequest
+from simulator.labels.truth import Box, InfeasibleReason, RowPose, Software, Truth, WireLabel
+from simulator.labels.wireframe import view_edges
 from simulator.scene.bands import sunlight_balance
+from simulator.scene.motion import scene_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.render.renderer import Rendered, Renderer
+    from simulator.labels.wireframe import EdgeView
+    from simulator.render.renderer import Renderer
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
-# A pixel belongs to the target when at least half of it is covered.
-MASK_COVERAGE = 0.5
+ROW_POSES = 33
 TOO_FAR_PX = 40.0
 
 
@@ -41,6 +48,7 @@ class Frame:
     radiance : linear band radiance before the detector [W m-2 sr-1].
     truth : the label record, or None when labels were not asked for.
     mask : (H, W) uint8, 255 on the target, or None. depth_m : (H, W) camera z, NaN outside, or None.
+    layers : the label images that were asked for, by name.
     stage_ms : wall time of each stage: the frame's ledger.
     """
 
@@ -50,49 +58,81 @@ class Frame:
     truth: Truth | None = None
     mask: ByteArray | None = None
     depth_m: Float32Array | None = None
+    layers: dict[str, NDArray[Any]] = field(default_factory=dict)
     stage_ms: dict[str, float] = field(default_factory=dict)
 
 
-def take_frame(renderer: Renderer, scene: SceneState, target: Target, *, labels: bool = True) -> Frame:
-    """Draw, expose, digitise and label one scene. A pure function of the scene and the target."""
+def take_frame(
+    renderer: Renderer, scene: SceneState, target: Target, *, labels: bool | LabelRequest = True
+) -> Frame:
+    """Draw, expose, digitise and label one scene. A pure function of the scene, the target and the request.
+
+    Parameters
+    ----------
+    labels : whether to label, or which layers to give beyond truth and mask.
+    """
     start = time.perf_counter()
-    rendered = renderer.render(scene, target, labels=labels)
+    exposed = integrate(renderer, scene, target)
     drawn = time.perf_counter()
-    signal = expose(rendered.radiance, scene.sensor, scene.exposure_s, sunlight_balance(scene.bands))
+    signal = expose(exposed.radiance, scene.sensor, scene.exposure_s, sunlight_balance(scene.bands))
     image = digitise(signal, scene.sensor, scene.seed, scene.frame_index)
     developed = time.perf_counter()
     stage_ms = {"render": (drawn - start) * 1e3, "sensor": (developed - drawn) * 1e3}
-    stage_ms.update({f"render.{name}": ms for name, ms in rendered.stage_ms.items()})
+    stage_ms.update({f"render.{name}": ms for name, ms in exposed.stage_ms.items()})
     if not labels:
-        return Frame(scene, image, rendered.radiance, stage_ms=stage_ms)
+        return Frame(scene, image, exposed.radiance, stage_ms=stage_ms)
+    request = labels if isinstance(labels, LabelRequest) else LabelRequest()
     mono = signal if signal.ndim == 2 else signal.mean(axis=2)
-    if rendered.coverage is None:
-        raise RuntimeError("the renderer was asked for labels and gave no coverage")
-    mask = np.where(rendered.coverage >= MASK_COVERAGE, np.uint8(255), np.uint8(0))
-    truth = label_frame(renderer, scene, target, rendered, mono, image, mask)
+    seen = surfaces(renderer, scene, target, layers=wants_surfaces(request))
+    mask, amodal = visible_mask(seen), amodal_box(scene, target)
+    layers, origin = draw_layers(renderer, scene, target, request, seen, signal, amodal)
+    inside = renderer.silhouette_inside(scene, target)
+    truth = label_frame(
+        scene,
+        target,
+        mono,
+        silhouette_inside=inside,
+        amodal=amodal,
+        wireframe="wireframe" in request.layers,
+        software=Software(flyaround=version("flyaround"), gl_renderer=renderer.info.renderer),
+    )
+    truth = msgspec.structs.replace(
+        truth,
+        box_px=mask_box(mask),
+        image_sha256=pixel_hash(image),
+        mask_sha256=pixel_hash(mask),
+        parts=tuple(part.name for part in target.parts) if "parts" in layers else (),
+        layers=tuple(name for name in request.layers if name in layers or name == "wireframe"),
+        layer_sha256={name: layer_hash(layer) for name, layer in layers.items()},
+        amodal_origin_px=origin,
+        flow=request.flow if "flow" in layers else None,
+    )
     stage_ms["labels"] = (time.perf_counter() - developed) * 1e3
-    return Frame(scene, image, rendered.radiance, truth, mask, rendered.depth_m, stage_ms)
+    return Frame(scene, image, exposed.radiance, truth, mask, seen.depth_m, layers, stage_ms)
 
 
 def label_frame(
-    renderer: Renderer,
     scene: SceneState,
     target: Target,
-    rendered: Rendered,
     signal: Float32Array,
-    image: NDArray[np.unsignedinteger],
-    mask: ByteArray,
+    *,
+    silhouette_inside: float,
+    amodal: Box | None,
+    wireframe: bool,
+    software: Software,
 ) -> Truth:
-    """The truth record of a drawn scene.
+    """What the truth record says of a scene and its noise-free signal, all but what it says of the written images.
 
     Parameters
     ----------
     signal : (H, W) noise-free signal, 1 at full scale.
-    image : what the detector gives. mask : (H, W) 0 or 255.
+    wireframe : list each edge with what is seen of it.
     """
-    share = wireframe_step_share(scene, target, mesh_of(target), signal)
-    amodal = amodal_box(scene, target)
-    reason = infeasible_reason(float(rendered.silhouette_inside), share, amodal)
+    mesh = mesh_of(target)
+    views = view_edges(scene.camera, scene.camera_from_target, target, mesh)
+    share = wireframe_step_share(scene, views, signal)
+    reason = infeasible_reason(silhouette_inside, share, amodal)
+    corners = box_3d_m(target)
     return Truth(
         epoch_utc=scene.epoch_utc,
         t_s=scene.t_s,
@@ -101,20 +141,57 @@ def label_frame(
         q_camera_from_target_wxyz=scene.q_camera_from_target_wxyz,
         t_camera_from_target_m=scene.t_camera_from_target_m,
         camera=scene.camera,
-        keypoints=label_keypoints(scene, target, mesh_of(target), signal),
-        box_px=mask_box(mask),
+        keypoints=label_keypoints(scene, target, mesh, signal),
+        box_px=None,
         box_amodal_px=amodal,
         sun_direction_camera=scene.sun_direction_camera,
         sun_visible_fraction=scene.sun_visible_fraction,
         feasible=reason == "",
         infeasible_reason=reason,
-        silhouette_inside=float(rendered.silhouette_inside),
+        silhouette_inside=silhouette_inside,
         wireframe_step_share=share,
-        image_sha256=pixel_hash(image),
-        mask_sha256=pixel_hash(mask),
+        image_sha256="",
+        mask_sha256="",
         scene=scene,
-        software=Software(flyaround=version("flyaround"), gl_renderer=renderer.info.renderer),
+        software=software,
+        exposure_s=scene.exposure_s,
+        earth_direction_camera=scene.earth_direction_camera,
+        box_3d_target_m=tuple(vec3(p) for p in corners),
+        box_3d_px=tuple(
+            pixel_or_none(p) for p in scene.camera.project(scene.camera_from_target.apply(corners))
+        ),
+        wireframe=tuple(_wire(view) for view in views) if wireframe else (),
+        row_poses=row_poses(scene),
     )
+
+
+def row_poses(scene: SceneState) -> tuple[RowPose, ...]:
+    """Poses at some rows of a rolling shutter, from the first to the last; none for a global one.
+
+    Between them rates are constant: a straight line in position and the shortest turn meet every row.
+    """
+    if not scene.shutter.is_rolling:
+        return ()
+    height = scene.camera.height_px
+    rows = np.unique(np.rint(np.linspace(0, height - 1, min(height, ROW_POSES))).astype(int))
+    poses = []
+    for row in rows:
+        dt = float(scene.shutter.row_time_s(row, height))
+        then = scene_at(scene, dt)
+        poses.append(
+            RowPose(
+                row_px=int(row),
+                dt_s=dt,
+                q_camera_from_target_wxyz=then.q_camera_from_target_wxyz,
+                t_camera_from_target_m=then.t_camera_from_target_m,
+            )
+        )
+    return tuple(poses)
+
+
+def _wire(view: EdgeView) -> WireLabel:
+    (x0, y0), (x1, y1) = (map(float, end) for end in view.ends_px)
+    return WireLabel(name=view.edge.name, ends_px=((x0, y0), (x1, y1)), visible=view.stretches)
 
 
 def infeasible_reason(silhouette_inside: float, step_share: float, amodal: Box | None) -> InfeasibleReason:
@@ -130,28 +207,3 @@ def infeasible_reason(silhouette_inside: float, step_share: float, amodal: Box |
 def pixel_hash(image: NDArray[np.unsignedinteger]) -> str:
     """SHA-256 of an image's pixels, whatever file they are kept in."""
     return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
-
-
-def mask_box(mask: ByteArray) -> Box | None:
-    """x0 y0 x1 y1 of a mask at pixel edges: a one-pixel mask at (3, 4) gives 2.5 3.5 3.5 4.5."""
-    columns = np.flatnonzero(mask.any(axis=0))
-    rows = np.flatnonzero(mask.any(axis=1))
-    if columns.size == 0:
-        return None
-    return (
-        float(columns[0]) - 0.5,
-        float(rows[0]) - 0.5,
-        float(columns[-1]) + 0.5,
-        float(rows[-1]) + 0.5,
-    )
-
-
-def amodal_box(scene: SceneState, target: Target) -> Box | None:
-    """Bounds of all projected vertices, not clipped to the image; None when part is behind the camera."""
-    in_camera = scene.camera_from_target.apply(mesh_of(target).positions_m)
-    if in_camera[:, 2].min() <= 1e-3:
-        return None
-    pixels = scene.camera.project(in_camera)
-    x0, y0 = pixels.min(axis=0)
-    x1, y1 = pixels.max(axis=0)
-    return (float(x0), float(y0), float(x1), float(y1))

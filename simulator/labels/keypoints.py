@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.camera.develop import noise_sigma
+from simulator.labels.exposure import pose_at_rows
 from simulator.labels.occlusion import Mesh, hidden_from_direction, occluded_from_camera
 from simulator.labels.truth import KeypointLabel, KeypointState
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array, FloatArray
+    from collections.abc import Iterator, Sequence
+
+    from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
@@ -36,32 +39,71 @@ def label_keypoints(
     One label per keypoint; ``state`` is the first that applies of out_of_frame, self_occluded, eclipsed,
     shadowed, saturated, below_noise, visible.
     """
-    pixels = project_keypoints(scene, target)
+    scenes = keypoint_scenes(scene, target)
+    pixels = project_keypoints(scenes, target)
     labels = []
     for keypoint, pixel, geometric in zip(
-        target.keypoints, pixels, geometric_states(scene, target, mesh), strict=True
+        target.keypoints, pixels, geometric_states(scene, target, mesh, scenes), strict=True
     ):
         state = geometric or _radiometric_state(scene, pixel, signal)
-        place = (float(pixel[0]), float(pixel[1])) if np.isfinite(pixel).all() else None
         labels.append(
-            KeypointLabel(name=keypoint.name, target_m=keypoint.position_m, pixel_px=place, state=state)
+            KeypointLabel(
+                name=keypoint.name,
+                target_m=keypoint.position_m,
+                pixel_px=pixel_or_none(pixel),
+                state=state,
+            )
         )
     return tuple(labels)
 
 
-def project_keypoints(scene: SceneState, target: Target) -> FloatArray:
-    """Pixels (K, 2) of a target's keypoints, NaN behind the camera."""
-    points = np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
-    return scene.camera.project(scene.camera_from_target.apply(points))
+def pixel_or_none(pixel: FloatArray) -> tuple[float, float] | None:
+    """A pixel position as a record keeps it: None behind the camera."""
+    return (float(pixel[0]), float(pixel[1])) if np.isfinite(pixel).all() else None
 
 
-def geometric_states(scene: SceneState, target: Target, mesh: Mesh) -> tuple[KeypointState | None, ...]:
-    """State of each keypoint by geometry alone; None where it is lit and in sight, and the picture decides."""
+def keypoint_scenes(scene: SceneState, target: Target) -> tuple[SceneState, ...]:
+    """The scene that each keypoint is seen in: a rolling shutter sees each at the time of its row."""
+    return pose_at_rows(scene, _positions(target))
+
+
+def project_keypoints(scenes: Sequence[SceneState], target: Target) -> FloatArray:
+    """Pixels (K, 2) of a target's keypoints, each seen in its own scene; NaN behind the camera."""
+    points = _positions(target)
+    pixels = np.full((len(points), 2), np.nan)
+    for scene, which in _by_scene(scenes):
+        pixels[which] = scene.camera.project(scene.camera_from_target.apply(points[which]))
+    return pixels
+
+
+def _positions(target: Target) -> FloatArray:
+    return np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
+
+
+def _by_scene(scenes: Sequence[SceneState]) -> Iterator[tuple[SceneState, IntArray]]:
+    """Each distinct scene (by identity) and the indices it stands at."""
+    for scene in {id(s): s for s in scenes}.values():
+        yield scene, np.flatnonzero([s is scene for s in scenes])
+
+
+def geometric_states(
+    scene: SceneState, target: Target, mesh: Mesh, scenes: Sequence[SceneState] | None = None
+) -> tuple[KeypointState | None, ...]:
+    """State of each keypoint by geometry alone; None where it is lit and in sight, and the picture decides.
+
+    Parameters
+    ----------
+    scenes : what each keypoint is seen in, if known already.
+    """
+    scenes = keypoint_scenes(scene, target) if scenes is None else scenes
     pose = scene.camera_from_target
-    points = np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
-    inside = scene.camera.contains(project_keypoints(scene, target))
+    points = _positions(target)
+    inside = scene.camera.contains(project_keypoints(scenes, target))
     occluded = np.ones(len(points), bool)
-    occluded[inside] = occluded_from_camera(mesh, points[inside], pose.R, pose.t_m)
+    for then, which in _by_scene(scenes):
+        on_image, seen_from = which[inside[which]], then.camera_from_target
+        if on_image.size:
+            occluded[on_image] = occluded_from_camera(mesh, points[on_image], seen_from.R, seen_from.t_m)
     shadowed = hidden_from_direction(mesh, points, pose.R.T @ np.asarray(scene.sun_direction_camera))
     states: list[KeypointState | None] = []
     for k in range(len(points)):

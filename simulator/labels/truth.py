@@ -29,6 +29,34 @@ class KeypointLabel(msgspec.Struct, frozen=True, kw_only=True):
     state: KeypointState
 
 
+class FlowLabel(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the optical flow leads: time and pose of the next frame."""
+
+    t_s: float
+    q_camera_from_target_wxyz: Quat
+    t_camera_from_target_m: Vec3
+
+
+class WireLabel(msgspec.Struct, frozen=True, kw_only=True):
+    """One edge of the wireframe: where its ends project, and which shares 0..1 of it the craft leaves in sight.
+
+    The ends are not clipped to the image; an edge that reaches behind the camera is left out.
+    """
+
+    name: str
+    ends_px: tuple[tuple[float, float], tuple[float, float]]
+    visible: tuple[tuple[float, float], ...]
+
+
+class RowPose(msgspec.Struct, frozen=True, kw_only=True):
+    """Pose of the craft at the mid-exposure of one row of a rolling shutter, ``dt_s`` from the picture's."""
+
+    row_px: int
+    dt_s: float
+    q_camera_from_target_wxyz: Quat
+    t_camera_from_target_m: Vec3
+
+
 class Software(msgspec.Struct, frozen=True, kw_only=True):
     """What drew the frame."""
 
@@ -65,6 +93,17 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
     mask_sha256: str
     scene: SceneState
     software: Software
+    exposure_s: float | None = None
+    earth_direction_camera: Vec3 | None = None
+    box_3d_target_m: tuple[Vec3, ...] = ()
+    box_3d_px: tuple[tuple[float, float] | None, ...] = ()
+    parts: tuple[str, ...] = ()
+    layers: tuple[str, ...] = ()
+    layer_sha256: dict[str, str] = msgspec.field(default_factory=dict)
+    amodal_origin_px: tuple[int, int] | None = None
+    flow: FlowLabel | None = None
+    wireframe: tuple[WireLabel, ...] = ()
+    row_poses: tuple[RowPose, ...] = ()
 
 
 def truth_to_json(truth: Truth) -> bytes:

@@ -43,6 +43,7 @@ class Mesh:
     ----------
     hull_m : (K, 3) points whose convex hull holds the mesh, target frame [m].
     center_m, radius_m : bounding sphere, target frame.
+    order : which of the target's parts lie in the buffers first, second and so on.
     is_closed : every part is a set of closed shells facing outwards.
     uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
     """
@@ -56,11 +57,15 @@ class Mesh:
     is_closed: bool
     uv: moderngl.Buffer | None = None
     draws: tuple[Draw, ...] = ()
+    order: tuple[int, ...] = ()
 
-    def vertex_array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
-        """The mesh as ``program`` reads it."""
+    def vertex_array(
+        self, context: moderngl.Context, program: moderngl.Program, *more: tuple[moderngl.Buffer, str, str]
+    ) -> moderngl.VertexArray:
+        """The mesh as ``program`` reads it; ``more`` names further buffers with a value per vertex."""
         content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = [
-            (self.vertices, VERTEX_FORMAT, *ATTRIBUTES)
+            (self.vertices, VERTEX_FORMAT, *ATTRIBUTES),
+            *more,
         ]
         if self.uv is not None and "in_uv" in program:
             content.append((self.uv, "2f", "in_uv"))
@@ -95,7 +100,9 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
     textured = {m.name: m for m in target.materials if any(m.textures)}
     first = 0
     # parts with one material follow each other, so that each set of textures is bound once
-    for part in sorted(target.parts, key=lambda p: p.material if p.material in textured else ""):
+    names = [part.material if part.material in textured else "" for part in target.parts]
+    order = sorted(range(len(names)), key=names.__getitem__)
+    for part in (target.parts[k] for k in order):
         if part.material not in numbers:
             raise UserError(
                 f"part {part.name} of target {target.name} names the material {part.material!r}, which the target "
@@ -130,6 +137,7 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
         is_closed=all(_is_closed(part) for part in target.parts),
         uv=context.buffer(np.concatenate(uv).astype(np.float32).tobytes()) if textured else None,
         draws=tuple(draws),
+        order=tuple(order),
     )
 
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from simulator.arrays import Float32Array
     from simulator.render.context import GlInfo
+    from simulator.render.passes.labels import Surfaces
     from simulator.render.projection import PixelRect
     from simulator.render.view import View
     from simulator.scene.state import Bands, SceneState
@@ -112,12 +113,7 @@ class Renderer:
                 f"{target.name} ({target.sha256[:12]}); use the same version of the target file"
             )
         clock = StageClock(self._gl)
-        for block in self._blocks.all():
-            block.bind()
-        self._programs.lens = not scene.camera.distortion.is_none
-        if self._programs.lens:
-            self._rays.of(scene.camera).use(RAYS_UNIT)
-        passes = self._target_passes()
+        passes = self._prepare(scene)
         view = build_view(scene)
         images = self._images_for(scene)
         images.clear()
@@ -131,10 +127,35 @@ class Renderer:
         inside = 1.0
         if labels:
             coverage = images.read_coverage()
-            depth, inside = passes.labels(scene, view, target)
+            depth = passes.surfaces(scene, view, target, layers=False).depth_m
+            inside = passes.silhouette_inside(scene, view, target)
             clock.lap("labels")
         self.check("a frame")
         return Rendered(radiance, coverage, depth, inside, clock.stage_ms)
+
+    def surfaces(self, scene: SceneState, target: Target, *, layers: bool = False) -> Surfaces:
+        """What of the target lies at each pixel's centre, without drawing the picture.
+
+        Parameters
+        ----------
+        layers : normals and parts too, not depth alone.
+        """
+        seen = self._prepare(scene).surfaces(scene, build_view(scene), target, layers=layers)
+        self.check("the labels of a frame")
+        return seen
+
+    def silhouette_inside(self, scene: SceneState, target: Target) -> float:
+        """Share of the target's whole silhouette that falls on the image."""
+        return self._prepare(scene).silhouette_inside(scene, build_view(scene), target)
+
+    def _prepare(self, scene: SceneState) -> TargetPasses:
+        """Bind what every pass reads, and choose the spacecraft's passes for the scene's lens."""
+        for block in self._blocks.all():
+            block.bind()
+        self._programs.lens = not scene.camera.distortion.is_none
+        if self._programs.lens:
+            self._rays.of(scene.camera).use(RAYS_UNIT)
+        return self._target_passes()
 
     def _draw_sky(
         self, scene: SceneState, view: View, images: Images, hidden: PixelRect | None, clock: StageClock

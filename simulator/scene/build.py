@@ -8,6 +8,7 @@ import numpy as np
 
 from simulator.arrays import Vec3, quat, vec3
 from simulator.camera.optics import Optics
+from simulator.camera.shutter import Shutter
 from simulator.scene.state import Bands, Environment, Quality, SceneState, TargetRef
 from simulator.world.rotation import matrix_from_quat, quat_multiply
 
@@ -31,6 +32,7 @@ def build_scene(
     bands: Bands = "mono",
     environment: Environment | None = None,
     optics: Optics | None = None,
+    shutter: Shutter | None = None,
 ) -> SceneState:
     """Freeze the world at mid-exposure as one camera sees it.
 
@@ -44,7 +46,7 @@ def build_scene(
     target : model that is drawn.
     com_target_m : its centre of mass in the model frame [m].
     frame_index, seed : key of the frame's random numbers.
-    quality, bands, environment : how it is drawn.
+    quality, bands, environment : how it is drawn. shutter : global unless given.
     """
     q_ce = np.array(world.q_camera_from_eci_wxyz)
     R_camera_from_eci = matrix_from_quat(q_ce)
@@ -65,6 +67,7 @@ def build_scene(
         camera=camera,
         sensor=sensor,
         exposure_s=exposure_s,
+        shutter=shutter or Shutter(),
         quality=quality,
         bands=bands,
         environment=environment or Environment(),

@@ -32,6 +32,7 @@ def scene_problem(scene: SceneState) -> str | None:
         ("scene.sensor.gaussian_variance", s.gaussian_variance, 0.0, 1.0),
         ("scene.sensor.bits", s.bits, 8, 16),
         ("scene.exposure_s", scene.exposure_s, 1e-9, 1e4),
+        ("scene.shutter.readout_s", scene.shutter.readout_s, 0.0, 10.0),
         ("scene.seed", scene.seed, 0, 2**63 - 1),
         ("scene.frame_index", scene.frame_index, 0, 2**31 - 1),
         ("scene.sun_visible_fraction", scene.sun_visible_fraction, 0.0, 1.0),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -11,6 +11,7 @@ from simulator.arrays import Quat, Vec3, vec3
 from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Sensor
+from simulator.camera.shutter import Shutter
 from simulator.world.bodies import BodyName
 from simulator.world.pose import Pose
 from simulator.world.rotation import matrix_from_quat
@@ -55,7 +56,7 @@ class SceneState:
     epoch_utc : mid-exposure, ISO 8601 with a trailing Z.
     t_s : seconds since the scenario's start.
     frame_index, seed : key of this frame's random numbers.
-    exposure_s : integration time [s].
+    exposure_s : integration time [s]. shutter : when each row is exposed.
     optics : what the lens does to the light besides bending it.
     quality : preset of the renderer.
     bands : ``mono`` (panchromatic) or ``rgb``.
@@ -81,6 +82,7 @@ class SceneState:
     sensor: Sensor
     exposure_s: float
     optics: Optics = _PERFECT_LENS
+    shutter: Shutter = field(default_factory=Shutter)
     quality: Quality = "default"
     bands: Bands = "mono"
     environment: Environment = Environment()
@@ -106,6 +108,12 @@ class SceneState:
     def camera_from_target(self) -> Pose:
         """Pose of the target in the camera frame: the label."""
         return Pose("camera", "target", self.q_camera_from_target_wxyz, self.t_camera_from_target_m)
+
+    @property
+    def earth_direction_camera(self) -> Vec3:
+        """Unit vector from the target to the Earth's centre, camera frame."""
+        d = matrix_from_quat(self.q_camera_from_eci_wxyz) @ np.asarray(self.r_target_eci_m)
+        return vec3(-d / np.linalg.norm(d))
 
     @property
     def sun_direction_camera(self) -> Vec3:

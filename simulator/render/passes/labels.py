@@ -1,61 +1,133 @@
-"""Label pass: the target's depth at pixel centres, and how much of its silhouette is in the image."""
+"""Label pass: what the target shows at each pixel's centre (depth, normal, part), and its whole silhouette.
+
+One sample a pixel, at its centre: mask, depth, normals and parts come from one raster and so have one support.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.block_values import lens_values
 from simulator.render.context import release
 from simulator.render.projection import PixelRect, clip_from_camera, window_from_pixel
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import Float32Array, FloatArray
+    from simulator.arrays import BoolArray, Float32Array, FloatArray
     from simulator.camera.model import Camera
+    from simulator.render.blocks import Blocks
+    from simulator.render.mesh import Mesh
     from simulator.render.programs import ProgramLibrary
+    from simulator.targets.model import Target
 
 _SILHOUETTE_SIDE_PX = 512  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved
+MAX_PARTS = 2048  # what the surface buffer's 16-bit floats count exactly
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """What lies at each pixel's centre.
+
+    Parameters
+    ----------
+    depth_m : (H, W) float32 camera z of the nearest surface, NaN where the target is not.
+    normals : (H, W, 3) float16, camera frame, unit, towards the camera; zero where the target is not; or None.
+    parts : (H, W) uint16, number of the part in the target from 1, 0 where the target is not; or None.
+    """
+
+    depth_m: Float32Array
+    normals: np.typing.NDArray[np.float16] | None = None
+    parts: np.typing.NDArray[np.uint16] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Arrays:
+    """Vertex arrays of one uploaded target: for depth alone, and for all layers."""
+
+    depth: moderngl.VertexArray
+    layers: moderngl.VertexArray
+    parts: moderngl.Buffer
 
 
 class LabelPass:
-    """Draws the target's camera z, one sample per pixel. Reads the mesh; owns what it writes."""
+    """Draws the target once more at one sample a pixel. Reads the mesh; owns what it writes."""
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
-        self._context = context
-        self.program = programs.get("target/depth.vert", "target/depth.frag", {})
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: Blocks) -> None:
+        self._context, self._lens = context, blocks.lens
+        self._programs = {
+            layers: programs.get("target/labels.vert", "target/labels.frag", {"LAYERS": int(layers)})
+            for layers in (False, True)
+        }
+        self._arrays: dict[str, _Arrays] = {}
 
-    def depth_m(
+    def _arrays_of(self, target: Target, mesh: Mesh) -> _Arrays:
+        if target.sha256 not in self._arrays:
+            numbers = np.concatenate(
+                [np.full(len(target.parts[k].positions_m), k + 1, np.float32) for k in mesh.order]
+            )
+            parts = self._context.buffer(numbers.tobytes())
+            self._arrays[target.sha256] = _Arrays(
+                mesh.vertex_array(self._context, self._programs[False].gl),
+                mesh.vertex_array(self._context, self._programs[True].gl, (parts, "1f", "in_part")),
+                parts,
+            )
+        return self._arrays[target.sha256]
+
+    def surfaces(
         self,
-        vertex_array: moderngl.VertexArray,
+        target: Target,
+        mesh: Mesh,
         camera: Camera,
         rect: PixelRect,
-        size: tuple[int, int],
         camera_from_target: FloatArray,
         near_far_m: tuple[float, float],
+        *,
+        layers: bool = False,
         scale: float = 1.0,
-    ) -> Float32Array:
-        """(h, w) camera z over ``rect``, NaN where the target is not; ``scale`` < 1 draws fewer, larger pixels."""
-        buffer_from_pixel = window_from_pixel(rect)
-        buffer_from_pixel = buffer_from_pixel * scale
-        clip = clip_from_camera(camera, *near_far_m, buffer_from_pixel, size) @ camera_from_target
-        image = self._context.texture(size, 1, dtype="f4")
-        depth = self._context.depth_renderbuffer(size)
-        framebuffer = self._context.framebuffer([image], depth)
-        framebuffer.use()
-        framebuffer.clear(float("nan"), 0.0, 0.0, 0.0)
-        self._context.enable_only(self._context.DEPTH_TEST)
-        self.program.set("u_clip_from_target", tuple(clip.T.ravel()))
-        self.program.set("u_camera_z", tuple(camera_from_target[2]))
-        vertex_array.render()
-        data = np.frombuffer(framebuffer.read(components=1, dtype="f4", alignment=1), np.float32)
-        release(self._context, framebuffer, image, depth)
-        return data.reshape(size[1], size[0])
+    ) -> Surfaces:
+        """What the pixels of ``rect`` show; ``scale`` < 1 draws fewer, larger pixels.
 
-    def silhouette_inside(
+        Parameters
+        ----------
+        layers : also normals and parts.
+        """
+        arrays, program = self._arrays_of(target, mesh), self._programs[layers]
+        size = (max(1, round(rect.width * scale)), max(1, round(rect.height * scale)))
+        clip = clip_from_camera(camera, *near_far_m, window_from_pixel(rect) * scale, size)
+        z = self._context.texture(size, 1, dtype="f4")
+        depth = self._context.depth_renderbuffer(size)
+        outputs = [z]
+        if layers:
+            outputs.append(self._context.texture(size, 4, dtype="f2"))
+        framebuffer = self._context.framebuffer(outputs, depth)
+        if not camera.distortion.is_none:
+            self._lens.write(lens_values(camera, clip, camera_from_target))
+        framebuffer.use()
+        framebuffer.clear()
+        self._context.enable_only(self._context.DEPTH_TEST)
+        program.set("u_clip_from_target", tuple((clip @ camera_from_target).T.ravel()))
+        program.set("u_label_camera_from_target", tuple(camera_from_target.T.ravel()))
+        (arrays.layers if layers else arrays.depth).render()
+        data = np.frombuffer(framebuffer.read(components=1, dtype="f4", alignment=1), np.float32)
+        depth_m = data.reshape(size[1], size[0])
+        depth_m = np.where(depth_m == 0, np.float32(np.nan), depth_m)
+        normals = parts = None
+        if layers:
+            surface = np.frombuffer(
+                framebuffer.read(components=4, attachment=1, dtype="f2", alignment=1), np.float16
+            ).reshape(size[1], size[0], 4)
+            normals, parts = surface[..., :3], surface[..., 3].astype(np.uint16)
+        release(self._context, framebuffer, depth, *outputs)
+        return Surfaces(depth_m, normals, parts)
+
+    def silhouette(
         self,
-        vertex_array: moderngl.VertexArray,
+        target: Target,
+        mesh: Mesh,
         camera: Camera,
         bounds_px: FloatArray,
         camera_from_target: FloatArray,
@@ -73,14 +145,25 @@ class LabelPass:
             return 1.0
         rect = PixelRect(int(x0), int(y0), int(x1), int(y1))
         scale = min(1.0, _SILHOUETTE_SIDE_PX / max(rect.width, rect.height))
-        size = (max(1, round(rect.width * scale)), max(1, round(rect.height * scale)))
         seen = np.isfinite(
-            self.depth_m(vertex_array, camera, rect, size, camera_from_target, near_far_m, scale)
+            self.surfaces(target, mesh, camera, rect, camera_from_target, near_far_m, scale=scale).depth_m
         )
-        x = (np.arange(size[0]) + 0.5) / scale + rect.x0 - 0.5
-        y = (np.arange(size[1]) + 0.5) / scale + rect.y0 - 0.5
-        on_image = ((x >= -0.5) & (x < camera.width_px - 0.5))[None, :] & (
-            (y >= -0.5) & (y < camera.height_px - 0.5)
-        )[:, None]
+        on_image = _on_image(camera, rect, seen.shape, scale)
         total = int(seen.sum())
         return float((seen & on_image).sum() / total) if total else 0.0
+
+    def release(self) -> None:
+        """Free the vertex arrays."""
+        for arrays in self._arrays.values():
+            release(self._context, arrays.depth, arrays.layers, arrays.parts)
+        self._arrays.clear()
+
+
+def _on_image(camera: Camera, rect: PixelRect, shape: tuple[int, ...], scale: float) -> BoolArray:
+    """Which pixels of a scaled window have their centre on the image."""
+    x = (np.arange(shape[1]) + 0.5) / scale + rect.x0 - 0.5
+    y = (np.arange(shape[0]) + 0.5) / scale + rect.y0 - 0.5
+    return np.asarray(
+        ((x >= -0.5) & (x < camera.width_px - 0.5))[None, :]
+        & ((y >= -0.5) & (y < camera.height_px - 0.5))[:, None]
+    )

@@ -12,7 +12,7 @@ from simulator.render.lattice import Lattice
 from simulator.render.mesh import upload
 from simulator.render.outline import outline_px
 from simulator.render.passes.gbuffer import GBufferPass
-from simulator.render.passes.labels import LabelPass
+from simulator.render.passes.labels import LabelPass, Surfaces
 from simulator.render.passes.shade import ShadePass
 from simulator.render.passes.shadow import ShadowPass, choose_shadow
 from simulator.render.passes.textured import TexturedGBufferPass
@@ -23,7 +23,7 @@ from simulator.scene.bands import reflectance
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import Float32Array, FloatArray
+    from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
     from simulator.render.blocks import Blocks
     from simulator.render.images import Images
@@ -52,7 +52,6 @@ class Loaded:
     mesh: Mesh
     shadow: moderngl.VertexArray
     gbuffer: moderngl.VertexArray
-    labels: moderngl.VertexArray
     textures: Textures | None = None
 
 
@@ -76,7 +75,7 @@ class TargetPasses:
         self._gbuffer = GBufferPass(context, programs)
         self._textured: TexturedGBufferPass | None = None  # made with the first mesh that has textures
         self._shade = ShadePass(context, programs)
-        self._labels = LabelPass(context, programs)
+        self._labels = LabelPass(context, programs, blocks)
         self._loaded: dict[str, Loaded] = {}
 
     def _load(self, target: Target) -> Loaded:
@@ -92,7 +91,6 @@ class TargetPasses:
                 mesh,
                 mesh.vertex_array(context, shadow.program.gl),
                 mesh.vertex_array(context, gbuffer.program(mesh).gl),
-                mesh.vertex_array(context, self._labels.program.gl),
                 textures,
             )
         return self._loaded[target.sha256]
@@ -164,31 +162,38 @@ class TargetPasses:
         clock.lap("target.shading")
         return place.rect
 
-    def labels(self, scene: SceneState, view: View, target: Target) -> tuple[Float32Array, float]:
-        """Depth at pixel centres (H, W), NaN outside, and the share of the silhouette on the image."""
-        loaded, camera = self._load(target), scene.camera
-        depth = np.full((camera.height_px, camera.width_px), np.nan, np.float32)
-        place = locate(loaded.mesh, view, camera, clip=False)
-        if place is None:
-            return depth, 0.0
-        inside = self._labels.silhouette_inside(
-            loaded.labels, camera, place.bounds_px, place.camera_from_target, place.near_far_m
-        )
-        place = locate(loaded.mesh, view, camera)
+    def surfaces(self, scene: SceneState, view: View, target: Target, *, layers: bool) -> Surfaces:
+        """What lies at each pixel's centre."""
+        mesh, camera = self._load(target).mesh, scene.camera
+        shape = (camera.height_px, camera.width_px)
+        depth = np.full(shape, np.nan, np.float32)
+        normals = np.zeros((*shape, 3), np.float16) if layers else None
+        parts = np.zeros(shape, np.uint16) if layers else None
+        place = locate(mesh, view, camera)
         if place is not None:
             rect = place.rect
-            depth[rect.y0 : rect.y1, rect.x0 : rect.x1] = self._labels.depth_m(
-                loaded.labels,
-                camera,
-                rect,
-                (rect.width, rect.height),
-                place.camera_from_target,
-                place.near_far_m,
+            window = (slice(rect.y0, rect.y1), slice(rect.x0, rect.x1))
+            seen = self._labels.surfaces(
+                target, mesh, camera, rect, place.camera_from_target, place.near_far_m, layers=layers
             )
-        return depth, inside
+            depth[window] = seen.depth_m
+            if normals is not None and parts is not None and seen.parts is not None:
+                normals[window], parts[window] = seen.normals, seen.parts
+        return Surfaces(depth, normals, parts)
+
+    def silhouette_inside(self, scene: SceneState, view: View, target: Target) -> float:
+        """Share of the whole silhouette that falls on the image; 0 where nothing is before the camera."""
+        mesh, camera = self._load(target).mesh, scene.camera
+        place = locate(mesh, view, camera, clip=False)
+        if place is None:
+            return 0.0
+        return self._labels.silhouette(
+            target, mesh, camera, place.bounds_px, place.camera_from_target, place.near_far_m
+        )
 
     def release(self) -> None:
         """Free the uploaded targets."""
+        self._labels.release()
         for loaded in self._loaded.values():
             loaded.mesh.release()
             if loaded.textures is not None:

@@ -1,0 +1,23 @@
+// Camera z [m] of the nearest surface at the pixel's centre; with LAYERS also its normal (camera frame, unit, towards
+// the camera) and the number of its part (1 is the first; 0, which nothing writes, is the background).
+in float v_z_m;
+layout(location = 0) out float out_z_m;
+#if LAYERS
+in vec3 v_position_m;
+in vec3 v_normal;
+flat in float v_part;
+layout(location = 1) out vec4 out_surface;
+#endif
+void main() {
+    out_z_m = v_z_m;
+#if LAYERS
+    // back faces of open shells are labelled from their own side; where a normal smoothed over a curved surface
+    // leans past its horizon, it is put back upon the horizon
+    vec3 away = normalize(v_position_m);
+    vec3 face = cross(dFdx(v_position_m), dFdy(v_position_m));
+    vec3 n = normalize(v_normal);
+    if (dot(n, face) * dot(away, face) > 0.0) n = -n;
+    n -= max(dot(n, away), 0.0) * away;
+    out_surface = vec4(normalize(n), v_part);
+#endif
+}

@@ -1,0 +1,43 @@
+"""The shutter: when each row of a picture is exposed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from simulator.arrays import FloatArray
+
+ShutterKind = Literal["global", "rolling"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shutter:
+    """How rows are exposed.
+
+    Parameters
+    ----------
+    kind : ``global``, all rows at once; ``rolling``, one after the other from the top.
+    readout_s : of a rolling shutter: the rows' number times the time from one row to the next [s].
+    motion_blur : whether the motion during the exposure is integrated; without it, a picture is an instant.
+    """
+
+    kind: ShutterKind = "global"
+    readout_s: float = 0.0
+    motion_blur: bool = True
+
+    @property
+    def is_rolling(self) -> bool:
+        """Whether rows differ in time."""
+        return self.kind == "rolling" and self.readout_s > 0
+
+    def row_time_s(self, row_px: ArrayLike, height_px: int) -> FloatArray:
+        """Mid-exposure of rows, from that of the picture's middle; rows beyond the image count as its edge."""
+        row = np.clip(np.asarray(row_px, float), -0.5, height_px - 0.5)
+        if not self.is_rolling:
+            return np.zeros_like(row)
+        return np.asarray((row - (height_px - 1) / 2) * (self.readout_s / height_px))

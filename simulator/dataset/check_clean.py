@@ -1,0 +1,48 @@
+"""Check of the clean twin: the image less it is the noise that the sensor says, on the craft and everywhere."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.camera.develop import noise_sigma
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.arrays import ByteArray
+    from simulator.labels.truth import Truth
+
+LEVELS = np.linspace(0, 1, 65)
+NOISE_SPREAD = (0.55, 1.1)  # mean |x| of a normal law is 0.80 of its sigma, of a uniform one 0.87
+
+
+def check_clean(
+    truth: Truth, image: NDArray[np.unsignedinteger], mask: ByteArray, clean: NDArray[np.unsignedinteger]
+) -> list[str]:
+    """The image less its clean twin is the noise that the sensor says, on the craft and everywhere."""
+    if clean.shape != image.shape or clean.dtype != image.dtype:
+        return [f"the clean twin is {clean.shape} {clean.dtype}, the image {image.shape} {image.dtype}"]
+    full = 2.0**truth.scene.sensor.bits - 1
+    signal = clean / full
+    sigma = np.interp(signal, LEVELS, [noise_sigma(truth.scene.sensor, float(level)) for level in LEVELS])
+    residual = (image.astype(float) - clean) / full
+    # at the ends of the scale the noise is cut off
+    inside = (signal > 4 * sigma) & (signal < 1 - 4 * sigma)
+    on = (mask > 0) if image.ndim == 2 else np.broadcast_to((mask > 0)[..., None], image.shape)
+    for where, what in ((inside & on, "on the craft"), (inside, "in the picture")):
+        if np.count_nonzero(where) < 200:
+            continue
+        z = residual[where] / sigma[where]
+        spread, shift = float(np.minimum(np.abs(z), 10).mean()), float(np.median(z))
+        if not (NOISE_SPREAD[0] < spread < NOISE_SPREAD[1] and abs(shift) < 0.5):
+            # a quiet sensor's image is its twin, but for the last digit
+            if np.abs(residual[where]).max() * full <= 1.0 and sigma[where].max() * full < 0.5:
+                continue
+            return [f"{what} the image less its clean twin is {spread:.2f} sigma of the noise, not about 0.8"]
+    # a cut-off below zero does not move the median of what is above it
+    dark = ~inside & (signal < 0.5)
+    if np.count_nonzero(dark) >= 200 and abs(np.median(residual[dark] / sigma[dark])) > 0.5:
+        return ["the clean twin is not as dark as the image where there is little light"]
+    return []

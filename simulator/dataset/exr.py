@@ -1,0 +1,46 @@
+"""OpenEXR files: numbers in metres, pixels or radiance as 32-bit floats, normals as 16-bit ones."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import OpenEXR
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def encode_exr(names: tuple[str, ...], values: NDArray[Any]) -> bytes:
+    """OpenEXR bytes of (H, W) or (H, W, C) floats, a channel per name; float16 stays half, NaN stays NaN."""
+    planes = values[..., None] if values.ndim == 2 else values
+    channels = {name: np.ascontiguousarray(planes[..., k]) for k, name in enumerate(names)}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / "layer.exr"
+        OpenEXR.File(header, channels).write(str(place))
+        return place.read_bytes()
+
+
+def read_exr(path: Path, names: tuple[str, ...]) -> NDArray[Any]:
+    """(H, W) or (H, W, C) values of an OpenEXR file's channels.
+
+    Raises
+    ------
+    UserError
+        If the file is missing, damaged, or lacks a channel.
+    """
+    if not path.is_file():
+        raise UserError(f"cannot read {path}; it is missing")
+    try:
+        channels = OpenEXR.File(str(path), separate_channels=True).channels()
+        planes = [np.asarray(channels[name].pixels) for name in names]
+    except (RuntimeError, KeyError, ValueError, TypeError) as error:
+        raise UserError(
+            f"cannot read {path}; it is not an OpenEXR file of channels {', '.join(names)}"
+        ) from error
+    return planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)

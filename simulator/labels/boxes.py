@@ -1,0 +1,50 @@
+"""Boxes about the craft: of the visible mask, of the whole projected craft, and in three dimensions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.labels.occlusion import mesh_of
+from simulator.labels.truth import Box
+
+if TYPE_CHECKING:
+    from simulator.arrays import ByteArray, FloatArray
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+NEAREST_M = 1e-3  # what is closer than this to the lens's plane, or behind it, has no projection
+
+
+def mask_box(mask: ByteArray) -> Box | None:
+    """x0 y0 x1 y1 of a mask at pixel edges: a one-pixel mask at (3, 4) gives 2.5 3.5 3.5 4.5."""
+    columns = np.flatnonzero(mask.any(axis=0))
+    rows = np.flatnonzero(mask.any(axis=1))
+    if columns.size == 0:
+        return None
+    return (
+        float(columns[0]) - 0.5,
+        float(rows[0]) - 0.5,
+        float(columns[-1]) + 0.5,
+        float(rows[-1]) + 0.5,
+    )
+
+
+def amodal_box(scene: SceneState, target: Target) -> Box | None:
+    """Bounds of all projected vertices, not clipped to the image; None when part is behind the camera."""
+    in_camera = scene.camera_from_target.apply(mesh_of(target).positions_m)
+    if in_camera[:, 2].min() <= NEAREST_M:
+        return None
+    pixels = scene.camera.project(in_camera)
+    x0, y0 = pixels.min(axis=0)
+    x1, y1 = pixels.max(axis=0)
+    return (float(x0), float(y0), float(x1), float(y1))
+
+
+def box_3d_m(target: Target) -> FloatArray:
+    """(8, 3) corners of the box about the mesh, model axes; corner k has x, y, z high by its bits 4, 2, 1."""
+    positions = mesh_of(target).positions_m
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
+    return np.asarray(low + bits * (high - low))

@@ -1,0 +1,210 @@
+"""The exposure in time: a picture as the mean of instants (motion blur) and of bands of rows (rolling shutter).
+
+Each instant is a whole scene, moved by the propagated rates and drawn anew, so that the smear of the craft, of the
+ground and of the stars is each its own motion's and not a kernel's. A picture in which nothing moves by as much as
+``STILL_PX`` is drawn once, as before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.labels.occlusion import mesh_of
+from simulator.scene.motion import scene_at
+from simulator.world.bodies import BODIES
+from simulator.world.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from simulator.arrays import Float32Array, FloatArray
+    from simulator.camera.model import Camera
+    from simulator.render.passes.labels import Surfaces
+    from simulator.render.renderer import Renderer
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+STILL_PX = 0.3
+"""Motion during the exposure below which one instant serves: its smear is under a tenth of a pixel rms."""
+INSTANT_PX = 1.0
+"""Motion between instants. A pixel integrates over itself, so steps of one pixel leave no gap in a smear."""
+MAX_INSTANTS = 256
+BAND_PX = 0.2
+"""Motion between bands of rows of a rolling shutter: labels and picture are within half of it of the true row's."""
+
+
+@dataclass(frozen=True)
+class RowBand:
+    """Rows ``y0 <= y < y1``, exposed about ``dt_s`` from the picture's mid-exposure."""
+
+    y0: int
+    y1: int
+    dt_s: float
+
+
+def crop(camera: Camera, x0: int, y0: int, width_px: int, height_px: int) -> Camera:
+    """The camera that sees a window of the image, or beyond its edges."""
+    return replace(
+        camera, width_px=width_px, height_px=height_px, cx_px=camera.cx_px - x0, cy_px=camera.cy_px - y0
+    )
+
+
+def image_motion_px(scene: SceneState, target: Target, span_s: float) -> float:
+    """Largest way that anything on the image goes in ``span_s`` about mid-exposure [px].
+
+    Followed are the corners of the box about the craft, and a grid of directions: where one meets the Earth, the
+    ground there, else the sky.
+    """
+    if span_s == 0:
+        return 0.0
+    early, late = (_places_px(scene, scene_at(scene, sign * span_s / 2), target) for sign in (-1, 1))
+    way = np.hypot(*(late - early).T)
+    return float(np.nanmax(way, initial=0.0))
+
+
+def _places_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
+    """(K, 2) where the followed points of ``scene`` are seen in the scene ``then``; NaN behind the camera."""
+    positions = mesh_of(target).positions_m
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * (high - low) + low
+    c = scene.camera
+    u, v = np.meshgrid(np.linspace(0, c.width_px - 1, 5), np.linspace(0, c.height_px - 1, 5))
+    d = c.rays(np.stack([u.ravel(), v.ravel()], axis=1))
+    d = d @ matrix_from_quat(scene.q_camera_from_eci_wxyz)  # in ECI
+    body = BODIES[scene.central_body]
+    moon = scene.central_body == "moon"
+    # the Moon turns too slowly to matter here
+    here, there = (np.eye(3) if moon else matrix_from_quat(s.q_itrs_from_eci_wxyz).T for s in (scene, then))
+    centers = [np.asarray(s.r_moon_eci_m) if moon else np.zeros(3) for s in (scene, then)]
+    r = np.asarray(scene.r_camera_eci_m) - centers[0]
+    along = -d @ r
+    left = along**2 - (r @ r - body.radius_m**2)
+    ground = (left > 0) & (along > 0) & scene.environment.earth
+    place = r + (along - np.sqrt(np.maximum(left, 0)))[:, None] * d
+    place = place @ (there @ here.T).T + centers[1] - np.asarray(then.r_camera_eci_m)
+    seen = np.where(ground[:, None], place, d) @ matrix_from_quat(then.q_camera_from_eci_wxyz).T
+    craft = then.camera.project(then.camera_from_target.apply(corners))
+    at = scene.camera.project(scene.camera_from_target.apply(corners))
+    # a craft far outside the image smears nothing
+    size = np.array([c.width_px, c.height_px])
+    if not np.all(np.isfinite(at)) or np.any(at.max(axis=0) < 0) or np.any(at.min(axis=0) > size):
+        craft = np.zeros_like(craft)
+    return np.concatenate([craft, then.camera.project(seen)])
+
+
+def instants(scene: SceneState, target: Target) -> FloatArray:
+    """(N,) times of the instants to draw, from the middle of a row's exposure [s]; one zero if all is still."""
+    motion = image_motion_px(scene, target, scene.exposure_s) if scene.shutter.motion_blur else 0.0
+    if motion < STILL_PX:
+        return np.zeros(1)
+    n = int(np.clip(np.ceil(motion / INSTANT_PX), 3, MAX_INSTANTS))
+    return scene.exposure_s * ((np.arange(n) + 0.5) / n - 0.5)
+
+
+def row_bands(scene: SceneState, target: Target) -> tuple[RowBand, ...]:
+    """Bands of rows of equal height that a rolling shutter is drawn in; the last may overlap the one before."""
+    height = scene.camera.height_px
+    if not scene.shutter.is_rolling:
+        return (RowBand(0, height, 0.0),)
+    motion = image_motion_px(scene, target, scene.shutter.readout_s)
+    n = int(np.clip(np.ceil(motion / BAND_PX), 1, height))
+    rows = -(-height // n)
+    bands = []
+    for y in range(0, height, rows):
+        y0 = min(y, height - rows)
+        dt = float(scene.shutter.row_time_s(y0 + (rows - 1) / 2, height))
+        bands.append(RowBand(y0, y0 + rows, dt))
+    return tuple(bands)
+
+
+@dataclass(frozen=True, eq=False)
+class Exposed:
+    """Mean radiance over the exposure (H, W[, 3]) [W m-2 sr-1], and the ledger of drawing it."""
+
+    radiance: Float32Array
+    stage_ms: dict[str, float]
+    n_drawn: int
+
+
+def integrate(renderer: Renderer, scene: SceneState, target: Target) -> Exposed:
+    """Draw a scene over its exposure."""
+    bands, times = row_bands(scene, target), instants(scene, target)
+    if len(bands) == 1 and len(times) == 1 and bands[0].dt_s == 0:
+        rendered = renderer.render(scene, target)
+        return Exposed(rendered.radiance, rendered.stage_ms, 1)
+    parts: dict[int, Float32Array] = {}
+    stage_ms: dict[str, float] = {}
+    for band in bands:
+        camera = crop(scene.camera, 0, band.y0, scene.camera.width_px, band.y1 - band.y0)
+        total: Float32Array | None = None
+        for dt in times:
+            moved = replace(scene_at(scene, band.dt_s + float(dt)), camera=camera)
+            rendered = renderer.render(moved, target)
+            total = rendered.radiance.copy() if total is None else total + rendered.radiance
+            for name, ms in rendered.stage_ms.items():
+                stage_ms[name] = stage_ms.get(name, 0.0) + ms
+        if total is not None:
+            parts[band.y0] = total / np.float32(len(times))
+    radiance = np.empty((scene.camera.height_px, *next(iter(parts.values())).shape[1:]), np.float32)
+    for y0, part in sorted(parts.items(), reverse=True):
+        radiance[y0 : y0 + len(part)] = part
+    return Exposed(radiance, stage_ms, len(bands) * len(times))
+
+
+def surfaces(
+    renderer: Renderer, scene: SceneState, target: Target, *, layers: bool, margin_px: int = 0
+) -> Surfaces:
+    """What lies at each pixel's centre at mid-exposure, each row at its own; ``margin_px`` pixels beyond the edges."""
+    height, m = scene.camera.height_px, margin_px
+    bands = row_bands(scene, target)
+    found: Surfaces | None = None
+    for k in reversed(range(len(bands))):
+        band = bands[k]
+        # rows beyond the image are exposed with its edge
+        top, bottom = band.y0 - (m if k == 0 else 0), band.y1 + (m if k == len(bands) - 1 else 0)
+        camera = crop(scene.camera, -m, top, scene.camera.width_px + 2 * m, bottom - top)
+        seen = renderer.surfaces(replace(scene_at(scene, band.dt_s), camera=camera), target, layers=layers)
+        if len(bands) == 1:
+            return seen
+        if found is None:
+            found = _empty_like(seen, height + 2 * m)
+        rows = slice(top + m, bottom + m)
+        found.depth_m[rows] = seen.depth_m
+        for ours, theirs in ((found.normals, seen.normals), (found.parts, seen.parts)):
+            if ours is not None and theirs is not None:
+                ours[rows] = theirs
+    if found is None:
+        raise RuntimeError("an image without rows has no labels")
+    return found
+
+
+def _empty_like(seen: Surfaces, height: int) -> Surfaces:
+    return replace(
+        seen,
+        depth_m=np.full((height, seen.depth_m.shape[1]), np.nan, np.float32),
+        normals=None if seen.normals is None else np.zeros((height, *seen.normals.shape[1:]), np.float16),
+        parts=None if seen.parts is None else np.zeros((height, seen.parts.shape[1]), np.uint16),
+    )
+
+
+def pose_at_rows(scene: SceneState, points_target_m: FloatArray) -> tuple[SceneState, ...]:
+    """The scene at the mid-exposure of the row that each point is seen in; the picture's own for a global shutter.
+
+    Parameters
+    ----------
+    points_target_m : (K, 3), target frame [m].
+    """
+    if not scene.shutter.is_rolling:
+        return (scene,) * len(points_target_m)
+    scenes = []
+    for point in points_target_m:
+        then = scene
+        for _ in range(8):  # each step leaves the share of the readout that the point moves, squared
+            row = then.camera.project(then.camera_from_target.apply(point[None]))[0, 1]
+            if not np.isfinite(row):
+                then = scene
+                break
+            then = scene_at(scene, float(scene.shutter.row_time_s(row, scene.camera.height_px)))
+        scenes.append(then)
+    return tuple(scenes)

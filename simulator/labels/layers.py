@@ -1,0 +1,141 @@
+"""Label layers: images of the camera's size (the amodal mask may be larger) that say something of every pixel."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.arrays import ByteArray, Float32Array
+from simulator.camera.develop import digitise
+from simulator.camera.sensor import noiseless
+from simulator.labels.exposure import surfaces
+from simulator.labels.request import OF_SURFACES
+from simulator.world.pose import Pose
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.labels.request import LabelRequest
+    from simulator.labels.truth import Box, FlowLabel
+    from simulator.render.passes.labels import Surfaces
+    from simulator.render.renderer import Renderer
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+AMODAL_REACH = 1.0  # how far beyond the image the amodal mask goes, in its larger side
+
+
+@dataclass(frozen=True, eq=False)
+class AmodalMask:
+    """The craft's whole silhouette: ``mask`` (H', W') 0 or 255, whose first pixel is ``origin_px`` of the image."""
+
+    mask: ByteArray
+    origin_px: tuple[int, int]
+
+
+def visible_mask(seen: Surfaces) -> ByteArray:
+    """(H, W) 255 where the craft covers a pixel's centre."""
+    return np.where(np.isfinite(seen.depth_m), np.uint8(255), np.uint8(0))
+
+
+def draw_layers(
+    renderer: Renderer,
+    scene: SceneState,
+    target: Target,
+    request: LabelRequest,
+    seen: Surfaces,
+    signal: Float32Array,
+    amodal_box: Box | None,
+) -> tuple[dict[str, NDArray[Any]], tuple[int, int] | None]:
+    """The layers that were asked for, by name, and the amodal mask's origin.
+
+    Parameters
+    ----------
+    seen : what lies at the pixels' centres. signal : noise-free, 1 at full scale, not clipped.
+    amodal_box : bounds of the projected craft.
+    """
+    layers: dict[str, NDArray[Any]] = {}
+    origin = None
+    for name in request.layers:
+        if name == "depth":
+            layers[name] = seen.depth_m
+        elif name == "parts" and seen.parts is not None:
+            layers[name] = seen.parts
+        elif name == "normals" and seen.normals is not None:
+            layers[name] = seen.normals
+        elif name == "clean":
+            layers[name] = clean_twin(scene, signal)
+        elif name == "flow" and request.flow is not None:
+            layers[name] = optical_flow(scene, request.flow, seen.depth_m)
+        elif name == "amodal":
+            amodal = amodal_mask(renderer, scene, target, visible_mask(seen), amodal_box)
+            layers[name], origin = amodal.mask, amodal.origin_px
+    return layers, origin
+
+
+def wants_surfaces(request: LabelRequest) -> bool:
+    """Whether the label pass must write normals and parts."""
+    return not OF_SURFACES.isdisjoint(request.layers)
+
+
+def layer_hash(layer: NDArray[Any]) -> str:
+    """SHA-256 of a layer's values, row by row, whatever file they are kept in."""
+    return hashlib.sha256(np.ascontiguousarray(layer).data).hexdigest()
+
+
+def clean_twin(scene: SceneState, signal: Float32Array) -> NDArray[np.unsignedinteger]:
+    """The image as the detector would give it without noise: same optics, scale and bits."""
+    return digitise(signal, noiseless(scene.sensor), scene.seed, scene.frame_index)
+
+
+def amodal_mask(
+    renderer: Renderer, scene: SceneState, target: Target, mask: ByteArray, box: Box | None
+) -> AmodalMask:
+    """The whole silhouette, also where it lies beyond the image's edges, by at most an image's larger side.
+
+    Inside the image it is the visible mask: nothing ever stands before the craft. A lens that distorts is known on the
+    image only, so there the mask ends with it.
+
+    Parameters
+    ----------
+    box : bounds of the projected craft; None when part of it is behind the camera, which has no end.
+    """
+    height, width = mask.shape
+    reach = int(AMODAL_REACH * max(width, height))
+    x0, y0, x1, y1 = box or (-np.inf, -np.inf, np.inf, np.inf)
+    over = max(-0.5 - x0, -0.5 - y0, x1 - width + 0.5, y1 - height + 0.5)
+    if over <= 0 or not mask.any() or not scene.camera.distortion.is_none:
+        return AmodalMask(mask, (0, 0))
+    margin = int(min(np.ceil(over), reach))
+    whole = visible_mask(surfaces(renderer, scene, target, layers=False, margin_px=margin))
+    rows, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
+    top, left = min(margin, int(rows[0])), min(margin, int(columns[0]))
+    bottom = max(margin + height, int(rows[-1]) + 1)
+    right = max(margin + width, int(columns[-1]) + 1)
+    canvas = whole[top:bottom, left:right].copy()
+    origin = (left - margin, top - margin)
+    # the window's raster may round a pixel on an edge another way: the image's own pixels stand
+    canvas[-origin[1] : -origin[1] + height, -origin[0] : -origin[0] + width] = mask
+    return AmodalMask(canvas, origin)
+
+
+def optical_flow(scene: SceneState, flow: FlowLabel, depth_m: Float32Array) -> Float32Array:
+    """(H, W, 2) way of what each pixel shows to where the next frame has it [px], x right, y down.
+
+    NaN off the craft, and where the next frame has the point behind the camera. For a global shutter.
+    """
+    here = scene.camera_from_target
+    there = Pose.of("camera", "target", flow.q_camera_from_target_wxyz, flow.t_camera_from_target_m)
+    R = there.R @ here.R.T
+    t = np.asarray(there.t_m) - R @ np.asarray(here.t_m)
+    out = np.full((*depth_m.shape, 2), np.nan, np.float32)
+    rows, columns = np.nonzero(np.isfinite(depth_m))
+    pixels = np.stack([columns, rows], axis=1).astype(float)
+    z = depth_m[rows, columns].astype(float)
+    x, y = scene.camera.unproject(pixels).T
+    points = np.stack([x * z, y * z, z], axis=1)
+    out[rows, columns] = scene.camera.project(points @ R.T + t) - pixels
+    return out

@@ -1,0 +1,45 @@
+"""Which labels a frame gets beyond its truth record and mask: the names of the layers on request."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from simulator.labels.truth import FlowLabel
+
+LAYERS = ("amodal", "parts", "depth", "normals", "flow", "clean", "wireframe")
+"""``wireframe`` goes into the truth record, every other layer into a file of its own."""
+
+OF_SURFACES = frozenset({"parts", "normals"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelRequest:
+    """What to label.
+
+    Parameters
+    ----------
+    layers : names out of ``LAYERS``.
+    flow : where the craft is in the next frame; without it a frame has no optical flow.
+    """
+
+    layers: tuple[str, ...] = ()
+    flow: FlowLabel | None = None
+
+
+def parse_labels(text: str) -> tuple[str, ...]:
+    """Layers from a comma-separated list, ``all`` or ``none``, in the order of ``LAYERS``.
+
+    Raises
+    ------
+    UserError
+        If one is unknown.
+    """
+    names = {name.strip() for name in text.split(",") if name.strip()}
+    for name in sorted(names):
+        if name not in {*LAYERS, "all", "none"}:
+            raise UserError(f"unknown label '{name}' in --labels; choose from all, none, {', '.join(LAYERS)}")
+    return tuple(name for name in LAYERS if name in names or "all" in names)

@@ -1,0 +1,88 @@
+"""A scene a moment earlier or later: its own propagated rates, carried over an exposure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import quat, vec3
+from simulator.world.bodies import BODIES
+from simulator.world.rotation import (
+    matrix_from_quat,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_normalize,
+)
+from simulator.world.time import Instant
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.scene.state import SceneState
+
+EARTH_RATE_RAD_S = 7.292115e-5  # WGS 84
+
+
+def scene_at(scene: SceneState, dt_s: float) -> SceneState:
+    """The scene ``dt_s`` seconds from its mid-exposure.
+
+    Rates of rotation are held; the two craft fall freely from their velocities. Over a second in low orbit a
+    tumbling craft strays from this by the square of its rate and of the time: millipixels for exposures.
+
+    Parameters
+    ----------
+    dt_s : time from mid-exposure [s], of either sign.
+
+    Returns
+    -------
+    The scene there; its key of random numbers and its epoch's text stay the picture's own.
+    """
+    if dt_s == 0.0:
+        return scene
+    q_ce = np.asarray(scene.q_camera_from_eci_wxyz)
+    q_ct = np.asarray(scene.q_camera_from_target_wxyz)
+    R_ce, R_ct = matrix_from_quat(q_ce), matrix_from_quat(q_ct)
+    omega_camera, omega_target = np.asarray(scene.omega_camera_rad_s), np.asarray(scene.omega_target_rad_s)
+    r_camera, v_camera = np.asarray(scene.r_camera_eci_m), np.asarray(scene.v_camera_eci_m_s)
+    r_target, v_target = np.asarray(scene.r_target_eci_m), np.asarray(scene.v_target_eci_m_s)
+    # the model's origin turns about the centre of mass
+    origin_target = R_ct.T @ (np.asarray(scene.t_camera_from_target_m) - R_ce @ (r_target - r_camera))
+    # a frame turned by w dt in its own axes: coordinates in it turn by -w dt
+    new_q_ce = quat_normalize(quat_multiply(quat_from_rotvec(-omega_camera * dt_s), q_ce))
+    q_et = quat_multiply(quat_multiply(quat_conjugate(q_ce), q_ct), quat_from_rotvec(omega_target * dt_s))
+    new_q_ct = quat_normalize(quat_multiply(new_q_ce, q_et))
+    new_R_ce, new_R_ct = matrix_from_quat(new_q_ce), matrix_from_quat(new_q_ct)
+    r_moon, v_moon = np.asarray(scene.r_moon_eci_m), np.zeros(3)
+    body = BODIES[scene.central_body]
+    if scene.central_body == "moon":
+        v_moon = body.geocentric_state(Instant.from_utc(scene.epoch_utc))[1]
+    center = r_moon if scene.central_body == "moon" else np.zeros(3)
+    fall_camera, fall_target = (_free_fall(r - center, body.mu_m3_s2) for r in (r_camera, r_target))
+    # differences first: the sum of an orbit's radius and a close approach has nanometres of rounding only here
+    relative = (
+        (r_target - r_camera) + dt_s * (v_target - v_camera) + 0.5 * dt_s**2 * (fall_target - fall_camera)
+    )
+    t = new_R_ce @ relative + new_R_ct @ origin_target
+    rate = new_R_ce @ (v_target - v_camera) + new_R_ct @ np.cross(omega_target, origin_target)
+    spin = quat_from_rotvec(np.array([0.0, 0.0, -EARTH_RATE_RAD_S * dt_s]))
+    return replace(
+        scene,
+        t_s=scene.t_s + dt_s,
+        q_camera_from_target_wxyz=quat(new_q_ct if new_q_ct[0] >= 0 else -new_q_ct),
+        t_camera_from_target_m=vec3(t),
+        v_target_camera_m_s=vec3(rate - np.cross(omega_camera, t)),
+        r_camera_eci_m=vec3(r_camera + dt_s * (v_camera + 0.5 * dt_s * fall_camera)),
+        v_camera_eci_m_s=vec3(v_camera + dt_s * fall_camera),
+        q_camera_from_eci_wxyz=quat(new_q_ce),
+        r_target_eci_m=vec3(r_target + dt_s * (v_target + 0.5 * dt_s * fall_target)),
+        v_target_eci_m_s=vec3(v_target + dt_s * fall_target),
+        r_moon_eci_m=vec3(r_moon + dt_s * v_moon),
+        q_itrs_from_eci_wxyz=quat(quat_multiply(spin, np.asarray(scene.q_itrs_from_eci_wxyz))),
+    )
+
+
+def _free_fall(r_m: FloatArray, mu_m3_s2: float) -> FloatArray:
+    """Acceleration towards a point mass at the origin [m s-2]."""
+    return np.asarray(-mu_m3_s2 / np.linalg.norm(r_m) ** 3 * r_m)
