@@ -365,6 +365,10 @@ class EnvironmentSection(Section, frozen=True, kw_only=True):
     sun: bool = True
     earthshine: bool = True
     moon: bool = True
+    seasons: bool = True
+    relief: bool = True
+    undifferentiated: bool = False
+    atmosphere_thickness_km: Annotated[float, Meta(ge=5, le=200)] = 100.0
 
 
 class Output(Section, frozen=True, kw_only=True):

@@ -4,9 +4,10 @@
 
 uniform sampler2D t_transmittance;
 uniform sampler2D t_ground;
+uniform sampler2D t_multiple; // simulator/scene/multiple_scattering.py
 
 #if BANDS == 1
-layout(location = 0) out vec4 out_light; // Rayleigh, Mie in-scatter without phase; transmittance; ground irradiance
+layout(location = 0) out vec4 out_light; // Rayleigh and higher orders, Mie in-scatter, without phase; transmittance; ground irradiance
 #else
 layout(location = 0) out vec4 out_rayleigh;
 layout(location = 1) out vec4 out_mie;
@@ -39,6 +40,14 @@ color ground_irradiance(float mu) {
     return BAND(textureLod(t_ground, vec2((x * (size - 1.0) + 0.5) / size, 0.5), 0.0));
 }
 
+// Mean radiance of the light scattered twice or more over the Sun's irradiance [sr-1]. Twin: MultipleScattering.
+color multiple_scattering(float height_m, float mu_sun) {
+    vec2 size = vec2(textureSize(t_multiple, 0));
+    float row = sqrt(clamp(height_m / (u_air_radius.y - u_air_radius.x), 0.0, 1.0));
+    float column = 0.5 + 0.5 * sign(mu_sun) * sqrt(abs(mu_sun));
+    return BAND(textureLod(t_multiple, (vec2(column, row) * (size - 1.0) + 0.5) / size, 0.0));
+}
+
 void main() {
     vec2 index = gl_FragCoord.xy - 0.5;
     float azimuth = index.x / float(COLUMNS - 1) * 2.0 - 1.0;
@@ -56,7 +65,7 @@ void main() {
     float start = max(to_perigee - half_air, 0.0);
     float end = ground_ray ? to_perigee - ground * v : to_perigee + half_air;
     float span = max(end - start, 0.0);
-    color rayleigh = color(0.0), mie = color(0.0), depth = color(0.0);
+    color rayleigh = color(0.0), mie = color(0.0), depth = color(0.0), more = color(0.0);
     for (int k = 0; k < STEPS; ++k) {
         float x = (float(k) + 0.5) / float(STEPS);
         float t = start + span * (ground_ray ? 1.0 - (1.0 - x) * (1.0 - x) : x);
@@ -66,12 +75,16 @@ void main() {
         float r = sqrt(perigee2 + (t - to_perigee) * (t - to_perigee));
         vec3 d = density(r - ground);
         color step_depth = extinction_m(d) * dt;
-        color light = transmittance_to_sun(r, dot(p, sun) / r) * exp(-(depth + 0.5 * step_depth)) * dt;
+        float mu_sun = dot(p, sun) / r;
+        color arrives = exp(-(depth + 0.5 * step_depth)) * dt;
+        color light = transmittance_to_sun(r, mu_sun) * arrives;
         rayleigh += d.x * light;
         mie += d.y * light;
+        more += (d.x * BAND(u_air_rayleigh) + d.y * BAND(u_air_mie_scattering)) * arrives * multiple_scattering(r - ground, mu_sun);
         depth += step_depth;
     }
-    rayleigh *= BAND(u_air_rayleigh);
+    // every reader multiplies by Rayleigh's phase, which is smooth: what has none of its own is divided by it here
+    rayleigh = rayleigh * BAND(u_air_rayleigh) + more / rayleigh_phase(dot(ray, sun));
     mie *= BAND(u_air_mie_scattering);
 #if BANDS == 1
     vec3 foot = vec3(0.0, 0.0, camera) + end * ray;

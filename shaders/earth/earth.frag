@@ -16,6 +16,16 @@ noperspective in vec4 v_sun;
 noperspective in color v_light;
 noperspective in color v_lamps;
 noperspective in color v_haze;
+noperspective in color v_tone;
+noperspective in float v_rough;
+#if HIGH
+noperspective in vec4 v_below;
+#endif
+#if HIGH
+#define BELOW v_below
+#else
+#define BELOW vec4(0.0)
+#endif
 #endif
 uniform sampler2D t_coverage;
 layout(location = 0) out vec4 out_radiance;
@@ -31,7 +41,7 @@ void main() {
 #endif
 #if SMOOTH
     GroundPoint g = GroundPoint(
-        v_uv_plane.xy, v_uv_plane.zw, v_sun.xy, v_sun.z, 0.0, v_sun.w, v_light, v_lamps, v_haze
+        v_uv_plane.xy, v_uv_plane.zw, BELOW, v_sun.xy, v_sun.z, 0.0, v_rough, v_tone, v_sun.w, v_light, v_lamps, v_haze
     );
     color radiance = surface_radiance(g);
 #else

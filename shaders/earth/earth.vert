@@ -12,6 +12,11 @@ noperspective out vec4 v_sun;   // toward, sharp, glint
 noperspective out color v_light;
 noperspective out color v_lamps;
 noperspective out color v_haze;
+noperspective out color v_tone;
+noperspective out float v_rough;
+#if HIGH
+noperspective out vec4 v_below;
+#endif
 #endif
 
 void main() {
@@ -23,5 +28,10 @@ void main() {
     v_light = g.light;
     v_lamps = g.lamps;
     v_haze = g.haze;
+    v_tone = g.tone;
+    v_rough = g.rough;
+#if HIGH
+    v_below = g.below;
+#endif
 #endif
 }

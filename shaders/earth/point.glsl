@@ -28,6 +28,11 @@ float sun_glint(vec3 n, vec3 v, vec3 l, float n_v, float n_l) {
     return water_fresnel(clamp(dot(v, h), 0.0, 1.0)) * p / (4.0 * n_v * c2 * c2);
 }
 
+uniform sampler2D t_before;  // the land's reflectance over August's in the two nearest months; simulator/render/seasons.py
+uniform sampler2D t_after;
+uniform float u_season;      // share of the second
+uniform sampler2D t_relief;  // slopes to the east and to the north, roughness
+
 #if AIR && BANDS == 3
 uniform sampler2D t_ground; // irradiance on level ground over the Sun's, by the cosine of its zenith angle
 #endif
@@ -35,10 +40,13 @@ uniform sampler2D t_ground; // irradiance on level ground over the Sun's, by the
 // A point of the ground as one pixel sees it.
 struct GroundPoint {
     vec2 uv;        // of the maps
-    vec2 plane;     // of the detail [tiles]
+    vec2 plane;     // of the detail at the clouds' height [tiles]
+    vec4 below;     // HIGH: of the detail on the ground [tiles]; of the maps under the cloud that is seen
     vec2 toward;    // of the detail's slope channels: rise towards the Sun over its height, times this [km-1 per unit]
     float sharp;    // one over the pixel's footprint [km-1]
     float mu;       // cosine of the Sun's zenith angle
+    float rough;    // of the land, 0..1
+    color tone;     // of the land: its reflectance over the map's, by season and by the slope to the Sun
     float glint;    // Sun glint of a calm patch of sea over irradiance, times pi [1]
     color light;    // radiance at the camera of a white ground in the light there [W m-2 sr-1]
     color lamps;    // radiance at the camera of a city's brightest texels [W m-2 sr-1]
@@ -62,9 +70,31 @@ GroundPoint ground_point(EarthRay ray) {
     vec2 meridian = u_earth_meridian.xy;
     float east = atan(meridian.x * n.y - meridian.y * n.x, dot(meridian, n.xy));
     g.uv = vec2((east + u_earth_meridian.z) * (0.5 / PI) + 0.5, 0.5 - asin(clamp(n.z, -1.0, 1.0)) / PI);
-    g.plane = detail_plane(p) * (EARTH_KM / DETAIL_KM);
+    // clouds stand above the ground: a ray meets them earlier
+    const float shell = 1.0 + CLOUD_KM / EARTH_KM;
+    float earlier = -ray.along - sqrt(max(ray.disc + (shell * shell - 1.0), 0.0));
+    vec3 above = (u_earth_camera.xyz + earlier * ray.direction) / shell;
+    g.plane = detail_plane(above) * (EARTH_KM / DETAIL_KM);
+#if HIGH
+    vec2 across = vec2(atan(meridian.x * above.y - meridian.y * above.x, dot(meridian, above.xy)) - east, asin(clamp(p.z, -1.0, 1.0)) - asin(clamp(above.z, -1.0, 1.0)));
+    g.below = vec4(detail_plane(p) * (EARTH_KM / DETAIL_KM), g.uv + across * vec2(0.5 / PI, 1.0 / PI));
+#else
+    g.below = vec4(0.0);
+#endif
     // shadows longer than eight heights are the terminator's own dusk
-    g.toward = detail_vector(p, sun - g.mu * p) * (2.0 * SLOPE_PER_KM / clamp(g.mu, 0.12, 1.0));
+    float slant = clamp(g.mu, 0.12, 1.0);
+    vec3 level_sun = sun - g.mu * p;
+    g.toward = detail_vector(p, level_sun) * (2.0 * SLOPE_PER_KM / slant);
+    // the slopes of whole mountains, and the months; coarser when the pixel is
+    float coarse = -log2(g.sharp * 9.95);
+    vec3 relief = textureLod(t_relief, g.uv, coarse).xyz;
+    vec3 to_east = vec3(-n.y, n.x, 0.0) * inversesqrt(max(dot(n.xy, n.xy), 1e-6));
+    vec3 to_north = cross(n, to_east);
+    vec2 slope = (relief.xy - 128.0 / 255.0) * (2.0 * RELIEF_SLOPE);
+    float uphill = dot(slope, vec2(dot(level_sun, to_east), dot(level_sun, to_north)));
+    g.rough = RELIEF * (0.15 + 0.85 * relief.z);
+    color gain = mix(BAND(textureLod(t_before, g.uv, coarse - 1.0)), BAND(textureLod(t_after, g.uv, coarse - 1.0)), u_season);
+    g.tone = exp2((gain - 128.0 / 255.0) * (OCTAVES * 255.0 / 127.0)) * clamp(1.0 - RELIEF * uphill / slant, 0.35, 1.7);
     g.glint = 0.0;
 #if GLINT
     if (g.mu > 0.0) g.glint = PI * sun_glint(n, -ray.direction, sun, c_view, g.mu) / max(g.mu, 0.05);

@@ -1,5 +1,6 @@
 // The Earth's surface under its air: land, ocean, clouds and night lights, each with its own optics.
-// Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT, and SMOOTH: one level of detail for all pixels.
+// Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT; SMOOTH: one level of detail for all pixels; HIGH: every
+// layer looked up at its own place; ONE_OPTICS: land, sea and cloud reflect alike (the counter-example).
 
 uniform sampler2D t_map;    // square root of land reflectance, cloud cover, night lights, distance to the coast
 #if BANDS == 3
@@ -24,17 +25,22 @@ const vec3 SEA = vec3(0.006, 0.020, 0.048);
 #endif
 const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
 const float CLOUD = 0.82;     // reflectance of thick cloud
-const float CLOUD_KM = 1.5;   // height whose shadow falls beside the cloud
 const float RELIEF_KM = 0.9;  // height of a puff of full contrast, for its own shading
 
 // Radiance that a ground point sends to the camera [W m-2 sr-1].
 color surface_radiance(GroundPoint g) {
     vec4 map = textureLod(t_map, g.uv, MAP_LEVEL);
     vec4 detail = textureLod(t_detail, g.plane, DETAIL_LEVEL);
-    float puff = detail.x, rise = dot(detail.yz - 0.5, g.toward); // of the puffs, per km of height of the Sun's ray
+#if HIGH
+    vec4 under = textureLod(t_detail, g.below.xy, DETAIL_LEVEL);
+#else
+    vec4 under = detail; // the ground's own detail shifts by the cloud's parallax, which nobody can know
+#endif
+    float puff = detail.x; // of cloud
+    float rise = dot(detail.yz - 0.5, g.toward); // of the puff towards the Sun, per km of height
 
     // land and sea; the coast wriggles below the map's texels
-    float coast_km = map.w * COAST_KM_PER_UNIT + (puff * 3.0 - (1.5 + 128.0 / 255.0 * COAST_KM_PER_UNIT));
+    float coast_km = map.w * COAST_KM_PER_UNIT + (under.x * 3.0 - (1.5 + 128.0 / 255.0 * COAST_KM_PER_UNIT));
     float land = clamp(coast_km * g.sharp + 0.5, 0.0, 1.0);
 #if BANDS == 1
     color reflectance = map.x * map.x;
@@ -43,31 +49,44 @@ color surface_radiance(GroundPoint g) {
     color reflectance = root * root;
 #endif
     // patches, and hills that turn to and from the Sun
-    reflectance *= 1.0 - 0.5 * GRAIN + GRAIN * detail.w - clamp(1.1 * rise, -0.45, 0.45);
-    color sea = SEA * (0.85 + 0.3 * puff); // plankton and wind
+    reflectance *= g.tone * (1.0 - 0.5 * GRAIN + GRAIN * under.w - clamp(2.2 * rise * g.rough, -0.6, 0.6));
+    color sea = SEA * (0.85 + 0.3 * under.x); // plankton and wind
 #if GLINT
-    sea += color(g.glint * (0.8 + 0.4 * puff)); // cat's paws
+    sea += color(g.glint * (0.8 + 0.4 * under.x)); // cat's paws
 #endif
     color ground = mix(sea, reflectance, land);
 #if CLOUDS
     // the map is a cover: the detail, whose histogram is even, is cut where just that share remains
+#if HIGH
+    map.y = textureLod(t_map, g.below.zw, MAP_LEVEL).y;
+#endif
     float cover = clamp(map.y * 1.3 - 0.05, 0.0, 1.0);
     float present = min(cover * 10.0, 1.0);
-    float scale = 1.0 / (0.10 + 0.22 * cover); // one over half the width of a cloud's edge
+    float scale = 1.0 / (0.14 + 0.30 * cover); // one over half the width of a cloud's edge
     float over = (puff + cover) * scale + (1.0 - 1.06 * scale); // depth of the cloud, 0 at its edge
     float depth = max(over, 0.0);
-    depth *= depth * 1.6 * present;             // optical depth times one minus its asymmetry
+    depth *= depth * 0.9 * present;             // optical depth times one minus its asymmetry
     depth = max(depth, 1.2 * cover * cover);    // the veil between the puffs
     float cloud = depth / (1.0 + depth);        // two-stream reflectance
     // shadow beside the cloud: the cover a cloud's height further towards the Sun, to first order
-    float shadow = clamp(0.5 * (over + clamp(rise * CLOUD_KM, -0.25, 0.25) * scale), 0.0, 1.0) * present;
+#if HIGH
+    // exactly: the puff that the Sun's ray to this ground meets
+    float shading = textureLod(t_detail, g.below.xy + g.toward * (CLOUD_KM / (2.0 * SLOPE_PER_KM * DETAIL_KM)), DETAIL_LEVEL).x - puff;
+#else
+    float shading = clamp(rise * CLOUD_KM, -0.25, 0.25);
+#endif
+    float shadow = clamp(0.5 * (over + shading * scale), 0.0, 1.0) * present;
+#if ONE_OPTICS
+    ground = mix(ground, color(CLOUD), cover);
+#else
     ground -= ground * (0.55 * shadow);
     float relief = clamp(1.0 - RELIEF_KM * rise, 0.45, 1.35);
     ground = mix(ground, color(CLOUD * relief * (0.72 + 0.28 * puff)), cloud);
 #endif
+#endif
     color radiance = ground * g.light + g.haze;
 #if NIGHT
-    float streets = puff * puff * detail.w;                // bright points and dark blocks, 1/6 on average
+    float streets = under.x * under.x * under.w;                // bright points and dark blocks, 1/6 on average
     color lamps = g.lamps * (map.z * map.z * map.z * 6.0 * streets);
 #if CLOUDS
     lamps *= 1.0 - 0.8 * cloud;

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.cache import cached_array
-from simulator.scene.atmosphere import earth_atmosphere, ground_irradiance, optical_depth_to_top
+from simulator.scene.atmosphere import (
+    MultipleScattering,
+    earth_atmosphere,
+    ground_irradiance,
+    optical_depth_to_top,
+)
+from simulator.scene.multiple_scattering import multiple_scattering
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array
@@ -19,7 +25,7 @@ if TYPE_CHECKING:
 RADII, COSINES = 64, 128  # of the transmittance table
 GROUND_SAMPLES = 512
 GROUND_MU_MIN = -0.3  # no light reaches the ground when the Sun is lower than this
-_VERSION = 3
+_VERSION = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,21 +36,28 @@ class AirTables:
     ----------
     transmittance : (RADII, COSINES, n) to the top, in the mapping of Bruneton & Neyret (2008), section 4.
     ground : (GROUND_SAMPLES, n) direct plus diffuse irradiance on level ground over the Sun's.
+    multiple : (HEIGHTS, SUNS, n) light scattered twice or more; simulator/scene/multiple_scattering.py.
     """
 
     air: Atmosphere
     transmittance: Float32Array
     ground: Float32Array
+    multiple: Float32Array
 
 
-def air_tables(bands: Bands) -> AirTables:
-    """The Earth's tables for the camera's bands."""
-    air = earth_atmosphere(bands)
+def air_tables(bands: Bands, thickness_m: float) -> AirTables:
+    """The Earth's tables for the camera's bands and a height of the air's top."""
+    air = earth_atmosphere(bands, thickness_m)
     key = hashlib.sha256(f"{_VERSION} {RADII} {COSINES} {GROUND_SAMPLES} {air}".encode()).hexdigest()[:16]
+    multiple = cached_array(
+        f"air-multiple-{bands}-{key}", lambda: multiple_scattering(air).psi.astype(np.float32)
+    )
+    scattered = MultipleScattering(np.asarray(multiple, float), thickness_m)
     return AirTables(
         air,
         cached_array(f"air-transmittance-{bands}-{key}", lambda: transmittance_table(air)),
-        cached_array(f"air-ground-{bands}-{key}", lambda: _ground_table(air)),
+        cached_array(f"air-ground-{bands}-{key}", lambda: _ground_table(air, scattered)),
+        multiple,
     )
 
 
@@ -60,9 +73,9 @@ def transmittance_table(air: Atmosphere) -> Float32Array:
     return np.exp(-depth).astype(np.float32)
 
 
-def _ground_table(air: Atmosphere) -> Float32Array:
+def _ground_table(air: Atmosphere, multiple: MultipleScattering) -> Float32Array:
     nodes = np.concatenate([np.linspace(GROUND_MU_MIN, 0.1, 41), np.linspace(0.15, 1, 18)])
-    _, diffuse = ground_irradiance(air, nodes)
+    _, diffuse = ground_irradiance(air, nodes, multiple=multiple)
     mu = np.linspace(GROUND_MU_MIN, 1, GROUND_SAMPLES)
     direct, _ = ground_irradiance(air, mu, diffuse=False)
     sky = np.stack([np.interp(mu, nodes, diffuse[:, k]) for k in range(diffuse.shape[1])], axis=1)

@@ -27,7 +27,7 @@ VERSION = 3  # of the packing below; part of the cache's key
 # Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert, forest and snow to their
 # broadband reflectances (0.35, 0.03-0.05, 0.6-0.7; Liang 2001, Narrowband to broadband conversions)
 _REFLECTANCE_SCALE, _REFLECTANCE_POWER = 0.66, 1.7
-_PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/scene/bands.py
+PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/scene/bands.py
 _ICE_REFLECTANCE = 0.22  # water brighter than this is ice, drawn as land
 
 
@@ -35,7 +35,7 @@ def packed_maps(bands: int) -> list[ByteArray]:
     """One (H, W, 4) texture for one band, two for three; from the cache after the first call."""
     key = hashlib.sha256(f"{VERSION} {_REFLECTANCE_SCALE} {_REFLECTANCE_POWER} {_ICE_REFLECTANCE}".encode())
     for name in (DAY, CLOUDS, NIGHT, COAST):
-        key.update(f"{name} {len(_asset(name))}".encode())
+        key.update(f"{name} {len(asset_bytes(name))}".encode())
     stem = key.hexdigest()[:16]
     maps = [cached_array(f"earth-pan-{stem}", _pack_panchromatic)]
     if bands == 3:
@@ -43,23 +43,31 @@ def packed_maps(bands: int) -> list[ByteArray]:
     return maps
 
 
-def _asset(name: str) -> bytes:
+def asset_bytes(name: str) -> bytes:
+    """A file of ``assets/earth``."""
     try:
         return resources.files("assets").joinpath("earth", name).read_bytes()
     except FileNotFoundError as error:
         raise UserError(f"the map assets/earth/{name} is missing; install Flyaround again") from error
 
 
-def _read(name: str, flags: int) -> ByteArray:
-    image = cv2.imdecode(np.frombuffer(_asset(name), np.uint8), flags)
+def decode_map(name: str, flags: int, size_px: tuple[int, int] | None = (WIDTH, HEIGHT)) -> ByteArray:
+    """A map of the Earth as an array, reduced or enlarged to a size (width, height); ``None``: as it is.
+
+    Raises
+    ------
+    UserError
+        If the file is missing or damaged.
+    """
+    image = cv2.imdecode(np.frombuffer(asset_bytes(name), np.uint8), flags)
     if image is None:
         raise UserError(f"the map assets/earth/{name} cannot be decoded; install Flyaround again")
-    if image.shape[:2] != (HEIGHT, WIDTH):
-        image = cv2.resize(image, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+    if size_px is not None and image.shape[1::-1] != size_px:
+        image = cv2.resize(image, size_px, interpolation=cv2.INTER_AREA)
     return np.asarray(image, np.uint8)
 
 
-def _to_reflectance() -> Float32Array:
+def to_reflectance() -> Float32Array:
     """Lookup table of 256 reflectances."""
     v = np.arange(256, dtype=np.float32) / 255
     return np.asarray(_REFLECTANCE_SCALE * v**_REFLECTANCE_POWER, np.float32)
@@ -70,7 +78,7 @@ def _encode_root(reflectance: Float32Array) -> ByteArray:
     return np.asarray(np.clip(np.sqrt(reflectance) * 255 + 0.5, 0, 255), np.uint8)
 
 
-def _land_only(reflectance: Float32Array, land: ByteArray) -> Float32Array:
+def land_only(reflectance: Float32Array, land: ByteArray) -> Float32Array:
     """Replace the sea's values by those of the nearest land, so that a crisp coast shows no sea on its land side."""
     weight = land.astype(np.float32)
     filled, total = reflectance * weight[..., None] if reflectance.ndim == 3 else reflectance * weight, weight
@@ -86,30 +94,30 @@ def _land_only(reflectance: Float32Array, land: ByteArray) -> Float32Array:
 
 
 def _panchromatic(day_bgr: ByteArray) -> Float32Array:
-    lut = _to_reflectance()
-    return np.asarray(sum(w * lut[day_bgr[..., 2 - k]] for k, w in enumerate(_PAN_WEIGHTS)), np.float32)
+    lut = to_reflectance()
+    return np.asarray(sum(w * lut[day_bgr[..., 2 - k]] for k, w in enumerate(PAN_WEIGHTS)), np.float32)
 
 
 def _coast_and_ice(day_bgr: ByteArray) -> tuple[ByteArray, Float32Array]:
     """Distance to the coast with the sea ice counted as land, and the panchromatic reflectance."""
-    coast, reflectance = _read(COAST, cv2.IMREAD_GRAYSCALE), _panchromatic(day_bgr)
+    coast, reflectance = decode_map(COAST, cv2.IMREAD_GRAYSCALE), _panchromatic(day_bgr)
     smooth = cv2.GaussianBlur(reflectance, (0, 0), 1.5)
     ice = np.clip(128 + (smooth - _ICE_REFLECTANCE) * 400, 0, 200)
     return np.maximum(coast, np.where(ice > 120, ice, 0)).astype(np.uint8), reflectance
 
 
 def _pack_panchromatic() -> ByteArray:
-    day = _read(DAY, cv2.IMREAD_COLOR)
+    day = decode_map(DAY, cv2.IMREAD_COLOR)
     coast, reflectance = _coast_and_ice(day)
     # two texels inland: the nearer ones are mixtures of land and sea
-    land = _land_only(reflectance, (coast > 128 + 12).astype(np.uint8))
-    clouds, night = _read(CLOUDS, cv2.IMREAD_GRAYSCALE), _read(NIGHT, cv2.IMREAD_GRAYSCALE)
+    land = land_only(reflectance, (coast > 128 + 12).astype(np.uint8))
+    clouds, night = decode_map(CLOUDS, cv2.IMREAD_GRAYSCALE), decode_map(NIGHT, cv2.IMREAD_GRAYSCALE)
     return np.ascontiguousarray(np.dstack([_encode_root(land), clouds, night, coast]))
 
 
 def _pack_colour() -> ByteArray:
-    day = _read(DAY, cv2.IMREAD_COLOR)
+    day = decode_map(DAY, cv2.IMREAD_COLOR)
     coast, _ = _coast_and_ice(day)
-    colour = _to_reflectance()[day[..., ::-1]]
-    land = _land_only(colour, (coast > 128 + 12).astype(np.uint8))
+    colour = to_reflectance()[day[..., ::-1]]
+    land = land_only(colour, (coast > 128 + 12).astype(np.uint8))
     return np.ascontiguousarray(np.dstack([_encode_root(land), np.full((HEIGHT, WIDTH), 255, np.uint8)]))

@@ -168,13 +168,14 @@ class Renderer:
             self._blocks.moon.write(moon_values(moon))
         if environment.earth:
             earth_pass = self._earth_pass(scene.bands)
+            in_use = earth_pass.air(environment.atmosphere_thickness_km)
             if environment.atmosphere:
-                air, tables = earth_pass.tables.air, earth_pass.air.tables
+                air, tables = in_use.tables.air, in_use.frame.tables
             earth = earth_view(view, scene.camera, air)
-            self._blocks.earth.write(earth_values(view, earth, earth_pass.tables.air))
+            self._blocks.earth.write(earth_values(view, earth, in_use.tables.air))
             clock.lap("earth.setup")
             if air is not None and earth.rect is not None:
-                earth_pass.air.run(earth)
+                in_use.frame.run(earth)
             clock.lap("earth.air")
             if earth.rect is not None:
                 earth_pass.run(

@@ -1,4 +1,4 @@
-"""Single scattering in a spherical atmosphere, in double precision: the oracle and the tables of the renderer.
+"""Scattering in a spherical atmosphere, in double precision: the oracle and the tables of the renderer.
 
 Lengths are in metres, heights above a sphere of Earth's equatorial radius. The renderer draws an ellipsoid by
 stretching its polar axis to this sphere first, so that one atmosphere fits every latitude.
@@ -71,8 +71,13 @@ class Atmosphere:
         )
 
 
-def earth_atmosphere(bands: Bands) -> Atmosphere:
-    """The Earth's clear air with continental-average aerosol (optical depth 0.05), per band of the camera."""
+def earth_atmosphere(bands: Bands, thickness_m: float = 100_000.0) -> Atmosphere:
+    """The Earth's clear air with continental-average aerosol (optical depth 0.05), per band of the camera.
+
+    Parameters
+    ----------
+    thickness_m : height at which it is cut off; its density is that of the Earth's air up to there.
+    """
     rayleigh, ozone = [], []
     for band in bands_of(bands):
         low, high = band.low_nm * 1e-3, band.high_nm * 1e-3
@@ -87,6 +92,7 @@ def earth_atmosphere(bands: Bands) -> Atmosphere:
         mie_scattering_m=0.93 * extinction,
         mie_extinction_m=extinction,
         ozone_m=np.array(ozone),
+        thickness_m=thickness_m,
     )
 
 
@@ -146,23 +152,65 @@ def transmittance_to_sun(air: Atmosphere, radius_m: FloatArray, mu_sun: FloatArr
 
 @dataclass(frozen=True, eq=False)
 class PathLight:
-    """What a stretch of air adds and takes: unit-irradiance in-scatter without phase [1], transmittance [1]."""
+    """What a stretch of air adds and takes: unit-irradiance in-scatter without phase [1], transmittance [1].
+
+    Parameters
+    ----------
+    multiple : (K, n) light scattered twice or more, even in all directions [sr-1]; zero when it was not asked for.
+    """
 
     rayleigh: FloatArray
     mie: FloatArray
     transmittance: FloatArray
+    multiple: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class MultipleScattering:
+    """Radiance that arrives at a point after two or more scatterings, averaged over directions.
+
+    Parameters
+    ----------
+    psi : (HEIGHTS, SUNS, n) over the Sun's irradiance [sr-1]; rows: square root of the height over the thickness;
+        columns: cosine of the Sun's zenith angle, -1 to 1 stretched about the horizon (``sun_column``).
+    """
+
+    psi: FloatArray
+    thickness_m: float
+
+    def __call__(self, height_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
+        """Linear between the table's entries: (..., n)."""
+        rows, columns, _ = self.psi.shape
+        y = np.sqrt(np.clip(height_m / self.thickness_m, 0, 1)) * (rows - 1)
+        x = sun_column(np.asarray(mu_sun, float)) * (columns - 1)
+        i, k = np.minimum(y.astype(int), rows - 2), np.minimum(x.astype(int), columns - 2)
+        fy, fx = (y - i)[..., None], (x - k)[..., None]
+        low = self.psi[i, k] * (1 - fx) + self.psi[i, k + 1] * fx
+        high = self.psi[i + 1, k] * (1 - fx) + self.psi[i + 1, k + 1] * fx
+        return np.asarray(low * (1 - fy) + high * fy)
+
+
+def sun_column(mu_sun: FloatArray) -> FloatArray:
+    """Column 0..1 of a cosine -1..1: half of them lie within 0.25 of the horizon."""
+    return np.asarray(0.5 + 0.5 * np.sign(mu_sun) * np.sqrt(np.abs(mu_sun)))
 
 
 def path_light(
-    air: Atmosphere, camera_m: FloatArray, directions: FloatArray, sun: FloatArray, steps: int = 64
+    air: Atmosphere,
+    camera_m: FloatArray,
+    directions: FloatArray,
+    sun: FloatArray,
+    steps: int = 64,
+    multiple: MultipleScattering | None = None,
 ) -> PathLight:
-    """Single scattering along rays (K, 3) from a camera outside or inside the air, to the ground or to space.
+    """Scattering along rays (K, 3) from a camera outside or inside the air, to the ground or to space.
 
-    The radiance is ``E_sun * (rayleigh * rayleigh_phase + mie * mie_phase)``.
+    The radiance is ``E_sun * (rayleigh * rayleigh_phase + mie * mie_phase + multiple)``.
 
     Parameters
     ----------
     camera_m : (3,) from the Earth's centre. directions : (K, 3) unit. sun : (3,) unit, towards the Sun.
+    multiple : adds the light scattered twice or more.
     """
     d = np.asarray(directions, float)
     b = d @ camera_m
@@ -177,7 +225,7 @@ def path_light(
     )
     length = np.where(hit_air, np.maximum(end - start, 0), 0)
     rayleigh, mie = np.zeros((len(d), len(air.rayleigh_m))), np.zeros((len(d), len(air.rayleigh_m)))
-    depth = np.zeros_like(rayleigh)
+    depth, more = np.zeros_like(rayleigh), np.zeros_like(rayleigh)
     for k in range(steps):
         # ground rays: steps shorten towards the ground, where the aerosol is; others are even, which for the
         # bell-shaped density about the perigee converges fast
@@ -188,25 +236,32 @@ def path_light(
         r = np.linalg.norm(p, axis=1)
         density_r, density_m, _ = air.density(r - air.radius_m)
         step_depth = air.extinction_m(r - air.radius_m) * dt[:, None]
-        light = transmittance_to_sun(air, r, p @ sun / r) * np.exp(-(depth + 0.5 * step_depth)) * dt[:, None]
+        mu_sun = p @ sun / r
+        arrives = np.exp(-(depth + 0.5 * step_depth)) * dt[:, None]
+        light = transmittance_to_sun(air, r, mu_sun) * arrives
         rayleigh += density_r[:, None] * light * air.rayleigh_m
         mie += density_m[:, None] * light * air.mie_scattering_m
+        if multiple is not None:
+            scatters = density_r[:, None] * air.rayleigh_m + density_m[:, None] * air.mie_scattering_m
+            more += scatters * arrives * multiple(r - air.radius_m, mu_sun)
         depth += step_depth
-    return PathLight(rayleigh, mie, np.exp(-depth))
+    return PathLight(rayleigh, mie, np.exp(-depth), more)
 
 
 def ground_irradiance(
-    air: Atmosphere, mu_sun: FloatArray, *, diffuse: bool = True
+    air: Atmosphere,
+    mu_sun: FloatArray,
+    *,
+    diffuse: bool = True,
+    multiple: MultipleScattering | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Direct and diffuse irradiance (K, n) on level ground over that of the Sun above the air.
-
-    The diffuse part integrates single scattering over the sky's hemisphere, times 1.25 as a rough allowance for
-    the light scattered twice or more.
 
     Parameters
     ----------
     mu_sun : (K,) cosines of the Sun's zenith angle.
     diffuse : ``False`` leaves the sky's part at zero, and saves nearly all of the time.
+    multiple : adds the light scattered twice or more to the diffuse part.
     """
     mu_sun = np.asarray(mu_sun, float)
     direct = (
@@ -226,10 +281,12 @@ def ground_irradiance(
     weight = np.repeat(0.5 * zenith_weights, 8) * c * 2 * np.pi / 8
     for k, mu in enumerate(mu_sun):
         sun = np.array([np.sqrt(max(1 - mu * mu, 0.0)), 0.0, mu])
-        light = path_light(air, point, rays, sun, steps=16)
+        light = path_light(air, point, rays, sun, steps=16, multiple=multiple)
         angle = rays @ sun
         radiance = (
-            light.rayleigh * rayleigh_phase(angle)[:, None] + light.mie * mie_phase(angle, air.mie_g)[:, None]
+            light.rayleigh * rayleigh_phase(angle)[:, None]
+            + light.mie * mie_phase(angle, air.mie_g)[:, None]
+            + light.multiple
         )
-        sky[k] = 1.25 * weight @ radiance
+        sky[k] = weight @ radiance
     return direct, sky

@@ -23,7 +23,14 @@ _PERFECT_LENS = Optics()
 
 @dataclass(frozen=True, kw_only=True)
 class Environment:
-    """Which layers of the world are drawn. Each Earth layer has its own optics and its own switch."""
+    """Which layers of the world are drawn. Each Earth layer has its own optics and its own switch.
+
+    Parameters
+    ----------
+    seasons : the land of the date, August's otherwise. relief : shading of mountains.
+    undifferentiated : land, sea and clouds reflect alike, as a plain globe does.
+    atmosphere_thickness_km : height of the air's top.
+    """
 
     earth: bool = True
     clouds: bool = True
@@ -34,6 +41,10 @@ class Environment:
     sun: bool = True
     earthshine: bool = True
     moon: bool = True
+    seasons: bool = True
+    relief: bool = True
+    undifferentiated: bool = False
+    atmosphere_thickness_km: float = 100.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,6 +26,8 @@ NOTHING = Environment(
     sun=False,
     earthshine=False,
     moon=False,
+    seasons=False,
+    relief=False,
 )
 
 

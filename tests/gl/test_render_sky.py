@@ -5,9 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from simulator.render.airtables import air_tables
 from simulator.render.catalogue import star_irradiance_w_m2, stars
 from simulator.render.view import build_view
-from simulator.scene.atmosphere import earth_atmosphere, mie_phase, path_light, rayleigh_phase
+from simulator.scene.atmosphere import (
+    MultipleScattering,
+    earth_atmosphere,
+    mie_phase,
+    path_light,
+    rayleigh_phase,
+)
 from simulator.scene.bands import sun_irradiance_w_m2
 from simulator.scene.state import Environment
 from simulator.world.rotation import matrix_from_quat, quat_from_matrix
@@ -71,6 +78,7 @@ def test_limb_is_the_ellipsoids(renderer, draw_kit, speck, latitude_deg, azimuth
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
 def test_limb_glow_is_the_double_precision_twins(renderer, draw_kit, speck, bands):
     environment = replace(draw_kit.nothing, earth=True, atmosphere=True)
+    higher = MultipleScattering(np.asarray(air_tables(bands, 100e3).multiple, float), 100e3)
     for sun in ((0.3, -0.5, -1), (0.9, -0.1, 0.3), (0, 0.1, 1)):
         scene = draw_kit.scene(
             speck, t_m=FAR, off_nadir_deg=70.0, sun_camera=sun, environment=environment, bands=bands
@@ -84,10 +92,12 @@ def test_limb_glow_is_the_double_precision_twins(renderer, draw_kit, speck, band
         air = earth_atmosphere(bands)
         perigee = np.linalg.norm(np.cross(c, d), axis=1)
         sky = (perigee > air.radius_m + 500) & (perigee < air.top_m)
-        light = path_light(air, c, d[sky], s, steps=96)
+        light = path_light(air, c, d[sky], s, steps=96, multiple=higher)
         angle = d[sky] @ s
         expected = (
-            light.rayleigh * rayleigh_phase(angle)[:, None] + light.mie * mie_phase(angle, air.mie_g)[:, None]
+            light.rayleigh * rayleigh_phase(angle)[:, None]
+            + light.mie * mie_phase(angle, air.mie_g)[:, None]
+            + light.multiple
         )
         expected = expected * sun_irradiance_w_m2(bands, np.linalg.norm(scene.r_sun_eci_m))
         drawn = image[::3, ::7].reshape(-1, image.shape[-1])[sky]

@@ -39,7 +39,11 @@ class AirPass:
         self.ground = context.texture(
             (len(tables.ground), 1), components, tables.ground.tobytes(), dtype="f4", alignment=1
         )
-        for texture in (*self.tables, self._transmittance, self.ground):
+        heights, suns, _ = tables.multiple.shape
+        self._multiple = context.texture(
+            (suns, heights), components, tables.multiple.tobytes(), dtype="f4", alignment=1
+        )
+        for texture in (*self.tables, self._transmittance, self.ground, self._multiple):
             texture.filter = (context.LINEAR, context.LINEAR)
             texture.repeat_x = texture.repeat_y = False
         self._framebuffer = context.framebuffer(self.tables)
@@ -47,7 +51,7 @@ class AirPass:
             FULL_SCREEN,
             "atmosphere/table.frag",
             {"BANDS": bands, "STEPS": STEPS, "GROUND_MU_MIN": GROUND_MU_MIN, **TABLE_DEFINES},
-            ("t_transmittance", "t_ground"),
+            ("t_transmittance", "t_ground", "t_multiple"),
         )
         self._array = context.vertex_array(self._program.gl, [])
 
@@ -57,7 +61,9 @@ class AirPass:
         # what is outside stays black, so that no frame depends on the one before
         self._framebuffer.clear(0.0, 0.0, 0.0, 0.0)
         self._context.enable_only(self._context.NOTHING)
-        self._program.bind_textures(t_transmittance=self._transmittance, t_ground=self.ground)
+        self._program.bind_textures(
+            t_transmittance=self._transmittance, t_ground=self.ground, t_multiple=self._multiple
+        )
         c0, c1 = _texels(((earth.azimuth[0] + 1) / 2, (earth.azimuth[1] + 1) / 2), COLUMNS)
         for rows, first in ((earth.ground_rows, 0), (earth.sky_rows, ROWS)):
             if rows is None:

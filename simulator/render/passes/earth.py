@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from simulator.render.maps import packed_maps
 from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM, detail_texture
 from simulator.render.passes.air import TABLE_DEFINES, AirPass
+from simulator.render.seasons import OCTAVES, Season, month_gain, relief, season
+from simulator.render.seasons import SLOPE_MAX as RELIEF_SLOPE_MAX
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import ByteArray
+    from simulator.render.airtables import AirTables
     from simulator.render.cells import CellKind, Cells
     from simulator.render.images import Images
     from simulator.render.programs import Program, ProgramLibrary
@@ -21,12 +25,13 @@ if TYPE_CHECKING:
 
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
+CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
+AUGUST = Season(8, 8, 0.0)  # the month of the fine map
+_OWN = ("t_coverage", "t_map", "t_detail", "t_relief", "t_before", "t_after")
 _SAMPLERS = {
-    1: ("t_coverage", "t_map", "t_detail", "t_air"),
+    1: (*_OWN, "t_air"),
     3: (
-        "t_coverage",
-        "t_map",
-        "t_detail",
+        *_OWN,
         "t_colour",
         "t_ground",
         "t_air_rayleigh",
@@ -36,38 +41,67 @@ _SAMPLERS = {
 }
 
 
+@dataclass(frozen=True, eq=False)
+class Air:
+    """One atmosphere: its static tables and the pass that makes each frame's."""
+
+    tables: AirTables
+    frame: AirPass
+
+
 class EarthPass:
     """The Earth for one number of bands; its maps are uploaded when it is made."""
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary, bands: Bands) -> None:
         self._context, self._programs = context, programs
         self.bands = 1 if bands == "mono" else 3
-        self.tables = air_tables(bands)
-        self.air = AirPass(context, programs, self.bands, self.tables)
+        self._airs: dict[float, Air] = {}
+        self._names: Bands = bands
         self._maps = [self._mapped(image) for image in packed_maps(self.bands)]
         self._detail = context.texture((SIZE, SIZE), 4, detail_texture())
         self._detail.build_mipmaps()
+        self._relief = self._mapped(relief())
+        self._months: dict[int, moderngl.Texture] = {}
         self._corners = context.buffer(reserve=64, dynamic=True)
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
 
+    def air(self, thickness_km: float) -> Air:
+        """The air up to a height, made at first use."""
+        if thickness_km not in self._airs:
+            tables = air_tables(self._names, thickness_km * 1e3)
+            self._airs[thickness_km] = Air(tables, AirPass(self._context, self._programs, self.bands, tables))
+        return self._airs[thickness_km]
+
     def _mapped(self, image: ByteArray) -> moderngl.Texture:
-        height, width, channels = image.shape
-        texture = self._context.texture((width, height), channels, image)
+        height, width = image.shape[:2]
+        texture = self._context.texture((width, height), image.size // (width * height), image, alignment=1)
         texture.build_mipmaps()
         texture.filter = (self._context.LINEAR_MIPMAP_LINEAR, self._context.LINEAR)
         texture.repeat_x, texture.repeat_y = True, False
         return texture
 
-    def _program(self, environment: Environment, kind: CellKind, *, behind: bool) -> Program:
+    def _month(self, month: int) -> moderngl.Texture:
+        if month not in self._months:
+            self._months[month] = self._mapped(month_gain(month, self.bands))
+        return self._months[month]
+
+    def _program(self, environment: Environment, kind: CellKind, *, behind: bool, high: bool) -> Program:
+        one = environment.undifferentiated
         defines: dict[str, object] = {
             "BANDS": self.bands,
             "AIR": int(environment.atmosphere),
             "CLOUDS": int(environment.clouds),
-            "GLINT": int(environment.ocean_glint),
+            "GLINT": int(environment.ocean_glint and not one),
             "NIGHT": int(environment.night_lights and kind.night),
             "SMOOTH": int(kind.smooth),
             "COVERED": int(kind.covered),
             "MOON": int(behind),
+            "HIGH": int(high),
+            "ONE_OPTICS": int(one),
+            "RELIEF": float(environment.relief and not one),
+            "RELIEF_SLOPE": RELIEF_SLOPE_MAX,
+            "OCTAVES": OCTAVES,
+            "CLOUD_KM": CLOUD_KM,
             "DETAIL_KM": PERIOD_KM,
             "DETAIL_TEXEL_KM": DETAIL_TEXEL_KM,
             "SLOPE_PER_KM": SLOPE_PER_KM,
@@ -96,11 +130,18 @@ class EarthPass:
         images.sky_framebuffer.use()
         images.sky_framebuffer.viewport = (0, 0, *images.size)
         self._context.blend_func = self._context.ONE, self._context.ONE
+        month = season(scene.epoch_utc) if environment.seasons else AUGUST
+        textures = self._textures(images, self.air(environment.atmosphere_thickness_km).frame) | {
+            "t_relief": self._relief,
+            "t_before": self._month(month.before),
+            "t_after": self._month(month.after),
+        }
         for kind, triangles in cells.triangles.items():
-            program = self._program(environment, kind, behind=behind)
+            program = self._program(environment, kind, behind=behind, high=quality == "high")
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
             self._context.enable_only(self._context.BLEND if kind.covered else self._context.NOTHING)
-            program.bind_textures(**self._textures(images))
+            program.bind_textures(**textures)
+            program.set("u_season", month.share)
             program.set("u_size", images.size)
             program.set("u_level", (kind.level - LOG2_TEXEL_KM, kind.level - math.log2(DETAIL_TEXEL_KM)))
             if program not in self._arrays:
@@ -114,14 +155,14 @@ class EarthPass:
             indices.write(triangles.tobytes())
             array.render(vertices=len(triangles))
 
-    def _textures(self, images: Images) -> dict[str, moderngl.Texture]:
+    def _textures(self, images: Images, air: AirPass) -> dict[str, moderngl.Texture]:
         textures = {"t_coverage": images.coverage, "t_map": self._maps[0], "t_detail": self._detail}
         if self.bands == 1:
-            return textures | {"t_air": self.air.tables[0]}
+            return textures | {"t_air": air.tables[0]}
         return textures | {
             "t_colour": self._maps[1],
-            "t_ground": self.air.ground,
-            "t_air_rayleigh": self.air.tables[0],
-            "t_air_mie": self.air.tables[1],
-            "t_air_transmittance": self.air.tables[2],
+            "t_ground": air.ground,
+            "t_air_rayleigh": air.tables[0],
+            "t_air_mie": air.tables[1],
+            "t_air_transmittance": air.tables[2],
         }

@@ -1,0 +1,114 @@
+"""A scene from a place above the Earth at a date, without any spacecraft in view: for galleries and comparisons."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import quat, vec3
+from simulator.camera.presets import sensor_preset
+from simulator.scene.state import Bands, Environment, Quality, SceneState
+from simulator.world.earth_orientation import q_itrs_from_eci
+from simulator.world.eclipse import sun_fraction_past_both
+from simulator.world.ephemeris import moon_eci_m, sun_eci_m
+from simulator.world.moon import q_moon_from_eci
+from simulator.world.rotation import matrix_from_quat, quat_from_matrix
+from simulator.world.time import Instant
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.camera.model import Camera
+    from simulator.scene.state import TargetRef
+
+EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245  # WGS84
+AWAY_M = (0.0, 0.0, -1000.0)  # the target: behind the camera
+
+
+def place_itrs_m(
+    latitude_deg: float, longitude_deg: float, altitude_km: float
+) -> tuple[FloatArray, FloatArray]:
+    """A geodetic place, Earth-fixed [m], and its east, north and up as rows."""
+    lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
+    e2 = 1 - (POLE_M / EQUATOR_M) ** 2
+    n = EQUATOR_M / np.sqrt(1 - e2 * np.sin(lat) ** 2)
+    h = altitude_km * 1e3
+    r = np.array(
+        [
+            (n + h) * np.cos(lat) * np.cos(lon),
+            (n + h) * np.cos(lat) * np.sin(lon),
+            (n * (1 - e2) + h) * np.sin(lat),
+        ]
+    )
+    east = np.array([-np.sin(lon), np.cos(lon), 0.0])
+    up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    return r, np.stack([east, np.cross(up, east), up])
+
+
+def scene_above(
+    epoch_utc: str,
+    place: tuple[float, float, float],
+    *,
+    camera: Camera,
+    target: TargetRef,
+    azimuth_deg: float = 0.0,
+    off_nadir_deg: float = 0.0,
+    look_at: str = "earth",
+    bands: Bands = "rgb",
+    quality: Quality = "default",
+    environment: Environment | None = None,
+) -> SceneState:
+    """What a camera sees.
+
+    Parameters
+    ----------
+    place : geodetic latitude and longitude [deg], altitude [km].
+    azimuth_deg, off_nadir_deg : direction of the boresight, from north to the east and from straight down; the image's
+        upper side points away from the Earth.
+    look_at : ``earth`` for that direction, or ``moon``, ``sun`` for the centre of the body instead.
+    """
+    now = Instant.from_utc(epoch_utc)
+    q_ie = q_itrs_from_eci(now)
+    R_ie = matrix_from_quat(q_ie)
+    sun, moon = (np.asarray(f(now.tt1, now.tt2), float).reshape(3) for f in (sun_eci_m, moon_eci_m))
+    r_itrs, enu = place_itrs_m(*place)
+    r, up = R_ie.T @ r_itrs, R_ie.T @ enu[2]
+    if look_at == "earth":
+        a, o = np.radians(azimuth_deg), np.radians(off_nadir_deg)
+        z = R_ie.T @ (enu.T @ np.array([np.sin(o) * np.sin(a), np.sin(o) * np.cos(a), -np.cos(o)]))
+        above = enu.T @ np.array([np.sin(a), np.cos(a), 0.0])  # straight down the image's top is ahead
+        up = up + 1e-3 * (R_ie.T @ above)
+    else:
+        z = {"moon": moon, "sun": sun}[look_at] - r
+        z = z / np.linalg.norm(z)
+    x = np.cross(z, up)
+    x /= np.linalg.norm(x)
+    R_ce = np.stack([x, np.cross(z, x), z])
+    return SceneState(
+        epoch_utc=now.iso(),
+        t_s=0.0,
+        frame_index=0,
+        seed=1,
+        camera=camera,
+        sensor=sensor_preset("speed"),
+        exposure_s=0.001,
+        quality=quality,
+        bands=bands,
+        environment=environment or Environment(),
+        target=target,
+        q_camera_from_target_wxyz=(1.0, 0.0, 0.0, 0.0),
+        t_camera_from_target_m=AWAY_M,
+        omega_target_rad_s=(0.0, 0.0, 0.0),
+        v_target_camera_m_s=(0.0, 0.0, 0.0),
+        r_camera_eci_m=vec3(r),
+        v_camera_eci_m_s=(0.0, 0.0, 0.0),
+        q_camera_from_eci_wxyz=quat(quat_from_matrix(R_ce)),
+        omega_camera_rad_s=(0.0, 0.0, 0.0),
+        r_target_eci_m=vec3(r + R_ce.T @ np.array(AWAY_M)),
+        v_target_eci_m_s=(0.0, 0.0, 0.0),
+        r_sun_eci_m=vec3(sun),
+        r_moon_eci_m=vec3(moon),
+        q_itrs_from_eci_wxyz=quat(q_ie),
+        sun_visible_fraction=sun_fraction_past_both(r, sun, moon),
+        q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
+    )

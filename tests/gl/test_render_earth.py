@@ -1,0 +1,84 @@
+"""The Earth's layers: months, relief, parallax of the clouds, presets."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from simulator.camera.model import Camera
+from simulator.render.seasons import ANCHORS, season
+from simulator.scene.state import Environment, TargetRef
+from simulator.scene.viewpoint import scene_above
+
+pytestmark = pytest.mark.gl
+CAMERA = Camera(width_px=96, height_px=64, fx_px=140.0, fy_px=140.0, cx_px=47.5, cy_px=31.5)
+CLEAR = Environment(clouds=False, stars=False, moon=False)
+
+
+@pytest.fixture(scope="module")
+def speck(draw_kit):
+    return draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
+
+
+@pytest.fixture(scope="module")
+def draw(renderer, speck):
+    def run(epoch, place, environment=CLEAR, **more):
+        more = {"bands": "mono", "camera": CAMERA} | more
+        ref = TargetRef(name=speck.name, sha256=speck.sha256)
+        scene = scene_above(epoch, place, target=ref, environment=environment, **more)
+        return renderer.render(scene, speck).radiance
+
+    return run
+
+
+def test_dates_lie_between_their_months():
+    for month, day in ANCHORS.items():
+        for shift in (-20, 20):
+            moment = np.datetime64("2027-01-01") + int(day - 1 + shift)
+            now = season(f"{moment}T00:00:00Z")
+            assert 0 <= now.share <= 1
+            assert (now.after if shift < 0 else now.before) == month or abs(ANCHORS[7] - ANCHORS[8]) > 20
+    assert season("2026-12-31T00:00:00Z").before == 10
+    assert season("2026-01-02T00:00:00Z").after == 1
+    assert season("2026-01-02T00:00:00Z").share > 0.8
+
+
+def test_snow_in_winter_and_the_same_place_in_summer(draw):
+    # the steppe north of the Aral Sea near local noon; the Sun is three times lower in January
+    place = (52.0, 65.0, 500.0)
+    winter, summer = draw("2026-01-20T08:00:00Z", place), draw("2026-08-10T08:00:00Z", place)
+    assert np.median(winter) > 1.2 * np.median(summer)
+    never = replace(CLEAR, seasons=False)
+    assert np.median(draw("2026-01-20T08:00:00Z", place, never)) < 0.6 * np.median(winter)
+    assert (
+        np.abs(draw("2026-08-15T08:00:00Z", place, never) / draw("2026-08-15T08:00:00Z", place) - 1).max()
+        < 0.02
+    )
+
+
+def test_mountains_turn_to_the_sun(draw):
+    place = (46.5, 10.0, 500.0)
+    bare = replace(CLEAR, atmosphere=False)
+    morning, evening = (draw(f"2026-07-10T{h}:00:00Z", place, bare) for h in ("05", "17"))
+    flat = [draw(f"2026-07-10T{h}:00:00Z", place, replace(bare, relief=False)) for h in ("05", "17")]
+    a, b = (x / y - (x / y).mean() for x, y in zip((morning, evening), flat, strict=True))
+    assert a.std() > 0.05
+    assert (a * b).mean() / (a.std() * b.std()) < -0.3  # what is lit in the morning is dark in the evening
+
+
+def test_land_sea_and_cloud_alike_is_another_picture(draw):
+    world = Environment(stars=False, moon=False)
+    place, epoch = (-5.0, -33.0, 700.0), "2026-03-20T14:30:00Z"
+    alike = draw(epoch, place, replace(world, undifferentiated=True))
+    assert np.abs(alike - draw(epoch, place, world)).mean() > 0.5
+    # without optics of their own neither glint nor relief has a say
+    again = draw(epoch, place, replace(world, undifferentiated=True, ocean_glint=False, relief=False))
+    assert np.array_equal(alike, again)
+
+
+def test_presets_draw_the_same_world(draw):
+    world = Environment(stars=False, moon=False)
+    for place in ((-5.0, -33.0, 700.0), (48.0, 11.0, 420.0)):
+        quick, fine = (draw("2026-05-20T13:00:00Z", place, world, quality=q) for q in ("default", "high"))
+        assert not np.array_equal(quick, fine)
+        assert fine.mean() == pytest.approx(quick.mean(), rel=0.05)
