@@ -6,11 +6,12 @@ the image is cut into fixed bands of rows and each has a source of random bits o
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
+from simulator.camera.detector import detect, detector_sigma, electrons_per_radiance
 from simulator.camera.deviates import (
     add_normal,
     bit_source,
@@ -18,76 +19,102 @@ from simulator.camera.deviates import (
     multiply_uniform,
     normal_tables,
 )
-
-MIN_SHIFT = 4
-"""Fewer steps than 16 a digital number are not fine enough: then the arithmetic is in floating point."""
+from simulator.camera.optics import Optics
+from simulator.camera.psf import blur, defocus_px
+from simulator.camera.shading import veiling_glare, vignetting
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from simulator.arrays import Float32Array
+    from simulator.arrays import Float32Array, FloatArray
+    from simulator.camera.model import Camera
     from simulator.camera.sensor import Sensor
+
+_PERFECT_LENS = Optics()
+MIN_SHIFT = 4
+"""Fewer steps than 16 a digital number are not fine enough: then the arithmetic is in floating point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What the optics need to know of a frame besides its picture.
+
+    Parameters
+    ----------
+    camera : its geometry. target_distance_m : for the blur of what is out of focus.
+    sun_direction : unit vector, camera frame. sun_irradiance_w_m2 : per band, less what is hidden; for glare.
+    """
+
+    camera: Camera
+    target_distance_m: float
+    sun_direction: FloatArray
+    sun_irradiance_w_m2: FloatArray
 
 
 def expose(
-    radiance_w_m2_sr: Float32Array, sensor: Sensor, exposure_s: float, band_gain: ArrayLike = 1.0
+    radiance_w_m2_sr: Float32Array,
+    sensor: Sensor,
+    exposure_s: float,
+    band_gain: ArrayLike = 1.0,
+    optics: Optics | None = None,
+    around: Surroundings | None = None,
 ) -> Float32Array:
-    """Noise-free signal on the detector: exposure, then the PSF.
+    """Noise-free signal on the detector: vignetting and glare, exposure, the PSF.
 
     Parameters
     ----------
     radiance_w_m2_sr : (H, W) or (H, W, 3) band radiance [W m-2 sr-1].
-    sensor : detector; ``full_scale_j_m2_sr`` maps to 1.
+    sensor : detector; ``full_scale_j_m2_sr``, or its saturation charge, maps to 1.
     exposure_s : integration time [s].
-    band_gain : gain of each band, for example the white balance of a colour camera.
+    band_gain : gain of each band, for example the white balance of a colour camera (not of a detector in electrons:
+        that is balanced after its read-out).
+    optics : None for a perfect lens. around : what vignetting, glare and defocus need; without it they are left out.
 
     Returns
     -------
     (H, W) or (H, W, 3) float32, 1 at full scale, not clipped.
     """
-    gain = np.asarray(band_gain, np.float32) * np.float32(exposure_s / sensor.full_scale_j_m2_sr)
-    if sensor.blur_sigma_px <= 0:
-        return np.asarray(radiance_w_m2_sr * gain, np.float32)
+    optics = optics or _PERFECT_LENS
+    bands = 1 if radiance_w_m2_sr.ndim == 2 else radiance_w_m2_sr.shape[2]
+    if sensor.detector is None:
+        gain = np.asarray(band_gain, float) * exposure_s / sensor.full_scale_j_m2_sr
+    else:
+        gain = electrons_per_radiance(sensor, optics, exposure_s, bands) / sensor.saturation_e
+    image, disc_px = radiance_w_m2_sr, 0.0
+    if around is not None:
+        image = _through_the_lens(image, optics, around)
+        disc_px = defocus_px(around.camera, optics, sensor, around.target_distance_m)
     if gain.size > 1:
-        return _blur(np.asarray(radiance_w_m2_sr * gain, np.float32), sensor.blur_sigma_px, 1.0)
-    return _blur(radiance_w_m2_sr, sensor.blur_sigma_px, float(gain.flat[0]))
+        return blur(np.asarray(image * gain.astype(np.float32), np.float32), optics, sensor, disc_px, 1.0)
+    return blur(image, optics, sensor, disc_px, float(gain.flat[0]))
 
 
-def _blur(image: Float32Array, sigma_px: float, gain: float) -> Float32Array:
-    """A Gaussian blur times ``gain``, band by band; the image's border is repeated outwards."""
-    # 3 sigma either side, as in the public recipe's 7 taps for sigma = 1 px
-    reach = int(np.ceil(3 * sigma_px))
-    taps = cv2.getGaussianKernel(2 * reach + 1, sigma_px, cv2.CV_32F)
-    scaled = (taps * np.float32(gain)).astype(np.float32)
-    out = np.empty(image.shape, np.float32)
-    height = image.shape[0]
-
-    def blur_band(_: int, rows: slice) -> None:
-        # the rows that the taps reach into belong to the neighbouring bands
-        above, below = min(reach, rows.start), min(reach, height - rows.stop)
-        wide = cv2.sepFilter2D(
-            image[rows.start - above : rows.stop + below],
-            cv2.CV_32F,
-            taps,
-            scaled,
-            borderType=cv2.BORDER_REPLICATE,
-        )
-        out[rows] = wide[above : above + rows.stop - rows.start]
-
-    for_each_band(height, blur_band)
-    return out
+def _through_the_lens(image: Float32Array, optics: Optics, around: Surroundings) -> Float32Array:
+    """Vignetting and veiling glare; the picture itself where there is neither."""
+    share = vignetting(around.camera, optics)
+    if share is not None:
+        image = image * (share if image.ndim == 2 else share[..., None])
+    glare = veiling_glare(around.camera, optics, around.sun_direction, around.sun_irradiance_w_m2)
+    return image if glare is None else image + glare
 
 
-def noise_sigma(sensor: Sensor, signal: float = 0.0) -> float:
+def noise_sigma(sensor: Sensor, signal: float = 0.0, exposure_s: float = 0.0) -> float:
     """Standard deviation of the noise on a 0..1 signal, quantisation included [1]."""
+    if sensor.detector is not None:
+        return detector_sigma(sensor, signal, exposure_s)
     step = 1.0 / (2**sensor.bits - 1)
     return float(np.sqrt(sensor.gaussian_variance + sensor.speckle_variance * signal**2 + step**2 / 12))
 
 
 def digitise(
-    signal: Float32Array, sensor: Sensor, seed: int, frame_index: int
+    signal: Float32Array,
+    sensor: Sensor,
+    seed: int,
+    frame_index: int,
+    exposure_s: float = 0.0,
+    band_gain: ArrayLike = 1.0,
 ) -> NDArray[np.unsignedinteger]:
-    """Digital numbers of an exposed signal: clip, speckle, Gaussian noise, clip, quantise.
+    """Digital numbers of an exposed signal: by the detector, or clip, speckle, Gaussian noise, clip, quantise.
 
     The order of the thesis recipe is not given in its source; here speckle ``I + n I`` with uniform n comes
     first, then the Gaussian term, then the clip, as MATLAB's ``imnoise`` would be called in sequence.
@@ -97,11 +124,14 @@ def digitise(
     signal : (H, W) or (H, W, 3) float32, 1 = full scale.
     sensor : noise recipe and bit depth.
     seed, frame_index : key of this frame's random numbers.
+    exposure_s, band_gain : for a detector in electrons: dark current, and white balance of a colour image.
 
     Returns
     -------
     Array of the signal's shape, uint8 for up to 8 bits, uint16 above.
     """
+    if sensor.detector is not None:
+        return detect(signal, sensor, seed, frame_index, exposure_s, band_gain)
     height = signal.shape[0]
     flat = signal.reshape(height, -1)
     full = 2**sensor.bits - 1

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 NOISE_BANDS = 8
 _WEIGHTS = (0.75, float(np.sqrt(1 - 0.75**2)))
+_FINE_WEIGHT = 0.08
 
 
 def for_each_band(rows: int, work: Callable[[int, slice], None]) -> None:
@@ -52,8 +53,8 @@ def random_bytes(source: np.random.SFC64, shape: tuple[int, ...]) -> ByteArray:
 
 
 @lru_cache(maxsize=1)
-def _slices() -> tuple[FloatArray, FloatArray]:
-    """The 256 values of either byte, weighted."""
+def _slices() -> FloatArray:
+    """The 256 values of a byte, of variance one; their sum with the weights has the normal law's kurtosis."""
     edges = ndtri(np.arange(257) / 256)
     density = np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi)
     means = (density[:-1] - density[1:]) * 256
@@ -63,31 +64,33 @@ def _slices() -> tuple[FloatArray, FloatArray]:
         return np.asarray(table / np.sqrt(np.mean(table**2)))
 
     def excess(cubic: float) -> float:
-        # kurtosis of a sum: each term's excess times its weight to the fourth
-        own = float(np.mean(stretched(cubic) ** 4)) - 3
-        return own * (_WEIGHTS[0] ** 4 + _WEIGHTS[1] ** 4)
+        # the sign of each term's own excess is that of the sum's
+        return float(np.mean(stretched(cubic) ** 4)) - 3
 
-    table = stretched(float(brentq(excess, -0.01, 0.05)))
-    return _WEIGHTS[0] * table, _WEIGHTS[1] * table
+    return stretched(float(brentq(excess, -0.01, 0.05)))
 
 
-def normal_tables(sigma: float, dtype: np.dtype[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Tables for `add_normal` that give deviates of the standard deviation ``sigma``, float32 or int16."""
-    first, second = (w * sigma for w in _slices())
+def normal_tables(sigma: float, dtype: np.dtype[Any], *, smooth: bool = False) -> tuple[NDArray[Any], ...]:
+    """Tables for `add_normal` that give deviates of the standard deviation ``sigma``, float32 or int16.
+
+    Parameters
+    ----------
+    smooth : three bytes a deviate, for deviates that are counted one by one (16.7 million different values).
+    """
+    weights = (*(w * np.sqrt(1 - _FINE_WEIGHT**2) for w in _WEIGHTS), _FINE_WEIGHT) if smooth else _WEIGHTS
+    tables = [_slices() * (w * sigma) for w in weights]
     if dtype.kind == "i":
-        first, second = np.rint(first), np.rint(second)
-    return first.astype(dtype)[None], second.astype(dtype)[None]
+        tables = [np.rint(table) for table in tables]
+    return tuple(table.astype(dtype)[None] for table in tables)
 
 
-def add_normal(
-    values: NDArray[Any], tables: tuple[NDArray[Any], NDArray[Any]], source: np.random.SFC64
-) -> None:
+def add_normal(values: NDArray[Any], tables: tuple[NDArray[Any], ...], source: np.random.SFC64) -> None:
     """Add a normal deviate to each value of a (rows, columns) array of the tables' type, in place."""
-    drawn = random_bytes(source, (2, *values.shape))
-    scratch = cv2.LUT(drawn[0], tables[0])
-    values += scratch
-    cv2.LUT(drawn[1], tables[1], dst=scratch)
-    values += scratch
+    drawn = random_bytes(source, (len(tables), *values.shape))
+    scratch = np.empty_like(values)
+    for one, table in zip(drawn, tables, strict=True):
+        cv2.LUT(one, table, dst=scratch)
+        values += scratch
 
 
 def multiply_uniform(values: Float32Array, half_width: float, source: np.random.SFC64) -> None:

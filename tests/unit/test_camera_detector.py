@@ -1,0 +1,158 @@
+"""The detector in electrons: the Poisson law, photon transfer, what saturates, what stays from frame to frame."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from scipy.stats import poisson as poisson_law
+
+from simulator.camera.detector import bloom, detect, electrons_per_radiance, mosaic
+from simulator.camera.develop import digitise, noise_sigma
+from simulator.camera.deviates import bit_source
+from simulator.camera.optics import Optics
+from simulator.camera.poisson import poisson
+from simulator.camera.sensor import Detector, Sensor, noiseless
+
+QUIET = Detector(full_well_e=20_000.0, gain_e_per_dn=5.0, black_level_dn=64.0, read_noise_e=0.0)
+
+
+def sensor(**changes):
+    return Sensor(preset="test", bits=12, blur_sigma_px=0.0, detector=replace(QUIET, **changes))
+
+
+def flat(electrons, s, shape=(400, 500)):
+    return np.full(shape, electrons / s.saturation_e, np.float32)
+
+
+@pytest.mark.parametrize("mean", [0.004, 0.5, 3.0, 12.5, 30.0, 3000.0])
+def test_electrons_follow_the_poisson_law(mean):
+    n = 100_000
+    drawn = (
+        poisson(np.full((100, n // 100), mean, np.float32), bit_source(3, int(mean * 10))).astype(int).ravel()
+    )
+    # bins that expect at least twenty
+    low, high = np.maximum(poisson_law.ppf([20 / n, 1 - 20 / n], mean), [0, 1]).astype(int)
+    edges = np.arange(low, high + 1)
+    expected = n * np.concatenate([[poisson_law.cdf(low, mean)], poisson_law.pmf(edges[1:], mean)])
+    expected = np.append(expected, n - expected.sum())
+    counts = np.bincount(np.clip(drawn, low, high + 1) - low, minlength=len(expected))
+    statistic = ((counts - expected) ** 2 / expected).sum()
+    assert chi2.sf(statistic, len(expected) - 1) > 1e-3
+
+
+def test_photons_of_a_known_radiance_become_the_electrons_of_the_camera_equation():
+    s = replace(sensor(quantum_efficiency=(0.5,)), pixel_pitch_x_m=5e-6, pixel_pitch_y_m=5e-6)
+    got = electrons_per_radiance(s, Optics(f_number=2.0, transmission=0.8, wavelength_m=500e-9), 0.01, 1)
+    photon_j = 6.62607015e-34 * 299792458.0 / 500e-9
+    assert got == pytest.approx(np.pi / 16 * 0.8 * 25e-12 * 0.01 / photon_j * 0.5)
+
+
+def test_variance_over_mean_is_one_over_the_gain():
+    s = sensor(read_noise_e=12.0)
+    levels = np.array([200.0, 1000.0, 4000.0, 9000.0])
+    frames = [detect(flat(e, s), s, 1, k, 0.01).astype(float) for k, e in enumerate(levels)]
+    dark = detect(flat(0.0, s), s, 1, 9, 0.01).astype(float)
+    slope = np.polyfit([f.mean() - 64 for f in frames], [f.var() for f in frames], 1)[0]
+    assert 1 / slope == pytest.approx(5.0, rel=0.01)
+    assert np.sqrt(dark.var() - 1 / 12) * 5.0 == pytest.approx(12.0, rel=0.01)
+
+
+def test_the_fixed_pattern_stays_and_belongs_to_the_serial_number_and_the_place():
+    s = sensor(prnu=0.02, dsnu_e=30.0, serial=7)
+    mean = np.mean(
+        [detect(flat(8000.0, s, (60, 80)), s, 1, k, 0.01).astype(float) for k in range(64)], axis=0
+    )
+    again = np.mean(
+        [detect(flat(8000.0, s, (60, 80)), s, 2, k, 0.01).astype(float) for k in range(64)], axis=0
+    )
+    assert np.corrcoef(mean.ravel(), again.ravel())[0, 1] > 0.95
+    other = replace(s, detector=replace(s.detector, serial=8))
+    third = detect(flat(8000.0, other, (60, 80)), other, 1, 0, 0.01).astype(float)
+    assert abs(np.corrcoef(mean.ravel(), third.ravel())[0, 1]) < 0.1
+    # a region of interest sees the pixels that the whole image would
+    roi = replace(s, detector=replace(s.detector, roi_x0_px=20, roi_y0_px=10))
+    part = np.mean(
+        [detect(flat(8000.0, roi, (40, 40)), roi, 3, k, 0.01).astype(float) for k in range(64)], axis=0
+    )
+    assert np.corrcoef(mean[10:50, 20:60].ravel(), part.ravel())[0, 1] > 0.95
+
+
+def test_dark_current_doubles_with_its_temperature_step():
+    s = sensor(dark_current_e_s=1000.0, dark_doubling_c=6.0)
+    warm = replace(s, detector=replace(s.detector, temperature_c=32.0))
+    cold_dn, warm_dn = (detect(flat(0.0, k), k, 0, 0, 1.0).mean() - 64 for k in (s, warm))
+    assert cold_dn * 5 == pytest.approx(1000, rel=0.01)
+    assert warm_dn * 5 == pytest.approx(4000, rel=0.01)
+
+
+def test_saturation_hot_and_dead_pixels():
+    s = sensor(hot_pixel_share=0.01, hot_pixel_e_s=50_000.0, dead_pixel_share=0.02)
+    image = detect(flat(5000.0, s), s, 0, 0, 0.1)
+    assert np.mean(image < 100) == pytest.approx(0.02, rel=0.1)
+    assert np.mean(image > 1500) == pytest.approx(0.01 * np.exp(-(1500 - 1064) / 1000), rel=0.2)
+    assert detect(flat(1e6, s, (20, 20)), s, 0, 0, 0.0).max() == 64 + 20_000 // 5
+
+
+def test_blooming_keeps_what_the_drain_does_not_take():
+    charge = np.zeros((41, 3), np.float32)
+    charge[20, 1] = 11_000.0
+    bloom(charge, 1000.0, 1.0)
+    assert charge.sum() == pytest.approx(11_000)
+    assert (charge[15:26, 1] == 1000).all()
+    assert charge[:15].sum() == 0
+    assert charge[:, [0, 2]].sum() == 0
+
+
+def test_binning_adds_charge_and_reads_once_or_four_times():
+    single, charge, digital = (
+        sensor(read_noise_e=10.0, binning=b, charge_binning=c) for b, c in ((1, False), (2, True), (2, False))
+    )
+    noise = [detect(flat(0.0, s), s, 0, 0, 0.0).astype(float) for s in (single, charge, digital)]
+    sigma = [np.sqrt(n.var() - 1 / 12) * 5 for n in noise]
+    assert sigma == pytest.approx([10, 10, 20], rel=0.02)
+    assert charge.saturation_e == min(80_000, (4095 - 64) * 5)
+
+
+def test_row_and_column_noise_are_common_to_their_line():
+    s = sensor(row_noise_e=50.0, column_noise_e=30.0)
+    image = detect(flat(0.0, s), s, 0, 0, 0.0).astype(float)
+    assert image.mean(axis=1).std() * 5 == pytest.approx(50, rel=0.15)
+    assert image.mean(axis=0).std() * 5 == pytest.approx(30, rel=0.15)
+
+
+def test_particles_leave_tracks_at_their_rate_and_the_same_ones_again():
+    s = sensor(cosmic_rays_cm2_s=2000.0, layer_m=10e-6)
+    image = detect(flat(0.0, s), s, 5, 0, 0.2)
+    assert np.array_equal(image, detect(flat(0.0, s), s, 5, 0, 0.2))
+    assert not np.array_equal(image, detect(flat(0.0, s), s, 5, 1, 0.2))
+    expected = 2000 * 0.2 * image.size * 5.86e-4**2
+    charge = (image.astype(float) - 64).clip(0) * 5
+    # the mean path through the layer is two layers, at 80 electrons a micrometre
+    assert charge.sum() == pytest.approx(expected * 80 * 20, rel=0.4)
+
+
+@pytest.mark.parametrize("pattern", ["rggb", "bggr", "grbg", "gbrg"])
+def test_a_mosaic_comes_back_as_its_colour(pattern):
+    s = noiseless(sensor(colour_filter=pattern))
+    colour = np.zeros((32, 32, 3), np.float32)
+    colour[:] = [0.6, 0.4, 0.2]
+    image = detect(colour, s, 0, 0, 0.0).astype(float) - 64
+    assert image[8:24, 8:24].reshape(-1, 3).mean(axis=0) / (s.saturation_e / 5) == pytest.approx(
+        [0.6, 0.4, 0.2], abs=2e-3
+    )
+    raw = mosaic(colour, s.detector)
+    assert raw[0, 0] == pytest.approx({"r": 0.6, "g": 0.4, "b": 0.2}[pattern[0]])
+
+
+def test_declared_sigma_is_the_pictures():
+    s = sensor(read_noise_e=12.0, prnu=0.01, dark_current_e_s=500.0, row_noise_e=5.0)
+    for level in (0.0, 0.4):
+        image = digitise(np.full((600, 600), level, np.float32), s, 1, 2, 0.05).astype(float)
+        assert noise_sigma(s, level, 0.05) == pytest.approx(image.std() * 5 / s.saturation_e, rel=0.02)
+
+
+def test_a_clean_twin_has_the_scale_and_no_noise():
+    s = noiseless(sensor(read_noise_e=12.0, prnu=0.01, dark_current_e_s=500.0))
+    image = digitise(flat(5000.0, s), s, 1, 2, 0.05)
+    assert (image == 1064).all()
