@@ -96,6 +96,7 @@ class Plan:
             bands=self.bands,
             environment=scenario.environment_model,
             shutter=scenario.shutter_model,
+            optics=scenario.optics_model,
         )
 
     def shifted(self, times_s: tuple[float, ...]) -> Plan:

@@ -10,7 +10,9 @@ from msgspec import Meta
 
 from simulator.camera.files import CameraFile, read_camera_file
 from simulator.camera.model import Camera
+from simulator.camera.optics import Optics
 from simulator.camera.presets import sensor_preset
+from simulator.camera.sections import DetectorSection, OpticsSection, read_part, read_sensor
 from simulator.camera.sensor import Sensor
 from simulator.camera.shutter import Shutter
 from simulator.scene.state import Bands, Environment, Quality
@@ -23,6 +25,7 @@ Range = Annotated[float, Meta(gt=0, le=1e5)]
 Seconds = Annotated[float, Meta(gt=0, le=1e6)]
 Speed = Annotated[float, Meta(ge=-1e3, le=1e3)]
 Inertia = Annotated[float, Meta(gt=0, le=1e9)]
+Pitch = Annotated[float, Meta(gt=0.1, le=1000)]
 Torque = Annotated[float, Meta(ge=-1e3, le=1e3)]
 Centre = Literal["earth", "moon"]
 Aim = Literal["nadir", "zenith", "along_track", "cross_track", "sun", "chaser"]
@@ -339,9 +342,14 @@ class BurnSection(Section, frozen=True, kw_only=True):
 
 
 class SensorSection(Section, frozen=True, kw_only=True):
-    """Noise recipe by name, exposure, and what of the recipe to change."""
+    """Noise recipe or detector by name, exposure, and what of it to change.
 
-    preset: Literal["speed", "thesis", "ideal"] = "speed"
+    With a detector (``imx174``, ``cmv4000``, or a section `[sensor.detector]`) photons and electrons are counted and
+    ``full_scale_j_m2_sr`` and the two variances have no part. ``roi_px`` (x0, y0, width, height) reads a region of the
+    camera's pixels, ``binning`` joins them by so many in width and height; the camera becomes that of the image.
+    """
+
+    preset: Literal["speed", "thesis", "ideal", "imx174", "cmv4000"] = "speed"
     exposure_s: Annotated[float, Meta(gt=0, le=10)] = 0.001
     full_scale_j_m2_sr: Annotated[float, Meta(gt=0, le=1e6)] | None = None
     blur_sigma_px: Annotated[float, Meta(ge=0, le=10)] | None = None
@@ -351,6 +359,10 @@ class SensorSection(Section, frozen=True, kw_only=True):
     shutter: Literal["global", "rolling"] = "global"
     readout_s: Annotated[float, Meta(ge=0, le=10)] = 0.0
     motion_blur: bool = True
+    pixel_pitch_um: tuple[Pitch, Pitch] | None = None
+    detector: DetectorSection | None = None
+    binning: Annotated[int, Meta(ge=1, le=16)] = 1
+    roi_px: tuple[int, int, int, int] | None = None
 
 
 class EnvironmentSection(Section, frozen=True, kw_only=True):
@@ -402,6 +414,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     chaser: AnyChaser
     camera: str | CameraFile = "speed"
     sensor: SensorSection = SensorSection()
+    optics: OpticsSection = OpticsSection()
     environment: EnvironmentSection = EnvironmentSection()
     output: Output = Output()
 
@@ -409,7 +422,9 @@ class Scenario(Section, frozen=True, kw_only=True):
     def camera_model(self) -> Camera:
         """The camera."""
         camera = read_camera_file(self.camera) if isinstance(self.camera, str) else self.camera
-        return camera.camera(f"camera of scenario {self.name}")
+        where = f"scenario {self.name}"
+        whole = camera.camera(f"camera of {where}")
+        return read_part(whole, self.sensor.roi_px, self.sensor.binning, where)
 
     @property
     def sensor_model(self) -> Sensor:
@@ -420,6 +435,21 @@ class Scenario(Section, frozen=True, kw_only=True):
             if key in Sensor.__dataclass_fields__ and key != "preset" and value is not None
         }
         return replace(sensor_preset(self.sensor.preset), **changes)
+        section, base = self.sensor, sensor_preset(self.sensor.preset)
+        keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance", "bits")
+        given = {key: getattr(section, key) for key in keys}
+        sensor = replace(base, **{key: value for key, value in given.items() if value is not None})
+        if section.pixel_pitch_um is not None:
+            x, y = section.pixel_pitch_um
+            sensor = replace(sensor, pixel_pitch_x_m=x * 1e-6, pixel_pitch_y_m=y * 1e-6)
+        if section.detector is not None:
+            sensor = replace(sensor, detector=section.detector.detector(base.detector))
+        return read_sensor(sensor, section.roi_px, section.binning)
+
+    @property
+    def optics_model(self) -> Optics:
+        """The lens besides its distortion."""
+        return self.optics.optics()
 
     @property
     def shutter_model(self) -> Shutter:

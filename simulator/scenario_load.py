@@ -13,6 +13,7 @@ from typing import Any
 
 import msgspec
 
+from simulator.camera.check import optics_problem, sensor_problem
 from simulator.camera.files import CameraFile, read_camera_file
 from simulator.errors import UserError
 from simulator.file_errors import explain
@@ -77,8 +78,12 @@ def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
     except ValueError as error:
         raise UserError(f"{where}: key epoch_utc: {error}") from error
     scenario = msgspec.structs.replace(
-        scenario, name=scenario.name or stem, camera=_camera(scenario.camera, where, folder)
+        scenario,
+        name=scenario.name or stem,
+        camera=_camera(scenario.camera, where, folder),
+        optics=scenario.optics.with_kernel(folder, where),
     )
+    _check_camera(scenario, where)
     scenario = resolve_messages(scenario, where, folder)
     check_physics(scenario, where)
     return scenario
@@ -97,6 +102,20 @@ def _camera(camera: str | CameraFile, where: str, folder: Path) -> CameraFile:
             found = msgspec.structs.replace(found, name=Path(camera).stem)
     found.camera(f"{where}: camera")
     return found
+
+
+def _check_camera(scenario: Scenario, where: str) -> None:
+    """Refuse a lens or detector that cannot be."""
+    scenario.camera_model  # noqa: B018 - raises where the region or the binning does not fit
+    problem = optics_problem(scenario.optics_model) or sensor_problem(scenario.sensor_model)
+    if problem is not None:
+        raise UserError(f"{where}: key {problem}")
+    detector = scenario.sensor_model.detector
+    if detector is not None and detector.colour_filter != "none" and scenario.output.bands == "mono":
+        raise UserError(
+            f"{where}: key sensor.detector.colour_filter is {detector.colour_filter!r}, which needs "
+            'output.bands = "rgb"'
+        )
 
 
 def _plain(value: Any, where: str, key: str) -> Any:  # noqa: ANN401 - a TOML value is anything

@@ -154,8 +154,12 @@ class LensDomain:
         return xy
 
 
-def lens_domain(distortion: Distortion, border_xy: FloatArray) -> LensDomain:
+def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool = True) -> LensDomain:
     """The lens over an image whose border is at distorted coordinates ``border_xy`` (K, 2).
+
+    Parameters
+    ----------
+    strict : refuse an image that the lens does not fill; else the lens is used as far as it goes.
 
     Raises
     ------
@@ -178,6 +182,8 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray) -> LensDomain:
     corner = float(np.hypot(border_xy[:, 0], border_xy[:, 1]).max())
     whole = LensDomain(distortion, float(radius[end - 1]), radius[:end], image_radius[:end])
     rays = whole.undistort(border_xy)
+    if not strict and not np.isfinite(rays).all():
+        return LensDomain(distortion, 0.999 * float(radius[end - 1]), radius[:end], image_radius[:end])
     if not np.isfinite(rays).all():
         if corner < image_radius[end - 1]:
             raise ValueError("the distortion folds back inside the image: its tangential terms are too large")

@@ -49,13 +49,7 @@ class Camera:
 
     @property
     def domain(self) -> LensDomain:
-        """The lens over this image.
-
-        Raises
-        ------
-        ValueError
-            If the lens folds back inside the image.
-        """
+        """The lens over this image."""
         return _domain(self)
 
     def project(self, points_camera_m: ArrayLike) -> FloatArray:
@@ -155,9 +149,12 @@ def _pixel_angle_rad(camera: Camera) -> float:
 @lru_cache(maxsize=256)
 def _domain(camera: Camera) -> LensDomain:
     # two pixels beyond the edge: rays are interpolated there
-    border = camera.border(margin_px=2.0)
-    image_xy = (border - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
-    return lens_domain(camera.distortion, image_xy)
+    # a window beyond the edges of an image may reach further than its lens does
+    return lens_domain(camera.distortion, _border_xy(camera), strict=False)
+
+
+def _border_xy(camera: Camera) -> FloatArray:
+    return (camera.border(margin_px=2.0) - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
 
 
 def camera_problem(camera: Camera) -> str | None:
@@ -173,7 +170,7 @@ def camera_problem(camera: Camera) -> str | None:
     if not np.isfinite(distortion.coefficients).all():
         return f"distortion.coefficients is {list(distortion.coefficients)}, finite numbers are needed"
     try:
-        _domain(camera)
+        lens_domain(distortion, _border_xy(camera))
     except ValueError as error:
         return f"distortion.coefficients: {error}"
     return None

@@ -66,7 +66,7 @@ def wireframe_step_share(scene: SceneState, views: Iterable[EdgeView], signal: F
     reach = STEP_REACH_PX * normals
     left, right = (_sample(clipped, pixels + sign * reach) for sign in (-1, 1))
     step = np.abs(right - left)
-    sigma = noise_sigma(scene.sensor, float(clipped.mean()))
+    sigma = noise_sigma(scene.sensor, float(clipped.mean()), scene.exposure_s)
     return float(np.mean(step >= sigma))
 
 

@@ -12,7 +12,6 @@ import msgspec
 import numpy as np
 
 from simulator.arrays import ByteArray, Float32Array, vec3
-from simulator.camera.develop import digitise, expose
 from simulator.labels.boxes import amodal_box, box_3d_m, mask_box
 from simulator.labels.exposure import integrate, surfaces
 from simulator.labels.feasible import SILHOUETTE_SHARE, STEP_SHARE, wireframe_step_share
@@ -22,7 +21,7 @@ from simulator.labels.occlusion import mesh_of
 from simulator.labels.request import LabelRequest
 from simulator.labels.truth import Box, InfeasibleReason, RowPose, Software, Truth, WireLabel
 from simulator.labels.wireframe import view_edges
-from simulator.scene.bands import sunlight_balance
+from simulator.scene.develop import digitise_scene, expose_scene
 from simulator.scene.motion import scene_at
 
 if TYPE_CHECKING:
@@ -74,8 +73,8 @@ def take_frame(
     start = time.perf_counter()
     exposed = integrate(renderer, scene, target)
     drawn = time.perf_counter()
-    signal = expose(exposed.radiance, scene.sensor, scene.exposure_s, sunlight_balance(scene.bands))
-    image = digitise(signal, scene.sensor, scene.seed, scene.frame_index)
+    signal = expose_scene(scene, exposed.radiance)
+    image = digitise_scene(scene, signal)
     developed = time.perf_counter()
     stage_ms = {"render": (drawn - start) * 1e3, "sensor": (developed - drawn) * 1e3}
     stage_ms.update({f"render.{name}": ms for name, ms in exposed.stage_ms.items()})

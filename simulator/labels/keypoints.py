@@ -125,6 +125,8 @@ def _radiometric_state(scene: SceneState, pixel: np.ndarray, signal: Float32Arra
     if float(patch.min()) >= 1.0:
         return "saturated"
     clipped = np.clip(patch, 0, 1)
-    if float(clipped.max() - clipped.min()) < noise_sigma(scene.sensor, float(clipped.mean())):
+    if float(clipped.max() - clipped.min()) < noise_sigma(
+        scene.sensor, float(clipped.mean()), scene.exposure_s
+    ):
         return "below_noise"
     return "visible"

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.arrays import ByteArray, Float32Array
-from simulator.camera.develop import digitise
 from simulator.camera.sensor import noiseless
 from simulator.labels.exposure import surfaces
 from simulator.labels.request import OF_SURFACES
+from simulator.scene.develop import digitise_scene
 from simulator.world.pose import Pose
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def layer_hash(layer: NDArray[Any]) -> str:
 
 def clean_twin(scene: SceneState, signal: Float32Array) -> NDArray[np.unsignedinteger]:
     """The image as the detector would give it without noise: same optics, scale and bits."""
-    return digitise(signal, noiseless(scene.sensor), scene.seed, scene.frame_index)
+    return digitise_scene(scene, signal, noiseless(scene.sensor))
 
 
 def amodal_mask(

@@ -31,7 +31,8 @@ def ray_table(camera: Camera) -> Float32Array:
     x, y = nodes(camera.width_px), nodes(camera.height_px)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     xy = camera.unproject(grid)
-    layers = [*np.moveaxis(xy, -1, 0), np.sqrt(camera.pixel_solid_angle_sr(grid))]
+    # where the lens does not reach (a window beyond the image) nothing is looked up
+    layers = [np.nan_to_num(v) for v in (*np.moveaxis(xy, -1, 0), np.sqrt(camera.pixel_solid_angle_sr(grid)))]
     at_x, at_y = np.arange(-1, camera.width_px + 1.0), np.arange(-1, camera.height_px + 1.0)
     return np.stack(
         [RectBivariateSpline(y, x, layer, kx=5, ky=5)(at_y, at_x) for layer in layers], axis=-1

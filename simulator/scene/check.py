@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.camera.check import optics_problem, sensor_problem
 from simulator.camera.model import camera_problem
 from simulator.world.time import Instant
 
@@ -18,7 +19,7 @@ FARTHEST_TARGET_M = 1e6
 
 def scene_problem(scene: SceneState) -> str | None:
     """What is wrong with a scene: field, value and what is allowed; None when it can be drawn."""
-    c, s = scene.camera, scene.sensor
+    c = scene.camera
     ranges = (
         ("scene.camera.width_px", c.width_px, 1, LARGEST_IMAGE_PX),
         ("scene.camera.height_px", c.height_px, 1, LARGEST_IMAGE_PX),
@@ -26,11 +27,6 @@ def scene_problem(scene: SceneState) -> str | None:
         ("scene.camera.fy_px", c.fy_px, 1.0, 1e7),
         ("scene.camera.cx_px", c.cx_px, -1e5, 1e5),
         ("scene.camera.cy_px", c.cy_px, -1e5, 1e5),
-        ("scene.sensor.full_scale_j_m2_sr", s.full_scale_j_m2_sr, 1e-12, 1e6),
-        ("scene.sensor.blur_sigma_px", s.blur_sigma_px, 0.0, 10.0),
-        ("scene.sensor.speckle_variance", s.speckle_variance, 0.0, 1.0),
-        ("scene.sensor.gaussian_variance", s.gaussian_variance, 0.0, 1.0),
-        ("scene.sensor.bits", s.bits, 8, 16),
         ("scene.exposure_s", scene.exposure_s, 1e-9, 1e4),
         ("scene.shutter.readout_s", scene.shutter.readout_s, 0.0, 10.0),
         ("scene.seed", scene.seed, 0, 2**63 - 1),
@@ -52,6 +48,14 @@ def scene_problem(scene: SceneState) -> str | None:
     lens = camera_problem(c)
     if lens is not None:
         return f"scene.camera.{lens}"
+    part = sensor_problem(scene.sensor) or optics_problem(scene.optics)
+    if part is not None:
+        return f"scene.{part}"
+    detector = scene.sensor.detector
+    if detector is not None and detector.colour_filter != "none" and scene.bands == "mono":
+        return (
+            f"scene.sensor.detector.colour_filter is {detector.colour_filter!r}, which needs scene.bands rgb"
+        )
     try:
         Instant.from_utc(scene.epoch_utc)
     except ValueError as error:

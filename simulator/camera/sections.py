@@ -1,0 +1,165 @@
+"""The camera's sections of a scenario file: what of a detector and of a perfect lens to change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from simulator.camera.model import Camera
+from simulator.camera.optics import Optics
+from simulator.camera.sensor import Detector, Sensor
+from simulator.errors import UserError
+
+_Share = Annotated[float, Meta(ge=0, le=1)]
+_Electrons = Annotated[float, Meta(ge=0, le=1e9)]
+_Celsius = Annotated[float, Meta(ge=-273, le=200)]
+
+
+class DetectorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Keys of `[sensor.detector]`, each as in `simulator.camera.sensor.Detector`; what is left out stays."""
+
+    quantum_efficiency: list[Annotated[float, Meta(gt=0, le=1)]] | None = None
+    full_well_e: Annotated[float, Meta(ge=1, le=1e9)] | None = None
+    gain_e_per_dn: Annotated[float, Meta(gt=0, le=1e6)] | None = None
+    black_level_dn: Annotated[float, Meta(ge=0, le=60_000)] | None = None
+    read_noise_e: _Electrons | None = None
+    row_noise_e: _Electrons | None = None
+    column_noise_e: _Electrons | None = None
+    dark_current_e_s: _Electrons | None = None
+    dark_reference_c: _Celsius | None = None
+    dark_doubling_c: Annotated[float, Meta(ge=1, le=100)] | None = None
+    temperature_c: _Celsius | None = None
+    dsnu_e: _Electrons | None = None
+    dark_nonuniformity: _Share | None = None
+    prnu: Annotated[float, Meta(ge=0, le=0.5)] | None = None
+    hot_pixel_share: _Share | None = None
+    hot_pixel_e_s: _Electrons | None = None
+    dead_pixel_share: _Share | None = None
+    blooming: _Share | None = None
+    cosmic_rays_cm2_s: Annotated[float, Meta(ge=0, le=1e6)] | None = None
+    layer_um: Annotated[float, Meta(gt=0, le=1000)] | None = None
+    colour_filter: Literal["none", "rggb", "bggr", "grbg", "gbrg"] | None = None
+    demosaic: bool | None = None
+    charge_binning: bool | None = None
+    serial: Annotated[int, Meta(ge=0, le=2**31 - 1)] | None = None
+
+    def detector(self, base: Detector | None) -> Detector:
+        """The detector that ``base``, or the default one, becomes."""
+        changes = {k: v for k, v in msgspec.structs.asdict(self).items() if v is not None}
+        if "layer_um" in changes:
+            changes["layer_m"] = changes.pop("layer_um") * 1e-6
+        if "quantum_efficiency" in changes:
+            changes["quantum_efficiency"] = tuple(changes["quantum_efficiency"])
+        return replace(base or Detector(), **changes)
+
+
+class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Section `[optics]`: the lens besides its distortion, each key as in `simulator.camera.optics.Optics`.
+
+    ``kernel_file`` names a measured PSF beside the scenario: a .npy, or text with one row of numbers a line.
+    """
+
+    f_number: Annotated[float, Meta(ge=0.5, le=64)] = 4.0
+    transmission: Annotated[float, Meta(gt=0, le=1)] = 1.0
+    wavelength_nm: Annotated[float, Meta(ge=200, le=2000)] = 550.0
+    psf: Literal["none", "gaussian", "airy", "kernel"] = "none"
+    psf_sigma_px: Annotated[float, Meta(ge=0, le=10)] = 0.0
+    kernel: list[list[float]] = []
+    kernel_file: str = ""
+    defocus: bool = False
+    focus_distance_m: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    natural_vignetting: bool = False
+    mechanical_vignetting: Annotated[float, Meta(ge=0, le=10)] = 0.0
+    rim_radius: Annotated[float, Meta(ge=0.1, le=10)] = 1.2
+    veiling_glare_sr: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    glare_limit_deg: Annotated[float, Meta(ge=0, le=180)] = 60.0
+
+    def optics(self) -> Optics:
+        """The lens."""
+        keys = msgspec.structs.asdict(self)
+        del keys["kernel_file"]
+        keys["wavelength_m"] = keys.pop("wavelength_nm") * 1e-9
+        keys["kernel"] = tuple(tuple(row) for row in self.kernel)
+        return Optics(**keys)
+
+    def with_kernel(self, folder: Path, where: str) -> OpticsSection:
+        """The section with its kernel file read.
+
+        Raises
+        ------
+        UserError
+            If the file is missing or no table of numbers.
+        """
+        if not self.kernel_file:
+            return self
+        path = folder / self.kernel_file
+        try:
+            table = (
+                np.load(path)
+                if path.suffix == ".npy"
+                else np.loadtxt(path, delimiter=_delimiter(path), ndmin=2)
+            )
+        except (OSError, ValueError) as error:
+            raise UserError(
+                f"{where}: key optics.kernel_file: {path} cannot be read as a table of numbers ({error})"
+            ) from error
+        if table.ndim != 2:
+            raise UserError(f"{where}: key optics.kernel_file: {path} has {table.ndim} axes, a PSF has two")
+        return msgspec.structs.replace(self, kernel=table.astype(float).tolist(), kernel_file="")
+
+
+def _delimiter(path: Path) -> str | None:
+    return "," if path.suffix == ".csv" else None
+
+
+def read_part(camera: Camera, roi_px: tuple[int, int, int, int] | None, binning: int, where: str) -> Camera:
+    """The camera whose image is a region of the detector, its pixels joined ``binning`` by ``binning``.
+
+    Parameters
+    ----------
+    roi_px : x0, y0, width, height in pixels of the whole image, or None for all of it.
+
+    Raises
+    ------
+    UserError
+        If the region is not inside the image or does not hold whole bins.
+    """
+    x0, y0, width, height = roi_px or (0, 0, camera.width_px, camera.height_px)
+    if x0 < 0 or y0 < 0 or x0 + width > camera.width_px or y0 + height > camera.height_px:
+        raise UserError(
+            f"{where}: key sensor.roi_px is {[x0, y0, width, height]}, allowed: x0, y0, width, height inside the "
+            f"camera's {camera.width_px} x {camera.height_px} pixels"
+        )
+    if width % binning or height % binning or min(width, height) < 16 * binning:
+        raise UserError(
+            f"{where}: key sensor.binning is {binning}, allowed: a divisor of {width} x {height} that leaves 16 pixels"
+        )
+    # the centre of a bin's first pixel is (b - 1) / 2 pixels from the bin's own
+    return replace(
+        camera,
+        width_px=width // binning,
+        height_px=height // binning,
+        fx_px=camera.fx_px / binning,
+        fy_px=camera.fy_px / binning,
+        cx_px=(camera.cx_px - x0 + 0.5) / binning - 0.5,
+        cy_px=(camera.cy_px - y0 + 0.5) / binning - 0.5,
+    )
+
+
+def read_sensor(sensor: Sensor, roi_px: tuple[int, int, int, int] | None, binning: int) -> Sensor:
+    """The sensor whose image is that region: wider pixels, the fixed pattern of the place."""
+    x0, y0 = (roi_px or (0, 0))[:2]
+    detector = sensor.detector
+    if detector is not None:
+        detector = replace(detector, binning=binning, roi_x0_px=x0, roi_y0_px=y0)
+    return replace(
+        sensor,
+        pixel_pitch_x_m=sensor.pixel_pitch_x_m * binning,
+        pixel_pitch_y_m=sensor.pixel_pitch_y_m * binning,
+        detector=detector,
+    )
