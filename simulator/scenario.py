@@ -429,12 +429,6 @@ class Scenario(Section, frozen=True, kw_only=True):
     @property
     def sensor_model(self) -> Sensor:
         """The preset with its changes."""
-        changes = {
-            key: value
-            for key, value in msgspec.structs.asdict(self.sensor).items()
-            if key in Sensor.__dataclass_fields__ and key != "preset" and value is not None
-        }
-        return replace(sensor_preset(self.sensor.preset), **changes)
         section, base = self.sensor, sensor_preset(self.sensor.preset)
         keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance", "bits")
         given = {key: getattr(section, key) for key in keys}

@@ -200,6 +200,8 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
     reach = float(np.hypot(rays[:, 0], rays[:, 1]).max())
     limit = min(MARGIN * reach, 0.5 * (reach + float(radius[end - 1])), far)
     domain = LensDomain(distortion, limit, radius[:end], image_radius[:end])
+    if not strict:
+        return domain
     # the tangential part bends too: over the whole disc the map must keep its orientation
     r, turn = np.meshgrid(np.linspace(0, limit, 24), np.linspace(0, 2 * np.pi, 49))
     if np.linalg.det(jacobian(distortion, np.stack([r * np.cos(turn), r * np.sin(turn)], -1))).min() <= 0:
