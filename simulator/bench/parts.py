@@ -19,7 +19,6 @@ from simulator.world.constants import DAY_S, EARTH_RADIUS_M
 from simulator.world.controlled import fly_controlled
 from simulator.world.forces import FullForces
 from simulator.world.guidance import Hold
-from simulator.world.lvlh import lvlh_frame
 from simulator.world.orbit import Elements, propagate, state_from_elements
 from simulator.world.pointing import Pointing
 from simulator.world.sky_table import SkyTable
@@ -84,21 +83,22 @@ def _day_laps() -> list[float]:
 
 
 def _step_laps() -> list[float]:
-    """Guidance, control, thrusters and motion of one period, attitude of both at its end."""
+    """Both orbits, guidance, control, thrusters and the attitude of both over one period of 0.1 s."""
     r, v, forces = _start(8, N_STEPS * STEP_S)
-    orbit = propagate(r, v, N_STEPS * STEP_S, forces)
     hold = Hold(position_lvlh_m=(0.0, -10.0, 0.0))
     n = mean_motion_rad_s(float(np.linalg.norm(r)), forces.mu_m3_s2)
-    tumble = propagate_attitude([1, 0, 0, 0], [0.02, -0.03, 0.01], np.diag([2.5, 2.7, 3.9]), N_STEPS * STEP_S)
+    inertia = np.diag([2.5, 2.7, 3.9])
     pointing = Pointing()
     laps = []
     for _ in range(5):
         start = time.perf_counter()
+        orbit = propagate(r, v, N_STEPS * STEP_S, forces)
+        tumble = propagate_attitude([1, 0, 0, 0], [0.02, -0.03, 0.01], inertia, N_STEPS * STEP_S)
         track = fly_controlled(orbit, hold, n, Thrusters(period_s=STEP_S))
         for k in range(N_STEPS):
             p, w = track.position_eci_m[k], track.velocity_eci_m_s[k]
             t = k * STEP_S
-            pointing.attitude(-p, -w, lvlh_frame(*orbit(t), orbit.acceleration(t)))
+            pointing.attitude(-p, -w, orbit.frame(t))
             tumble(t)
         laps.append((time.perf_counter() - start) * 1e3 / N_STEPS)
     return laps

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from simulator.arrays import FloatArray
     from simulator.world.time import Instant
 
-_MJD = 2400000.5
-
 
 def R_itrs_from_eci(instant: Instant) -> FloatArray:
     """(3, 3) rotation from GCRS to ITRS, IAU 2006/2000A, with measured UT1 and pole where the table has them.
@@ -47,4 +45,4 @@ def pole_eci(instant: Instant) -> FloatArray:
 
 
 def _pole(instant: Instant) -> tuple[float, float]:
-    return earth_parameters().pole(instant.tt1 - _MJD + instant.tt2)
+    return earth_parameters().pole(instant.mjd_utc)

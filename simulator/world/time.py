@@ -83,13 +83,19 @@ class Instant:
         return float(utc1), float(utc2)
 
     @property
+    def mjd_utc(self) -> float:
+        """Modified Julian date of UTC, by which the tables of the Earth's rotation go."""
+        utc1, utc2 = self.utc
+        return utc1 - 2400000.5 + utc2
+
+    @property
     def ut1(self) -> tuple[float, float]:
         """Two-part Julian date of UT1, from the table of measured Earth rotation.
 
         Outside the table UT1 - TAI is held at its nearest row (see `simulator.world.earth_parameters`).
         """
         tai1, tai2 = erfa.tttai(self.tt1, self.tt2)
-        offset_s = earth_parameters().ut1_minus_tai(self.tt1 - 2400000.5 + self.tt2)
+        offset_s = earth_parameters().ut1_minus_tai(self.mjd_utc)
         return float(tai1), float(tai2) + offset_s / DAY_S
 
     @property

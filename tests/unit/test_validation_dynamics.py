@@ -8,6 +8,8 @@ import pytest
 
 from simulator.errors import UserError
 from simulator.validation.dynamics import main, measure
+from simulator.validation.dynamics_independent import against_astropy, against_sgp4
+from simulator.validation.dynamics_physics import axisymmetric_errors
 
 ROOT = Path(__file__).parents[2]
 
@@ -22,3 +24,15 @@ def test_every_goal_is_met(tmp_path: Path) -> None:
 def test_missing_references_are_named(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no reference output"):
         measure(tmp_path)
+
+
+def test_earth_rotation_is_astropys_and_tles_are_vallados() -> None:
+    rows = [against_astropy(ROOT / "tests" / "reference"), *against_sgp4()]
+    assert all(row.met for row in rows), rows
+    assert "546 states" in rows[1].against
+
+
+def test_axisymmetric_body_turns_as_euler_has_it() -> None:
+    rate, attitude = axisymmetric_errors(600.0)
+    assert rate < 1e-12
+    assert attitude < 1e-10

@@ -1,0 +1,63 @@
+"""Rows of the accuracy page: what is compared, with what, how far apart it may be and is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.arrays import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One line of the table."""
+
+    what: str
+    against: str
+    unit: str
+    goal: float
+    measured: float
+
+    @property
+    def met(self) -> bool:
+        """Whether the goal is reached."""
+        return self.measured <= self.goal
+
+
+def arcsec(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Angles between (..., 3) directions [arcsec], without loss at small ones."""
+    sine = np.linalg.norm(np.cross(a, b), axis=-1)
+    return np.asarray(np.degrees(np.arctan2(sine, np.sum(a * b, axis=-1))) * 3600)
+
+
+def read_table(path: Path) -> FloatArray:
+    """Numbers of a reference output.
+
+    Raises
+    ------
+    UserError
+        If it is not there.
+    """
+    need(path)
+    return np.genfromtxt(path, delimiter=",", skip_header=1)
+
+
+def need(path: Path) -> None:
+    """Refuse to go on without a reference output.
+
+    Raises
+    ------
+    UserError
+        If it is not there.
+    """
+    if not path.is_file():
+        raise UserError(
+            f"there is no reference output {path}: run from the root of a checkout, or name --reference"
+        )
