@@ -1,6 +1,7 @@
 // Radiance [W m-2 sr-1] and coverage of the target, per image pixel, from its lattice samples.
 #include "common/rays.glsl"
 #include "target/brdf.glsl"
+#include "target/lattice.glsl"
 #include "target/pack.glsl"
 #include "target/shadow.glsl"
 #ifdef CRINKLE
@@ -9,22 +10,18 @@
 
 uniform usampler2D t_surface;
 uniform sampler2D t_depth;
+uniform sampler2D t_slope; // of the samples' weights, so that their shares are the edges' areas
 #ifdef TEXTURED
 uniform sampler2D t_texel;     // reflectance per band and metalness of each sample
 uniform sampler2D t_detail;    // their normals and roughness
 #endif
 
+uniform vec4 u_window; // x0, y0, width, height of the pixels that hold the target
 layout(location = 0) out vec4 out_radiance;
 layout(location = 1) out float out_coverage;
 
 // Samples whose normals differ by less than this many steps of the code (5 to 10 degrees) are one surface.
 const int SAME_NORMAL = int(0.085 * CODE_SCALE);
-
-// Camera z [m] of a depth-buffer value; inverse of simulator/render/projection.py.
-float camera_z(float depth) {
-    float near = u_lattice.z, far = u_lattice.w;
-    return near * far / (far - depth * (far - near));
-}
 
 // Light of a hemisphere-like source of angular radius asin(s) on a plate whose normal makes cosine c with it [1].
 // Exact at c = 1 and where the source sets; within 0.03 between, for a low Earth orbit.
@@ -79,22 +76,21 @@ color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
     return sun * BAND(u_sun_irradiance) * (n_l * lit) + sky;
 }
 
-// Offset [px] of a lattice sample from its pixel's centre; see simulator/render/lattice.py.
-vec2 sample_offset(ivec2 at) {
-    float s = float(at.x) + LATTICE_PHASE, t = float(at.y);
-    return vec2(s + float(LATTICE_A) * t, float(LATTICE_A) * s - t) / float(SAMPLES);
-}
-
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    ivec2 origin = ivec2(pixel.x + LATTICE_A * pixel.y, LATTICE_A * pixel.x - pixel.y) - ivec2(u_lattice.xy);
+    ivec2 origin = pixel_index(pixel);
 #define FETCH(k, i, j) uint g##k = texelFetch(t_surface, origin + ivec2(i, j), 0).x;
     FOR_EACH_SAMPLE(FETCH)
     int covered = 0;
     uint differs = 0u;
-#define COUNT(k, i, j) covered += int(g##k != 0u); differs |= g##k ^ g0;
+    vec4 edge = texelFetch(t_slope, pixel - ivec2(u_window.xy), 0);
+    vec2 slope = edge.w < 1.5 ? edge.xy : vec2(0.0);
+    float weight_covered = 0.0;
+#define WEIGHT(i, j) (1.0 + dot(slope, sample_offset(ivec2(i, j))))
+#define COUNT(k, i, j) if (g##k != 0u) { ++covered; weight_covered += WEIGHT(i, j); } differs |= g##k ^ g0;
     FOR_EACH_SAMPLE(COUNT)
     if (covered == 0) discard;
+    weight_covered = clamp(weight_covered, 0.0, float(SAMPLES));
 #ifdef TEXTURED
     differs = 1u; // texels differ where the surface does not
 #define ADD_TEXEL(i, j) texel += texelFetch(t_texel, origin + ivec2(i, j), 0); \
@@ -104,6 +100,7 @@ void main() {
 #endif
     color sum = color(0.0);
     int left = covered;
+    float weight_left = weight_covered;
     int group = 0;
     // llvmpipe runs a loop's body once more after a test at its head fails; a test at its foot ends it
     do {
@@ -120,19 +117,24 @@ void main() {
         vec4 detail = vec4(0.0);
 #endif
         int members = left;
+        float weight = weight_left;
         if (differs != 0u) {
             ivec2 total = ivec2(0);
             members = 0;
+            weight = 0.0;
 #define GATHER(k, i, j) { ivec2 c = normal_code(g##k); ivec2 d = abs(c - code); \
-            if (material_of(g##k) == material && max(d.x, d.y) < SAME_NORMAL) { ++members; total += c; g##k = 0u; ADD_TEXEL(i, j) } }
+            if (material_of(g##k) == material && max(d.x, d.y) < SAME_NORMAL) \
+            { ++members; weight += WEIGHT(i, j); total += c; g##k = 0u; ADD_TEXEL(i, j) } }
             FOR_EACH_SAMPLE(GATHER)
             mean_code = vec2(total) / float(members);
         }
         left -= members;
+        weight = clamp(weight, 0.0, weight_left);
         float z = camera_z(texelFetch(t_depth, origin + at, 0).x);
         vec3 p_m = camera_ray(vec2(pixel) + sample_offset(at)) * z;
         // the last group takes what is left over, so that no light is lost
-        int weight = group == MAX_SURFACES - 1 ? members + left : members;
+        if (group == MAX_SURFACES - 1 || left == 0) weight = weight_left;
+        weight_left -= weight;
         vec4 base = u_material_color[material], surface = u_material_surface[material];
         vec3 geometric = decode_normal(mean_code), n = geometric;
 #ifdef TEXTURED
@@ -140,9 +142,9 @@ void main() {
         surface.x = detail.w / float(members);
         n = normalize(detail.xyz);
 #endif
-        sum += shade(base, surface, geometric, n, p_m) * float(weight);
+        sum += shade(base, surface, geometric, n, p_m) * weight;
         ++group;
     } while (group < MAX_SURFACES && left > 0);
     out_radiance = OUT(sum / float(SAMPLES));
-    out_coverage = float(covered) / float(SAMPLES);
+    out_coverage = weight_covered / float(SAMPLES);
 }

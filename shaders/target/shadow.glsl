@@ -20,7 +20,7 @@ float sun_visibility(vec3 p_m, vec3 n) {
     vec2 f = at - base;
     // depth of the receiver's plane per texel; beyond 6 (80 degrees) light is grazing and the plane no longer known
     vec2 g = clamp(-m.xy / min(m.z, -1e-9), -6.0, 6.0) * u_shadow.z;
-    const float REACH = float(SHADOW_WINDOW / 2) - 1.0;
+    const float REACH = float(SHADOW_WINDOW / 2) - 0.5; // with half a texel more, all of the disc is in the window
     const float REACH2 = REACH * REACH;
     vec2 corner = (base + 1.0) * u_shadow.z;
     // depth [m] of the blockers above the plane, and how much of the search disc they fill

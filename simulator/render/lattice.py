@@ -1,9 +1,10 @@
-"""The rotated supersampling lattice that gives the target its area-true edges in one raster pass.
+"""The supersampling lattice that gives the target its area-true edges in one raster pass.
 
-The lattice spanned by v1 = (1, a) / N and v2 = (a, -1) / N, N = a^2 + 1, repeats with every pixel and puts N samples
-in each, no two of them in one row or column of an N x N grid (N-rooks). Its two axes are orthogonal, so a framebuffer
-whose pixel axes are v1 and v2 *is* this sampling: the target is rasterised once, and each image pixel gathers its N
-samples by whole-number coordinates.
+A lattice that repeats with every pixel and puts N samples in each is all points (x, y) whose s = s_x x + s_y y and
+t = t_x x + t_y y are whole, for whole coefficients of determinant -N. A framebuffer whose pixels are counted by s and t
+*is* this sampling, whatever the angle between its axes: the target is rasterised once, and each image pixel gathers its
+N samples by whole-number coordinates. The lattices used have no two samples of a pixel in one row or column of an
+N x N grid (N-rooks).
 """
 
 from __future__ import annotations
@@ -20,20 +21,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Lattice:
-    """Lattice of parameter ``a``: ``a^2 + 1`` samples per pixel."""
+    """Lattice by the image's coefficients of its counters ``s`` and ``t``; their determinant is below zero."""
 
-    a: int
+    s: tuple[int, int]
+    t: tuple[int, int]
 
     @property
     def samples(self) -> int:
         """Samples per pixel N."""
-        return self.a * self.a + 1
+        return self.s[1] * self.t[0] - self.s[0] * self.t[1]
 
     @property
     def phase(self) -> float:
-        """Shift of the lattice along v1, in steps."""
-        # an even N would put samples on the pixel's border: half a lattice step along v1 keeps the set
-        # symmetric about the pixel's centre (no bias of edges) and inside
+        """Shift of the lattice along s, in steps."""
+        # an even N would put samples on the pixel's border: half a lattice step keeps the set symmetric about the
+        # pixel's centre (no bias of edges) and inside
         return 0.0 if self.samples % 2 else 0.5
 
     def offsets(self) -> list[tuple[int, int, float, float]]:
@@ -41,32 +43,54 @@ class Lattice:
 
         Returns
         -------
-        list of (i, j, dx_px, dy_px): steps along v1 and v2 from the pixel's own lattice index, and the sample's
-        offset from the pixel's centre.
+        list of (i, j, dx_px, dy_px): steps of s and t from the pixel's own lattice index, and the sample's offset
+        from the pixel's centre.
         """
-        a, n, found = self.a, self.samples, []
-        for i in range(-a - 1, a + 2):
-            for j in range(-a - 1, a + 2):
+        n, found = self.samples, []
+        (sx, sy), (tx, ty) = self.s, self.t
+        reach_i, reach_j = abs(sx) + abs(sy), abs(tx) + abs(ty)
+        for i in range(-reach_i, reach_i + 1):
+            for j in range(-reach_j, reach_j + 1):
                 s, t = i + self.phase, j
-                dx, dy = (s + a * t) / n, (a * s - t) / n
+                dx, dy = (sy * t - ty * s) / n, (tx * s - sx * t) / n
                 if max(abs(dx), abs(dy)) < 0.5:
                     found.append((i, j, dx, dy))
         if len(found) != n:
-            raise AssertionError(f"lattice a={a} has {len(found)} samples per pixel, not {n}")
+            raise AssertionError(f"{self} has {len(found)} samples per pixel, not {n}")
         return sorted(found, key=lambda p: (p[2] ** 2 + p[3] ** 2, p[2], p[3]))
 
     def window(self, rect: PixelRect) -> tuple[tuple[int, int], tuple[int, int]]:
         """Framebuffer size and lattice origin (s0, t0) that hold every sample of the pixels of ``rect``."""
-        a = self.a
-        margin = a + 1  # samples of a pixel lie at most this many steps from its own index
-        x0, y0, x1, y1 = rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1
-        s0, s1 = x0 + a * y0 - margin, x1 + a * y1 + margin
-        t0, t1 = a * x0 - y1 - margin, a * x1 - y0 + margin
-        return (s1 - s0 + 1, t1 - t0 + 1), (s0, t0)
+        x, y = (rect.x0, rect.x1 - 1), (rect.y0, rect.y1 - 1)
+        low, high = [], []
+        for cx, cy in (self.s, self.t):
+            ends = [cx * u + cy * v for u in x for v in y]
+            margin = abs(cx) + abs(cy)  # samples of a pixel lie at most this many steps from its own index
+            low.append(min(ends) - margin)
+            high.append(max(ends) + margin)
+        return (high[0] - low[0] + 1, high[1] - low[1] + 1), (low[0], low[1])
 
     def buffer_from_pixel(self, origin: tuple[int, int]) -> FloatArray:
         """(2, 3) affine map from image pixels to the lattice framebuffer's coordinates."""
-        a = float(self.a)
-        return np.array(
-            [[1.0, a, 0.5 - self.phase - origin[0]], [a, -1.0, 0.5 - origin[1]]],
-        )
+        return np.array([[*self.s, 0.5 - self.phase - origin[0]], [*self.t, 0.5 - origin[1]]], float)
+
+
+def rotated(a: int, b: int = 1) -> Lattice:
+    """The square lattice of a^2 + b^2 samples, turned; a and b without common divisor."""
+    return Lattice((b, a), (a, -b))
+
+
+# nine samples; of all lattices of up to eleven that one whose edges, weighted (shaders/target/edge.frag), are least off
+NINE = Lattice((1, 4), (2, -1))
+
+
+def lattice_defines(lattice: Lattice) -> dict[str, object]:
+    """The lattice as GLSL: a macro that applies F to every sample, so that no loop indexes an array."""
+    each = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in enumerate(lattice.offsets()))
+    return {
+        "LATTICE_S": f"ivec2{lattice.s}",
+        "LATTICE_T": f"ivec2{lattice.t}",
+        "LATTICE_PHASE": lattice.phase,
+        "SAMPLES": lattice.samples,
+        "FOR_EACH_SAMPLE(F)": each,
+    }

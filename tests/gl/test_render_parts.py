@@ -7,8 +7,9 @@ from simulator.camera.model import Camera
 from simulator.render import cache, cells
 from simulator.render.blocks import EARTH, FRAME, MATERIALS, TARGET
 from simulator.render.earthview import earth_view
-from simulator.render.lattice import Lattice
 from simulator.render.noise import detail_texture
+from simulator.render.passes.target import LATTICES as PRESETS
+from simulator.render.passes.target import TINY_LATTICE
 from simulator.render.programs import ProgramLibrary, read_source
 from simulator.render.projection import PixelRect
 from simulator.render.uniforms import Field, UniformBlock
@@ -16,10 +17,11 @@ from simulator.render.view import build_view
 from simulator.scene.atmosphere import earth_atmosphere, ground_irradiance, optical_depth_to_top
 from simulator.scene.state import Environment
 
+LATTICES = {lattice for choices in PRESETS.values() for lattice, _ in choices} | {TINY_LATTICE}
 
-@pytest.mark.parametrize("a", [2, 3, 4, 5, 6, 8])
-def test_lattice_repeats_with_the_pixels_and_is_n_rooks(a):
-    lattice = Lattice(a)
+
+@pytest.mark.parametrize("lattice", sorted(LATTICES, key=str), ids=lambda lattice: f"{lattice.samples}")
+def test_lattice_repeats_with_the_pixels_and_is_n_rooks(lattice):
     points = np.array([(x, y) for _, _, x, y in lattice.offsets()])
     n = lattice.samples
     assert len(points) == n
@@ -28,19 +30,20 @@ def test_lattice_repeats_with_the_pixels_and_is_n_rooks(a):
         # one sample in each of n columns, and of n rows
         assert np.array_equal(np.sort(np.floor((axis + 0.5) * n + 1e-9)), np.arange(n))
     to_buffer = lattice.buffer_from_pixel((0, 0))
+    own = np.array([lattice.s, lattice.t]) @ (7, 5)
     for i, j, x, y in lattice.offsets():
-        assert to_buffer @ [7 + x, 5 + y, 1] == pytest.approx([7 + a * 5 + i + 0.5, a * 7 - 5 + j + 0.5])
+        assert to_buffer @ [7 + x, 5 + y, 1] == pytest.approx(own + np.array([i, j]) + 0.5)
 
 
-def test_lattice_window_holds_every_sample():
-    for a in (2, 3, 4):
-        rect = PixelRect(10, 20, 17, 23)
-        (width, height), (s0, t0) = Lattice(a).window(rect)
-        for x in (10, 16):
-            for y in (20, 22):
-                for i, j, _, _ in Lattice(a).offsets():
-                    assert 0 <= x + a * y + i - s0 < width
-                    assert 0 <= a * x - y + j - t0 < height
+@pytest.mark.parametrize("lattice", sorted(LATTICES, key=str), ids=lambda lattice: f"{lattice.samples}")
+def test_lattice_window_holds_every_sample(lattice):
+    (width, height), origin = lattice.window(PixelRect(10, 20, 17, 23))
+    for x in (10, 16):
+        for y in (20, 22):
+            for i, j, _, _ in lattice.offsets():
+                s, t = np.array([lattice.s, lattice.t]) @ (x, y) + (i, j) - origin
+                assert 0 <= s < width
+                assert 0 <= t < height
 
 
 @pytest.mark.gl

@@ -88,11 +88,13 @@ def test_a_third_of_the_bands_each_in_rgb(renderer, draw_kit):
     assert pixel == pytest.approx(expected, rel=0.01)
 
 
-@pytest.mark.parametrize(("quality", "rms_px", "largest_px"), [("default", 0.04, 0.16), ("high", 0.03, 0.13)])
+@pytest.mark.parametrize(
+    ("quality", "rms_px", "largest_px"), [("draft", 0.04, 0.17), ("default", 0.02, 0.1), ("high", 0.01, 0.05)]
+)
 def test_straight_edges(renderer, draw_kit, quality, rms_px, largest_px):
-    # before any optics; an edge along the lattice's own axes (14 and 76 degrees by default) is the worst
+    # before any optics, over every slope
     errors = []
-    for angle_deg in (0.0, 3.0, 11.0, 14.0, 26.6, 33.0, 45.0, 58.0, 63.4, 76.0, 84.0, 89.0):
+    for angle_deg in (0.0, 3.0, 10.0, 14.0, 26.6, 33.7, 45.0, 56.3, 63.4, 76.0, 84.0, 89.0):
         errors += _edge_errors(renderer, draw_kit, angle_deg, quality)
     assert np.sqrt(np.mean(np.square(errors))) <= rms_px
     assert np.abs(errors).max() <= largest_px
@@ -234,5 +236,6 @@ def test_a_shift_of_micrometres_changes_the_image_a_little(renderer, draw_kit):
         for k in range(3)
     ]
     step = np.abs(np.diff(np.stack(images), axis=0))
-    assert step.max() < 0.15 * images[0].max()  # 1.2e-3 px: no more than two samples of an edge pixel flip
-    assert (step > 1e-3 * images[0].max()).mean() < 1e-3
+    # 1.2e-3 px: edges move by as much; a corner may enter or leave a pixel
+    assert step.max() < 0.15 * images[0].max()
+    assert (step > 3e-3 * images[0].max()).sum() <= 4

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.lattice import lattice_defines
 from simulator.render.passes.gbuffer import normal_bits
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ MAX_SURFACES = 4  # distinct (material, normal) groups shaded per pixel; the res
 class ShadePass:
     """Reads g-buffer and shadow map, writes the frame's radiance (premultiplied) and the target's coverage."""
 
-    SAMPLERS = ("t_surface", "t_depth", "t_shadow")
+    SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope")
     TEXTURED = ("t_texel", "t_detail")
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
@@ -45,7 +46,7 @@ class ShadePass:
             "MAX_SURFACES": MAX_SURFACES,
             "NORMAL_BITS": normal_bits(mesh),
             **{name: "" for name, on in switches.items() if on},
-            **_lattice_defines(lattice),
+            **lattice_defines(lattice),
             **_shadow_defines(shadow_window),
         }
         return self._programs.get(
@@ -64,6 +65,7 @@ class ShadePass:
         surface: moderngl.Texture,
         depth: moderngl.Texture,
         shadow: moderngl.Texture,
+        slope: moderngl.Texture,
         **texels: moderngl.Texture,
     ) -> None:
         """Shade the pixels of ``rect`` inside a convex outline.
@@ -76,7 +78,7 @@ class ShadePass:
         framebuffer.use()
         framebuffer.viewport = rect.viewport
         self._context.enable_only(self._context.NOTHING)
-        program.bind_textures(t_surface=surface, t_depth=depth, t_shadow=shadow, **texels)
+        program.bind_textures(t_surface=surface, t_depth=depth, t_shadow=shadow, t_slope=slope, **texels)
         if program not in self._arrays:
             self._arrays[program] = self._context.vertex_array(
                 program.gl, [(self._outline, "2f", "in_pixel")], mode=self._context.TRIANGLE_FAN
@@ -85,17 +87,6 @@ class ShadePass:
         self._outline.write(np.asarray(outline_px, np.float32).tobytes())
         program.set("u_window", rect.viewport)
         self._arrays[program].render(vertices=len(outline_px))
-
-
-def _lattice_defines(lattice: Lattice) -> dict[str, object]:
-    """The lattice as GLSL: a macro that applies F to every sample, so that no loop indexes an array."""
-    each = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in enumerate(lattice.offsets()))
-    return {
-        "LATTICE_A": lattice.a,
-        "LATTICE_PHASE": lattice.phase,
-        "SAMPLES": lattice.samples,
-        "FOR_EACH_SAMPLE(F)": each,
-    }
 
 
 def _shadow_defines(window: int) -> dict[str, object]:

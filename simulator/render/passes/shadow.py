@@ -26,7 +26,7 @@ class ShadowChoice:
 
 
 # the coarse map where its texel is at most a pixel wide, else the fine one
-_COARSE, _FINE, _BEST = ShadowChoice(512, 4), ShadowChoice(1024, 6), ShadowChoice(2048, 10)
+_COARSE, _FINE, _BEST = ShadowChoice(512, 4), ShadowChoice(1024, 4), ShadowChoice(2048, 10)
 
 
 def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoice:

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.block_values import lens_values
-from simulator.render.lattice import Lattice
+from simulator.render.lattice import NINE, Lattice, rotated
 from simulator.render.mesh import upload
+from simulator.render.mesh_edges import find_edges
 from simulator.render.outline import outline_px
+from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
 from simulator.render.passes.shade import ShadePass
@@ -35,14 +37,15 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
 
 MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
-# lattices to try in order: parameter a (a^2 + 1 samples per pixel) and the largest buffer [samples] it may take
-LATTICES: dict[str, tuple[tuple[int, float], ...]] = {
-    "draft": ((2, np.inf),),
-    "default": ((4, 6e6), (3, 20e6), (2, np.inf)),
-    "high": ((6, 8e6), (5, 20e6), (4, 40e6), (3, np.inf)),
+# lattices to try in order, and the largest buffer [samples] it may take
+LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
+    "draft": ((rotated(2), np.inf),),
+    "default": ((NINE, 14e6), (rotated(2), np.inf)),
+    "high": ((rotated(6), 12e6), (rotated(5, 2), 20e6), (rotated(4), 60e6), (rotated(3, 2), np.inf)),
 }
+BENT_LATTICES = ((rotated(4), 14e6), (rotated(3), 30e6), (rotated(2), np.inf))
 TINY_PX = 24  # a target smaller than this gets the finest lattice: its whole light is in few pixels
-TINY_LATTICE = 8  # 65 samples per pixel
+TINY_LATTICE = rotated(8)  # 65 samples per pixel
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +55,7 @@ class Loaded:
     mesh: Mesh
     shadow: moderngl.VertexArray
     gbuffer: moderngl.VertexArray
+    edges: EdgeBuffers
     textures: Textures | None = None
 
 
@@ -74,6 +78,7 @@ class TargetPasses:
         self._shadows: dict[int, ShadowPass] = {}
         self._gbuffer = GBufferPass(context, programs)
         self._textured: TexturedGBufferPass | None = None  # made with the first mesh that has textures
+        self._edges = EdgePass(context, programs)
         self._shade = ShadePass(context, programs)
         self._labels = LabelPass(context, programs, blocks)
         self._loaded: dict[str, Loaded] = {}
@@ -91,6 +96,7 @@ class TargetPasses:
                 mesh,
                 mesh.vertex_array(context, shadow.program.gl),
                 mesh.vertex_array(context, gbuffer.program(mesh).gl),
+                EdgeBuffers(context, find_edges(target.parts, is_closed=mesh.is_closed)),
                 textures,
             )
         return self._loaded[target.sha256]
@@ -108,7 +114,8 @@ class TargetPasses:
         place = locate(loaded.mesh, view, scene.camera)
         if place is None:
             return None
-        lattice = choose_lattice(scene.quality, place)
+        bent = self._programs.lens  # edges are curves then, and not weighted
+        lattice = choose_lattice(scene.quality, place, bent=bent)
         size, origin = lattice.window(place.rect)
         box_m = 2 * loaded.mesh.radius_m * 1.02
         pixel_m = place.near_far_m[0] / max(scene.camera.fx_px, scene.camera.fy_px)
@@ -118,7 +125,7 @@ class TargetPasses:
         lattice_clip = clip_from_camera(
             scene.camera, *place.near_far_m, lattice.buffer_from_pixel(origin), size
         )
-        if self._programs.lens:
+        if bent:
             self._blocks.lens.write(lens_values(scene.camera, lattice_clip, place.camera_from_target))
         half = np.diag([0.5, 0.5, 0.5, 1.0])
         half[:3, 3] = 0.5
@@ -139,24 +146,33 @@ class TargetPasses:
         if view.sun_visible_fraction > 0:
             shadow.run(loaded.shadow)
         clock.lap("target.shadow")
-        textured = None if loaded.textures is None else self._textured
         texels: dict[str, moderngl.Texture] = {}
-        gbuffer = self._gbuffer if textured is None else textured
-        gbuffer.reserve(size)
-        if textured is None or loaded.textures is None:
-            gbuffer.run(loaded.gbuffer, size, closed=loaded.mesh.is_closed)
+        if self._textured is None or loaded.textures is None:
+            samples = self._gbuffer.run(loaded.gbuffer, size, closed=loaded.mesh.is_closed)
         else:
-            textured.run_textured(loaded.gbuffer, size, loaded.mesh, loaded.textures, scene.bands)
-            texels = {"t_texel": textured.texel, "t_detail": textured.detail}
+            samples = self._textured.run_textured(
+                loaded.gbuffer, size, loaded.mesh, loaded.textures, scene.bands
+            )
+            texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
         clock.lap("target.geometry")
+        slope = self._edges.run(
+            None if bent else loaded.edges,
+            lattice,
+            scene.camera,
+            place.rect,
+            place.near_far_m[0],
+            place.camera_from_target,
+        )
+        clock.lap("target.edges")
         self._shade.run(
             images.target_framebuffer,
             place.rect,
             place.outline_px,
             self._shade.program(lattice, images.bands, loaded.mesh, choice.window),
-            gbuffer.surface,
-            gbuffer.depth,
+            samples.surface,
+            samples.depth,
             shadow.map,
+            slope,
             **texels,
         )
         clock.lap("target.shading")
@@ -196,6 +212,7 @@ class TargetPasses:
         self._labels.release()
         for loaded in self._loaded.values():
             loaded.mesh.release()
+            loaded.edges.release()
             if loaded.textures is not None:
                 loaded.textures.release()
         self._loaded.clear()
@@ -242,14 +259,14 @@ def locate(mesh: Mesh, view: View, camera: Camera, *, clip: bool = True) -> Plac
     )
 
 
-def choose_lattice(quality: Quality, place: Placement) -> Lattice:
-    """The finest lattice of the preset whose buffer stays within its limit."""
+def choose_lattice(quality: Quality, place: Placement, *, bent: bool = False) -> Lattice:
+    """The finest lattice of the preset whose buffer stays within its limit; more samples where a lens bends edges."""
     if max(place.rect.width, place.rect.height) <= TINY_PX:
-        return Lattice(TINY_LATTICE)
-    for a, limit in LATTICES[quality]:
-        width, height = Lattice(a).window(place.rect)[0]
+        return TINY_LATTICE
+    for lattice, limit in BENT_LATTICES if bent and quality == "default" else LATTICES[quality]:
+        width, height = lattice.window(place.rect)[0]
         if width * height <= limit:
-            return Lattice(a)
+            return lattice
     raise AssertionError("the last lattice of a preset has no limit")
 
 

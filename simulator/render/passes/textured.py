@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from simulator.render.context import release
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.scene.bands import bands_of, reflectance
 
@@ -14,6 +13,7 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.render.mesh import Mesh
+    from simulator.render.passes.gbuffer import SampleImages
     from simulator.render.textures import Textures
     from simulator.scene.state import Bands
 
@@ -23,19 +23,7 @@ class TexturedGBufferPass(GBufferPass):
 
     DEFINES: ClassVar[dict[str, object]] = {"TEXTURED": ""}
     SAMPLERS: ClassVar[tuple[str, ...]] = ("t_base_color", "t_metallic_roughness", "t_normal")
-
-    def _allocate(self, width: int, height: int) -> None:
-        super()._allocate(width, height)
-        self.texel = self._context.texture((width, height), 4, dtype="f2")
-        self.detail = self._context.texture((width, height), 4, dtype="f2")
-        for texture in (self.texel, self.detail):
-            texture.filter = (self._context.NEAREST, self._context.NEAREST)
-        release(self._context, self._framebuffer)
-        self._framebuffer = self._context.framebuffer([self.surface, self.texel, self.detail], self.depth)
-
-    def _release(self) -> None:
-        super()._release()
-        release(self._context, self.texel, self.detail)
+    TEXELS: ClassVar[bool] = True
 
     def run_textured(
         self,
@@ -44,9 +32,9 @@ class TexturedGBufferPass(GBufferPass):
         mesh: Mesh,
         textures: Textures,
         bands: Bands,
-    ) -> None:
+    ) -> SampleImages:
         """Draw the samples of one lattice window, one set of textures after the other."""
-        self._begin(size, closed=mesh.is_closed)
+        images = self._begin(size, closed=mesh.is_closed)
         program = self.program(mesh)
         program.set("u_band_from_rgb", _band_from_rgb(bands))
         for draw in mesh.draws:
@@ -56,6 +44,7 @@ class TexturedGBufferPass(GBufferPass):
             program.set("u_base_factor", (0.0,) * 4 if material is None else (*material.base_color, 1.0))
             program.set("u_normal_mapped", float(material is not None and material.normal_texture != ""))
             vertex_array.render(vertices=draw.count, first=draw.first)
+        return images
 
 
 def _band_from_rgb(bands: Bands) -> tuple[float, ...]:

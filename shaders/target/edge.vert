@@ -1,0 +1,31 @@
+// One edge of the mesh as a rectangle of the image: as long as the edge, a little wider than a pixel's diagonal.
+in vec3 in_start_m; // target frame
+in vec3 in_end_m;
+in float in_corner; // 0..3: end = number / 2, side = number mod 2
+uniform vec4 u_window;    // pixels that hold the target: x0, y0, width, height
+uniform vec2 u_lattice_px; // size of the lattice's buffer
+flat out vec2 v_across;             // unit vector across the edge, in the image
+noperspective out float v_distance; // of the edge from the pixel's centre, along v_across [px]
+#include "target/lattice.glsl"
+const float REACH_PX = 1.2; // an edge so near to another may belong to one thin body with it
+
+// Image position of a vertex in the window [px], rounded as the rasteriser rounds it: to 1/256 of a lattice step. So the
+// edge passes the samples on the same side as the faces that meet there.
+vec2 in_window(vec4 clip) {
+    vec2 at = floor((clip.xy / clip.w * 0.5 + 0.5) * u_lattice_px * 256.0 + 0.5) / 256.0;
+    vec2 st = at - vec2(pixel_index(ivec2(u_window.xy))) - vec2(0.5 - LATTICE_PHASE, 0.5);
+    return pixel_from_lattice(st);
+}
+
+void main() {
+    vec4 a = u_lattice_clip_from_target * vec4(in_start_m, 1.0);
+    vec4 b = u_lattice_clip_from_target * vec4(in_end_m, 1.0);
+    vec2 start = in_window(a), end = in_window(b);
+    vec2 along = end - start;
+    along *= inversesqrt(max(dot(along, along), 1e-12));
+    v_across = vec2(-along.y, along.x);
+    v_distance = mod(in_corner, 2.0) > 0.5 ? -REACH_PX : REACH_PX;
+    vec2 corner = (in_corner > 1.5 ? end : start) - v_across * v_distance;
+    gl_Position = vec4((corner + 0.5) / u_window.zw * 2.0 - 1.0, 0.0, 1.0);
+    if (a.w <= 0.0 || b.w <= 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // reaches behind the camera
+}

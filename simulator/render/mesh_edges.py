@@ -1,0 +1,112 @@
+"""The edges of a mesh that can show as lines in a picture: creases, borders, and whatever turns into a silhouette."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from simulator.arrays import Float32Array, FloatArray, IntArray
+    from simulator.targets.model import Part
+
+SMOOTH_COSINE = np.cos(np.radians(5.0))  # shading normals that differ by less across an edge hide it
+FLAT_COSINE = 1 - 1e-6  # faces of one plane (0.08 degrees) never part at a silhouette
+_PLACE_M = 1e-6  # corners nearer than this are one
+
+
+@dataclass(frozen=True, eq=False)
+class MeshEdges:
+    """Edges by their ends, each with the faces that meet there; a border has one face twice.
+
+    Parameters
+    ----------
+    vertices_m : (V, 3) places, target frame. ends : (E, 2) places of each edge.
+    faces : (E, 2) rows of ``planes``. is_crease : (E,) seen whenever one of its faces is.
+    planes : (F, 4) of each face: unit normal, and its distance from the origin with the sign turned [m].
+    is_closed : back faces are never seen, so that only edges of front faces are.
+    """
+
+    vertices_m: FloatArray
+    ends: IntArray
+    faces: IntArray
+    is_crease: np.typing.NDArray[np.bool_]
+    planes: FloatArray
+    is_closed: bool
+
+    def seen_from(self, camera_m: FloatArray) -> IntArray:
+        """Numbers of the edges that can be seen from a place in the target frame, hidden ones among them."""
+        front = self.planes[:, :3] @ camera_m + self.planes[:, 3] > 0
+        first, second = front[self.faces.T]
+        faces_camera = (first | second) if self.is_closed else np.ones_like(first)
+        return np.flatnonzero((first != second) | (self.is_crease & faces_camera))
+
+    def quads(self) -> Float32Array:
+        """(E, 4, 7) vertices: both ends, and the corner's number 0..3 (end = number // 2, side = number % 2)."""
+        out = np.empty((len(self.ends), 4, 7), np.float32)
+        out[..., :3] = self.vertices_m[self.ends[:, 0], None]
+        out[..., 3:6] = self.vertices_m[self.ends[:, 1], None]
+        out[..., 6] = np.arange(4)
+        return out
+
+
+def find_edges(parts: tuple[Part, ...], *, is_closed: bool) -> MeshEdges:
+    """Every edge of a mesh that can show."""
+    vertices, ends, faces, creases, planes = [], [], [], [], []
+    first_vertex = first_face = 0
+    for part in parts:
+        places, edge, face, crease, plane = _of_part(part)
+        vertices.append(places)
+        ends.append(edge + first_vertex)
+        faces.append(face + first_face)
+        creases.append(crease)
+        planes.append(plane)
+        first_vertex += len(places)
+        first_face += len(plane)
+    return MeshEdges(
+        np.concatenate(vertices),
+        np.concatenate(ends),
+        np.concatenate(faces),
+        np.concatenate(creases),
+        np.concatenate(planes),
+        is_closed,
+    )
+
+
+def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, np.typing.NDArray[np.bool_], FloatArray]:
+    positions = part.positions_m.astype(float)
+    triangles = np.asarray(part.triangles)
+    _, first, place = np.unique(
+        np.round(positions / _PLACE_M).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
+    place = place.ravel()
+    corners = positions[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    planes = np.column_stack([normal, -np.einsum("ij,ij->i", normal, corners[:, 0])])
+    # every side of every triangle, from its lower place to its higher
+    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    swap = place[start] > place[end]
+    start, end = np.where(swap, end, start), np.where(swap, start, end)
+    face = np.repeat(np.arange(len(triangles)), 3)
+    real = place[start] != place[end]
+    start, end, face = start[real], end[real], face[real]
+    order = np.lexsort((face, place[end], place[start]))
+    start, end, face = start[order], end[order], face[order]
+    key = np.stack([place[start], place[end]], axis=1)
+    new = np.append(True, np.any(key[1:] != key[:-1], axis=1))
+    head = np.flatnonzero(new)
+    count = np.diff(np.append(head, len(key)))
+    mate = np.where(count == 2, head + 1, head)
+    # shading normals on both sides, at both ends
+    n = part.normals.astype(float)
+    same = np.minimum(
+        np.einsum("ij,ij->i", n[start[head]], n[start[mate]]),
+        np.einsum("ij,ij->i", n[end[head]], n[end[mate]]),
+    )
+    crease = (same < SMOOTH_COSINE) | (count != 2)
+    flat = np.einsum("ij,ij->i", normal[face[head]], normal[face[mate]]) > FLAT_COSINE
+    keep = crease | ~flat
+    head, mate, crease = head[keep], mate[keep], crease[keep]
+    return positions[first], key[head], np.stack([face[head], face[mate]], axis=1), crease, planes

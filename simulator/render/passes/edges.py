@@ -1,0 +1,121 @@
+"""Edge pass: what the samples miss of each edge's area. Reads the mesh's edges; writes a slope of weights per pixel."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.context import release
+from simulator.render.lattice import lattice_defines
+from simulator.render.size_classes import SizeClasses
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.arrays import FloatArray, IntArray
+    from simulator.camera.model import Camera
+    from simulator.render.lattice import Lattice
+    from simulator.render.mesh_edges import MeshEdges
+    from simulator.render.programs import Program, ProgramLibrary
+    from simulator.render.projection import PixelRect
+
+_SHORTEST_PX = 0.7
+_PATTERN = np.array([0, 1, 2, 2, 1, 3], np.uint32)
+
+
+class EdgeBuffers:
+    """The edges of one mesh on the GPU, and the list of those that this frame draws."""
+
+    def __init__(self, context: moderngl.Context, edges: MeshEdges) -> None:
+        self.edges = edges
+        self.vertices = context.buffer(edges.quads().tobytes() or b"\0")
+        self.indices = context.buffer(reserve=max(4 * 6 * len(edges.ends), 4), dynamic=True)
+
+    def release(self) -> None:
+        """Free the buffers."""
+        self.vertices.release()
+        self.indices.release()
+
+
+class SlopeImage:
+    """Slope of the samples' weights per pixel [px-1], and how many edges were met."""
+
+    def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
+        self._context = context
+        self.slope = context.texture((width, height), 4, dtype="f2")
+        self.slope.filter = (context.NEAREST, context.NEAREST)
+        self.framebuffer = context.framebuffer([self.slope])
+
+    def release(self) -> None:
+        """Free the image."""
+        release(self._context, self.framebuffer, self.slope)
+
+
+class EdgePass:
+    """Draws the edges over the pixels that hold the target; samples alone place an edge 0.05 to 0.2 pixels off."""
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
+        self._context, self._programs = context, programs
+        self._arrays: dict[tuple[EdgeBuffers, Program], moderngl.VertexArray] = {}
+        self._images = SizeClasses(lambda w, h: SlopeImage(context, w, h))
+
+    def run(
+        self,
+        buffers: EdgeBuffers | None,
+        lattice: Lattice,
+        camera: Camera,
+        rect: PixelRect,
+        near_m: float,
+        camera_from_target: FloatArray,
+    ) -> moderngl.Texture:
+        """Slopes of the samples' weights in the pixels of ``rect``, its first pixel at (0, 0); none without buffers."""
+        size = (rect.width, rect.height)
+        image = self._images.at_least(*size)
+        image.framebuffer.use()
+        image.framebuffer.clear()
+        if buffers is None:
+            return image.slope
+        seen = _drawn(buffers.edges, camera, rect, near_m, camera_from_target)
+        if not len(seen):
+            return image.slope
+        image.framebuffer.viewport = (0, 0, *size)
+        self._context.enable_only(self._context.BLEND)
+        self._context.blend_func = self._context.ONE, self._context.ONE
+        program = self._programs.get("target/edge.vert", "target/edge.frag", lattice_defines(lattice))
+        program.set("u_window", (rect.x0, rect.y0, *size))
+        program.set("u_lattice_px", lattice.window(rect)[0])
+        key = (buffers, program)
+        if key not in self._arrays:
+            self._arrays[key] = self._context.vertex_array(
+                program.gl,
+                [(buffers.vertices, "3f 3f 1f", "in_start_m", "in_end_m", "in_corner")],
+                buffers.indices,
+            )
+        indices = (np.asarray(seen, np.uint32)[:, None] * np.uint32(4) + _PATTERN).ravel()
+        buffers.indices.orphan()
+        buffers.indices.write(indices.tobytes())
+        self._arrays[key].render(vertices=len(indices))
+        return image.slope
+
+
+def _drawn(
+    edges: MeshEdges, camera: Camera, rect: PixelRect, near_m: float, camera_from_target: FloatArray
+) -> IntArray:
+    """Edges that face the camera, lie in front of it, touch the window and are long enough to matter."""
+    R, t = camera_from_target[:3, :3], camera_from_target[:3, 3]
+    seen = edges.seen_from(-R.T @ t)
+    x, y, z = R @ edges.vertices_m.T + t[:, None]
+    # comparisons with NaN are false: an edge behind the camera drops out
+    scale = 1 / np.where(z > near_m, z, np.nan)
+    first, second = edges.ends[seen].T
+    keep = np.zeros(len(seen), bool)
+    touches = np.ones(len(seen), bool)
+    for u, low, high in (
+        (x * scale * camera.fx_px + camera.cx_px, rect.x0 - 1, rect.x1),
+        (y * scale * camera.fy_px + camera.cy_px, rect.y0 - 1, rect.y1),
+    ):
+        a, b = u[first], u[second]
+        keep |= np.abs(a - b) > _SHORTEST_PX
+        touches &= (np.minimum(a, b) < high) & (np.maximum(a, b) > low)
+    return seen[keep & touches]
