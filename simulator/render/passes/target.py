@@ -43,7 +43,7 @@ LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
     "default": ((NINE, 14e6), (rotated(2), np.inf)),
     "high": ((rotated(6), 12e6), (rotated(5, 2), 20e6), (rotated(4), 60e6), (rotated(3, 2), np.inf)),
 }
-BENT_LATTICES = ((rotated(4), 14e6), (rotated(3), 30e6), (rotated(2), np.inf))
+DENSE_LATTICES = ((rotated(4), 14e6), (rotated(3), 30e6), (rotated(2), np.inf))
 TINY_PX = 24  # a target smaller than this gets the finest lattice: its whole light is in few pixels
 TINY_LATTICE = rotated(8)  # 65 samples per pixel
 
@@ -115,7 +115,7 @@ class TargetPasses:
         if place is None:
             return None
         bent = self._programs.lens  # edges are curves then, and not weighted
-        lattice = choose_lattice(scene.quality, place, bent=bent)
+        lattice = choose_lattice(scene.quality, place, dense=bent or loaded.textures is not None)
         size, origin = lattice.window(place.rect)
         box_m = 2 * loaded.mesh.radius_m * 1.02
         pixel_m = place.near_far_m[0] / max(scene.camera.fx_px, scene.camera.fy_px)
@@ -259,11 +259,16 @@ def locate(mesh: Mesh, view: View, camera: Camera, *, clip: bool = True) -> Plac
     )
 
 
-def choose_lattice(quality: Quality, place: Placement, *, bent: bool = False) -> Lattice:
-    """The finest lattice of the preset whose buffer stays within its limit; more samples where a lens bends edges."""
+def choose_lattice(quality: Quality, place: Placement, *, dense: bool = False) -> Lattice:
+    """The finest lattice of the preset whose buffer stays within its limit.
+
+    Parameters
+    ----------
+    dense : more samples, where no edges weigh them: through a lens that bends, and inside textures.
+    """
     if max(place.rect.width, place.rect.height) <= TINY_PX:
         return TINY_LATTICE
-    for lattice, limit in BENT_LATTICES if bent and quality == "default" else LATTICES[quality]:
+    for lattice, limit in DENSE_LATTICES if dense and quality == "default" else LATTICES[quality]:
         width, height = lattice.window(place.rect)[0]
         if width * height <= limit:
             return lattice
