@@ -6,12 +6,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
+import numpy as np
 
+from simulator.camera.develop import expose
 from simulator.camera.model import Camera
 from simulator.errors import UserError
 from simulator.labels.frame import Frame, take_frame
 from simulator.scenario_flight import fly, frame_times
+from simulator.scene.auto_exposure import AutoExposure, ExposureTrack
 from simulator.scene.build import build_scene
+from simulator.scene.meter import metered_radiance_w_m2_sr
 from simulator.scene.state import Bands, Quality, SceneState, TargetRef
 from simulator.targets.library import load_target
 from simulator.targets.model import Target
@@ -40,6 +44,7 @@ class Plan:
     ----------
     times_s : mid-exposure of each frame, from the flight's start [s].
     every_s : spacing if it was given as one.
+    exposures : the automatic exposure along the flight; None for a fixed one.
     """
 
     scenario: Scenario
@@ -51,6 +56,7 @@ class Plan:
     seed: int
     bands: Bands
     quality: Quality
+    exposures: ExposureTrack | None = None
 
     @property
     def n_frames(self) -> int:
@@ -74,20 +80,32 @@ class Plan:
 
     def scene(self, k: int) -> SceneState:
         """The snapshot of frame k."""
-        return self.scene_of(self.flight.state(self.times_s[k]), k)
+        t = self.times_s[k]
+        exposure = None if self.exposures is None else self.exposures.exposure_s(t)
+        return self._scene(self.flight.state(t), k, exposure)
 
     def next_scene(self, k: int) -> SceneState | None:
         """The snapshot after frame k's; none after the last."""
         return self.scene(k + 1) if k + 1 < self.n_frames else None
 
     def scene_of(self, world: WorldState, k: int) -> SceneState:
-        """The snapshot of a state of the world, as frame k of this plan (steered flights come this way)."""
+        """The snapshot of a state of the world, as frame k of this plan (steered flights come this way).
+
+        A steered flight has no past to look up: its automatic exposure is what the meter wants, without lag.
+        """
+        scene = self._scene(world, k, None)
+        auto = self.scenario.auto_exposure
+        if auto is None:
+            return scene
+        return replace(scene, exposure_s=wanted_exposure_s(auto, scene, self.target))
+
+    def _scene(self, world: WorldState, k: int, exposure_s: float | None) -> SceneState:
         scenario = self.scenario
         return build_scene(
             world,
             camera=self.camera,
             sensor=scenario.sensor_model,
-            exposure_s=scenario.sensor.exposure_s,
+            exposure_s=scenario.sensor.exposure_s if exposure_s is None else exposure_s,
             target=TargetRef(name=self.target.name, sha256=self.target.sha256),
             com_target_m=self.target.mass.com_m,
             frame_index=k,
@@ -132,7 +150,7 @@ def plan_flight(
                 f"time {t:g} s is outside scenario {scenario.name}, which lasts {scenario.duration_s:g} s; "
                 "choose -t within it"
             )
-    return Plan(
+    plan = Plan(
         scenario=scenario,
         flight=fly(scenario, target),
         target=target,
@@ -143,6 +161,20 @@ def plan_flight(
         bands=bands or scenario.output.bands,
         quality=quality or scenario.output.quality,
     )
+    auto = scenario.auto_exposure
+    if auto is None:
+        return plan
+    # the meter looks through the plan as it is: its own exposure plays no part in what it wants
+    return replace(
+        plan, exposures=ExposureTrack(auto, lambda t: plan.scene_of(plan.flight.state(t), 0).exposure_s)
+    )
+
+
+def wanted_exposure_s(auto: AutoExposure, scene: SceneState, target: Target) -> float:
+    """Exposure that the meter wants for a scene [s]."""
+    # an even grey picture, exposed for a second, tells how bright the sensor takes a unit of radiance to be
+    signal = float(expose(np.ones((9, 9), np.float32), scene.sensor, 1.0, optics=scene.optics)[4, 4])
+    return auto.wanted_s(metered_radiance_w_m2_sr(scene, target, auto.share), 1 / signal)
 
 
 def run_frames(

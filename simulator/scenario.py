@@ -15,6 +15,8 @@ from simulator.camera.presets import sensor_preset
 from simulator.camera.sections import DetectorSection, OpticsSection, read_part, read_sensor
 from simulator.camera.sensor import Sensor
 from simulator.camera.shutter import Shutter
+from simulator.errors import UserError
+from simulator.scene.auto_exposure import AutoExposure
 from simulator.scene.state import Bands, Environment, Quality
 
 Degrees = Annotated[float, Meta(ge=-360, le=360)]
@@ -341,6 +343,19 @@ class BurnSection(Section, frozen=True, kw_only=True):
     duration_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
 
 
+class AutoExposureSection(Section, frozen=True, kw_only=True):
+    """With this section the exposure follows what the camera sees, with lag; ``exposure_s`` is not used.
+
+    ``level``: signal, 1 at full scale, that ``share`` of what is lit on the image stays below.
+    """
+
+    level: Annotated[float, Meta(gt=0, le=1)] = 0.5
+    share: Annotated[float, Meta(gt=0, le=1)] = 0.9
+    lag_s: Annotated[float, Meta(ge=0.01, le=600)] = 2.0
+    shortest_s: Annotated[float, Meta(gt=0, le=10)] = 1e-5
+    longest_s: Annotated[float, Meta(gt=0, le=10)] = 0.1
+
+
 class SensorSection(Section, frozen=True, kw_only=True):
     """Noise recipe or detector by name, exposure, and what of it to change.
 
@@ -363,6 +378,7 @@ class SensorSection(Section, frozen=True, kw_only=True):
     detector: DetectorSection | None = None
     binning: Annotated[int, Meta(ge=1, le=16)] = 1
     roi_px: tuple[int, int, int, int] | None = None
+    auto_exposure: AutoExposureSection | None = None
 
 
 class EnvironmentSection(Section, frozen=True, kw_only=True):
@@ -444,6 +460,25 @@ class Scenario(Section, frozen=True, kw_only=True):
     def optics_model(self) -> Optics:
         """The lens besides its distortion."""
         return self.optics.optics()
+
+    @property
+    def auto_exposure(self) -> AutoExposure | None:
+        """How the exposure follows the light; None for a fixed one.
+
+        Raises
+        ------
+        UserError
+            If its limits are the wrong way round.
+        """
+        section = self.sensor.auto_exposure
+        if section is None:
+            return None
+        if section.shortest_s > section.longest_s:
+            raise UserError(
+                f"scenario {self.name}: sensor.auto_exposure.shortest_s {section.shortest_s:g} is longer than "
+                f"longest_s {section.longest_s:g}; exchange them"
+            )
+        return AutoExposure(**msgspec.structs.asdict(section))
 
     @property
     def shutter_model(self) -> Shutter:

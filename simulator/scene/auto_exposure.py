@@ -1,0 +1,80 @@
+"""Automatic exposure: a loop with lag that depends on the flight alone, so that any frame can be drawn by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+STEPS_PER_LAG = 2
+MEMORY_LAGS = 12
+"""What happened longer ago has faded below 1e-5 and is not looked at."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AutoExposure:
+    """How the exposure is set.
+
+    Parameters
+    ----------
+    level : signal that the metered radiance is brought to, 1 at full scale.
+    share : of what is lit on the image, by area, that stays below the metered radiance.
+    lag_s : time in which the logarithm of the exposure covers 63 % of a step [s].
+    shortest_s, longest_s : limits [s]; where nothing is lit the longest is wanted.
+    """
+
+    level: float = 0.5
+    share: float = 0.9
+    lag_s: float = 2.0
+    shortest_s: float = 1e-5
+    longest_s: float = 0.1
+
+    def wanted_s(self, radiance_w_m2_sr: float, full_scale_j_m2_sr: float) -> float:
+        """Exposure that brings a radiance to the level [s].
+
+        Parameters
+        ----------
+        full_scale_j_m2_sr : radiance times exposure that fills the scale.
+        """
+        if radiance_w_m2_sr <= 0:
+            return self.longest_s
+        wanted = self.level * full_scale_j_m2_sr / radiance_w_m2_sr
+        return float(np.clip(wanted, self.shortest_s, self.longest_s))
+
+
+@dataclass(frozen=True, eq=False)
+class ExposureTrack:
+    """The exposure along a flight, from what the meter wants at fixed times.
+
+    The loop is run on a grid of ``lag_s / 2`` from the flight's start; to know it at one time, the last twelve lags are
+    enough. So it is a function of time, whatever other frames are drawn.
+
+    Parameters
+    ----------
+    wanted_s : exposure wanted at a time from the flight's start [s], both in seconds.
+    """
+
+    settings: AutoExposure
+    wanted_s: Callable[[float], float]
+    _known: dict[int, float] = field(default_factory=dict)
+
+    def exposure_s(self, t_s: float) -> float:
+        """The exposure at ``t_s``; at the flight's start the loop has settled."""
+        step = self.settings.lag_s / STEPS_PER_LAG
+        last = int(np.floor(t_s / step + 1e-9))
+        first = max(0, last - STEPS_PER_LAG * MEMORY_LAGS)
+        log = np.log(self._wanted(first, step))
+        for k in range(first, last + 1):
+            span = step if k < last else t_s - last * step
+            wanted = np.log(self._wanted(k, step))
+            log = wanted + (log - wanted) * np.exp(-max(span, 0.0) / self.settings.lag_s)
+        return float(np.exp(log))
+
+    def _wanted(self, k: int, step_s: float) -> float:
+        if k not in self._known:
+            self._known[k] = self.wanted_s(k * step_s)
+        return self._known[k]
