@@ -26,7 +26,11 @@ def check_clean(
         return [f"the clean twin is {clean.shape} {clean.dtype}, the image {image.shape} {image.dtype}"]
     full = 2.0**truth.scene.sensor.bits - 1
     signal = clean / full
-    sigma = np.interp(signal, LEVELS, [noise_sigma(truth.scene.sensor, float(level)) for level in LEVELS])
+    sigma = np.interp(
+        signal,
+        LEVELS,
+        [noise_sigma(truth.scene.sensor, float(level), truth.scene.exposure_s) for level in LEVELS],
+    )
     residual = (image.astype(float) - clean) / full
     # at the ends of the scale the noise is cut off
     inside = (signal > 4 * sigma) & (signal < 1 - 4 * sigma)

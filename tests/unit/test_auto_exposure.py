@@ -69,7 +69,7 @@ def test_the_picture_has_the_level_that_was_asked_for(renderer):
     from simulator.dataset.contact_sheet import smaller
     from simulator.labels.frame import take_frame
 
-    for name in ("tango-limb", "tango-vbar-approach"):
+    for name in ("tango-limb", "tango-flyaround"):
         plan = plan_flight(_with_auto(load_scenario(name), share=0.9), n=3, quality="draft")
         plan = replace(plan, camera=smaller(plan.camera, 192))
         for k in range(3):
