@@ -176,7 +176,7 @@ def test_the_scene_a_moment_later_is_the_propagated_one():
 def rolling_plan():
     scenario = load_scenario("tango-flyaround")
     sensor = msgspec.structs.replace(
-        scenario.sensor, shutter="rolling", readout_s=6.0, exposure_s=0.2, full_scale_j_m2_sr=20.0
+        scenario.sensor, shutter="rolling", readout_s=10.0, exposure_s=0.2, full_scale_j_m2_sr=20.0
     )
     plan = plan_flight(msgspec.structs.replace(scenario, sensor=sensor), times=(20.0,), quality="draft")
     return replace(plan, camera=smaller(plan.camera, 128))
@@ -197,7 +197,7 @@ def test_labels_of_a_rolling_shutter_with_motion_blur_pass_the_check(rolling_pla
         np.hypot(*np.subtract(a.pixel_px, b.pixel_px))
         for a, b in zip(truth.keypoints, frame.truth.keypoints, strict=True)
     ]
-    assert max(moved) > 0.5
+    assert max(moved) > 0.3
     # and the record alone gives the same bytes
     again = render_scene(truth.scene, rolling_plan.target)
     assert np.array_equal(again.image, read_png(frame_paths(tmp_path / "set", 0).image))
