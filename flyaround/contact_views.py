@@ -49,6 +49,7 @@ DARK = Environment(
     sun=False,
     earthshine=False,
     moon=False,
+    planets=False,
 )
 # RGB. Colours that a colour-blind reader tells apart (Okabe and Ito).
 EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)

@@ -393,6 +393,7 @@ class EnvironmentSection(Section, frozen=True, kw_only=True):
     sun: bool = True
     earthshine: bool = True
     moon: bool = True
+    planets: bool = True
     seasons: bool = True
     relief: bool = True
     undifferentiated: bool = False

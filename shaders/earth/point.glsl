@@ -96,8 +96,12 @@ GroundPoint ground_point(EarthRay ray) {
     color gain = mix(BAND(textureLod(t_before, g.uv, coarse - 1.0)), BAND(textureLod(t_after, g.uv, coarse - 1.0)), u_season);
     g.tone = exp2((gain - 128.0 / 255.0) * (OCTAVES * 255.0 / 127.0)) * clamp(1.0 - RELIEF * uphill / slant, 0.35, 1.7);
     g.glint = 0.0;
+    // clouds, leaves and stones shine back towards the Sun more than to the sides: mean 1 over the directions
+    float back = 0.5 - 0.5 * dot(ray.direction, sun);
+    back *= back;
+    float shine = 0.78 + 1.03 * back * back;
 #if GLINT
-    if (g.mu > 0.0) g.glint = PI * sun_glint(n, -ray.direction, sun, c_view, g.mu) / max(g.mu, 0.05);
+    if (g.mu > 0.0) g.glint = PI * sun_glint(n, -ray.direction, sun, c_view, g.mu) / (max(g.mu, 0.05) * shine);
 #endif
     color through = color(1.0);
 #if AIR
@@ -120,7 +124,7 @@ GroundPoint ground_point(EarthRay ray) {
     g.light = color(max(g.mu, 0.0));
     g.haze = color(0.0);
 #endif
-    g.light *= through * BAND(u_earth_irradiance) * (1.0 / PI);
+    g.light *= through * BAND(u_earth_irradiance) * (shine / PI);
     g.haze *= BAND(u_earth_irradiance);
     g.lamps = through * (CITY * (1.0 - smoothstep(-0.10, 0.02, g.mu)));
     return g;

@@ -2,7 +2,7 @@
 // Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT; SMOOTH: one level of detail for all pixels; HIGH: every
 // layer looked up at its own place; ONE_OPTICS: land, sea and cloud reflect alike (the counter-example).
 
-uniform sampler2D t_map;    // square root of land reflectance, cloud cover, night lights, distance to the coast
+uniform sampler2D t_map;    // square roots of land reflectance and cloud opacity, night lights, distance to the coast
 #if BANDS == 3
 uniform sampler2D t_colour; // square root of land reflectance per band
 #endif
@@ -24,7 +24,7 @@ const float SEA = 0.022;      // reflectance of the water's body: clear ocean, i
 const vec3 SEA = vec3(0.006, 0.020, 0.048);
 #endif
 const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
-const float CLOUD = 0.82;     // reflectance of thick cloud
+const float CLOUD = 0.84;     // reflectance of thick cloud
 const float RELIEF_KM = 0.9;  // height of a puff of full contrast, for its own shading
 
 // Radiance that a ground point sends to the camera [W m-2 sr-1].
@@ -60,7 +60,7 @@ color surface_radiance(GroundPoint g) {
 #if HIGH
     map.y = textureLod(t_map, g.below.zw, MAP_LEVEL).y;
 #endif
-    float cover = clamp(map.y * 1.3 - 0.05, 0.0, 1.0);
+    float cover = clamp(map.y * 1.15 - 0.05, 0.0, 1.0);
     float present = min(cover * 10.0, 1.0);
     float scale = 1.0 / (0.14 + 0.30 * cover); // one over half the width of a cloud's edge
     float over = (puff + cover) * scale + (1.0 - 1.06 * scale); // depth of the cloud, 0 at its edge
@@ -68,6 +68,11 @@ color surface_radiance(GroundPoint g) {
     depth *= depth * 0.9 * present;             // optical depth times one minus its asymmetry
     depth = max(depth, 1.2 * cover * cover);    // the veil between the puffs
     float cloud = depth / (1.0 + depth);        // two-stream reflectance
+#if !SMOOTH
+    // from far away the puffs are averaged before they are cut: their mean then is a curve of the cover
+    float blurred = clamp(-0.2 * log2(g.sharp) - 0.2, 0.0, 1.0);
+    cloud = mix(cloud, cover * (0.698 + cover * (0.772 - 0.738 * cover)), blurred);
+#endif
     // shadow beside the cloud: the cover a cloud's height further towards the Sun, to first order
 #if HIGH
     // exactly: the puff that the Sun's ray to this ground meets

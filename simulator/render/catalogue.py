@@ -23,6 +23,9 @@ _CATALOGUE_EPOCH = datetime(1991, 4, 2, 13, 30, tzinfo=UTC)  # J1991.25
 _SUN_HP = -26.64
 _SUN_TEMPERATURE_K = 5772.0  # IAU 2015 resolution B3
 _HP_WAVELENGTH_NM = 528.0  # effective wavelength of the Hp band
+_SIDE = 12  # cells along the edge of each of a cube's faces
+CELL_RADIUS_RAD = 0.125  # of the largest, half of its diagonal
+HP_MINUS_V = 0.12  # of light of the Sun's colour
 _MAS_RAD = np.pi / 180 / 3_600_000
 
 
@@ -34,10 +37,19 @@ class StarField:
     ----------
     directions : (K, 3) unit vectors, GCRS.
     irradiance_w_m2 : (K, n) per band, above the atmosphere.
+    cells, first : (C, 3) middles of the cells of the sky that the stars are sorted into; where each begins, (C + 1,).
     """
 
     directions: FloatArray
     irradiance_w_m2: FloatArray
+    cells: FloatArray
+    first: np.typing.NDArray[np.intp]
+
+    def near(self, axis: FloatArray, angle_rad: float) -> np.typing.NDArray[np.intp]:
+        """Numbers of the stars within an angle of a unit direction, and of some just beyond."""
+        cosine = self.cells @ axis
+        hit = np.flatnonzero(cosine > np.cos(min(angle_rad + CELL_RADIUS_RAD, np.pi)))
+        return np.concatenate([np.arange(self.first[k], self.first[k + 1]) for k in hit] or [np.arange(0)])
 
 
 @functools.cache
@@ -72,8 +84,33 @@ def _stars_of_year(years: int, bands: Bands) -> StarField:
     at = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
     moved = at + years * _MAS_RAD * (c["pm_ra_mas_yr"][:, None] * east + c["pm_dec_mas_yr"][:, None] * north)
     moved /= np.linalg.norm(moved, axis=1, keepdims=True)
-    # columns in memory, each in one piece: the search for what is in view reads them one by one
-    return StarField(np.asfortranarray(moved), star_irradiance_w_m2(c["hp_mag"], c["b_minus_v_mag"], bands))
+    cell = _cell(moved)
+    order = np.argsort(cell, kind="stable")
+    first = np.searchsorted(cell[order], np.arange(6 * _SIDE * _SIDE + 1))
+    light = star_irradiance_w_m2(c["hp_mag"], c["b_minus_v_mag"], bands)
+    return StarField(moved[order], light[order], _cell_middles(), first)
+
+
+def _cell(directions: FloatArray) -> np.typing.NDArray[np.intp]:
+    """Number of the cell (K,) of a cube's six faces, ``_SIDE`` squared each, that a direction passes."""
+    axis = np.argmax(np.abs(directions), axis=1)
+    rows = np.arange(len(directions))
+    depth = directions[rows, axis]
+    u = directions[rows, (axis + 1) % 3] / np.abs(depth)
+    v = directions[rows, (axis + 2) % 3] / np.abs(depth)
+    i, k = (np.clip(((w + 1) / 2 * _SIDE).astype(int), 0, _SIDE - 1) for w in (u, v))
+    return ((2 * axis + (depth < 0)) * _SIDE + i) * _SIDE + k
+
+
+def _cell_middles() -> FloatArray:
+    face, i, k = np.unravel_index(np.arange(6 * _SIDE * _SIDE), (6, _SIDE, _SIDE))
+    axis = face // 2
+    d = np.zeros((len(face), 3))
+    rows = np.arange(len(face))
+    d[rows, axis] = 1 - 2 * (face % 2)
+    d[rows, (axis + 1) % 3] = (i + 0.5) / _SIDE * 2 - 1
+    d[rows, (axis + 2) % 3] = (k + 0.5) / _SIDE * 2 - 1
+    return d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
 def star_irradiance_w_m2(hp_mag: FloatArray, bv: FloatArray, bands: Bands) -> FloatArray:

@@ -1,6 +1,6 @@
 """The Earth's maps, packed for the shader: one RGBA texture per number of bands, equirectangular.
 
-Channels for one band: land reflectance (square root), cloud cover, night lights, distance to the coast.
+Channels for one band: land reflectance (square root), cloud opacity (square root), night lights, distance to the coast.
 For three bands a second RGBA texture holds the land's colour (square roots) and its alpha is unused.
 """
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 8064, 4032
 DAY, CLOUDS = "day_2004-08_8064x4032.jpg", "clouds_8064x4032.jpg"
 NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
-VERSION = 3  # of the packing below; part of the cache's key
+VERSION = 4  # of the packing below; part of the cache's key
 
 # Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert, forest and snow to their
 # broadband reflectances (0.35, 0.03-0.05, 0.6-0.7; Liang 2001, Narrowband to broadband conversions)
@@ -112,7 +112,9 @@ def _pack_panchromatic() -> ByteArray:
     # two texels inland: the nearer ones are mixtures of land and sea
     land = land_only(reflectance, (coast > 128 + 12).astype(np.uint8))
     clouds, night = decode_map(CLOUDS, cv2.IMREAD_GRAYSCALE), decode_map(NIGHT, cv2.IMREAD_GRAYSCALE)
-    return np.ascontiguousarray(np.dstack([_encode_root(land), clouds, night, coast]))
+    # the picture of the clouds shows their light: thin ones cover more than they whiten
+    thin = _encode_root(np.asarray(clouds, np.float32) / np.float32(255))
+    return np.ascontiguousarray(np.dstack([_encode_root(land), thin, night, coast]))
 
 
 def _pack_colour() -> ByteArray:

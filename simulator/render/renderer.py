@@ -187,7 +187,7 @@ class Renderer:
             clock.lap("earth.surface")
         # rays that all meet the ground see nothing behind it
         open_sky = earth is None or earth.rect is None or earth.sky_rows is not None
-        if environment.stars and open_sky:
+        if (environment.stars or environment.planets) and open_sky:
             self._stars.run(scene, view, images, earth, air, moon)
             clock.lap("stars")
         # without Earth in the image there is no air table either

@@ -41,6 +41,7 @@ class Environment:
     sun: bool = True
     earthshine: bool = True
     moon: bool = True
+    planets: bool = True
     seasons: bool = True
     relief: bool = True
     undifferentiated: bool = False

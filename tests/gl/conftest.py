@@ -26,6 +26,7 @@ NOTHING = Environment(
     sun=False,
     earthshine=False,
     moon=False,
+    planets=False,
     seasons=False,
     relief=False,
 )

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 from simulator.camera.model import Camera
 from simulator.render.seasons import ANCHORS, season
+from simulator.scene.bands import sun_irradiance_w_m2
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above
 
@@ -82,3 +84,40 @@ def test_presets_draw_the_same_world(draw):
         quick, fine = (draw("2026-05-20T13:00:00Z", place, world, quality=q) for q in ("default", "high"))
         assert not np.array_equal(quick, fine)
         assert fine.mean() == pytest.approx(quick.mean(), rel=0.05)
+
+
+def disc_reflection(draw, phase_deg, bands="mono"):
+    """Light of the whole Earth over that of a white Lambert disc facing the Sun, mean of six views."""
+    size, field = 96, 0.046
+    camera = Camera(
+        width_px=size, height_px=size, fx_px=size / field, fy_px=size / field, cx_px=47.5, cy_px=47.5
+    )
+    altitude_km = 300e3
+    share = []
+    for hour in (1, 9, 17):
+        for side in (-phase_deg, phase_deg):
+            # at an equinox the Sun stands over the equator
+            longitude = (-15 * (hour - 12) + side + 180) % 360 - 180
+            world = Environment(moon=False, stars=False, sun=False)
+            image = draw(
+                f"2026-03-20T{hour:02d}:00:00Z",
+                (0.0, longitude, altitude_km),
+                world,
+                camera=camera,
+                bands=bands,
+            )
+            flux = image.astype(float).sum(axis=(0, 1)) * (field / size) ** 2
+            sun = sun_irradiance_w_m2(bands, 0.9959 * 149_597_870_700.0)  # distance of the day
+            share.append(flux / sun * ((altitude_km + 6378.137) / 6378.137) ** 2)
+    return float(np.mean(share))
+
+
+def test_light_of_the_whole_earth(draw):
+    phases = (5.0, 30.0, 60.0, 90.0, 120.0, 150.0)
+    light = [disc_reflection(draw, p) for p in phases]
+    # geometric albedo 0.367 (Allen's Astrophysical Quantities 2000, table 12.4); at 5 degrees 1 per cent less
+    assert light[0] == pytest.approx(0.363, rel=0.15)
+    # Bond albedo: twice the integral of the disc's light over the sine of the phase
+    curve = PchipInterpolator(np.radians([0.0, *phases, 180.0]), [light[0], *light, 0.0])
+    angle = np.linspace(0, np.pi, 181)
+    assert 0.25 < 2 * np.trapezoid(curve(angle) * np.sin(angle), angle) < 0.35

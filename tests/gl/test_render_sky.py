@@ -16,6 +16,7 @@ from simulator.scene.atmosphere import (
     rayleigh_phase,
 )
 from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.scene.planets import earth_velocity_c
 from simulator.scene.state import Environment
 from simulator.world.rotation import matrix_from_quat, quat_from_matrix
 
@@ -196,7 +197,12 @@ def test_star_is_where_it_should_be_and_as_bright(renderer, draw_kit, speck):
     assert 5 < np.degrees(np.linalg.norm(field.directions[vega] - catalogue)) * 3600 < 15
     scene = _pointing(scene, field.directions[vega] + np.array([0.003, 0.002, 0.001]))
     image = renderer.render(scene, speck).radiance.astype(float)
-    d = build_view(scene).R_camera_from_eci @ field.directions[vega]
+    # seen from a moving Earth
+    beta = earth_velocity_c(scene.epoch_utc) + np.array(scene.v_camera_eci_m_s) / 299_792_458.0
+    seen = field.directions[vega] + beta
+    shift = np.degrees(np.arccos(field.directions[vega] @ seen / np.linalg.norm(seen))) * 3600
+    assert 5 < shift < 27  # 20.5 arcsec times the sine of the angle from the apex, 5 of the orbit
+    d = build_view(scene).R_camera_from_eci @ (seen / np.linalg.norm(seen))
     u, v = scene.camera.project(d)
     x0, y0 = round(u) - 2, round(v) - 2
     patch = image[y0 : y0 + 5, x0 : x0 + 5]

@@ -1,4 +1,4 @@
-"""Star pass: points of known irradiance, spread over the four nearest pixels. Adds to the radiance."""
+"""Star pass: stars and planets, points of known irradiance, over the four nearest pixels. Adds to the radiance."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.catalogue import stars
+from simulator.render.catalogue import HP_MINUS_V, star_irradiance_w_m2, stars
 from simulator.scene.atmosphere import optical_depth_to_top
+from simulator.scene.planets import earth_velocity_c, planets
+from simulator.world.constants import LIGHT_M_S
 
 if TYPE_CHECKING:
     import moderngl
@@ -79,13 +81,22 @@ def stars_in_view(
     moon: MoonView | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Pixel positions (K, 2) and radiance (K, n) that one whole pixel would have [W m-2 sr-1]."""
-    camera, field = scene.camera, stars(scene.epoch_utc, scene.bands)
-    widest = camera.half_angle_rad()
-    # written out: a matrix product of this shape wakes all of BLAS's threads, which then fight the driver's
-    x, y, z = field.directions.T
-    axis = view.R_camera_from_eci[2]
-    near = np.flatnonzero(axis[0] * x + axis[1] * y + axis[2] * z > 0.999 * np.cos(widest))
-    d, irradiance = field.directions[near] @ view.R_camera_from_eci.T, field.irradiance_w_m2[near]
+    camera, environment = scene.camera, scene.environment
+    directions, light = [], []
+    if environment.stars:
+        field = stars(scene.epoch_utc, scene.bands)
+        near = field.near(view.R_camera_from_eci[2], camera.half_angle_rad())
+        directions.append(field.directions[near])
+        light.append(field.irradiance_w_m2[near])
+    if environment.planets:
+        points = planets(scene.epoch_utc, np.asarray(scene.r_camera_eci_m))
+        directions.append(points.directions)
+        light.append(star_irradiance_w_m2(points.v_mag + HP_MINUS_V, points.b_minus_v, scene.bands))
+    # aberration by the motion of the Earth and of the camera about it
+    beta = earth_velocity_c(scene.epoch_utc) + np.asarray(scene.v_camera_eci_m_s) / LIGHT_M_S
+    apparent = np.concatenate(directions) + beta
+    apparent /= np.linalg.norm(apparent, axis=1, keepdims=True)
+    d, irradiance = apparent @ view.R_camera_from_eci.T, np.concatenate(light)
     pixels = camera.project(d)
     keep = camera.contains(pixels)
     if moon is not None:

@@ -1,0 +1,64 @@
+"""Planets where the almanac has them, stars sorted so that none is lost, magnitudes as electrons."""
+
+import numpy as np
+import pytest
+
+from simulator.camera.detector import electrons_per_radiance
+from simulator.camera.optics import Optics
+from simulator.camera.sensor import Detector, Sensor
+from simulator.render.catalogue import star_irradiance_w_m2, stars
+from simulator.scene.planets import NAMES, planets
+
+
+def _at(ra_h, ra_m, dec_deg, dec_m):
+    ra, dec = np.radians((ra_h + ra_m / 60) * 15), np.radians(dec_deg + np.copysign(dec_m, dec_deg) / 60)
+    return np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+
+
+def test_the_great_conjunction_of_2020():
+    # Jupiter and Saturn 6.1 arc minutes apart on 2020-12-21 at 18:20 UTC, in Capricornus (RA 20 h 10 m, dec -20.5)
+    seen = planets("2020-12-21T18:20:00Z", np.zeros(3))
+    jupiter, saturn = (seen.directions[NAMES.index(name)] for name in ("Jupiter", "Saturn"))
+    assert np.degrees(np.arccos(jupiter @ saturn)) * 60 == pytest.approx(6.1, abs=1.5)
+    assert np.degrees(np.arccos(jupiter @ _at(20, 10, -20, 33))) < 0.3
+    assert seen.v_mag[NAMES.index("Jupiter")] == pytest.approx(-2.0, abs=0.15)
+
+
+def test_magnitudes_of_mars_and_venus():
+    # Mars at its opposition of 2020-10-13: -2.6; Venus at greatest brilliancy 2020-04-28: -4.7 to -4.5
+    assert planets("2020-10-13T23:00:00Z", np.zeros(3)).v_mag[NAMES.index("Mars")] == pytest.approx(
+        -2.6, abs=0.15
+    )
+    assert planets("2020-04-28T01:00:00Z", np.zeros(3)).v_mag[NAMES.index("Venus")] == pytest.approx(
+        -4.6, abs=0.2
+    )
+
+
+@pytest.mark.parametrize("angle_deg", [3.0, 20.0, 120.0])
+def test_no_star_in_view_is_lost_by_sorting(angle_deg):
+    field = stars("2026-01-01T00:00:00Z", "mono")
+    assert len(field.directions) > 78_000
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        axis = rng.standard_normal(3)
+        axis /= np.linalg.norm(axis)
+        inside = np.flatnonzero(field.directions @ axis > np.cos(np.radians(angle_deg)))
+        found = field.near(axis, np.radians(angle_deg))
+        assert len(np.setdiff1d(inside, found)) == 0
+        assert len(found) < len(inside) * (1 + 30 / angle_deg) + 500
+
+
+def test_magnitude_as_electrons():
+    """A star of Hp 5 through a lens of 17.6 mm f-length f/2: photons counted by hand."""
+    light = star_irradiance_w_m2(np.array([5.0]), np.array([0.65]), "mono")[0, 0]
+    pitch, focal, number, exposure = 5.86e-6, 17.6e-3, 2.0, 0.5
+    sensor = Sensor(
+        detector=Detector(quantum_efficiency=(0.5,)), pixel_pitch_x_m=pitch, pixel_pitch_y_m=pitch
+    )
+    optics = Optics(f_number=number, transmission=1.0)
+    # radiance that a pixel's solid angle must have to hold the star
+    electrons = electrons_per_radiance(sensor, optics, exposure, 1) * light / (pitch / focal) ** 2
+    # V = 0 is 3.6e-9 erg s-1 cm-2 A-1 (Bessell 1979) at 550 nm, 1.0e11 photons s-1 m-2 in these 300 nm
+    photons = 3.63e-11 * 300 * 10 ** (-0.4 * (5.0 - 0.12)) / (6.626e-34 * 2.998e8 / optics.wavelength_m)
+    by_hand = photons * np.pi / 4 * (focal / number) ** 2 * exposure * 0.5
+    assert float(np.squeeze(electrons)) == pytest.approx(by_hand, rel=0.08)
