@@ -4,7 +4,6 @@ import base64
 import json
 import struct
 
-import cv2
 import numpy as np
 import pytest
 import trimesh
@@ -101,7 +100,7 @@ def test_materials_of_gltf(tmp_path):
                     "roughnessFactor": 0.4,
                 },
                 "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 0.9}},
-                "normalTexture": {"index": 0},
+                "occlusionTexture": {"index": 0},
             }
         ]
 
@@ -109,24 +108,7 @@ def test_materials_of_gltf(tmp_path):
     m = model.materials[0]
     assert (m.name, m.base_color) == ("cell", (0.1, 0.2, 0.3))
     assert (m.metallic, m.roughness, m.clearcoat) == (0.25, 0.4, 0.9)
-    assert any("normal maps" in note for note in model.notes)
-
-
-def test_texture_becomes_colours_of_faces(tmp_path):
-    image = np.zeros((8, 8, 3), np.uint8)
-    image[:, :4] = (0, 0, 255)  # left half red, right half blue (OpenCV writes BGR)
-    image[:, 4:] = (255, 0, 0)
-    assert cv2.imwrite(str(tmp_path / "skin.png"), image)
-    (tmp_path / "a.mtl").write_text("newmtl skin\nKd 1 1 1\nmap_Kd skin.png\n")
-    (tmp_path / "a.obj").write_text(
-        "mtllib a.mtl\nusemtl skin\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\n"
-        "vt .1 .1\nvt .3 .1\nvt .3 .9\nvt .1 .9\nvt .9 .1\nvt .9 .9\nvt .6 .1\nvt .6 .9\n"
-        "f 1/1 2/2 3/3 4/4\nf 2/7 5/5 6/6 3/8\n"
-    )
-    model = read_mesh(tmp_path / "a.obj")
-    colours = [model.materials[k].base_color for k in model.parts[0].face_material]
-    assert np.allclose(colours, [(1, 0, 0)] * 2 + [(0, 0, 1)] * 2, atol=0.01)
-    assert any("plain colours" in note for note in model.notes)
+    assert any("occlusion maps" in note for note in model.notes)
 
 
 def test_objects_groups_and_relative_indices_of_obj(tmp_path):

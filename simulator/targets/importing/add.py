@@ -26,7 +26,8 @@ from simulator.targets.importing.repair import (
 )
 from simulator.targets.importing.shading import file_normals, normals_fit, parts_of, smooth_normals
 from simulator.targets.importing.stand_in import propose_occluders
-from simulator.targets.importing.surfaces import used_materials
+from simulator.targets.importing.surfaces import plain_where_unwrapped, used_materials
+from simulator.targets.importing.texture import bake_textures
 from simulator.targets.importing.weight import mass_properties_of
 from simulator.targets.importing.wireframe import propose_wireframe
 from simulator.targets.model import Target
@@ -82,9 +83,13 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     check_numbers(model)
     check_count(model, options.decimate)
     lines = place_model(model, options.scale, options.units, options.up)
+    if options.decimate is not None and model.triangle_count > options.decimate:
+        bake_textures(model)  # reduced faces are no longer where their texture coordinates say
     lines += model.notes
     bodies, extent = _bodies(model, options, lines)
-    materials, notes = used_materials(bodies, model.materials)
+    everything, notes = plain_where_unwrapped(bodies, model.materials, model.pictures)
+    lines += notes
+    materials, notes = used_materials(bodies, everything)
     lines += notes
     parts = _parts(bodies, materials, options, lines)
     mass, how = mass_properties_of(bodies, options.mass_kg, options.density_kg_m3)
@@ -95,10 +100,16 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     lines.append(how)
     used = {p.material for p in parts}
     kept = tuple(m for m in materials if m.name in used)
+    named = {name for m in kept for name in m.textures if name}
+    pictures = tuple(p for p in model.pictures.values() if p.name in named)
+    if pictures:
+        lines.append(
+            f"took {len(pictures)} texture{'s' * (len(pictures) > 1)}: {', '.join(p.name for p in pictures)}"
+        )
     target = Target(
         name=name,
         title=f"{path.name}, imported",
-        sha256=content_sha256(kept, parts, keypoints, wireframe, occluders),
+        sha256=content_sha256(kept, parts, keypoints, wireframe, occluders, pictures),
         materials=kept,
         parts=tuple(parts),
         keypoints=keypoints,
@@ -106,6 +117,7 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
         mass=mass,
         notes="Imported mesh. " + "; ".join(lines) + ".",
         occluders=occluders,
+        pictures=pictures,
     )
     check_target(target, str(path))
     return target, lines

@@ -14,14 +14,14 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.targets.glb import CLEARCOAT, read_chunks
 from simulator.targets.importing.accessors import read_accessor
-from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart, unique_names
-from simulator.targets.importing.texture import decode_image, face_colours
-from simulator.targets.model import Material
+from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart, unique_name, unique_names
+from simulator.targets.importing.texture import picture_of
+from simulator.targets.model import Material, Picture
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.arrays import ByteArray, FloatArray, IntArray
+    from simulator.arrays import FloatArray, IntArray
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPRESSED = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression": "meshopt"}
@@ -78,7 +78,7 @@ class _Reader:
         self.path, self.document = path, document
         self.notes: list[str] = []
         self.buffers = [self._buffer(b, blob, k) for k, b in enumerate(document.get("buffers", []))]
-        self.pictures: dict[int, ByteArray | None] = {}
+        self.pictures: dict[int, Picture] = {}
         self.lost: set[str] = set()
 
     def model(self) -> RawModel:
@@ -109,7 +109,8 @@ class _Reader:
         if self.lost:
             self.notes.append(f"not carried over: {', '.join(sorted(self.lost))}")
         return RawModel(
-            path=self.path, kind="gltf", parts=parts, materials=materials, in_metres=True, up="y", notes=self.notes
+            path=self.path, kind="gltf", parts=parts, materials=materials, in_metres=True, up="y", notes=self.notes,
+            pictures={p.name: p for p in self.pictures.values()},
         )  # fmt: skip
 
     def _visit(
@@ -128,7 +129,7 @@ class _Reader:
             self._visit(child, matrix, found, depth + 1)
 
     def _part(self, name: str, mesh: dict[str, Any], matrix: FloatArray, no_material: int) -> RawPart | None:
-        positions, normals, triangles, materials, colours = [], [], [], [], []
+        positions, normals, triangles, materials, colours, corners = [], [], [], [], [], []
         start = 0
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", TRIANGLES)
@@ -149,20 +150,19 @@ class _Reader:
             triangles.append(t + start)
             materials.append(np.full(len(t), number, np.int64))
             colours.append(self._colours(primitive, t, len(p)))
+            corners.append(self._coordinates(primitive, t))
             start += len(p)
         if not positions:
             return None
         linear = matrix[:3, :3]
         all_triangles = np.concatenate(triangles)
-        if np.linalg.det(linear) < 0:
-            all_triangles = all_triangles[:, ::-1]  # a mirrored node turns the winding round
+        uv = _joined(corners, triangles, (3, 2))
+        if np.linalg.det(linear) < 0:  # a mirrored node turns the winding round
+            all_triangles = all_triangles[:, ::-1]
+            uv = None if uv is None else uv[:, ::-1]
         whole = None
         if all(n is not None for n in normals):
             whole = np.concatenate([n for n in normals if n is not None]) @ np.linalg.pinv(linear)
-        colour = None
-        if any(c is not None for c in colours):
-            blank = [np.full((len(t), 3), np.nan) for t in triangles]
-            colour = np.concatenate([b if c is None else c for b, c in zip(blank, colours, strict=True)])
         with np.errstate(invalid="ignore", over="ignore"):  # vertices that are not finite are named later
             places = np.concatenate(positions) @ linear.T + matrix[:3, 3]
         return RawPart(
@@ -171,32 +171,55 @@ class _Reader:
             triangles=all_triangles,
             face_material=np.concatenate(materials),
             normals=whole,
-            face_colour=colour,
+            face_colour=_joined(colours, triangles, (3,)),
+            corner_uv=uv,
         )
 
     def _colours(self, primitive: dict[str, Any], triangles: IntArray, count: int) -> FloatArray | None:
-        """(F, 3) colour of each face from the base-colour texture times its factor, or from the vertices."""
+        """(F, 3) colour of each face from its vertices, where the file gives them one and no texture."""
         attributes, factor = primitive["attributes"], np.ones(3)
+        if "COLOR_0" not in attributes or self._textures(primitive):
+            return None
         if "material" in primitive:
-            m = self.document["materials"][primitive["material"]]
-            pbr = m.get("pbrMetallicRoughness", {})
+            pbr = self.document["materials"][primitive["material"]].get("pbrMetallicRoughness", {})
             factor = np.asarray(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], float)
-            texture = pbr.get("baseColorTexture") or m.get("extensions", {}).get(SPECULAR, {}).get(
-                "diffuseTexture"
-            )
-            if texture is not None:
-                image = self._picture(texture["index"])
-                key = f"TEXCOORD_{texture.get('texCoord', 0)}"
-                if image is not None and key in attributes:
-                    uv = self._read(attributes[key])
-                    change = texture.get("extensions", {}).get("KHR_texture_transform", {})
-                    uv = uv * change.get("scale", [1, 1]) + change.get("offset", [0, 0])
-                    return face_colours(image, uv, triangles) * factor
-                return None
-        if "COLOR_0" in attributes:
-            vertex = self._read(attributes["COLOR_0"])[:, :3]
-            return np.asarray(vertex[np.clip(triangles, 0, count - 1)].mean(axis=1) * factor)
-        return None
+        vertex = self._read(attributes["COLOR_0"])[:, :3]
+        return np.asarray(vertex[np.clip(triangles, 0, count - 1)].mean(axis=1) * factor)
+
+    def _coordinates(self, primitive: dict[str, Any], triangles: IntArray) -> FloatArray | None:
+        """(F, 3, 2) texture coordinates of the corners for the material's textures."""
+        textures = self._textures(primitive)
+        if not textures:
+            return None
+        change, number = _transform(textures[0])
+        if any(_transform(other) != (change, number) for other in textures[1:]):
+            self.lost.add("texture coordinates of their own for maps beside the base colour")
+        key = f"TEXCOORD_{number}"
+        if key not in primitive["attributes"]:
+            return None
+        uv = self._read(primitive["attributes"][key])[:, :2]
+        (su, sv), angle, (ou, ov) = change
+        c, s = np.cos(angle), np.sin(angle)
+        # KHR_texture_transform: offset x rotation x scale
+        turned = np.stack(
+            [c * su * uv[:, 0] + s * sv * uv[:, 1], -s * su * uv[:, 0] + c * sv * uv[:, 1]], axis=1
+        )
+        with np.errstate(invalid="ignore"):
+            return np.asarray((turned + np.array((ou, ov)))[np.clip(triangles, 0, len(uv) - 1)])
+
+    def _textures(self, primitive: dict[str, Any]) -> list[dict[str, Any]]:
+        """References of the primitive's material to pictures, the base colour first."""
+        if "material" not in primitive:
+            return []
+        m = self.document["materials"][primitive["material"]]
+        pbr = m.get("pbrMetallicRoughness", {})
+        old = m.get("extensions", {}).get(SPECULAR, {})
+        found = (
+            pbr.get("baseColorTexture") or old.get("diffuseTexture"),
+            pbr.get("metallicRoughnessTexture"),
+            m.get("normalTexture"),
+        )
+        return [f for f in found if f is not None]
 
     def _material(self, m: dict[str, Any]) -> Material:
         pbr, extensions = m.get("pbrMetallicRoughness", {}), m.get("extensions", {})
@@ -207,17 +230,12 @@ class _Reader:
             old = extensions[SPECULAR]
             base, metallic = old.get("diffuseFactor", [1, 1, 1, 1]), 0.0
             roughness = 1.0 - float(old.get("glossinessFactor", 1.0))
-        if "metallicRoughnessTexture" in pbr:
-            image = self._picture(pbr["metallicRoughnessTexture"]["index"])
-            if image is not None:
-                # glTF 2.0, 3.9.2: roughness in green, metalness in blue; a mean stands for the map
-                roughness *= float(image[..., 1].mean() / 255)
-                metallic *= float(image[..., 2].mean() / 255)
-            self.lost.add("maps of roughness and metalness (their means are taken)")
-        for key, what in (("normalTexture", "normal maps"), ("emissiveTexture", "emission"),
-                          ("occlusionTexture", "occlusion maps")):  # fmt: skip
+        diffuse = pbr.get("baseColorTexture") or extensions.get(SPECULAR, {}).get("diffuseTexture")
+        for key, what in (("emissiveTexture", "emission"), ("occlusionTexture", "occlusion maps")):
             if key in m:
                 self.lost.add(what)
+        if m.get("normalTexture", {}).get("scale", 1) != 1:
+            self.lost.add("scales of normal maps (1 is taken)")
         if m.get("alphaMode", "OPAQUE") != "OPAQUE":
             self.lost.add("transparency (drawn opaque)")
         r, g, b = (float(np.clip(c, 0, 1)) for c in base[:3])
@@ -230,15 +248,21 @@ class _Reader:
             clearcoat_roughness=float(
                 np.clip(coat.get("clearcoatRoughnessFactor", Material.clearcoat_roughness), 0, 1)
             ),
+            base_color_texture=self._picture(diffuse),
+            metallic_roughness_texture=self._picture(pbr.get("metallicRoughnessTexture")),
+            normal_texture=self._picture(m.get("normalTexture")),
         )
 
-    def _picture(self, texture: int) -> ByteArray | None:
-        record = self.document["textures"][texture]
+    def _picture(self, reference: dict[str, Any] | None) -> str:
+        """The name under which the picture of a texture is kept; empty when there is none."""
+        if reference is None:
+            return ""
+        record = self.document["textures"][reference["index"]]
         source = record.get("source")
         if source is None:
             source = next((e["source"] for e in record.get("extensions", {}).values() if "source" in e), None)
         if source is None:
-            return None
+            return ""
         if source not in self.pictures:
             image = self.document["images"][source]
             if "bufferView" in image:
@@ -247,13 +271,15 @@ class _Reader:
                 raw = self.buffers[view["buffer"]][start : start + view["byteLength"]]
             else:
                 raw = self._file(image["uri"], "texture")
-            self.pictures[source] = decode_image(raw)
-            if self.pictures[source] is None:
-                what = image.get("uri") or image.get("name") or f"image {source}"
+            what = str(image.get("name") or image.get("uri", "") or f"image {source}")[:60]
+            picture, note = picture_of(unique_name(what, {p.name for p in self.pictures.values()}), raw)
+            if picture is None:
                 raise UserError(
-                    f"{self.path}: texture {str(what)[:60]!r} is not a picture that can be read; convert it to PNG"
+                    f"{self.path}: texture {what!r} is not a picture that can be read; convert it to PNG"
                 )
-        return self.pictures[source]
+            self.notes += [note] if note else []
+            self.pictures[source] = picture
+        return self.pictures[source].name
 
     def _buffer(self, record: dict[str, Any], blob: bytes, number: int) -> bytes:
         data = self._file(record["uri"], "buffer") if "uri" in record else blob
@@ -279,6 +305,26 @@ class _Reader:
 
     def _read(self, number: int) -> FloatArray:
         return read_accessor(self.document, self.buffers, number)
+
+
+def _transform(
+    reference: dict[str, Any],
+) -> tuple[tuple[tuple[float, float], float, tuple[float, float]], int]:
+    """Scale, rotation and offset of a texture reference, and the number of its coordinates."""
+    change = reference.get("extensions", {}).get("KHR_texture_transform", {})
+    (su, sv), (ou, ov) = change.get("scale", (1.0, 1.0)), change.get("offset", (0.0, 0.0))
+    number = change.get("texCoord", reference.get("texCoord", 0))
+    return ((float(su), float(sv)), float(change.get("rotation", 0.0)), (float(ou), float(ov))), int(number)
+
+
+def _joined(
+    rows: list[FloatArray | None], triangles: list[IntArray], shape: tuple[int, ...]
+) -> FloatArray | None:
+    """What each face of all primitives has, NaN for those without; None when none has any."""
+    if all(r is None for r in rows):
+        return None
+    blank = (np.full((len(t), *shape), np.nan) for t in triangles)
+    return np.concatenate([b if r is None else r for b, r in zip(blank, rows, strict=True)])
 
 
 def node_matrix(node: dict[str, Any]) -> FloatArray:

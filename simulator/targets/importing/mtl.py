@@ -8,21 +8,36 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.targets.importing.texture import decode_image
-from simulator.targets.model import Material
+from simulator.targets.importing.texture import picture_of
+from simulator.targets.model import Material, Picture
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.arrays import ByteArray
+
+OTHER_MAPS = (
+    "map_ka",
+    "map_ks",
+    "map_ns",
+    "map_d",
+    "map_bump",
+    "bump",
+    "norm",
+    "disp",
+    "map_pr",
+    "map_pm",
+    "map_ke",
+)
 
 
 @dataclass(frozen=True, eq=False)
 class ObjMaterial:
-    """A material and its base-colour picture, if any."""
+    """A material and its base-colour picture, if any; what of it is not read, and what was done to the picture."""
 
     material: Material
-    image: ByteArray | None
+    picture: Picture | None
+    lost: tuple[str, ...] = ()
+    note: str = ""
 
 
 def read_mtl(path: Path, libraries: list[str]) -> dict[str, ObjMaterial]:
@@ -66,7 +81,7 @@ def _material(place: Path, name: str, fields: dict[str, str]) -> ObjMaterial:
         r, g, b = (float(np.clip(c, 0, 1)) for c in kd)
     except (ValueError, IndexError) as error:
         raise UserError(f"{place}: material {name!r} has a value that is no number; correct it") from error
-    image = None
+    found, note = None, ""
     if "map_kd" in fields:
         # options such as -s 1 1 1 stand before the name, which may itself hold spaces
         file = fields["map_kd"].replace("\\", "/")
@@ -77,13 +92,15 @@ def _material(place: Path, name: str, fields: dict[str, str]) -> ObjMaterial:
             raise UserError(
                 f"{place}: texture {file!r} of material {name!r} is missing; put it there, or remove the line map_Kd"
             )
-        image = decode_image(picture.read_bytes())
-        if image is None:
+        found, note = picture_of(picture.relative_to(place.parent).as_posix(), picture.read_bytes())
+        if found is None:
             raise UserError(f"{picture} is not a picture that can be read; convert it to PNG")
     surface = Material(
         name=name,
         base_color=(r, g, b),
         metallic=float(np.clip(metallic, 0, 1)),
         roughness=float(np.clip(roughness, 0.05, 1)),
+        base_color_texture="" if found is None else found.name,
     )
-    return ObjMaterial(surface, image)
+    lost = tuple(sorted(k for k in fields if k in OTHER_MAPS))
+    return ObjMaterial(surface, found, lost, note)

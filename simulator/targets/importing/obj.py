@@ -10,7 +10,6 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.targets.importing.mtl import read_mtl
 from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart, unique_names
-from simulator.targets.importing.texture import face_colours
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,6 +84,11 @@ def _materials(path: Path, model: RawModel, blocks: list[_Block], known: dict[st
                 f"{path}: material {name!r} is in none of its .mtl files; export the model with its materials"
             )
     model.materials = [known[n].material for n in used if n in known] + [UNNAMED_SURFACE]
+    model.pictures = {p.name: p for n in used if n in known and (p := known[n].picture) is not None}
+    model.notes += [known[n].note for n in used if n in known and known[n].note]
+    lost = sorted({k for n in used if n in known for k in known[n].lost})
+    if lost:
+        model.notes.append(f"not carried over: maps {', '.join(lost)}")
     if known and any(n not in known for n in used):
         model.notes.append("some faces name no material: given a mid-grey paint")
 
@@ -98,7 +102,7 @@ def _part(
     number: dict[str, int],
 ) -> RawPart:
     v, vt, vn = data
-    corners, materials, colours = [], [], []
+    corners, materials, coordinates = [], [], []
     for block in blocks:
         c = _faces(path, block.lines)
         for column, count, what in ((0, len(v), "vertex"), (1, len(vt), "vt"), (2, len(vn), "vn")):
@@ -111,26 +115,24 @@ def _part(
                 )
         corners.append(c)
         materials.append(np.full(len(c), number.get(block.material, len(number) - 1), np.int64))
-        image = known[block.material].image if block.material in known else None
-        colour = np.full((len(c), 3), np.nan)
-        if image is not None and (c[..., 1] > 0).all():
+        uv = np.full((len(c), 3, 2), np.nan)
+        if block.material in known and known[block.material].picture is not None and (c[..., 1] > 0).all():
             # OBJ counts texture rows from the bottom
-            uv = np.stack([vt[:, 0], 1 - vt[:, 1]], axis=1)
-            colour = face_colours(image, uv, c[..., 1] - 1) * known[block.material].material.base_color
-        colours.append(colour)
+            uv = np.stack([vt[:, 0], 1 - vt[:, 1]], axis=1)[c[..., 1] - 1]
+        coordinates.append(uv)
     c = np.concatenate(corners)
     flat = c.reshape(-1, 3)
     key, inverse = np.unique(flat[:, 0] * (len(vn) + 1) + flat[:, 2], return_inverse=True)
     at, normal_at = key // (len(vn) + 1) - 1, key % (len(vn) + 1) - 1
     with_normals = len(vn) > 0 and bool((normal_at >= 0).all())
-    colour = np.concatenate(colours)
+    uv = np.concatenate(coordinates)
     return RawPart(
         name=name,
         positions_m=v[at],
         triangles=inverse.reshape(-1, 3),
         face_material=np.concatenate(materials),
         normals=vn[normal_at] if with_normals else None,
-        face_colour=None if np.isnan(colour).all() else colour,
+        corner_uv=None if np.isnan(uv).all() else uv,
     )
 
 

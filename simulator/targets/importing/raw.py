@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from simulator.arrays import FloatArray, IntArray
-from simulator.targets.model import Material
+from simulator.targets.model import Material, Picture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -26,7 +26,9 @@ class RawPart:
     triangles : (F, 3) indices.
     face_material : (F,) index into the model's materials.
     normals : (N, 3) as the file has them, or None.
-    face_colour : (F, 3) linear colour of a texture or of vertices, NaN where there is none; or None.
+    face_colour : (F, 3) linear colour of the vertices or of a texture, NaN where there is none; or None.
+    corner_uv : (F, 3, 2) texture coordinates of the corners, origin at the picture's top left, NaN where there are
+        none; or None.
     """
 
     name: str
@@ -35,6 +37,7 @@ class RawPart:
     face_material: IntArray
     normals: FloatArray | None = None
     face_colour: FloatArray | None = None
+    corner_uv: FloatArray | None = None
 
 
 @dataclass(eq=False, kw_only=True)
@@ -47,6 +50,7 @@ class RawModel:
     in_metres : the format says so (glTF); STL and OBJ carry no unit.
     up : the axis that points up by the format's rules (glTF: y), or None.
     notes : what was done or lost, a line each, for the user.
+    pictures : the textures that materials name, by name.
     """
 
     path: Path
@@ -56,11 +60,21 @@ class RawModel:
     in_metres: bool = False
     up: str | None = None
     notes: list[str] = field(default_factory=list)
+    pictures: dict[str, Picture] = field(default_factory=dict)
 
     @property
     def triangle_count(self) -> int:
         """Triangles of all parts."""
         return sum(len(p.triangles) for p in self.parts)
+
+
+def unique_name(name: str, taken: set[str]) -> str:
+    """The name, with a number behind it when it is taken."""
+    return (
+        name
+        if name not in taken
+        else next(n for k in range(2, len(taken) + 3) if (n := f"{name}_{k}") not in taken)
+    )
 
 
 def unique_names(names: Iterable[str], fallback: str) -> list[str]:

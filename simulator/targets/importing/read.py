@@ -30,7 +30,7 @@ OTHERS = {
 
 
 def read_mesh(path: Path) -> RawModel:
-    """Read a mesh file as it is, textures baked to colours per group of faces.
+    """Read a mesh file as it is, colours of vertices gathered into a few materials.
 
     Raises
     ------

@@ -65,6 +65,7 @@ def welded_body(part: RawPart, low: FloatArray, extent: float, tally: Tally) -> 
         triangles=triangles,
         face_material=part.face_material,
         corner_normals=normals,
+        corner_uv=part.corner_uv,
     )
     return without_slivers(body, extent, tally)
 
@@ -137,7 +138,11 @@ def oriented(body: Body, where: str, tally: Tally, *, lenient: bool) -> Body:
     if normals is not None:
         normals = normals.copy()
         normals[flip] = normals[flip][:, ::-1]
-    return replace(body, triangles=triangles, corner_normals=normals)
+    uv = body.corner_uv
+    if uv is not None:
+        uv = uv.copy()
+        uv[flip] = uv[flip][:, ::-1]
+    return replace(body, triangles=triangles, corner_normals=normals, corner_uv=uv)
 
 
 def _look_inwards(body: Body, table: EdgeTable, piece: IntArray, flip: BoolArray) -> BoolArray:
@@ -243,4 +248,7 @@ def filled(body: Body, tally: Tally) -> Body:
         face_material=np.concatenate(materials),
         # new faces have no normals of the file
         corner_normals=body.corner_normals if len(faces) == 1 else None,
+        corner_uv=None
+        if body.corner_uv is None
+        else np.concatenate([body.corner_uv, np.full((sum(map(len, faces[1:])), 3, 2), np.nan)]),
     )

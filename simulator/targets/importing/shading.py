@@ -96,6 +96,10 @@ def parts_of(body: Body, normals: FloatArray, materials: Sequence[Material]) -> 
         # normals on a grid of 1e-4, finer than a shade of grey
         step = np.rint(n * 1e4).astype(np.int64) + 20_000
         key = (step[:, 0] * 50_000 + step[:, 1]) * 50_000 + step[:, 2]
+        uv = None
+        if body.corner_uv is not None and any(materials[int(k)].textures):
+            uv = body.corner_uv[faces].reshape(-1, 2).astype(np.float32)
+            key = np.unique(np.column_stack([key, uv.view(np.int32)]), axis=0, return_inverse=True)[1].ravel()
         order = np.lexsort((key, place))
         new = np.concatenate([[True], (np.diff(place[order]) != 0) | (np.diff(key[order]) != 0)])
         index = np.empty(len(order), np.int64)
@@ -110,6 +114,7 @@ def parts_of(body: Body, normals: FloatArray, materials: Sequence[Material]) -> 
                 positions_m=body.positions_m[place[first]].astype(np.float32),
                 normals=unit.astype(np.float32),
                 triangles=index.reshape(-1, 3),
+                uv=None if uv is None else uv[first],
             )
         )
     return out

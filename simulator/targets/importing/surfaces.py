@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from simulator.arrays import vec3
+from simulator.targets.importing.texture import mean_colour, without_textures
 from simulator.targets.importing.topology import Body
 from simulator.targets.model import Material
+
+if TYPE_CHECKING:
+    from simulator.targets.model import Picture
 
 MOST_MATERIALS = 250
 """The renderer keeps a material's number in eight bits."""
@@ -31,3 +39,31 @@ def used_materials(bodies: list[Body], materials: list[Material]) -> tuple[list[
     lost = len(used) - len(kept)
     notes = [f"{lost} materials of the least area became their nearest in colour"] if lost > 0 else []
     return [materials[int(k)] for k in kept], notes
+
+
+def plain_where_unwrapped(
+    bodies: list[Body], materials: list[Material], pictures: dict[str, Picture]
+) -> tuple[list[Material], list[str]]:
+    """Give faces without texture coordinates a plain material of their texture's mean colour."""
+    out, notes = list(materials), []
+    for number, material in enumerate(materials):
+        if not any(material.textures):
+            continue
+        bare = []
+        for b in bodies:
+            mine = b.face_material == number
+            bare.append(mine if b.corner_uv is None else mine & ~np.isfinite(b.corner_uv).all(axis=(1, 2)))
+        count = sum(int(x.sum()) for x in bare)
+        if not count:
+            continue
+        rgb = np.asarray(material.base_color)
+        if material.base_color_texture:
+            rgb = rgb * mean_colour(pictures[material.base_color_texture])
+        for b, faces in zip(bodies, bare, strict=True):
+            b.face_material = np.where(faces, len(out), b.face_material)
+        plain = replace(without_textures(material), name=f"{material.name}-plain", base_color=vec3(rgb))
+        out.append(plain)
+        notes.append(
+            f"{count:,} faces of material {material.name!r} have no texture coordinates: given its mean colour"
+        )
+    return out, notes

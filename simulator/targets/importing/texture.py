@@ -1,4 +1,4 @@
-"""Textures baked to plain colours: sampled once per face, then gathered into a few materials."""
+"""Textures of users' meshes: taken as they are, or baked to a few plain colours where faces cannot carry them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ import cv2
 import numpy as np
 
 from simulator.arrays import vec3
+from simulator.targets.glb_pictures import mime_of
 from simulator.targets.importing.raw import unique_names
+from simulator.targets.model import Material, Picture
 
 if TYPE_CHECKING:
     from simulator.arrays import ByteArray, FloatArray, IntArray
     from simulator.targets.importing.raw import RawModel
 
+LARGEST_PX = 4096
 MOST_COLOURS = 6
 SAME_COLOUR = 0.04
 """Root mean square distance in linear RGB within which faces count as of one colour."""
@@ -32,19 +35,73 @@ def linear_from_srgb(value: FloatArray) -> FloatArray:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
-def face_colours(image: ByteArray, uv: FloatArray, triangles: IntArray) -> FloatArray:
+def picture_of(name: str, data: bytes) -> tuple[Picture | None, str]:
+    """A picture as target files hold it, PNG or JPEG and not too large, and what had to be done; None if unreadable."""
+    image = decode_image(data)
+    if image is None:
+        return None, ""
+    note = ""
+    if max(image.shape[:2]) > LARGEST_PX:
+        before = f"{image.shape[1]} x {image.shape[0]}"
+        factor = LARGEST_PX / max(image.shape[:2])
+        image = np.asarray(
+            cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA), np.uint8
+        )
+        note = f"texture {name!r} reduced from {before} to {image.shape[1]} x {image.shape[0]}"
+    elif mime_of(data):
+        return Picture(name=name, data=data), ""
+    written = cv2.imencode(".png", image[..., ::-1])[1]
+    return Picture(name=name, data=np.asarray(written).tobytes()), note
+
+
+def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
     """(F, 3) linear colour of each face: the mean of four samples of the texture on it.
 
     Parameters
     ----------
-    uv : (N, 2), origin at the image's top left as in glTF; repeats outside 0..1.
+    corner_uv : (F, 3, 2), origin at the image's top left as in glTF; repeats outside 0..1.
     """
     height, width = image.shape[:2]
     weights = BARYCENTRIC / BARYCENTRIC.sum(axis=1, keepdims=True)
-    at = np.einsum("sk,fkc->fsc", weights, np.nan_to_num(uv)[triangles]) % 1.0
+    at = np.einsum("sk,fkc->fsc", weights, np.nan_to_num(corner_uv)) % 1.0
     x = np.minimum((at[..., 0] * width).astype(int), width - 1)
     y = np.minimum((at[..., 1] * height).astype(int), height - 1)
     return np.asarray(linear_from_srgb(image[y, x] / 255.0).mean(axis=1))
+
+
+def bake_textures(model: RawModel) -> None:
+    """Turn base-colour textures into colours of faces: for meshes whose faces will not keep their places."""
+    for part in model.parts:
+        if part.corner_uv is None:
+            continue
+        colour = part.face_colour
+        if colour is None:
+            colour = np.full((len(part.triangles), 3), np.nan)
+        for number in np.unique(part.face_material):
+            material = model.materials[int(number)]
+            faces = np.flatnonzero(
+                (part.face_material == number) & ~np.isnan(part.corner_uv).any(axis=(1, 2))
+            )
+            if material.base_color_texture and len(faces):
+                image = decode_image(model.pictures[material.base_color_texture].data)
+                if image is not None:
+                    colour[faces] = face_colours(image, part.corner_uv[faces]) * material.base_color
+        part.face_colour, part.corner_uv = (None if np.isnan(colour).all() else colour), None
+    model.materials = [without_textures(m) for m in model.materials]
+    bake_colours(model)
+
+
+def without_textures(material: Material) -> Material:
+    """The material's factors alone."""
+    return replace(material, base_color_texture="", metallic_roughness_texture="", normal_texture="")
+
+
+def mean_colour(picture: Picture) -> FloatArray:
+    """(3,) mean linear colour of a texture."""
+    image = decode_image(picture.data)
+    if image is None:
+        return np.ones(3)
+    return np.asarray(linear_from_srgb(image / 255.0).mean(axis=(0, 1)))
 
 
 def bake_colours(model: RawModel) -> None:
@@ -71,8 +128,8 @@ def bake_colours(model: RawModel) -> None:
             p.face_material[f] = first + label[start : start + len(f)]
             start += len(f)
         model.notes.append(
-            f"material {base.name!r}: its texture became {len(centres)} plain colour{'s' * (len(centres) > 1)}; "
-            "detail finer than a face is lost"
+            f"material {base.name!r}: its texture or its vertices' colours became {len(centres)} plain "
+            f"colour{'s' * (len(centres) > 1)}; detail finer than a face is lost"
         )
     names = unique_names((m.name for m in model.materials), "material")
     model.materials = [replace(m, name=n) for m, n in zip(model.materials, names, strict=True)]

@@ -24,6 +24,7 @@ class Body:
     triangles : (F, 3) indices.
     face_material : (F,).
     corner_normals : (F, 3, 3) the file's normals at the corners, or None.
+    corner_uv : (F, 3, 2) texture coordinates at the corners, NaN where there are none; or None.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Body:
     triangles: IntArray
     face_material: IntArray
     corner_normals: FloatArray | None = None
+    corner_uv: FloatArray | None = None
 
     def kept(self, faces: BoolArray) -> Body:
         """The body with some of its faces."""
@@ -41,6 +43,7 @@ class Body:
             triangles=self.triangles[faces],
             face_material=self.face_material[faces],
             corner_normals=normals,
+            corner_uv=None if self.corner_uv is None else self.corner_uv[faces],
         )
 
     @property
