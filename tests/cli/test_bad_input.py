@@ -78,7 +78,7 @@ def test_unknown_format(capsys, tmp_path):
     ("change", "says"),
     [
         (("duration_s = 10.0", "duration_s = "), ("mine.toml", "line 3")),
-        (("altitude_km = 700.0", "altitude_km = -5.0"), ("mine.toml", "altitude_km", "-5", "150")),
+        (("altitude_km = 700.0", "altitude_km = -5.0"), ("mine.toml", "altitude_km", "-5", "at least 10")),
         (("altitude_km", "altitude"), ("mine.toml", "altitude", "altitude_km")),
         (('"hold"', '"hover"'), ("mine.toml", "hover", "hold")),
         (("duration_s = 10.0", 'duration_s = "ten"'), ("mine.toml", "duration_s", "ten")),
