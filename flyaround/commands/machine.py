@@ -52,7 +52,10 @@ def bench(
     console.print(table)
     for part in ("world", "link", "estimator", "capture"):
         for row in document[part]:
-            console.print(f"{part}: {row['name']} p50 {row['ms_p50']:.3g} ms, p95 {row['ms_p95']:.3g} ms")
+            memory = f", peak {row['peak_mb']:.0f} MB" if row.get("peak_mb") else ""
+            console.print(
+                f"{part}: {row['name']} p50 {row['ms_p50']:.3g} ms, p95 {row['ms_p95']:.3g} ms{memory}"
+            )
 
 
 def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:

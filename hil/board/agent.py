@@ -66,7 +66,11 @@ class Estimator(Protocol):
     """What the agent runs on each frame."""
 
     def estimate(self, image: Any) -> Estimate:  # noqa: ANN401 - (H, W) uint8; an estimator may take more
-        """Pose of the target in an (H, W) image."""
+        """Pose of the target in an (H, W) image.
+
+        One that follows the target from frame to frame has an attribute ``keeps_state`` that is true, and is given
+        ``t_s``, the time of mid-exposure [s], as well.
+        """
 
 
 # camera JSON object to estimator: the camera is known only after the handshake
@@ -221,7 +225,7 @@ class _Session:
     def _answer(self, arrival: _Arrival) -> PoseMessage:
         frame_id, start_ns = arrival.header.frame_id, now_ns()
         try:
-            result = self._estimator.estimate(arrival.image)
+            result = self._look(arrival)
             end_ns = now_ns()
             pose = PoseMessage(
                 frame_id,
@@ -247,6 +251,12 @@ class _Session:
                 start_ns=start_ns,
                 end_ns=now_ns(),
             )
+
+    def _look(self, arrival: _Arrival) -> Estimate:
+        if getattr(self._estimator, "keeps_state", False):
+            estimate: Callable[..., Estimate] = self._estimator.estimate
+            return estimate(arrival.image, t_s=arrival.header.t_s)
+        return self._estimator.estimate(arrival.image)
 
     # --- receiving --------------------------------------------------------------------------
 

@@ -1,36 +1,86 @@
-"""What the estimator costs on this machine: rendered frames, one thread."""
+"""What the estimator costs on this machine: rendered frames, one thread, a process of its own as on a board."""
 
 from __future__ import annotations
 
-import cv2
-import msgspec
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
-from hil.board.svd import CameraIntrinsics, make_estimator
-from hil.evaluate.run import board_model
+import msgspec
+import numpy as np
+
 from simulator.bench.parts import PartCost, cost
 from simulator.labels.frame import take_frame
-from simulator.loop import plan_flight
+from simulator.loop import Plan, plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario_load import load_scenario
+from simulator.targets.board_file import write_board_model
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 SCENARIO = "tango-flyaround"
-N_FRAMES = 6
+N_SINGLE = 6
+
+# Frames of the tracking bench, half a second apart.
+N_TRACKED, EVERY_S = 14, 0.5
+
+# What runs in the process: nothing but what a board has. Peak memory of all of it, Python and OpenCV included.
+BOARD = """
+import json, sys
+import cv2, numpy as np
+from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
+cv2.setNumThreads(1)
+folder, every_s = sys.argv[1], float(sys.argv[2])
+model = BoardModel.read(folder + "/model.json")
+camera = CameraIntrinsics.from_dict(json.load(open(folder + "/camera.json")))
+first, track = make_estimator(model, camera), make_estimator(model, camera, "svd-track")
+total = lambda result: sum(result.stages_ms.values())
+single = [total(first.estimate(image)) for image in np.load(folder + "/single.npy", mmap_mode="r")]
+followed = [track.estimate(np.asarray(image), None, k * every_s)
+            for k, image in enumerate(np.load(folder + "/sequence.npy", mmap_mode="r"))]
+tracked = [total(r) for r in followed if "initialised" not in r.counts]
+try:  # getrusage would count what the parent held
+    status = dict(line.split(":", 1) for line in open("/proc/self/status"))
+    peak = int(status["VmHWM"].split()[0]) / 1024
+except OSError:
+    peak = None
+print(json.dumps({"single": single, "tracked": tracked, "peak_mb": peak}))
+"""
 
 
 def bench_estimator() -> tuple[PartCost, ...]:
-    """Initialisation from single frames along a flight, every stage included."""
-    plan = plan_flight(load_scenario(SCENARIO), n=N_FRAMES)
-    camera = CameraIntrinsics.from_dict(msgspec.to_builtins(plan.camera))
-    estimator = make_estimator(board_model(plan.target), camera)
-    with Renderer() as renderer:
-        images = [
-            take_frame(renderer, plan.scene(k), plan.target, labels=False).image for k in range(N_FRAMES)
-        ]
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        results = [estimator.estimate(image) for image in images]
-    finally:
-        cv2.setNumThreads(threads)
-    # the first frame pays for the templates
-    return (cost("initialisation, one thread", [sum(r.stages_ms.values()) for r in results[1:]]),)
+    """Initialisation from single frames along a flight, and tracking from frame to frame."""
+    scattered = plan_flight(load_scenario(SCENARIO), n=N_SINGLE)
+    close = plan_flight(load_scenario(SCENARIO), every_s=EVERY_S)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        write_board_model(scattered.target, folder / "model.json")
+        (folder / "camera.json").write_bytes(msgspec.json.encode(scattered.camera))
+        with Renderer() as renderer:
+            np.save(folder / "single.npy", _pictures(renderer, scattered, N_SINGLE))
+            np.save(folder / "sequence.npy", _pictures(renderer, close, N_TRACKED))
+        # threads on matrices this small cost more than they give (docs/svd.md)
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        answer = subprocess.run(
+            [sys.executable, "-c", BOARD, str(folder), str(EVERY_S)],
+            env=environment,
+            stdout=subprocess.PIPE,
+            check=True,
+            text=True,
+        )
+    figures = json.loads(answer.stdout)
+    # the first frame pays for what is made once
+    costs = [cost("initialisation, one thread", figures["single"][1:])]
+    if figures["tracked"]:
+        costs.append(cost("tracking, one thread", figures["tracked"]))
+    return tuple(replace(c, peak_mb=figures["peak_mb"]) for c in costs)
+
+
+def _pictures(renderer: Renderer, plan: Plan, n: int) -> NDArray[np.unsignedinteger]:
+    return np.stack([take_frame(renderer, plan.scene(k), plan.target, labels=False).image for k in range(n)])

@@ -110,13 +110,17 @@ def _answers(
     try:
         if not tasks:
             return
-        if workers <= 1:
+        in_order = {c.label for c in setting[3] if c.in_order}
+        here = [task for task in tasks if workers <= 1 or task[1] in in_order]
+        tasks = [task for task in tasks if task not in set(here)]
+        if here:
             evaluator = Evaluator(*setting)
-            for task in tasks:
+            for task in here:
                 try:
                     yield evaluator.answer(*task)
                 except UserError as error:
                     yield str(error)
+        if not tasks:
             return
         # one thread each: matrices this small gain nothing from more, and processes would fight over the cores
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

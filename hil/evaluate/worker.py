@@ -32,6 +32,11 @@ class MethodChoice(msgspec.Struct, frozen=True):
     streams: tuple[str, ...] | None = None
 
     @property
+    def in_order(self) -> bool:
+        """Whether its frames must come one after another, in one process."""
+        return self.method == "svd-track"
+
+    @property
     def label(self) -> str:
         """Its name in tables."""
         return " ".join([self.method, *([self.solver] if self.solver else []), *(self.streams or ())])
@@ -77,7 +82,7 @@ class Evaluator:
         threads = cv2.getNumThreads()
         cv2.setNumThreads(1)
         try:
-            result = self.estimators[label].estimate(image, trace)
+            result = self.estimators[label].estimate(image, trace, truth.t_s)
         finally:
             cv2.setNumThreads(threads)
         q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m

@@ -35,11 +35,12 @@ STEP_S = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class PartCost:
-    """Cost of one operation of a part [ms]."""
+    """Cost of one operation of a part [ms], and the peak memory of a process that does nothing else [MB]."""
 
     name: str
     ms_p50: float
     ms_p95: float
+    peak_mb: float | None = None
 
 
 def cost(name: str, laps_ms: list[float]) -> PartCost:

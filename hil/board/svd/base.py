@@ -23,16 +23,25 @@ class Estimator:
 
     method = ""
 
+    # Whether a frame's answer depends on the frames before it.
+    keeps_state = False
+
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
         self.model, self.camera = model, camera
 
-    def estimate(self, image: Any, trace: Optional[Trace] = None) -> PoseResult:  # noqa: ANN401 - whatever arrives
+    def estimate(
+        self,
+        image: Any,  # noqa: ANN401 - whatever a broken link may hand over
+        trace: Optional[Trace] = None,
+        t_s: Optional[float] = None,  # noqa: ARG002 - for methods that follow a target
+    ) -> PoseResult:
         """The pose in ``image``, or a decline with its reason; never raises on a bad picture.
 
         Parameters
         ----------
         image : (H, W) uint8 or uint16, the camera's size.
         trace : receives what each stage found, for debug pictures.
+        t_s : time of mid-exposure [s]; only a method that follows the target looks at it.
         """
         reason = unusable(image, self.camera)
         if reason:

@@ -43,6 +43,10 @@ class PoseEstimator(Estimator):
         self.craft = Craft.prepare(model, camera)
 
     def _estimate(self, frame: Frame) -> PoseResult:
+        return self.initialise(frame)
+
+    def initialise(self, frame: Frame) -> PoseResult:
+        """The pose in one frame, without knowing any other."""
         image = frame.image
         # a 16-bit file may hold 10 or 12 bits: its own largest value is its scale
         full_scale = 255.0 if image.dtype == np.uint8 else float(image.max())

@@ -10,8 +10,9 @@ from hil.board.svd.estimator import PoseEstimator
 from hil.board.svd.faithful.config import SOLVERS, STREAMS, SVD_2018, SVD_THESIS
 from hil.board.svd.faithful.estimator import FaithfulEstimator
 from hil.board.svd.model import BoardModel, BoardModelError, CameraIntrinsics
+from hil.board.svd.tracking.estimator import TrackingEstimator
 
-METHODS = ("svd", "svd-2018", "svd-thesis")
+METHODS = ("svd", "svd-2018", "svd-thesis", "svd-track")
 
 PUBLISHED = {"svd-2018": SVD_2018, "svd-thesis": SVD_THESIS}
 
@@ -43,7 +44,7 @@ def make_estimator(
             raise BoardModelError(
                 f"method {method!r} has no choice of solver or streams: leave it out, or take {', '.join(PUBLISHED)}"
             )
-        return PoseEstimator(model, camera)
+        return TrackingEstimator(model, camera) if method == "svd-track" else PoseEstimator(model, camera)
     if solver is not None:
         if solver not in SOLVERS:
             raise BoardModelError(f"unknown solver {solver!r}: choose one of {', '.join(SOLVERS)}")

@@ -1,0 +1,206 @@
+"""The method ``svd-track``: ``svd`` until a pose is accepted, then edge alignment and a filter, frame to frame."""
+
+from __future__ import annotations
+
+from typing import Any, Optional
+
+import numpy as np
+
+from hil.board.svd import quaternion as quat
+from hil.board.svd.base import Estimator
+from hil.board.svd.estimator import PoseEstimator
+from hil.board.svd.frame import Frame, PoseResult, Trace
+from hil.board.svd.model import BoardModel, CameraIntrinsics
+from hil.board.svd.noise import noise_sigma
+from hil.board.svd.tracking.align import TrackFit, track_edges
+from hil.board.svd.tracking.filter import TrackState, first_state, predict, update
+
+Array = np.ndarray
+
+# Time between frames where the caller gives none [s].
+FRAME_S = 1.0
+
+# A prediction further off than this is not searched for: initialise instead [px].
+WIDEST_PX, NARROWEST_PX = 60.0, 6.0
+
+# What an initialisation is taken to be good for: attitude [rad], position across and along the sight, over range.
+FIRST_RAD, FIRST_ACROSS, FIRST_ALONG = float(np.radians(1.0)), 0.001, 0.006
+
+# What a fit must show to be taken in, and the confidence below which tracking ends.
+LEAST_FOUND, LEAST_USED, WORST_RMS_PX, LEAST_CONFIDENCE = 0.3, 25, 2.5, 0.5
+
+# 99.99 % of right innovations are shorter: chi squared of 6 degrees of freedom.
+GATE = 27.9
+
+# Frames in a row without a good fit that are bridged by the filter alone.
+COAST = 2
+
+
+class TrackingEstimator(Estimator):
+    """Follows the target through the frames of a sequence.
+
+    Parameters
+    ----------
+    model, camera : as ``Estimator``.
+
+    Notes
+    -----
+    Frames must come in the order they were taken; ``t_s`` that does not increase begins a new sequence.
+    """
+
+    method = "svd-track"
+    keeps_state = True
+
+    def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
+        super().__init__(model, camera)
+        self.first = PoseEstimator(model, camera)
+        self.craft = self.first.craft
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the target."""
+        self.state: Optional[TrackState] = None
+        self.at_s: Optional[float] = None
+        self.polarity = np.zeros(len(self.craft.samples))
+        self.missed = 0
+        self.empty = False
+
+    def estimate(
+        self,
+        image: Any,  # noqa: ANN401 - as Estimator
+        trace: Optional[Trace] = None,
+        t_s: Optional[float] = None,
+    ) -> PoseResult:
+        """As ``Estimator.estimate``; ``t_s`` is the time of mid-exposure [s], None: ``FRAME_S`` after the last."""
+        if t_s is not None and not np.isfinite(t_s):
+            t_s = None
+        dt = FRAME_S if t_s is None or self.at_s is None else t_s - self.at_s
+        if dt <= 0:
+            self.reset()
+            dt = FRAME_S
+        self.at_s = t_s if t_s is not None else (self.at_s or 0.0) + dt
+        if self.state is not None:
+            self.state = predict(self.state, dt)
+        result = super().estimate(image, trace, t_s)
+        self.missed += not result.accepted
+        if self.missed > COAST:
+            self.state = None
+        return result
+
+    def _estimate(self, frame: Frame) -> PoseResult:
+        if self.state is not None:
+            result = self._track(frame, self.state)
+            if result is not None:
+                return result
+            frame.count("tracking_lost", 1)
+        return self._initialise(frame)
+
+    def _track(self, frame: Frame, state: TrackState) -> Optional[PoseResult]:
+        """The pose by tracking; None when it does not hold."""
+        craft = self.craft
+        reach = self._reach(state)
+        if reach is None or state.t[2] < 1.2 * craft.radius_m:
+            return None
+        frame.mark("predict")
+        frame.noise = self._noise(frame.image, state)
+        frame.mark("prepare")
+        fit = track_edges(
+            frame.image,
+            frame.noise,
+            state.q,
+            state.t,
+            craft.samples,
+            craft.occ,
+            self.camera,
+            craft.radius_m,
+            reach,
+            self.polarity,
+            empty=self.empty,
+        )
+        frame.mark("align")
+        if fit is None or fit.used < LEAST_USED or fit.rms_px > WORST_RMS_PX or fit.found < LEAST_FOUND:
+            return None
+        after, distance = update(state, fit.q, fit.t, fit.covariance)
+        sure = track_confidence(fit)
+        if distance > GATE or sure < LEAST_CONFIDENCE:
+            return None
+        self.state, self.polarity, self.missed = after, fit.polarity, 0
+        frame.count("edges", fit.used)
+        frame.mark("update")
+        return PoseResult(
+            True,
+            "",
+            after.q,
+            after.t,
+            sure,
+            frame.stages_ms,
+            frame.counts,
+            None,
+            after.P[:6, :6],
+            (),
+            self.method,
+        )
+
+    def _initialise(self, frame: Frame) -> PoseResult:
+        found = self.first.initialise(frame)
+        frame.count("initialised", 1)
+        q, t = found.q_camera_from_target_wxyz, found.t_camera_from_target_m
+        if q is not None and t is not None:
+            self.empty = found.evidence is not None and found.evidence.empty
+            self._begin(q, t, accepted=found.accepted)
+        return PoseResult(
+            found.accepted,
+            found.reason,
+            q,
+            t,
+            found.confidence,
+            found.stages_ms,
+            found.counts,
+            found.evidence,
+            found.covariance,
+            found.alternatives,
+            self.method,
+        )
+
+    def _begin(self, q: Array, t: Array, *, accepted: bool) -> None:
+        """Take an initialisation in: two that agree teach the rates, one that does not begins anew."""
+        z = float(t[2])
+        covariance = np.diag([FIRST_RAD] * 3 + [FIRST_ACROSS * z] * 2 + [FIRST_ALONG * z]) ** 2
+        if self.state is not None:
+            after, distance = update(self.state, q, t, covariance)
+            if distance < GATE:
+                # a declined pose that comes out where the filter expects it is right
+                self.state, self.missed = after, 0
+                return
+        if accepted:
+            self.state, self.missed = first_state(q, t, covariance), 0
+            self.polarity = np.zeros(len(self.craft.samples))
+
+    def _reach(self, state: TrackState) -> Optional[float]:
+        """How far edges may lie from where the prediction puts them: three sigma [px]; None: too far."""
+        z = max(float(state.t[2]), self.craft.radius_m)
+        f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
+        turn = float(np.sqrt(np.trace(state.P[:3, :3]) / 3)) * self.craft.radius_m
+        across = float(np.sqrt(np.trace(state.P[3:5, 3:5]) / 2))
+        along = float(np.sqrt(state.P[5, 5])) * self.craft.radius_m / z
+        reach = 3.0 * f / z * float(np.sqrt(turn**2 + across**2 + along**2))
+        return None if reach > WIDEST_PX else max(reach, NARROWEST_PX)
+
+    def _noise(self, image: Array, state: TrackState) -> float:
+        """Noise around the target: a strip of the frame is enough."""
+        full_scale = 255.0 if image.dtype == np.uint8 else float(image.max())
+        centre = quat.matrix(state.q) @ self.craft.centre_m + state.t
+        v = float(self.camera.pixels(centre)[1])
+        h = image.shape[0]
+        y0 = int(np.clip(v - 48, 0, max(0, h - 96)))
+        return max(noise_sigma(image[y0 : y0 + 96], full_scale), 0.15 * full_scale / 255)
+
+
+def track_confidence(fit: TrackFit) -> float:
+    """Probability-like figure 0..1 from the share of edges found where they should be, and how near.
+
+    On 60 frames of ``tango-flyaround`` 95 % of the right locks have more than 36 % of the visible samples
+    within a pixel and 54 % with an edge at all; the median wrong lock has 20 % and 37 %.
+    """
+    z = 14.0 * (fit.near - 0.33) + 8.0 * (fit.found - 0.48) - max(0.0, fit.rms_px - 1.0)
+    return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
