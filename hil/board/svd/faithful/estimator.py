@@ -41,7 +41,11 @@ REGIONS, SMALLEST_PX = 3, 24.0
 # next distinct pose has at least this much larger an error.
 LEAST_INLIERS, ERROR_RATIO = 0.5, 1.15
 
-Scored = Tuple[float, Array, Array, Array, float]
+# Corners met that a decision takes at least: four points are any plane figure's.
+LEAST_CORNERS = 7
+
+# error over its cap, q, t, covariance, share of the picture's corners met, their number
+Scored = Tuple[float, Array, Array, Array, float, float]
 
 
 class FaithfulEstimator(Estimator):
@@ -157,23 +161,27 @@ class FaithfulEstimator(Estimator):
         return q[chosen], t[chosen]
 
     def _refine(self, q: Array, t: Array, image: CornerMap, region: Region) -> List[Scored]:
-        """(error, q, t, covariance, inlier share) of each pose after Gauss-Newton, those that drifted away dropped."""
+        """Each pose after Gauss-Newton, those that drifted away dropped."""
         q, t, covariance = refine_on_corners(q, t, self.corners, self.camera, image, self.model.radius_m)
         ok = plausible(q, t, self.model, self.camera, region)
         q, t, covariance = q[ok], t[ok], covariance[ok]
         error, inliers = reprojection(q, t, self.corners, self.camera, image)
         share = error / image.cap_px
-        return [(float(share[k]), q[k], t[k], covariance[k], float(inliers[k])) for k in range(len(q))]
+        met = inliers * len(image.points)
+        return [
+            (float(share[k]), q[k], t[k], covariance[k], float(inliers[k]), float(met[k]))
+            for k in range(len(q))
+        ]
 
     def _finish_on_corners(self, frame: Frame, found: List[Scored]) -> PoseResult:
         if not found:
             return self._nothing(frame)
         found.sort(key=lambda f: f[0])
-        error, q, t, covariance, inliers = found[0]
+        error, q, t, covariance, inliers, met = found[0]
         rival = min((f[0] for f in found if differs(f[1], f[2], q, t)), default=1.0)
         sure = float(np.clip(inliers * min(1.0, (rival / max(error, 1e-6) - 1.0) / 0.6), 0.0, 1.0))
         reason = ""
-        if inliers < LEAST_INLIERS:
+        if inliers < LEAST_INLIERS or met < LEAST_CORNERS:
             reason = "too few of the picture's corners are met"
         elif rival < ERROR_RATIO * error:
             reason = "ambiguous: another pose explains the corners as well"
