@@ -15,6 +15,7 @@ from flyaround.commands.estimation import check_method
 from flyaround.progress import progress_bar
 from hil.board.agent import run_board
 from hil.board.svd import METHODS
+from hil.host.bundle import write_bundle
 from hil.host.ledger import LedgerRow
 from hil.host.report import write_report
 from hil.host.run import run_host
@@ -109,6 +110,23 @@ def board(
     Console(stderr=True).print(f"{summary.frames} frames, {summary.accepted} accepted: {summary.ended}")
     if not summary.goodbye:
         raise typer.Exit(1)
+
+
+def bundle(
+    path: Annotated[Path, typer.Argument(help="The file to write, e.g. board.pyz.")],
+    targets: Annotated[
+        list[str] | None,
+        typer.Option("--target", help="Target whose model goes in (default tango); repeat it."),
+    ] = None,
+) -> None:
+    """Write one file that runs on a board with Python 3.9, numpy and OpenCV 4.6, and nothing else."""
+    if path.is_dir():
+        raise UserError(f"{path} is a folder; name the file to write, e.g. {path / 'board.pyz'}")
+    names = list(dict.fromkeys(targets or ["tango"]))
+    size = write_bundle(path, [load_target(name) for name in names])
+    Console().print(
+        f"{path}: {size / 1024:.0f} kB. On the board: python3 {path.name} tcp://HOST:5600 --model {names[0]}"
+    )
 
 
 def report(

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 import platform
 import queue
 import threading
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterable, Optional, Protocol, Tuple, Union
+from typing import Any, Callable, Dict, Iterable, List, Optional, Protocol, Tuple, Union
 
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.errors import LinkClosed, LinkError, PacketError
@@ -32,6 +34,8 @@ from hil.link.session import Link, greet_host
 from hil.link.transport import connect
 
 logger = logging.getLogger(__name__)
+
+SUFFIX = ".board.json"
 
 
 class Estimate(Protocol):
@@ -119,7 +123,10 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
         raise LinkError(f"unknown method {method!r}: choose one of {', '.join(METHODS)}")
 
     try:
-        model = BoardModel.read(str(model_path))
+        inside = _bundled(str(model_path))
+        model = (
+            BoardModel.read(str(model_path)) if inside is None else BoardModel.from_dict(json.loads(inside))
+        )
     except (OSError, ValueError) as error:
         raise LinkError(f"{error}: write it anew on the host and copy it to the board") from error
 
@@ -127,6 +134,22 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
         return make_estimator(model, CameraIntrinsics.from_dict(camera), method)
 
     return make, model.name, model.sha256
+
+
+def bundled_models() -> List[str]:
+    """Names of the board models that came with this program: a bundle has some, a checkout none."""
+    names = [item.name for item in _models().iterdir()] if _models().is_dir() else []
+    return sorted(name[: -len(SUFFIX)] for name in names if name.endswith(SUFFIX))
+
+
+def _bundled(name: str) -> Optional[bytes]:
+    if Path(name).is_file() or name not in bundled_models():
+        return None
+    return (_models() / (name + SUFFIX)).read_bytes()
+
+
+def _models() -> Any:  # noqa: ANN401 - a Path, or its like inside a zip
+    return files("hil.board").joinpath("models")
 
 
 def run_board(
@@ -145,7 +168,7 @@ def run_board(
     Parameters
     ----------
     url : the host.
-    model_path : board model file for the SVD estimator; not needed with ``make_estimator``.
+    model_path : board model file for the SVD estimator, or a bundled one's name; not needed with ``make_estimator``.
     make_estimator : any estimator, made once the camera is known.
     connect_timeout_s : how long to try to reach the host, and then to wait for its first word.
     window : frames held at once, the one in work included.

@@ -1,0 +1,75 @@
+"""One file to copy to a board: the agent, the estimator, the link, pyserial, and board models, as a Python zip."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import zipfile
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+import hil
+from simulator.errors import UserError
+from simulator.files import write_atomic
+from simulator.targets.convert import board_model
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from simulator.targets.model import Target
+
+# Run by `python3 board.pyz`; the zip is its own import path.
+MAIN = b'import sys\n\nfrom hil.board.__main__ import main\n\nsys.exit(main(program="board.pyz"))\n'
+
+SHEBANG = b"#!/usr/bin/env python3\n"
+
+# Zips know no time before 1980; one date for all, so that the same sources give the same bytes.
+DATE = (1980, 1, 1, 0, 0, 0)
+
+# Parts of pyserial that a Linux board never imports.
+LEFT_OUT = ("tools", "threaded", "urlhandler", "serialjava.py", "serialcli.py", "serialwin32.py", "win32.py")
+
+
+def write_bundle(path: Path, targets: Sequence[Target]) -> int:
+    """Write the bundle with the board models of ``targets``; returns its size [bytes].
+
+    It needs Python 3.9, numpy and OpenCV 4.6 on the board, and nothing else.
+
+    Raises
+    ------
+    UserError
+        If pyserial is not installed here, or the file cannot be written.
+    """
+    data = BytesIO()
+    data.write(SHEBANG)
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as bundle:
+        for name, content in sorted(_contents(targets)):
+            bundle.writestr(zipfile.ZipInfo(name, DATE), content, zipfile.ZIP_DEFLATED)
+    write_atomic(path, data.getvalue())
+    path.chmod(0o755)
+    return len(data.getvalue())
+
+
+def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
+    yield "__main__.py", MAIN
+    root = Path(hil.__path__[0])
+    for source in (root / "__init__.py", *(root / "board").rglob("*.py"), *(root / "link").rglob("*.py")):
+        yield f"hil/{source.relative_to(root).as_posix()}", source.read_bytes()
+    for target in targets:
+        yield f"hil/board/models/{target.name}.board.json", msgspec.json.encode(board_model(target))
+    spec = importlib.util.find_spec("serial")
+    if spec is None or spec.origin is None:
+        raise UserError("the bundle carries pyserial, which is not installed here; pip install pyserial")
+    serial = Path(spec.origin).parent
+    for source in serial.rglob("*.py"):
+        inner = source.relative_to(serial)
+        if inner.parts[0] not in LEFT_OUT:
+            yield f"serial/{inner.as_posix()}", source.read_bytes()
+    notice = importlib.metadata.metadata("pyserial")
+    yield (
+        "serial/NOTICE.txt",
+        f"pyserial {notice['Version']}, {notice['License']}, {notice['Home-page']}\n".encode(),
+    )
