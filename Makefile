@@ -26,6 +26,7 @@ bench: $(STAMP) system
 
 validation: $(STAMP)
 	$(BIN)/python -m simulator.validation.dynamics
+	$(BIN)/python -m simulator.validation.rendering
 
 docs: $(STAMP) system
 	$(BIN)/python docs/make_pictures.py

@@ -1,0 +1,65 @@
+"""The picture's radiometry, measured: ``python -m simulator.validation.rendering`` writes the table.
+
+Each module of ``PARTS`` gives rows by its function ``rows(renderer)``.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from simulator.files import write_atomic
+from simulator.render.renderer import Renderer
+from simulator.validation import rendering_earth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from simulator.validation.rows import Row
+
+PAGE = Path("docs/validation/rendering.md")
+Part = tuple[str, "Callable[[Renderer], list[Row]]", str]
+PARTS: tuple[Part, ...] = (("Earth, air, Moon, Sun and stars", rendering_earth.rows, rendering_earth.NOTES),)
+
+
+def page(tables: list[tuple[str, list[Row], str]], driver: str) -> str:
+    """The tables as a page."""
+    lines = [
+        "# Radiance of the picture",
+        "",
+        f"Made by `python -m simulator.validation.rendering` with {driver}; goals are upper bounds.",
+    ]
+    for title, rows, notes in tables:
+        lines += [
+            "",
+            f"## {title}",
+            "",
+            "| quantity | against | goal | measured | |",
+            "|---|---|---|---|---|",
+        ]
+        for row in rows:
+            unit = "" if row.unit == "1" else f" {row.unit}"
+            verdict = "met" if row.met else "**missed**"
+            lines.append(
+                f"| {row.what} | {row.against} | {row.goal:g}{unit} | {row.measured:.2g}{unit} | {verdict} |"
+            )
+        lines += ["", notes.strip()]
+    return "\n".join(lines) + "\n"
+
+
+def main(arguments: list[str] | None = None, say: Callable[[str], None] = print) -> int:
+    """Measure, print and write the page; 0 when every goal is met."""
+    parser = argparse.ArgumentParser(description="Measure the radiance of the picture.")
+    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")
+    options = parser.parse_args(arguments)
+    with Renderer() as renderer:
+        tables = [(title, rows(renderer), notes) for title, rows, notes in PARTS]
+        text = page(tables, renderer.info.renderer)
+    write_atomic(options.output, text.encode())
+    say(text)
+    return 0 if all(row.met for _, rows, _ in tables for row in rows) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
