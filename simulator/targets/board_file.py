@@ -1,4 +1,4 @@
-"""The board file: keypoints, wireframe, occluders and outlines of a target as one small JSON."""
+"""The board file: keypoints, wireframe, occluders, outlines and outer faces of a target as one small JSON."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import numpy as np
 from simulator.arrays import vec3
 from simulator.files import write_atomic
 from simulator.targets import outlines
+from simulator.targets.board_faces import kept_faces
 from simulator.targets.cache import cache_folder
 from simulator.targets.convert import board_model
 from simulator.targets.outlines import LARGEST_RADIUS, RANGE_RADII, Outlines, outlines_of
@@ -36,7 +37,7 @@ def write_board_model(target: Target, path: Path) -> None:
     UserError
         If the file cannot be written.
     """
-    model = board_model(target, kept_outlines(target))
+    model = msgspec.structs.replace(board_model(target, kept_outlines(target)), faces=kept_faces(target))
     write_atomic(path, msgspec.json.encode(model))
 
 

@@ -97,8 +97,27 @@ class OutlinesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     data: str
 
 
+class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Outer faces of the craft and the tree that orders them, for a board that draws it.
+
+    Parameters
+    ----------
+    corners : base64 of a zlib stream of little-endian int16 x `step_m`: (faces, 4 corners, xyz) in the target's
+        frame, the corners in order seen from outside, the last twice for a triangle.
+    material : of each face, an index. plane : nx, ny, nz, d of each node of the tree, zeros at a leaf.
+    children : nodes in front of the plane and behind it, -1 for none. members : faces of each node.
+    """
+
+    step_m: Positive
+    corners: str
+    material: tuple[int, ...]
+    plane: tuple[tuple[float, float, float, float], ...]
+    children: tuple[tuple[int, int], ...]
+    members: tuple[tuple[int, ...], ...]
+
+
 class BoardModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a board needs of a target to estimate its pose: no mesh, no materials."""
+    """What a board needs of a target to estimate its pose: a few thousand faces at most."""
 
     schema: Literal["flyaround.board_model"]
     version: Literal[1]
@@ -110,6 +129,7 @@ class BoardModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     symmetry_wxyz: tuple[Quat, ...] = ()
     mass_kg: Positive
     outlines: OutlinesRecord | None = None
+    faces: FacesRecord | None = None
 
 
 def target_json_schema() -> dict[str, Any]:

@@ -26,6 +26,7 @@ class Evidence:
     sigma_rad, sigma_share : predicted one-sigma attitude error, and position error over range.
     edges : number of edge samples used. size_px : diameter of the craft's sphere on the picture.
     empty : whether the background is empty space.
+    score : how well the drawn craft explains the picture, see photometric.photo_score; -1: not judged so.
     """
 
     drawn: float
@@ -40,6 +41,7 @@ class Evidence:
     edges: int
     size_px: float
     empty: bool
+    score: float = -1.0
 
 
 def confidence(e: Evidence) -> float:

@@ -16,7 +16,7 @@ from hil.board.svd.roi import Region
 Array = np.ndarray
 
 # Arms of an open triad end where a shadow or a part cuts them: longer ones are tried as well.
-ARM_LENGTHS = (1.0, 1.3, 1.7)
+ARM_LENGTHS = (1.0, 1.4)
 
 
 def stretch_arms(chains: Chains, factors: Tuple[float, ...] = ARM_LENGTHS) -> Array:

@@ -16,6 +16,7 @@ from hil.board.svd.model import BoardModel, CameraIntrinsics
 from hil.board.svd.noise import noise_sigma
 from hil.board.svd.roi import REDUCTION, propose_regions
 from hil.board.svd.search import search_region
+from hil.board.svd.verify import choose_by_picture
 
 Array = np.ndarray
 
@@ -79,7 +80,8 @@ class PoseEstimator(Estimator):
                 method=self.method,
             )
         found.sort(key=lambda c: -c.support.total)
-        best, fit, evidence, alternatives = choose(self.craft, frame, found)
+        decide_between = choose if self.model.faces is None else choose_by_picture
+        best, fit, evidence, alternatives = decide_between(self.craft, frame, found)
         frame.count("edges", evidence.edges)
         frame.keep("field", best.field)
         reason = decide(evidence, self.accept_at)

@@ -8,6 +8,7 @@ import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.confidence import Evidence
+from hil.board.svd.distinct import alternatives, differs
 from hil.board.svd.edges import gradient, gradient_noise, shrink
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
 from hil.board.svd.refine import FineFit, Gradients, fine_align
@@ -19,10 +20,6 @@ from hil.board.svd.visibility import visible_samples
 Array = np.ndarray
 Judged = Tuple[Candidate, FineFit]
 
-# Poses that differ by more are distinct: a choice between them is an ambiguity [rad, share of range].
-DISTINCT_RAD = float(np.radians(12.0))
-DISTINCT_SHARE = 0.08
-
 # Leaders refined, and how far behind the first they may be in total support.
 LEADERS, LEAD = 6, 0.1
 
@@ -31,12 +28,6 @@ TIGHT_WEIGHT = 0.5
 
 # Longest side of the region for the sub-pixel search [px].
 LONGEST_PX = 800
-
-
-def differs(q: Array, t: Array, q2: Array, t2: Array) -> bool:
-    """Whether two poses are distinct answers rather than one answer twice."""
-    far = np.linalg.norm(t - t2) > DISTINCT_SHARE * np.linalg.norm(t2)
-    return bool(far or quat.angle_rad(q, q2) > DISTINCT_RAD)
 
 
 def choose(
@@ -74,20 +65,6 @@ def choose(
     margin = top.support.total - max(rivals, default=0.0)
     rival_poses = [(r.q, r.t, r.support.total) for r in (*found, *(j[0] for j in judged))]
     return best, fit, _evidence(craft, best, fit, margin), alternatives(rival_poses, fit.q, fit.t)
-
-
-def alternatives(
-    poses: List[Tuple[Array, Array, float]], q: Array, t: Array, keep: int = 3
-) -> Tuple[Alternative, ...]:
-    """The best poses (q, t, score) distinct from ``q``, ``t`` and from each other."""
-    out: List[Alternative] = []
-    for rq, rt, score in sorted(poses, key=lambda p: -p[2]):
-        taken = [(q, t)] + [(a.q_camera_from_target_wxyz, a.t_camera_from_target_m) for a in out]
-        if all(differs(rq, rt, aq, at) for aq, at in taken):
-            out.append(Alternative(rq, rt, score))
-        if len(out) >= keep:
-            break
-    return tuple(out)
 
 
 def _total(judged: Judged) -> float:

@@ -112,7 +112,7 @@ class Chains:
     closed: Array
 
 
-def image_triads(lines: Lines, corners: Corners, limit: int = 90) -> Chains:
+def image_triads(lines: Lines, corners: Corners, limit: int = 48) -> Chains:
     """Chains of three lines bent the same way at both ends of the middle one, largest first."""
     at: Dict[Tuple[int, int], List[Tuple[int, int, Array]]] = {}
     for (i, j), (ei, ej), p in zip(  # noqa: B905 - Python 3.9 has no strict=

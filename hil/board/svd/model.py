@@ -10,6 +10,7 @@ from typing import Any, Dict, Optional, Tuple, Union
 import numpy as np
 
 from hil.board.svd.outlines import Outlines
+from hil.board.svd.shade import Faces
 
 Array = np.ndarray
 
@@ -50,6 +51,7 @@ class BoardModel:
     vertices_m, triangles : (V, 3), (T, 3) closed mesh that hides edges; may be empty.
     symmetry_wxyz : (N, 4) rotations under which the craft looks nearly the same.
     outlines : occluding contours from all sides; None in files written before there were any.
+    faces : outer faces with their order; None where the craft has too many.
     """
 
     name: str
@@ -61,6 +63,7 @@ class BoardModel:
     symmetry_wxyz: Array
     mass_kg: float = 0.0
     outlines: Optional[Outlines] = None
+    faces: Optional[Faces] = None
 
     @staticmethod
     def read(path: Union[str, Path]) -> BoardModel:
@@ -116,6 +119,7 @@ class BoardModel:
                 symmetry_wxyz=np.asarray(data.get("symmetry_wxyz", []), float).reshape(-1, 4),
                 mass_kg=float(data.get("mass_kg", 0.0)),
                 outlines=None if data.get("outlines") is None else Outlines.from_dict(data["outlines"]),
+                faces=None if data.get("faces") is None else Faces.from_dict(data["faces"]),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise BoardModelError(f"board model has a bad field: {error!r}") from error

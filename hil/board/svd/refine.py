@@ -87,13 +87,13 @@ def align_to_field(
         J = jacobian(pr, camera, t) / field.factor
         depth = float(np.median(np.maximum(t[:, 2], radius_m)))
         step, _ = gauss_newton_step(J, r, w, parameter_scale(depth, radius_m), 1e-3)
-        step = _limit(step, t, radius_m)
+        step = limit_step(step, t, radius_m)
         q, t = apply_step(q, t, step)
         t[:, 2] = np.maximum(t[:, 2], 1.2 * radius_m)
     return q, t
 
 
-def _limit(step: Array, t: Array, radius_m: float) -> Array:
+def limit_step(step: Array, t: Array, radius_m: float) -> Array:
     """No single step turns by more than 0.25 rad or changes the range by more than a fifth."""
     depth = np.maximum(t[:, 2], radius_m)
     over = np.maximum(
@@ -187,7 +187,7 @@ def fine_align(
         step, normal = gauss_newton_step(
             J, r[None], weight[None], parameter_scale(float(t[0, 2]), radius_m), 1e-6
         )
-        step = _limit(step, t, radius_m)
+        step = limit_step(step, t, radius_m)
         q, t = apply_step(q, t, step)
         H = normal[0]
         inliers = float(weight.sum())

@@ -9,6 +9,7 @@ import numpy as np
 from hil.board.svd import quaternion as quat
 from hil.board.svd.base import Estimator
 from hil.board.svd.confidence import confidence, decide
+from hil.board.svd.distinct import alternatives, differs
 from hil.board.svd.edges import edge_field, shrink
 from hil.board.svd.faithful.config import FaithfulConfig
 from hil.board.svd.faithful.corners import (
@@ -23,7 +24,7 @@ from hil.board.svd.faithful.ellipses import circle_poses, model_circles
 from hil.board.svd.faithful.figures import Figures, image_figures, model_figures
 from hil.board.svd.faithful.hypotheses import solve_all
 from hil.board.svd.faithful.streams import Streams, cdf_box, find_streams, grown_region
-from hil.board.svd.finish import alternatives, choose, differs
+from hil.board.svd.finish import choose
 from hil.board.svd.frame import Candidate, Craft, Frame, PoseResult
 from hil.board.svd.gradient import WeakGradientElimination, eliminate_weak_gradients
 from hil.board.svd.model import BoardModel, CameraIntrinsics

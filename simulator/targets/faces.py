@@ -1,0 +1,146 @@
+"""The faces of a craft that can be seen from outside, few enough for a board to draw them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import FloatArray, IntArray
+from simulator.targets.sphere import sphere_directions
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.targets.model import Part
+
+# Visible area below which a triangle, and a part that a coarser level leaves out, is not worth drawing [m2].
+LEAST_TRIANGLE_M2, LEAST_PART_M2 = 2e-6, 2.5e-3
+
+# Directions looked from, and the pitch of the points that stand for the surface [share of the craft's size].
+DIRECTIONS, PITCH = 32, 0.0022
+
+# Share of a hidden face's points that seem visible where the cover of one in front has a gap.
+LEAK = 0.015
+
+# More triangles than this no board can draw in time.
+MOST_TRIANGLES = 9000
+
+
+def triangles_of(parts: Sequence[Part]) -> tuple[FloatArray, IntArray]:
+    """Corners (T, 3, 3) [m] of every triangle, and (T,) which part it is of."""
+    corners = [p.positions_m.astype(float)[p.triangles] for p in parts]
+    owner = [np.full(len(p.triangles), k) for k, p in enumerate(parts)]
+    if not corners:
+        return np.zeros((0, 3, 3)), np.zeros(0, np.int64)
+    return np.concatenate(corners), np.concatenate(owner)
+
+
+def visible_area(triangles_m: FloatArray) -> FloatArray:
+    """(T,) area of each triangle times the share of directions that see it [m2].
+
+    Points spread over the surface are sorted by depth along each direction; the nearest of each cell of a grid
+    is seen.
+    """
+    normal = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
+    twice = np.linalg.norm(normal, axis=1)
+    normal /= np.maximum(twice, 1e-30)[:, None]
+    pitch = PITCH * float(np.ptp(triangles_m.reshape(-1, 3), axis=0).max())
+    count = np.maximum(3, np.ceil(0.5 * twice / pitch**2)).astype(int)
+    owner = np.repeat(np.arange(len(triangles_m)), count)
+    # additive recurrence of the plastic number: even cover without a pattern
+    k = np.arange(len(owner))
+    u, v = (k * 0.7548776662466927) % 1, (k * 0.5698402909980532) % 1
+    fold = u + v > 1
+    u[fold], v[fold] = 1 - u[fold], 1 - v[fold]
+    a, b, c = (triangles_m[owner, i] for i in range(3))
+    points = (a + u[:, None] * (b - a) + v[:, None] * (c - a)).astype(np.float32)
+    seen, looked = np.zeros(len(triangles_m)), np.zeros(len(triangles_m))
+    for d in sphere_directions(DIRECTIONS):
+        x = np.cross([0.0, 0.0, 1.0] if abs(d[2]) < 0.8 else [1.0, 0.0, 0.0], d)
+        x /= np.linalg.norm(x)
+        front = np.flatnonzero((normal @ d > 0.02)[owner])
+        p = points[front] @ np.stack([x, np.cross(d, x), -d]).T.astype(np.float32)
+        # cells hold three points of a face that is seen head-on: none is left open
+        cell = ((p[:, :2] - p[:, :2].min(axis=0)) / (1.8 * pitch)).astype(int)
+        flat = cell[:, 1] * (int(cell[:, 0].max()) + 1) + cell[:, 0]
+        depth = np.full(int(flat.max()) + 1, np.inf, np.float32)
+        far_first = np.argsort(-p[:, 2])
+        depth[flat[far_first]] = p[far_first, 2]
+        visible = owner[front[p[:, 2] <= depth[flat] + 0.4 * pitch]]
+        seen += np.bincount(visible, minlength=len(triangles_m))
+        looked += np.bincount(owner[front], minlength=len(triangles_m))
+    # a cell left empty now and then lets a glimpse of the inside through
+    seen[seen < LEAK * looked] = 0.0
+    return np.asarray(0.5 * twice * seen / (count * DIRECTIONS))
+
+
+def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[str]]:
+    """Triangles (T, 3, 3) that can be seen, and the material of each.
+
+    Parameters
+    ----------
+    levels : parts of the craft's levels of detail, the coarsest first. Of the finer ones only those parts are
+        taken that the coarser leave out and that show enough of themselves.
+    """
+    parts = list(levels[0])
+    have = {p.name for p in parts}
+    for level in levels[1:]:
+        added = [p for p in level if p.name not in have]
+        have |= {p.name for p in added}
+        parts += added
+    triangles, owner = triangles_of(parts)
+    if len(triangles) > MOST_TRIANGLES:
+        parts = list(levels[0])
+        triangles, owner = triangles_of(parts)
+    if not 0 < len(triangles) <= MOST_TRIANGLES:
+        return np.zeros((0, 3, 3)), []
+    area = visible_area(triangles)
+    of_part = np.bincount(owner, area, len(parts))
+    coarse = np.arange(len(parts)) < len(levels[0])
+    keep = (area > LEAST_TRIANGLE_M2) & (coarse | (of_part > LEAST_PART_M2))[owner]
+    return triangles[keep], [parts[k].material for k in owner[keep]]
+
+
+def paired(triangles_m: FloatArray, material: Sequence[str]) -> tuple[FloatArray, list[str]]:
+    """Faces (F, 4, 3): triangles of one plane and material joined two by two where that is convex.
+
+    Drawing two halves leaves a seam; a triangle left alone has its last corner twice.
+    """
+    normal = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
+    twice = np.linalg.norm(normal, axis=1)
+    normal = normal / np.maximum(twice, 1e-30)[:, None]
+    key = np.round(triangles_m / 2e-5).astype(np.int64)
+    at: dict[tuple[bytes, bytes], list[tuple[int, int]]] = {}
+    for i in range(len(triangles_m)):
+        for a in range(3):
+            at.setdefault((key[i, a].tobytes(), key[i, (a + 1) % 3].tobytes()), []).append((i, a))
+    used = np.zeros(len(triangles_m), bool)
+    faces, of = [], []
+    for i in np.argsort(-twice):
+        if used[i]:
+            continue
+        used[i] = True
+        best, partner = 0.0, -1
+        face = triangles_m[i, [0, 1, 2, 2]]
+        for a in range(3):
+            for j, b in at.get((key[i, (a + 1) % 3].tobytes(), key[i, a].tobytes()), []):
+                if used[j] or material[j] != material[i] or normal[i] @ normal[j] < 1 - 1e-5:
+                    continue
+                joined = np.array(
+                    [
+                        triangles_m[i, a],
+                        triangles_m[j, (b + 2) % 3],
+                        triangles_m[i, (a + 1) % 3],
+                        triangles_m[i, (a + 2) % 3],
+                    ]
+                )
+                side = np.roll(joined, -1, axis=0) - joined
+                turns = np.cross(side, np.roll(side, -1, axis=0)) @ normal[i]
+                if turns.min() > 1e-12 and twice[j] > best:
+                    best, partner, face = float(twice[j]), j, joined
+        if partner >= 0:
+            used[partner] = True
+        faces.append(face)
+        of.append(material[i])
+    return np.array(faces).reshape(-1, 4, 3), of

@@ -1,0 +1,163 @@
+"""The drawn craft: hidden faces, brightness from the picture, and alignment on all of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from hil.board.svd import BoardModelError, CameraIntrinsics
+from hil.board.svd import quaternion as quat
+from hil.board.svd.levels import blurred, shade
+from hil.board.svd.motion import motion_images
+from hil.board.svd.photometric import photo_align, photo_score
+from hil.board.svd.shade import Canvas, Faces, draw_faces
+from simulator.targets.board_faces import make_faces
+from simulator.targets.builders.solids import box
+from simulator.targets.model import Part
+
+CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
+T_M = np.array([0.03, -0.02, 4.0])
+
+
+def part(name: str, low: Any, high: Any) -> Part:
+    mesh = box(low, high)
+    return Part(
+        name=name,
+        material=name,
+        positions_m=mesh.positions_m,
+        normals=mesh.normals,
+        triangles=mesh.triangles,
+    )
+
+
+@pytest.fixture(scope="module")
+def record() -> dict[str, Any]:
+    """A body, a panel on it that overhangs, and a plate on one side."""
+    parts = (
+        part("body", (-0.3, -0.25, -0.2), (0.3, 0.25, 0.2)),
+        part("panel", (-0.5, -0.35, 0.2), (0.5, 0.35, 0.22)),
+        part("plate", (0.3, -0.1, -0.15), (0.31, 0.15, 0.05)),
+        part("core", (-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)),
+    )
+    faces = make_faces([parts])
+    assert faces is not None
+    built: dict[str, Any] = msgspec.to_builtins(faces)
+    return built
+
+
+@pytest.fixture(scope="module")
+def faces(record: dict[str, Any]) -> Faces:
+    return Faces.from_dict(record)
+
+
+def canvas(gray: np.ndarray, sigma: float = 2.0) -> Canvas:
+    return Canvas(gray, sigma, 0.0, 0.0, 1.0, 3)
+
+
+def nearest_face(faces: Faces, R: np.ndarray, t: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """The face that a ray through each pixel meets first, by intersecting it with every one: 0 where none."""
+    ray = np.column_stack([(pixels - (99.5, 79.5)) / 400.0, np.ones(len(pixels))]) @ R
+    C = -R.T @ t
+    best, depth = np.zeros(len(pixels), int), np.full(len(pixels), np.inf)
+    for k, (corners, n, d) in enumerate(zip(faces.corners, faces.normals, faces.offset, strict=True)):
+        slope = ray @ n
+        s = np.where(np.abs(slope) > 1e-9, (d - C @ n) / np.where(slope == 0, 1.0, slope), np.inf)
+        X = C + s[:, None] * ray
+        inside = (slope < 0) & (s > 0)
+        for i in range(4):
+            side = corners[(i + 1) % 4] - corners[i]
+            inside &= np.cross(np.broadcast_to(side, X.shape), X - corners[i]) @ n >= 0
+        first = inside & (s < depth)
+        best[first], depth[first] = k + 1, s[first]
+    return best
+
+
+def picture(faces: Faces, q: np.ndarray, t: np.ndarray, noise: float, seed: int = 1) -> np.ndarray:
+    """Faces lit from one side, blurred as optics do, with noise."""
+    R = quat.matrix(q)
+    plain = canvas(np.zeros((160, 200), np.float32))
+    seen = draw_faces(faces, faces.order(-R.T @ t), CAMERA, R, t, plain)
+    albedo = np.array([60.0, 200.0, 140.0])[faces.material]
+    lit = albedo * np.clip(faces.normals @ (R.T @ [0.5, -0.4, -0.77]), 0.08, 1)
+    fine = np.concatenate([[0.0], lit])[seen].astype(np.float32)
+    small = fine.reshape(160, 3, 200, 3).mean(axis=(1, 3))
+    rng = np.random.default_rng(seed)
+    return np.clip(blurred(small, 1.0) + rng.normal(0, noise, small.shape), 0, 255).astype(np.float32)
+
+
+def test_what_lies_inside_is_left_out(record: dict[str, Any]) -> None:
+    # box of 6 faces, panel 6, plate 5 and the plate's back against the body: none of the core's
+    assert len(set(record["material"])) == 3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_faces_hide_each_other_as_rays_say(faces: Faces, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q = quat.normalise(rng.normal(size=4))
+    R = quat.matrix(q)
+    seen = draw_faces(
+        faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, canvas(np.zeros((160, 200), np.float32))
+    )
+    y, x = rng.integers(1, 479, 1500), rng.integers(1, 599, 1500)
+    truth = nearest_face(faces, R, T_M, np.column_stack([(x + 0.5) / 3 - 0.5, (y + 0.5) / 3 - 0.5]))
+    agree = (seen[y, x] > 0) == (truth > 0)
+    group = np.concatenate([[-1], faces.group])
+    # pixels on a border may fall either way: they are one in fifty
+    assert agree.mean() > 0.985
+    assert (group[seen[y, x]] == group[truth]).mean() > 0.97
+
+
+def test_derivative_is_what_a_small_motion_does(faces: Faces) -> None:
+    q = quat.normalise(np.array([0.7, 0.3, -0.5, 0.2]))
+    R = quat.matrix(q)
+    c = canvas(picture(faces, q, T_M, 0.0))
+    s = shade(faces, draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c), c, local_faces=0)
+    D = motion_images(s, faces, c, CAMERA, R, T_M)
+    for k, step in ((0, 0.02), (1, 0.02), (2, 0.02), (3, 0.01), (5, 0.15)):
+        move = np.zeros(6)
+        move[k] = step
+        moved = []
+        for sign in (1.0, -1.0):
+            q2 = quat.normalise(quat.multiply(quat.from_rotvec(sign * move[:3]), q))
+            R2, t2 = quat.matrix(q2), T_M + sign * move[3:]
+            seen = draw_faces(faces, faces.order(-R2.T @ t2), CAMERA, R2, t2, c)
+            drawn = np.concatenate([[s.level[0]], s.level[1 + faces.group]])[seen]
+            moved.append(blurred(drawn.reshape(160, 3, 200, 3).mean(axis=(1, 3)).astype(np.float32), 2.0))
+        change = (moved[0] - moved[1]) / (2 * step)
+        predicted = blurred(D[k], 2.0)
+        assert np.corrcoef(change.ravel(), predicted.ravel())[0, 1] > 0.95
+        assert np.vdot(change, predicted) / np.vdot(predicted, predicted) == pytest.approx(1.0, abs=0.12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_alignment_comes_back_and_the_true_pose_scores_best(faces: Faces, seed: int) -> None:
+    rng = np.random.default_rng(10 + seed)
+    q = quat.normalise(rng.normal(size=4))
+    c = canvas(picture(faces, q, T_M, 6.0, seed), 6.0)
+    start = quat.normalise(quat.multiply(quat.from_rotvec(np.radians(rng.normal(0, 1.0, 3))), q))
+    fit = photo_align(start, T_M * 1.008, faces, c, CAMERA, 0.65, (2.0, 1.2, 0.6, 0.0, 0.0, 0.0))
+    assert np.degrees(quat.angle_rad(fit.q[None], q)[0]) < 0.6
+    assert np.linalg.norm(fit.t - T_M) < 0.005 * 4.0
+    twin = quat.normalise(quat.multiply(q, np.array([0.0, 1.0, 0.0, 0.0])))
+    assert photo_score(fit.q, fit.t, faces, c, CAMERA) > 0.1 + photo_score(twin, T_M, faces, c, CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("corners", "AAAA"),
+        ("material", [0]),
+        ("children", [[0, 0]]),
+        ("members", [[100000]]),
+        ("step_m", "x"),
+    ],
+)
+def test_a_damaged_tree_is_refused(record: dict[str, Any], key: str, value: Any) -> None:
+    bad = record | {key: value}
+    if key in ("children", "members"):
+        bad[key] = value * len(record[key])
+    with pytest.raises((ValueError, KeyError, BoardModelError)):
+        Faces.from_dict(bad)
