@@ -13,6 +13,7 @@ from rich.table import Table
 
 from flyaround.progress import progress_bar
 from hil.board.svd import METHODS, BoardModel, BoardModelError, CameraIntrinsics, make_estimator
+from hil.board.svd.debug.stages import write_stage_pictures
 from hil.board.svd.faithful.config import SOLVERS, STREAMS
 from hil.board.svd.methods import PUBLISHED
 from hil.evaluate.run import evaluate_dataset
@@ -44,6 +45,10 @@ def estimate(
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
     solver: Solver = None,
     streams: Streams = None,
+    debug: Annotated[
+        Path | None,
+        typer.Option(help="New or empty folder for a picture of every stage, a folder for each image."),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON: an object for one image, else a list.")
     ] = False,
@@ -62,8 +67,16 @@ def estimate(
     except BoardModelError as error:
         raise UserError(str(error)) from error
     rows: list[dict[str, Any]] = []
-    for path in images:
-        result = estimator.estimate(read_png(path))
+    if debug is not None:
+        empty_folder(debug)
+    for k, path in enumerate(images):
+        image = read_png(path)
+        trace: dict[str, Any] | None = None if debug is None else {}
+        result = estimator.estimate(image, trace)
+        if debug is not None and trace is not None and image.ndim == 2:
+            place = debug if len(images) == 1 else debug / f"{k:03d}_{path.stem}"
+            place.mkdir(exist_ok=True)
+            write_stage_pictures(place, image, trace, result, estimator.model, estimator.camera)
         q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
         rows.append(
             {

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from hil.board.svd import quaternion as quat
-from hil.board.svd.visibility import hidden, occluders
+from hil.board.svd.debug.draw import draw_wireframe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,40 +18,6 @@ if TYPE_CHECKING:
 TRUE, ESTIMATED = (115, 158, 0), (0, 159, 230)
 
 WIDTH, HEIGHT = 360, 260
-
-# Points along an edge that are asked whether something hides them.
-STEPS = 24
-
-
-def draw_wireframe(
-    canvas: NDArray[Any],
-    model: BoardModel,
-    camera: CameraIntrinsics,
-    q_wxyz: Any,  # noqa: ANN401 - (4,) numbers
-    t_m: Any,  # noqa: ANN401 - (3,) numbers
-    colour: tuple[int, int, int],
-    corner: tuple[float, float] = (0.0, 0.0),
-    scale: float = 1.0,
-    weight: int = 1,
-) -> None:
-    """Draw the visible stretches of the model's edges on a BGR canvas that shows ``corner`` at ``scale``."""
-    R, t = quat.matrix(quat.normalise(np.asarray(q_wxyz, float))), np.asarray(t_m, float)
-    C = -R.T @ t
-    occ = occluders(model)
-    s = np.linspace(0, 1, STEPS)[:, None]
-    for e in model.wireframe:
-        X = e.a_m + s * (e.b_m - e.a_m)
-        if len(e.normals) and not ((C - X) @ e.normals.T > 0).any():
-            continue
-        seen = ~hidden(occ, C, X, np.full(STEPS, 0.006 + 1.5 * e.radius_m))
-        P = X @ R.T + t
-        seen &= P[:, 2] > 0.1
-        uv = ((camera.pixels(P) - corner) + 0.5) * scale - 0.5
-        uv = np.clip(uv, -30000, 30000)
-        for k in range(STEPS - 1):
-            if seen[k] and seen[k + 1]:
-                a, b = (tuple(int(v) for v in np.rint(p * 16)) for p in (uv[k], uv[k + 1]))
-                cv2.line(canvas, a, b, colour, weight, cv2.LINE_AA, 4)
 
 
 def failure_tile(

@@ -6,6 +6,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Protocol
 
 from simulator.labels.frame import Frame, take_frame
+from simulator.labels.request import LabelRequest
 from simulator.render.process import RenderProcess
 from simulator.render.renderer import Renderer
 from simulator.targets.library import load_target
@@ -13,12 +14,14 @@ from simulator.targets.library import load_target
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from simulator.labels.request import LabelRequest
     from simulator.render.context import GlInfo
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
     Job = tuple[SceneState, LabelRequest]
+
+# Mask and truth record, no further layer.
+TRUTH_ALONE = LabelRequest()
 
 
 class Drawer(Protocol):
@@ -66,7 +69,7 @@ class _Workers:
             given += 1
 
 
-def draw_labelled(renderer: Renderer, scene: SceneState, request: LabelRequest) -> Frame:
+def draw_labelled(renderer: Renderer, scene: SceneState, request: LabelRequest = TRUTH_ALONE) -> Frame:
     """What a drawing process does for each job."""
     return take_frame(renderer, scene, load_target(scene.target.name), labels=request)
 

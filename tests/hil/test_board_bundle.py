@@ -144,24 +144,15 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
         cwd=tmp_path,
     )
     log = tmp_path / "log"
-    assert (
-        run(
-            [
-                "hil",
-                "host",
-                "tango-flyaround",
-                "--listen",
-                url,
-                "-n",
-                "4",
-                "--log",
-                str(log),
-                "--timeout",
-                "60",
-            ]
-        )
-        == 0
+    host = [sys.executable, "-m", "flyaround", "hil", "host", "tango-flyaround", "--listen", url, "-n", "4"]
+    told = subprocess.run(
+        [*host, "--log", str(log), "--timeout", "60"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT.parent,
     )
+    assert told.returncode == 0, told.stderr
     out, err = board.communicate(timeout=60)
     assert board.returncode == 0, err
     assert "of 4 poses accepted" in out

@@ -16,7 +16,7 @@ from simulator.recipe import plan_recipe
 
 pytestmark = pytest.mark.gl
 
-N = 3
+N = 2
 
 
 @pytest.fixture(scope="module")
@@ -28,14 +28,14 @@ def dataset(tmp_path_factory):
 
 def test_metrics_follow_the_schema_and_the_table(dataset, tmp_path, capsys):
     report = tmp_path / "report"
-    methods = ["--method", "svd", "--method", "svd-2018"]
+    methods = ["--method", "svd-thesis", "--method", "svd-2018"]
     assert run(["evaluate", str(dataset), "-o", str(report), *methods, "--json"]) == 0
     metrics = json.loads(capsys.readouterr().out)
     jsonschema.validate(metrics, metrics_json_schema())
     both = list(csv.DictReader((report / "frames.csv").read_text().splitlines()))
     assert len(both) == 2 * N
     assert metrics["by_method"]["svd-2018"]["n"] == N
-    rows = [r for r in both if r["method"] == "svd"]
+    rows = [r for r in both if r["method"] == "svd-thesis"]
     assert len(rows) == metrics["n"] == N
     accepted = [r for r in rows if r["accepted"] == "True"]
     feasible = [r for r in rows if r["feasible"] == "True"]
@@ -75,8 +75,28 @@ def test_estimate_answers_in_the_machine_read_form(dataset, capsys):
     camera = json.loads((dataset / "images" / "000000.json").read_text())["camera"]
     path = dataset / "camera.json"
     path.write_text(json.dumps(camera))
-    assert run(["estimate", str(image), "--target", "tango", "--camera", str(path), "--json"]) == 0
+    assert (
+        run(
+            [
+                "estimate",
+                str(image),
+                "--target",
+                "tango",
+                "--camera",
+                str(path),
+                "--json",
+                "--debug",
+                str(dataset / "stages"),
+            ]
+        )
+        == 0
+    )
     answer = json.loads(capsys.readouterr().out)
     for key in ("accepted", "reason", "q_camera_from_target_wxyz", "t_camera_from_target_m", "confidence"):
         assert key in answer
     assert sum(answer["stages_ms"].values()) > 0
+    assert np.shape(answer["covariance"]) == (6, 6)
+    names = [p.name[3:-4] for p in sorted((dataset / "stages").iterdir())]
+    stages = ["gradient", "histogram", "thresholded", "filtered", "region", "wge_stream", "sh_stream"]
+    assert names[:7] == stages
+    assert names[-4:] == ["merged", "groups", "overlay", "camera_in_map"]
