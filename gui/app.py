@@ -16,12 +16,13 @@ from gui.look import Look, Options
 from gui.overlay import View
 from gui.panels import SidePanel, draw_help
 from gui.readout import read_out
+from gui.recorder import Recorder
 from gui.session import Session
 from gui.source import RenderedPictures
 from gui.window import Window, import_parts
 from simulator.dataset.picture import save_picture
 from simulator.errors import UserError
-from simulator.files import write_atomic
+from simulator.files import empty_folder, write_atomic
 from simulator.scenario_load import load_scenario
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ class Request:
     seconds : close by itself after this long, counted from the first picture.
     screenshot : picture of the whole window at the end.
     overlays : names of `gui.look.Overlays` to switch on.
+    record : folder for the flight as it was flown and the scenario that replays it.
     """
 
     scenario: str
@@ -59,6 +61,7 @@ class Request:
     seconds: float | None = None
     screenshot: Path | None = None
     overlays: tuple[str, ...] = ()
+    record: Path | None = None
 
 
 def run(request: Request) -> dict[str, Any]:
@@ -71,12 +74,19 @@ def run(request: Request) -> dict[str, Any]:
     """
     import_parts()
     _check_screenshot(request.screenshot)
-    session = Session.of(load_scenario(request.scenario), seed=request.seed)
+    if request.record is not None:
+        # said now, and not after the flight
+        empty_folder(request.record)
+    recorder = None if request.record is None else Recorder()
+    session = Session.of(load_scenario(request.scenario), seed=request.seed, recorder=recorder)
     with (
         Window(f"Flyaround - {session.plan.scenario_name}", request.size) as window,
         RenderedPictures(request.device_index) as source,
     ):
-        return Console(window, session, source, request).run()
+        state = Console(window, session, source, request).run()
+    if recorder is not None and request.record is not None and recorder.long_enough:
+        state["replay"] = str(recorder.write(request.record, session.plan.scenario))
+    return state
 
 
 class Console:

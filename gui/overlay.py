@@ -241,4 +241,6 @@ def _badge(session: Session) -> tuple[str, style.Rgba]:
     else:
         attitude = "TRACK" if session.tracking else "RATE"
         badge, color = f"STEER / {attitude}{' / BRAKE' if session.braking else ''}", style.WARN
+        if session.guarded:
+            badge, color = f"{badge} / KEEP OUT", style.BAD
     return (f"PAUSED  {badge}" if session.paused else badge), color

@@ -30,7 +30,7 @@ class Readout:
     position_lvlh_m, velocity_lvlh_m_s : chaser beside the target: radial, along-track, cross-track.
     phase_deg : angle Sun - target - camera; 0 has the Sun behind the camera.
     sun_visible_fraction : share of the Sun's disc that the target sees past the Earth.
-    altitude_km : of the target above a sphere of the Earth's equatorial radius.
+    altitude_km : of the target above a sphere of the central body's (equatorial) radius.
     """
 
     epoch_utc: str
@@ -52,7 +52,7 @@ class Readout:
         return asdict(self)
 
 
-def read_out(world: WorldState, scene: SceneState, earth_radius_m: float = 6_378_137.0) -> Readout:
+def read_out(world: WorldState, scene: SceneState) -> Readout:
     """The figures of one moment.
 
     Parameters
@@ -81,5 +81,5 @@ def read_out(world: WorldState, scene: SceneState, earth_radius_m: float = 6_378
         velocity_lvlh_m_s=world.velocity_lvlh_m_s,
         phase_deg=float(np.degrees(np.arccos(np.clip(-los @ to_sun / distance, -1.0, 1.0)))),
         sun_visible_fraction=world.sun_visible_fraction,
-        altitude_km=(float(np.linalg.norm(world.r_target_eci_m)) - earth_radius_m) / 1e3,
+        altitude_km=world.altitude_m / 1e3,
     )

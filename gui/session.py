@@ -9,11 +9,13 @@ import numpy as np
 
 from gui import steering
 from gui.keys import STEERING, THRUST, Action
+from gui.recorder import Recorder
 from simulator.arrays import Vec3, vec3
 from simulator.loop import plan_flight
+from simulator.scenario_chaser import keep_out
 from simulator.scenario_flight import fly
 from simulator.world.rotation import matrix_from_quat
-from simulator.world.steer import ChaserState, Command, step
+from simulator.world.steer import ChaserState, Command, guarded_command, step
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
@@ -48,6 +50,7 @@ class Moment:
     mode: Mode
     tracking: bool
     braking: bool
+    guarded: bool
 
 
 class Session:
@@ -60,20 +63,22 @@ class Session:
     Parameters
     ----------
     plan : of the scenario, from `simulator.loop.plan_flight`; its camera, sensor and seed are used.
-    flight : what is flown; may be longer than the scenario.
+    recorder : keeps the states for a replay, if given.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, recorder: Recorder | None = None) -> None:
         self.plan = plan
+        self.recorder = recorder
+        self._keep_out = keep_out(plan.scenario.chaser)
         self.flight: Flight = plan.flight
         self.paused = False
         self.rate = 1.0
         self._reset_state()
 
     @staticmethod
-    def of(scenario: Scenario, *, seed: int | None = None) -> Session:
+    def of(scenario: Scenario, *, seed: int | None = None, recorder: Recorder | None = None) -> Session:
         """A session on a scenario."""
-        return Session(plan_flight(scenario, n=1, seed=seed))
+        return Session(plan_flight(scenario, n=1, seed=seed), recorder)
 
     def _reset_state(self) -> None:
         self._t_s = 0.0
@@ -82,6 +87,9 @@ class Session:
         self._steered: ChaserState | None = None
         self._aim: Vec3 | None = None
         self._braking = False
+        self._guarded = False
+        if self.recorder is not None:
+            self.recorder.clear()
         self.trail: list[Vec3] = []
         self._trail_every_s = 0.5
         self._trail_t_s = -np.inf
@@ -148,14 +156,19 @@ class Session:
         if steps == 0:
             return
         self._reach(self._t_s + steps * h + h)
-        if self._steered is None:
-            self._t_s += steps * h
-        else:
-            for _ in range(steps):
+        for _ in range(steps):
+            self._record()
+            if self._steered is None:
+                self._t_s += h
+            else:
                 self._steered = step(self._steered, self._command(self._steered, h), h, self.flight.orbit)
-            self._t_s = self._steered.t_s
+                self._t_s = self._steered.t_s
         self._moment = None
         self._leave_trail()
+
+    def _record(self) -> None:
+        if self.recorder is not None and self.recorder.wants(self._t_s):
+            self.recorder.add(self.flight.state_with_chaser(self._now()))
 
     def _reach(self, t_s: float) -> None:
         """Make the flight long enough; its camera keeps the reference it was planned with."""
@@ -178,6 +191,11 @@ class Session:
         return self._aim is not None
 
     @property
+    def guarded(self) -> bool:
+        """Whether the keep-out sphere overrules the keys."""
+        return self._guarded
+
+    @property
     def braking(self) -> bool:
         """Whether the stop key's brake is at work."""
         return self._braking
@@ -195,7 +213,8 @@ class Session:
         if self._steered is None:
             self.take_over()
         else:
-            self._steered, self._aim, self._braking, self._moment = None, None, False, None
+            self._steered, self._aim, self._moment = None, None, None
+            self._braking = self._guarded = False
 
     def reset_chaser(self) -> None:
         """Back onto the scenario's trajectory at this moment, still steering if that was so."""
@@ -239,7 +258,14 @@ class Session:
         if self._aim is not None:
             self._aim = steering.turned_aim(self._aim, wanted, h)
             wanted = wanted + steering.tracking_rate_rad_s(chaser, self._aim)
-        return steering.command(acceleration, wanted, chaser, h)
+        command = steering.command(acceleration, wanted, chaser, h)
+        if self._keep_out is None:
+            return command
+        frame = self.flight.orbit.frame(chaser.t_s)
+        command, self._guarded = guarded_command(
+            chaser, command, h, frame, self._keep_out, steering.BRAKE_M_S2
+        )
+        return command
 
     # --- what is seen
 
@@ -249,7 +275,7 @@ class Session:
         if self._moment is None:
             chaser = self._now()
             world = self.flight.state_with_chaser(chaser)
-            self._moment = Moment(world, chaser, self.mode, self.tracking, self._braking)
+            self._moment = Moment(world, chaser, self.mode, self.tracking, self._braking, self._guarded)
         return self._moment
 
     def scene(self) -> SceneState:

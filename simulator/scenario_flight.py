@@ -26,6 +26,7 @@ from simulator.world.flight_build import propagate_flight
 from simulator.world.orbit import Elements, elements_from_state, state_from_elements
 from simulator.world.pointing import Pointing
 from simulator.world.recording import Recording, recorded_tracks
+from simulator.world.target_attitude import Fixed
 from simulator.world.time import Instant
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
     epoch = Instant.from_utc(scenario.epoch_utc)
     span_s = duration_s or scenario.duration_s
     body = central_body(scenario)
+    # a recording brings the target's attitude, and its chaser may be where no pointing could be made
+    replayed = isinstance(scenario.chaser, sc.ReplayChaser)
     flight = propagate_flight(
         epoch=epoch,
         duration_s=span_s,
@@ -62,7 +65,7 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
         v_target_eci_m_s=v,
         burns=burns(scenario.burns),
         attitude=lambda frame: q_eci_from_target(a, frame),
-        motion=target_motion(a, target.mass.inertia_kg_m2, epoch, span_s),
+        motion=Fixed(frame="eci") if replayed else target_motion(a, target.mass.inertia_kg_m2, epoch, span_s),
         guidance=guidance(scenario.chaser),
         thrusters=thrusters(scenario.chaser),
         keep_out=keep_out(scenario.chaser),

@@ -13,15 +13,23 @@ if TYPE_CHECKING:
     from simulator.scenario import Scenario
 
 
-def replay_scenario(scenario: Scenario, recording_file: str) -> str:
+def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float | None = None) -> str:
     """TOML of a scenario like this one whose chaser and target fly as recorded.
 
     Parameters
     ----------
     scenario : what was flown. recording_file : path from where the TOML will lie.
+    duration_s : of the recording, when it is not the scenario's.
     """
     chaser = sc.ReplayChaser(file=recording_file, minimum_start_range_m=scenario.chaser.minimum_start_range_m)
-    replay = msgspec.structs.replace(scenario, name=f"{scenario.name}-replay", chaser=chaser)
+    replay = msgspec.structs.replace(
+        scenario,
+        name=f"{scenario.name}-replay",
+        chaser=chaser,
+        # the recording has flown them
+        burns=[],
+        duration_s=duration_s or scenario.duration_s,
+    )
     return to_toml(msgspec.to_builtins(replay))
 
 

@@ -24,6 +24,12 @@ def sim(
         float | None, typer.Option(min=0.0, help="Close by itself so long after the first picture.")
     ] = None,
     screenshot: Annotated[Path | None, typer.Option(help="Picture of the window at the end (.png).")] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            "--record", help="Folder for the flight as flown and replay.toml, which flies it again."
+        ),
+    ] = None,
     gpu: Annotated[
         int | None, typer.Option("--gpu", help="EGL device to draw on (default: the driver's choice).")
     ] = None,
@@ -42,6 +48,7 @@ def sim(
             seconds=seconds,
             screenshot=screenshot,
             overlays=tuple(name for name in overlays.split(",") if name),
+            record=record,
         )
     )
     if as_json:

@@ -26,20 +26,21 @@ COLUMNS, ROWS = 3, 2
 WIDTH_PX = 480
 
 
-def write_contact_sheets(scenarios: Iterable[Scenario], folder: Path) -> None:
-    """Write ``NAME.png`` of each scenario into a folder."""
+def write_contact_sheets(scenarios: Iterable[Scenario], folder: Path, width_px: int = WIDTH_PX) -> None:
+    """Write ``NAME.png`` of each scenario into a folder; ``width_px`` is that of one frame."""
     with Renderer() as renderer:
         for scenario in scenarios:
-            write_atomic(folder / f"{scenario.name}.png", encode_png(contact_sheet(scenario, renderer)))
+            sheet = contact_sheet(scenario, renderer, width_px)
+            write_atomic(folder / f"{scenario.name}.png", encode_png(sheet))
 
 
-def contact_sheet(scenario: Scenario, renderer: Renderer) -> ByteArray:
+def contact_sheet(scenario: Scenario, renderer: Renderer, width_px: int = WIDTH_PX) -> ByteArray:
     """Six frames of a scenario's flight, from start to end, row by row: (H, W, 3) RGB.
 
     Each is drawn by the scenario's own camera at a smaller size, with the time and the range written in.
     """
     plan = plan_flight(scenario, n=COLUMNS * ROWS, bands="rgb", quality="draft")
-    plan = replace(plan, camera=smaller(plan.camera, WIDTH_PX))
+    plan = replace(plan, camera=smaller(plan.camera, width_px))
     tiles = []
     for k in range(plan.n_frames):
         scene = plan.scene(k)

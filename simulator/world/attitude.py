@@ -68,7 +68,7 @@ def propagate_attitude(
     omega_body_rad_s : (3,) rate relative to ECI, body axes.
     inertia_kg_m2 : (3, 3) about the centre of mass, body axes.
     duration_s : span [s].
-    torque : on the body, in its axes [N m], from time [s] and attitude ``q_eci_from_body_wxyz``; none unless given.
+    torque : on the body, in its axes [N m], from time [s] and attitude ``R_eci_from_body``; none unless given.
 
     Raises
     ------
@@ -85,8 +85,9 @@ def propagate_attitude(
     q0, w0 = quat_normalize(q_eci_from_body_wxyz), np.asarray(omega_body_rad_s, float)
     momentum = matrix_from_quat(q0) @ (J @ w0)
     # a step turns the body by a fifth of a radian at most, which keeps the interpolant as good as the steps
+    # (1e-14); under a torque, which costs more and is known to fewer digits, by twice that (1e-12)
     rate = float(np.linalg.norm(w0))
-    max_step = 0.2 / rate if rate > 1e-6 else np.inf
+    max_step = (0.2 if torque is None else 0.4) / rate if rate > 1e-6 else np.inf
     if torque is not None:
         # a body at rest may be turned: a minute bounds what the interpolant has to follow
         max_step = min(max_step, 60.0)
@@ -102,9 +103,10 @@ def propagate_attitude(
         a = a00 * bx + a01 * by + a02 * bz
         b = a10 * bx + a11 * by + a12 * bz
         c = a20 * bx + a21 * by + a22 * bz
-        push = (
-            (0.0, 0.0, 0.0) if torque is None else matrix_from_quat(quat_normalize(y[:4])) @ torque(t, y[:4])
-        )
+        push: FloatArray | tuple[float, float, float] = (0.0, 0.0, 0.0)
+        if torque is not None:
+            R = matrix_from_quat(y[:4] * math.sqrt(s / 2))
+            push = R @ torque(t, R)
         return np.array(
             [
                 0.5 * (-x * a - y_ * b - z * c),

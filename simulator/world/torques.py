@@ -10,7 +10,6 @@ import numpy as np
 from simulator.arrays import Vec3
 from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.magnetic import magnetic_field_t
-from simulator.world.rotation import matrix_from_quat, quat_normalize
 from simulator.world.sky_table import SkyTable
 from simulator.world.vectors import cross, length
 
@@ -57,13 +56,13 @@ def torque_on(torques: Torques, orbit: OrbitTrack, inertia_kg_m2: ArrayLike, epo
     dipole = np.array(torques.residual_dipole_a_m2, float)
     magnetic = bool(dipole.any())
     if not (torques.gravity_gradient or magnetic):
-        return (lambda _t, _q: fixed) if fixed.any() else None
+        return (lambda _t, _R: fixed) if fixed.any() else None
     sky = SkyTable.of(epoch, orbit.duration_s) if magnetic else None
     year = 2000.0 + (epoch.tt1 + epoch.tt2 - _J2000) / _YEAR_DAYS
 
-    def torque(t_s: float, q: FloatArray) -> FloatArray:
+    def torque(t_s: float, R_eci_from_body: FloatArray) -> FloatArray:
         r, _ = orbit(t_s)
-        R_body_from_eci = matrix_from_quat(quat_normalize(q)).T
+        R_body_from_eci = R_eci_from_body.T
         total = fixed
         if torques.gravity_gradient:
             total = total + gravity_gradient_torque(r, R_body_from_eci, J, orbit.forces.mu_m3_s2)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -11,8 +13,11 @@ from gui.keys import BINDINGS, THRUST, TURN, Action
 from gui.look import Look, apply_look, reduced_camera
 from gui.overlay import Letterbox
 from gui.readout import read_out
+from gui.recorder import Recorder
 from gui.session import FRAME_STEP_S, RATES, STEP_S, Session
 from gui.steering import ACCELERATION_M_S2, BRAKE_M_S2, COARSE_GAIN, RATE_RAD_S, SLEW_RAD_S2
+from simulator import scenario as sc
+from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
 from simulator.scene.state import SceneState
 from simulator.world.rotation import matrix_from_quat, rotation_angle_rad
@@ -269,3 +274,46 @@ def test_readout_of_a_known_geometry(session: Session) -> None:
     assert np.degrees(turned) / 0.01 == pytest.approx(
         float(np.linalg.norm(shown.relative_rate_deg_s)), rel=1e-3
     )
+
+
+def guarded_session(radius_m: float) -> Session:
+    scenario = load_scenario("tango-flyaround")
+    thrusters = sc.ThrustersSection()
+    chaser = msgspec.structs.replace(
+        scenario.chaser, keep_out=sc.KeepOutSection(radius_m=radius_m), thrusters=thrusters
+    )
+    return Session.of(msgspec.structs.replace(scenario, chaser=chaser))
+
+
+def test_keep_out_sphere_stops_an_operator_who_pushes_on() -> None:
+    session = guarded_session(7.0)
+    session.centre()
+    ranges, guarded = [], False
+    for _ in range(20):
+        fly(session, 1.0, Action.FORWARD, Action.COARSE)
+        ranges.append(session.moment.world.range_m)
+        guarded = guarded or session.moment.guarded
+    assert guarded
+    assert min(ranges) > 6.95
+    free = Session.of(load_scenario("tango-flyaround"))
+    free.centre()
+    fly(free, 9.0, Action.FORWARD, Action.COARSE)
+    assert free.moment.world.range_m < 7.0
+
+
+def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path: Path) -> None:
+    recorder = Recorder()
+    session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+    fly(session, 1.0)
+    fly(session, 1.5, Action.FORWARD, Action.YAW_LEFT)
+    fly(session, 0.5)
+    path = recorder.write(tmp_path / "flown", session.plan.scenario)
+    replay = load_scenario(path)
+    assert replay.duration_s == pytest.approx(2.9)
+    flight = plan_flight(replay, n=1).flight
+    assert [state.t_s for state in recorder.states][:3] == pytest.approx([0.0, 0.1, 0.2])
+    for state in recorder.states[::7]:
+        assert flight.state(state.t_s) == state
+    # back to the start: another flight
+    session.restart()
+    assert not recorder.long_enough

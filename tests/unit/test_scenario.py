@@ -97,8 +97,10 @@ def test_every_built_in_scenario_flies(name: str) -> None:
     assert scenario.name == name
     assert scenario.title
     assert scenario.description
-    flight = fly(scenario, BOX)
-    for t in np.linspace(0, scenario.duration_s, 7):
+    # a quarter of an hour of the long ones: their own tests fly them to the end
+    span = min(scenario.duration_s, 900.0)
+    flight = fly(scenario, BOX, span)
+    for t in np.linspace(0, span, 7):
         state = flight.state(float(t))
         assert state.range_m > 1.9
         if name == "tango-night":
@@ -111,11 +113,11 @@ def test_every_built_in_scenario_flies(name: str) -> None:
 def test_range_is_kept_for_two_orbits_while_the_target_tumbles() -> None:
     scenario = load_scenario("tango-tumble-3-18m")
     flight = fly(scenario, BOX)
-    ranges = [
-        np.linalg.norm(flight.controlled(float(t))[0]) for t in np.linspace(0, scenario.duration_s, 700)
-    ]
-    assert min(ranges) >= 3.0
-    assert max(ranges) <= 18.0
+    assert flight.controlled is not None
+    # every five seconds, in which the range changes by some 0.2 m at most
+    ranges = np.linalg.norm(flight.controlled.position_eci_m, axis=1)
+    assert min(ranges) >= 3.2
+    assert max(ranges) <= 17.8
     period = 2 * np.pi / flight.n_rad_s
     assert scenario.duration_s >= 2 * period
     assert max(ranges) - min(ranges) > 10.0
