@@ -22,11 +22,24 @@ float pow5(float x) { float x2 = x * x; return x2 * x2 * x; }
 // Fresnel reflectance, Schlick (1994), eq. 15.
 color fresnel_schlick(color f0, float v_h) { return f0 + (color(1.0) - f0) * pow5(1.0 - v_h); }
 
-// Directional albedo of GGX for F0 and F90 = 1: fit of Karis (2014), Physically based shading on mobile.
-vec2 environment_brdf(float roughness, float n_v) {
-    vec4 r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
-    float a004 = min(r.x * r.x, exp2(-9.28 * n_v)) * r.x + r.y;
-    return vec2(-1.04, 1.04) * a004 + r.zw;
+// Directional albedo of the GGX lobe with height-correlated masking, as f0 x + y: the share of light from everywhere
+// that it reflects once towards a view of cosine n_v. Polynomials in sqrt(n_v) and roughness r, fitted to numeric
+// integrals (20,000 samples, 40 x 30 nodes): rms error 0.006. Test: tests/gl/test_render_lighting.py.
+vec2 directional_albedo(float r, float n_v) {
+    float m = sqrt(n_v);
+    float whole = ((((-38.63337 * r + 110.10903) * r - 102.19394) * r + 32.92679) * r - 2.29593);
+    whole = whole * m + ((((44.41101 * r - 175.98399) * r + 200.16812) * r - 74.48436) * r + 5.71478);
+    whole = whole * m + ((((37.42138 * r - 0.23155) * r - 79.85882) * r + 48.28341) * r - 4.61465);
+    whole = whole * m + ((((-52.37844 * r + 84.04295) * r - 29.60000) * r - 4.90857) * r + 1.25132);
+    whole = whole * m + ((((12.19726 * r - 23.79158) * r + 13.97816) * r - 2.17902) * r + 0.95749);
+    float grazing = ((((148.74303 * r - 326.27229) * r + 224.00756) * r - 41.40432) * r - 4.48512);
+    grazing = grazing * m + ((((-398.20089 * r + 886.91014) * r - 625.99288) * r + 126.14619) * r + 9.63422);
+    grazing = grazing * m + ((((368.27273 * r - 837.05454) * r + 613.19932) * r - 138.37540) * r - 4.68118);
+    grazing = grazing * m + ((((-130.50348 * r + 306.07797) * r - 237.78629) * r + 63.58060) * r - 1.89464);
+    grazing = grazing * m + ((((11.81405 * r - 29.89354) * r + 26.68440) * r - 9.94485) * r + 1.42021);
+    whole = clamp(whole, 0.05, 1.0);
+    grazing = clamp(grazing, 0.0, whole);
+    return vec2(whole - grazing, grazing);
 }
 
 // Reflectance at normal incidence of a surface under a clear coat of index 1.5 instead of in air: the coat's index is

@@ -1,12 +1,8 @@
 // Radiance [W m-2 sr-1] and coverage of the target, per image pixel, from its lattice samples.
 #include "common/rays.glsl"
-#include "target/brdf.glsl"
 #include "target/lattice.glsl"
+#include "target/lighting.glsl"
 #include "target/pack.glsl"
-#include "target/shadow.glsl"
-#ifdef CRINKLE
-#include "target/crinkle.glsl"
-#endif
 
 uniform usampler2D t_surface;
 uniform sampler2D t_depth;
@@ -22,59 +18,6 @@ layout(location = 1) out float out_coverage;
 
 // Samples whose normals differ by less than this many steps of the code (5 to 10 degrees) are one surface.
 const int SAME_NORMAL = int(0.085 * CODE_SCALE);
-
-// Light of a hemisphere-like source of angular radius asin(s) on a plate whose normal makes cosine c with it [1].
-// Exact at c = 1 and where the source sets; within 0.03 between, for a low Earth orbit.
-float wide_source(float c, float s) {
-    float w = clamp((c + s) / (1.0 + s), 0.0, 1.0);
-    return w * sqrt(w);
-}
-
-// Radiance that leaves one surface towards the camera [W m-2 sr-1].
-// base: reflectance per band, metallic; surface: roughness, clear coat, its roughness, crinkle; p_m: camera frame [m].
-// geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
-color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
-    vec3 v = -normalize(p_m);
-    float lit = sun_visibility(p_m, geometric);
-#ifdef CRINKLE
-    if (surface.w > 0.0) n = crinkled(n, p_m, surface.w);
-#endif
-    float n_v = max(dot(n, v), 1e-3); // 1e-3: a normal averaged at the silhouette may look away
-    vec3 l = u_sun_direction.xyz;
-    float n_l = max(dot(n, l), 0.0) * step(0.0, dot(geometric, l));
-    vec3 h = normalize(v + l);
-    float n_h = clamp(dot(n, h), 0.0, 1.0), v_h = clamp(dot(v, h), 0.0, 1.0);
-    // the Sun is a disc: its radius widens every lobe (Karis 2013, Real shading in Unreal Engine 4, eq. 10)
-    float alpha = clamp(surface.x * surface.x + 0.5 * u_sun_direction.w, 0.0, 1.0);
-    color albedo = BAND(base);
-    color f0 = mix(color(0.04), albedo, base.w);
-#ifdef CLEARCOAT
-    f0 = mix(f0, under_coat(f0), surface.y);
-#endif
-    color diffuse = albedo * ((1.0 - base.w) / PI);
-    color f = fresnel_schlick(f0, v_h);
-    color sun = (color(1.0) - f) * diffuse + f * (distribution_ggx(n_h, alpha) * visibility_smith(n_l, n_v, alpha));
-    // earthshine: diffuse from a wide source; the mirror image of the Earth, blurred by the roughness
-    color earth = BAND(u_earthshine_irradiance);
-    float s = u_earthshine_direction.w;
-    color sky = earth * wide_source(dot(n, u_earthshine_direction.xyz), s) * diffuse;
-    float rim = dot(reflect(-v, n), u_nadir_direction.xyz) - sqrt(1.0 - s * s);
-    color earth_radiance = earth / (PI * max(s * s, 1e-6));
-    vec2 e = environment_brdf(surface.x, n_v);
-    float blur = surface.x * surface.x + 0.02;
-    sky += earth_radiance * (f0 * e.x + e.y) * smoothstep(-blur, blur, rim);
-#ifdef CLEARCOAT
-    {
-        float coat_alpha = surface.z * surface.z + 0.5 * u_sun_direction.w;
-        float fc = (0.04 + 0.96 * pow5(1.0 - v_h)) * surface.y;
-        sun = sun * (1.0 - fc) + fc * distribution_ggx(n_h, coat_alpha) * visibility_smith(n_l, n_v, coat_alpha);
-        float fe = (0.04 + 0.96 * pow5(1.0 - n_v)) * surface.y;
-        float coat_blur = surface.z * surface.z + 0.02;
-        sky = sky * (1.0 - fe) + earth_radiance * fe * smoothstep(-coat_blur, coat_blur, rim);
-    }
-#endif
-    return sun * BAND(u_sun_irradiance) * (n_l * lit) + sky;
-}
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);

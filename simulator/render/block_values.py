@@ -23,15 +23,19 @@ if TYPE_CHECKING:
 
 def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
     """Members of the block ``Frame``."""
-    camera = scene.camera
-    shine = view.earthshine_w_m2 if scene.environment.earthshine else 0 * view.earthshine_w_m2
+    camera, sky = scene.camera, view.sky
+    u_sky, u_earth = np.zeros((10, 4)), np.zeros((3, 4))
+    u_sky[:, : sky.irradiance_w_m2.shape[1]] = sky.irradiance_w_m2
+    u_earth[: len(sky.radiance_w_m2_sr)] = sky.radiance_w_m2_sr
     return {
         "u_intrinsics": [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px],
         "u_sun_direction": [*view.sun_direction, view.sun_sine],
         "u_sun_irradiance": _four(view.sun_irradiance_w_m2 * view.sun_share),
-        "u_earthshine_direction": [*view.earthshine_direction, view.earth_sine],
-        "u_earthshine_irradiance": _four(shine),
-        "u_nadir_direction": [*view.nadir, 0.0],
+        "u_sky": u_sky,
+        "u_earth_radiance": u_earth,
+        "u_earth_rim": [*sky.axis, sky.disc_cosine],
+        # a disc of half the sky lights from around the mean of normal and nadir, all of the sky from the normal
+        "u_nadir_direction": [*sky.axis, float(np.clip((1 + sky.disc_cosine) / 2, 0, 1))],
     }
 
 

@@ -18,11 +18,12 @@ FRAME = (
         "vec4", "u_sun_direction"
     ),  # xyz: camera frame, from the target; w: sine of the Sun's angular radius
     Field("vec4", "u_sun_irradiance"),  # per band at normal incidence, eclipse included [W m-2]
+    Field("vec4", "u_sky", 10),  # irradiance by normal, camera frame, per band [W m-2]; see skylight.py
+    Field("vec4", "u_earth_radiance", 3),  # one a band: gradient and constant over directions [W m-2 sr-1]
+    Field("vec4", "u_earth_rim"),  # xyz: towards the disc's centre, camera frame; w: cosine of its radius
     Field(
-        "vec4", "u_earthshine_direction"
-    ),  # xyz: towards the lit Earth, camera frame; w: sine of Earth's radius
-    Field("vec4", "u_earthshine_irradiance"),  # per band on a plate facing it [W m-2]
-    Field("vec4", "u_nadir_direction"),  # xyz: towards the Earth's centre, camera frame
+        "vec4", "u_nadir_direction"
+    ),  # xyz: towards the Earth's centre; w: how much of the sky's light comes from there, 0..1
 )
 
 # the lens, where it distorts
@@ -43,6 +44,10 @@ TARGET = (
     Field("mat4", "u_light_clip_from_target"),
     Field("mat4", "u_camera_from_target"),
     Field("mat4", "u_light_from_camera"),  # to shadow-map texture coordinates and depth, 0..1
+    Field("vec4", "u_occlusion_low"),  # corner of the grid's box, target frame [m]
+    Field("vec4", "u_occlusion_step"),  # xyz: of the grid [m]; w: the slope that 1 stands for
+    Field("vec4", "u_occlusion_scale"),  # one over the size of the box [m-1]
+    Field("vec4", "u_mean_albedo"),  # of the craft's surfaces, per band
     Field("vec4", "u_lattice"),  # s0, t0; near, far [m]
     Field(
         "vec4", "u_shadow"

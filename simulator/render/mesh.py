@@ -44,6 +44,7 @@ class Mesh:
     hull_m : (K, 3) points whose convex hull holds the mesh, target frame [m].
     center_m, radius_m : bounding sphere, target frame.
     order : which of the target's parts lie in the buffers first, second and so on.
+    mean_color : (3,) reflectance of the surface, the mean over its area, linear RGB.
     is_closed : every part is a set of closed shells facing outwards.
     uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
     """
@@ -54,6 +55,7 @@ class Mesh:
     hull_m: FloatArray
     center_m: FloatArray
     radius_m: float
+    mean_color: FloatArray
     is_closed: bool
     uv: moderngl.Buffer | None = None
     draws: tuple[Draw, ...] = ()
@@ -134,11 +136,24 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
         hull_m=hull,
         center_m=center,
         radius_m=float(np.linalg.norm(hull - center, axis=1).max()),
+        mean_color=_mean_color(target),
         is_closed=all(_is_closed(part) for part in target.parts),
         uv=context.buffer(np.concatenate(uv).astype(np.float32).tobytes()) if textured else None,
         draws=tuple(draws),
         order=tuple(order),
     )
+
+
+def _mean_color(target: Target) -> FloatArray:
+    """Reflectance of the surface, the mean over its area."""
+    colors = {material.name: material.base_color for material in target.materials}
+    total, area = np.zeros(3), 0.0
+    for part in target.parts:
+        p = part.positions_m.astype(float)[np.asarray(part.triangles)]
+        part_area = float(np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1).sum())
+        total += part_area * np.asarray(colors[part.material])
+        area += part_area
+    return np.asarray(total / max(area, 1e-30))
 
 
 def _is_closed(part: Part) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 from simulator.errors import UserError
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from simulator.render.context import GlInfo
     from simulator.render.passes.labels import Surfaces
     from simulator.render.projection import PixelRect
+    from simulator.render.skylight import SkyLight
     from simulator.render.view import View
     from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target
@@ -94,13 +95,16 @@ class Renderer:
         if error != "GL_NO_ERROR":
             raise RuntimeError(f"OpenGL reports {error} after {what} on {self.info.renderer}")
 
-    def render(self, scene: SceneState, target: Target, *, labels: bool = False) -> Rendered:
+    def render(
+        self, scene: SceneState, target: Target, *, labels: bool = False, sky: SkyLight | None = None
+    ) -> Rendered:
         """Draw one scene.
 
         Parameters
         ----------
         target : the model that ``scene.target`` names.
         labels : also return coverage, depth and the share of the silhouette inside the image.
+        sky : light on the target in place of the scene's Earth-shine and Moon-shine, for proofs.
 
         Raises
         ------
@@ -115,6 +119,8 @@ class Renderer:
         clock = StageClock(self._gl)
         passes = self._prepare(scene)
         view = build_view(scene)
+        if sky is not None:
+            view = replace(view, sky=sky)
         images = self._images_for(scene)
         images.clear()
         self._blocks.frame.write(frame_values(scene, view))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.skylight import SkyLight, albedo_map, earth_light, moon_irradiance, no_light
 from simulator.scene.bands import bands_of, sun_irradiance_w_m2
 from simulator.scene.refraction import sunlight_past_earth
 from simulator.world.constants import MOON_RADIUS_M
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 
 EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245  # WGS84
 SUN_RADIUS_M = 6.957e8  # IAU 2015 resolution B3, nominal solar radius
-EARTH_RADIUS_M = 6_371_008.8  # mean radius, for earthshine only; the picture uses the ellipsoid
-EARTH_MEAN_ALBEDO = 0.30  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +35,8 @@ class View:
     sun_irradiance_w_m2 : per band, unobstructed, at the target.
     sun_share : per band, what Earth, air and Moon leave of it.
     sun_at_earth_w_m2 : per band, at the Earth.
-    earthshine_direction, earthshine_w_m2 : towards the lit part of the Earth; on a plate that faces it, per band.
-    nadir : unit vector to the Earth's centre. earth_sine : sine of the Earth's angular radius.
+    sky : light of Earth and Moon on the target.
+    nadir : unit vector to the Earth's centre.
     """
 
     R_camera_from_target: FloatArray
@@ -52,10 +51,8 @@ class View:
     sun_at_earth_w_m2: FloatArray
     sun_visible_fraction: float
     sun_share: FloatArray
-    earthshine_direction: FloatArray
-    earthshine_w_m2: FloatArray
+    sky: SkyLight
     nadir: FloatArray
-    earth_sine: float
 
 
 def build_view(scene: SceneState) -> View:
@@ -66,9 +63,7 @@ def build_view(scene: SceneState) -> View:
     r_sun = np.asarray(scene.r_sun_eci_m)
     to_sun = r_sun - r_target
     sun_distance = float(np.linalg.norm(to_sun))
-    distance = float(np.linalg.norm(r_target))
     sun_unit = r_sun / np.linalg.norm(r_sun)
-    direction, share, earth_sine = _earthshine(r_target / distance, distance, sun_unit)
     sun_w_m2 = sun_irradiance_w_m2(scene.bands, sun_distance)
     return View(
         R_camera_from_target=matrix_from_quat(scene.q_camera_from_target_wxyz),
@@ -83,10 +78,8 @@ def build_view(scene: SceneState) -> View:
         sun_at_earth_w_m2=sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun))),
         sun_visible_fraction=scene.sun_visible_fraction,
         sun_share=_sun_share(scene, R_ie),
-        earthshine_direction=R_ce @ direction,
-        earthshine_w_m2=sun_w_m2 * share,
+        sky=_sky_light(scene, R_ce, R_ie, sun_unit),
         nadir=R_ce @ (-r_camera / np.linalg.norm(r_camera)),
-        earth_sine=earth_sine,
     )
 
 
@@ -106,34 +99,17 @@ def _sun_share(scene: SceneState, R_itrs_from_eci: FloatArray) -> FloatArray:
     return through * float(sun_visible_fraction(r - moon, sun - moon, MOON_RADIUS_M))
 
 
-def _earthshine(zenith: FloatArray, distance_m: float, sun: FloatArray) -> tuple[FloatArray, float, float]:
-    """Light that a Lambert Earth of mean albedo throws on a plate turned towards it.
-
-    Parameters
-    ----------
-    zenith : unit vector from the Earth's centre to the target. sun : unit vector to the Sun, same frame.
-
-    Returns
-    -------
-    direction : unit vector from the target to the centre of the light.
-    share : irradiance on a plate facing ``direction``, over the Sun's at normal incidence.
-    sine : sine of the Earth's angular radius.
-    """
-    sine = min(EARTH_RADIUS_M / distance_m, 1.0)
-    # directions over the visible disc, even in solid angle (a spiral): radiance of each is albedo / pi * cos(sun)
-    count = 128
-    k = np.arange(count) + 0.5
-    cosine_rim = np.sqrt(1 - sine**2)
-    c = 1 - k / count * (1 - cosine_rim)
-    s, turn = np.sqrt(1 - c * c), k * np.pi * (3 - np.sqrt(5))
-    east = np.cross(zenith, [0.0, 0.0, 1.0] if abs(zenith[2]) < 0.9 else [1.0, 0.0, 0.0])
-    east = east / np.linalg.norm(east)
-    north = np.cross(zenith, east)
-    rays = -c[:, None] * zenith + (s * np.cos(turn))[:, None] * east + (s * np.sin(turn))[:, None] * north
-    along = distance_m * c - np.sqrt(np.clip(EARTH_RADIUS_M**2 - (distance_m * s) ** 2, 0, None))
-    ground = (distance_m * zenith + along[:, None] * rays) / EARTH_RADIUS_M
-    radiance = EARTH_MEAN_ALBEDO / np.pi * np.clip(ground @ sun, 0, None)
-    solid_angle = 2 * np.pi * (1 - cosine_rim) / count
-    flux = (radiance[:, None] * rays).sum(axis=0) * solid_angle
-    share = float(np.linalg.norm(flux))
-    return (flux / share if share > 1e-9 else -zenith), share, sine
+def _sky_light(scene: SceneState, R_ce: FloatArray, R_ie: FloatArray, sun_eci: FloatArray) -> SkyLight:
+    """Earth-shine and Moon-shine, or darkness where the scene asks for none."""
+    bands = len(bands_of(scene.bands))
+    if not scene.environment.earthshine:
+        return no_light(bands)
+    r_target, r_sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
+    sun_w_m2 = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun)))
+    albedo = albedo_map(clouds=scene.environment.clouds)
+    earth = earth_light(R_ie @ r_target, R_ie @ sun_eci, R_ce @ R_ie.T, sun_w_m2, albedo)
+    to_moon = np.asarray(scene.r_moon_eci_m) - r_target
+    return replace(
+        earth,
+        irradiance_w_m2=earth.irradiance_w_m2 + moon_irradiance(to_moon, sun_eci, R_ce, sun_w_m2, earth.axis),
+    )

@@ -25,7 +25,7 @@ MAX_SURFACES = 4  # distinct (material, normal) groups shaded per pixel; the res
 class ShadePass:
     """Reads g-buffer and shadow map, writes the frame's radiance (premultiplied) and the target's coverage."""
 
-    SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope")
+    SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_occlusion")
     TEXTURED = ("t_texel", "t_detail")
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
@@ -66,6 +66,7 @@ class ShadePass:
         depth: moderngl.Texture,
         shadow: moderngl.Texture,
         slope: moderngl.Texture,
+        occlusion: moderngl.Texture3D,
         **texels: moderngl.Texture,
     ) -> None:
         """Shade the pixels of ``rect`` inside a convex outline.
@@ -78,7 +79,9 @@ class ShadePass:
         framebuffer.use()
         framebuffer.viewport = rect.viewport
         self._context.enable_only(self._context.NOTHING)
-        program.bind_textures(t_surface=surface, t_depth=depth, t_shadow=shadow, t_slope=slope, **texels)
+        program.bind_textures(
+            t_surface=surface, t_depth=depth, t_shadow=shadow, t_slope=slope, t_occlusion=occlusion, **texels
+        )
         if program not in self._arrays:
             self._arrays[program] = self._context.vertex_array(
                 program.gl, [(self._outline, "2f", "in_pixel")], mode=self._context.TRIANGLE_FAN

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
+from simulator.render.occlusion import light_matrix
 
 if TYPE_CHECKING:
     import moderngl
@@ -64,15 +64,8 @@ class ShadowPass:
     @staticmethod
     def light_from_target(mesh: Mesh, view: View) -> FloatArray:
         """(4, 4) clip matrix from the target frame: the Sun looks along -z of a box around the sphere."""
-        z = -(view.R_camera_from_target.T @ view.sun_direction)  # direction of travel of the light
-        x = np.cross(z, [0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0])
-        x = x / np.linalg.norm(x)
-        y = np.cross(z, x)
-        R = np.stack([x, y, z]) / (mesh.radius_m * 1.02)
-        matrix = np.eye(4)
-        matrix[:3, :3] = R
-        matrix[:3, 3] = -R @ mesh.center_m
-        return matrix
+        along = -(view.R_camera_from_target.T @ view.sun_direction)  # direction of travel of the light
+        return light_matrix(mesh.center_m, mesh.radius_m, along)
 
     def run(self, vertex_array: moderngl.VertexArray) -> None:
         """Draw the map."""

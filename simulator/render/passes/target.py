@@ -11,6 +11,7 @@ from simulator.render.block_values import lens_values
 from simulator.render.lattice import NINE, Lattice, rotated
 from simulator.render.mesh import upload
 from simulator.render.mesh_edges import find_edges
+from simulator.render.occlusion import GRID, LARGEST_SLOPE, occlusion_box, occlusion_texture
 from simulator.render.outline import outline_px
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.gbuffer import GBufferPass
@@ -56,6 +57,7 @@ class Loaded:
     shadow: moderngl.VertexArray
     gbuffer: moderngl.VertexArray
     edges: EdgeBuffers
+    occlusion: moderngl.Texture3D
     textures: Textures | None = None
 
 
@@ -92,11 +94,13 @@ class TargetPasses:
                 self._textured = self._textured or TexturedGBufferPass(context, self._programs)
                 textures = Textures(context, target)
             gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
+            shadow_array = mesh.vertex_array(context, shadow.program.gl)
             self._loaded[target.sha256] = Loaded(
                 mesh,
-                mesh.vertex_array(context, shadow.program.gl),
+                shadow_array,
                 mesh.vertex_array(context, gbuffer.program(mesh).gl),
                 EdgeBuffers(context, find_edges(target.parts, is_closed=mesh.is_closed)),
+                occlusion_texture(context, self._blocks, mesh, shadow_array, target.sha256),
                 textures,
             )
         return self._loaded[target.sha256]
@@ -130,12 +134,17 @@ class TargetPasses:
         half = np.diag([0.5, 0.5, 0.5, 1.0])
         half[:3, 3] = 0.5
         texel_m = box_m / shadow.size_px
+        corner_m, extent_m = occlusion_box(loaded.mesh)
         self._blocks.target.write(
             {
                 "u_lattice_clip_from_target": lattice_clip @ place.camera_from_target,
                 "u_light_clip_from_target": light_from_target,
                 "u_camera_from_target": place.camera_from_target,
                 "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
+                "u_occlusion_low": [*corner_m, 0.0],
+                "u_occlusion_step": [*(extent_m / GRID), LARGEST_SLOPE],
+                "u_occlusion_scale": [*(1 / extent_m), 0.0],
+                "u_mean_albedo": _four(reflectance(scene.bands, loaded.mesh.mean_color)),
                 "u_lattice": [*origin, *place.near_far_m],
                 # the sharpest shadow: a texel wide, and half a pixel of the image where that is more
                 "u_shadow": [texel_m, box_m, 1 / shadow.size_px, max(0.5 * pixel_m / texel_m, 0.75)],
@@ -173,6 +182,7 @@ class TargetPasses:
             samples.depth,
             shadow.map,
             slope,
+            loaded.occlusion,
             **texels,
         )
         clock.lap("target.shading")
@@ -213,6 +223,7 @@ class TargetPasses:
         for loaded in self._loaded.values():
             loaded.mesh.release()
             loaded.edges.release()
+            loaded.occlusion.release()
             if loaded.textures is not None:
                 loaded.textures.release()
         self._loaded.clear()
@@ -273,6 +284,11 @@ def choose_lattice(quality: Quality, place: Placement, *, dense: bool = False) -
         if width * height <= limit:
             return lattice
     raise AssertionError("the last lattice of a preset has no limit")
+
+
+def _four(bands: FloatArray) -> list[float]:
+    """One or three bands as the vec4 of a uniform block."""
+    return [*(float(v) for v in bands), *([0.0] * (4 - len(bands)))]
 
 
 def _material_values(mesh: Mesh, scene: SceneState) -> dict[str, FloatArray]:

@@ -1,0 +1,98 @@
+// Light that leaves a surface of the target: the Sun with shadows, the sky with occlusion, the craft's own parts.
+#include "target/brdf.glsl"
+#include "target/shadow.glsl"
+#ifdef CRINKLE
+#include "target/crinkle.glsl"
+#endif
+
+// Visibility of the sky around the craft, a + b . w over directions w; simulator/render/occlusion.py.
+uniform sampler3D t_occlusion;
+
+// Irradiance of the sky on a plate of normal n, camera frame [W m-2]; simulator/render/skylight.py.
+color sky_irradiance(vec3 n) {
+    color e = BAND(u_sky[0]) + BAND(u_sky[1]) * n.x + BAND(u_sky[2]) * n.y + BAND(u_sky[3]) * n.z;
+    e += BAND(u_sky[4]) * (n.x * n.y) + BAND(u_sky[5]) * (n.y * n.z) + BAND(u_sky[6]) * (n.z * n.x);
+    e += BAND(u_sky[7]) * (3.0 * n.z * n.z - 1.0) + BAND(u_sky[8]) * (n.x * n.x - n.y * n.y);
+    float c2 = dot(n, u_earth_rim.xyz);
+    c2 *= c2;
+    e += BAND(u_sky[9]) * ((35.0 * c2 - 30.0) * c2 + 3.0) * 0.125;
+    return max(e, color(0.0));
+}
+
+// Radiance of the Earth's disc in direction d [W m-2 sr-1].
+color earth_radiance(vec3 d) {
+#if BANDS == 1
+    return max(dot(u_earth_radiance[0], vec4(d, 1.0)), 0.0);
+#else
+    vec4 q = vec4(d, 1.0);
+    return max(vec3(dot(u_earth_radiance[0], q), dot(u_earth_radiance[1], q), dot(u_earth_radiance[2], q)), 0.0);
+#endif
+}
+
+// Share of the light from around direction m that reaches a face of normal n, over what an open plate gets [1].
+float open_towards(vec4 visibility, vec3 n, vec3 m) {
+    return clamp((visibility.w + 0.667 * dot(visibility.xyz, m)) / (0.5 + 0.5 * max(dot(n, m), -0.8)), 0.0, 1.0);
+}
+
+// Radiance that leaves one surface towards the camera [W m-2 sr-1].
+// base: reflectance per band, metallic; surface: roughness, clear coat, its roughness, crinkle; p_m: camera frame [m].
+// geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
+color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
+    vec3 v = -normalize(p_m);
+    float lit = sun_visibility(p_m, geometric);
+#ifdef CRINKLE
+    if (surface.w > 0.0) n = crinkled(n, p_m, surface.w);
+#endif
+    float n_v = max(dot(n, v), 1e-3); // 1e-3: a normal averaged at the silhouette may look away
+    vec3 l = u_sun_direction.xyz;
+    float n_l = max(dot(n, l), 0.0) * step(0.0, dot(geometric, l));
+    vec3 h = normalize(v + l);
+    float n_h = clamp(dot(n, h), 0.0, 1.0), v_h = clamp(dot(v, h), 0.0, 1.0);
+    // the Sun is a disc: its radius widens every lobe (Karis 2013, Real shading in Unreal Engine 4, eq. 10)
+    float alpha = clamp(surface.x * surface.x + 0.5 * u_sun_direction.w, 0.0, 1.0);
+    color albedo = BAND(base);
+    color f0 = mix(color(0.04), albedo, base.w);
+#ifdef CLEARCOAT
+    f0 = mix(f0, under_coat(f0), surface.y);
+#endif
+    color diffuse = albedo * ((1.0 - base.w) / PI);
+    color f = fresnel_schlick(f0, v_h);
+    vec2 e = directional_albedo(surface.x, n_v);
+    // light that bounces several times between microfacets: Turquin (2019), Practical multiple scattering compensation
+    color again = color(1.0) + f0 * (1.0 / (e.x + e.y) - 1.0);
+    color sun = (color(1.0) - f) * diffuse
+        + f * again * (distribution_ggx(n_h, alpha) * visibility_smith(n_l, n_v, alpha));
+
+    // the sky: what the craft leaves open of it, and what the craft's own lit parts give in its place
+    mat3 R = mat3(u_camera_from_target);
+    vec3 n_target = geometric * R, r = reflect(-v, n);
+    vec3 place = (p_m - u_camera_from_target[3].xyz) * R;
+    // a step off the face: no node of the grid behind it has a share
+    vec4 visibility = texture(t_occlusion, (place - u_occlusion_low.xyz + n_target * u_occlusion_step.xyz) * u_occlusion_scale.xyz);
+    visibility.xyz = (visibility.xyz - 0.5) * (2.0 * u_occlusion_step.w);
+    float open = open_towards(visibility, n_target, n_target);
+    vec3 m = normalize(n_target + u_nadir_direction.w * (u_nadir_direction.xyz * R));
+    // what hides the sky looks back: away from the direction in which it lies, and never down into the face
+    vec3 hidden = R * (0.75 * n_target - visibility.xyz);
+    vec3 facing = normalize(0.707 * geometric - hidden * inversesqrt(max(dot(hidden, hidden), 1e-4)) + 1e-3 * v);
+    color around = BAND(u_mean_albedo) * (sky_irradiance(facing)
+        + BAND(u_sun_irradiance) * (max(dot(facing, l), 0.0) * sqrt(open)));
+    color ambient = sky_irradiance(n) * open_towards(visibility, n_target, m) + around * (1.0 - open);
+    float mirrored = open_towards(visibility, n_target, r * R);
+    color own = around * ((1.0 - mirrored) / PI), earth = earth_radiance(r) * mirrored;
+    float rim = dot(r, u_earth_rim.xyz) - u_earth_rim.w;
+    float blur = surface.x * surface.x + 0.02;
+    color gloss = (f0 * e.x + e.y) * again;
+    color sky = ambient * diffuse * (color(1.0) - gloss) + gloss * (earth * smoothstep(-blur, blur, rim) + own);
+#ifdef CLEARCOAT
+    {
+        float coat_alpha = surface.z * surface.z + 0.5 * u_sun_direction.w;
+        float fc = (0.04 + 0.96 * pow5(1.0 - v_h)) * surface.y;
+        sun = sun * (1.0 - fc) + fc * distribution_ggx(n_h, coat_alpha) * visibility_smith(n_l, n_v, coat_alpha);
+        float fe = (0.04 + 0.96 * pow5(1.0 - n_v)) * surface.y;
+        float coat_blur = surface.z * surface.z + 0.02;
+        sky = sky * (1.0 - fe) + fe * (earth * smoothstep(-coat_blur, coat_blur, rim) + own);
+    }
+#endif
+    return sun * BAND(u_sun_irradiance) * (n_l * lit) + sky;
+}

@@ -1,0 +1,118 @@
+"""How much of the sky each place on and around a spacecraft sees past the spacecraft: baked once, kept in the cache.
+
+A grid of places holds the visibility over directions as a constant and a linear term, V(w) = a + b . w (a hemisphere is
+exactly 1/2 + 3/4 n . w for what a cosine-weighted receiver gathers). It is counted from depth maps of the mesh seen
+from many sides.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.cache import cached_array
+from simulator.render.context import release
+from simulator.render.skylight import spiral
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.arrays import ByteArray, FloatArray
+    from simulator.render.blocks import Blocks
+    from simulator.render.mesh import Mesh
+
+VERSION = 1  # of what follows; part of the cache's key
+GRID = 64  # places along each side of the box
+DIRECTIONS = 64
+MAP_PX = 192
+LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.75
+_BIAS = 0.004  # of the box: a place on a face does not hide itself
+_SOLID = 0.04  # of the sky: less is inside a body, and no place to stand
+
+
+def occlusion_box(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
+    """Lower corner and size [m] of the grid's box: the mesh and two steps around it."""
+    low, high = mesh.hull_m.min(axis=0), mesh.hull_m.max(axis=0)
+    step = np.maximum((high - low) / (GRID - 5), 1e-3 * mesh.radius_m)
+    return low - 2.5 * step, GRID * step
+
+
+def occlusion_texture(
+    context: moderngl.Context, blocks: Blocks, mesh: Mesh, shadow_array: moderngl.VertexArray, sha256: str
+) -> moderngl.Texture3D:
+    """The grid on the GPU: b in the first three channels, a in the fourth; baked when the cache lacks it.
+
+    Parameters
+    ----------
+    shadow_array : the mesh with the program that draws its depth by ``u_light_clip_from_target``.
+    sha256 : of the target.
+    """
+    grid = cached_array(
+        f"occlusion-{VERSION}-{GRID}-{DIRECTIONS}-{sha256[:24]}",
+        lambda: _bake(context, blocks, mesh, shadow_array),
+    )
+    texture = context.texture3d((GRID, GRID, GRID), 4, np.ascontiguousarray(grid))
+    texture.filter = (context.LINEAR, context.LINEAR)
+    texture.repeat_x = texture.repeat_y = texture.repeat_z = False
+    return texture
+
+
+def light_matrix(center_m: FloatArray, radius_m: float, along: FloatArray) -> FloatArray:
+    """(4, 4) clip matrix of an orthographic box around a sphere, seen along a unit vector."""
+    x = np.cross(along, [0.0, 0.0, 1.0] if abs(along[2]) < 0.9 else [1.0, 0.0, 0.0])
+    x = x / np.linalg.norm(x)
+    R = np.stack([x, np.cross(along, x), along]) / (radius_m * 1.02)
+    matrix = np.eye(4)
+    matrix[:3, :3] = R
+    matrix[:3, 3] = -R @ center_m
+    return matrix
+
+
+def _bake(
+    context: moderngl.Context, blocks: Blocks, mesh: Mesh, shadow_array: moderngl.VertexArray
+) -> ByteArray:
+    depth = context.depth_texture((MAP_PX, MAP_PX))
+    framebuffer = context.framebuffer(depth_attachment=depth)
+    low, size = occlusion_box(mesh)
+    steps = [low[k] + (np.arange(GRID) + 0.5) / GRID * size[k] for k in range(3)]
+    z, y, x = np.meshgrid(steps[2], steps[1], steps[0], indexing="ij")
+    places = np.stack([x.ravel(), y.ravel(), z.ravel()]).astype(np.float32)
+    total = np.zeros((4, places.shape[1]), np.float32)
+    fields = {
+        field.name: np.zeros((4, 4) if field.glsl_type == "mat4" else 4) for field in blocks.target.fields
+    }
+    for towards in spiral(DIRECTIONS):
+        matrix = light_matrix(mesh.center_m, mesh.radius_m, -towards)
+        blocks.target.write(fields | {"u_light_clip_from_target": matrix})
+        framebuffer.use()
+        framebuffer.clear()
+        context.enable_only(context.DEPTH_TEST)
+        shadow_array.render()
+        seen = np.frombuffer(depth.read(alignment=1), np.float32).reshape(MAP_PX, MAP_PX)
+        clip = matrix[:3, :3].astype(np.float32) @ places + matrix[:3, 3:].astype(np.float32)
+        column, row = np.clip(((clip[:2] * 0.5 + 0.5) * MAP_PX).astype(int), 0, MAP_PX - 1)
+        outside = np.abs(clip[:2]).max(axis=0) >= 1
+        free = (outside | (clip[2] * 0.5 + 0.5 <= seen[row, column] + _BIAS)).astype(np.float32)
+        total[3] += free
+        total[:3] += 3 * free * towards[:, None].astype(np.float32)
+    release(context, framebuffer, depth)
+    shares = _outwards((total / DIRECTIONS).reshape(4, GRID, GRID, GRID))
+    shares[:3] = shares[:3] / (2 * LARGEST_SLOPE) + 0.5
+    return np.ascontiguousarray(np.clip(np.moveaxis(shares, 0, -1) * 255 + 0.5, 0, 255).astype(np.uint8))
+
+
+def _outwards(shares: FloatArray) -> FloatArray:
+    """Give places inside bodies what the nearest open places see, so that no darkness leaks out of a wall."""
+    known = shares[3] > _SOLID
+    for _ in range(3):
+        weight, spread = np.zeros(known.shape, np.float32), np.zeros_like(shares)
+        for axis in range(3):
+            for shift in (-1, 1):
+                near = np.roll(known, shift, axis=axis)
+                weight += near
+                spread += np.roll(shares * known, shift, axis=axis + 1)
+        new = ~known & (weight > 0)
+        shares[:, new] = spread[:, new] / weight[new]
+        known = known | new
+    return shares

@@ -1,0 +1,189 @@
+"""Light of the Earth (and the Moon) on the spacecraft, as a field over directions.
+
+The visible part of the Earth is sampled from the target's place: each sample's radiance is the Sun's light there times
+the albedo of ground and clouds there. The field is kept in two forms: irradiance on a plate of any normal, as a
+polynomial of second degree (Ramamoorthi & Hanrahan 2001, An efficient representation for irradiance environment maps),
+and radiance of the Earth's disc as a linear function of direction, for reflections.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.render.cache import cached_array
+from simulator.render.maps import CLOUDS, COAST, DAY, packed_maps
+
+if TYPE_CHECKING:
+    from simulator.arrays import Float32Array, FloatArray
+
+EARTH_RADIUS_M = 6_371_008.8
+EARTH_MEAN_ALBEDO = 0.30  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53
+SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55
+FULL_MOON_SHARE = 2.5e-6  # of the Sun's irradiance: magnitudes -12.73 and -26.74, Allen (2000)
+_MAP_SIZE = (128, 64)
+_SAMPLES = 256
+_PLATES = 96
+
+
+@dataclass(frozen=True, eq=False)
+class SkyLight:
+    """Light from everything but the Sun, camera frame.
+
+    Parameters
+    ----------
+    irradiance_w_m2 : (10, n) coefficients per band of 1, x, y, z, xy, yz, zx, 3 z^2 - 1, x^2 - y^2 of the normal, and
+        of the fourth Legendre polynomial of its cosine with ``axis``: a disc is even about its axis.
+    radiance_w_m2_sr : (n, 4) per band, over directions inside the disc: gradient, constant.
+    disc_cosine : of the disc's angular radius about ``axis``; -2 for light from everywhere.
+    axis : (3,) unit vector to the disc's centre.
+    """
+
+    irradiance_w_m2: FloatArray
+    radiance_w_m2_sr: FloatArray
+    disc_cosine: float
+    axis: FloatArray
+
+
+def basis(directions: FloatArray, axis: FloatArray) -> FloatArray:
+    """(..., 10) the polynomials of `SkyLight.irradiance_w_m2`."""
+    d = np.asarray(directions, float)
+    x, y, z = np.moveaxis(d, -1, 0)
+    c2 = (d @ axis) ** 2
+    fourth = (35 * c2 * c2 - 30 * c2 + 3) / 8
+    return np.stack(
+        [np.ones_like(x), x, y, z, x * y, y * z, z * x, 3 * z * z - 1, x * x - y * y, fourth], axis=-1
+    )
+
+
+def spiral(count: int, lowest_cosine: float = -1.0) -> FloatArray:
+    """(count, 3) directions even in solid angle over a cap about +z."""
+    k = np.arange(count) + 0.5
+    c = 1 - k / count * (1 - lowest_cosine)
+    s, turn = np.sqrt(np.clip(1 - c * c, 0, None)), k * np.pi * (3 - np.sqrt(5))
+    return np.stack([s * np.cos(turn), s * np.sin(turn), c], axis=1)
+
+
+_NORMALS = spiral(_PLATES)
+
+
+def _fitted(axis: FloatArray, irradiance: FloatArray) -> FloatArray:
+    """(10, n) coefficients, least squares, of the irradiance (P, n) of plates of the normals ``_NORMALS``."""
+    design = basis(_NORMALS, axis)
+    return np.asarray(np.linalg.solve(design.T @ design, design.T @ irradiance), float)
+
+
+def no_light(bands: int) -> SkyLight:
+    """Darkness."""
+    return SkyLight(np.zeros((10, bands)), np.zeros((bands, 4)), 2.0, np.array([0.0, 0.0, 1.0]))
+
+
+def uniform_light(radiance_w_m2_sr: FloatArray) -> SkyLight:
+    """The same radiance per band from everywhere: the white furnace."""
+    radiance = np.asarray(radiance_w_m2_sr, float)
+    irradiance = np.zeros((10, len(radiance)))
+    irradiance[0] = np.pi * radiance
+    linear = np.zeros((len(radiance), 4))
+    linear[:, 3] = radiance
+    return SkyLight(irradiance, linear, -2.0, np.array([0.0, 0.0, 1.0]))
+
+
+def light_of_samples(
+    directions: FloatArray, radiance: FloatArray, solid_angle_sr: float, disc_cosine: float, axis: FloatArray
+) -> SkyLight:
+    """The field of a disc given by samples of equal solid angle.
+
+    Parameters
+    ----------
+    directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1].
+    """
+    falling = np.clip(_NORMALS @ directions.T, 0, None) @ radiance * solid_angle_sr
+    design = np.column_stack([directions, np.ones(len(directions))])
+    # a little weight on the gradient: a small or evenly lit disc leaves it undetermined
+    normal_equations = design.T @ design + 1e-4 * len(directions) * np.diag([1, 1, 1, 0])
+    linear = np.linalg.solve(normal_equations, design.T @ radiance)
+    return SkyLight(_fitted(axis, falling), np.asarray(linear.T, float), disc_cosine, axis)
+
+
+def earth_light(
+    r_target_itrs_m: FloatArray,
+    sun_itrs: FloatArray,
+    R_camera_from_itrs: FloatArray,
+    sun_w_m2: FloatArray,
+    albedo: Float32Array,
+) -> SkyLight:
+    """Light of the part of the Earth that a target sees.
+
+    Parameters
+    ----------
+    sun_itrs : unit vector to the Sun. sun_w_m2 : irradiance of the Sun at the Earth, per band.
+    albedo : (H, W) of a Lambert surface, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
+    """
+    distance = float(np.linalg.norm(r_target_itrs_m))
+    sine = min(EARTH_RADIUS_M / distance, 1.0)
+    rim = float(np.sqrt(1 - sine * sine))
+    zenith = r_target_itrs_m / distance
+    east = np.cross(zenith, [0.0, 0.0, 1.0] if abs(zenith[2]) < 0.9 else [1.0, 0.0, 0.0])
+    east = east / np.linalg.norm(east)
+    cap = spiral(_SAMPLES, rim)
+    rays = cap @ np.stack([east, np.cross(zenith, east), -zenith])
+    c = cap[:, 2]
+    along = distance * c - np.sqrt(np.clip(EARTH_RADIUS_M**2 - distance**2 * (1 - c * c), 0, None))
+    ground = (r_target_itrs_m + along[:, None] * rays) / EARTH_RADIUS_M
+    height, width = albedo.shape
+    row = np.clip((0.5 - np.arcsin(np.clip(ground[:, 2], -1, 1)) / np.pi) * height, 0, height - 1).astype(int)
+    column = ((np.arctan2(ground[:, 1], ground[:, 0]) / (2 * np.pi) + 0.5) * width).astype(int) % width
+    light = albedo[row, column] / np.pi * np.clip(ground @ sun_itrs, 0, None)
+    solid_angle = 2 * np.pi * (1 - rim) / _SAMPLES
+    return light_of_samples(
+        rays @ R_camera_from_itrs.T, light[:, None] * sun_w_m2, solid_angle, rim, -R_camera_from_itrs @ zenith
+    )
+
+
+def moon_irradiance(
+    r_moon_from_target_m: FloatArray,
+    sun: FloatArray,
+    R_camera: FloatArray,
+    sun_w_m2: FloatArray,
+    axis: FloatArray,
+) -> FloatArray:
+    """(10, n) coefficients of the Moon's light, by its phase.
+
+    Parameters
+    ----------
+    sun : unit vector to the Sun, the frame of ``r_moon_from_target_m``. R_camera : from that frame to the camera's.
+    axis : of the field that these are added to, camera frame.
+
+    References
+    ----------
+    Phase law: Allen's Astrophysical Quantities (2000), section 12.4: 0.026 |a| + 4e-9 a^4 magnitudes, a in degrees.
+    """
+    direction = r_moon_from_target_m / np.linalg.norm(r_moon_from_target_m)
+    phase_deg = float(np.degrees(np.arccos(np.clip(-direction @ sun, -1, 1))))
+    share = FULL_MOON_SHARE * 10 ** (-0.4 * (0.026 * phase_deg + 4e-9 * phase_deg**4))
+    share = min(share * (384_400_000.0 / float(np.linalg.norm(r_moon_from_target_m))) ** 2, 1.0)
+    return _fitted(axis, np.outer(np.clip(_NORMALS @ (R_camera @ direction), 0, None), sun_w_m2 * share))
+
+
+@cache
+def albedo_map(*, clouds: bool) -> Float32Array:
+    """(64, 128) albedo of ground, air and clouds, from the maps that draw the Earth, its mean the Earth's."""
+    names = "-".join(name.split(".")[0] for name in (DAY, CLOUDS, COAST))
+    return np.asarray(cached_array(f"albedo-2-{int(clouds)}-{names}", lambda: _reduce_maps(clouds=clouds)))
+
+
+def _reduce_maps(*, clouds: bool) -> Float32Array:
+    packed = packed_maps(1)[0]
+    # every fourth texel is plenty for cells of 3 degrees
+    part = np.asarray(packed[::4, ::4], np.float32) / 255
+    ground = np.where(part[..., 3] > 0.5, part[..., 0] ** 2, SEA_ALBEDO)
+    cover = part[..., 1] ** 2 if clouds else np.zeros_like(ground)
+    albedo = AIR_ALBEDO + (1 - cover) * ground + cover * CLOUD_ALBEDO
+    cells = cv2.resize(albedo, _MAP_SIZE, interpolation=cv2.INTER_AREA)
+    weight = np.cos((np.arange(_MAP_SIZE[1]) + 0.5) / _MAP_SIZE[1] * np.pi - np.pi / 2)[:, None]
+    mean = float((cells * weight).sum() / (weight.sum() * _MAP_SIZE[0]))
+    return np.asarray(cells * (EARTH_MEAN_ALBEDO / mean if clouds else 1.0), np.float32)
