@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import msgspec
+
+from simulator.camera.files import read_camera_file
 from simulator.errors import UserError
 from simulator.loop import Plan, plan_flight
 from simulator.recipe import RecipePlan, list_recipes, plan_recipe
@@ -17,8 +20,13 @@ def choose_plan(
     seed: int | None,
     bands: Bands | None,
     quality: Quality | None,
+    camera: str | None = None,
 ) -> Plan | RecipePlan:
     """The plan of a recipe's name, else of a scenario.
+
+    Parameters
+    ----------
+    camera : name or file of a camera to use instead of the plan's own.
 
     Raises
     ------
@@ -28,6 +36,9 @@ def choose_plan(
     if name in list_recipes():
         if every_s is not None:
             raise UserError(f"recipe {name} has no time, so --every means nothing; use -n")
-        return plan_recipe(name, n, seed=seed, bands=bands, quality=quality)
+        return plan_recipe(name, n, seed=seed, bands=bands, quality=quality, camera=camera)
     count = None if every_s is not None else n
-    return plan_flight(load_scenario(name), n=count, every_s=every_s, seed=seed, bands=bands, quality=quality)
+    scenario = load_scenario(name)
+    if camera is not None:
+        scenario = msgspec.structs.replace(scenario, camera=read_camera_file(camera))
+    return plan_flight(scenario, n=count, every_s=every_s, seed=seed, bands=bands, quality=quality)

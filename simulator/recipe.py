@@ -11,6 +11,7 @@ Tango's, so that both span the same sizes in the image; size is half the diagona
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from simulator.camera.files import load_camera
 from simulator.camera.model import Camera
 from simulator.camera.presets import sensor_preset
 from simulator.errors import UserError
+from simulator.scene.board import board_pose
 from simulator.scene.state import Bands, Environment, Quality, SceneState, TargetRef
 from simulator.targets.library import list_targets, load_target
 from simulator.targets.model import Target
@@ -53,6 +55,8 @@ class Recipe:
     nadir_off_boresight_deg : angle between boresight and nadir, uniform in solid angle. 64 degrees puts the limb
         of the Earth on the boresight at 700 km.
     night_share : share of samples whose ground below is dark.
+    facing_deg : for flat boards: the model's +z looks at the camera within this angle, the board is upright within 20
+        degrees, wholly in the image and as large as fits its place; ``range_m`` then has no part. None: any attitude.
     """
 
     name: str
@@ -66,6 +70,7 @@ class Recipe:
     night_share: float = 0.1
     altitude_m: float = 700e3
     exposure_s: float = 0.001
+    facing_deg: float | None = None
 
 
 BASIC = (
@@ -89,8 +94,27 @@ BASIC = (
         nadir_off_boresight_deg=(0.0, 66.0),
     ),
 )
+CALIBRATION = tuple(
+    Recipe(
+        name=name,
+        title=f"Calibration: the {pattern} board all over the field of view, space behind, no noise",
+        target=target,
+        camera="square-1024",
+        sensor="ideal",
+        nadir_off_boresight_deg=(85.0, 100.0),
+        max_phase_deg=30.0,
+        night_share=0.0,
+        exposure_s=0.0008,
+        facing_deg=40.0,
+    )
+    for name, pattern, target in (
+        ("calibration", "ChArUco", "calibration-board"),
+        ("calibration-chessboard", "chessboard", "chessboard"),
+    )
+)
 RECIPES = (
     *BASIC,
+    *CALIBRATION,
     *(
         replace(
             BASIC[0],
@@ -141,9 +165,12 @@ class RecipePlan:
         """Sample k."""
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence(self.seed, spawn_key=(k, 0x5CE2E))))
         r = self.recipe
-        z = float(rng.uniform(*(r.range_m or scaled_range_m(self.target))))
-        q = _uniform_attitude(rng)
-        t = _translation_in_view(rng, self.camera, _radius_m(self.target), z)
+        if r.facing_deg is not None:
+            q, t = board_pose(rng, self.camera, self.target, k, r.facing_deg)
+        else:
+            z = float(rng.uniform(*(r.range_m or scaled_range_m(self.target))))
+            q = _uniform_attitude(rng)
+            t = _translation_in_view(rng, self.camera, _radius_m(self.target), z)
         sun, nadir = _sun_and_nadir(rng, r)
         return self._placed_in_the_sky(rng, k, q, t, sun, nadir)
 
@@ -207,8 +234,13 @@ def plan_recipe(
     seed: int | None = None,
     bands: Bands | None = None,
     quality: Quality | None = None,
+    camera: str | Path | None = None,
 ) -> RecipePlan:
     """A plan of ``n`` samples of a recipe.
+
+    Parameters
+    ----------
+    camera : name or file of a camera to use instead of the recipe's.
 
     Raises
     ------
@@ -220,15 +252,19 @@ def plan_recipe(
             target = load_target(recipe.target)
             return RecipePlan(
                 # the range that was drawn from stands in the data set's card
-                recipe=replace(recipe, range_m=recipe.range_m or scaled_range_m(target)),
+                recipe=replace(
+                    recipe,
+                    range_m=recipe.range_m or scaled_range_m(target),
+                    camera=str(camera or recipe.camera),
+                ),
                 target=target,
-                camera=load_camera(recipe.camera),
+                camera=load_camera(camera or recipe.camera),
                 n_frames=n,
                 seed=0 if seed is None else seed,
                 bands=bands or "mono",
                 quality=quality or "default",
             )
-    known = ", ".join(r.name for r in BASIC)
+    known = ", ".join(r.name for r in (*BASIC, *CALIBRATION))
     raise UserError(
         f"there is no recipe '{name}'; choose from {known}, or eval-black-NAME of a built-in target"
     )

@@ -103,6 +103,9 @@ def capture(
         bool, typer.Option("--rgb", help="Colour images instead of the scenario's bands.")
     ] = False,
     quality: Annotated[str | None, typer.Option(help="draft, default or high.")] = None,
+    camera: Annotated[
+        str | None, typer.Option("--camera", help="Built-in camera or file, instead of the scenario's own.")
+    ] = None,
     labels: Labels = None,
     seed: Seed = None,
     resume: Annotated[
@@ -118,7 +121,7 @@ def capture(
     names = parse_formats(formats)
     bands: Bands | None = "rgb" if rgb else None
     plan = choose_plan(
-        scenario, n=n or 20, every_s=every_s, seed=seed, bands=bands, quality=_quality(quality)
+        scenario, n=n or 20, every_s=every_s, seed=seed, bands=bands, quality=_quality(quality), camera=camera
     )
     wanted = ",".join(plan.labels) if labels is None else labels
     with progress_bar("capture", quiet=as_json) as progress:

@@ -1,6 +1,6 @@
 // How finely an edge must be cut so that straight pieces follow the bent image.
 #include "target/lens.glsl"
-const float TOLERANCE_PX = 0.006; // of a piece's middle; an inner point of a triangle adds up three edges' errors
+const float TOLERANCE_PX = 0.01; // of a piece's middle; an inner point of a triangle adds up three edges' errors
 
 // Pieces of the edge between two camera points, the same whichever triangle asks.
 float edge_pieces(vec3 p, vec3 q) {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import moderngl
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from simulator.errors import UserError
 from simulator.render.blocks import MAX_MATERIALS
+from simulator.render.patches import EDGE_SHARE, PatchArray, cut
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray
@@ -71,9 +72,30 @@ class Mesh:
         ]
         if self.uv is not None and "in_uv" in program:
             content.append((self.uv, "2f", "in_uv"))
-        return context.vertex_array(
-            program, content, self.indices, skip_errors=True, mode=(program.extra or {}).get("mode")
-        )
+        if (program.extra or {}).get("patches"):
+            return self._patches(context, program, content)
+        return context.vertex_array(program, content, self.indices, skip_errors=True)
+
+    def _patches(
+        self,
+        context: moderngl.Context,
+        program: moderngl.Program,
+        content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]],
+    ) -> moderngl.VertexArray:
+        """The mesh for a program that cuts its triangles: with short edges, drawn in lots."""
+        block = np.frombuffer(self.vertices.read(), np.float32).reshape(-1, VERTEX.itemsize // 4)
+        triangles = np.frombuffer(self.indices.read(), np.uint32).reshape(-1, 3).astype(np.int64)
+        made = cut(block[:, :3].astype(float), triangles, EDGE_SHARE * self.radius_m)
+        extended: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = []
+        for buffer, layout, *names in content:
+            values = np.frombuffer(buffer.read(), np.float32).reshape(len(block), -1)
+            values = made.extended(values)
+            if buffer is self.vertices:
+                values[:, 3:6] /= np.maximum(np.linalg.norm(values[:, 3:6], axis=1, keepdims=True), 1e-9)
+            extended.append((context.buffer(values.tobytes()), layout, *names))
+        indices = context.buffer(made.triangles.astype(np.uint32).tobytes())
+        array = context.vertex_array(program, extended, indices, skip_errors=True)
+        return cast("moderngl.VertexArray", PatchArray(array, made))
 
     def release(self) -> None:
         """Free the buffers."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import moderngl
 
+from simulator.render.patches import MOST_PIECES
 from simulator.render.subdivide import control_stage, evaluation_stage
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ class ProgramLibrary:
                 self._context.program(
                     vertex_shader=source,
                     fragment_shader=head + read_source(fragment),
-                    tess_control_shader=shared + control_stage(source) if cut else None,
+                    tess_control_shader=shared + control_stage(source, MOST_PIECES) if cut else None,
                     tess_evaluation_shader=shared + evaluation_stage(source) if cut else None,
                 ),
                 samplers,
@@ -104,8 +105,8 @@ class Program:
 
     def __init__(self, gl: moderngl.Program, samplers: tuple[str, ...], *, patches: bool = False) -> None:
         self.gl = gl
-        # the arrays of a program that cuts its triangles are drawn as patches of three
-        self.gl.extra = {"mode": moderngl.PATCHES if patches else moderngl.TRIANGLES}
+        # a program that cuts its triangles takes them as patches of three: see `simulator.render.patches`
+        self.gl.extra = {"patches": patches}
         self._samplers = samplers
         for unit, name in enumerate(samplers):
             self.set(name, unit)

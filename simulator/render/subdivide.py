@@ -39,8 +39,8 @@ def _active(source: str) -> str:
     return "\n".join(kept)
 
 
-def control_stage(vertex_source: str) -> str:
-    """GLSL of the stage that decides how finely a triangle is cut."""
+def control_stage(vertex_source: str, most_pieces: int) -> str:
+    """GLSL of the stage that decides how finely a triangle is cut, an edge into ``most_pieces`` at most."""
     handed = outputs(vertex_source)
     declared = "".join(f"{q} in {t} {n}[];\nout {t} c_{n}[];\n" for q, t, n in handed)
     copied = "".join(f"    c_{n}[gl_InvocationID] = {n}[gl_InvocationID];\n" for _, _, n in handed)
@@ -50,7 +50,7 @@ void main() {{
     gl_out[gl_InvocationID].gl_Position = gl_in[gl_InvocationID].gl_Position;
 {copied}    if (gl_InvocationID == 0) {{
         vec3 a = gl_in[0].gl_Position.xyz, b = gl_in[1].gl_Position.xyz, c = gl_in[2].gl_Position.xyz;
-        vec3 pieces = vec3(edge_pieces(b, c), edge_pieces(c, a), edge_pieces(a, b));
+        vec3 pieces = min(vec3(edge_pieces(b, c), edge_pieces(c, a), edge_pieces(a, b)), vec3({most_pieces}.0));
         gl_TessLevelOuter[0] = pieces.x;
         gl_TessLevelOuter[1] = pieces.y;
         gl_TessLevelOuter[2] = pieces.z;
