@@ -128,7 +128,7 @@ def _opencv(
     )
     values = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(d)[:5]])
     names = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
-    return names, values, np.ravel(sigma)[:9], float(rms)
+    return names, values, np.asarray(np.ravel(sigma)[:9], float), float(rms)
 
 
 def _fisheye(

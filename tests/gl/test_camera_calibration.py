@@ -20,7 +20,7 @@ def test_calibration_finds_every_parameter_within_three_of_its_own_sigmas(render
 
 @pytest.mark.parametrize("recipe", ["calibration", "calibration-chessboard"])
 def test_boards_go_all_over_the_image_whole_and_tilted(recipe):
-    for camera in LENSES.values():
+    for camera in (LENSES["pinhole"], LENSES["kannala_brandt"]):
         plan = plan_recipe(recipe, 9, seed=2)
         plan = type(plan)(**{**vars(plan), "camera": camera})
         points = np.concatenate([p.positions_m for p in plan.target.parts]).astype(float)
