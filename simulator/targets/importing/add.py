@@ -94,7 +94,7 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     parts = _parts(bodies, materials, options, lines)
     mass, how = mass_properties_of(bodies, options.mass_kg, options.density_kg_m3)
     keypoints = propose_keypoints(bodies, extent)
-    wireframe, left_out = propose_wireframe(bodies, extent)
+    wireframe, left_out = propose_wireframe(bodies, extent, materials)
     occluders = propose_occluders(bodies, extent)
     lines += _proposals(len(keypoints), len(wireframe), left_out, len(occluders.triangles))
     lines.append(how)

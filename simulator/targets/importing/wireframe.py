@@ -1,18 +1,25 @@
 """A wireframe proposed from creases: sharp and open edges chained into straight stretches.
 
-Stretches carry the mean normals of the faces on their two sides, short and hidden ones are dropped.
+Stretches carry the mean normals of the faces on their two sides. Those that show in pictures are kept, the best first.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import FloatArray, IntArray, Vec3, vec3
-from simulator.targets.importing.seen import times_seen
+from simulator.arrays import BoolArray, FloatArray, IntArray, Vec3, vec3
+from simulator.targets.importing.contrast import contrast_of
+from simulator.targets.importing.rods import along_rods, rods_of
 from simulator.targets.importing.topology import Body, EdgeTable, apart, edge_table
 from simulator.targets.model import Edge
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.targets.model import Material
 
 CREASE_COS = float(np.cos(np.deg2rad(30.0)))
 BEND_COS = float(np.cos(np.deg2rad(35.0)))
@@ -22,9 +29,17 @@ SHORTEST = 0.03
 """Shares of the craft: how far a stretch may leave its straight line, and how long it must be."""
 BEVEL = 0.006
 """Share of the craft within which parallel edges are one."""
-MOST_EDGES = 80
-"""Tango drawn by hand has 61; with 200 proposed on its mesh the estimator found fewer poses than with 80."""
-FEWEST_VIEWS = 2
+FEWEST_EDGES, MOST_EDGES = 40, 100
+MOST_LOOKED_AT = 600
+FEWEST_SEEN = 0.04
+"""Share of the views and of its length in which an edge must be seen."""
+FAINTEST = 0.1
+"""Mean step of brightness across an edge, over the brightest surface's, below which it is no edge to a camera."""
+ENOUGH = 0.97
+"""Share of all that shows (length times contrast times how often it is seen) after which further edges add clutter."""
+GAP = 0.06
+"""Share of the craft by which stretches on one line may be apart to become one: fittings interrupt a plate's edge."""
+PARALLEL = float(np.cos(np.deg2rad(1.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,23 +49,88 @@ class _Stretch:
     normals: FloatArray  # (1 or 2, 3)
 
 
-def propose_wireframe(bodies: list[Body], extent: float) -> tuple[tuple[Edge, ...], int]:
-    """Edges by length, the longest first, and how many more there were than are kept."""
+def propose_wireframe(
+    bodies: list[Body], extent: float, materials: Sequence[Material]
+) -> tuple[tuple[Edge, ...], int]:
+    """Edges by how well they show, the best first, and how many more there were than are kept.
+
+    What counts is length times contrast times how often an edge is in view; slender round pieces become rods.
+    """
+    rods = [r for b in bodies for r in rods_of(b, extent)]
     stretches = [s for b in bodies for s in _stretches(apart(b), extent)]
     stretches = [s for s in stretches if np.linalg.norm(s.b - s.a) >= SHORTEST * extent]
+    if stretches:
+        covered = along_rods(rods, np.array([s.a for s in stretches]), np.array([s.b for s in stretches]))
+        stretches = [s for s, c in zip(stretches, covered, strict=True) if not c]
     # the longest first; rounded, so that equal lengths keep the order of the file
     stretches.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
-    stretches = _distinct(stretches[: 8 * MOST_EDGES], extent)[: 4 * MOST_EDGES]
-    if not stretches:
+    stretches = _one_line(_distinct(stretches[: 2 * MOST_LOOKED_AT], extent), extent)[:MOST_LOOKED_AT]
+    ends = np.array([(s.a, s.b) for s in stretches] + [(r.a_m, r.b_m) for r in rods]).reshape(-1, 2, 3)
+    if not len(ends):
         return (), 0
-    middles = np.array([(1 - f) * s.a + f * s.b for s in stretches for f in (0.25, 0.5, 0.75)])
-    seen = times_seen(bodies, middles).reshape(-1, 3).max(axis=1)
-    visible = [s for s, n in zip(stretches, seen, strict=True) if n >= FEWEST_VIEWS]
-    edges = tuple(
-        Edge(name=f"edge_{k + 1:03d}", a_m=vec3(s.a), b_m=vec3(s.b), normals=_both_sides(s.normals))
-        for k, s in enumerate(visible[:MOST_EDGES])
-    )
-    return edges, max(len(visible) - MOST_EDGES, 0)
+    skin = np.array([0.0] * len(stretches) + [r.radius_m for r in rods])
+    step, seen = contrast_of(bodies, materials, ends[:, 0], ends[:, 1], skin)
+    # a rod's axis is not where its brightness changes: both its sides stand against what is behind
+    step = np.where(skin > 0, np.maximum(step, 0.3), step)
+    shows = np.round(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * step * seen / extent, 6)
+    good = np.flatnonzero((seen >= FEWEST_SEEN) & (step >= FAINTEST))
+    good = good[np.argsort(-shows[good], kind="stable")]
+    share = np.cumsum(shows[good]) / max(float(shows[good].sum()), 1e-12)
+    count = int(np.clip(np.searchsorted(share, ENOUGH) + 1, FEWEST_EDGES, MOST_EDGES))
+    edges = []
+    for number, k in enumerate(good[:count], start=1):
+        name = f"edge_{number:03d}"
+        if k >= len(stretches):
+            edges.append(replace(rods[k - len(stretches)], name=name))
+        else:
+            s = stretches[k]
+            edges.append(Edge(name=name, a_m=vec3(s.a), b_m=vec3(s.b), normals=_both_sides(s.normals)))
+    return tuple(edges), max(len(good) - count, 0)
+
+
+def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
+    """Stretches on one line with a small gap between them, and the same faces beside them, as one."""
+    out: list[_Stretch] = []
+    a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
+    for s in stretches:
+        n = len(out)
+        twin = next(
+            (
+                int(k)
+                for k in np.flatnonzero(_in_line(a[:n], b[:n], s, extent))
+                if _same_sides(out[int(k)].normals, s.normals)
+            ),
+            None,
+        )
+        if twin is None:
+            a[n], b[n] = s.a, s.b
+            out.append(s)
+            continue
+        t = out[twin]
+        ends = np.array([t.a, t.b, s.a, s.b])
+        along = (ends - t.a) @ (t.b - t.a)
+        # the longer one's faces stand for both
+        merged = _Stretch(ends[int(np.argmin(along))], ends[int(np.argmax(along))], t.normals)
+        out[twin], a[twin], b[twin] = merged, merged.a, merged.b
+    return out
+
+
+def _in_line(a: FloatArray, b: FloatArray, s: _Stretch, extent: float) -> BoolArray:
+    """(K,) which of the stretches from ``a`` to ``b`` (K, 3) ``s`` continues, but for a small gap."""
+    chord, other = b - a, s.b - s.a
+    length = np.linalg.norm(chord, axis=1)
+    direction = chord / length[:, None]
+    parallel = np.abs(direction @ other) > PARALLEL * np.linalg.norm(other)
+    offset = np.stack([s.a - a, s.b - a], axis=1)
+    along = np.einsum("kij,kj->ki", offset, direction)
+    aside = np.linalg.norm(offset - along[..., None] * direction[:, None], axis=2).max(axis=1)
+    gap = np.maximum(along.min(axis=1) - length, -along.max(axis=1))
+    return np.asarray(parallel & (aside < STRAIGHT * extent) & (gap < GAP * extent))
+
+
+def _same_sides(one: FloatArray, other: FloatArray) -> bool:
+    alike = one @ other.T > BEND_COS
+    return bool(alike.any(axis=1).all() or alike.any(axis=0).all())
 
 
 def _both_sides(normals: FloatArray) -> tuple[Vec3, ...]:
@@ -196,25 +276,28 @@ def _distinct(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
     Bodies that touch have their common edges twice; a bevelled edge is two lines that no camera tells apart.
     """
     kept: list[_Stretch] = []
+    a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
     for s in stretches:
-        twin = next((k for k, t in enumerate(kept) if _beside(s, t, BEVEL * extent)), None)
-        if twin is None:
+        n = len(kept)
+        twins = np.flatnonzero(_beside(a[:n], b[:n], s, BEVEL * extent))
+        if len(twins) == 0:
+            a[n], b[n] = s.a, s.b
             kept.append(s)
         else:
-            t = kept[twin]
-            kept[twin] = _Stretch(t.a, t.b, _widest(np.concatenate([t.normals, s.normals])))
+            t = kept[int(twins[0])]
+            kept[int(twins[0])] = _Stretch(t.a, t.b, _widest(np.concatenate([t.normals, s.normals])))
     return kept
 
 
-def _beside(s: _Stretch, t: _Stretch, reach: float) -> bool:
-    """Whether both ends of ``s`` lie within ``reach`` of ``t``."""
-    chord = t.b - t.a
-    length2 = float(chord @ chord)
+def _beside(a: FloatArray, b: FloatArray, s: _Stretch, reach: float) -> BoolArray:
+    """(K,) whether both ends of ``s`` lie within ``reach`` of the stretches from ``a`` to ``b`` (K, 3)."""
+    chord = b - a
+    length2 = np.einsum("ij,ij->i", chord, chord)
+    near = np.ones(len(a), bool)
     for end in (s.a, s.b):
-        along = min(max(float((end - t.a) @ chord) / length2, 0.0), 1.0)
-        if float(np.linalg.norm(end - t.a - along * chord)) > reach:
-            return False
-    return True
+        along = np.clip(np.einsum("ij,ij->i", end - a, chord) / length2, 0.0, 1.0)
+        near &= np.linalg.norm(end - a - along[:, None] * chord, axis=1) <= reach
+    return near
 
 
 def _widest(normals: FloatArray) -> FloatArray:
