@@ -14,7 +14,7 @@ from rich.table import Table
 from flyaround.progress import progress_bar
 from hil.board.svd import METHODS, BoardModel, BoardModelError, CameraIntrinsics, make_estimator
 from hil.board.svd.debug.stages import write_stage_pictures
-from hil.board.svd.faithful.config import SOLVERS, STREAMS
+from hil.board.svd.faithful.config import SOLVERS, STEPS, STREAMS
 from hil.board.svd.methods import PUBLISHED
 from hil.evaluate.run import evaluate_dataset
 from hil.evaluate.worker import MethodChoice, board_model
@@ -38,6 +38,12 @@ Streams = Annotated[
 ]
 
 
+Steps = Annotated[
+    str | None,
+    typer.Option(help=f"Steps from svd-2018 or svd-thesis towards svd, with commas: {', '.join(STEPS)}."),
+]
+
+
 def estimate(
     images: Annotated[list[Path], typer.Argument(help="PNG images, 8 or 16 bits.")],
     target: Annotated[str, typer.Option(help="Target name.")] = "tango",
@@ -45,6 +51,7 @@ def estimate(
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
     solver: Solver = None,
     streams: Streams = None,
+    steps: Steps = None,
     debug: Annotated[
         Path | None,
         typer.Option(help="New or empty folder for a picture of every stage, a folder for each image."),
@@ -62,7 +69,8 @@ def estimate(
             CameraIntrinsics.from_dict(msgspec.to_builtins(intrinsics)),
             method,
             solver,
-            split_streams(streams),
+            split_names(streams),
+            split_names(steps) or (),
         )
     except BoardModelError as error:
         raise UserError(str(error)) from error
@@ -128,6 +136,7 @@ def evaluate(
     ] = None,
     solver: Solver = None,
     streams: Streams = None,
+    steps: Steps = None,
     model: Annotated[
         Path | None,
         typer.Option(help="Board model file given to the estimator, instead of the target's own."),
@@ -142,16 +151,16 @@ def evaluate(
     chosen = list(dict.fromkeys(methods or ["svd"]))
     for method in chosen:
         check_method(method)
-    names = split_streams(streams)
+    names = split_names(streams)
     choices = tuple(
-        MethodChoice(m, solver, tuple(names) if names is not None else None)
+        MethodChoice(m, solver, tuple(names) if names is not None else None, tuple(split_names(steps) or ()))
         if m in PUBLISHED
         else MethodChoice(m)
         for m in chosen
     )
-    if (solver or streams) and not any(m in PUBLISHED for m in chosen):
+    if (solver or streams or steps) and not any(m in PUBLISHED for m in chosen):
         raise UserError(
-            f"--solver and --streams belong to {' and '.join(PUBLISHED)}; leave them out for {chosen[0]}"
+            f"--solver, --streams and --steps belong to {' and '.join(PUBLISHED)}; leave them out for {chosen[0]}"
         )
     try:
         given = None if model is None else BoardModel.read(model)
@@ -175,7 +184,7 @@ def evaluate(
     Console().print(f"page: {output / 'index.html'}")
 
 
-def split_streams(streams: str | None) -> list[str] | None:
+def split_names(streams: str | None) -> list[str] | None:
     """The names between the commas."""
     return None if streams is None else [s.strip() for s in streams.split(",") if s.strip()]
 

@@ -25,11 +25,12 @@ if TYPE_CHECKING:
 
 
 class MethodChoice(msgspec.Struct, frozen=True):
-    """A method with its solver and streams; None: the method's own."""
+    """A method with its solver and streams (None: the method's own), and steps towards ours."""
 
     method: str
     solver: str | None = None
     streams: tuple[str, ...] | None = None
+    steps: tuple[str, ...] = ()
 
     @property
     def in_order(self) -> bool:
@@ -39,7 +40,12 @@ class MethodChoice(msgspec.Struct, frozen=True):
     @property
     def label(self) -> str:
         """Its name in tables."""
-        return " ".join([self.method, *([self.solver] if self.solver else []), *(self.streams or ())])
+        extra = [
+            *([self.solver] if self.solver else []),
+            *(self.streams or ()),
+            *(f"+{s}" for s in self.steps),
+        ]
+        return " ".join([self.method, *extra])
 
 
 def board_model(target: Target) -> BoardModel:
@@ -65,7 +71,8 @@ class Evaluator:
         intrinsics = CameraIntrinsics.from_dict(camera)
         self.craft = Craft.prepare(model, intrinsics)
         self.estimators: dict[str, Estimator] = {
-            c.label: make_estimator(model, intrinsics, c.method, c.solver, c.streams) for c in choices
+            c.label: make_estimator(model, intrinsics, c.method, c.solver, c.streams, c.steps)
+            for c in choices
         }
 
     def answer(self, k: int, label: str) -> EvaluatedFrame:

@@ -7,7 +7,7 @@ from typing import Optional, Sequence
 
 from hil.board.svd.base import Estimator
 from hil.board.svd.estimator import PoseEstimator
-from hil.board.svd.faithful.config import SOLVERS, STREAMS, SVD_2018, SVD_THESIS
+from hil.board.svd.faithful.config import SOLVERS, STEPS, STREAMS, SVD_2018, SVD_THESIS
 from hil.board.svd.faithful.estimator import FaithfulEstimator
 from hil.board.svd.model import BoardModel, BoardModelError, CameraIntrinsics
 from hil.board.svd.tracking.estimator import TrackingEstimator
@@ -23,6 +23,7 @@ def make_estimator(
     method: str = "svd",
     solver: Optional[str] = None,
     streams: Optional[Sequence[str]] = None,
+    steps: Sequence[str] = (),
 ) -> Estimator:
     """An estimator of one of ``METHODS``.
 
@@ -30,6 +31,7 @@ def make_estimator(
     ----------
     solver : pose solver of the published methods, one of ``SOLVERS``; None: the method's own.
     streams : feature streams of the published methods, of ``STREAMS``; None: the method's own.
+    steps : of ``STEPS``, from a published method towards ``svd``.
 
     Raises
     ------
@@ -40,7 +42,7 @@ def make_estimator(
         raise BoardModelError(f"unknown method {method!r}: choose one of {', '.join(METHODS)}")
     config = PUBLISHED.get(method)
     if config is None:
-        if solver is not None or streams is not None:
+        if solver is not None or streams is not None or steps:
             raise BoardModelError(
                 f"method {method!r} has no choice of solver or streams: leave it out, or take {', '.join(PUBLISHED)}"
             )
@@ -56,4 +58,8 @@ def make_estimator(
                 f"unknown stream {(unknown or [''])[0]!r}: choose from {', '.join(STREAMS)}"
             )
         config = replace(config, streams=tuple(streams))
+    for step in steps:
+        if step not in STEPS:
+            raise BoardModelError(f"unknown step {step!r}: choose from {', '.join(STEPS)}")
+        config = replace(config, **STEPS[step])
     return FaithfulEstimator(model, camera, config)

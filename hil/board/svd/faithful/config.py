@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Tuple
+from typing import Any, Dict, Tuple
 
 STREAMS = ("wge", "sh", "lsd", "ellipse", "harris")
 SOLVERS = ("epnp", "p3p", "ap3p", "sqpnp", "iterative", "ippe")
@@ -41,6 +41,15 @@ class FaithfulConfig:
     rank: str = "corners"
     finish: str = "corners"
 
+
+# Steps from a published method towards ours, each on top of the ones before: what the ablation takes.
+STEPS: Dict[str, Dict[str, Any]] = {
+    "lsd": {"streams": ("wge", "sh", "lsd")},
+    "regions": {"regions": "proposed"},
+    "many": {"top": 50},
+    "edge-rank": {"rank": "edges"},
+    "edge-finish": {"finish": "edges"},
+}
 
 SVD_2018 = FaithfulConfig("svd-2018")
 SVD_THESIS = FaithfulConfig(

@@ -1,0 +1,189 @@
+"""The studies of docs/svd_results.md: methods, solvers, streams, steps towards ours, a wrong model, a wrong exposure.
+
+``python -m hil.evaluate.study SET REPORTS --parts methods,solvers`` prints tables in Markdown.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from hil.board.svd import BoardModel
+from hil.board.svd.faithful.config import SOLVERS, STEPS
+from hil.evaluate.run import evaluate_dataset
+from hil.evaluate.worker import MethodChoice, board_model
+from simulator.dataset.card import read_card
+from simulator.dataset.native import frame_paths, is_whole, write_frame
+from simulator.labels.frame import take_frame
+from simulator.labels.truth import read_truth
+from simulator.render.renderer import Renderer
+from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from hil.evaluate.metrics import MethodMetrics
+
+LADDER = tuple(tuple(STEPS)[:k] for k in range(len(STEPS) + 1))
+
+MODEL_ERRORS_M = (0.002, 0.005)
+EXPOSURE_FACTORS = (0.25, 4.0)
+
+
+def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
+    """A model whose corners are each moved at random, ``sigma_m`` along each axis; what meets stays joined."""
+    rng = np.random.default_rng(seed)
+    moved: dict[tuple[int, ...], np.ndarray] = {}
+
+    def shift(p: np.ndarray) -> np.ndarray:
+        # corners closer than 2 mm are one corner
+        key = tuple(int(v) for v in np.rint(np.asarray(p) / 0.002))
+        if key not in moved:
+            moved[key] = rng.normal(0.0, sigma_m, 3)
+        return np.asarray(p, float) + moved[key]
+
+    edges = tuple(replace(e, a_m=shift(e.a_m), b_m=shift(e.b_m)) for e in model.wireframe)
+    vertices = np.array([shift(v) for v in model.vertices_m]).reshape(-1, 3)
+    return replace(model, wireframe=edges, vertices_m=vertices, sha256=f"{model.sha256}+{sigma_m}")
+
+
+def expose(folder: Path, out: Path, factor: float) -> Path:
+    """The same frames drawn again with ``factor`` times the exposure; labels are the same."""
+    if (out / "dataset.json").is_file():
+        return out
+    (out / "images").mkdir(parents=True, exist_ok=True)
+    card = read_card(folder)
+    target = load_target(card.target.name)
+    with Renderer() as renderer:
+        for k in range(card.n_frames):
+            if not is_whole(folder, k):
+                continue
+            truth = read_truth(frame_paths(folder, k).truth)
+            scene = replace(truth.scene, exposure_s=truth.scene.exposure_s * factor)
+            frame = take_frame(renderer, scene, target)
+            if frame.truth is None:
+                raise RuntimeError("a labelled frame needs its truth")
+            # whether a frame can be solved is a matter of the right exposure
+            same = msgspec.structs.replace(
+                frame.truth, feasible=truth.feasible, infeasible_reason=truth.infeasible_reason
+            )
+            write_frame(out, k, replace(frame, truth=same))
+    (out / "dataset.json").write_bytes((folder / "dataset.json").read_bytes())
+    return out
+
+
+def table(rows: Sequence[tuple[str, MethodMetrics]]) -> str:
+    """Rows in Markdown."""
+
+    def share(value: float | None, interval: tuple[float, float] | None) -> str:
+        if value is None or interval is None:
+            return "-"
+        return f"{100 * value:.0f} % ({100 * interval[0]:.0f}-{100 * interval[1]:.0f})"
+
+    def number(value: float | None, factor: float = 1.0) -> str:
+        return "-" if value is None else f"{factor * value:.3g}"
+
+    lines = [
+        (
+            "| | coarse | fine | available | false of accepted | median E_R deg, E_T mm (all) | "
+            "mean E_T mm accepted (all) | failures | p50 ms |"
+        ),
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for name, m in rows:
+        wrong = round((m.false_accept or 0.0) * m.n_accepted)
+        lines.append(
+            f"| {name} | {share(m.coarse_success, m.coarse_success_wilson)} | "
+            f"{share(m.fine_success, m.fine_success_wilson)} | {share(m.availability, m.availability_wilson)} | "
+            f"{wrong} of {m.n_accepted} | {number(m.median_E_R_deg_all)}, {number(m.median_E_T_m_all, 1e3)} | "
+            f"{number(m.mean_E_T_m, 1e3)} ({number(m.mean_E_T_m_all, 1e3)}) | "
+            f"{', '.join(f'{n} {k}' for k, n in m.failures.items()) or '-'} | {number(m.time_ms_p50)} |"
+        )
+    return "\n".join(lines)
+
+
+def run_parts(folder: Path, reports: Path, parts: Sequence[str], workers: int) -> str:
+    """Every part's table; what was evaluated before is gone on with.
+
+    Raises
+    ------
+    UserError
+        If the folder is not a data set.
+    """
+    model = board_model(load_target(read_card(folder).target.name))
+    out = []
+
+    def evaluated(
+        name: str, choices: Sequence[MethodChoice], of: Path = folder, given: BoardModel | None = None
+    ) -> list[tuple[str, MethodMetrics]]:
+        place = reports / name
+        place.mkdir(parents=True, exist_ok=True)
+        metrics = evaluate_dataset(of, place, methods=tuple(choices), model=given, workers=workers)
+        return list(metrics.by_method.items())
+
+    def methods() -> list[tuple[str, MethodMetrics]]:
+        return evaluated("methods", [MethodChoice(m) for m in ("svd", "svd-2018", "svd-thesis")])
+
+    def solvers() -> list[tuple[str, MethodMetrics]]:
+        # all points of a figure, or as few as the solver takes, drawn at random
+        both = [MethodChoice(m, s) for m in ("svd-2018", "svd-thesis") for s in SOLVERS]
+        return evaluated("solvers", both)
+
+    def streams() -> list[tuple[str, MethodMetrics]]:
+        kinds = (("wge",), ("sh",), ("lsd",), ("wge", "sh"), ("wge", "sh", "lsd"), ("wge", "sh", "harris"))
+        return evaluated("streams", [MethodChoice("svd-thesis", None, k) for k in kinds])
+
+    def ablation() -> list[tuple[str, MethodMetrics]]:
+        ladder = [MethodChoice("svd-thesis", None, None, steps) for steps in LADDER]
+        return evaluated("ablation", [MethodChoice("svd-2018"), *ladder, MethodChoice("svd")])
+
+    def wrong() -> list[tuple[str, MethodMetrics]]:
+        rows = []
+        for sigma in MODEL_ERRORS_M:
+            found = evaluated(f"model-{sigma}", [MethodChoice("svd")], given=wrong_model(model, sigma))
+            rows += [(f"{name}, corners off by {1e3 * sigma:g} mm", m) for name, m in found]
+        return rows
+
+    def exposure() -> list[tuple[str, MethodMetrics]]:
+        rows = []
+        for factor in EXPOSURE_FACTORS:
+            other = expose(folder, reports / f"set-exposure-{factor}", factor)
+            found = evaluated(f"exposure-{factor}", [MethodChoice("svd")], of=other)
+            rows += [(f"{name}, exposure x {factor:g}", m) for name, m in found]
+        return rows
+
+    known: dict[str, Callable[[], list[tuple[str, MethodMetrics]]]] = {
+        "methods": methods,
+        "solvers": solvers,
+        "streams": streams,
+        "ablation": ablation,
+        "model": wrong,
+        "exposure": exposure,
+    }
+    for part in parts:
+        out.append(f"### {part}: {folder.name}\n\n{table(known[part]())}\n")
+        sys.stdout.write(out[-1] + "\n")
+        sys.stdout.flush()
+    return "\n".join(out)
+
+
+def main() -> int:
+    """Run parts of the studies from the command line."""
+    parser = argparse.ArgumentParser(prog="hil.evaluate.study", description=__doc__)
+    parser.add_argument("set", type=Path, help="a data set written by capture")
+    parser.add_argument("reports", type=Path, help="folder of the reports, gone on with when it exists")
+    parser.add_argument("--parts", default="methods", help="methods,solvers,streams,ablation,model,exposure")
+    parser.add_argument("--workers", type=int, default=1)
+    options = parser.parse_args()
+    run_parts(options.set, options.reports, options.parts.split(","), options.workers)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
