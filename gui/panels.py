@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from gui.window import Window
 
 PANEL_WIDTH = 330.0
+DRIFT_EVERY_S = 0.25
+"""The predicted drift is drawn anew this often, at 1x."""
 SHOWN_RATES = (0.1, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
 
@@ -31,6 +33,7 @@ class SidePanel:
         self._imgui = window.imgui
         self._implot = window.implot
         self._path = np.array(session.planned_path_lvlh_m())
+        self._drift, self._drift_t_s = np.zeros((1, 3)), -np.inf
         self._plot_aspect = 2.0
         self.message = ""
 
@@ -177,6 +180,10 @@ class SidePanel:
         self._plot_aspect = size.x / max(size.y, 1.0)
         self._line("planned", self._path, (*style.QUIET[:3], 0.7), 1.0)
         self._line("flown", flown, style.ACCENT, 2.0)
+        if session.mode == "steer":
+            if abs(session.t_s - self._drift_t_s) > DRIFT_EVERY_S * session.rate:
+                self._drift, self._drift_t_s = session.predicted_drift_lvlh_m(), session.t_s
+            self._line("drift", self._drift, (*style.WARN[:3], 0.6), 1.0)
         self._dot("target", np.zeros(3), style.WARN)
         self._dot("chaser", here, style.ACCENT)
         implot.end_plot()

@@ -14,12 +14,14 @@ from simulator.arrays import Vec3, vec3
 from simulator.loop import plan_flight
 from simulator.scenario_chaser import keep_out
 from simulator.scenario_flight import fly
+from simulator.world.prediction import predicted_drift_lvlh_m
 from simulator.world.rotation import matrix_from_quat
 from simulator.world.steer import ChaserState, Command, guarded_command, step
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
+    from simulator.arrays import FloatArray
     from simulator.loop import Plan
     from simulator.scenario import Scenario
     from simulator.scene.state import SceneState
@@ -38,6 +40,8 @@ LONGEST_TICK_S = 0.25
 FIRST_SPAN_S = 1800.0
 MARGIN_S = 60.0
 TRAIL_POINTS = 4000
+DRIFT_S = 600.0
+"""How far ahead free drift is foretold."""
 BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
 
 
@@ -289,6 +293,10 @@ class Session:
         """The scenario's own trajectory over its duration, LVLH [m]."""
         times = np.linspace(0.0, self.plan.scenario.duration_s, samples)
         return [self._lvlh_position(self.flight.chaser(float(t))) for t in times]
+
+    def predicted_drift_lvlh_m(self) -> FloatArray:
+        """Where the chaser would drift without thrust over the next minutes, LVLH (n, 3) [m]."""
+        return predicted_drift_lvlh_m(self.flight.orbit, self.moment.chaser, DRIFT_S)
 
     def _lvlh_position(self, chaser: ChaserState) -> Vec3:
         p, v = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
     from simulator.world.flight import Flight
 
+_LOOK_EVERY_S = 60.0
 MOST_FRAMES = 1_000_000
 """More frames than this in one run are taken for a mistake."""
 
@@ -65,7 +66,9 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
         v_target_eci_m_s=v,
         burns=burns(scenario.burns),
         attitude=lambda frame: q_eci_from_target(a, frame),
-        motion=Fixed(frame="eci") if replayed else target_motion(a, target.mass.inertia_kg_m2, epoch, span_s),
+        motion=Fixed(frame="eci")
+        if replayed
+        else target_motion(a, target.mass.inertia_kg_m2, epoch, scenario.duration_s),
         guidance=guidance(scenario.chaser),
         thrusters=thrusters(scenario.chaser),
         keep_out=keep_out(scenario.chaser),
@@ -78,11 +81,23 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
         ),
         choose_down=down == "auto",
     )
+    _check_height(flight, scenario.name)
     if not isinstance(scenario.chaser, sc.ReplayChaser):
         return flight
     recording = Recording.read(Path(scenario.chaser.file))
     orbit, tumble = recorded_tracks(recording, flight.orbit.forces, span_s, epoch, body)
     return replace(flight, orbit=orbit, attitude=tumble, recording=recording)
+
+
+def _check_height(flight: Flight, name: str) -> None:
+    """Refuse a flight that drag or a burn brings to the ground."""
+    for t_s in np.linspace(0.0, flight.duration_s, max(int(flight.duration_s / _LOOK_EVERY_S), 2)):
+        height = float(np.linalg.norm(flight.orbit(float(t_s))[0])) - flight.body.radius_m
+        if height < 0:
+            raise UserError(
+                f"scenario {name}: the target is below the surface of {flight.body.title} {t_s:.0f} s after the start: "
+                "shorten duration_s, or change the burns or the orbit"
+            )
 
 
 def central_body(scenario: sc.Scenario) -> Body:

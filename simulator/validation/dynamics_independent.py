@@ -101,7 +101,7 @@ def against_skyfield(reference: Path) -> list[Row]:
     turned = []
     for row in table[jd < 2460000.0]:
         t = Instant(float(row[0]), 0.0)
-        ours = erfa.c2t06a(t.tt1, t.tt2, *t.ut1, 0.0, 0.0)
+        ours = R_itrs_from_eci(t, polar_motion=False)
         turned.append(arcsec(ours, row[8:].reshape(3, 3)).max())
     name = "Skyfield 1.55, DE421"
     sun = float(arcsec(sun_eci_m(jd, 0 * jd), table[:, 2:5]).max())

@@ -11,7 +11,13 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from simulator.errors import UserError
 from simulator.world.ccsds import Segment, header, read_segments, stamp
 from simulator.world.ccsds_frames import FRAMES, R_gcrf_from, known_frame
-from simulator.world.rotation import quat_conjugate, quat_from_matrix, quat_multiply, quat_normalize
+from simulator.world.rotation import (
+    quat_conjugate,
+    quat_from_matrix,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_normalize,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,14 +60,22 @@ def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, F
 
 @dataclass(frozen=True, eq=False)
 class AttitudeHistory:
-    """The attitude of a message over a flight: a cubic rotation spline through its lines, with a smooth rate."""
+    """The attitude of a message over a flight: a cubic rotation spline through its lines, with a smooth rate.
+
+    Parameters
+    ----------
+    spline : over the flight. end_s : of what was asked for; from there it turns on at its last rate.
+    """
 
     spline: RotationSpline
+    end_s: float
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1]."""
-        x, y, z, w = self.spline(t_s).as_quat()
-        return np.array([w, x, y, z]), np.asarray(self.spline(t_s, 1), float)
+        inside = min(t_s, self.end_s)
+        x, y, z, w = self.spline(inside).as_quat()
+        q, omega = np.array([w, x, y, z]), np.asarray(self.spline(inside, 1), float)
+        return (q if inside == t_s else quat_multiply(q, quat_from_rotvec(omega * (t_s - inside)))), omega
 
 
 def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -> AttitudeHistory:
@@ -82,7 +96,9 @@ def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -
     for k in range(low + 1, high):
         segment.refuse_gap(times, k)
     q = _attitudes(segment)[low:high]
-    return AttitudeHistory(RotationSpline(times[low:high], Rotation.from_quat(np.roll(q, -1, axis=1))))
+    return AttitudeHistory(
+        RotationSpline(times[low:high], Rotation.from_quat(np.roll(q, -1, axis=1))), duration_s
+    )
 
 
 def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> tuple[Segment, FloatArray]:

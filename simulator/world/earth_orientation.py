@@ -15,16 +15,21 @@ if TYPE_CHECKING:
     from simulator.world.time import Instant
 
 
-def R_itrs_from_eci(instant: Instant) -> FloatArray:
+def R_itrs_from_eci(instant: Instant, *, polar_motion: bool = True) -> FloatArray:
     """(3, 3) rotation from GCRS to ITRS, IAU 2006/2000A, with measured UT1 and pole where the table has them.
 
     The celestial pole offsets of the IERS (0.3 mas, 1 cm on the ground) are left out.
+
+    Parameters
+    ----------
+    instant : the moment. polar_motion : without it the pole is the Earth's axis (up to 0.6 arcsec, 18 m).
 
     References
     ----------
     IERS Conventions (2010), chapter 5; SOFA routine ``iauC2t06a``.
     """
-    return np.asarray(erfa.c2t06a(instant.tt1, instant.tt2, *instant.ut1, *_pole(instant)), float)
+    pole = _pole(instant) if polar_motion else (0.0, 0.0)
+    return np.asarray(erfa.c2t06a(instant.tt1, instant.tt2, *instant.ut1, *pole), float)
 
 
 def celestial_and_polar(instant: Instant) -> tuple[FloatArray, FloatArray]:

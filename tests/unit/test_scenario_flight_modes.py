@@ -84,6 +84,9 @@ def test_attitude_file_is_followed(tmp_path: Path) -> None:
     # the rate rises as the file has it, and does not stay what it was at the epoch
     for t in (0.0, 17.0, 40.0):
         assert flight.state(t).omega_target_rad_s[2] == pytest.approx(0.02 + 2e-4 * (t + 60.0), abs=1e-6)
+    # an operator may fly on after the file's end: it turns on as it did
+    longer = fly(load_scenario(tmp_path / "mine.toml"), TANGO, 300.0)
+    assert longer.state(250.0).omega_target_rad_s == pytest.approx(flight.state(40.0).omega_target_rad_s)
 
 
 def test_burn_of_the_target_is_seen_from_the_chaser(tmp_path: Path) -> None:
@@ -133,3 +136,14 @@ def test_burn_of_the_target_is_seen_from_the_chaser(tmp_path: Path) -> None:
 def test_contradictions_are_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises(UserError, match=sentence):
         load_scenario(written(tmp_path, text))
+
+
+def test_a_burn_that_brings_the_target_down_is_refused(tmp_path: Path) -> None:
+    text = HEAD.replace("duration_s = 40.0", "duration_s = 3000.0") + DRIFT
+    text += BURN.format(craft="target", start=5.0).replace("0.1", "-900.0")
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(
+        UserError, match=r"below the surface of the Earth .* s after the start: shorten duration_s"
+    ):
+        fly(load_scenario(path), TANGO)
