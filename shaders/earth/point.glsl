@@ -53,7 +53,12 @@ struct GroundPoint {
     color haze;     // radiance of the air in between [W m-2 sr-1]
 };
 
-const float CITY = 2.0e-3;    // radiance of a city's brightest texels [W m-2 sr-1 per band]; VIIRS: 100-200 nW cm-2 sr-1
+// radiance of a city's brightest texels [W m-2 sr-1 per band]; VIIRS: 100-200 nW cm-2 sr-1; sodium and warm white lamps
+#if BANDS == 1
+const float CITY = 2.0e-3;
+#else
+const vec3 CITY = vec3(1.2e-3, 0.75e-3, 0.28e-3);
+#endif
 
 GroundPoint ground_point(EarthRay ray) {
     GroundPoint g;

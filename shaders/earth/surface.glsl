@@ -50,9 +50,14 @@ color surface_radiance(GroundPoint g) {
 #endif
     // patches, and hills that turn to and from the Sun
     reflectance *= g.tone * (1.0 - 0.5 * GRAIN + GRAIN * under.w - clamp(2.2 * rise * g.rough, -0.6, 0.6));
+    reflectance = min(reflectance, color(0.75)); // fresh snow
+#if BANDS == 3
+    // snow is white whatever grows under it
+    reflectance = mix(reflectance, vec3(dot(reflectance, vec3(1.0 / 3.0))), clamp(0.5 * g.tone.y - 1.0, 0.0, 1.0));
+#endif
     color sea = SEA * (0.85 + 0.3 * under.x); // plankton and wind
 #if GLINT
-    sea += color(g.glint * (0.8 + 0.4 * under.x)); // cat's paws
+    sea += color(g.glint * (0.9 + 0.2 * under.x)); // cat's paws
 #endif
     color ground = mix(sea, reflectance, land);
 #if CLOUDS
@@ -91,8 +96,10 @@ color surface_radiance(GroundPoint g) {
 #endif
     color radiance = ground * g.light + g.haze;
 #if NIGHT
-    float streets = under.x * under.x * under.w;                // bright points and dark blocks, 1/6 on average
-    color lamps = g.lamps * (map.z * map.z * map.z * 6.0 * streets);
+    // bright points at the middles of puffs, dark blocks between them; one on average
+    float core = under.x * under.x * under.x;
+    float streets = 14.0 * core * core * under.w;
+    color lamps = g.lamps * (map.z * map.z * map.z * streets);
 #if CLOUDS
     lamps *= 1.0 - 0.8 * cloud;
 #endif

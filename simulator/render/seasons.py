@@ -17,7 +17,7 @@ from simulator.render.cache import cached_array
 from simulator.render.maps import COAST, PAN_WEIGHTS, asset_bytes, decode_map, land_only, to_reflectance
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray, FloatArray
+    from simulator.arrays import ByteArray
 
 WIDTH, HEIGHT = 2048, 1024
 HEIGHT_MAP, HEIGHT_M_PER_COUNT = "height_4032x2016.png", 24.8
@@ -25,7 +25,7 @@ OCTAVES = 4.0  # the gain's channels hold plus and minus this many octaves
 SLOPE_MAX = 0.25  # the relief's channels hold plus and minus this
 ROUGH_M = 400.0  # standard deviation of the height over 30 km where the land is as rough as can be
 _MAP_MONTH = 8  # of the fine map
-_VERSION = 1
+_VERSION = 2
 # middle of each month there is a map of [day of the year]
 ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
 _YEAR = 365.25
@@ -93,17 +93,19 @@ def relief() -> ByteArray:
 def _make_relief() -> ByteArray:
     height = decode_map(HEIGHT_MAP, cv2.IMREAD_GRAYSCALE, None).astype(np.float32) * HEIGHT_M_PER_COUNT
     rows, columns = height.shape
-    wide = np.pad(height, ((4, 4), (0, 0)), mode="edge")
-    wide = np.pad(wide, ((0, 0), (4, 4)), mode="wrap")
     texel_m = np.pi * 6_378_137.0 / rows
     latitude = np.pi / 2 - (np.arange(rows) + 0.5) / rows * np.pi
-    inner = (slice(4, -4), slice(4, -4))
-    east = (np.roll(wide, -1, 1) - np.roll(wide, 1, 1))[inner] / 2
-    north = (np.roll(wide, 1, 0) - np.roll(wide, -1, 0))[inner] / (2 * texel_m)
-    east = east / (texel_m * np.cos(latitude)[:, None].clip(0.05))
-    mean = cv2.blur(wide, (3, 3))
-    variance = np.clip(cv2.blur(wide * wide, (3, 3)) - mean * mean, 0, None)[inner]
-    rough = np.sqrt(variance) / ROUGH_M
-    slope: FloatArray = np.dstack([east, north]).astype(float) / (2 * SLOPE_MAX) + 0.5
-    channels = np.dstack([slope, rough, np.ones((rows, columns))])
-    return np.ascontiguousarray(np.clip(channels * 255 + 0.5, 0, 255).astype(np.uint8))
+    # the date line is an edge like any other: what is wrong there is a texel wide
+    kernel = np.array([[-0.5, 0.0, 0.5]], np.float32)
+    east = cv2.filter2D(height, -1, kernel) / (texel_m * np.cos(latitude)[:, None].clip(0.05)).astype(
+        np.float32
+    )
+    north = cv2.filter2D(height, -1, -kernel.T / np.float32(texel_m))
+    mean = cv2.blur(height, (3, 3))
+    variance = cv2.blur(height * height, (3, 3)) - mean * mean
+    rough = cv2.sqrt(np.clip(variance, 0, None)) * np.float32(255 / ROUGH_M)
+    slopes = [
+        cv2.convertScaleAbs(np.clip(s * (255 / (2 * SLOPE_MAX)) + 127.5, 0, 255)) for s in (east, north)
+    ]
+    full = np.full((rows, columns), 255, np.uint8)
+    return np.asarray(cv2.merge([*slopes, cv2.convertScaleAbs(rough), full]), np.uint8)

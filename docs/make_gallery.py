@@ -1,0 +1,227 @@
+"""Make docs/gallery.md and its pictures with our own software: python docs/make_gallery.py."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+
+import flyaround as fa
+from simulator.arrays import quat, vec3
+from simulator.camera.model import Camera
+from simulator.scene.bands import sunlight_balance
+from simulator.scene.state import Environment, TargetRef
+from simulator.scene.viewpoint import place_itrs_m, scene_above
+from simulator.world.earth_orientation import q_itrs_from_eci
+from simulator.world.ephemeris import moon_eci_m
+from simulator.world.rotation import matrix_from_quat, quat_from_matrix
+from simulator.world.time import Instant
+
+DOCS = Path(__file__).parent
+SIZE = (1120, 700)
+JPEG = 82
+LARGEST_BYTES = 100_000
+Picture = Callable[[fa.Renderer], np.ndarray]
+
+
+def camera(field_deg: float, size: tuple[int, int] = SIZE) -> Camera:
+    """A pinhole of a horizontal field of view."""
+    f = size[0] / 2 / np.tan(np.radians(field_deg) / 2)
+    return Camera(
+        width_px=size[0],
+        height_px=size[1],
+        fx_px=f,
+        fy_px=f,
+        cx_px=size[0] / 2 - 0.5,
+        cy_px=size[1] / 2 - 0.5,
+    )
+
+
+def above(
+    epoch: str,
+    place: tuple[float, float, float],
+    field_deg: float,
+    size: tuple[int, int] = SIZE,
+    **more: Any,  # noqa: ANN401 - handed on
+) -> fa.SceneState:
+    """A scene without spacecraft."""
+    ref = TargetRef(name="tango", sha256=fa.load_target("tango").sha256)
+    return scene_above(epoch, place, camera=camera(field_deg, size), target=ref, quality="high", **more)
+
+
+def radiance(renderer: fa.Renderer, scene: fa.SceneState, target: str = "tango") -> np.ndarray:
+    """RGB in units in which sunlit white is grey."""
+    return renderer.render(scene, fa.load_target(target)).radiance * sunlight_balance("rgb")
+
+
+def film(light: np.ndarray, brightest: float) -> np.ndarray:
+    """An sRGB picture: straight up to four fifths, then a shoulder."""
+    y = light * (0.8 / brightest)
+    y = np.where(y < 0.8, y, 0.8 + 0.2 * (1 - np.exp(-(y - 0.8) / 0.2)))
+    y = np.clip(y, 0, 1)
+    return np.asarray(
+        np.where(y < 0.0031308, 12.92 * y, 1.055 * y ** (1 / 2.4) - 0.055) * 255 + 0.5, np.uint8
+    )
+
+
+def exposed(light: np.ndarray, share: float) -> np.ndarray:
+    """A picture whose given share lies below the shoulder."""
+    return film(light, float(np.quantile(light[light > 0], share)))
+
+
+def noon(renderer: fa.Renderer) -> np.ndarray:
+    """Over Egypt."""
+    scene = above("2026-03-20T09:30:00Z", (27.0, 34.0, 420.0), 60.0, azimuth_deg=340.0, off_nadir_deg=42.0)
+    return exposed(radiance(renderer, scene), 0.98)
+
+
+def terminator(renderer: fa.Renderer) -> np.ndarray:
+    """The Sun sets over the South Atlantic."""
+    scene = above("2026-03-20T17:50:00Z", (-12.0, -3.0, 420.0), 60.0, azimuth_deg=285.0, off_nadir_deg=62.0)
+    return exposed(radiance(renderer, scene), 0.995)
+
+
+def night(renderer: fa.Renderer) -> np.ndarray:
+    """Italy and the Alps."""
+    scene = above("2026-11-15T22:00:00Z", (42.0, 6.0, 420.0), 60.0, azimuth_deg=60.0, off_nadir_deg=52.0)
+    return film(radiance(renderer, scene), 0.0025)
+
+
+def glint(renderer: fa.Renderer) -> np.ndarray:
+    """The Gulf of Sidra."""
+    scene = above("2026-07-10T14:00:00Z", (34.0, 24.0, 420.0), 60.0, azimuth_deg=255.0, off_nadir_deg=50.0)
+    return exposed(radiance(renderer, scene), 0.99)
+
+
+def limb(renderer: fa.Renderer) -> np.ndarray:
+    """A long lens at the horizon."""
+    scene = above("2026-06-20T15:00:00Z", (10.0, -30.0, 420.0), 7.0, azimuth_deg=300.0, off_nadir_deg=69.4)
+    return exposed(radiance(renderer, scene), 0.95)
+
+
+def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
+    """The last minute of sunlight."""
+    scenario = fa.load_scenario("tango-eclipse-pass")
+    behind = msgspec.structs.replace(scenario.chaser, position_lvlh_m=(3.4, 8.2, 1.6))
+    scenario = msgspec.structs.replace(scenario, chaser=behind)
+    times = np.arange(0.0, scenario.duration_s, 2.0)
+    plan = fa.plan_flight(scenario, times=tuple(times), bands="rgb")
+    shares = np.array([plan.scene(k).sun_visible_fraction for k in range(len(times))])
+    inside = np.flatnonzero((shares > 0.02) & (shares < 0.9))
+    k = int(inside[len(inside) // 2]) if len(inside) else int(np.argmax(shares < 1))
+    scene = replace(plan.scene(k), camera=camera(26.0), quality="high")
+    return exposed(radiance(renderer, scene), 0.96)
+
+
+def moonrise(renderer: fa.Renderer) -> np.ndarray:
+    """The Moon over the limb of the day."""
+    epoch = "2026-03-30T16:00:00Z"
+    now = Instant.from_utc(epoch)
+    moon = matrix_from_quat(q_itrs_from_eci(now)) @ moon_eci_m(now.tt1, now.tt2).reshape(3)
+    best, place = 9.0, (0.0, 0.0, 420.0)
+    # where it stands a little above the horizon, 19.8 degrees below the level
+    for longitude in np.arange(-180.0, 180.0, 0.25):
+        r, enu = place_itrs_m(15.0, float(longitude), 420.0)
+        to_moon = (moon - r) / np.linalg.norm(moon - r)
+        height = np.degrees(np.arcsin(enu[2] @ to_moon))
+        rising = enu[0] @ to_moon > 0  # in the afternoon, before it is full
+        if rising and abs(height + 18.9) < best:
+            best, place = abs(height + 18.9), (15.0, float(longitude), 420.0)
+    return exposed(radiance(renderer, above(epoch, place, 4.5, look_at="moon")), 0.95)
+
+
+def stars(renderer: fa.Renderer) -> np.ndarray:
+    """Orion from the night side."""
+    scene = above("2026-11-15T20:20:00Z", (8.0, -4.0, 420.0), 45.0, azimuth_deg=94.0, off_nadir_deg=88.0)
+    light = cv2.GaussianBlur(radiance(renderer, scene), (0, 0), 0.8)
+    return film(light, 2e-4)
+
+
+def seasons(renderer: fa.Renderer) -> np.ndarray:
+    """Europe at noon in January, April, July and October."""
+    tiles = []
+    half = (SIZE[0] // 2, SIZE[1] // 2)
+    for month in ("01", "04", "07", "10"):
+        world = Environment(clouds=False)
+        scene = above(f"2026-{month}-15T11:00:00Z", (49.0, 14.0, 2500.0), 42.0, half, environment=world)
+        tiles.append(exposed(radiance(renderer, scene), 0.985))
+    return np.vstack([np.hstack(tiles[:2]), np.hstack(tiles[2:])])
+
+
+def earthrise(renderer: fa.Renderer) -> np.ndarray:
+    """From 110 km above the Moon."""
+    epoch = "2026-12-13T12:00:00Z"
+    now = Instant.from_utc(epoch)
+    moon = moon_eci_m(now.tt1, now.tt2).reshape(3)
+    scene = above(epoch, (0.0, 0.0, 400.0), 20.0)
+    to_earth = -moon / np.linalg.norm(moon)
+    sun = np.asarray(scene.r_sun_eci_m) / np.linalg.norm(scene.r_sun_eci_m)
+    side = np.cross(to_earth, np.cross(sun, to_earth))
+    side = -np.cross(to_earth, np.array([0.0, 0.0, 1.0])) if np.linalg.norm(side) < 0.1 else side
+    up = side / np.linalg.norm(side)
+    # up is towards the Sun's side; the Earth stands 3 degrees above the Moon's horizon, 19.9 below the level
+    up = up - (up @ to_earth) * to_earth
+    up /= np.linalg.norm(up)
+    tilt = np.radians(-16.5)
+    zenith = np.cos(tilt) * up + np.sin(tilt) * to_earth
+    r = moon + 1_847_400.0 * zenith
+    level = to_earth - (to_earth @ zenith) * zenith
+    level /= np.linalg.norm(level)
+    look = np.cos(np.radians(19.0)) * level - np.sin(np.radians(19.0)) * zenith
+    x = np.cross(look, zenith)
+    x /= np.linalg.norm(x)
+    R = np.stack([x, np.cross(look, x), look])
+    scene = replace(
+        scene,
+        r_camera_eci_m=vec3(r),
+        r_target_eci_m=vec3(r - 1000 * look),
+        q_camera_from_eci_wxyz=quat(quat_from_matrix(R)),
+        central_body="moon",
+    )
+    return exposed(radiance(renderer, scene), 0.997)
+
+
+PICTURES: tuple[tuple[str, Picture, str], ...] = (
+    ("noon", noon, "Noon over Egypt: the Nile, Sinai and the Red Sea from 420 km, 20 March"),
+    ("terminator", terminator, "The Sun's glint and long shadows near the terminator, South Atlantic"),
+    ("night", night, "City lights of Italy and the Alps"),
+    ("glint", glint, "Sun glint on the Gulf of Sidra, July"),
+    ("limb", limb, "Layers of the limb through a long lens: clouds, haze, blue air, the dark"),
+    ("eclipse-entry", eclipse_entry, "Tango in the red light of a Sun that sets behind the Earth"),
+    ("moon", moonrise, "The Moon over the limb"),
+    ("stars", stars, "Orion rises: stars in calibrated flux and colour, moved to the date"),
+    ("seasons", seasons, "Central Europe without clouds: January, April, July, October"),
+    ("earthrise", earthrise, "The Earth from 110 km above the Moon"),
+)
+
+
+def main(names: list[str] | None = None) -> None:
+    """Draw, write and describe every picture, or those that are named."""
+    folder = DOCS / "images" / "gallery"
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = [
+        "# Gallery",
+        "",
+        "Made by `python docs/make_gallery.py`: radiance in physical units through one tone curve, preset `high`.",
+    ]
+    with fa.Renderer() as renderer:
+        for name, picture, caption in PICTURES:
+            path = folder / f"{name}.jpg"
+            if not names or name in names:
+                image = np.ascontiguousarray(picture(renderer)[..., ::-1])
+                for quality in (JPEG, 70, 55, 40):
+                    data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+                    if len(data) <= LARGEST_BYTES:
+                        break
+                path.write_bytes(data)
+            lines += ["", f"## {caption}", "", f"![{caption}](images/gallery/{name}.jpg)"]
+    (DOCS / "gallery.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    import sys
+
+    main(sys.argv[1:])
