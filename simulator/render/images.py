@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.context import release
+from simulator.render.projection import PixelRect
 
 if TYPE_CHECKING:
     import moderngl
@@ -35,10 +36,19 @@ class Images:
         self.target_framebuffer = context.framebuffer([self.radiance, self.coverage])
         self.sky_framebuffer = context.framebuffer([self.radiance])
         self._label_framebuffer = context.framebuffer([self.coverage])
+        self._covered: PixelRect | None = PixelRect(0, 0, width, height)
 
     def clear(self) -> None:
-        """Black and empty."""
-        self.target_framebuffer.clear(0.0, 0.0, 0.0, 0.0)
+        """Black and empty; of the coverage only what the last target was drawn to."""
+        self.sky_framebuffer.clear(0.0, 0.0, 0.0, 0.0)
+        if self._covered is not None:
+            self._label_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=self._covered.viewport)
+        # all of it, until ``mark_covered`` says what
+        self._covered = PixelRect(0, 0, *self.size)
+
+    def mark_covered(self, rect: PixelRect | None) -> None:
+        """Remember the pixels of the coverage that the target may have written."""
+        self._covered = rect
 
     def read_radiance(self) -> Float32Array:
         """(H, W) or (H, W, 3), row 0 at the top."""

@@ -126,6 +126,7 @@ class Renderer:
         self._blocks.frame.write(frame_values(scene, view))
         clock.lap("setup")
         hidden = passes.run(scene, view, target, images, clock)
+        images.mark_covered(hidden)
         self._draw_sky(scene, view, images, hidden, clock)
         radiance = images.read_radiance()
         clock.lap("readback")
