@@ -13,8 +13,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from simulator.camera.files import list_cameras, load_camera
+from simulator.camera.files import list_cameras, load_camera, read_camera_file
+from simulator.camera.files_foreign import FORMATS, written
 from simulator.dataset.contact_sheet import write_contact_sheets
+from simulator.errors import UserError
 from simulator.files import empty_folder, write_atomic
 from simulator.loop import plan_flight
 from simulator.recipe import RECIPES
@@ -85,9 +87,45 @@ def scenarios(
     Console().print(table)
 
 
-def cameras(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
-    """List the built-in cameras."""
-    rows = {name: load_camera(name) for name in list_cameras()}
+def cameras(
+    camera: Annotated[
+        str | None,
+        typer.Argument(
+            help="Built-in name or a file: CAMERA.json, data sheet, SPEED JSON, OpenCV, ROS or Kalibr YAML."
+        ),
+    ] = None,
+    export: Annotated[Path | None, typer.Option("--export", help="Write the camera to this file.")] = None,
+    form: Annotated[
+        str | None,
+        typer.Option("--format", help=f"Of the written file: {', '.join(FORMATS)} (default native)."),
+    ] = None,
+    width_px: Annotated[
+        int | None, typer.Option("--width", help="Refuse a camera whose image is not so wide, in pixels.")
+    ] = None,
+    height_px: Annotated[
+        int | None, typer.Option("--height", help="Refuse a camera whose image is not so high, in pixels.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """List the built-in cameras, or read one of any format, check it, and write it in another."""
+    if camera is None:
+        if export is not None:
+            raise UserError(
+                "cameras --export needs to know which: give a built-in name or a camera file before it"
+            )
+        rows = {name: load_camera(name) for name in list_cameras()}
+    else:
+        found = read_camera_file(camera)
+        model = found.camera(camera)
+        wanted = (width_px or model.width_px, height_px or model.height_px)
+        if wanted != (model.width_px, model.height_px):
+            raise UserError(
+                f"{camera} is for images of {model.width_px} x {model.height_px} pixels, wanted are "
+                f"{wanted[0]} x {wanted[1]}; calibrate at that size, or use [sensor] roi_px and binning"
+            )
+        if export is not None:
+            write_atomic(export, written(found, form or "native", camera).encode())
+        rows = {found.name or Path(camera).stem: model}
     if as_json:
         typer.echo(msgspec.json.encode(rows).decode())
         return

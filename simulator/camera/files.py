@@ -1,66 +1,29 @@
-"""CAMERA.json: reading a camera from a file or by the name of a built-in one."""
+"""Reading a camera from a file of any known format, or by the name of a built-in one."""
 
 from __future__ import annotations
 
-import json
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Literal
 
 import msgspec
-from msgspec import Meta
 
-from simulator.camera.model import Camera, Distortion, camera_problem
+from simulator.camera.files_foreign import read_raw, recognised
+from simulator.camera.files_native import CameraFile, DistortionSection
+from simulator.camera.intrinsics import LensFile
+from simulator.camera.model import Camera
 from simulator.errors import UserError
 from simulator.file_errors import explain
 
-_Size = Annotated[int, Meta(ge=16, le=16384)]
-_Focal = Annotated[float, Meta(gt=0, le=1e7)]
-_Centre = Annotated[float, Meta(ge=-1e5, le=1e5)]
-
-
-class DistortionSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Lens distortion: OpenCV's models, coefficients in OpenCV's order."""
-
-    model: Literal["none", "brown_conrady", "kannala_brandt"] = "none"
-    coefficients: tuple[float, ...] = ()
-
-
-class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The camera object of CAMERA.json; pixel (0, 0) is the centre of the top-left pixel."""
-
-    width_px: _Size
-    height_px: _Size
-    fx_px: _Focal
-    fy_px: _Focal
-    cx_px: _Centre
-    cy_px: _Centre
-    distortion: DistortionSection = DistortionSection()
-    name: str = ""
-    notes: str = ""
-
-    def camera(self, where: str) -> Camera:
-        """The camera model.
-
-        Raises
-        ------
-        UserError
-            If the lens cannot be, for example folds back inside the image; ``where`` names the file.
-        """
-        camera = Camera(
-            width_px=self.width_px,
-            height_px=self.height_px,
-            fx_px=self.fx_px,
-            fy_px=self.fy_px,
-            cx_px=self.cx_px,
-            cy_px=self.cy_px,
-            distortion=Distortion(self.distortion.model, self.distortion.coefficients),
-        )
-        problem = camera_problem(camera)
-        if problem is not None:
-            raise UserError(f"{where}: key {problem}")
-        return camera
+__all__ = [
+    "CameraFile",
+    "DistortionSection",
+    "list_cameras",
+    "load_camera",
+    "parse_camera",
+    "read_camera_file",
+]
+_DATA_SHEET = {"focal_length_mm", "pixel_pitch_um", "sensor_size_mm", "aperture_angle_deg"}
 
 
 def list_cameras() -> tuple[str, ...]:
@@ -97,17 +60,30 @@ def read_camera_file(name_or_path: str | Path, folder: Path | None = None) -> Ca
         if not path.is_file():
             raise UserError(_no_such_camera(text))
         content, where = path.read_bytes(), str(path)
-    try:
-        raw = json.loads(content)
-    except ValueError as error:
-        raise UserError(f"{where} is not JSON: {error}") from error
+    return parse_camera(content, where)
+
+
+def parse_camera(content: bytes, where: str) -> CameraFile:
+    """A camera from the text of a file: CAMERA.json, a data sheet's keys, SPEED's JSON, OpenCV, ROS or Kalibr YAML.
+
+    Raises
+    ------
+    UserError
+        If the text is none of these or has a mistake; ``where`` names the file.
+    """
+    raw = read_raw(content, where)
     # a truth record holds the camera as one of its objects; its file is accepted as it is
-    if isinstance(raw, dict) and isinstance(raw.get("camera"), dict):
+    if isinstance(raw.get("camera"), dict):
         raw = raw["camera"]
+    foreign = recognised(raw)
+    if foreign is not None:
+        return foreign(raw, where)
+    kind: type[CameraFile | LensFile] = LensFile if _DATA_SHEET.intersection(raw) else CameraFile
     try:
-        return msgspec.convert(raw, CameraFile)
+        found = msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
-        raise UserError(f"{where}: {explain(str(error), raw, CameraFile)}") from error
+        raise UserError(f"{where}: {explain(str(error), raw, kind)}") from error
+    return found.solved(where) if isinstance(found, LensFile) else found
 
 
 def _no_such_camera(text: str) -> str:

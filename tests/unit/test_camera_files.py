@@ -1,0 +1,191 @@
+"""Camera files: round trips through every format, OpenCV's own writer, and mistakes as one sentence."""
+
+import json
+from dataclasses import replace
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+
+from simulator.camera.check import optics_problem, sensor_problem
+from simulator.camera.files import parse_camera, read_camera_file
+from simulator.camera.files_foreign import FORMATS, written
+from simulator.camera.files_native import CameraFile, DistortionSection
+from simulator.camera.optics import Optics
+from simulator.camera.presets import sensor_preset
+from simulator.errors import UserError
+
+BROWN = CameraFile(
+    width_px=1920,
+    height_px=1200,
+    fx_px=2988.58,
+    fy_px=2988.34,
+    cx_px=960.25,
+    cy_px=600.5,
+    distortion=DistortionSection("brown_conrady", (-0.22383, 0.51410, -0.000665, -0.000214)),
+)
+FIVE = msgspec.structs.replace(
+    BROWN, distortion=DistortionSection("brown_conrady", (-0.22383, 0.5141, -0.000665, -0.000214, -0.1312419))
+)
+EIGHT = msgspec.structs.replace(
+    BROWN, distortion=DistortionSection("brown_conrady", (0.3, 0.1, 0.001, 0.0005, 0.02, 0.5, 0.15, 0.01))
+)
+FISHEYE = msgspec.structs.replace(
+    BROWN,
+    fx_px=900.0,
+    fy_px=901.0,
+    distortion=DistortionSection("kannala_brandt", (0.05, -0.02, 0.004, -0.001)),
+)
+PLAIN = msgspec.structs.replace(BROWN, distortion=DistortionSection())
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize(
+    "camera", [PLAIN, BROWN, FIVE, EIGHT, FISHEYE], ids=["plain", "brown", "five", "eight", "fisheye"]
+)
+def test_a_camera_survives_every_format_that_can_hold_it(camera, form):
+    count = len(camera.distortion.coefficients)
+    fisheye = camera is FISHEYE
+    if (form == "kalibr" and count > 4) or (form == "speed" and fisheye):
+        with pytest.raises(UserError, match="write opencv"):
+            written(camera, form, "x")
+        return
+    back = parse_camera(written(camera, form, "x").encode(), "x")
+    assert (back.width_px, back.height_px) == (1920, 1200)
+    for name in ("fx_px", "fy_px", "cx_px", "cy_px"):
+        assert getattr(back, name) == getattr(camera, name)
+    assert back.distortion.model == camera.distortion.model
+    found = np.zeros(8)
+    found[: len(back.distortion.coefficients)] = back.distortion.coefficients
+    assert found[:count].tolist() == list(camera.distortion.coefficients)
+    back.camera("x")
+
+
+def test_what_opencv_writes_is_read(tmp_path):
+    path = tmp_path / "opencv.yaml"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("image_width", 1920)
+    storage.write("image_height", 1200)
+    storage.write("camera_matrix", np.array([[2988.58, 0, 960.25], [0, 2988.34, 600.5], [0, 0, 1]]))
+    storage.write("distortion_coefficients", np.array(FIVE.distortion.coefficients)[:, None])
+    storage.release()
+    assert read_camera_file(path).distortion == FIVE.distortion
+    # and OpenCV reads what this project writes
+    path.write_text(written(FIVE, "opencv", "x"))
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    assert storage.getNode("camera_matrix").mat()[0, 2] == 960.25
+    assert storage.getNode("distortion_coefficients").mat().ravel().tolist() == list(
+        FIVE.distortion.coefficients
+    )
+
+
+def test_speed_plus_s_own_file_is_read():
+    table = {
+        "Nu": 1920,
+        "Nv": 1200,
+        "ppx": 5.86e-6,
+        "ppy": 5.86e-6,
+        "fx": 0.017513075965995915,
+        "fy": 0.017511673079277208,
+        "ccx": 960,
+        "ccy": 600,
+        "cameraMatrix": [[2988.5795163815555, 0, 960], [0, 2988.3401159176124, 600], [0, 0, 1]],
+        "distCoeffs": [
+            -0.22383016606510672,
+            0.51409797089106379,
+            -0.00066499611998340662,
+            -0.00021404771667484594,
+        ],
+    }
+    camera = parse_camera(json.dumps(table).encode(), "x")
+    assert camera.fx_px == pytest.approx(0.017513075965995915 / 5.86e-6)
+    assert camera.distortion.model == "brown_conrady"
+
+
+@pytest.mark.parametrize(
+    ("keys", "fx", "fy"),
+    [
+        ({"focal_length_mm": 17.6, "pixel_pitch_um": 5.86}, 3003.41297, 3003.41297),
+        ({"focal_length_mm": 17.6, "pixel_pitch_um": [5.86, 6.0]}, 3003.41297, 2933.3333),
+        ({"focal_length_mm": 17.6, "sensor_size_mm": [11.2512, 7.032]}, 3003.41297, 3003.41297),
+        ({"aperture_angle_deg": 35.452}, 3003.4, 3003.4),
+        ({"focal_length_mm": 17.6, "pixel_pitch_um": 5.86, "aperture_angle_deg": 35.452}, 3003.41, 3003.41),
+    ],
+)
+def test_any_consistent_pair_fixes_the_intrinsics(keys, fx, fy):
+    camera = parse_camera(json.dumps({"width_px": 1920, "height_px": 1200, **keys}).encode(), "x")
+    assert (camera.fx_px, camera.fy_px) == (pytest.approx(fx, rel=1e-4), pytest.approx(fy, rel=1e-4))
+    assert (camera.cx_px, camera.cy_px) == (959.5, 599.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('{"width_px": 1920, "height_px": 1200, "focal_length_mm": 17.6}', "not fixed"),
+        (
+            (
+                '{"width_px": 1920, "height_px": 1200, "focal_length_mm": 17.6, "pixel_pitch_um": 5.86, '
+                '"aperture_angle_deg": 50}'
+            ),
+            "leave one out",
+        ),
+        ('{"Nu": 1920, "Nv": 1200, "cameraMatrix": [[0, 0, 960], [0, 0, 600], [0, 0, 1]]}', "singular"),
+        ('{"Nu": 1920, "Nv": 1200, "cameraMatrix": [[2000, 5, 960], [0, 2000, 600], [0, 0, 1]]}', "skew"),
+        ('{"Nu": 1920, "Nv": 1200, "cameraMatrix": [[NaN, 0, 960], [0, 2000, 600], [0, 0, 1]]}', "finite"),
+        ("image_width: 640\nimage_height: 480\ncamera_matrix: {data: [1, 2, 3]}\n", "3 x 3"),
+        (
+            (
+                "image_width: 640\nimage_height: 480\ncamera_matrix: {data: [600, 0, 320, 0, 600, 240, 0, 0, 1]}\n"
+                "distortion_model: fov\n"
+            ),
+            "plumb_bob",
+        ),
+        ("cam0:\n  camera_model: omni\n  intrinsics: [600, 600, 320, 240]\n", "omni"),
+        ("a: [1, 2\n", "not YAML"),
+        ("just words", "table of keys"),
+    ],
+)
+def test_a_mistake_in_a_foreign_file_is_one_sentence(text, says):
+    with pytest.raises(UserError, match=says) as caught:
+        parse_camera(text.encode(), "mine.yaml").camera("mine.yaml")
+    assert "mine.yaml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_lens_that_folds_is_refused_from_a_file():
+    folding = msgspec.structs.replace(PLAIN, distortion=DistortionSection("brown_conrady", (-25.0, 0, 0, 0)))
+    with pytest.raises(UserError, match="folds back inside the image"):
+        parse_camera(written(folding, "ros", "x").encode(), "x").camera("x")
+
+
+@pytest.mark.parametrize(
+    ("optics", "says"),
+    [
+        (Optics(psf="kernel", kernel=((0.5, 0.2, 0.2),)), "sums to 0.9"),
+        (Optics(psf="kernel", kernel=((0.5, 0.5),)), "odd"),
+        (Optics(psf="kernel", kernel=((1.2, -0.1, -0.1),)), "negative"),
+        (Optics(psf="kernel", kernel=((float("nan"),),)), "finite"),
+        (Optics(psf="kernel"), "empty"),
+        (Optics(f_number=0.0), "f_number"),
+        (Optics(transmission=float("nan")), "transmission"),
+    ],
+)
+def test_optics_that_cannot_be_are_refused(optics, says):
+    assert says in optics_problem(optics)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"full_well_e": 0.0}, "full_well_e is 0"),
+        ({"read_noise_e": float("nan")}, "read_noise_e is nan"),
+        ({"quantum_efficiency": (1.2,)}, "quantum_efficiency"),
+        ({"black_level_dn": 4095.0}, "black_level_dn"),
+        ({"binning": 0}, "binning"),
+    ],
+)
+def test_detectors_that_cannot_be_are_refused(changes, says):
+    sensor = sensor_preset("imx174")
+    assert sensor_problem(sensor) is None
+    assert says in sensor_problem(replace(sensor, detector=replace(sensor.detector, **changes)))
