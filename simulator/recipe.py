@@ -27,7 +27,7 @@ from simulator.targets.library import list_targets, load_target
 from simulator.targets.model import Target
 from simulator.world.constants import EARTH_RADIUS_M, MU_EARTH_M3_S2
 from simulator.world.earth_orientation import q_itrs_from_eci
-from simulator.world.eclipse import sun_visible_fraction
+from simulator.world.eclipse import sun_fraction_past_both
 from simulator.world.ephemeris import moon_eci_m, sun_eci_m
 from simulator.world.moon import q_moon_from_eci
 from simulator.world.rotation import matrix_from_quat, quat_from_matrix
@@ -182,7 +182,7 @@ class RecipePlan:
         self, rng: Generator, k: int, q: FloatArray, t: FloatArray, sun: FloatArray, nadir: FloatArray
     ) -> SceneState:
         now = Instant.from_utc(YEAR_START_UTC).plus(float(np.floor(rng.uniform(0, YEAR_S))))
-        r_sun = sun_eci_m(now.tt1, now.tt2)
+        r_sun, r_moon = sun_eci_m(now.tt1, now.tt2), moon_eci_m(now.tt1, now.tt2)
         to_sun = r_sun / np.linalg.norm(r_sun)
         # the target's zenith stands at the drawn angle from the Sun, at a random azimuth about it
         side = np.cross(to_sun, _uniform_direction(rng))
@@ -220,10 +220,10 @@ class RecipePlan:
             r_target_eci_m=vec3(r_target),
             v_target_eci_m_s=vec3(v),
             r_sun_eci_m=vec3(r_sun),
-            r_moon_eci_m=vec3(moon_eci_m(now.tt1, now.tt2)),
+            r_moon_eci_m=vec3(r_moon),
             q_itrs_from_eci_wxyz=quat(q_itrs_from_eci(now)),
             q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
-            sun_visible_fraction=float(sun_visible_fraction(r_target, r_sun)),
+            sun_visible_fraction=sun_fraction_past_both(r_target, r_sun, r_moon),
         )
 
 

@@ -14,14 +14,16 @@ from flyaround.progress import progress_bar
 from simulator.dataset.capture import FORMATS, parse_formats
 from simulator.dataset.capture import capture as capture_plan
 from simulator.dataset.check import check_dataset
-from simulator.dataset.picture import render_scene, save_picture
+from simulator.dataset.picture import render_poses, render_scene, save_picture
+from simulator.dataset.poses import read_poses
 from simulator.errors import UserError
 from simulator.labels.request import LAYERS, LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
-from simulator.scene.state import Bands, Quality
+from simulator.scene.state import Bands, Quality, SceneState
 from simulator.targets.library import load_target
+from simulator.targets.model import Target
 
 Seed = Annotated[
     int | None, typer.Option("--seed", min=0, help="Seed of every random choice (default: the scenario's).")
@@ -54,6 +56,13 @@ def render(
         Path | None,
         typer.Option("--from-truth", help="Draw the frame of a truth record again, byte for byte."),
     ] = None,
+    poses: Annotated[
+        Path | None,
+        typer.Option(
+            "--poses",
+            help="CSV with q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m (target in camera): draw the scenario with each.",
+        ),
+    ] = None,
     rgb: Annotated[bool, typer.Option("--rgb", help="Colour image instead of the scenario's bands.")] = False,
     quality: Annotated[str | None, typer.Option(help="draft, default or high.")] = None,
     labels: Labels = None,
@@ -61,10 +70,12 @@ def render(
     gpu: Device = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the truth record.")] = False,
 ) -> None:
-    """Draw one frame and its truth."""
+    """Draw one frame and its truth, or one for each pose of a list."""
     if (scenario is None) == (from_truth is None):
         raise UserError("render needs either a SCENARIO or --from-truth FILE; see flyaround render --help")
     if from_truth is not None:
+        if poses is not None:
+            raise UserError("--poses needs a SCENARIO for camera and light; leave out --from-truth")
         record = read_truth(from_truth)
         scene, target = record.scene, load_target(record.scene.target.name)
         request = LabelRequest(layers=record.layers, flow=record.flow)
@@ -76,6 +87,9 @@ def render(
         scene, target, request = plan.scene(0), plan.target, LabelRequest()
     if labels is not None:
         request = LabelRequest(layers=parse_labels(labels), flow=request.flow)
+    if poses is not None:
+        _render_poses(scene, target, request, poses, output, gpu, as_json=as_json)
+        return
     frame = render_scene(scene, target, labels=request, device_index=gpu)
     truth_path = save_picture(frame, output)
     if as_json:
@@ -84,6 +98,31 @@ def render(
         Console().print(
             f"{output} and {truth_path} ({frame.stage_ms['render'] + frame.stage_ms['sensor']:.0f} ms)"
         )
+
+
+def _render_poses(
+    scene: SceneState,
+    target: Target,
+    request: LabelRequest,
+    poses: Path,
+    output: Path,
+    gpu: int | None,
+    *,
+    as_json: bool,
+) -> None:
+    """One picture for each row: OUT-000000.png and so on."""
+    rows = read_poses(poses)
+    written = []
+    with progress_bar("render", quiet=as_json) as progress:
+        for k, frame in enumerate(render_poses(scene, target, rows, labels=request, device_index=gpu)):
+            path = output.with_name(f"{output.stem}-{k:06d}{output.suffix}")
+            truth_path = save_picture(frame, path)
+            written.append({"image": str(path), "truth": str(truth_path)})
+            progress(k + 1, len(rows))
+    if as_json:
+        typer.echo(json.dumps({"frames": written}))
+    else:
+        Console().print(f"{len(written)} images and their truth: {written[0]['image']} and on")
 
 
 def capture(

@@ -25,7 +25,7 @@ from simulator.labels.boxes import mask_box
 from simulator.labels.frame import infeasible_reason, pixel_hash
 from simulator.labels.truth import Truth, read_truth
 from simulator.targets.library import load_target
-from simulator.world.eclipse import sun_visible_fraction
+from simulator.world.eclipse import sun_fraction_past_both
 from simulator.world.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -196,8 +196,8 @@ def _check_directions(truth: Truth) -> list[str]:
     ):
         if label is not None and not np.allclose(label, to_camera @ way / np.linalg.norm(way), atol=1e-9):
             wrong.append(f"{name} is not the direction that the scene's positions give")
-    if abs(truth.sun_visible_fraction - float(sun_visible_fraction(target, sun))) > 1e-9:
-        wrong.append("sun_visible_fraction is not what the Earth leaves of the Sun's disc")
+    if abs(truth.sun_visible_fraction - sun_fraction_past_both(target, sun, scene.r_moon_eci_m)) > 1e-9:
+        wrong.append("sun_visible_fraction is not what Earth and Moon leave of the Sun's disc")
     if truth.exposure_s is not None and truth.exposure_s != scene.exposure_s:
         wrong.append("exposure_s differs from the scene's")
     return wrong

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 LEVELS = np.linspace(0, 1, 65)
 NOISE_SPREAD = (0.55, 1.1)  # mean |x| of a normal law is 0.80 of its sigma, of a uniform one 0.87
+COLOUR_SPREAD = (0.2, 3.0)  # demosaicing averages neighbours, white balance multiplies
 
 
 def check_clean(
@@ -24,12 +25,18 @@ def check_clean(
     """The image less its clean twin is the noise that the sensor says, on the craft and everywhere."""
     if clean.shape != image.shape or clean.dtype != image.dtype:
         return [f"the clean twin is {clean.shape} {clean.dtype}, the image {image.shape} {image.dtype}"]
-    full = 2.0**truth.scene.sensor.bits - 1
-    signal = clean / full
+    sensor = truth.scene.sensor
+    full, black, spread_limits = 2.0**sensor.bits - 1, 0.0, NOISE_SPREAD
+    if sensor.detector is not None:
+        # a detector saturates where its well does, above its black level
+        full, black = sensor.saturation_e / sensor.detector.gain_e_per_dn, sensor.detector.black_level_dn
+        if image.ndim == 3:
+            spread_limits = COLOUR_SPREAD
+    signal = (clean - black) / full
     sigma = np.interp(
         signal,
         LEVELS,
-        [noise_sigma(truth.scene.sensor, float(level), truth.scene.exposure_s) for level in LEVELS],
+        [noise_sigma(sensor, float(level), truth.scene.exposure_s) for level in LEVELS],
     )
     residual = (image.astype(float) - clean) / full
     # at the ends of the scale the noise is cut off
@@ -40,7 +47,7 @@ def check_clean(
             continue
         z = residual[where] / sigma[where]
         spread, shift = float(np.minimum(np.abs(z), 10).mean()), float(np.median(z))
-        if not (NOISE_SPREAD[0] < spread < NOISE_SPREAD[1] and abs(shift) < 0.5):
+        if not (spread_limits[0] < spread < spread_limits[1] and abs(shift) < 0.5):
             # a quiet sensor's image is its twin, but for the last digit
             if np.abs(residual[where]).max() * full <= 1.0 and sigma[where].max() * full < 0.5:
                 continue

@@ -14,7 +14,7 @@ from simulator.labels.occlusion import mesh_of
 from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray, FloatArray, IntArray
+    from simulator.arrays import BoolArray, ByteArray, FloatArray, IntArray
     from simulator.camera.model import Camera
     from simulator.dataset.card import DatasetCard
     from simulator.labels.truth import Truth
@@ -30,6 +30,7 @@ OUTLINE_TOLERANCE_PX = 1
 FILL_SCALE = 4
 FILL_SHIFT = 4
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
+BENT_PX = 12.0  # over this length a lens bends an edge by a tenth of a pixel at most
 SURELY_COVERED, SURELY_TOUCHED = 0.9, 0.1
 
 
@@ -46,6 +47,14 @@ def project_with_opencv(
     else:
         projected, _ = cv2.projectPoints(points_m, rotation, t_m, camera.K, coefficients)
     return np.asarray(projected, float).reshape(-1, 2)
+
+
+def in_lens(camera: Camera, points_camera_m: FloatArray) -> BoolArray:
+    """Which points (K, 3) before the camera lie within what its lens is known for: beyond it, OpenCV's series folds."""
+    if camera.distortion.is_none:
+        return np.ones(len(points_camera_m), bool)
+    xy = points_camera_m[:, :2] / points_camera_m[:, 2:]
+    return np.asarray(np.hypot(*xy.T) <= 0.999 * camera.domain.limit)
 
 
 def rays_with_opencv(camera: Camera, pixels_px: FloatArray) -> FloatArray:
@@ -73,12 +82,14 @@ def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
     # what a rolling shutter adds by the time of each row is taken off: the pose is that of mid-exposure
     at_rows = _projected(truth, points, pose_at_rows(truth.scene, points))
     at_middle = _projected(truth, points, (truth.scene,) * len(points))
-    error = float(np.abs(at_rows - pixels).max())
+    pose = truth.scene.camera_from_target
+    usable = in_lens(truth.camera, pose.apply(points))
+    error = float(np.abs(at_rows - pixels)[usable].max(initial=0.0))
     if not error <= PIXEL_TOLERANCE_PX:
         wrong.append(f"a keypoint is {error:.3g} px from its projection")
         return wrong
-    if len(ahead) >= 4 and truth.camera.distortion.model != "kannala_brandt":
-        wrong += _check_pose(truth, points, pixels - at_rows + at_middle)
+    if usable.sum() >= 4:
+        wrong += _check_pose(truth, points[usable], (pixels - at_rows + at_middle)[usable])
     inside = truth.camera.contains(pixels)
     wrong += [
         f"keypoint {k.name} at {k.pixel_px} is labelled {k.state}"
@@ -109,11 +120,16 @@ def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[st
     """The pose by PnP, from the label itself as the start: the pixels must agree with it to 1e-6."""
     R = matrix_from_quat(truth.q_camera_from_target_wxyz)
     t = np.asarray(truth.t_camera_from_target_m)
+    coefficients = np.array(truth.camera.distortion.coefficients or [0.0] * 5)
+    if truth.camera.distortion.model == "kannala_brandt":  # solvePnP knows no fish-eye: it is given rays
+        rays = rays_with_opencv(truth.camera, pixels)
+        pixels = rays * (truth.camera.fx_px, truth.camera.fy_px) + (truth.camera.cx_px, truth.camera.cy_px)
+        coefficients = np.zeros(5)
     _, rotation, translation = cv2.solvePnP(
         points,
         pixels,
         truth.camera.K,
-        np.array(truth.camera.distortion.coefficients or [0.0] * 5),
+        coefficients,
         cv2.Rodrigues(R)[0],
         t.reshape(3, 1).copy(),
         True,
@@ -129,15 +145,18 @@ def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[st
 
 
 def check_visible_on_mask(truth: Truth, mask: ByteArray) -> list[str]:
-    """A keypoint that is seen lies within 3 px of the mask (far rods are thinner than a pixel)."""
+    """Most keypoints that are seen lie within 3 px of the mask; a tip thinner than a pixel may lie off it."""
     near = cv2.dilate(mask, np.ones((7, 7), np.uint8))
-    wrong = []
+    seen, off = 0, []
     for k in truth.keypoints:
         if k.state in {"visible", "shadowed", "eclipsed", "saturated"} and k.pixel_px is not None:
+            seen += 1
             u, v = (int(x) for x in np.rint(k.pixel_px))
             if not near[np.clip(v, 0, mask.shape[0] - 1), np.clip(u, 0, mask.shape[1] - 1)]:
-                wrong.append(f"keypoint {k.name} is {k.state} but lies off the mask")
-    return wrong
+                off.append(k.name)
+    if mask.any() and len(off) > 3 and 2 * len(off) > seen:
+        return [f"keypoints {', '.join(off)} are seen but lie off the mask"]
+    return []
 
 
 def check_states_and_boxes(truth: Truth, target: Target) -> list[str]:
@@ -180,6 +199,7 @@ def _check_box_3d(truth: Truth, target: Target) -> list[str]:
         np.asarray(truth.t_camera_from_target_m),
     )
     error = np.abs(projected - np.array([p for p in truth.box_3d_px if p is not None]))
+    error[~in_lens(truth.camera, in_camera[ahead])] = 0
     # far off the axis a pixel number is large, and so is its last digit
     if np.any(error > PIXEL_TOLERANCE_PX * np.maximum(1, np.abs(projected) / 1e3)):
         return [f"a corner of box_3d_px is {error.max():.3g} px from its projection"]
@@ -200,12 +220,38 @@ def doubtful_pixels(
     in_camera = mesh.positions_m @ R.T + np.asarray(truth.t_camera_from_target_m)
     if in_camera[:, 2].min() <= 1e-3:
         return np.zeros((0, 2), np.int64)
-    pixels = _at_their_rows(truth, truth.camera.project(in_camera), mesh.positions_m) - origin_px
-    inner, outer = filled_silhouette(pixels[mesh.triangles], mask.shape)
+    corners_m = mesh.positions_m[mesh.triangles]
+    if not truth.camera.distortion.is_none:
+        corners_m = _cut_for_the_lens(truth.camera, corners_m, in_camera[mesh.triangles])
+    pixels = truth.camera.project(corners_m @ R.T + np.asarray(truth.t_camera_from_target_m))
+    corners_px = _at_their_rows(truth, pixels.reshape(-1, 2), corners_m.reshape(-1, 3)) - origin_px
+    inner, outer = filled_silhouette(corners_px.reshape(-1, 3, 2), mask.shape)
     reach = np.ones((2 * OUTLINE_TOLERANCE_PX + 1,) * 2, np.uint8)
     extra = (mask > 0) & (np.asarray(cv2.dilate(outer, reach)) == 0)
     missing = (np.asarray(cv2.erode(inner, reach, borderValue=0)) > 0) & (mask == 0)
     return np.argwhere(extra | missing)[:, ::-1]
+
+
+def _cut_for_the_lens(camera: Camera, corners_m: FloatArray, in_camera: FloatArray) -> FloatArray:
+    """Triangles (M, 3, 3) with large ones cut in four until none is large in the image: a lens bends their edges.
+
+    Parameters
+    ----------
+    in_camera : the same corners, camera frame.
+    """
+    for _ in range(7):
+        pixels = camera.project(in_camera)
+        large = np.ptp(pixels, axis=1).max(axis=1) > BENT_PX
+        if not large.any():
+            break
+        pieces = []
+        for c in (corners_m, in_camera):
+            a, b, d = c[large, 0], c[large, 1], c[large, 2]
+            ab, bd, da = (a + b) / 2, (b + d) / 2, (d + a) / 2
+            four = [np.stack(t, axis=1) for t in ((a, ab, da), (ab, b, bd), (da, bd, d), (ab, bd, da))]
+            pieces.append(np.concatenate([c[~large], *four]))
+        corners_m, in_camera = pieces
+    return corners_m
 
 
 def _at_their_rows(truth: Truth, pixels: FloatArray, positions_m: FloatArray) -> FloatArray:

@@ -104,7 +104,8 @@ def keypoint_at_depth(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np
     patch = depth_m[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2]
     if patch.size < 9 or not np.isfinite(patch).all():
         return True  # beside an outline what hides or shows a point may lie between the pixels' centres
-    tolerance = 3e-3 * max(1.0, z_m)
+    # about a rod's root or an edge the surface leaves the point by as much as the pixels are wide
+    tolerance = 3e-3 * max(1.0, z_m) + 1.5 * z_m / min(truth.camera.fx_px, truth.camera.fy_px)
     if keypoint.state == "self_occluded":
         return bool(patch.min() < z_m + tolerance)
     return bool(patch.max() > z_m - tolerance)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.check_geometry import project_with_opencv
+from simulator.dataset.check_geometry import in_lens, project_with_opencv
 from simulator.dataset.raycast import RayCaster
 from simulator.world.pose import Pose
 
@@ -36,8 +36,8 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
         projected = project_with_opencv(
             truth.camera, ends, truth.q_camera_from_target_wxyz, np.asarray(pose.t_m)
         )
-        error = np.abs(projected - np.array(wire.ends_px))
-        if np.any(error > 1e-6 * np.maximum(1, np.abs(projected) / 1e3)):
+        error = np.abs(projected - np.array(wire.ends_px))[in_lens(truth.camera, pose.apply(ends))]
+        if np.any(error > 1e-6 * max(1.0, np.abs(projected).max() / 1e3)):
             wrong.append(f"edge {wire.name} is {error.max():.3g} px from its projection")
             continue
         bounds = [0.0, *(x for stretch in wire.visible for x in stretch), 1.0]

@@ -9,6 +9,7 @@ import numpy as np
 
 from simulator.dataset.exr import encode_exr
 from simulator.dataset.native import encode_png, write_layers
+from simulator.dataset.poses import scene_with_pose
 from simulator.errors import UserError
 from simulator.files import write_atomic
 from simulator.labels.frame import Frame, take_frame
@@ -16,11 +17,13 @@ from simulator.labels.truth import truth_to_json
 from simulator.render.renderer import Renderer
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from simulator.labels.request import LabelRequest
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
+    from simulator.world.pose import Pose
 
 SUFFIXES = (".png", ".npy", ".exr")
 
@@ -50,6 +53,20 @@ def render_scene(
         )
     with Renderer(device_index=device_index) as renderer:
         return take_frame(renderer, scene, target, labels=labels or True)
+
+
+def render_poses(
+    scene: SceneState,
+    target: Target,
+    poses: Sequence[Pose],
+    *,
+    labels: LabelRequest,
+    device_index: int | None = None,
+) -> Iterator[Frame]:
+    """Draw a scene with the craft at each of a list of poses, camera and light as they are."""
+    with Renderer(device_index=device_index) as renderer:
+        for k, pose in enumerate(poses):
+            yield take_frame(renderer, scene_with_pose(scene, target, pose, k), target, labels=labels)
 
 
 def save_picture(frame: Frame, path: Path) -> Path:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from simulator.dataset.check_geometry import rays_with_opencv
 from simulator.dataset.check_rows import pose_of_row
 from simulator.dataset.raycast import Hits, RayCaster
+from simulator.labels.exposure import BAND_PX
 
 if TYPE_CHECKING:
     from simulator.arrays import ByteArray, FloatArray, IntArray
@@ -24,7 +25,11 @@ Layers = Mapping[str, NDArray[Any]]
 N_SAMPLES = 32
 N_ROLLING = 12  # a rolling shutter has a pose, and so a mesh to project, for each sample
 # A raster rounds vertices to 1/256 px.
-PROBES_PX = np.array([[0.0, 0.0], [0.03, 0.0], [-0.03, 0.0], [0.0, 0.03], [0.0, -0.03]])
+_RING = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], axis=1)
+PROBES = np.concatenate([[[0.0, 0.0]], 0.25 * _RING, 0.6 * _RING, _RING])
+DOUBT_PX = 0.03
+DOUBT_LENS_PX = 0.06  # a bent edge is drawn in straight pieces
+DOUBT_ROLLING_PX = 0.03 + BAND_PX / 2  # its bands are drawn at their middle row's time
 DEPTH_RELATIVE, DEPTH_M = 2e-5, 1e-4
 COPLANAR_M = 1e-3
 
@@ -39,14 +44,19 @@ class Probe:
     misses: bool
 
     @staticmethod
-    def of(firsts: list[Hits]) -> Probe:
-        """The first surfaces of some rays as one."""
-        hits = [h for h in firsts if len(h.z_m)]
+    def of(along: list[Hits]) -> Probe:
+        """The first surfaces of some rays as one; at an outline every surface.
+
+        There a raster's rounding may leave out the first and show the edge of what lies behind it.
+        """
+        found = [h for h in along if len(h.z_m)]
+        misses = len(found) < len(along)
+        hits = found if misses else [_first(h) for h in found]
         return Probe(
-            np.array([h.z_m[0] for h in hits]),
+            np.concatenate([h.z_m for h in hits] or [np.zeros(0)]),
             frozenset(int(p) for h in hits for p in h.parts),
-            np.concatenate([h.normals for h in hits]) if hits else np.zeros((0, 3)),
-            len(hits) < len(firsts),
+            np.concatenate([h.normals for h in hits] or [np.zeros((0, 3))]),
+            misses,
         )
 
 
@@ -67,8 +77,11 @@ class Prober:
 
     def agrees(self, pixel: IntArray, is_right: Callable[[Probe], bool]) -> bool:
         """Whether a label is right by the ray through a pixel's centre, or else with the rays just about it."""
-        return is_right(self._ask(pixel, self._centers, PROBES_PX[:1])) or is_right(
-            self._ask(pixel, self._about, PROBES_PX)
+        doubt_px = DOUBT_PX if self._truth.camera.distortion.is_none else DOUBT_LENS_PX
+        if self._truth.row_poses:
+            doubt_px = max(doubt_px, DOUBT_ROLLING_PX)
+        return is_right(self._ask(pixel, self._centers, PROBES[:1])) or is_right(
+            self._ask(pixel, self._about, PROBES * doubt_px)
         )
 
     def _ask(self, pixel: IntArray, known: dict[tuple[int, int], Probe], probes_px: FloatArray) -> Probe:
@@ -76,7 +89,7 @@ class Prober:
         if key not in known:
             caster = self._caster(key[1])
             rays = rays_with_opencv(self._truth.camera, pixel + probes_px)
-            known[key] = Probe.of([_first(caster.hits(ray)) for ray in rays])
+            known[key] = Probe.of([caster.hits(ray) for ray in rays])
         return known[key]
 
     def where_parts_should_be(self, margin_px: float = 1.0) -> IntArray:

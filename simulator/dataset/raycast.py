@@ -28,12 +28,12 @@ class Hits:
     normals: FloatArray
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)
 def _part_of_triangle(target: Target) -> IntArray:
     return np.repeat(np.arange(1, len(target.parts) + 1), [len(part.triangles) for part in target.parts])
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)
 def _normals(target: Target) -> FloatArray:
     return np.concatenate([part.normals for part in target.parts]).astype(float)
 

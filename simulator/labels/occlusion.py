@@ -42,7 +42,7 @@ class Mesh:
         )
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)
 def mesh_of(target: Target) -> Mesh:
     """``Mesh.of``, kept for the targets in use."""
     return Mesh.of(target)

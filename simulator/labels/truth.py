@@ -40,7 +40,8 @@ class FlowLabel(msgspec.Struct, frozen=True, kw_only=True):
 class WireLabel(msgspec.Struct, frozen=True, kw_only=True):
     """One edge of the wireframe: where its ends project, and which shares 0..1 of it the craft leaves in sight.
 
-    The ends are not clipped to the image; an edge that reaches behind the camera is left out.
+    The ends are not clipped to the image; an edge that reaches behind the camera is left out. Where the lens bends the
+    edge, shares are of its straight projection without the lens.
     """
 
     name: str

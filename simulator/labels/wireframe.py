@@ -12,11 +12,12 @@ Generalized two- and three-dimensional clipping, for the part inside.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.camera.model import Distortion
 from simulator.labels.occlusion import SURFACE_TOLERANCE_M, Mesh
 
 if TYPE_CHECKING:
@@ -39,13 +40,16 @@ class EdgeView:
     edge : the model's edge.
     ends_px : (2, 2) where its ends project, not clipped to the image.
     inverse_depth : (2,) of its ends, linear along the projected edge [m-1].
-    stretches : visible parts, as shares 0..1 of the projected edge.
+    stretches : visible parts, as shares 0..1 of the edge's projection by a lens that does not bend it.
+    straight_px, lens : ends (2, 2) in that projection and the camera, where the lens bends; else None.
     """
 
     edge: Edge
     ends_px: FloatArray
     inverse_depth: FloatArray
     stretches: tuple[tuple[float, float], ...]
+    straight_px: FloatArray | None = None
+    lens: Camera | None = None
 
     @property
     def length_px(self) -> float:
@@ -59,7 +63,13 @@ class EdgeView:
 
     def at(self, share: FloatArray) -> FloatArray:
         """Pixels (S, 2) at shares (S,) of the projected edge."""
-        return np.asarray(self.ends_px[0] + share[:, None] * (self.ends_px[1] - self.ends_px[0]))
+        a, b = self.ends_px if self.straight_px is None else self.straight_px
+        straight = np.asarray(a + share[:, None] * (b - a))
+        if self.lens is None:
+            return straight
+        c = self.lens
+        xy = (straight - (c.cx_px, c.cy_px)) / (c.fx_px, c.fy_px)
+        return c.project(np.concatenate([xy, np.ones((len(xy), 1))], axis=1))
 
 
 def view_edges(camera: Camera, camera_from_target: Pose, target: Target, mesh: Mesh) -> tuple[EdgeView, ...]:
@@ -75,20 +85,26 @@ def view_edges(camera: Camera, camera_from_target: Pose, target: Target, mesh: M
     vertices = camera_from_target.apply(mesh.positions_m)
     ahead = np.all(vertices[mesh.triangles, 2] > NEAR_M, axis=1)
     corners = vertices[mesh.triangles[ahead]]
-    screen = _Screen.of(camera.project(corners), 1 / corners[..., 2])
+    # what hides what is a matter of rays: a lens that bends them does not change it, and lines stay straight without
+    bends = not camera.distortion.is_none
+    straight = replace(camera, distortion=Distortion()) if bends else camera
+    screen = _Screen.of(straight.project(corners), 1 / corners[..., 2])
     eye = np.asarray(camera_from_target.inverse().t_m)
     views = []
     for edge in target.wireframe:
         in_camera = camera_from_target.apply(np.array([edge.a_m, edge.b_m]))
         if in_camera[:, 2].min() < NEAR_M:
             continue
-        pixels, inverse = camera.project(in_camera), 1 / in_camera[:, 2]
+        pixels, inverse = straight.project(in_camera), 1 / in_camera[:, 2]
         stretches: tuple[tuple[float, float], ...] = ()
         if _faces_camera(edge, eye):
             distance = np.linalg.norm(in_camera, axis=1)
             tolerance = SURFACE_TOLERANCE_M + 1.2 * edge.radius_m
             stretches = _complement(screen.hidden(pixels, inverse / (1 - tolerance / distance)))
-        views.append(EdgeView(edge, pixels, inverse, stretches))
+        if bends:
+            views.append(EdgeView(edge, camera.project(in_camera), inverse, stretches, pixels, camera))
+        else:
+            views.append(EdgeView(edge, pixels, inverse, stretches))
     return tuple(views)
 
 

@@ -1,0 +1,93 @@
+"""A user's list of poses: the scenario's camera, light and background with the craft put where each row says."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import quat, vec3
+from simulator.errors import UserError
+from simulator.world.eclipse import sun_fraction_past_both
+from simulator.world.pose import Pose
+from simulator.world.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+COLUMNS = ("q_w", "q_x", "q_y", "q_z", "t_x_m", "t_y_m", "t_z_m")
+NEAREST_M, FARTHEST_M = 0.01, 1e6
+
+
+def read_poses(path: Path) -> tuple[Pose, ...]:
+    """Poses of the target in the camera from a CSV file with the header ``q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m``.
+
+    The quaternion is q_camera_from_target, Hamilton, and is normalised. Other columns are ignored.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read, lacks a column, has no row, or a number is wrong: file, line, column, what to do.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file)
+            rows = list(reader)
+            header = [name.strip() for name in reader.fieldnames or ()]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"cannot read poses {path}: {error}; give a CSV file with a header line") from error
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        raise UserError(f"{path} lacks the column {missing[0]}; its first line must name {','.join(COLUMNS)}")
+    if not rows:
+        raise UserError(f"{path} has no poses; give a line for each picture below the header")
+    return tuple(_pose(path, line, row) for line, row in enumerate(rows, start=2))
+
+
+def _pose(path: Path, line: int, row: dict[str, str]) -> Pose:
+    values = []
+    cells = {(name or "").strip(): text for name, text in row.items()}
+    for name in COLUMNS:
+        try:
+            value = float(cells[name])
+        except (TypeError, ValueError):
+            value = np.nan
+        if not np.isfinite(value):
+            raise UserError(f"{path} line {line}: {name} is {cells[name]!r}; give a finite number")
+        values.append(value)
+    q, t = np.array(values[:4]), np.array(values[4:])
+    if not 0.5 < np.linalg.norm(q) < 2:
+        raise UserError(
+            f"{path} line {line}: the quaternion's length is {np.linalg.norm(q):g}; it must be one"
+        )
+    if not NEAREST_M < np.linalg.norm(t) < FARTHEST_M:
+        raise UserError(
+            f"{path} line {line}: the target is {np.linalg.norm(t):g} m away, allowed: {NEAREST_M:g} to {FARTHEST_M:g}"
+        )
+    return Pose.of("camera", "target", q, t)
+
+
+def scene_with_pose(scene: SceneState, target: Target, pose: Pose, frame_index: int) -> SceneState:
+    """The scene with the craft at another pose, at rest in the camera's view; camera, Sun and sky stay."""
+    R_eci_from_camera = matrix_from_quat(scene.q_camera_from_eci_wxyz).T
+    com = R_eci_from_camera @ pose.apply(np.asarray(target.mass.com_m, float))
+    q = np.asarray(pose.q_wxyz)
+    # at rest in the picture: it turns with the camera and moves on the arc that keeps its place in it
+    r_target = np.asarray(scene.r_camera_eci_m) + com
+    omega = R_eci_from_camera @ np.asarray(scene.omega_camera_rad_s)
+    return replace(
+        scene,
+        frame_index=frame_index,
+        q_camera_from_target_wxyz=quat(q if q[0] >= 0 else -q),
+        t_camera_from_target_m=pose.t_m,
+        omega_target_rad_s=vec3(pose.R.T @ np.asarray(scene.omega_camera_rad_s)),
+        v_target_camera_m_s=(0.0, 0.0, 0.0),
+        r_target_eci_m=vec3(r_target),
+        v_target_eci_m_s=vec3(np.asarray(scene.v_camera_eci_m_s) + np.cross(omega, com)),
+        sun_visible_fraction=sun_fraction_past_both(r_target, scene.r_sun_eci_m, scene.r_moon_eci_m),
+    )

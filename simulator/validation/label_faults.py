@@ -1,0 +1,127 @@
+"""Ways to spoil one label of a frame, record and hashes kept in agreement, for the test of the check itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from simulator.labels.boxes import mask_box
+from simulator.labels.frame import Frame, pixel_hash
+from simulator.labels.layers import layer_hash
+from simulator.labels.truth import Truth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+ENOUGH_PX = 400
+"""A craft of fewer pixels can be so thin that a label's neighbour is as right as itself."""
+
+
+def spoil(kind: str, frame: Frame) -> Frame | None:
+    """A copy of a frame with one wrong label; None where the frame does not have it, or is too small to tell."""
+    if frame.mask is None or frame.truth is None or np.count_nonzero(frame.mask) < ENOUGH_PX:
+        return None
+    return SPOILERS[kind](frame)
+
+
+def _record(change: Callable[[dict[str, Any]], bool]) -> Callable[[Frame], Frame | None]:
+    def spoiler(frame: Frame) -> Frame | None:
+        record = msgspec.json.decode(msgspec.json.encode(frame.truth))
+        return replace(frame, truth=msgspec.convert(record, Truth)) if change(record) else None
+
+    return spoiler
+
+
+def _layer(name: str, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Callable[[Frame], Frame | None]:
+    def spoiler(frame: Frame) -> Frame | None:
+        if name not in frame.layers or frame.truth is None:
+            return None
+        layer = change(frame.layers[name])
+        hashes = {**frame.truth.layer_sha256, name: layer_hash(layer)}
+        truth = msgspec.structs.replace(frame.truth, layer_sha256=hashes)
+        return replace(frame, layers={**frame.layers, name: layer}, truth=truth)
+
+    return spoiler
+
+
+def _shifted_mask(frame: Frame) -> Frame | None:
+    """Mask, box and hash moved by four pixels, without the layers that would tell at once."""
+    if frame.mask is None or frame.truth is None:
+        return None
+    mask = np.roll(frame.mask, 4, axis=1)
+    truth = msgspec.structs.replace(
+        frame.truth,
+        box_px=mask_box(mask),
+        mask_sha256=pixel_hash(mask),
+        layers=(),
+        layer_sha256={},
+        wireframe=(),
+        parts=(),
+        amodal_origin_px=None,
+        flow=None,
+    )
+    return replace(frame, mask=mask, layers={}, truth=truth)
+
+
+def _moved_keypoint(record: dict[str, Any]) -> bool:
+    seen = [k for k in record["keypoints"] if k["pixel_px"] is not None]
+    for k in seen[:1]:
+        k["pixel_px"][0] += 0.001
+    return bool(seen)
+
+
+def _hidden_keypoint_shown(record: dict[str, Any]) -> bool:
+    hidden = [k for k in record["keypoints"] if k["state"] == "self_occluded"]
+    for k in hidden[:1]:
+        k["state"] = "visible"
+    return bool(hidden)
+
+
+def _moved_pose(record: dict[str, Any]) -> bool:
+    record["t_camera_from_target_m"][2] *= 1.00001
+    record["scene"]["t_camera_from_target_m"] = record["t_camera_from_target_m"]
+    return True
+
+
+def _conjugate(record: dict[str, Any]) -> bool:
+    q = record["q_camera_from_target_wxyz"]
+    record["q_camera_from_target_wxyz"] = [q[0], -q[1], -q[2], -q[3]]
+    record["scene"]["q_camera_from_target_wxyz"] = record["q_camera_from_target_wxyz"]
+    return True
+
+
+def _turned_sun(record: dict[str, Any]) -> bool:
+    record["sun_direction_camera"] = [-x for x in record["sun_direction_camera"]]
+    return True
+
+
+def _offset(clean: NDArray[Any]) -> NDArray[Any]:
+    """Lighter by a sixth of the scale where that fits, else darker."""
+    step = 40 if clean.dtype == np.uint8 else 640
+    return np.where(clean > np.median(clean), clean - np.minimum(clean, step), clean + step).astype(
+        clean.dtype
+    )
+
+
+SPOILERS: dict[str, Callable[[Frame], Frame | None]] = {
+    "mask moved": _shifted_mask,
+    "keypoint moved by 0.001 px": _record(_moved_keypoint),
+    "hidden keypoint shown": _record(_hidden_keypoint_shown),
+    "range 10 ppm off": _record(_moved_pose),
+    "quaternion conjugated": _record(_conjugate),
+    "Sun turned": _record(_turned_sun),
+    "depth 0.2 % off": _layer("depth", lambda x: x * np.float32(1.002)),
+    "depth upside down": _layer("depth", lambda x: x[::-1]),
+    "normals mirrored": _layer("normals", lambda x: x * np.array([-1, 1, 1], np.float16)),
+    "parts renumbered": _layer(
+        "parts", lambda x: np.where(x > 0, x % max(int(x.max()), 1) + 1, 0).astype(x.dtype)
+    ),
+    "flow reversed": _layer("flow", lambda x: -x),
+    "amodal mask moved": _layer("amodal", lambda x: np.roll(x, 3, axis=0)),
+    "clean twin 16 % off": _layer("clean", _offset),
+}

@@ -1,0 +1,196 @@
+"""Random frames over all targets, cameras and lighting, each label checked: how many are wrong.
+
+    python -m simulator.validation.labels -n 1000 --seed 1 --results results.jsonl
+
+Frame k depends on (seed, k) alone. Two processes draw and check; the results file grows by a line a frame, and a run
+that is started again goes on where it stopped. Every tenth frame is checked from its files, the others as drawn; one in
+twenty is spoilt on purpose in one label, and must be caught.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from simulator.dataset.card import CardTarget, DatasetCard, describe_machine
+from simulator.dataset.check import check_frame
+from simulator.dataset.native import frame_paths, read_layer, read_png, write_frame
+from simulator.labels.frame import Frame, take_frame
+from simulator.labels.truth import read_truth
+from simulator.render.renderer import Renderer
+from simulator.targets.library import load_target
+from simulator.validation.label_faults import SPOILERS, spoil
+from simulator.validation.label_frames import random_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+FROM_FILES_EVERY = 10
+SPOILT_EVERY = 20
+
+
+def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
+    """Draw frame k, check it, and say what was found."""
+    scene, request = random_frame(seed, k)
+    target = load_target(scene.target.name)
+    start = time.process_time()
+    frame = take_frame(renderer, scene, target, labels=request)
+    drawn = time.process_time()
+    card = _card(renderer, frame, seed)
+    if k % FROM_FILES_EVERY == 0:
+        with tempfile.TemporaryDirectory() as place:
+            frame = _through_files(Path(place), frame, card)
+    faults = _check(k, frame, card)
+    result: dict[str, Any] = {
+        "k": k,
+        "target": scene.target.name,
+        "lens": scene.camera.distortion.model,
+        "shutter": scene.shutter.kind,
+        "labels": 0 if frame.truth is None else len(frame.truth.keypoints) + len(frame.truth.layers) + 7,
+        "pixels": 0 if frame.mask is None else int(np.count_nonzero(frame.mask)),
+        "draw_ms": round(1e3 * (drawn - start), 1),
+        "check_ms": round(1e3 * (time.process_time() - drawn), 1),
+        "faults": faults,
+    }
+    if k % SPOILT_EVERY == 0 and not faults:
+        kind = list(SPOILERS)[k // SPOILT_EVERY % len(SPOILERS)]
+        spoilt = spoil(kind, frame)
+        if spoilt is not None:
+            result |= {"spoilt": kind, "caught": bool(_check(k, spoilt, card))}
+    return result
+
+
+def _check(k: int, frame: Frame, card: DatasetCard) -> list[str]:
+    if frame.truth is None or frame.mask is None:
+        raise RuntimeError("a frame to check needs its labels")
+    target = load_target(frame.scene.target.name)
+    return check_frame(k, frame.truth, frame.image, frame.mask, card, target, frame.layers)
+
+
+def _through_files(folder: Path, frame: Frame, card: DatasetCard) -> Frame:
+    """The frame as a reader finds it on the disk."""
+    (folder / "images").mkdir()
+    k = frame.scene.frame_index
+    write_frame(folder, k, frame)
+    paths = frame_paths(folder, k)
+    truth = read_truth(paths.truth)
+    layers = {name: read_layer(folder / "images", f"{k:06d}", name) for name in truth.layer_sha256}
+    del card
+    return Frame(
+        truth.scene,
+        read_png(paths.image),
+        frame.radiance,
+        truth,
+        np.asarray(read_png(paths.mask), np.uint8),
+        None,
+        layers,
+    )
+
+
+def _card(renderer: Renderer, frame: Frame, seed: int) -> DatasetCard:
+    target, info = load_target(frame.scene.target.name), renderer.info
+    return DatasetCard(
+        scenario_name="random frames",
+        scenario={},
+        seed=seed,
+        n_frames=frame.scene.frame_index + 1,
+        every_s=None,
+        complete=True,
+        formats=("native",),
+        camera=frame.scene.camera,
+        target=CardTarget(
+            name=target.name,
+            sha256=target.sha256,
+            parts=tuple(part.name for part in target.parts),
+            keypoints={p.name: p.position_m for p in target.keypoints},
+        ),
+        machine=describe_machine(info.vendor, info.renderer, info.version),
+    )
+
+
+def _work(seed: int, wanted: list[int], results: multiprocessing.Queue[dict[str, Any] | None]) -> None:
+    with Renderer() as renderer:
+        for k in wanted:
+            try:
+                results.put(check_one(renderer, seed, k))
+            except Exception as error:  # noqa: BLE001 - a frame that fails is a finding, and the others go on
+                results.put({"k": k, "faults": [f"{type(error).__name__}: {error}"]})
+    results.put(None)
+
+
+def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
+    """Results of frames as they come."""
+    context = multiprocessing.get_context("spawn")
+    results: multiprocessing.Queue[dict[str, Any] | None] = context.Queue()
+    # runs of frames with one target in one process: few targets are on the GPU at a time
+    processes = [
+        context.Process(target=_work, args=(seed, wanted[w::workers], results), daemon=True)
+        for w in range(workers)
+    ]
+    for process in processes:
+        process.start()
+    for _ in processes:
+        while (result := results.get()) is not None:
+            yield result
+    for process in processes:
+        process.join()
+
+
+def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
+    """What all results say together."""
+    wrong = [line for line in lines if line["faults"]]
+    spoilt = [line for line in lines if "spoilt" in line]
+    drawn = [line for line in lines if "draw_ms" in line]
+    return {
+        "frames": len(lines),
+        "labels": sum(line.get("labels", 0) for line in lines),
+        "wrong_frames": len(wrong),
+        "spoilt": len(spoilt),
+        "spoilt_and_missed": Counter(line["spoilt"] for line in spoilt if not line["caught"]),
+        "draw_ms": float(np.median([line["draw_ms"] for line in drawn])) if drawn else None,
+        "check_ms": float(np.median([line["check_ms"] for line in drawn])) if drawn else None,
+        "targets": Counter(line["target"] for line in drawn),
+        "lenses": Counter(line["lens"] for line in drawn),
+        "shutters": Counter(line["shutter"] for line in drawn),
+        "first_faults": [{"k": line["k"], "faults": line["faults"]} for line in wrong[:20]],
+    }
+
+
+def main() -> int:
+    """Run from the command line; the exit code is 1 when a label is wrong or a spoilt one passes."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("-n", type=int, default=200, help="frames")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--results", type=Path, default=Path("label_results.jsonl"), help="one line a frame")
+    options = parser.parse_args()
+    lines: list[dict[str, Any]] = []
+    if options.results.is_file():
+        lines = [json.loads(line) for line in options.results.read_text().splitlines()]
+    known = {line["k"] for line in lines}
+    wanted = [k for k in range(options.n) if k not in known]
+    with options.results.open("a") as file:
+        for result in run(options.seed, wanted, max(1, options.workers)):
+            lines.append(result)
+            file.write(json.dumps(result) + "\n")
+            file.flush()
+            if result["faults"]:
+                print(f"frame {result['k']}: {'; '.join(result['faults'])}", flush=True)  # noqa: T201 - a command
+    found = summary([line for line in lines if line["k"] < options.n])
+    print(msgspec.json.format(msgspec.json.encode(found), indent=1).decode())  # noqa: T201 - a command
+    return 1 if found["wrong_frames"] or found["spoilt_and_missed"] else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
