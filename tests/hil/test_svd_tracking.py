@@ -89,7 +89,7 @@ def test_a_turning_craft_is_followed_and_a_lost_one_given_up(tracker: TrackingEs
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     tracked, errors = 0, []
-    for k in range(12):
+    for k in range(8):
         q = quat.normalise(quat.multiply(quat.from_rotvec(w * k), q0))
         t = t0 + k * np.array([0.01, 0.0, 0.03])
         result = tracker.estimate(craft.picture(q, t, SUN, np.random.default_rng((50, k))), None, float(k))
@@ -104,14 +104,14 @@ def test_a_turning_craft_is_followed_and_a_lost_one_given_up(tracker: TrackingEs
             )
         tracked += "initialised" not in result.counts
     cv2.setNumThreads(threads)
-    assert tracked >= 8
+    assert tracked >= 5
     assert len(errors) == tracked
     assert max(e[0] for e in errors) < 1.5
     assert max(e[1] for e in errors) < 0.1
     # the target gone: no pose is accepted, and after the frames that are bridged the track is dropped
     dark = np.random.default_rng(7).normal(8, 6, (600, 960)).clip(0, 255).astype(np.uint8)
     assert tracker.state is not None
-    for k in range(12, 16):
+    for k in range(8, 11):
         assert not tracker.estimate(dark, None, float(k)).accepted
     assert tracker.state is None
     # time that runs backwards is another sequence

@@ -34,18 +34,22 @@ def draw_wireframe(
     occ = occluders(model)
     s = np.linspace(0, 1, STEPS)[:, None]
     for e in model.wireframe:
-        X = e.a_m + s * (e.b_m - e.a_m)
-        if len(e.normals) and not ((C - X) @ e.normals.T > 0).any():
+        along = e.a_m + s * (e.b_m - e.a_m)
+        if len(e.normals) and not ((C - along) @ e.normals.T > 0).any():
             continue
-        seen = ~hidden(occ, C, X, np.full(STEPS, 0.006 + 1.5 * e.radius_m))
-        P = X @ R.T + t
-        seen &= P[:, 2] > 0.1
-        uv = ((camera.pixels(P) - corner) + 0.5) * scale - 0.5
-        uv = np.clip(uv, -30000, 30000)
-        for k in range(STEPS - 1):
-            if seen[k] and seen[k + 1]:
-                a, b = (np.rint(p * 16).astype(int).tolist() for p in (uv[k], uv[k + 1]))
-                cv2.line(canvas, a, b, colour, weight, cv2.LINE_AA, 4)
+        # a round member shows its outline, where the sight line grazes it
+        across = np.cross(e.b_m - e.a_m, along - C)
+        across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+        for r in (-e.radius_m, e.radius_m) if e.radius_m > 0 else (0.0,):
+            X = along + r * across
+            seen = ~hidden(occ, C, X, np.full(STEPS, 0.006 + 1.5 * e.radius_m))
+            P = X @ R.T + t
+            seen &= P[:, 2] > 0.1
+            uv = np.clip(((camera.pixels(P) - corner) + 0.5) * scale - 0.5, -30000, 30000)
+            for k in range(STEPS - 1):
+                if seen[k] and seen[k + 1]:
+                    a, b = (np.rint(p * 16).astype(int).tolist() for p in (uv[k], uv[k + 1]))
+                    cv2.line(canvas, a, b, colour, weight, cv2.LINE_AA, 4)
 
 
 def grey(values: Array, top: float) -> Array:

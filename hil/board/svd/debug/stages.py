@@ -213,7 +213,11 @@ def _window(image: Array, regions: Any) -> Tuple[Array, float]:  # noqa: ANN401 
         x0, y0, x1, y1 = r.x0 - m, r.y0 - m, r.x1 + m, r.y1 + m
     scale = min(WIDTH / (x1 - x0), HEIGHT / (y1 - y0))
     centre = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)])
-    return centre - 0.5 * np.array([WIDTH, HEIGHT]) / scale, scale
+    # within the picture, where the view is not larger than it
+    size = np.array([WIDTH, HEIGHT]) / scale
+    low, high = np.full(2, -0.5), np.array([w, h]) - 0.5 - size
+    corner = centre - 0.5 * size
+    return np.where(high >= low, np.clip(corner, low, np.maximum(high, low)), corner), scale
 
 
 def _view(image: Array, top: float, corner: Array, scale: float) -> Array:
