@@ -48,14 +48,14 @@ EXPECTED = {
             "antenna_uhf": (0.186, None, None),
             "antenna_vhf": (None, 0.616, None),
         },
-        triangles=(5_000, 20_000),
+        triangles=(20_000, 200_000),
         mass_kg=(0.82, 0.82),
     ),
     "cubesat-3u": Expected(
-        extents_m={"rails": (0.100, 0.100, 0.3405)}, triangles=(10_000, 40_000), mass_kg=(3.9, 4.1)
+        extents_m={"rails": (0.100, 0.100, 0.3405)}, triangles=(20_000, 200_000), mass_kg=(3.9, 4.1)
     ),
     "cubesat-6u": Expected(
-        extents_m={"rails": (0.2263, 0.100, 0.366)}, triangles=(12_000, 40_000), mass_kg=(9.5, 10.5)
+        extents_m={"rails": (0.2263, 0.100, 0.366)}, triangles=(20_000, 200_000), mass_kg=(9.5, 10.5)
     ),
     # ESA: bus 10 x 2.75 x 1.6 m, array 14 x 5 m, ASAR antenna 10 x 1.3 m, 26 m long as deployed
     "envisat": Expected(
@@ -82,7 +82,7 @@ EXPECTED = {
     # thesis: panel 570 x 759 mm, body 560 x 550 x 300 mm
     "tango-thesis": Expected(
         extents_m={"panel_frame": (0.570, 0.759, None), "body": (0.560, 0.550, 0.300)},
-        triangles=(5_000, 40_000),
+        triangles=(20_000, 200_000),
         mass_kg=(40, 50.001),
     ),
 }

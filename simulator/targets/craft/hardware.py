@@ -174,3 +174,21 @@ def bolts(
     w = unit(axis)
     n = facets(detail, 12)
     return merge([rod(np.asarray(p, float), np.asarray(p, float) + w * height_m, radius_m, n) for p in at_m])
+
+
+def socket_screws(
+    at_m: Sequence[ArrayLike], axis: ArrayLike, radius_m: float, height_m: float, detail: Detail
+) -> Mesh:
+    """Screws with a rounded head and a socket in it, at points of a face (ISO 7380: button heads)."""
+    r, h = radius_m, height_m
+    profile = [
+        (0, 0),
+        (r, 0),
+        (r, 0.45 * h),
+        (0.93 * r, 0.75 * h),
+        (0.75 * r, h),
+        (0.52 * r, h),
+        (0.52 * r, 0.4 * h),
+    ]
+    n = facets(detail, 24)
+    return merge([lathe([*profile, (0, 0.4 * h)], p, unit(axis), n) for p in at_m])

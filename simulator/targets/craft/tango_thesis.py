@@ -4,8 +4,8 @@ Published: panel 570 x 759 mm, body 560 x 550 x 300 mm, four antennas of 204 mm,
 cells, radii, the bar's length, the places of antennas and bar) is taken over from the builders of the SPEED model.
 
 Frame: as Tango's, origin in the middle of the bottom plate and z out of the solar panel. The body is centred under the
-panel, and antennas stand at all four corners: only the bar and the bottom's instruments break the symmetry. So plain
-a craft has some 10,000 triangles to show.
+panel, and antennas stand at all four corners: only the bar and the bottom's instruments break the symmetry. The
+screws of panel frame and side plates are this model's own.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box, cone, rod, truss
 from simulator.targets.craft.assemble import assemble_lumped
+from simulator.targets.craft.hardware import socket_screws
 from simulator.targets.craft.place import both_sides
 from simulator.targets.craft.wire import axis_edge, face_edges
 from simulator.targets.detail import Detail, facets
@@ -93,6 +94,7 @@ def build_tango_thesis(detail: Detail = "full") -> Target:
             *_bottom(detail),
             *_brackets(detail),
             *_bar(detail),
+            *_screws(detail),
         ],
         materials=MATERIALS,
         keypoints=_keypoints(),
@@ -145,6 +147,20 @@ def _bar(detail: Detail) -> list[Piece]:
         for z in (0.055, 0.185)
     ]
     return [Piece("bar", "antenna-grey", bar), Piece("bar_clips", "aluminium", merge(clips))]
+
+
+def _screws(detail: Detail) -> list[Piece]:
+    """Button heads round the panel's frame, and along the rims of the side plates."""
+    if detail != "full":
+        return []
+    x, y = PANEL_X_M - FRAME_X_M / 2, PANEL_Y_M - FRAME_Y_M / 2
+    frame = [(s * x, v, PANEL_TOP_M) for s in (-1, 1) for v in np.linspace(-y, y, 11)]
+    frame += [(u, s * y, PANEL_TOP_M) for s in (-1, 1) for u in np.linspace(-x, x, 8)[1:-1]]
+    heads = [socket_screws(frame, (0, 0, 1), 0.0022, 0.0010, detail)]
+    for s in (-1, 1):
+        rim = [(s * BODY_X_M, v, z) for z in (0.012, 0.285) for v in np.linspace(-0.25, 0.25, 6)]
+        heads.append(socket_screws(rim, (s, 0, 0), 0.0025, 0.0012, detail))
+    return [Piece("screws", "aluminium", merge(heads))]
 
 
 def _keypoints() -> dict[str, Vec3]:

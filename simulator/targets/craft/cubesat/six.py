@@ -3,8 +3,7 @@
 Rails and size: CubeSat Design Specification rev. 14.1 (226.3 x 100 x 366 mm). Wings as on commercial 6U platforms,
 folded against the narrow sides and deployed into the plane of +y; a flat patch array on +z as on NASA's MarCO (Hodges
 et al., A deployable high-gain antenna bound for Mars, IEEE Antennas and Propagation Magazine 59(2), 2017, describes
-its bus). Places of the fittings are this model's own; 10 kg is a common flight mass. Some 13,000 triangles: it
-has no more to show.
+its bus). Places of the fittings are this model's own; 10 kg is a common flight mass.
 """
 
 from __future__ import annotations
@@ -96,7 +95,7 @@ def build_cubesat_6u(detail: Detail = "full") -> Target:
 
 
 def _pieces(detail: Detail) -> list[Piece]:
-    pieces = structure(U6, detail, rings_z_m=(-0.061, 0.061))
+    pieces = structure(U6, detail, rings_z_m=(-0.061, 0.061), screws_z_m=(-0.0725, -0.0495, 0.0495, 0.0725))
     for z in (-0.1215, 0.0, 0.1215):
         pieces += onto(face_cells("face_py", 5, 1, detail), (0.0, U6.face_y_m, z), (0, 1, 0))
     return [*pieces, *_wings(detail), *_front(detail), *_rear(detail), *_sides(detail)]

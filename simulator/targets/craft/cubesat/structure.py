@@ -18,7 +18,7 @@ from simulator.arrays import Vec3
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box
-from simulator.targets.craft.hardware import bolts
+from simulator.targets.craft.hardware import socket_screws
 from simulator.targets.detail import Detail
 from simulator.targets.model import Edge
 from simulator.targets.tango_labels import box_edges
@@ -30,6 +30,8 @@ RAIL_END_M = 0.0065
 PLATE_M = 0.0015
 RECESS_M = 0.0012
 """The plates' outer faces lie this far below the plane of the rails."""
+RIB_M = 0.0007
+"""The ribs across the sides stand this far above the plates."""
 CORNERS = (("nx", "ny", -1, -1), ("px", "ny", 1, -1), ("px", "py", 1, 1), ("nx", "py", -1, 1))
 
 
@@ -67,12 +69,21 @@ U3 = Frame(x_m=0.100, y_m=0.100, z_m=0.3405)
 U6 = Frame(x_m=0.2263, y_m=0.100, z_m=0.3660)
 
 
-def structure(frame: Frame, detail: Detail, *, rings_z_m: tuple[float, ...] = ()) -> list[Piece]:
+def structure(
+    frame: Frame,
+    detail: Detail,
+    *,
+    rings_z_m: tuple[float, ...] = (),
+    screws_z_m: tuple[float, ...] = (),
+    screws_lift_m: float = 0.0,
+) -> list[Piece]:
     """Rails, plates and bolts.
 
     Parameters
     ----------
     rings_z_m : heights of bars across the sides, where the ribs between units show.
+    screws_z_m : heights of the rows of screws that hold the panel boards, beside the cells.
+    screws_lift_m : how far above the boards their heads sit: ``RIB_M`` on the ribs.
     """
     x, y, z = frame.half
     rail = box((x - RAIL_M, y - RAIL_M, -z), (x, y, z), RAIL_EDGE_M if detail == "full" else 0.0)
@@ -86,6 +97,9 @@ def structure(frame: Frame, detail: Detail, *, rings_z_m: tuple[float, ...] = ()
         pieces.append(Piece("ribs", "hard-anodised", merge(_ribs(frame, rings_z_m))))
     if detail == "full":
         pieces.append(Piece("bolts", "bare-aluminium", merge(_bolts(frame, detail))))
+        pieces.append(
+            Piece("panel_screws", "bare-aluminium", merge(_screws(frame, screws_z_m, screws_lift_m, detail)))
+        )
     return pieces
 
 
@@ -110,7 +124,7 @@ def _end_plates(frame: Frame) -> list[Mesh]:
 def _ribs(frame: Frame, rings_z_m: tuple[float, ...]) -> list[Mesh]:
     """Bars across the sides, half a millimetre below the rails."""
     x, y, _ = frame.half
-    out = 0.0005
+    out = RECESS_M - RIB_M
     bars = []
     for z in rings_z_m:
         bar_x = box((x - RECESS_M - 0.001, -y + RAIL_M, z - 0.003), (x - out, y - RAIL_M, z + 0.003))
@@ -132,14 +146,35 @@ def _bolts(frame: Frame, detail: Detail) -> list[Mesh]:
     a = RAIL_M / 2
     meshes = []
     for sx, sy in itertools.product((-1, 1), repeat=2):
-        meshes.append(bolts([(sx * x, sy * (y - a), h) for h in heights], (sx, 0, 0), 0.0014, 0.0002, detail))
-        meshes.append(bolts([(sx * (x - a), sy * y, h) for h in heights], (0, sy, 0), 0.0014, 0.0002, detail))
+        meshes.append(
+            socket_screws([(sx * x, sy * (y - a), h) for h in heights], (sx, 0, 0), 0.0014, 0.0002, detail)
+        )
+        meshes.append(
+            socket_screws([(sx * (x - a), sy * y, h) for h in heights], (0, sy, 0), 0.0014, 0.0002, detail)
+        )
         for sz in (-1, 1):
             points = [
                 (sx * (x - 0.013), sy * (y - 0.006), sz * frame.face_z_m),
                 (sx * (x - 0.006), sy * (y - 0.013), sz * frame.face_z_m),
             ]
-            meshes.append(bolts(points, (0, 0, sz), 0.0018, 0.0008, detail))
+            meshes.append(socket_screws(points, (0, 0, sz), 0.0018, 0.0008, detail))
+    return meshes
+
+
+def _screws(frame: Frame, heights_m: tuple[float, ...], lift_m: float, detail: Detail) -> list[Mesh]:
+    """Button heads along the panel boards of all four sides."""
+    meshes = []
+    for face, width, along in ((frame.face_x_m, frame.y_m, 1), (frame.face_y_m, frame.x_m, 0)):
+        across = np.linspace(-1, 1, 2 * round(width / 0.05)) * (width / 2 - RAIL_M - 0.0045)
+        for side in (-1, 1):
+            axis = [0.0, 0.0, 0.0]
+            axis[1 - along] = side
+            points = []
+            for a, z in itertools.product(across, heights_m):
+                p = [0.0, 0.0, z]
+                p[along], p[1 - along] = a, side * (face + lift_m)
+                points.append(p)
+            meshes.append(socket_screws(points, axis, 0.0013, 0.0006, detail))
     return meshes
 
 

@@ -25,13 +25,14 @@ from simulator.targets.craft.cubesat.fittings import (
     telescope,
 )
 from simulator.targets.craft.cubesat.structure import (
+    RIB_M,
     U1,
     body_occluder,
     corner_keypoints,
     rail_edges,
     structure,
 )
-from simulator.targets.craft.hardware import bolts
+from simulator.targets.craft.hardware import socket_screws
 from simulator.targets.craft.wire import axis_edge
 from simulator.targets.detail import Detail, facets
 from simulator.targets.mass import Lump
@@ -84,7 +85,7 @@ def build_cubesat_1u(detail: Detail = "full") -> Target:
 
 
 def _pieces(detail: Detail) -> list[Piece]:
-    pieces = structure(U1, detail)
+    pieces = structure(U1, detail, screws_z_m=(-0.0434, 0.0434), screws_lift_m=RIB_M)
     sides = {
         "px": ((U1.face_x_m, 0.0, 0.0), (1, 0, 0)),
         "nx": ((-U1.face_x_m, 0.0, 0.0), (-1, 0, 0)),
@@ -133,7 +134,9 @@ def _antenna_board(detail: Detail) -> list[Piece]:
     if detail == "full":
         points = [(x, y, z - 0.001) for x in (-0.037, 0.037) for y in (-0.037, 0.037)]
         pieces.append(
-            Piece("antenna_screws", "bare-aluminium", bolts(points, (0, 0, -1), 0.0016, 0.0009, detail))
+            Piece(
+                "antenna_screws", "bare-aluminium", socket_screws(points, (0, 0, -1), 0.0016, 0.0009, detail)
+            )
         )
         pins = [
             box((x, -0.036, z - 0.004), (x + 0.0007, -0.0353, z - 0.001))

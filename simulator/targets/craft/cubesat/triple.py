@@ -72,6 +72,10 @@ def tape_tip(k: int) -> Vec3:
     )
 
 
+SCREWS_Z_M = (-0.152, -0.063, -0.046, 0.046, 0.063, 0.152)
+"""Rows of screws on the sides, in the gaps between cells and ribs."""
+
+
 def build_cubesat_3u(detail: Detail = "full") -> Target:
     """The 3U craft, wings and antennas deployed."""
     reach, y, z = (
@@ -110,7 +114,7 @@ def build_cubesat_3u(detail: Detail = "full") -> Target:
 
 def _pieces(detail: Detail) -> list[Piece]:
     fx, fy = U3.face_x_m, U3.face_y_m
-    pieces = structure(U3, detail, rings_z_m=(-0.0553, 0.0553))
+    pieces = structure(U3, detail, rings_z_m=(-0.0553, 0.0553), screws_z_m=SCREWS_Z_M)
     for name, origin, normal in (("nx", (-fx, 0.0, 0.0), (-1, 0, 0)), ("px", (fx, 0.0, 0.0), (1, 0, 0))):
         for z in (-0.1075, 0.0, 0.1075):
             at = (origin[0], 0.0, z)
