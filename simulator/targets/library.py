@@ -53,7 +53,9 @@ ENTRIES = (
         name="tango-thesis", module="simulator.targets.craft.tango_thesis", function="build_tango_thesis"
     ),
     TargetEntry(
-        name="change6-ascender", module="simulator.targets.craft.change6", function="build_change6_ascender"
+        name="change6-ascender",
+        module="simulator.targets.craft.change6.ascender",
+        function="build_change6_ascender",
     ),
     TargetEntry(
         name="cubesat-1u", module="simulator.targets.craft.cubesat.swisscube", function="build_cubesat_1u"

@@ -111,6 +111,13 @@ def test_materials_of_gltf(tmp_path):
     assert any("occlusion maps" in note for note in model.notes)
 
 
+def test_edges_written_as_faces_are_left_out(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\nf 1 2 3\n")
+    model = read_mesh(tmp_path / "a.obj")
+    assert model.triangle_count == 1
+    assert "left out 1 faces of fewer than three corners" in model.notes
+
+
 def test_objects_groups_and_relative_indices_of_obj(tmp_path):
     (tmp_path / "a.obj").write_text(
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no wing\nf -4 -3 -2 -1\no body\nv 0 0 1\nf 1//  2// 5//\n"
@@ -197,7 +204,7 @@ def test_obj_that_is_malformed(tmp_path):
     for text, says in (
         ("v 0 0 zero\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "holds something that is no number"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "uses vertex 9 of 3"),
-        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "fewer than three corners"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "holds no triangles"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2\n", "holds no triangles"),
     ):
         (tmp_path / "a.obj").write_text(text)

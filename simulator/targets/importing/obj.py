@@ -70,9 +70,14 @@ def read_obj(path: Path, data: bytes) -> RawModel:
     _materials(path, model, blocks, known)
     number = {m.name: k for k, m in enumerate(model.materials)}
     order = list(dict.fromkeys(b.part for b in blocks))
+    short = 0
     for name, key in zip(unique_names(order, "body"), order, strict=True):
         mine = [b for b in blocks if b.part == key]
-        model.parts.append(_part(path, name, mine, (v, vt, vn), known, number))
+        body, dropped = _part(path, name, mine, (v, vt, vn), known, number)
+        model.parts.append(body)
+        short += dropped
+    if short:
+        model.notes.append(f"left out {short:,} faces of fewer than three corners")
     return model
 
 
@@ -100,11 +105,13 @@ def _part(
     data: tuple[FloatArray, FloatArray, FloatArray],
     known: dict[str, ObjMaterial],
     number: dict[str, int],
-) -> RawPart:
+) -> tuple[RawPart, int]:
     v, vt, vn = data
     corners, materials, coordinates = [], [], []
+    short = 0
     for block in blocks:
-        c = _faces(path, block.lines)
+        c, dropped = _faces(path, block.lines)
+        short += dropped
         for column, count, what in ((0, len(v), "vertex"), (1, len(vt), "vt"), (2, len(vn), "vn")):
             bad = (c[..., column] > count) | (c[..., column] < (1 if column == 0 else 0))
             if bad.any():
@@ -126,7 +133,7 @@ def _part(
     at, normal_at = key // (len(vn) + 1) - 1, key % (len(vn) + 1) - 1
     with_normals = len(vn) > 0 and bool((normal_at >= 0).all())
     uv = np.concatenate(coordinates)
-    return RawPart(
+    part = RawPart(
         name=name,
         positions_m=v[at],
         triangles=inverse.reshape(-1, 3),
@@ -134,10 +141,14 @@ def _part(
         normals=vn[normal_at] if with_normals else None,
         corner_uv=None if np.isnan(uv).all() else uv,
     )
+    return part, short
 
 
-def _faces(path: Path, lines: list[str]) -> IntArray:
-    """(F, 3, 3) of vertex, texture and normal number, from 1; 0 where the file gives none."""
+def _faces(path: Path, lines: list[str]) -> tuple[IntArray, int]:
+    """(F, 3, 3) of vertex, texture and normal number, from 1; 0 where the file gives none.
+
+    And how many faces had fewer than three corners: some exporters write edges so.
+    """
     first = lines[0].split() or [""]
     slashes, double = first[0].count("/"), "//" in first[0]
     plain = all(line.count("/") == 3 * slashes and ("//" in line) == double for line in lines)
@@ -152,19 +163,16 @@ def _faces(path: Path, lines: list[str]) -> IntArray:
                 out[..., 2 if double else 1] = table[..., 1]
             if width > 2:
                 out[..., 2] = table[..., 2]
-            return out
-    faces = []
+            return out, 0
+    faces, short = [], 0
     for line in lines:
         try:
             corners = [_corner(token) for token in line.partition("#")[0].split()]
         except ValueError as error:
             raise UserError(f"{path}: face {line.strip()[:60]!r} cannot be read; export it again") from error
-        if len(corners) < 3:
-            raise UserError(
-                f"{path}: face {line.strip()[:60]!r} has fewer than three corners; export it again"
-            )
+        short += len(corners) < 3
         faces += [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
-    return np.array(faces, np.int64).reshape(-1, 3, 3)
+    return np.array(faces, np.int64).reshape(-1, 3, 3), short
 
 
 def _corner(token: str) -> tuple[int, int, int]:

@@ -12,24 +12,20 @@ import itertools
 
 import numpy as np
 
-from simulator.arrays import Vec3
 from simulator.targets.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge
+from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import rectangle
 from simulator.targets.builders.solids import box, cone
 from simulator.targets.craft.assemble import assemble_lumped
 from simulator.targets.craft.cubesat.fittings import (
     BOARD_BLACK,
     RIM_M,
-    WING_M,
     face_cells,
     materials,
     onto,
     patch_antenna,
     sun_sensor,
     telescope,
-    wing,
-    wing_width_m,
 )
 from simulator.targets.craft.cubesat.structure import (
     U6,
@@ -38,15 +34,21 @@ from simulator.targets.craft.cubesat.structure import (
     rail_edges,
     structure,
 )
+from simulator.targets.craft.cubesat.wings import Wings
 from simulator.targets.craft.hardware import star_tracker, thruster
-from simulator.targets.craft.place import placed_pieces
 from simulator.targets.craft.wire import prism_edges, rim_point, ring_edges
 from simulator.targets.detail import Detail, facets
 from simulator.targets.mass import Lump
 from simulator.targets.model import Edge, Target
 
-WING_PANELS, WING_SIZE_M, WING_GAP_M = 3, (0.0850, 0.3280), 0.0050
-WING_Y_M = U6.y_m / 2 + 0.0045
+WINGS = Wings(
+    root_x_m=U6.x_m / 2,
+    # the hinges lie on the rails of +y
+    y_m=U6.y_m / 2 + 0.0045,
+    panels=3,
+    size_m=(0.0850, 0.3280),
+    gap_m=0.0050,
+)
 CAMERA_M, CAMERA_X_M = 0.040, -0.055
 TRACKER_X_M = 0.062
 END_M = U6.face_z_m
@@ -59,13 +61,8 @@ NOTES = (
 
 def build_cubesat_6u(detail: Detail = "full") -> Target:
     """The 6U craft, wings deployed."""
-    reach = U6.x_m / 2 + wing_width_m(WING_PANELS, WING_SIZE_M[0], WING_GAP_M)
     keypoints = corner_keypoints(U6)
-    keypoints |= {
-        f"wing_{a}_{c}": (sx * reach, WING_Y_M, sz * WING_SIZE_M[1] / 2)
-        for a, sx in (("nx", -1), ("px", 1))
-        for c, sz in (("nz", -1), ("pz", 1))
-    }
+    keypoints |= WINGS.corners()
     keypoints |= {
         f"camera_rim_{k}": rim_point((CAMERA_X_M, 0, -END_M - RIM_M), (0, 0, -1), 1.10 * CAMERA_M, k)
         for k in range(4)
@@ -82,7 +79,7 @@ def build_cubesat_6u(detail: Detail = "full") -> Target:
         materials=materials(BOARD_BLACK),
         keypoints=keypoints,
         wireframe=_wireframe(),
-        occluders=[body_occluder(U6), *_wing_bodies()],
+        occluders=[body_occluder(U6), *WINGS.bodies()],
         lumps=_lumps(),
         frames={
             "grasp": ((0.0, -U6.y_m / 2, 0.0), (0.0, -1.0, 0.0)),
@@ -98,17 +95,7 @@ def _pieces(detail: Detail) -> list[Piece]:
     pieces = structure(U6, detail, rings_z_m=(-0.061, 0.061), screws_z_m=(-0.0725, -0.0495, 0.0495, 0.0725))
     for z in (-0.1215, 0.0, 0.1215):
         pieces += onto(face_cells("face_py", 5, 1, detail), (0.0, U6.face_y_m, z), (0, 1, 0))
-    return [*pieces, *_wings(detail), *_front(detail), *_rear(detail), *_sides(detail)]
-
-
-def _wings(detail: Detail) -> list[Piece]:
-    right = wing("wing_px", WING_PANELS, 2, 4, WING_SIZE_M, WING_GAP_M, detail)
-    left = wing("wing_nx", WING_PANELS, 2, 4, WING_SIZE_M, WING_GAP_M, detail)
-    half = U6.x_m / 2
-    return [
-        *placed_pieces(right, (half, WING_Y_M, 0), (1, 0, 0), (0, 0, -1)),
-        *placed_pieces(left, (-half, WING_Y_M, 0), (-1, 0, 0), (0, 0, 1)),
-    ]
+    return [*pieces, *WINGS.pieces(detail), *_front(detail), *_rear(detail), *_sides(detail)]
 
 
 def _front(detail: Detail) -> list[Piece]:
@@ -177,26 +164,8 @@ def _sides(detail: Detail) -> list[Piece]:
     return pieces
 
 
-def _wing_outlines() -> dict[str, tuple[Vec3, Vec3]]:
-    z = WING_SIZE_M[1] / 2
-    outlines: dict[str, tuple[Vec3, Vec3]] = {}
-    for k in range(WING_PANELS):
-        x0 = U6.x_m / 2 + WING_GAP_M + k * (WING_SIZE_M[0] + WING_GAP_M)
-        x1 = x0 + WING_SIZE_M[0]
-        outlines[f"wing_px_{k}"] = ((x0, WING_Y_M - WING_M, -z), (x1, WING_Y_M, z))
-        outlines[f"wing_nx_{k}"] = ((-x1, WING_Y_M - WING_M, -z), (-x0, WING_Y_M, z))
-    return outlines
-
-
-def _wing_bodies() -> list[Mesh]:
-    return [box(lo, hi) for lo, hi in _wing_outlines().values()]
-
-
 def _wireframe() -> list[Edge]:
-    edges = rail_edges(U6)
-    for name, (lo, hi) in _wing_outlines().items():
-        outline = rectangle((lo[0], -hi[2]), (hi[0], -lo[2]))
-        edges += prism_edges(name, outline, WING_M, origin_m=(0, lo[1], 0), u=(1, 0, 0), v=(0, 0, -1))
+    edges = [*rail_edges(U6), *WINGS.edges()]
     edges += ring_edges("camera", (CAMERA_X_M, 0, -END_M - RIM_M), (0, 0, -1), 1.10 * CAMERA_M, 64)
     lo, hi = ARRAY_LOW_M, ARRAY_HIGH_M
     array = prism_edges("array", rectangle(lo[:2], hi[:2]), hi[2] - lo[2], origin_m=(0, 0, lo[2]))
@@ -205,15 +174,11 @@ def _wireframe() -> list[Edge]:
 
 def _lumps() -> list[Lump]:
     """10.0 kg: structure 1.6, avionics and battery 3.4, camera 1.9, cold gas 1.6, wings 1.1, faces 0.4."""
-    span = wing_width_m(WING_PANELS, WING_SIZE_M[0], WING_GAP_M)
-    middle = U6.x_m / 2 + span / 2
-    size = (span, WING_M, WING_SIZE_M[1])
     return [
         Lump(name="structure", mass_kg=1.6, centre_m=(0, 0, 0), size_m=(0.226, 0.1, 0.366)),
         Lump(name="avionics", mass_kg=3.4, centre_m=(0.0, 0, 0.01), size_m=(0.2, 0.09, 0.2)),
         Lump(name="camera", mass_kg=1.9, centre_m=(CAMERA_X_M, 0, -0.1), size_m=(0.09, 0.09, 0.15)),
         Lump(name="cold gas", mass_kg=1.6, centre_m=(0.060, 0, 0.13), size_m=(0.09, 0.09, 0.09)),
         Lump(name="face cells", mass_kg=0.4, centre_m=(0, 0.01, 0), size_m=(0.22, 0.098, 0.34)),
-        Lump(name="wing +x", mass_kg=0.55, centre_m=(middle, WING_Y_M, 0), size_m=size),
-        Lump(name="wing -x", mass_kg=0.55, centre_m=(-middle, WING_Y_M, 0), size_m=size),
+        *WINGS.lumps(0.55),
     ]

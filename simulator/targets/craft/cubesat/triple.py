@@ -3,8 +3,7 @@
 Rails and size: CubeSat Design Specification rev. 14.1. Wings of two hinged panels along the long edges of +y, a
 telescope that looks along -z, four deployed tape antennas and patches on +z: the common layout of commercial 3U
 Earth observers (compare Planet's Doves and the platforms of GomSpace, ISISPACE and EnduroSat). Places of the fittings
-are this model's own; 4 kg is the older limit for 3U and a common flight mass. A craft of this size has some
-11,000 triangles to show.
+are this model's own; 4 kg is the older limit for 3U and a common flight mass.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ import numpy as np
 
 from simulator.arrays import Vec3
 from simulator.targets.assembly import Piece
-from simulator.targets.builders.mesh import Mesh, merge
+from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import circle, rectangle
 from simulator.targets.builders.prism import prism as plate
 from simulator.targets.builders.solids import box, rod
@@ -21,7 +20,6 @@ from simulator.targets.craft.assemble import assemble_lumped
 from simulator.targets.craft.cubesat.fittings import (
     BOARD_BLACK,
     RIM_M,
-    WING_M,
     face_cells,
     materials,
     onto,
@@ -29,8 +27,6 @@ from simulator.targets.craft.cubesat.fittings import (
     sun_sensor,
     tape_antenna,
     telescope,
-    wing,
-    wing_width_m,
 )
 from simulator.targets.craft.cubesat.structure import (
     U3,
@@ -39,16 +35,21 @@ from simulator.targets.craft.cubesat.structure import (
     rail_edges,
     structure,
 )
+from simulator.targets.craft.cubesat.wings import Wings
 from simulator.targets.craft.hardware import star_tracker
-from simulator.targets.craft.place import placed_pieces
-from simulator.targets.craft.wire import axis_edge, prism_edges, rim_point, ring_edges
+from simulator.targets.craft.wire import axis_edge, rim_point, ring_edges
 from simulator.targets.detail import Detail, facets
 from simulator.targets.mass import Lump
 from simulator.targets.model import Edge, Target
 
-WING_PANELS, WING_SIZE_M, WING_GAP_M = 2, (0.0840, 0.3270), 0.0040
-WING_Y_M = U3.y_m / 2 + 0.0045
-"""Height of the wings' cells: the hinges lie on the rails of +y."""
+WINGS = Wings(
+    root_x_m=U3.x_m / 2,
+    # the hinges lie on the rails of +y
+    y_m=U3.y_m / 2 + 0.0045,
+    panels=2,
+    size_m=(0.0840, 0.3270),
+    gap_m=0.0040,
+)
 TAPE_M = 0.170
 TELESCOPE_M = 0.042
 END_M = U3.face_z_m
@@ -78,17 +79,8 @@ SCREWS_Z_M = (-0.152, -0.063, -0.046, 0.046, 0.063, 0.152)
 
 def build_cubesat_3u(detail: Detail = "full") -> Target:
     """The 3U craft, wings and antennas deployed."""
-    reach, y, z = (
-        U3.x_m / 2 + wing_width_m(WING_PANELS, WING_SIZE_M[0], WING_GAP_M),
-        WING_Y_M,
-        WING_SIZE_M[1] / 2,
-    )
     keypoints = corner_keypoints(U3)
-    keypoints |= {
-        f"wing_{a}_{c}": (sx * reach, y, sz * z)
-        for a, sx in (("nx", -1), ("px", 1))
-        for c, sz in (("nz", -1), ("pz", 1))
-    }
+    keypoints |= WINGS.corners()
     keypoints |= {f"tape_{k + 1}_tip": tape_tip(k) for k in range(4)}
     keypoints |= {
         f"telescope_rim_{k}": rim_point((0, 0, -END_M - RIM_M), (0, 0, -1), 1.10 * TELESCOPE_M, k)
@@ -101,7 +93,7 @@ def build_cubesat_3u(detail: Detail = "full") -> Target:
         materials=materials(BOARD_BLACK),
         keypoints=keypoints,
         wireframe=_wireframe(),
-        occluders=[body_occluder(U3), *_wing_bodies()],
+        occluders=[body_occluder(U3), *WINGS.bodies()],
         lumps=_lumps(),
         frames={
             "grasp": ((0.0, -U3.y_m / 2, 0.0), (0.0, -1.0, 0.0)),
@@ -121,19 +113,7 @@ def _pieces(detail: Detail) -> list[Piece]:
             pieces += onto(face_cells(f"face_{name}", 2, 1, detail), at, normal)
     for z in (-0.1075, 0.0, 0.1075):
         pieces += onto(face_cells("face_py", 2, 1, detail), (0.0, fy, z), (0, 1, 0))
-    return [*pieces, *_wings(detail), *_front(detail), *_rear(detail), *_radiator_side(detail)]
-
-
-def _wings(detail: Detail) -> list[Piece]:
-    """Both wings; seen along -y their cells look at the reader."""
-    right = wing("wing_px", WING_PANELS, 2, 4, WING_SIZE_M, WING_GAP_M, detail)
-    left = wing("wing_nx", WING_PANELS, 2, 4, WING_SIZE_M, WING_GAP_M, detail)
-    half = U3.x_m / 2
-    return [
-        # x along +-x of the craft, y along -+z: their product is +y
-        *placed_pieces(right, (half, WING_Y_M, 0), (1, 0, 0), (0, 0, -1)),
-        *placed_pieces(left, (-half, WING_Y_M, 0), (-1, 0, 0), (0, 0, 1)),
-    ]
+    return [*pieces, *WINGS.pieces(detail), *_front(detail), *_rear(detail), *_radiator_side(detail)]
 
 
 def _front(detail: Detail) -> list[Piece]:
@@ -189,27 +169,8 @@ def _radiator_side(detail: Detail) -> list[Piece]:
     return pieces
 
 
-def _wing_outlines() -> dict[str, tuple[Vec3, Vec3]]:
-    z = WING_SIZE_M[1] / 2
-    outlines: dict[str, tuple[Vec3, Vec3]] = {}
-    for k in range(WING_PANELS):
-        x0 = U3.x_m / 2 + WING_GAP_M + k * (WING_SIZE_M[0] + WING_GAP_M)
-        x1 = x0 + WING_SIZE_M[0]
-        outlines[f"wing_px_{k}"] = ((x0, WING_Y_M - WING_M, -z), (x1, WING_Y_M, z))
-        outlines[f"wing_nx_{k}"] = ((-x1, WING_Y_M - WING_M, -z), (-x0, WING_Y_M, z))
-    return outlines
-
-
-def _wing_bodies() -> list[Mesh]:
-    return [box(lo, hi) for lo, hi in _wing_outlines().values()]
-
-
 def _wireframe() -> list[Edge]:
-    edges = rail_edges(U3)
-    for name, (lo, hi) in _wing_outlines().items():
-        # u x v = x x (-z) = +y
-        outline = rectangle((lo[0], -hi[2]), (hi[0], -lo[2]))
-        edges += prism_edges(name, outline, WING_M, origin_m=(0, lo[1], 0), u=(1, 0, 0), v=(0, 0, -1))
+    edges = [*rail_edges(U3), *WINGS.edges()]
     edges += ring_edges("telescope", (0, 0, -END_M - RIM_M), (0, 0, -1), 1.10 * TELESCOPE_M, 64)
     edges += [axis_edge(f"tape_{k + 1}", TAPE_ROOTS[k], tape_tip(k), 0.0025) for k in range(4)]
     return edges
@@ -217,15 +178,11 @@ def _wireframe() -> list[Edge]:
 
 def _lumps() -> list[Lump]:
     """4.0 kg: structure 0.75, avionics and battery 1.35, telescope 1.15, wings 0.5, rest 0.25."""
-    span = wing_width_m(WING_PANELS, WING_SIZE_M[0], WING_GAP_M)
-    middle = U3.x_m / 2 + span / 2
-    size = (span, WING_M, WING_SIZE_M[1])
     return [
         Lump(name="structure", mass_kg=0.75, centre_m=(0, 0, 0), size_m=(0.1, 0.1, 0.3405)),
         Lump(name="avionics", mass_kg=1.35, centre_m=(0, 0, 0.085), size_m=(0.09, 0.09, 0.15)),
         Lump(name="telescope", mass_kg=1.15, centre_m=(0, 0, -0.085), size_m=(0.09, 0.09, 0.15)),
         Lump(name="face cells", mass_kg=0.22, centre_m=(0, 0.01, 0), size_m=(0.098, 0.098, 0.32)),
-        Lump(name="wing +x", mass_kg=0.25, centre_m=(middle, WING_Y_M, 0), size_m=size),
-        Lump(name="wing -x", mass_kg=0.25, centre_m=(-middle, WING_Y_M, 0), size_m=size),
+        *WINGS.lumps(0.25),
         Lump(name="antennas", mass_kg=0.03, centre_m=(0, 0, END_M), size_m=(0.2, 0.2, 0.01)),
     ]

@@ -1,4 +1,4 @@
-"""A CubeSat's pair of wings: hinged panels in one plane on either side of the structure, and what labels take from them."""
+"""A CubeSat's pair of wings, hinged panels in one plane, and what labels take from them."""
 
 from __future__ import annotations
 
@@ -86,6 +86,11 @@ class Wings:
         span = self.reach_m - self.root_x_m
         size = (span, WING_M, self.size_m[1])
         return [
-            Lump(name=f"wing {s}x", mass_kg=mass_kg, centre_m=(sx * (self.root_x_m + span / 2), self.y_m, 0), size_m=size)
+            Lump(
+                name=f"wing {s}x",
+                mass_kg=mass_kg,
+                centre_m=(sx * (self.root_x_m + span / 2), self.y_m, 0),
+                size_m=size,
+            )
             for s, sx in (("+", 1), ("-", -1))
         ]

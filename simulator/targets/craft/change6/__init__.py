@@ -1,0 +1,1 @@
+"""The ascent vehicle of Chang'e-6."""
