@@ -50,41 +50,74 @@ class Surroundings:
         """The direction of that name: unit vector along GCRS axes and its derivative [s-1], over time."""
         match name:
             case "nadir" | "zenith":
-                sign = 1.0 if name == "zenith" else -1.0
-
-                def radial(t_s: float) -> tuple[FloatArray, FloatArray]:
-                    r, v = self.orbit(t_s)
-                    return unit_and_rate(sign * r, sign * v)
-
-                return radial
+                return Radial(self.orbit, 1.0 if name == "zenith" else -1.0)
             case "along_track" | "cross_track":
-                column = 1 if name == "along_track" else 2
-
-                def axis(t_s: float) -> tuple[FloatArray, FloatArray]:
-                    frame = self.orbit.frame(t_s)
-                    u = frame.R_eci_from_lvlh[:, column]
-                    return u, cross(frame.omega_eci_rad_s, u)
-
-                return axis
+                return LvlhAxis(self.orbit, 1 if name == "along_track" else 2)
             case "chaser":
-                return lambda t_s: unit_and_rate(*self.relative(t_s))
+                return Toward(self.relative)
             case "sun":
-                return self._sun()
+                return Sunward(self.orbit, self._sun())
 
-    def _sun(self) -> Direction:
+    def _sun(self) -> CubicSpline:
+        """The apparent Sun from the central body, over the flight."""
         nodes = np.arange(-1, int(np.ceil(self.duration_s / _NODE_S)) + 3) * _NODE_S
-        places = [sun_eci_m(self.epoch.tt1, self.epoch.tt2 + t / DAY_S) for t in nodes]
         places = [
-            p - self.body.geocentric_state(self.epoch.plus(float(t)))[0]
-            for p, t in zip(places, nodes, strict=True)
+            sun_eci_m(self.epoch.tt1, self.epoch.tt2 + t / DAY_S)
+            - self.body.geocentric_state(self.epoch.plus(float(t)))[0]
+            for t in nodes
         ]
-        where = CubicSpline(nodes, np.array(places))
+        return CubicSpline(nodes, np.array(places))
 
-        def sun(t_s: float) -> tuple[FloatArray, FloatArray]:
-            r, v = self.orbit(t_s)
-            return unit_and_rate(where(t_s) - r, where(t_s, 1) - v)
 
-        return sun
+@dataclass(frozen=True, eq=False)
+class Radial:
+    """Away from the central body (``sign`` 1) or towards it (-1)."""
+
+    orbit: OrbitTrack
+    sign: float
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Unit vector and its derivative."""
+        r, v = self.orbit(t_s)
+        return unit_and_rate(self.sign * r, self.sign * v)
+
+
+@dataclass(frozen=True, eq=False)
+class LvlhAxis:
+    """Along-track (``column`` 1) or cross-track (2)."""
+
+    orbit: OrbitTrack
+    column: int
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Unit vector and its derivative."""
+        frame = self.orbit.frame(t_s)
+        u = frame.R_eci_from_lvlh[:, self.column]
+        return u, cross(frame.omega_eci_rad_s, u)
+
+
+@dataclass(frozen=True, eq=False)
+class Toward:
+    """To the chaser."""
+
+    relative: Callable[[float], tuple[FloatArray, FloatArray]]
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Unit vector and its derivative."""
+        return unit_and_rate(*self.relative(t_s))
+
+
+@dataclass(frozen=True, eq=False)
+class Sunward:
+    """To the apparent Sun; ``where`` gives it from the central body [m]."""
+
+    orbit: OrbitTrack
+    where: CubicSpline
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Unit vector and its derivative."""
+        r, v = self.orbit(t_s)
+        return unit_and_rate(self.where(t_s) - r, self.where(t_s, 1) - v)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -153,6 +153,10 @@ class Flight:
             return self.orbit.relative(t_s)
         return frame.to_eci(*self.guidance.state_lvlh(t_s, self.n_rad_s))
 
+    def apart(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Chaser minus target along GCRS axes [m], [m s-1]."""
+        return self.relative(t_s, self.orbit.frame(t_s))
+
     def looking(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """``q_camera_from_eci_wxyz`` and rate that the pointing asks for, by a quicker way than `chaser`."""
         frame = self.orbit.frame(t_s)

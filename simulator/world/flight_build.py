@@ -20,7 +20,7 @@ from simulator.world.orbit import elements_from_state, propagate
 from simulator.world.pointing import DOWN_AXES_LVLH
 from simulator.world.rotation import quat_normalize
 from simulator.world.scripted import Steered, fly_script
-from simulator.world.target_attitude import TargetMotion
+from simulator.world.target_attitude import SteadyTrack, TargetMotion
 from simulator.world.wheels import fly_wheels
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def propagate_flight(
         duration_s=duration_s,
         orbit=orbit,
         # a stand-in: what the target points at may be the chaser
-        attitude=lambda _t_s: (q0, np.zeros(3)),
+        attitude=SteadyTrack(q0, np.zeros(3)),
         guidance=guidance,
         n_rad_s=n,
         pointing=pointing,
@@ -103,7 +103,7 @@ def propagate_flight(
         body=body,
         epoch=epoch,
         duration_s=duration_s,
-        relative=lambda t_s: flight.relative(t_s, orbit.frame(t_s)),
+        relative=flight.apart,
     )
     flight = replace(flight, attitude=motion.track(q0, around))
     # the thrust of a script follows the camera's axes, which must stay as they were flown

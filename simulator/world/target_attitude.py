@@ -17,7 +17,37 @@ from simulator.world.torques import NO_TORQUES, Torques, torque_on
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from simulator.world.orbit import OrbitTrack
+
 _CHECKED_TIMES = 61
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyTrack:
+    """A steady turn, or none: attitude at the start, and the rate in body axes [rad s-1]."""
+
+    q_eci_from_body_wxyz: FloatArray
+    omega_rad_s: FloatArray
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_eci_from_body_wxyz`` and the rate."""
+        turn = quat_from_rotvec(self.omega_rad_s * t_s)
+        return quat_multiply(self.q_eci_from_body_wxyz, turn), self.omega_rad_s
+
+
+@dataclass(frozen=True, eq=False)
+class LvlhTrack:
+    """At rest in LVLH."""
+
+    orbit: OrbitTrack
+    q_lvlh_from_body_wxyz: FloatArray
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_eci_from_body_wxyz`` and the rate relative to ECI, body axes [rad s-1]."""
+        frame = self.orbit.frame(t_s)
+        q = quat_multiply(quat_from_matrix(frame.R_eci_from_lvlh), self.q_lvlh_from_body_wxyz)
+        turn = frame.R_eci_from_lvlh.T @ frame.omega_eci_rad_s
+        return q, matrix_from_quat(self.q_lvlh_from_body_wxyz).T @ turn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,12 +87,7 @@ class Spin:
     def track(self, q_eci_from_body_wxyz: FloatArray, around: Surroundings) -> AttitudeTrack:  # noqa: ARG002
         """The attitude over the flight."""
         axis = np.array(self.axis_body, float)
-        omega = axis * (self.rate_rad_s / np.linalg.norm(axis))
-
-        def spin(t_s: float) -> tuple[FloatArray, FloatArray]:
-            return quat_multiply(q_eci_from_body_wxyz, quat_from_rotvec(omega * t_s)), omega
-
-        return spin
+        return SteadyTrack(q_eci_from_body_wxyz, axis * (self.rate_rad_s / np.linalg.norm(axis)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,17 +100,10 @@ class Fixed:
         """The attitude over the flight."""
         orbit = around.orbit
         if self.frame == "eci":
-            return lambda _t_s: (q_eci_from_body_wxyz, np.zeros(3))
+            return SteadyTrack(q_eci_from_body_wxyz, np.zeros(3))
         start = orbit.frame(0.0).R_eci_from_lvlh
         q_lvlh_from_body = quat_multiply(quat_from_matrix(start.T), q_eci_from_body_wxyz)
-
-        def resting(t_s: float) -> tuple[FloatArray, FloatArray]:
-            frame = orbit.frame(t_s)
-            q = quat_multiply(quat_from_matrix(frame.R_eci_from_lvlh), q_lvlh_from_body)
-            turn = frame.R_eci_from_lvlh.T @ frame.omega_eci_rad_s
-            return q, matrix_from_quat(q_lvlh_from_body).T @ turn
-
-        return resting
+        return LvlhTrack(orbit, q_lvlh_from_body)
 
 
 @dataclass(frozen=True, kw_only=True)
