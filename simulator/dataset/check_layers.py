@@ -41,7 +41,7 @@ def check_layers(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
     wrong += [
         f"layer {name} is not the one that the record describes"
         for name, layer in layers.items()
-        if name in truth.layer_sha256 and layer_hash(layer) != truth.layer_sha256[name]
+        if name in truth.layer_sha256 and layer_hash(name, layer, mask) != truth.layer_sha256[name]
     ]
     for name, layer in layers.items():
         shape = mask.shape if name not in {"normals", "flow", "clean"} else layer.shape[:2]
@@ -65,6 +65,8 @@ def _check_support(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
                 for k in truth.keypoints
                 if not keypoint_at_depth(truth, k, depth)
             ]
+    if "flow" in layers and np.isfinite(layers["flow"][~on]).any():
+        wrong.append("there is optical flow off the mask")
     if "parts" in layers:
         parts = layers["parts"]
         if not np.array_equal(parts > 0, on):

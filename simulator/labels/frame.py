@@ -102,7 +102,7 @@ def take_frame(
         mask_sha256=pixel_hash(mask),
         parts=tuple(part.name for part in target.parts) if "parts" in layers else (),
         layers=tuple(name for name in request.layers if name in layers or name == "wireframe"),
-        layer_sha256={name: layer_hash(layer) for name, layer in layers.items()},
+        layer_sha256={name: layer_hash(name, layer, mask) for name, layer in layers.items()},
         amodal_origin_px=origin,
         flow=request.flow if "flow" in layers else None,
     )

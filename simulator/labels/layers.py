@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
+ON_CRAFT = frozenset({"depth", "parts", "normals", "flow"})
 AMODAL_REACH = 1.0  # how far beyond the image the amodal mask goes, in its larger side
 
 
@@ -81,8 +82,13 @@ def wants_surfaces(request: LabelRequest) -> bool:
     return not OF_SURFACES.isdisjoint(request.layers)
 
 
-def layer_hash(layer: NDArray[Any]) -> str:
-    """SHA-256 of a layer's values, row by row, whatever file they are kept in."""
+def layer_hash(name: str, layer: NDArray[Any], mask: ByteArray) -> str:
+    """SHA-256 of a layer's values, row by row, whatever file they are kept in.
+
+    Depth, parts, normals and flow are hashed where ``mask`` is set, for they are empty elsewhere; other layers whole.
+    """
+    if name in ON_CRAFT and layer.shape[:2] == mask.shape:
+        layer = layer[mask > 0]
     return hashlib.sha256(np.ascontiguousarray(layer).data).hexdigest()
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.camera.model import Distortion
-from simulator.labels.occlusion import SURFACE_TOLERANCE_M, Mesh
+from simulator.labels.occlusion import SURFACE_TOLERANCE_M, Mesh, triangle_bounds
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
@@ -83,12 +83,14 @@ def view_edges(camera: Camera, camera_from_target: Pose, target: Target, mesh: M
     mesh : all triangles of ``target``.
     """
     vertices = camera_from_target.apply(mesh.positions_m)
-    ahead = np.all(vertices[mesh.triangles, 2] > NEAR_M, axis=1)
-    corners = vertices[mesh.triangles[ahead]]
+    triangles = mesh.triangles
+    if vertices[:, 2].min() <= NEAR_M:
+        triangles = triangles[np.all(vertices[triangles, 2] > NEAR_M, axis=1)]
     # what hides what is a matter of rays: a lens that bends them does not change it, and lines stay straight without
     bends = not camera.distortion.is_none
     straight = replace(camera, distortion=Distortion()) if bends else camera
-    screen = _Screen.of(straight.project(corners), 1 / corners[..., 2])
+    with np.errstate(divide="ignore"):  # of vertices in the lens's plane, which no triangle here has
+        screen = _Screen.of(straight.project(vertices)[triangles], (1 / vertices[:, 2])[triangles])
     eye = np.asarray(camera_from_target.inverse().t_m)
     views = []
     for edge in target.wireframe:
@@ -133,8 +135,7 @@ class _Screen:
         xy[turned], inverse[turned] = xy[turned][:, ::-1], inverse[turned][:, ::-1]
         solid = np.abs(area) > 1e-9
         xy, inverse = xy[solid], inverse[solid]
-        low, high = xy.min(axis=1), xy.max(axis=1)
-        return _Screen(xy, inverse, np.ascontiguousarray(np.concatenate([low, high], axis=1).T))
+        return _Screen(xy, inverse, np.concatenate(triangle_bounds(xy)))
 
     def hidden(self, ends_px: FloatArray, inverse: FloatArray) -> FloatArray:
         """Intervals (H, 2) of the edge that some triangle covers with a larger inverse depth."""

@@ -39,10 +39,10 @@ def _record(change: Callable[[dict[str, Any]], bool]) -> Callable[[Frame], Frame
 
 def _layer(name: str, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Callable[[Frame], Frame | None]:
     def spoiler(frame: Frame) -> Frame | None:
-        if name not in frame.layers or frame.truth is None:
+        if name not in frame.layers or frame.truth is None or frame.mask is None:
             return None
         layer = change(frame.layers[name])
-        hashes = {**frame.truth.layer_sha256, name: layer_hash(layer)}
+        hashes = {**frame.truth.layer_sha256, name: layer_hash(name, layer, frame.mask)}
         truth = msgspec.structs.replace(frame.truth, layer_sha256=hashes)
         return replace(frame, layers={**frame.layers, name: layer}, truth=truth)
 

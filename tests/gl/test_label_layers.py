@@ -64,7 +64,10 @@ def captured(dataset, plan):
     card = read_card(dataset)
 
     def check(new_truth=truth, **changed):
-        hashes = {**new_truth.layer_sha256, **{name: layer_hash(layer) for name, layer in changed.items()}}
+        hashes = {
+            **new_truth.layer_sha256,
+            **{name: layer_hash(name, layer, mask) for name, layer in changed.items()},
+        }
         if changed:
             new_truth = msgspec.structs.replace(new_truth, layer_sha256=hashes)
         return check_frame(0, new_truth, image, mask, card, plan.target, {**layers, **changed})
