@@ -12,7 +12,8 @@ const float REACH_PX = 1.2; // an edge so near to another may belong to one thin
 // Image position of a vertex in the window [px], rounded as the rasteriser rounds it: to 1/256 of a lattice step. So the
 // edge passes the samples on the same side as the faces that meet there.
 vec2 in_window(vec4 clip) {
-    vec2 at = floor((clip.xy / clip.w * 0.5 + 0.5) * u_lattice_px * 256.0 + 0.5) / 256.0;
+    vec2 half_px = 0.5 * u_lattice_px; // in the order, and with the roundings, of llvmpipe's own viewport transform
+    vec2 at = floor((clip.xy * (1.0 / clip.w) * half_px + half_px) * 256.0 + 0.5) / 256.0;
     vec2 st = at - vec2(pixel_index(ivec2(u_window.xy))) - vec2(0.5 - LATTICE_PHASE, 0.5);
     return pixel_from_lattice(st);
 }

@@ -29,6 +29,13 @@ color earth_radiance(vec3 d) {
 #endif
 }
 
+// Width of a lobe of the given roughness under the Sun's disc: half the disc's radius in the half vector's angle, added
+// in squares. Exact for a mirror (the disc's own radiance) and, to second order, for the peak of a wide lobe.
+float sun_alpha(float roughness) {
+    float a2 = roughness * roughness * roughness * roughness, s = 0.5 * u_sun_direction.w;
+    return sqrt(min(a2 + s * s, 1.0));
+}
+
 // Share of the light from around direction m that reaches a face of normal n, over what an open plate gets [1].
 float open_towards(vec4 visibility, vec3 n, vec3 m) {
     return clamp((visibility.w + 0.667 * dot(visibility.xyz, m)) / (0.5 + 0.5 * max(dot(n, m), -0.8)), 0.0, 1.0);
@@ -48,8 +55,7 @@ color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
     float n_l = max(dot(n, l), 0.0) * step(0.0, dot(geometric, l));
     vec3 h = normalize(v + l);
     float n_h = clamp(dot(n, h), 0.0, 1.0), v_h = clamp(dot(v, h), 0.0, 1.0);
-    // the Sun is a disc: its radius widens every lobe (Karis 2013, Real shading in Unreal Engine 4, eq. 10)
-    float alpha = clamp(surface.x * surface.x + 0.5 * u_sun_direction.w, 0.0, 1.0);
+    float alpha = sun_alpha(surface.x);
     color albedo = BAND(base);
     color f0 = mix(color(0.04), albedo, base.w);
 #ifdef CLEARCOAT
@@ -76,7 +82,7 @@ color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
     vec3 hidden = R * (0.75 * n_target - visibility.xyz);
     vec3 facing = normalize(0.707 * geometric - hidden * inversesqrt(max(dot(hidden, hidden), 1e-4)) + 1e-3 * v);
     color around = BAND(u_mean_albedo) * (sky_irradiance(facing)
-        + BAND(u_sun_irradiance) * (max(dot(facing, l), 0.0) * sqrt(open)));
+        + BAND(u_sun_irradiance) * (max(dot(facing, l), 0.0) * open));
     color ambient = sky_irradiance(n) * open_towards(visibility, n_target, m) + around * (1.0 - open);
     float mirrored = open_towards(visibility, n_target, r * R);
     color own = around * ((1.0 - mirrored) / PI), earth = earth_radiance(r) * mirrored;
@@ -86,7 +92,7 @@ color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
     color sky = ambient * diffuse * (color(1.0) - gloss) + gloss * (earth * smoothstep(-blur, blur, rim) + own);
 #ifdef CLEARCOAT
     {
-        float coat_alpha = surface.z * surface.z + 0.5 * u_sun_direction.w;
+        float coat_alpha = sun_alpha(surface.z);
         float fc = (0.04 + 0.96 * pow5(1.0 - v_h)) * surface.y;
         sun = sun * (1.0 - fc) + fc * distribution_ggx(n_h, coat_alpha) * visibility_smith(n_l, n_v, coat_alpha);
         float fe = (0.04 + 0.96 * pow5(1.0 - n_v)) * surface.y;

@@ -10,9 +10,11 @@ uniform sampler2D t_shadow; // depth along the sunlight, 0..1 of the box around 
 // p_m: camera frame [m]; n: unit geometric normal.
 float sun_visibility(vec3 p_m, vec3 n) {
     float n_l = dot(n, u_sun_direction.xyz);
-    // off the surface by a part of a texel, more at grazing light: what facets differ from their smooth normal
+    // nearer to the Sun than its surface by a part of a texel along the normal, more at grazing light: what facets differ
+    // from their smooth normal. Along the light, so that no shadow's edge moves.
     float slope = sqrt(max(1.0 - n_l * n_l, 0.0));
-    vec3 q = (u_light_from_camera * vec4(p_m + n * (u_shadow.x * (0.25 + 0.75 * slope)), 1.0)).xyz;
+    vec3 q = (u_light_from_camera * vec4(p_m, 1.0)).xyz;
+    q.z -= u_shadow.z * (0.25 + 0.75 * slope) / max(n_l, 0.15);
     vec3 m = mat3(u_light_from_camera) * n;
     float size = 1.0 / u_shadow.z;
     vec2 at = q.xy * size - 0.5;

@@ -71,7 +71,7 @@ def bench_scenes(
     sizes = {(c.width_px, c.height_px) for c in cameras.values()}
     reference = reference_pass_ms(sorted(sizes), device_index=device_index)
     costs = []
-    with Renderer(device_index=device_index) as renderer:
+    with Renderer(device_index=device_index, timed=True) as renderer:
         for done, (name, camera) in enumerate(cameras.items()):
             costs.append(_bench_one(renderer, name, n_frames, reference[camera.width_px, camera.height_px]))
             progress(done + 1, len(names))

@@ -7,12 +7,14 @@ from many sides.
 
 from __future__ import annotations
 
+import hashlib
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from simulator.render.cache import cached_array
 from simulator.render.context import release
+from simulator.render.mesh import VERTEX
 from simulator.render.skylight import spiral
 
 if TYPE_CHECKING:
@@ -22,46 +24,54 @@ if TYPE_CHECKING:
     from simulator.render.blocks import Blocks
     from simulator.render.mesh import Mesh
 
-VERSION = 1  # of what follows; part of the cache's key
-GRID = 64  # places along each side of the box
+VERSION = 2  # of what follows; part of the cache's key
+FINE_GRID, COARSE_GRID = 64, 32  # places along each side of the box
+SIMPLE_TRIANGLES = 2000  # fewer need the coarse grid only
 DIRECTIONS = 64
 MAP_PX = 192
 LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.75
+_TURN_RAD = 0.38
 _BIAS = 0.004  # of the box: a place on a face does not hide itself
 _SOLID = 0.04  # of the sky: less is inside a body, and no place to stand
 
 
-def occlusion_box(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
-    """Lower corner and size [m] of the grid's box: the mesh and two steps around it."""
+def occlusion_grid(mesh: Mesh) -> tuple[FloatArray, FloatArray, int]:
+    """Lower corner and size [m] of the grid's box, the mesh and two steps around it, and its places on each side."""
+    count = COARSE_GRID if mesh.indices.size < 12 * SIMPLE_TRIANGLES else FINE_GRID
     low, high = mesh.hull_m.min(axis=0), mesh.hull_m.max(axis=0)
-    step = np.maximum((high - low) / (GRID - 5), 1e-3 * mesh.radius_m)
-    return low - 2.5 * step, GRID * step
+    step = np.maximum((high - low) / (count - 5), 1e-3 * mesh.radius_m)
+    return low - 2.5 * step, count * step, count
 
 
 def occlusion_texture(
-    context: moderngl.Context, blocks: Blocks, mesh: Mesh, shadow_array: moderngl.VertexArray, sha256: str
+    context: moderngl.Context, blocks: Blocks, mesh: Mesh, shadow_array: moderngl.VertexArray
 ) -> moderngl.Texture3D:
     """The grid on the GPU: b in the first three channels, a in the fourth; baked when the cache lacks it.
 
     Parameters
     ----------
     shadow_array : the mesh with the program that draws its depth by ``u_light_clip_from_target``.
-    sha256 : of the target.
     """
-    grid = cached_array(
-        f"occlusion-{VERSION}-{GRID}-{DIRECTIONS}-{sha256[:24]}",
-        lambda: _bake(context, blocks, mesh, shadow_array),
-    )
-    texture = context.texture3d((GRID, GRID, GRID), 4, np.ascontiguousarray(grid))
+    # by the geometry alone: materials come and go
+    shape = np.frombuffer(mesh.vertices.read(), VERTEX)["position_m"].tobytes() + mesh.indices.read()
+    key = f"occlusion-{VERSION}-{DIRECTIONS}-{hashlib.sha256(shape).hexdigest()[:24]}"
+    grid = cached_array(key, lambda: _bake(context, blocks, mesh, shadow_array))
+    count = grid.shape[0]
+    texture = context.texture3d((count, count, count), 4, np.ascontiguousarray(grid))
     texture.filter = (context.LINEAR, context.LINEAR)
     texture.repeat_x = texture.repeat_y = texture.repeat_z = False
     return texture
 
 
 def light_matrix(center_m: FloatArray, radius_m: float, along: FloatArray) -> FloatArray:
-    """(4, 4) clip matrix of an orthographic box around a sphere, seen along a unit vector."""
+    """(4, 4) clip matrix of an orthographic box around a sphere, seen along a unit vector.
+
+    The box is turned about the light: edges of a craft follow its axes, and one along a map's rows would lie half a
+    texel off over all its length.
+    """
     x = np.cross(along, [0.0, 0.0, 1.0] if abs(along[2]) < 0.9 else [1.0, 0.0, 0.0])
     x = x / np.linalg.norm(x)
+    x = np.cos(_TURN_RAD) * x + np.sin(_TURN_RAD) * np.cross(along, x)
     R = np.stack([x, np.cross(along, x), along]) / (radius_m * 1.02)
     matrix = np.eye(4)
     matrix[:3, :3] = R
@@ -74,8 +84,8 @@ def _bake(
 ) -> ByteArray:
     depth = context.depth_texture((MAP_PX, MAP_PX))
     framebuffer = context.framebuffer(depth_attachment=depth)
-    low, size = occlusion_box(mesh)
-    steps = [low[k] + (np.arange(GRID) + 0.5) / GRID * size[k] for k in range(3)]
+    low, size, count = occlusion_grid(mesh)
+    steps = [low[k] + (np.arange(count) + 0.5) / count * size[k] for k in range(3)]
     z, y, x = np.meshgrid(steps[2], steps[1], steps[0], indexing="ij")
     places = np.stack([x.ravel(), y.ravel(), z.ravel()]).astype(np.float32)
     total = np.zeros((4, places.shape[1]), np.float32)
@@ -97,7 +107,7 @@ def _bake(
         total[3] += free
         total[:3] += 3 * free * towards[:, None].astype(np.float32)
     release(context, framebuffer, depth)
-    shares = _outwards((total / DIRECTIONS).reshape(4, GRID, GRID, GRID))
+    shares = _outwards((total / DIRECTIONS).reshape(4, count, count, count))
     shares[:3] = shares[:3] / (2 * LARGEST_SLOPE) + 0.5
     return np.ascontiguousarray(np.clip(np.moveaxis(shares, 0, -1) * 255 + 0.5, 0, 255).astype(np.uint8))
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from simulator.files import write_atomic
 from simulator.render.renderer import Renderer
-from simulator.validation import rendering_earth
+from simulator.validation import rendering_craft, rendering_earth
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
 PAGE = Path("docs/validation/rendering.md")
 Part = tuple[str, "Callable[[Renderer], list[Row]]", str]
-PARTS: tuple[Part, ...] = (("Earth, air, Moon, Sun and stars", rendering_earth.rows, rendering_earth.NOTES),)
+PARTS: tuple[Part, ...] = (
+    ("Earth, air, Moon, Sun and stars", rendering_earth.rows, rendering_earth.NOTES),
+    ("The spacecraft", rendering_craft.rows, rendering_craft.NOTES),
+)
 
 
 def page(tables: list[tuple[str, list[Row], str]], driver: str) -> str:

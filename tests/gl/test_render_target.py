@@ -103,7 +103,7 @@ def test_straight_edges(renderer, draw_kit, quality, rms_px, largest_px):
 
 def _edge_errors(renderer, draw_kit, angle_deg, quality):
     """Position of a plate's edge in every row (or column) by its coverage, less the true one [px]."""
-    target = draw_kit.target([draw_kit.plate("p", "white", (1.0, 0, 0), 1.0)], [draw_kit.white()])
+    target = draw_kit.target([draw_kit.plate("p", "white", (0.6, 0, 0), 0.6)], [draw_kit.white()])
     scene = draw_kit.scene(
         target, rotvec_rad=(0, 0, np.radians(angle_deg)), t_m=(0.02, 0.01, 5), quality=quality
     )
@@ -239,3 +239,63 @@ def test_a_shift_of_micrometres_changes_the_image_a_little(renderer, draw_kit):
     # 1.2e-3 px: edges move by as much; a corner may enter or leave a pixel
     assert step.max() < 0.15 * images[0].max()
     assert (step > 3e-3 * images[0].max()).sum() <= 4
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "half_m", "altitude_m"),
+    [
+        (0.1, 0.03, 500e3),
+        (3.0, 0.4, 35_786e3),
+        (60.0, 5.0, 500e3),
+        (60e3, 2000.0, 384_400e3),
+        (60e3, 3.0, 500e3),
+    ],
+)
+def test_micrometres_move_the_image_smoothly_near_and_far(renderer, draw_kit, distance_m, half_m, altitude_m):
+    # from a hand's breadth to 60 km, in low, geostationary and the Moon's orbit: no jitter, no flicker, no steps
+    target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), half_m)], [draw_kit.white()])
+    step_m = max(1e-6, 1e-7 * distance_m)
+    images = [
+        renderer.render(
+            draw_kit.scene(
+                target, rotvec_rad=(0.3, 0.2, 0.1), t_m=(k * step_m, 0, distance_m), altitude_m=altitude_m
+            ),
+            target,
+        ).radiance.astype(float)
+        for k in range(4)
+    ]
+    brightest = images[0].max()
+    assert brightest > 0
+    step = np.abs(np.diff(np.stack(images), axis=0)) / brightest
+    moved_px = step_m * 600.0 / distance_m
+    # an edge's pixel changes by its motion, in steps of 1/256 of a sample's distance to which the rasteriser rounds;
+    # the few whose corner enters or leaves them, by a sample at most
+    assert (step > 3 * moved_px + 3e-3).sum() <= 3
+    assert step.max() < 0.15
+
+
+def test_timers_are_off_unless_asked_for(renderer, draw_kit, monkeypatch):
+    target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
+    scene = draw_kit.scene(target)
+    for timed in (False, True):
+        finished = []
+        with monkeypatch.context() as patch:
+            patch.setattr(renderer, "_timed", timed)
+            patch.setattr(renderer, "_gl", Counting(renderer._gl, finished))
+            ms = renderer.render(scene, target).stage_ms
+        assert {"target.shadow", "target.geometry", "target.edges", "target.shading", "readback"} <= ms.keys()
+        assert (len(finished) > 5) is timed
+
+
+class Counting:
+    """A context that notes when it is asked to finish."""
+
+    def __init__(self, context, finished):
+        self._context, self._finished = context, finished
+
+    def finish(self):
+        self._finished.append(True)
+        self._context.finish()
+
+    def __getattr__(self, name):
+        return getattr(self._context, name)

@@ -11,7 +11,7 @@ from simulator.render.block_values import lens_values
 from simulator.render.lattice import NINE, Lattice, rotated
 from simulator.render.mesh import upload
 from simulator.render.mesh_edges import find_edges
-from simulator.render.occlusion import GRID, LARGEST_SLOPE, occlusion_box, occlusion_texture
+from simulator.render.occlusion import LARGEST_SLOPE, occlusion_grid, occlusion_texture
 from simulator.render.outline import outline_px
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.gbuffer import GBufferPass
@@ -100,7 +100,7 @@ class TargetPasses:
                 shadow_array,
                 mesh.vertex_array(context, gbuffer.program(mesh).gl),
                 EdgeBuffers(context, find_edges(target.parts, is_closed=mesh.is_closed)),
-                occlusion_texture(context, self._blocks, mesh, shadow_array, target.sha256),
+                occlusion_texture(context, self._blocks, mesh, shadow_array),
                 textures,
             )
         return self._loaded[target.sha256]
@@ -134,7 +134,7 @@ class TargetPasses:
         half = np.diag([0.5, 0.5, 0.5, 1.0])
         half[:3, 3] = 0.5
         texel_m = box_m / shadow.size_px
-        corner_m, extent_m = occlusion_box(loaded.mesh)
+        corner_m, extent_m, steps = occlusion_grid(loaded.mesh)
         self._blocks.target.write(
             {
                 "u_lattice_clip_from_target": lattice_clip @ place.camera_from_target,
@@ -142,12 +142,12 @@ class TargetPasses:
                 "u_camera_from_target": place.camera_from_target,
                 "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
                 "u_occlusion_low": [*corner_m, 0.0],
-                "u_occlusion_step": [*(extent_m / GRID), LARGEST_SLOPE],
+                "u_occlusion_step": [*(extent_m / steps), LARGEST_SLOPE],
                 "u_occlusion_scale": [*(1 / extent_m), 0.0],
                 "u_mean_albedo": _four(reflectance(scene.bands, loaded.mesh.mean_color)),
                 "u_lattice": [*origin, *place.near_far_m],
                 # the sharpest shadow: a texel wide, and half a pixel of the image where that is more
-                "u_shadow": [texel_m, box_m, 1 / shadow.size_px, max(0.5 * pixel_m / texel_m, 0.75)],
+                "u_shadow": [texel_m, box_m, 1 / shadow.size_px, max(0.5 * pixel_m / texel_m, 0.6)],
             }
         )
         self._blocks.materials.write(_material_values(loaded.mesh, scene))

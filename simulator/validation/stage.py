@@ -1,0 +1,70 @@
+"""A bare stage for proofs: a target before the camera, the Sun where it is asked for, nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import quat, vec3
+from simulator.camera.model import Camera
+from simulator.scene.bands import ASTRONOMICAL_UNIT_M
+from simulator.scene.state import Environment, Quality, SceneState, TargetRef
+from simulator.scene.viewpoint import scene_above
+from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, quat_normalize
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from simulator.targets.model import Target
+
+DARK = Environment(
+    earth=False,
+    clouds=False,
+    ocean_glint=False,
+    night_lights=False,
+    atmosphere=False,
+    moon=False,
+    stars=False,
+    planets=False,
+    sun=False,
+    earthshine=False,
+)
+
+
+def square_camera(size_px: int, focal_px: float) -> Camera:
+    """A square pinhole camera."""
+    middle = (size_px - 1) / 2
+    return Camera(
+        width_px=size_px, height_px=size_px, fx_px=focal_px, fy_px=focal_px, cx_px=middle, cy_px=middle
+    )
+
+
+def stage(
+    target: Target,
+    camera: Camera,
+    t_m: ArrayLike,
+    rotvec_rad: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    sun_camera: ArrayLike = (0.0, 0.0, -1.0),
+    sunlit: bool = True,
+    quality: Quality = "default",
+) -> SceneState:
+    """A target at a pose in the camera's frame, lit from a direction in it."""
+    ref = TargetRef(name=target.name, sha256=target.sha256)
+    scene = scene_above(
+        "2026-03-20T12:00:00Z", (0.0, 0.0, 500.0), camera=camera, target=ref, bands="mono", environment=DARK
+    )
+    R = matrix_from_quat(scene.q_camera_from_eci_wxyz)
+    t, sun = np.asarray(t_m, float), np.asarray(sun_camera, float)
+    r_target = np.asarray(scene.r_camera_eci_m) + R.T @ t
+    return replace(
+        scene,
+        quality=quality,
+        t_camera_from_target_m=vec3(t),
+        q_camera_from_target_wxyz=quat(quat_normalize(quat_from_rotvec(np.asarray(rotvec_rad, float)))),
+        r_target_eci_m=vec3(r_target),
+        r_sun_eci_m=vec3(r_target + R.T @ (sun / np.linalg.norm(sun)) * ASTRONOMICAL_UNIT_M),
+        sun_visible_fraction=float(sunlit),
+    )

@@ -1,0 +1,37 @@
+"""The spacecraft's rows of the rendering page: the quick ones always, Mitsuba's when asked for slow tests."""
+
+import pytest
+
+from simulator.errors import UserError
+from simulator.validation import mitsuba_craft, rendering_craft
+
+pytestmark = pytest.mark.gl
+
+
+def test_penumbra_is_as_wide_as_the_suns_disc(renderer):
+    row = rendering_craft.penumbra_row(renderer)
+    assert row.met, row
+
+
+@pytest.mark.slow
+def test_surfaces_penumbra_and_skylight_meet_their_integrals(renderer):
+    for row in rendering_craft.quick_rows(renderer):
+        assert row.met, row
+
+
+@pytest.mark.slow
+def test_edges_of_every_slope(renderer):
+    for row in rendering_craft.edge_rows(renderer):
+        # one row in thousands meets a sample that the rasteriser rounded to the edge's other side
+        assert row.measured < 1.3 * row.goal, row
+
+
+@pytest.mark.slow
+def test_tango_is_lit_as_mitsuba_lights_it(renderer):
+    try:
+        mitsuba_craft.load()
+    except UserError as missing:
+        pytest.skip(str(missing))
+    median, p95 = rendering_craft.mitsuba_rows(renderer, spp=256)
+    assert median.measured < 0.04  # of it 0.01 the noise of 256 samples
+    assert p95.measured < 0.30  # thin parts and cavities; the goal is 0.10
