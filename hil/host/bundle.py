@@ -14,7 +14,7 @@ import msgspec
 import hil
 from simulator.errors import UserError
 from simulator.files import write_atomic
-from simulator.targets.convert import board_model
+from simulator.targets.board_file import board_record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -58,8 +58,10 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
     root = Path(hil.__path__[0])
     for source in (root / "__init__.py", *(root / "board").rglob("*.py"), *(root / "link").rglob("*.py")):
         yield f"hil/{source.relative_to(root).as_posix()}", source.read_bytes()
+    for weights in (root / "board").rglob("*.npz"):
+        yield f"hil/{weights.relative_to(root).as_posix()}", weights.read_bytes()
     for target in targets:
-        yield f"hil/board/models/{target.name}.board.json", msgspec.json.encode(board_model(target))
+        yield f"hil/board/models/{target.name}.board.json", msgspec.json.encode(board_record(target))
     spec = importlib.util.find_spec("serial")
     if spec is None or spec.origin is None:
         raise UserError("the bundle carries pyserial, which is not installed here; pip install pyserial")

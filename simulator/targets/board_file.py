@@ -20,7 +20,7 @@ from simulator.targets.board_faces import kept_faces
 from simulator.targets.cache import cache_folder
 from simulator.targets.convert import board_model
 from simulator.targets.outlines import LARGEST_RADIUS, RANGE_RADII, Outlines, outlines_of
-from simulator.targets.records import OutlinesRecord
+from simulator.targets.records import BoardModel, OutlinesRecord
 
 if TYPE_CHECKING:
     from simulator.targets.model import Target
@@ -37,8 +37,12 @@ def write_board_model(target: Target, path: Path) -> None:
     UserError
         If the file cannot be written.
     """
-    model = msgspec.structs.replace(board_model(target, kept_outlines(target)), faces=kept_faces(target))
-    write_atomic(path, msgspec.json.encode(model))
+    write_atomic(path, msgspec.json.encode(board_record(target)))
+
+
+def board_record(target: Target) -> BoardModel:
+    """All that the board file holds of ``target``."""
+    return msgspec.structs.replace(board_model(target, kept_outlines(target)), faces=kept_faces(target))
 
 
 def packed(o: Outlines) -> OutlinesRecord:

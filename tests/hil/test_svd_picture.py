@@ -42,7 +42,10 @@ def record() -> dict[str, Any]:
         part("plate", (0.3, -0.1, -0.15), (0.31, 0.15, 0.05)),
         part("core", (-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)),
     )
-    faces = make_faces([parts])
+    with pytest.MonkeyPatch.context() as patch:
+        # four boxes need no fine cover
+        patch.setattr("simulator.targets.faces.PITCH", 0.006)
+        faces = make_faces([parts])
     assert faces is not None
     built: dict[str, Any] = msgspec.to_builtins(faces)
     return built

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Optional
 
 import numpy as np
 
 # Confidence from which a pose is accepted.
 ACCEPT_AT = 0.85
+
+# Weights of picture_confidence, in the order of its terms.
+PICTURE_BIAS = -5.59
+PICTURE_WEIGHTS = (1.64, 0.43, 0.67, 3.05, -0.5, -0.48, 0.97, 0.6)
 
 # Below this size a speck fits any pose [px].
 SMALLEST_PX = 70.0
@@ -26,7 +31,8 @@ class Evidence:
     sigma_rad, sigma_share : predicted one-sigma attitude error, and position error over range.
     edges : number of edge samples used. size_px : diameter of the craft's sphere on the picture.
     empty : whether the background is empty space.
-    score : how well the drawn craft explains the picture, see photometric.photo_score; -1: not judged so.
+    score : how well the drawn craft explains the picture, see photometric.photo_score; None where
+        it was not judged so.
     """
 
     drawn: float
@@ -41,7 +47,7 @@ class Evidence:
     edges: int
     size_px: float
     empty: bool
-    score: float = -1.0
+    score: Optional[float] = None
 
 
 def confidence(e: Evidence) -> float:
@@ -50,6 +56,8 @@ def confidence(e: Evidence) -> float:
     A logistic fit on 200 rendered frames against black space (docs/svd.md); what it does not weigh (drawn,
     explained) bounds the decision instead.
     """
+    if e.score is not None:
+        return picture_confidence(e, e.score)
     z = -2.3 + 38.0 * min(e.margin, 0.15) + 6.8 * e.tight
     z -= 22.0 * min(e.sigma_rad, 1.0) + 95.0 * min(e.sigma_share, 1.0) + 84.0 * min(e.outside, 0.3)
     # few samples can agree by chance
@@ -59,13 +67,33 @@ def confidence(e: Evidence) -> float:
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
 
 
+def picture_confidence(e: Evidence, score: float) -> float:
+    """The same where poses were judged by the whole picture: a logistic fit on development frames (docs/svd.md)."""
+    z = PICTURE_BIAS + float(
+        np.dot(
+            PICTURE_WEIGHTS,
+            [
+                min(e.margin, 0.3) / 0.1,
+                3.0 * min(max(e.margin / max(score, 0.02), 0.0), 1.0),
+                3.0 * min(score, 0.8),
+                3.0 * e.drawn,
+                3.0 * e.explained,
+                10.0 * min(e.outside, 0.3),
+                np.log(max(e.size_px, 20.0) / 200.0),
+                float(e.empty),
+            ],
+        )
+    )
+    return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
+
+
 def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
     """Empty when the pose is to be accepted, else the reason it is not."""
     if e.edges < 25:
         return "too few edges found"
     if e.size_px < SMALLEST_PX:
         return "target too small in the picture"
-    if e.drawn < (0.35 if e.empty else 0.5) or e.found < 0.3:
+    if e.score is None and (e.drawn < (0.35 if e.empty else 0.5) or e.found < 0.3):
         return "too little of the model is supported by edges"
     if e.margin < 0.015:
         return "ambiguous: another pose explains the picture as well"

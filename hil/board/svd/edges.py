@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Tuple
+from typing import Optional, Tuple
 
 import cv2
 import numpy as np
@@ -12,6 +12,9 @@ import numpy as np
 Array = np.ndarray
 
 CHANNELS = 8
+
+# Probability of the craft below which an edge is taken for texture.
+LIKELY = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +124,7 @@ def edge_field(
     high: float = 6.0,
     low: float = 3.0,
     background: float = -1.0,
+    likely: Optional[Array] = None,
 ) -> EdgeField:
     """Edge tables of ``box`` (x0, y0, x1, y1), reduced to ``longest_px``.
 
@@ -128,6 +132,7 @@ def edge_field(
     ----------
     noise : standard deviation of the picture's noise, in the picture's units.
     background : level of empty space; negative when the background is not empty (all counts as lit then).
+    likely : (h, w) map of the craft over the whole picture: edges far from it are texture.
     """
     x0, y0, x1, y1 = box
     small, factor = shrink(image, x0, y0, x1, y1, longest_px)
@@ -136,6 +141,8 @@ def edge_field(
     # area averaging over factor^2 independent pixels
     sigma = max(noise / factor * gradient_noise(blur), 1e-6)
     mask, magnitude = thin_edges(gx, gy, sigma, low, high)
+    if likely is not None:
+        mask &= _about(likely, box, image.shape, mask.shape)
     mask = drop_specks(mask, 5)
     direction = np.arctan2(gy, gx)
     angle = np.mod(direction, np.pi).astype(np.float32)
@@ -162,6 +169,18 @@ def edge_field(
         direction=direction,
         empty=background >= 0,
     )
+
+
+def _about(
+    likely: Array, box: Tuple[int, int, int, int], picture: Tuple[int, ...], field: Tuple[int, ...]
+) -> Array:
+    """Where in a field on ``box`` the craft may be, by a map of the whole picture."""
+    near = cv2.dilate((likely > LIKELY).astype(np.uint8), np.ones((3, 3), np.uint8))
+    (H, W), (h, w) = picture[:2], likely.shape
+    x = ((np.arange(field[1]) + 0.5) / field[1] * (box[2] - box[0]) + box[0]) * w / W
+    y = ((np.arange(field[0]) + 0.5) / field[0] * (box[3] - box[1]) + box[1]) * h / H
+    rows, columns = np.clip(y.astype(int), 0, h - 1), np.clip(x.astype(int), 0, w - 1)
+    return np.asarray(near[rows[:, None], columns[None]] > 0)
 
 
 def drop_specks(mask: Array, smallest: int) -> Array:

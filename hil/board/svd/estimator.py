@@ -24,7 +24,7 @@ Array = np.ndarray
 BUSY = 0.25
 
 # Regions searched at most, and the least diagonal of one [px].
-REGIONS, SMALLEST_PX = 3, 24.0
+REGIONS, SMALLEST_PX = 2, 24.0
 
 
 class PoseEstimator(Estimator):
@@ -58,7 +58,7 @@ class PoseEstimator(Estimator):
         frame.keep("reduced", small)
         frame.keep("wge", wge)
         frame.mark("wge")
-        regions, busy = propose_regions(small, wge, frame.noise / REDUCTION)
+        regions, busy, frame.likely = propose_regions(small, wge, frame.noise / REDUCTION)
         if busy < BUSY:
             frame.background = float(np.median(small))
         frame.count("regions", len(regions))
@@ -80,6 +80,7 @@ class PoseEstimator(Estimator):
                 method=self.method,
             )
         found.sort(key=lambda c: -c.support.total)
+        frame.keep("found", found)
         decide_between = choose if self.model.faces is None else choose_by_picture
         best, fit, evidence, alternatives = decide_between(self.craft, frame, found)
         frame.count("edges", evidence.edges)

@@ -120,6 +120,7 @@ class Frame:
     ----------
     image : (H, W). noise : standard deviation.
     background : level of empty space, negative when it is not empty.
+    likely : (h, w) map of the craft against a textured background, see target_map; None where it was not needed.
     trace : receives what ``keep`` is given; None costs nothing.
     """
 
@@ -128,6 +129,7 @@ class Frame:
         self.trace = trace
         self.noise = 0.0
         self.background = -1.0
+        self.likely: Optional[Array] = None
         self.stages_ms: Dict[str, float] = {}
         self.counts: Dict[str, int] = {}
         self._last = time.perf_counter()

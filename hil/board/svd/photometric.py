@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from hil.board.svd import quaternion as quat
-from hil.board.svd.levels import OPTICS_PX, blurred, coverage, shade
+from hil.board.svd.levels import LOCAL_FACES, OPTICS_PX, blurred, coverage, shade
 from hil.board.svd.model import CameraIntrinsics
 from hil.board.svd.motion import motion_images
 from hil.board.svd.refine import apply_step, gauss_newton_step, limit_step, parameter_scale
@@ -54,12 +54,14 @@ def photo_align(
     camera: CameraIntrinsics,
     radius_m: float,
     blurs_px: Tuple[float, ...],
+    local_faces: int = LOCAL_FACES,
 ) -> PhotoFit:
     """Gauss-Newton on the difference of the picture and the drawn craft.
 
     Parameters
     ----------
     blurs_px : blur of both pictures in each iteration [canvas px]: wide first, to reach far.
+    local_faces : see ``shade``; none is enough to rank poses.
     """
     q, t = q[None].copy(), t[None].copy()
     R = quat.matrix(q)[0]
@@ -67,7 +69,7 @@ def photo_align(
     H, cost = np.eye(6), 9.9
     for blur in blurs_px:
         R = quat.matrix(q)[0]
-        shading = shade(faces, draw_faces(faces, order, camera, R, t[0], canvas), canvas)
+        shading = shade(faces, draw_faces(faces, order, camera, R, t[0], canvas), canvas, local_faces)
         optics = float(np.hypot(blur, OPTICS_PX / canvas.factor))
         drawn = blurred(np.minimum(blurred(shading.picture, OPTICS_PX / canvas.factor), canvas.full), blur)
         e = blurred(canvas.gray, blur) - drawn

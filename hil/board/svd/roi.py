@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import pkgutil
 from dataclasses import dataclass
-from typing import List, Tuple
+from functools import lru_cache
+from typing import List, Optional, Tuple
 
 import cv2
 import numpy as np
@@ -11,6 +14,7 @@ import numpy as np
 from hil.board.svd.edges import drop_specks, gradient, gradient_noise, thin_edges
 from hil.board.svd.gradient import WeakGradientElimination, marginal_interval
 from hil.board.svd.lines import lsd_stream
+from hil.board.svd.target_map import CELL_PX, WEIGHTS, Weights, boxes, target_map
 
 Array = np.ndarray
 
@@ -88,8 +92,8 @@ def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
 
 def propose_regions(
     small: Array, wge: WeakGradientElimination, noise_small: float
-) -> Tuple[List[Region], float]:
-    """Hypotheses, the likeliest first, and the share of the frame's border that is not empty.
+) -> Tuple[List[Region], float, Optional[Array]]:
+    """Hypotheses, the likeliest first, the share of the frame that is not empty, and the map of the craft.
 
     Parameters
     ----------
@@ -107,7 +111,8 @@ def propose_regions(
     mask, _ = thin_edges(gx, gy, sigma, 3.0, 6.0)
     mask = drop_specks(mask, 4)
     regions: List[Region] = []
-    busy = float(_busy_share(mask))
+    likely: Optional[Array] = None
+    busy = max(float(_busy_share(mask)), _elsewhere(mask))
 
     def add(x0: float, y0: float, x1: float, y1: float, source: str) -> None:
         f = REDUCTION
@@ -132,13 +137,28 @@ def propose_regions(
             add(x0, y0, x1, y1, f"clusters-{join}")
     if busy >= 0.2:
         # behind the craft lies texture: what is made has straight lines, and many of them together
+        weights = _weights()
+        if weights is not None:
+            likely = target_map(small, noise_small, weights)
+            for box in boxes(likely, 2):
+                add(CELL_PX * box[0], CELL_PX * box[1], CELL_PX * box[2], CELL_PX * box[3], "map")
         for box in straight_windows(small):
             add(*box, "straight")
-        regions.sort(key=lambda r: r.source != "straight")
+        regions.sort(
+            key=lambda r: ("map", "straight").index(r.source) if r.source in ("map", "straight") else 2
+        )
     cdf = cdf_region(wge.strong)
     if not any(overlap(cdf, o) > 0.85 for o in regions):
         regions.append(cdf)
-    return regions, busy
+    return regions, busy, likely
+
+
+@lru_cache(maxsize=1)
+def _weights() -> Optional[Weights]:
+    """The map's weights, None where they were left out of an installation."""
+    # a bundle is a zip file: its members are read through the importer
+    data = pkgutil.get_data("hil.board.svd", WEIGHTS)
+    return None if data is None else Weights.read(io.BytesIO(data))
 
 
 def straight_windows(small: Array, count: int = 3) -> List[Tuple[float, float, float, float]]:
@@ -186,6 +206,20 @@ def straight_windows(small: Array, count: int = 3) -> List[Tuple[float, float, f
             score[max(0, row - half) : row + half, max(0, col - half) : col + half] = -1.0
     found.sort(key=lambda f: -f[0])
     return [box for _, box in found[: 2 * count]]
+
+
+def _elsewhere(mask: Array) -> float:
+    """Share of the edges that lie outside the main group of them, when it is not a few specks."""
+    groups = clusters(mask, 31)
+    total = int(mask.sum())
+    if len(groups) < 2 or total < 200:
+        return 0.0
+    x0, y0, x1, y1, count = groups[0]
+    near = 0.6 * float(np.hypot(x1 - x0, y1 - y0))
+    for g in groups[1:]:
+        if max(g[0] - x1, x0 - g[2], g[1] - y1, y0 - g[3], 0) < near:
+            count += g[4]
+    return 1.0 - count / total
 
 
 def _busy_share(mask: Array) -> float:

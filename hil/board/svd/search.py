@@ -48,8 +48,12 @@ def search_region(craft: Craft, frame: Frame, region: Region) -> List[Candidate]
     """Candidates of one region, the best first."""
     h, w = frame.image.shape
     box = region.grown(MARGIN, w, h)
-    coarse = edge_field(frame.image, box, frame.noise, COARSE_PX, background=frame.background)
-    fine = edge_field(frame.image, box, frame.noise, FINE_PX, background=frame.background)
+    coarse = edge_field(
+        frame.image, box, frame.noise, COARSE_PX, background=frame.background, likely=frame.likely
+    )
+    fine = edge_field(
+        frame.image, box, frame.noise, FINE_PX, background=frame.background, likely=frame.likely
+    )
     frame.count("edge_pixels", int(coarse.mask.sum()))
     frame.mark("edges")
     if int(coarse.mask.sum()) < 20:
@@ -71,6 +75,10 @@ def search_region(craft: Craft, frame: Frame, region: Region) -> List[Candidate]
     frame.mark("align")
     out = _judge(craft, q, t, fine, region)
     frame.mark("score")
+    if craft.model.faces is not None:
+        # the whole picture tells them apart from here on, twins and all
+        frame.count("candidates", len(out))
+        return out
     # the near-symmetries of the craft: the twin of a good pose must have its chance
     tq, tt = twins(craft, out[:3])
     nq, nt = neighbours(craft, out[:4])

@@ -137,7 +137,10 @@ def draw_faces(
     s = canvas.fine / canvas.factor
     p = camera.pixels(faces.corners[order] @ R.T + t)
     p = (p - (canvas.x0, canvas.y0) + 0.5) * s - 0.5
-    p = inset(p)
+    d1, d2 = p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]
+    # what covers less than a drawn pixel is left to its neighbours
+    worth = np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]) > 1.0
+    p, order = inset(p[worth]), order[worth]
     seen = np.zeros((h * canvas.fine, w * canvas.fine), np.int32)
     polygons = np.rint(np.clip(p, -3000, 3000) * 16).astype(np.int32)
     for polygon, number in zip(polygons, (order + 1).tolist()):  # noqa: B905 - Python 3.9 has no strict=

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import List, Tuple
 
+import cv2
 import numpy as np
 
 from hil.board.svd import quaternion as quat
@@ -12,6 +13,7 @@ from hil.board.svd.confidence import Evidence
 from hil.board.svd.distinct import alternatives, differs
 from hil.board.svd.edges import shrink
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
+from hil.board.svd.levels import LOCAL_FACES
 from hil.board.svd.photometric import PhotoFit, photo_align, photo_score
 from hil.board.svd.score import support
 from hil.board.svd.search import MARGIN, twins
@@ -22,9 +24,16 @@ Array = np.ndarray
 # Poses compared: how many, how far behind the first in support, and how far apart [rad].
 LEADERS, LEAD, SPREAD_RAD = 8, 0.25, float(np.radians(6.0))
 
-# Longest side of the picture they are compared on, and of the one for the final alignment [px]; its blurs.
-SMALL_PX, FINAL_PX = 150, 240
-FINAL_BLURS = (1.2, 0.6, 0.0, 0.0, 0.0, 0.0)
+# How many of them are compared close up with the winner and its twins.
+FINALISTS = 4
+
+# How many go to the end, and with what share of the best score.
+FINALS, FINAL_LEAD = 2, 0.85
+
+# Longest side of the pictures they are compared on, far and close up, and of the one for the final alignment [px];
+# its blurs.
+FIRST_PX, SMALL_PX, FINAL_PX = 100, 150, 200
+FINAL_BLURS = (1.2, 0.6, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +43,10 @@ class Ranked:
     score: float
     fit: PhotoFit
     start: Candidate
+
+    def candidate(self) -> Candidate:
+        """The aligned pose with the evidence of its start."""
+        return Candidate(self.fit.q, self.fit.t, self.start.support, self.start.field, self.start.region)
 
 
 def choose_by_picture(
@@ -47,41 +60,58 @@ def choose_by_picture(
     """
     faces = craft.model.faces
     assert faces is not None  # noqa: S101 - the caller asked
-    leaders = spread_out(found, LEADERS, LEAD)
-    small = make_canvas(frame, _around(leaders, frame.image.shape), SMALL_PX)
-
-    def judge(candidates: List[Candidate]) -> List[Ranked]:
-        out = []
-        for c in candidates:
-            fit = photo_align(c.q, c.t, faces, small, craft.camera, craft.radius_m, (2.0, 1.2))
-            out.append(Ranked(photo_score(fit.q, fit.t, faces, small, craft.camera), fit, c))
-        return out
-
-    ranked = sorted(judge(leaders), key=lambda r: -r.score)
+    height, width = frame.image.shape
+    ranked: List[Ranked] = []
+    # edges of one region say nothing of another's: each sends its own leaders
+    for region in dict.fromkeys(c.region for c in found):
+        leaders = spread_out([c for c in found if c.region == region], LEADERS, LEAD)
+        small = make_canvas(frame, region.grown(MARGIN, width, height), FIRST_PX)
+        ranked += _judge(craft, small, leaders, (2.0, 1.2))
+    judged = len(ranked)
+    ranked.sort(key=lambda r: -r.score)
     frame.mark("picture")
-    # the near-symmetries of the winner: the rival must have had its chance
-    first = ranked[0]
-    c = Candidate(first.fit.q, first.fit.t, first.start.support, first.start.field, first.start.region)
+    # once more close up: the winner, who came after it, and its near-symmetries, who must have their chance
+    c = ranked[0].candidate()
+    close = make_canvas(frame, craft_box(craft, c.q, c.t, width, height), SMALL_PX)
     q, t = twins(craft, [c])
-    new = [k for k in range(len(q)) if all(quat.angle_rad(q[k], r.fit.q) > SPREAD_RAD for r in ranked)]
-    rivals = judge([Candidate(q[k], t[k], c.support, c.field, c.region) for k in new])
-    ranked = sorted(ranked + rivals, key=lambda r: -r.score)
+    others = [r.candidate() for r in ranked[1:] if r.start.region == c.region][: FINALISTS - 1]
+    others += [
+        Candidate(q[k], t[k], c.support, c.field, c.region)
+        for k in range(len(q))
+        if all(quat.angle_rad(q[k], r.fit.q) > SPREAD_RAD for r in ranked)
+    ]
+    ranked = _judge(craft, close, [c, *others], (1.2, 0.6))
     frame.keep("ranked", ranked)
-    frame.count("judged", len(ranked))
+    frame.count("judged", judged + len(ranked))
     frame.mark("twins")
     first = ranked[0]
-    h, w = frame.image.shape
-    canvas = make_canvas(frame, craft_box(craft, first.fit.q, first.fit.t, w, h), FINAL_PX)
-    fit = photo_align(first.fit.q, first.fit.t, faces, canvas, craft.camera, craft.radius_m, FINAL_BLURS)
+    canvas = make_canvas(frame, craft_box(craft, first.fit.q, first.fit.t, width, height), FINAL_PX)
+    # near poses may be one and the same, half-way there: the end decides
+    ends = [r.candidate() for r in ranked[:FINALS] if r is first or r.score > FINAL_LEAD * first.score]
+    first = _judge(craft, canvas, ends, FINAL_BLURS, LOCAL_FACES)[0]
+    fit = first.fit
     frame.mark("refine")
     c = first.start
     s = support(fit.q, fit.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m)
     best = Candidate(fit.q, fit.t, s, c.field, c.region)
-    others = [(r.fit.q, r.fit.t, r.score) for r in ranked]
-    rival = max((r[2] for r in others if differs(r[0], r[1], fit.q, fit.t)), default=0.0)
+    poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
+    rival = max((r[2] for r in poses if differs(r[0], r[1], fit.q, fit.t)), default=0.0)
     evidence = picture_evidence(craft, best, fit, first.score, first.score - max(rival, 0.0))
     frame.mark("verify")
-    return best, fit, evidence, alternatives(others, fit.q, fit.t)
+    return best, fit, evidence, alternatives(poses, fit.q, fit.t)
+
+
+def _judge(
+    craft: Craft, canvas: Canvas, candidates: List[Candidate], blurs: Tuple[float, ...], local_faces: int = 0
+) -> List[Ranked]:
+    """Candidates aligned on a canvas and scored by it, the best first."""
+    faces = craft.model.faces
+    assert faces is not None  # noqa: S101 - the caller asked
+    out = []
+    for c in candidates:
+        fit = photo_align(c.q, c.t, faces, canvas, craft.camera, craft.radius_m, blurs, local_faces)
+        out.append(Ranked(photo_score(fit.q, fit.t, faces, canvas, craft.camera), fit, c))
+    return sorted(out, key=lambda r: -r.score)
 
 
 def picture_evidence(craft: Craft, best: Candidate, fit: PhotoFit, score: float, margin: float) -> Evidence:
@@ -105,13 +135,6 @@ def picture_evidence(craft: Craft, best: Candidate, fit: PhotoFit, score: float,
     )
 
 
-def _around(leaders: List[Candidate], shape: Tuple[int, ...]) -> Tuple[int, int, int, int]:
-    """The box of every region that gave a leader."""
-    boxes = np.array([c.region.grown(MARGIN, shape[1], shape[0]) for c in leaders])
-    (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
-    return int(x0), int(y0), int(x1), int(y1)
-
-
 def spread_out(pool: List[Candidate], keep: int, lead: float) -> List[Candidate]:
     """The best candidates that differ from each other, none farther behind the first than ``lead``."""
     out: List[Candidate] = []
@@ -127,8 +150,10 @@ def make_canvas(frame: Frame, box: Tuple[int, int, int, int], longest_px: int) -
     """A region of the picture for comparison with the drawn craft."""
     gray, factor = shrink(frame.image, *box, longest_px)
     full = 255.0 if frame.image.dtype == np.uint8 else float(frame.image.max())
-    plain = frame.background if frame.background >= 0 else float(np.median(gray))
-    fine = 3 if max(gray.shape) < 180 else 2
+    plain = (
+        frame.background if frame.background >= 0 else cv2.GaussianBlur(gray, (0, 0), 0.06 * max(gray.shape))
+    )
+    fine = 3 if FIRST_PX < max(gray.shape) < 180 else 2
     return Canvas(gray, frame.noise / factor, float(box[0]), float(box[1]), factor, fine, full, plain)
 
 

@@ -94,7 +94,7 @@ class FaithfulEstimator(Estimator):
         small, _ = shrink(
             frame.image, 0, 0, frame.image.shape[1], frame.image.shape[0], max(frame.image.shape) // REDUCTION
         )
-        regions, _ = propose_regions(small, eliminate_weak_gradients(small), frame.noise / REDUCTION)
+        regions, _, _ = propose_regions(small, eliminate_weak_gradients(small), frame.noise / REDUCTION)
         return regions[:REGIONS]
 
     def _search(

@@ -1,0 +1,68 @@
+"""The map of where a craft may be: it finds straight-edged things among clouds, and nothing among clouds alone."""
+
+from __future__ import annotations
+
+import io
+import pkgutil
+
+import cv2
+import numpy as np
+import pytest
+
+from hil.board.svd.target_map import CELL_PX, WEIGHTS, Weights, boxes, target_map
+from hil.evaluate.train_target_map import train
+
+
+@pytest.fixture(scope="module")
+def weights() -> Weights:
+    data = pkgutil.get_data("hil.board.svd", WEIGHTS)
+    assert data is not None
+    return Weights.read(io.BytesIO(data))
+
+
+def clouds(seed: int) -> np.ndarray:
+    """Brightness of scattered clouds: noise of every size, thresholded softly."""
+    rng = np.random.default_rng(seed)
+    field = np.zeros((300, 480), np.float32)
+    for size in (40, 20, 10, 5, 3):
+        part = rng.normal(size=(300 // size + 2, 480 // size + 2)).astype(np.float32)
+        field += size * cv2.resize(part, (480, 300), interpolation=cv2.INTER_CUBIC)
+    return np.clip(25 + 3.0 * np.clip(field - 15, 0, 40) + rng.normal(0, 3, field.shape), 0, 255).astype(
+        np.float32
+    )
+
+
+def with_craft(picture: np.ndarray, x: int, y: int) -> np.ndarray:
+    """A dark panel with a bright frame and a white box beside it."""
+    out = picture.copy()
+    cv2.rectangle(out, (x, y), (x + 70, y + 55), 90.0, -1)
+    cv2.rectangle(out, (x + 3, y + 3), (x + 67, y + 52), 12.0, -1)
+    cv2.rectangle(out, (x + 20, y + 55), (x + 60, y + 80), 210.0, -1)
+    noise = np.random.default_rng(3).normal(0, 3, out.shape)
+    return np.clip(cv2.GaussianBlur(out, (0, 0), 0.7) + noise, 0, 255).astype(np.float32)
+
+
+@pytest.mark.parametrize(("x", "y"), [(60, 50), (350, 190), (200, 20)])
+def test_one_of_the_boxes_searched_holds_the_craft(weights: Weights, x: int, y: int) -> None:
+    shares = []
+    for box in boxes(target_map(with_craft(clouds(1), x, y), 4.0, weights), 2):
+        x0, y0, x1, y1 = (CELL_PX * v for v in box)
+        inside = max(0, min(x1, x + 70) - max(x0, x)) * max(0, min(y1, y + 80) - max(y0, y))
+        shares.append(inside / ((x1 - x0) * (y1 - y0) + 70 * 80 - inside))
+    assert max(shares) > 0.33
+
+
+def test_clouds_alone_are_mostly_left_out(weights: Weights) -> None:
+    alone, craft = (target_map(p, 4.0, weights) for p in (clouds(2), with_craft(clouds(2), 200, 100)))
+    assert (alone > 0.5).mean() < 0.1
+    assert craft[55:85, 105:130].mean() > 3 * alone[55:85, 105:130].mean()
+
+
+def test_training_learns_what_is_not_linear() -> None:
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(6000, 5))
+    y = (x[:, 0] * x[:, 1] > 0).astype(float)
+    w = train(x, y)
+    z = (x - w["mean"]) / w["scale"]
+    p = np.maximum(z @ w["first"].astype(float) + w["first_bias"], 0) @ w["second"] + w["second_bias"]
+    assert ((p > 0) == (y > 0.5)).mean() > 0.9
