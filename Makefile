@@ -30,6 +30,7 @@ validation: $(STAMP)
 
 docs: $(STAMP) system
 	$(BIN)/python docs/make_pictures.py
+	$(BIN)/python docs/make_gallery.py
 
 schemas: $(STAMP)
 	$(BIN)/python -m flyaround.schemas docs/formats

@@ -96,9 +96,10 @@ color surface_radiance(GroundPoint g) {
 #endif
     color radiance = ground * g.light + g.haze;
 #if NIGHT
-    // bright points at the middles of puffs, dark blocks between them; one on average
-    float core = under.x * under.x * under.x;
-    float streets = 14.0 * core * core * under.w;
+    // streets along the valleys, bright crossings, dark blocks between them; nearly one on average
+    float street = clamp(1.7 * under.w - 0.35, 0.0, 1.0);
+    street *= street * street;
+    float streets = street * street * (3.0 + 7.0 * under.x);
     color lamps = g.lamps * (map.z * map.z * map.z * streets);
 #if CLOUDS
     lamps *= 1.0 - 0.8 * cloud;
