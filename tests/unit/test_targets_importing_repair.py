@@ -160,6 +160,20 @@ def test_holes_are_refused_filled_or_kept(tmp_path):
     assert (np.einsum("ij,ij->i", p.normals, p.positions_m) > 0).all()
 
 
+def test_holes_that_meet_in_a_corner_are_not_filled_and_said_so(tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    first = ball.faces[0]
+    # two faces that share one corner and no edge
+    other = next(k for k, f in enumerate(ball.faces) if len(set(f) & set(first)) == 1)
+    kept = [k for k in range(len(ball.faces)) if k not in (0, other)]
+    path = save(tmp_path / "ball.stl", raw_mesh(ball.vertices, ball.faces[kept]))
+    with pytest.raises(UserError, match="add --keep-holes too, for these are no simple rings"):
+        import_mesh(path, "ball", ImportOptions(fill_holes=True))
+    target, lines = import_mesh(path, "ball", ImportOptions(fill_holes=True, keep_holes=True))
+    assert any("open outlines" in line for line in lines)
+    assert target.mass.mass_kg > 0
+
+
 def test_edges_of_three_faces_are_refused_or_kept(tmp_path):
     fin = np.array([[0, 3, 0.0]])
     shared = BOX.faces[0, :2]

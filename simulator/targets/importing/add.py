@@ -181,6 +181,7 @@ def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[
             # reducing may open seams and pinch edges: reported, never refused
             keep_holes=options.keep_holes or reduced,
             keep_non_manifold=options.keep_non_manifold or reduced,
+            tried_to_fill=options.fill_holes,
         )
         holes, rims, branches = holes + found[0], rims + found[1], branches + found[2]
         out.append(oriented(closed, where, tally, lenient=options.keep_non_manifold or reduced))
@@ -222,7 +223,7 @@ def _parts(
 def _proposals(keypoints: int, edges: int, left_out: int, occluders: int) -> list[str]:
     line = f"proposed {keypoints} keypoints, {edges} edges of the wireframe, {occluders} occluder triangles"
     if left_out:
-        line += f" ({left_out} shorter edges left out)"
+        line += f" ({left_out} edges that show less left out)"
     lines = [line]
     if edges < 8:
         lines.append(

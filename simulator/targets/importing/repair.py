@@ -170,7 +170,7 @@ def _look_inwards(body: Body, table: EdgeTable, piece: IntArray, flip: BoolArray
 
 
 def check_surface(
-    body: Body, where: str, *, keep_holes: bool, keep_non_manifold: bool
+    body: Body, where: str, *, keep_holes: bool, keep_non_manifold: bool, tried_to_fill: bool = False
 ) -> tuple[int, int, int]:
     """Holes and edges of three faces: refused by name unless they are to be kept.
 
@@ -203,7 +203,12 @@ def check_surface(
         raise UserError(
             f"{where}: {holes} hole{'s' * (holes > 1)} with {len(ends)} open edges (the first at "
             f"{_place(body, table.ends[first])}, face {int(table.first[first]) // 3}); close them in the modelling "
-            "tool, or add --fill-holes, or --keep-holes to take open surfaces as sheets seen from both sides"
+            "tool, or "
+            + (
+                "add --keep-holes too, for these are no simple rings and cannot be filled"
+                if tried_to_fill
+                else "add --fill-holes, or --keep-holes to take open surfaces as sheets seen from both sides"
+            )
         )
     return holes, len(ends), int(bad.sum())
 
