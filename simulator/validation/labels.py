@@ -24,6 +24,7 @@ import numpy as np
 from simulator.dataset.card import CardTarget, DatasetCard, describe_machine
 from simulator.dataset.check import check_frame
 from simulator.dataset.native import frame_paths, read_layer, read_png, write_frame
+from simulator.files import write_atomic
 from simulator.labels.frame import Frame, take_frame
 from simulator.labels.truth import read_truth
 from simulator.render.renderer import Renderer
@@ -34,6 +35,7 @@ from simulator.validation.label_frames import random_frame
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+PAGE = Path("docs/validation/labels.md")
 FROM_FILES_EVERY = 10
 SPOILT_EVERY = 20
 
@@ -48,7 +50,7 @@ def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
     card = _card(renderer, frame, seed)
     if k % FROM_FILES_EVERY == 0:
         with tempfile.TemporaryDirectory() as place:
-            frame = _through_files(Path(place), frame, card)
+            frame = _through_files(Path(place), frame)
     faults = _check(k, frame, card)
     result: dict[str, Any] = {
         "k": k,
@@ -76,7 +78,7 @@ def _check(k: int, frame: Frame, card: DatasetCard) -> list[str]:
     return check_frame(k, frame.truth, frame.image, frame.mask, card, target, frame.layers)
 
 
-def _through_files(folder: Path, frame: Frame, card: DatasetCard) -> Frame:
+def _through_files(folder: Path, frame: Frame) -> Frame:
     """The frame as a reader finds it on the disk."""
     (folder / "images").mkdir()
     k = frame.scene.frame_index
@@ -84,7 +86,6 @@ def _through_files(folder: Path, frame: Frame, card: DatasetCard) -> Frame:
     paths = frame_paths(folder, k)
     truth = read_truth(paths.truth)
     layers = {name: read_layer(folder / "images", f"{k:06d}", name) for name in truth.layer_sha256}
-    del card
     return Frame(
         truth.scene,
         read_png(paths.image),
@@ -131,7 +132,6 @@ def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
     """Results of frames as they come."""
     context = multiprocessing.get_context("spawn")
     results: multiprocessing.Queue[dict[str, Any] | None] = context.Queue()
-    # runs of frames with one target in one process: few targets are on the GPU at a time
     processes = [
         context.Process(target=_work, args=(seed, wanted[w::workers], results), daemon=True)
         for w in range(workers)
@@ -165,6 +165,36 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def page(found: dict[str, Any], seed: int) -> str:
+    """The summary as a page."""
+    command = f"python -m simulator.validation.labels -n {found['frames']} --seed {seed} --page"
+    spoilt, missed = found["spoilt"], sum(found["spoilt_and_missed"].values())
+    lines = [
+        "# Labels of random frames",
+        "",
+        f"Made by `{command}`: frames of every target, lens, detector,",
+        "light and motion, of 96 to 256 pixels, nine in ten at a target's lowest level of detail.",
+        "",
+        "| | |",
+        "|---|---|",
+        f"| frames | {found['frames']} |",
+        f"| labels | {found['labels']} |",
+        f"| frames with a wrong label | {found['wrong_frames']} |",
+        f"| labels spoilt on purpose, and missed | {spoilt}, {missed} |",
+        f"| processor time of a frame (median) | {found['draw_ms']:.0f} ms |",
+        f"| processor time of its check (median) | {found['check_ms']:.0f} ms |",
+        f"| lenses | {_counts(found['lenses'])} |",
+        f"| shutters | {_counts(found['shutters'])} |",
+        f"| targets | {_counts(found['targets'])} |",
+    ]
+    lines += [f"| frame {w['k']} | {'; '.join(w['faults'])} |" for w in found["first_faults"]]
+    return "\n".join(lines) + "\n"
+
+
+def _counts(counter: dict[str, int]) -> str:
+    return ", ".join(f"{name} {n}" for name, n in sorted(counter.items()))
+
+
 def main() -> int:
     """Run from the command line; the exit code is 1 when a label is wrong or a spoilt one passes."""
     parser = argparse.ArgumentParser(
@@ -174,6 +204,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--results", type=Path, default=Path("label_results.jsonl"), help="one line a frame")
+    parser.add_argument("--page", action="store_true", help=f"write {PAGE} from the results that there are")
     options = parser.parse_args()
     lines: list[dict[str, Any]] = []
     if options.results.is_file():
@@ -188,6 +219,8 @@ def main() -> int:
             if result["faults"]:
                 print(f"frame {result['k']}: {'; '.join(result['faults'])}", flush=True)  # noqa: T201 - a command
     found = summary([line for line in lines if line["k"] < options.n])
+    if options.page:
+        write_atomic(PAGE, page(found, options.seed).encode())
     print(msgspec.json.format(msgspec.json.encode(found), indent=1).decode())  # noqa: T201 - a command
     return 1 if found["wrong_frames"] or found["spoilt_and_missed"] else 0
 

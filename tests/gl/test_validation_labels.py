@@ -1,0 +1,46 @@
+"""The proof of labels in small: a few random frames, right as drawn, and caught when spoilt."""
+
+import pytest
+
+from simulator.labels.frame import take_frame
+from simulator.targets.library import load_target
+from simulator.validation.label_faults import SPOILERS, spoil
+from simulator.validation.label_frames import random_frame
+from simulator.validation.labels import _card, _check, check_one, page, summary
+
+pytestmark = pytest.mark.gl
+
+CHEAP = ("cubesat-1u@low", "cubesat-3u@low", "tango-thesis@low")
+
+
+def _cheap_frames(n):
+    found = (k for k in range(300) if random_frame(3, k)[0].target.name in CHEAP)
+    return [next(found) for _ in range(n)]
+
+
+def test_random_frames_are_right_and_the_same_again(renderer):
+    frames = _cheap_frames(3)
+    lines = [check_one(renderer, 3, k) for k in frames]
+    assert [line["faults"] for line in lines] == [[], [], []]
+    assert random_frame(3, frames[1]) == random_frame(3, frames[1])
+    assert random_frame(3, frames[1])[0] != random_frame(4, frames[1])[0]
+    found = summary(lines)
+    assert (found["frames"], found["wrong_frames"]) == (3, 0)
+    assert "| frames with a wrong label | 0 |" in page(found, 3)
+
+
+def test_every_way_of_spoiling_is_caught(renderer):
+    tried = set()
+    for k in _cheap_frames(12):
+        scene, request = random_frame(3, k)
+        left = [kind for kind in SPOILERS if kind not in tried]
+        if scene.shutter.is_rolling or not left:
+            continue
+        frame = take_frame(renderer, scene, load_target(scene.target.name), labels=request)
+        card = _card(renderer, frame, 3)
+        for kind in left:
+            spoilt = spoil(kind, frame)
+            if spoilt is not None:
+                tried.add(kind)
+                assert _check(k, spoilt, card), kind
+    assert len(tried) >= len(SPOILERS) - 2
