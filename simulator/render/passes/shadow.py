@@ -19,14 +19,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ShadowChoice:
-    """Resolution of the map, and the window of texels that a point looks at: wide penumbrae need many."""
+    """Resolution of the map, the window of texels that a point looks at (wide penumbrae need many), and the radius of
+    the sharpest edge [texels]: below one, the map's own steps show.
+    """
 
     size_px: int
     window: int
+    sharpest: float = 1.0
 
 
 # the coarse map where its texel is at most a pixel wide, else the fine one
-_COARSE, _FINE, _BEST = ShadowChoice(512, 4), ShadowChoice(1024, 4), ShadowChoice(2048, 10)
+_COARSE, _FINE, _BEST = ShadowChoice(512, 4), ShadowChoice(1024, 4), ShadowChoice(2048, 10, 0.75)
 
 
 def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoice:

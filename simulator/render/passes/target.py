@@ -147,7 +147,12 @@ class TargetPasses:
                 "u_mean_albedo": _four(reflectance(scene.bands, loaded.mesh.mean_color)),
                 "u_lattice": [*origin, *place.near_far_m],
                 # the sharpest shadow: a texel wide, and half a pixel of the image where that is more
-                "u_shadow": [texel_m, box_m, 1 / shadow.size_px, max(0.5 * pixel_m / texel_m, 0.6)],
+                "u_shadow": [
+                    texel_m,
+                    box_m,
+                    1 / shadow.size_px,
+                    max(0.5 * pixel_m / texel_m, choice.sharpest),
+                ],
             }
         )
         self._blocks.materials.write(_material_values(loaded.mesh, scene))
