@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 YEAR_START_UTC = "2026-01-01T00:00:00Z"
 YEAR_S = 365.0 * 86400.0
 MAX_DRAWS = 1000
+HIGH_SUN = 0.2
+"""Sine of the Sun's elevation above which no air dims it: boards are lit evenly."""
 TANGO_RANGE_M = (3.0, 18.0)
 TANGO_SIZE_M = 0.80320
 """Half the diagonal of the box about Tango."""
@@ -102,10 +104,10 @@ CALIBRATION = tuple(
         camera="square-1024",
         sensor="ideal",
         nadir_off_boresight_deg=(85.0, 100.0),
-        max_phase_deg=30.0,
+        max_phase_deg=25.0,
         night_share=0.0,
-        exposure_s=0.0008,
-        facing_deg=40.0,
+        exposure_s=0.0006,
+        facing_deg=45.0,
     )
     for name, pattern, target in (
         ("calibration", "ChArUco", "calibration-board"),
@@ -316,7 +318,8 @@ def _sun_and_nadir(rng: Generator, recipe: Recipe) -> tuple[FloatArray, FloatArr
         sun = _in_cone(rng, np.array([0.0, 0.0, -1.0]), 0.0, recipe.max_phase_deg)
         nadir = _in_cone(rng, np.array([0.0, 0.0, 1.0]), *recipe.nadir_off_boresight_deg)
         elevation = float(-nadir @ sun)  # sine of the Sun's elevation above the target's horizon
-        if (elevation < 0.0) == night and elevation > -0.9 * dip:
+        lowest = -0.9 * dip if recipe.facing_deg is None else HIGH_SUN
+        if (elevation < 0.0) == night and elevation > lowest:
             return sun, nadir
     raise RuntimeError(f"recipe {recipe.name} leaves no room for a sunlit sample")
 

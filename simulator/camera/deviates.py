@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 NOISE_BANDS = 8
 _WEIGHTS = (0.75, float(np.sqrt(1 - 0.75**2)))
-_FINE_WEIGHT = 0.08
+_FINE_WEIGHTS = (0.61, 0.58, float(np.sqrt(1 - 0.61**2 - 0.58**2)))
 
 
 def for_each_band(rows: int, work: Callable[[int, slice], None]) -> None:
@@ -77,8 +77,7 @@ def normal_tables(sigma: float, dtype: np.dtype[Any], *, smooth: bool = False) -
     ----------
     smooth : three bytes a deviate, for deviates that are counted one by one (16.7 million different values).
     """
-    weights = (*(w * np.sqrt(1 - _FINE_WEIGHT**2) for w in _WEIGHTS), _FINE_WEIGHT) if smooth else _WEIGHTS
-    tables = [_slices() * (w * sigma) for w in weights]
+    tables = [_slices() * (w * sigma) for w in (_FINE_WEIGHTS if smooth else _WEIGHTS)]
     if dtype.kind == "i":
         tables = [np.rint(table) for table in tables]
     return tuple(table.astype(dtype)[None] for table in tables)

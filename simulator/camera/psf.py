@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _GRID = 128  # frequencies per axis; kernels reach half as far
 _KEPT_ENERGY = 0.999
+_NARROW_PX2 = 0.8
 LARGEST_KERNEL = 63
 
 
@@ -78,7 +79,9 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
     ----------
     disc_px : diameter of the blur disc of defocus, rounded by the caller so that kernels are used again.
     """
-    if optics.psf != "airy" and disc_px <= 0:
+    # a narrow Gaussian taken at whole pixels would be another: the recipes' own 1 px is wide enough
+    narrow = optics.psf == "gaussian" and 0 < gaussian_variance_px2(optics, sensor) < _NARROW_PX2
+    if optics.psf != "airy" and disc_px <= 0 and not narrow:
         return np.array(optics.kernel) if optics.psf == "kernel" else None
     f = np.fft.fftfreq(_GRID)
     fx, fy = np.meshgrid(f, f)
