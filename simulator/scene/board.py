@@ -39,7 +39,7 @@ def board_pose(
     roll = np.radians(rng.uniform(-20, 20))
     tilted = _turned(tilt * np.array([np.cos(axis_turn), np.sin(axis_turn), 0.0]))
     turned = tilted @ _turned(np.array([0.0, 0.0, roll])) @ facing
-    share = rng.uniform(0.45, 0.65)
+    share = rng.uniform(0.55, 0.8)
     distance = _distance_for_span(camera, corners @ turned.T, share * size)
     places = rng.uniform(0, 1, (_PLACES, 2)) * (size - 1)
     best, found = -np.inf, None
