@@ -9,6 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
+from hil.board.svd.estimator import BUSY
+from hil.board.svd.gradient import eliminate_weak_gradients
+from hil.board.svd.roi import propose_regions
 from hil.board.svd.target_map import CELL_PX, WEIGHTS, Weights, boxes, target_map
 from hil.evaluate.train_target_map import train
 
@@ -66,3 +69,20 @@ def test_training_learns_what_is_not_linear() -> None:
     z = (x - w["mean"]) / w["scale"]
     p = np.maximum(z @ w["first"].astype(float) + w["first_bias"], 0) @ w["second"] + w["second_bias"]
     assert ((p > 0) == (y > 0.5)).mean() > 0.9
+
+
+def test_a_craft_that_fills_the_frame_is_not_taken_for_a_background() -> None:
+    noise = np.random.default_rng(4).normal(0, 3, (300, 480))
+    near = np.zeros((300, 480), np.float32)
+    cv2.rectangle(near, (40, 20), (440, 280), 90.0, -1)
+    for x in range(50, 430, 24):
+        for y in range(30, 270, 24):
+            cv2.rectangle(near, (x, y), (x + 20, y + 20), 25.0, -1)
+    near = np.clip(cv2.GaussianBlur(near, (0, 0), 0.7) + 5 + noise, 0, 255).astype(np.float32)
+    _, busy, _ = propose_regions(near, eliminate_weak_gradients(near), 3.0)
+    assert busy < BUSY
+    cloudy = with_craft(clouds(5), 200, 100)
+    regions, busy, likely = propose_regions(cloudy, eliminate_weak_gradients(cloudy), 4.0)
+    assert busy > BUSY
+    assert likely is not None
+    assert regions[0].source == "map"

@@ -23,8 +23,8 @@ Array = np.ndarray
 # Share of the frame's tiles with edges above which the background is not empty space.
 BUSY = 0.25
 
-# Regions searched at most, and the least diagonal of one [px].
-REGIONS, SMALLEST_PX = 2, 24.0
+# Regions searched at most with a texture behind and with nothing, and the least diagonal of one [px].
+REGIONS, EMPTY_REGIONS, SMALLEST_PX = 2, 3, 24.0
 
 
 class PoseEstimator(Estimator):
@@ -65,7 +65,7 @@ class PoseEstimator(Estimator):
         frame.keep("regions", regions)
         frame.mark("roi")
         found: List[Candidate] = []
-        for region in regions[:REGIONS]:
+        for region in regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]:
             if region.diagonal_px >= SMALLEST_PX:
                 found += search_region(self.craft, frame, region)
         if not found:

@@ -21,6 +21,9 @@ Array = np.ndarray
 # The picture is searched at this reduction: 16 pixels averaged, noise a quarter.
 REDUCTION = 4
 
+# Share of the edges on the craft from which the background is empty space.
+OWN_EDGES = 0.8
+
 
 @dataclass(frozen=True)
 class Region:
@@ -140,6 +143,9 @@ def propose_regions(
         weights = _weights()
         if weights is not None:
             likely = target_map(small, noise_small, weights)
+            if _on_craft(mask, likely) > OWN_EDGES:
+                # a craft near by fills the frame with edges of its own: nothing else is there
+                return regions, 0.0, None
             for box in boxes(likely, 2):
                 add(CELL_PX * box[0], CELL_PX * box[1], CELL_PX * box[2], CELL_PX * box[3], "map")
         for box in straight_windows(small):
@@ -206,6 +212,14 @@ def straight_windows(small: Array, count: int = 3) -> List[Tuple[float, float, f
             score[max(0, row - half) : row + half, max(0, col - half) : col + half] = -1.0
     found.sort(key=lambda f: -f[0])
     return [box for _, box in found[: 2 * count]]
+
+
+def _on_craft(mask: Array, likely: Array) -> float:
+    """Share of the edges that lie where the map sees the craft."""
+    h, w = likely.shape
+    cell = cv2.resize(mask.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    near = cv2.dilate((likely > 0.3).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    return float(cell[near].sum() / max(float(cell.sum()), 1e-9))
 
 
 def _elsewhere(mask: Array) -> float:
