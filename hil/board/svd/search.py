@@ -71,7 +71,7 @@ def search_region(craft: Craft, frame: Frame, region: Region) -> List[Candidate]
     q, t = _align(craft, q, t, table, coarse, (9.0, 7.0, 6.0), 2)
     q, t = distinct(q, t, _cost(craft, q, t, table, coarse, 6.0), 50)
     q, t = _align(craft, q, t, table, fine, (10.0, 8.0, 6.0, 5.0))
-    q, t = distinct(q, t, _cost(craft, q, t, table, fine, 6.0), 32)
+    q, t = distinct(q, t, _cost(craft, q, t, table, fine, 6.0), 48)
     frame.mark("align")
     out = _judge(craft, q, t, fine, region)
     frame.mark("score")

@@ -64,8 +64,13 @@ def choose_by_picture(
     ranked: List[Ranked] = []
     # edges of one region say nothing of another's: each sends its own leaders
     for region in dict.fromkeys(c.region for c in found):
-        leaders = spread_out([c for c in found if c.region == region], LEADERS, LEAD)
+        own = [c for c in found if c.region == region]
         small = make_canvas(frame, region.grown(MARGIN, width, height), FIRST_PX)
+        # half by their edges, half by a first look at the whole picture
+        looks = [photo_score(c.q, c.t, faces, small, craft.camera) for c in own]
+        seen = [own[k] for k in np.argsort(looks)[::-1]]
+        leaders = spread_out(own, LEADERS // 2, LEAD)
+        leaders = spread_out([*leaders, *seen], LEADERS, np.inf)
         ranked += _judge(craft, small, leaders, (2.0, 1.2))
     judged = len(ranked)
     ranked.sort(key=lambda r: -r.score)
