@@ -8,12 +8,15 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.targets.glb_pictures import mime_of
+from simulator.targets.triangles import distance_to_triangles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders, Part, Target
 
+KEYPOINT_REACH = 0.02
+"""Share of the craft's size by which a keypoint may lie off its surface: fillets and coarse levels do."""
 SMALLEST_AREA_M2 = 1e-14
 """Twice this is a square of 0.1 micrometre: no modeller means such a triangle."""
 
@@ -60,6 +63,31 @@ def check_part(part: Part, where: str) -> None:
             f"{place}: some triangles are wound against their normals (inside out); flip those faces or "
             "recompute the normals"
         )
+
+
+def check_keypoints_on_mesh(target: Target, where: str) -> None:
+    """Every keypoint lies on the mesh, to a fiftieth of the craft: elsewhere its visibility means nothing.
+
+    Not asked of coarse levels, which keep labels and leave small parts out.
+    """
+    if not target.keypoints or not target.parts:
+        return
+    corners = np.concatenate([p.positions_m[p.triangles] for p in target.parts])
+    # columns apart: comparing contiguous rows is several times faster
+    low, high = (np.ascontiguousarray(f(corners, axis=1).T) for f in (np.min, np.max))
+    reach = KEYPOINT_REACH * float((high.max(axis=1) - low.min(axis=1)).max())
+    for k in target.keypoints:
+        p = np.asarray(k.position_m, float)
+        near = np.ones(len(corners), bool)
+        for axis in range(3):
+            near &= (low[axis] <= p[axis] + reach) & (high[axis] >= p[axis] - reach)
+        some = corners[near].astype(float)
+        if len(some) == 0 or distance_to_triangles(np.tile(p, (len(some), 1)), some).min() > reach:
+            at = ", ".join(f"{x:.3f}" for x in p)
+            raise UserError(
+                f"{where}: keypoint {k.name!r} at ({at}) m is off the mesh by more than {reach:.3g} m; put it on "
+                "the surface, in metres in the model frame"
+            )
 
 
 def check_textures(target: Target, where: str) -> None:

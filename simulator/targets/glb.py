@@ -16,7 +16,7 @@ import pygltflib as gl
 
 from simulator.errors import UserError
 from simulator.files import write_atomic
-from simulator.targets.check import check_target
+from simulator.targets.check import check_keypoints_on_mesh, check_target
 from simulator.targets.convert import (
     content_sha256,
     frames_of,
@@ -26,6 +26,7 @@ from simulator.targets.convert import (
     record_of,
     wireframe_of,
 )
+from simulator.targets.detail import split_level
 from simulator.targets.glb_pictures import add_textures, append_pictures, pictures_of, texture_name
 from simulator.targets.model import Material, Part, Picture, Target
 from simulator.targets.records import TargetRecord
@@ -148,6 +149,8 @@ def load_glb(path: Path) -> Target:
         pictures=pictures,
     )
     check_target(target, str(path))
+    if split_level(record.name)[1] == "full":
+        check_keypoints_on_mesh(target, str(path))
     digest = content_sha256(materials, parts, target.keypoints, target.wireframe, target.occluders, pictures)
     if digest != record.sha256:
         raise UserError(

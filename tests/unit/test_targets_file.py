@@ -171,6 +171,17 @@ def test_damaged_textures_are_refused(
         load_glb(join(path, document, blob))
 
 
+def test_a_keypoint_off_the_mesh_is_named(tango: Target, tmp_path: Path) -> None:
+    first, *others = tango.keypoints
+    x, y, z = first.position_m
+    millimetres = replace(first, position_m=(1000 * x, 1000 * y, 1000 * z))
+    write_glb(replace(tango, keypoints=(millimetres, *others)), tmp_path / "off.glb")
+    with pytest.raises(
+        UserError, match=rf"keypoint {first.name!r} at .* is off the mesh by more than 0\.022\d? m; put"
+    ):
+        load_glb(tmp_path / "off.glb")
+
+
 def test_hash_depends_on_what_is_seen_and_not_on_notes(tango: Target, tmp_path: Path) -> None:
     write_glb(replace(tango, notes="another note"), tmp_path / "noted.glb")
     assert load_glb(tmp_path / "noted.glb").sha256 == tango.sha256

@@ -9,8 +9,8 @@ import trimesh
 from simulator.errors import UserError
 from simulator.targets.glb import load_glb, write_glb
 from simulator.targets.importing.add import ImportOptions, import_mesh
-from simulator.targets.importing.decimate import distance_to_triangles
 from simulator.targets.library import load_target
+from simulator.targets.triangles import distance_to_triangles
 
 SHEETS = ImportOptions(keep_holes=True)
 
