@@ -75,14 +75,30 @@ class Prober:
             self._casters[key] = RayCaster(self._target, pose_of_row(self._truth, row))
         return self._casters[key]
 
-    def agrees(self, pixel: IntArray, is_right: Callable[[Probe], bool]) -> bool:
-        """Whether a label is right by the ray through a pixel's centre, or else with the rays just about it."""
+    def agrees(
+        self, pixel: IntArray, is_right: Callable[[Probe], bool], *, anywhere_in_pixel: bool = False
+    ) -> bool:
+        """Whether a label is right by the ray through a pixel's centre, or else with the rays just about it.
+
+        Parameters
+        ----------
+        anywhere_in_pixel : or else of any surface in the pixel (a triangle smaller than it has no normal of its own).
+        """
         doubt_px = DOUBT_PX if self._truth.camera.distortion.is_none else DOUBT_LENS_PX
         if self._truth.row_poses:
             doubt_px = max(doubt_px, DOUBT_ROLLING_PX)
-        return is_right(self._ask(pixel, self._centers, PROBES[:1])) or is_right(
-            self._ask(pixel, self._about, PROBES * doubt_px)
+        return (
+            is_right(self._ask(pixel, self._centers, PROBES[:1]))
+            or is_right(self._ask(pixel, self._about, PROBES * doubt_px))
+            or (anywhere_in_pixel and is_right(self._all_in(pixel)))
         )
+
+    def _all_in(self, pixel: IntArray) -> Probe:
+        """Every surface along rays spread over the pixel."""
+        caster = self._caster(int(pixel[1]))
+        rays = rays_with_opencv(self._truth.camera, pixel + 0.7 * PROBES)
+        hits = [caster.hits(ray) for ray in rays]
+        return Probe.of([*hits, Hits(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3)))])
 
     def _ask(self, pixel: IntArray, known: dict[tuple[int, int], Probe], probes_px: FloatArray) -> Probe:
         key = (int(pixel[0]), int(pixel[1]))
