@@ -98,6 +98,11 @@ class Renderer:
         self._earths: dict[Bands, EarthPass] = {}
         self.check("start-up")
 
+    def make_current(self) -> None:
+        """Take the thread's OpenGL for this renderer's own context: another renderer may have been made since."""
+        if self._owns_context:
+            self._gl.__enter__()  # type: ignore[no-untyped-call]
+
     def check(self, what: str) -> None:
         """Raise when OpenGL recorded an error: moderngl itself stays silent about most of them."""
         error = self._gl.error
@@ -166,6 +171,7 @@ class Renderer:
 
     def _prepare(self, scene: SceneState) -> TargetPasses:
         """Bind what every pass reads, and choose the spacecraft's passes for the scene's lens."""
+        self.make_current()
         for block in self._blocks.all():
             block.bind()
         self._programs.lens = not scene.camera.distortion.is_none
@@ -244,6 +250,7 @@ class Renderer:
 
     def close(self) -> None:
         """Free what the renderer made, and its context."""
+        self.make_current()
         if self._images is not None:
             self._images.release()
             self._images = None

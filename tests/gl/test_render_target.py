@@ -299,3 +299,17 @@ class Counting:
 
     def __getattr__(self, name):
         return getattr(self._context, name)
+
+
+def test_renderers_of_one_process_do_not_disturb_each_other(renderer, draw_kit):
+    from simulator.render.renderer import Renderer
+
+    target = draw_kit.target([draw_kit.plate("plate", "white", (0, 0, 0), 0.3)], [draw_kit.white()])
+    scene = draw_kit.scene(target, t_m=(0, 0, 4.0))
+    alone = renderer.render(scene, target).radiance
+    with Renderer() as other:
+        beside = other.render(scene, target).radiance
+        again = renderer.render(scene, target).radiance
+    after = renderer.render(scene, target).radiance
+    for picture in (beside, again, after):
+        np.testing.assert_array_equal(picture, alone)
