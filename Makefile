@@ -24,13 +24,15 @@ lint: $(STAMP)
 bench: $(STAMP) system
 	$(BIN)/flyaround bench
 
-validation: $(STAMP)
+validation: $(STAMP) system
 	$(BIN)/python -m simulator.validation.dynamics
+	$(BIN)/python -m simulator.validation.camera
 	$(BIN)/python -m simulator.validation.rendering
 
 docs: $(STAMP) system
 	$(BIN)/python docs/make_pictures.py
 	$(BIN)/python docs/make_gallery.py
+	$(BIN)/python docs/make_camera_pictures.py
 
 schemas: $(STAMP)
 	$(BIN)/python -m flyaround.schemas docs/formats

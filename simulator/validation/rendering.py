@@ -9,6 +9,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from simulator.errors import UserError
 from simulator.files import write_atomic
 from simulator.render.renderer import Renderer
 from simulator.validation import rendering_craft, rendering_earth
@@ -56,9 +57,13 @@ def main(arguments: list[str] | None = None, say: Callable[[str], None] = print)
     parser = argparse.ArgumentParser(description="Measure the radiance of the picture.")
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")
     options = parser.parse_args(arguments)
-    with Renderer() as renderer:
-        tables = [(title, rows(renderer), notes) for title, rows, notes in PARTS]
-        text = page(tables, renderer.info.renderer)
+    try:
+        with Renderer() as renderer:
+            tables = [(title, rows(renderer), notes) for title, rows, notes in PARTS]
+            text = page(tables, renderer.info.renderer)
+    except UserError as error:
+        say(f"rendering: {error}")
+        return 2
     write_atomic(options.output, text.encode())
     say(text)
     return 0 if all(row.met for _, rows, _ in tables for row in rows) else 1
