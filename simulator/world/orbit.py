@@ -24,6 +24,8 @@ _TARGET_ONLY = 6
 _RTOL = 1e-12
 _MAX_STEP_S = 60.0
 """Bounds the error of the interpolant between steps (7th order) below the micrometre."""
+_SUNLIT_STEP_S = 20.0
+"""The same under the pressure of sunlight, which bends sharply at the shadow's edge: 0.1 mm an orbit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,6 +194,7 @@ def propagate(
     Hairer, Norsett & Wanner (1993), Solving Ordinary Differential Equations I: DOP853, rtol 1e-12.
     """
     y = np.concatenate([r_eci_m, v_eci_m_s, *(relative or ())])
+    max_step_s = _SUNLIT_STEP_S if getattr(forces, "solar_pressure", False) else _MAX_STEP_S
     atol = np.repeat([1e-7, 1e-10, 1e-10, 1e-13], 3)[: len(y)]
     edges = [0.0, *cuts_s(burns, 0.0, duration_s), duration_s]
     parts = []
@@ -205,7 +208,7 @@ def propagate(
                 (start, end),
                 rtol=_RTOL,
                 atol=atol,
-                max_step_s=_MAX_STEP_S,
+                max_step_s=max_step_s,
             )
         )
         y = parts[-1](end)
