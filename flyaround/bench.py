@@ -9,6 +9,7 @@ from hil.evaluate.bench import bench_estimator
 from hil.host.bench import bench_link
 from simulator.bench.parts import bench_capture, bench_world
 from simulator.bench.scenes import BENCH_SCENES, bench_scenes
+from simulator.bench.sensor import bench_sensor
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ def run_bench(
     device_index: int | None,
     progress: Callable[[int, int], None],
 ) -> dict[str, Any]:
-    """Time scenes, world, link, estimator and capture; the document of ``bench --json``.
+    """Time scenes, world, sensors, link, estimator and capture; the document of ``bench --json``.
 
     Raises
     ------
@@ -42,6 +43,7 @@ def run_bench(
         "machine": asdict(machine),
         "scenes": [asdict(c) for c in costs],
         "world": [asdict(p) for p in bench_world()] if parts else [],
+        "sensor": [asdict(p) for p in bench_sensor()] if parts else [],
         "link": [asdict(p) for p in bench_link()] if parts else [],
         "estimator": [asdict(p) for p in bench_estimator()] if parts else [],
         "capture": [asdict(p) for p in bench_capture()] if parts else [],

@@ -1,8 +1,4 @@
-"""The detector, photon by photon: from expected electrons to digital numbers.
-
-The order is that of the charge: photo-electrons and dark current (Poisson), particles, full well and blooming, then
-what the read-out adds (fixed offset, noise of pixel, row and column), gain, black level, converter.
-"""
+"""The detector in electrons: what a radiance gives, how noisy it is, and its digital numbers, grey or in colour."""
 
 from __future__ import annotations
 
@@ -11,10 +7,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.camera.deviates import add_normal, bit_source, for_each_band, normal_tables
-from simulator.camera.fixed_pattern import fixed_pattern
-from simulator.camera.particles import cosmic_ray_charge
-from simulator.camera.poisson import poisson
+from simulator.camera.readout import read_out
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -25,7 +18,6 @@ if TYPE_CHECKING:
 
 PLANCK_J_S, LIGHT_M_S = 6.62607015e-34, 299_792_458.0
 BAND_WAVELENGTHS_M = (650e-9, 550e-9, 450e-9)
-_ROW_KEY, _COLUMN_KEY = 0x726F77, 0x636F6C
 _MOSAIC = {"r": 0, "g": 1, "b": 2}
 _DEMOSAIC = {
     # OpenCV names a pattern by its second row's second and third pixel; RGB order out
@@ -106,15 +98,15 @@ def detect(
     if d is None:
         raise ValueError("a noise recipe on a 0..1 image has no electrons")
     if signal.ndim == 2:
-        return _read_out(signal, sensor, d, seed, frame_index, exposure_s)
+        return read_out(signal, sensor, d, seed, frame_index, exposure_s)
     balance = np.asarray(band_gain, float)
     if d.colour_filter == "none":
         channels = [
-            _read_out(np.ascontiguousarray(signal[..., k]), sensor, d, seed, frame_index * 4 + k, exposure_s)
-            for k in range(signal.shape[2])
+            read_out(np.asarray(band, np.float32), sensor, d, seed, frame_index * 4 + k, exposure_s)
+            for k, band in enumerate(cv2.split(signal))
         ]
-        return _balanced(np.stack(channels, axis=-1), sensor, balance)
-    raw = _read_out(mosaic(signal, d), sensor, d, seed, frame_index, exposure_s)
+        return _balanced(np.asarray(cv2.merge(channels)), sensor, balance)
+    raw = read_out(mosaic(signal, d), sensor, d, seed, frame_index, exposure_s)
     if not d.demosaic:
         return raw
     return _balanced(cv2.cvtColor(raw, _DEMOSAIC[d.colour_filter]).astype(raw.dtype), sensor, balance)
@@ -141,86 +133,3 @@ def _balanced(
     full = 2**sensor.bits - 1
     values = (image.astype(np.float32) - np.float32(d.black_level_dn)) * gain.astype(np.float32)
     return np.clip(np.rint(values + np.float32(d.black_level_dn)), 0, full).astype(image.dtype)
-
-
-def _read_out(
-    signal: Float32Array, sensor: Sensor, d: Detector, seed: int, frame_index: int, exposure_s: float
-) -> NDArray[np.unsignedinteger]:
-    height, width = signal.shape
-    pattern = fixed_pattern(d, height, width)
-    particles = cosmic_ray_charge(sensor, height, width, exposure_s, seed, frame_index)
-    saturation, well = np.float32(sensor.saturation_e), np.float32(d.full_well_e * d.pixels_per_bin)
-    charge = np.empty((height, width), np.float32)
-    sources = {k: bit_source(seed, frame_index, k) for k in range(8)}
-
-    def collect(k: int, rows: slice) -> None:
-        mean = np.maximum(signal[rows], 0) * saturation
-        if pattern.sensitivity is not None:
-            mean *= pattern.sensitivity[rows]
-        if pattern.dark_e_s is not None:
-            mean += pattern.dark_e_s[rows] * np.float32(exposure_s)
-        # a thousand wells are as good as any more; the Sun's disc would overflow what is counted
-        np.minimum(mean, 1000 * well, out=mean)
-        electrons = poisson(mean, sources[k]) if d.shot_noise else mean
-        if particles is not None:
-            electrons += particles[rows]
-        if d.blooming <= 0:
-            np.minimum(electrons, well, out=electrons)
-        charge[rows] = electrons
-
-    for_each_band(height, collect)
-    if d.blooming > 0:
-        bloom(charge, float(well), d.blooming)
-    by_row = _line_noise(height, d.row_noise_e, seed, frame_index, _ROW_KEY)
-    by_column = _line_noise(width, d.column_noise_e, seed, frame_index, _COLUMN_KEY)
-    tables = normal_tables(d.read_noise_per_pixel_e, np.dtype(np.float32))
-    full = np.float32(2**sensor.bits - 1)
-    out = np.empty((height, width), np.uint8 if sensor.bits <= 8 else np.uint16)
-
-    def convert(k: int, rows: slice) -> None:
-        volts = charge[rows]
-        if d.read_noise_e > 0:
-            add_normal(volts, tables, sources[k])
-        if pattern.offset_e is not None:
-            volts += pattern.offset_e[rows]
-        if by_row is not None:
-            volts += by_row[rows, None]
-        if by_column is not None:
-            volts += by_column
-        volts *= np.float32(1 / d.gain_e_per_dn)
-        volts += np.float32(d.black_level_dn + 0.5)  # the fraction is cut off: with the half, rounding
-        np.clip(volts, 0, full, out=volts)
-        out[rows] = volts
-
-    for_each_band(height, convert)
-    return out
-
-
-def _line_noise(count: int, sigma_e: float, seed: int, frame_index: int, key: int) -> Float32Array | None:
-    if sigma_e <= 0:
-        return None
-    rng = np.random.Generator(bit_source(seed, frame_index, key))
-    return np.asarray(rng.standard_normal(count, np.float32) * np.float32(sigma_e))
-
-
-def bloom(charge: Float32Array, well_e: float, share: float) -> None:
-    """Let what is above the full well run over, in place: half up, half down its column, on and on.
-
-    Parameters
-    ----------
-    share : of the overflow that stays on the column; the rest goes into the anti-blooming drain.
-    """
-    columns = np.flatnonzero((charge > well_e).any(axis=0))
-    if not columns.size:
-        return
-    part = charge[:, columns]
-    over = np.maximum(part - well_e, 0) * (0.5 * share)
-    np.minimum(part, well_e, out=part)
-    for rows in (range(len(part)), range(len(part) - 1, -1, -1)):
-        carried = np.zeros(columns.size, np.float32)
-        for row in rows:
-            room = well_e - part[row]
-            taken = np.minimum(room, carried)
-            part[row] += taken
-            carried += over[row] - taken
-    charge[:, columns] = part

@@ -85,8 +85,15 @@ def expose(
         image = _through_the_lens(image, optics, around)
         disc_px = defocus_px(around.camera, optics, sensor, around.target_distance_m)
     if gain.size > 1:
-        return blur(np.asarray(image * gain.astype(np.float32), np.float32), optics, sensor, disc_px, 1.0)
+        return blur(_scaled(image, gain.astype(np.float32)), optics, sensor, disc_px, 1.0)
     return blur(image, optics, sensor, disc_px, float(gain.flat[0]))
+
+
+def _scaled(image: Float32Array, gain: Float32Array) -> Float32Array:
+    """The picture with each band times its gain; rows of whole pixels, as numpy is slow on three at a time."""
+    flat = image.reshape(image.shape[0], -1)
+    by_value = np.tile(gain, image.shape[1])
+    return np.asarray(flat * by_value, np.float32).reshape(image.shape)
 
 
 def _through_the_lens(image: Float32Array, optics: Optics, around: Surroundings) -> Float32Array:

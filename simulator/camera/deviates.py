@@ -48,8 +48,17 @@ def bit_source(seed: int, *key: int) -> np.random.SFC64:
 def random_bytes(source: np.random.SFC64, shape: tuple[int, ...]) -> ByteArray:
     """Even random bytes."""
     count = int(np.prod(shape))
-    words: NDArray[np.uint64] = source.random_raw(-(-count // 8))
-    return words.view(np.uint8)[:count].reshape(shape)
+    return _raw(source, -(-count // 8)).view(np.uint8)[:count].reshape(shape)
+
+
+def random_words(source: np.random.SFC64, count: int) -> NDArray[np.uint32]:
+    """(count,) even random words of 32 bits."""
+    return _raw(source, -(-count // 2)).view(np.uint32)[:count]
+
+
+def _raw(source: np.random.SFC64, count: int) -> NDArray[np.uint64]:
+    # random_raw gives the same numbers, but keeps Python's lock, so that the second thread would wait
+    return np.random.Generator(source).integers(0, 2**64 - 1, count, np.uint64, endpoint=True)
 
 
 @lru_cache(maxsize=1)

@@ -6,17 +6,22 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.special import gammainc, pdtr
 
-from simulator.camera.deviates import add_normal, normal_tables
+from simulator.camera.deviates import add_normal, normal_tables, random_words
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.arrays import Float32Array
+    from simulator.arrays import ByteArray, Float32Array, FloatArray
 
 EXACT_BELOW_E = 12.0
 """Mean up to which the law is drawn exactly; above, its normal expansion differs by less than 1e-3 anywhere."""
-_RARE_BELOW_E = 1.0
+_LEVELS_PER_E = 16
+_CELL_BITS = 12
+_REST_BITS = 32 - _CELL_BITS
+_LARGEST_COUNT = 64  # a mean of 12 has more once in 1e26 draws
+_UNDECIDED = 255
 
 
 @lru_cache(maxsize=1)
@@ -30,27 +35,24 @@ def poisson(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
     Parameters
     ----------
     mean_e : (rows, columns) mean number [e], not negative.
+    """
+    few = mean_e < EXACT_BELOW_E
+    if few.all():
+        return _counted(mean_e.ravel(), source).reshape(mean_e.shape)
+    out = _expanded(mean_e, source)
+    where = np.flatnonzero(few)
+    if where.size:
+        out.ravel()[where] = _counted(mean_e.ravel()[where], source)
+    return out
+
+
+def _expanded(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
+    """Third-order normal expansion (skewness 1 / sqrt(mean), excess 1 / mean), in whole electrons.
 
     References
     ----------
     Fisher & Cornish (1960), The percentile points of distributions having known cumulants, Technometrics 2(2).
     """
-    out = np.empty_like(mean_e)
-    lowest, highest = float(mean_e.min()), float(mean_e.max())
-    if highest >= EXACT_BELOW_E:
-        out = _expanded(mean_e, source)
-    if lowest < _RARE_BELOW_E:
-        rare = slice(None) if highest < _RARE_BELOW_E else np.flatnonzero(mean_e < _RARE_BELOW_E)
-        out.ravel()[rare] = _rare(mean_e.ravel()[rare], source)
-    if lowest < EXACT_BELOW_E and highest >= _RARE_BELOW_E:
-        few = np.flatnonzero((mean_e >= _RARE_BELOW_E) & (mean_e < EXACT_BELOW_E))
-        if few.size:
-            out.ravel()[few] = np.random.Generator(source).poisson(mean_e.ravel()[few])
-    return out
-
-
-def _expanded(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
-    """Third-order normal expansion (skewness 1 / sqrt(mean), excess 1 / mean), in whole electrons."""
     z = np.zeros_like(mean_e)
     add_normal(z, _unit_tables(), source)
     # rounding to whole electrons adds a twelfth to the variance, which is taken off here
@@ -67,26 +69,45 @@ def _expanded(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
     return np.asarray(np.rint(out, out=out))
 
 
-def _rare(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
-    """Inverse of the distribution function at an even random number, term by term, from the rare side."""
-    words = source.random_raw(-(-mean_e.size // 2)).view(np.uint32)[: mean_e.size]
-    v = words.astype(np.float32)
-    v += np.float32(0.5)
-    v *= np.float32(2.0**-32)
-    # 1 - exp(-mean) loses its digits where the mean is small: there the first terms of its series
-    some = np.where(mean_e < 0.01, mean_e * (1 - mean_e * (0.5 - mean_e / 6)), 1 - np.exp(-mean_e))
-    out = np.zeros_like(mean_e)
-    active = np.flatnonzero(v < some)
-    mean, rest = mean_e[active].astype(float), v[active].astype(float)
-    above = -np.expm1(-mean)  # chance of at least k
-    term = np.exp(-mean)
-    k = 0
-    while active.size:
+def _counted(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
+    """Exact draws for means below `EXACT_BELOW_E`, (n,).
+
+    A mean is a multiple of 1/16 e and a rest. Counts of the multiple come from the inverse of its distribution
+    function: twelve random bits decide all but one draw in two hundred, and more bits decide those. The rest adds
+    at most a few, and mostly nothing: one comparison tells.
+    """
+    counts, cumulated = _inverse_tables()
+    words = random_words(source, mean_e.size)
+    level = (mean_e * np.float32(_LEVELS_PER_E)).astype(np.int64)
+    cell = (words >> np.uint32(_REST_BITS)).astype(np.int64)
+    drawn = counts.take((level << _CELL_BITS) + cell, mode="clip")
+    out = drawn.astype(np.float32)
+    rng = np.random.Generator(source)
+    open_ = np.flatnonzero(drawn == _UNDECIDED)
+    u = (cell[open_] + rng.random(open_.size)) / 2**_CELL_BITS
+    out[open_] = (cumulated[level[open_]] <= u[:, None]).sum(axis=1)
+    rest = mean_e - level.astype(np.float32) * np.float32(1 / _LEVELS_PER_E)
+    low = words & np.uint32(2**_REST_BITS - 1)
+    some = np.flatnonzero(low <= rest * np.float32(2**_REST_BITS))  # the chance of one is less than the mean
+    u = (low[some] + rng.random(some.size)) / 2**_REST_BITS
+    mean, k = rest[some].astype(float), 0
+    while some.size:
         k += 1
-        out[active] = k
-        term *= mean / k
-        above -= term
-        # 1e-12: a draw in four billion ends the sum before its rounding does
-        more = (rest < above) & (above > 1e-12)
-        active, mean, rest, above, term = (x[more] for x in (active, mean, rest, above, term))
+        more = u < gammainc(k, mean)  # the chance of at least k
+        some, u, mean = some[more], u[more], mean[more]
+        out[some] += 1
     return out
+
+
+@lru_cache(maxsize=1)
+def _inverse_tables() -> tuple[ByteArray, FloatArray]:
+    """Of every multiple of 1/16 e: the count of each of 4096 equal cells of probability; (levels, 64) P(<= k)."""
+    means = np.arange(int(EXACT_BELOW_E * _LEVELS_PER_E) + 1) / _LEVELS_PER_E
+    cumulated = np.asarray(pdtr(np.arange(_LARGEST_COUNT)[None, :], means[:, None]), float)
+    edges = np.arange(2**_CELL_BITS + 1) / 2**_CELL_BITS
+    table = np.empty((means.size, 2**_CELL_BITS), np.uint8)
+    for row, chances in zip(table, cumulated, strict=True):
+        first = np.searchsorted(chances, edges[:-1], side="right")
+        last = np.searchsorted(chances, edges[1:], side="left")
+        row[:] = np.where(first == last, first, _UNDECIDED)
+    return table.ravel(), cumulated

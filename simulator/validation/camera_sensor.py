@@ -1,4 +1,4 @@
-"""Measures the simulated detector by EMVA 1288, from its digital numbers alone, and its photon noise by chi-square.
+"""Measures the simulated detector by EMVA 1288, from its digital numbers alone.
 
 References
 ----------
@@ -11,12 +11,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import poisson as poisson_law
 
 from simulator.camera.detector import detect
-from simulator.camera.deviates import bit_source
-from simulator.camera.poisson import poisson
 from simulator.camera.presets import sensor_preset
 
 if TYPE_CHECKING:
@@ -25,7 +21,6 @@ if TYPE_CHECKING:
 
 SHAPE = (600, 800)
 FRAMES = 40
-POISSON_SAMPLES = 100_000
 
 
 @dataclass(frozen=True)
@@ -72,6 +67,21 @@ def measure(name: str, *, seed: int = 5) -> list[Measured]:
     ]
 
 
+def evened(sensor: Sensor) -> Sensor:
+    """The sensor with equal pixels and lines: noise of photons and of each pixel's read-out alone."""
+    d = replace(
+        _detector(sensor),
+        prnu=0.0,
+        dsnu_e=0.0,
+        dark_current_e_s=0.0,
+        hot_pixel_share=0.0,
+        dead_pixel_share=0.0,
+        row_noise_e=0.0,
+        column_noise_e=0.0,
+    )
+    return replace(sensor, detector=d)
+
+
 def photon_transfer(sensor: Sensor, seed: int) -> tuple[float, float]:
     """System gain [DN e-1] and read noise [e] from pairs of flat pictures (section 6.6 and 6.7).
 
@@ -109,19 +119,3 @@ def _detector(sensor: Sensor) -> Detector:
     if sensor.detector is None:
         raise ValueError(f"sensor {sensor.preset} has no detector to measure")
     return sensor.detector
-
-
-def poisson_chance(mean_e: float, *, seed: int = 3) -> tuple[float, int, float]:
-    """Chi-square of 1e5 drawn electron counts against the Poisson law: statistic, degrees of freedom, p-value."""
-    n = POISSON_SAMPLES
-    source = bit_source(seed, round(mean_e * 10))
-    drawn = poisson(np.full((100, n // 100), mean_e, np.float32), source).astype(int).ravel()
-    # bins that expect at least twenty
-    low, high = np.maximum(poisson_law.ppf([20 / n, 1 - 20 / n], mean_e), [0, 1]).astype(int)
-    inner = poisson_law.pmf(np.arange(low + 1, high + 1), mean_e)
-    expected = n * np.concatenate([[poisson_law.cdf(low, mean_e)], inner])
-    expected = np.append(expected, n - expected.sum())
-    counts = np.bincount(np.clip(drawn, low, high + 1) - low, minlength=len(expected))
-    statistic = float(((counts - expected) ** 2 / expected).sum())
-    freedom = len(expected) - 1
-    return statistic, freedom, float(chi2.sf(statistic, freedom))

@@ -4,14 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
-from scipy.stats import poisson as poisson_law
 
-from simulator.camera.detector import bloom, detect, electrons_per_radiance, mosaic
+from simulator.camera.detector import detect, electrons_per_radiance, mosaic
 from simulator.camera.develop import digitise, noise_sigma
-from simulator.camera.deviates import bit_source
 from simulator.camera.optics import Optics
-from simulator.camera.poisson import poisson
+from simulator.camera.readout import bloom
 from simulator.camera.sensor import Detector, Sensor, noiseless
 
 QUIET = Detector(full_well_e=20_000.0, gain_e_per_dn=5.0, black_level_dn=64.0, read_noise_e=0.0)
@@ -23,22 +20,6 @@ def sensor(**changes):
 
 def flat(electrons, s, shape=(400, 500)):
     return np.full(shape, electrons / s.saturation_e, np.float32)
-
-
-@pytest.mark.parametrize("mean", [0.004, 0.5, 3.0, 12.5, 30.0, 3000.0])
-def test_electrons_follow_the_poisson_law(mean):
-    n = 100_000
-    drawn = (
-        poisson(np.full((100, n // 100), mean, np.float32), bit_source(3, int(mean * 10))).astype(int).ravel()
-    )
-    # bins that expect at least twenty
-    low, high = np.maximum(poisson_law.ppf([20 / n, 1 - 20 / n], mean), [0, 1]).astype(int)
-    edges = np.arange(low, high + 1)
-    expected = n * np.concatenate([[poisson_law.cdf(low, mean)], poisson_law.pmf(edges[1:], mean)])
-    expected = np.append(expected, n - expected.sum())
-    counts = np.bincount(np.clip(drawn, low, high + 1) - low, minlength=len(expected))
-    statistic = ((counts - expected) ** 2 / expected).sum()
-    assert chi2.sf(statistic, len(expected) - 1) > 1e-3
 
 
 def test_photons_of_a_known_radiance_become_the_electrons_of_the_camera_equation():

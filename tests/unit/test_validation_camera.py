@@ -1,12 +1,15 @@
 """The camera's proof in short: EMVA 1288 on the built-in detectors, photon noise, transfer function."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from simulator.camera.presets import sensor_preset
 from simulator.validation.camera import GOALS, MTF_GOAL, OTHER_GOAL
+from simulator.validation.camera_counts import electron_chance, reading_chance
 from simulator.validation.camera_mtf import CASES, compare
-from simulator.validation.camera_sensor import measure, photon_transfer, poisson_chance
+from simulator.validation.camera_sensor import evened, measure, photon_transfer
 
 
 def test_photon_transfer_gives_the_data_sheet_s_gain_and_read_noise():
@@ -26,9 +29,24 @@ def test_every_term_is_recovered_by_emva_1288(name):
         assert abs(m.error) <= GOALS.get(m.name, OTHER_GOAL), m
 
 
-@pytest.mark.parametrize("mean", [0.5, 3.0, 30.0, 3000.0])
+@pytest.mark.parametrize("mean", [0.004, 0.5, 3.0, 11.97, 12.5, 30.0, 3000.0])
 def test_counts_are_poisson(mean):
-    assert poisson_chance(mean)[2] > 1e-3
+    assert electron_chance(mean)[2] > 1e-3
+
+
+@pytest.mark.parametrize("name", ["imx174", "cmv4000"])
+@pytest.mark.parametrize("share", [0.0, 1e-4, 0.01, 0.5, 0.99, 1.0, 1.2])
+def test_digital_numbers_follow_photons_well_and_read_noise(name, share):
+    sensor = evened(sensor_preset(name))
+    assert reading_chance(sensor, share * sensor.saturation_e)[2] > 1e-3
+
+
+@pytest.mark.parametrize("read_noise_e", [0.5, 1.9, 2.1])
+def test_a_detector_that_counts_electrons_shows_them_one_by_one(read_noise_e):
+    base = evened(sensor_preset("imx174"))
+    detector = replace(base.detector, gain_e_per_dn=0.25, read_noise_e=read_noise_e, full_well_e=900.0)
+    for mean_e in (0.3, 6.0, 200.0, 890.0):
+        assert reading_chance(replace(base, detector=detector), mean_e)[2] > 1e-3
 
 
 @pytest.mark.parametrize("case", CASES)
