@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.logging import RichHandler
 
-from flyaround.commands import console, estimation, flights, hil, machine, pictures, targets
+from flyaround.commands import comparison, console, estimation, flights, hil, machine, pictures, targets
 
 app = typer.Typer(
     name="flyaround",
@@ -56,6 +56,7 @@ app.command()(pictures.capture)
 app.command()(pictures.check)
 app.command()(estimation.estimate)
 app.command()(estimation.evaluate)
+app.command()(comparison.compare)
 app.command()(machine.bench)
 app.command()(machine.doctor)
 app.command()(flights.scenarios)

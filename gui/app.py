@@ -123,7 +123,7 @@ class Console:
             now = window.seconds
             session.advance(now - last if first_picture is not None else 0.0, held)
             last = now
-            changed |= feed.update(session, self._options.look)
+            changed |= feed.update(session, self._options.look, timed=self._options.overlays.times)
             # where software draws the window too, it takes half of the time at most
             least_s = max(1 / WINDOW_HZ, min(2e-3 * self._window_ms, 1 / STILL_HZ))
             if now - drawn >= (least_s if changed else 1 / STILL_HZ):
@@ -172,6 +172,7 @@ class Console:
             Action.CLOSE_HELP: lambda: setattr(options, "help", False),
             Action.PANEL: lambda: _flip(options, "panel"),
             Action.HUD: lambda: _flip(on, "hud"),
+            Action.TIMES: lambda: _flip(on, "times"),
             Action.CROSSHAIR: lambda: _flip(on, "crosshair"),
             Action.KEYPOINTS: lambda: _flip(on, "keypoints"),
             Action.BOX: lambda: _flip(on, "box"),
@@ -217,6 +218,7 @@ class Console:
             "q_camera_from_eci_wxyz": scene.q_camera_from_eci_wxyz,
             "pictures": feed.finished,
             "pictures_per_s": round(feed.frames_s, 2),
+            "pass_ms": {name: round(ms, 2) for name, ms in feed.pass_ms.items()},
             "picture_ms": round(feed.frame_ms, 1),
             "window_ms": round(self._window_ms, 1),
             "window_gl": self._window.gl_renderer,

@@ -21,11 +21,15 @@ if TYPE_CHECKING:
     from simulator.scene.state import Quality, SceneState
 
 
+TIMED_PICTURES = 5
+"""The pass times that are shown are medians of so many pictures."""
+
+
 class PictureSource(Protocol):
     """What the feed needs of a render process."""
 
-    def submit(self, scene: SceneState, *, labels: bool = False) -> bool:
-        """Queue a scene; False when the queue is full."""
+    def submit(self, scene: SceneState, *, labels: bool = False, timed: bool = False) -> bool:
+        """Queue a scene; False when the queue is full. ``timed``: wait for the driver after every pass."""
 
     def results(self) -> Iterable[Frame]:
         """The pictures finished since the last call, in the order they were asked for."""
@@ -47,6 +51,7 @@ class _Request:
     moment: Moment
     divisor: int
     labels: bool
+    timed: bool
     asked_s: float
 
 
@@ -74,6 +79,7 @@ class Feed:
         self.frames_s = 0.0
         self._ends_s: list[float] = []
         self._costs: list[tuple[Camera, float]] = []
+        self._passes: list[tuple[Camera, dict[str, float]]] = []
 
     def ask_to_save(self) -> None:
         """Draw the present moment whole, with labels; it comes out in `saved`."""
@@ -84,27 +90,42 @@ class Feed:
         """Whether a picture to be saved is on its way."""
         return self._save_wanted or any(r.labels for r in self._waiting)
 
-    def update(self, session: Session, look: Look) -> bool:
-        """Take what is finished, ask for what is new; whether there is a new picture."""
+    @property
+    def pass_ms(self) -> dict[str, float]:
+        """Time of each pass of the picture [ms], medians of the last few; empty until one was asked for timed."""
+        if not self._passes:
+            return {}
+        return {name: median(p.get(name, 0.0) for _, p in self._passes) for name in self._passes[-1][1]}
+
+    def update(self, session: Session, look: Look, *, timed: bool = False) -> bool:
+        """Take what is finished, ask for what is new; whether there is a new picture.
+
+        Parameters
+        ----------
+        timed : have each pass of the pictures timed; they take a little longer.
+        """
         before = self.finished
         self._collect()
-        self._ask(session, look)
+        self._ask(session, look, timed=timed)
         return self.finished > before
 
-    def _ask(self, session: Session, look: Look) -> None:
+    def _ask(self, session: Session, look: Look, *, timed: bool) -> None:
         if len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s):
             return
         if self._save_wanted:
             scene = apply_look(session.scene(), look)
-            if self._submit(_Request(scene, session.moment, 1, labels=True, asked_s=self._clock())):
+            request = _Request(scene, session.moment, 1, labels=True, timed=False, asked_s=self._clock())
+            if self._submit(request):
                 self._save_wanted = False
             return
         divisor = self.divisor(look, paused=session.paused)
         quality: Quality | None = None if session.paused else "draft"
         scene = apply_look(session.scene(), look, divisor=divisor, quality=quality)
-        # when nothing moves the picture that is there is the picture
-        if scene != self._last:
-            self._submit(_Request(scene, session.moment, divisor, labels=False, asked_s=self._clock()))
+        # when nothing moves the picture that is there is the picture, unless its passes are to be timed
+        if scene != self._last or (timed and len(self._passes) < TIMED_PICTURES):
+            self._submit(
+                _Request(scene, session.moment, divisor, labels=False, timed=timed, asked_s=self._clock())
+            )
 
     def divisor(self, look: Look, *, paused: bool) -> int:
         """Pixels of the camera per pixel drawn."""
@@ -115,7 +136,7 @@ class Feed:
         return self._detail.divisor
 
     def _submit(self, request: _Request) -> bool:
-        if not self._source.submit(request.scene, labels=request.labels):
+        if not self._source.submit(request.scene, labels=request.labels, timed=request.timed):
             return False
         self._last = request.scene
         self._waiting.append(request)
@@ -140,6 +161,11 @@ class Feed:
         ms = sum(v for k, v in frame.stage_ms.items() if "." not in k and k != "labels")
         if request.labels or ms <= 0:
             return
+        if request.timed:
+            kept = [(c, p) for c, p in self._passes if c == request.scene.camera]
+            self._passes = [*kept, (request.scene.camera, frame.stage_ms)][-TIMED_PICTURES:]
+        else:
+            self._passes = []
         # the last few of one size: the first of a kind also pays for textures and shaders
         if not self._costs or self._costs[-1][0] != request.scene.camera:
             self._costs = []

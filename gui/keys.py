@@ -38,6 +38,7 @@ class Action(Enum):
     HELP = auto()
     PANEL = auto()
     HUD = auto()
+    TIMES = auto()
     CROSSHAIR = auto()
     KEYPOINTS = auto()
     BOX = auto()
@@ -121,6 +122,7 @@ BINDINGS: tuple[Binding, ...] = (
     Binding("Display", Action.WIREFRAME, ("f5",), "F5", "wireframe"),
     Binding("Display", Action.CROSSHAIR, ("f6",), "F6", "crosshair"),
     Binding("Display", Action.HUD, ("f7",), "F7", "figures over the view"),
+    Binding("Display", Action.TIMES, ("f8",), "F8", "time of each pass"),
     Binding("Display", Action.PANEL, ("tab",), "Tab", "side panel"),
     Binding("Display", Action.FULL_SCREEN, ("f11",), "F11", "full screen"),
     Binding("Display", Action.SCREENSHOT, ("p", "f12"), "P / F12", "save picture and truth to out/console"),

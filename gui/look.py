@@ -32,6 +32,7 @@ OVERLAYS: tuple[tuple[str, str], ...] = (
     ("wireframe", "Wireframe"),
     ("crosshair", "Crosshair"),
     ("hud", "Figures"),
+    ("times", "Pass times"),
 )
 
 
@@ -65,6 +66,7 @@ class Overlays:
     wireframe: bool = False
     crosshair: bool = True
     hud: bool = True
+    times: bool = False
 
 
 @dataclass

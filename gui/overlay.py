@@ -84,6 +84,8 @@ class View:
         draw.pop_clip_rect()
         if options.overlays.hud:
             self._hud(draw, place, session, feed, picture)
+        if options.overlays.times:
+            self._times(draw, place, feed)
 
     def _draw_marks(
         self,
@@ -191,6 +193,32 @@ class View:
         self._text(draw, (x + (width - size) / 2, y + height - 14 - line), hint, style.QUIET)
         imgui.pop_font()
 
+    def _times(self, draw: Any, place: tuple[float, float, float, float], feed: Feed) -> None:  # noqa: ANN401
+        """Each pass's time with a bar as long as its share of the picture's."""
+        imgui = self._imgui
+        imgui.push_font(self._window.figure_font, 0.0)
+        rows = shown_passes(feed.pass_ms)
+        total = sum(ms for _, ms in rows)
+        rows = (*rows, ("picture", total)) if rows else (("timing the passes ...", 0.0),)
+        step, number = (imgui.calc_text_size(t).x for t in ("target geometry  ", "9999.9 ms "))
+        bar = 7.0 * self._line
+        x, y = place[0] + 16, place[1] + 14 + 3 * self._line
+        self._plate(draw, (x, y), step + number + bar, len(rows))
+        for k, (name, ms) in enumerate(rows):
+            at = y + k * self._line
+            self._text(draw, (x, at), name, style.QUIET)
+            if total <= 0:
+                continue
+            self._text(draw, (x + step, at), f"{ms:6.1f} ms", style.INK)
+            left, top = x + step + number, at + 0.25 * self._line
+            color = style.WARN if name == "picture" else style.ACCENT
+            draw.add_rect_filled(
+                self._vec((left, top)),
+                self._vec((left + max(bar * ms / total, 1.0), top + 0.45 * self._line)),
+                self._color((*color[:3], 0.85)),
+            )
+        imgui.pop_font()
+
     def _column(self, draw: Any, at: Pixel, rows: tuple[tuple[str, str, style.Rgba], ...]) -> None:  # noqa: ANN401
         x, y = at
         step = self._imgui.calc_text_size("CLOSING ").x
@@ -227,6 +255,16 @@ class View:
 
     def _color(self, rgba: style.Rgba) -> int:
         return int(self._imgui.color_convert_float4_to_u32(self._imgui.ImVec4(*rgba)))
+
+
+def shown_passes(stage_ms: dict[str, float]) -> tuple[tuple[str, float], ...]:
+    """Names for people and times [ms] of the passes that took any, in the order they run; without the sums."""
+    passes = [(name.removeprefix("render."), ms) for name, ms in stage_ms.items() if "." in name]
+    if not passes:
+        return ()
+    rest = stage_ms.get("render", 0.0) - sum(ms for _, ms in passes)
+    rows = [*passes, ("other", rest), ("sensor", stage_ms.get("sensor", 0.0))]
+    return tuple((name.replace(".", " "), ms) for name, ms in rows if ms >= 0.05)
 
 
 def _clock(t_s: float) -> str:

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 AHEAD = 2
 
 
-def draw(renderer: Renderer, scene: SceneState, *, labels: bool = False) -> Frame:
+def draw(renderer: Renderer, scene: SceneState, *, labels: bool = False, timed: bool = False) -> Frame:
     """What the render process does for each scene; the radiance stays there, the window has no use for it."""
+    renderer.timed = timed
     frame = take_frame(renderer, scene, load_target(scene.target.name), labels=labels)
     return replace(frame, radiance=np.zeros((0, 0), np.float32), depth_m=None)
 
@@ -40,12 +41,12 @@ class RenderedPictures:
     def __init__(self, device_index: int | None = None) -> None:
         self._process: RenderProcess[Frame] = RenderProcess(draw, device_index=device_index, capacity=AHEAD)
 
-    def submit(self, scene: SceneState, *, labels: bool = False) -> bool:
-        """Queue a scene; False when enough are under way."""
+    def submit(self, scene: SceneState, *, labels: bool = False, timed: bool = False) -> bool:
+        """Queue a scene; False when enough are under way. ``timed``: each pass by itself."""
         if not self._process.has_room:
             return False
         try:
-            self._process.submit(scene, labels=labels)
+            self._process.submit(scene, labels=labels, timed=timed)
         except RuntimeError as error:
             raise _stopped(error) from error
         return True

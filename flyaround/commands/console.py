@@ -18,7 +18,7 @@ def sim(
         int | None, typer.Option("--seed", help="Seed of the noise (default: the scenario's).")
     ] = None,
     overlays: Annotated[
-        str, typer.Option(help="Overlays to start with: keypoints,names,box,axes,wireframe.")
+        str, typer.Option(help="Overlays to start with: keypoints,names,box,axes,wireframe,times.")
     ] = "",
     seconds: Annotated[
         float | None, typer.Option(min=0.0, help="Close by itself so long after the first picture.")

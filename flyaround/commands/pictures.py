@@ -8,13 +8,14 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
 from flyaround.plans import choose_plan
 from flyaround.progress import progress_bar
 from simulator.dataset.capture import FORMATS, parse_formats
 from simulator.dataset.capture import capture as capture_plan
 from simulator.dataset.check import check_dataset
-from simulator.dataset.picture import render_poses, render_scene, save_picture
+from simulator.dataset.picture import render_poses, render_scene, save_picture, time_passes
 from simulator.dataset.poses import read_poses
 from simulator.errors import UserError
 from simulator.labels.request import LAYERS, LabelRequest, parse_labels
@@ -68,7 +69,12 @@ def render(
     labels: Labels = None,
     seed: Seed = None,
     gpu: Device = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the truth record.")] = False,
+    timings: Annotated[
+        bool, typer.Option("--timings", help="Draw it five times more and print the time of each pass.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the truth record (with --timings: and stage_ms).")
+    ] = False,
 ) -> None:
     """Draw one frame and its truth, or one for each pose of a list."""
     if (scenario is None) == (from_truth is None):
@@ -88,16 +94,34 @@ def render(
     if labels is not None:
         request = LabelRequest(layers=parse_labels(labels), flow=request.flow)
     if poses is not None:
+        if timings:
+            raise UserError("--timings is about one picture; leave out --poses")
         _render_poses(scene, target, request, poses, output, gpu, as_json=as_json)
         return
     frame = render_scene(scene, target, labels=request, device_index=gpu)
     truth_path = save_picture(frame, output)
+    stage_ms = time_passes(scene, target, device_index=gpu) if timings else {}
     if as_json:
-        typer.echo(truth_path.read_text())
+        text = truth_path.read_text()
+        typer.echo(json.dumps({**json.loads(text), "stage_ms": stage_ms}) if timings else text)
     else:
         Console().print(
             f"{output} and {truth_path} ({frame.stage_ms['render'] + frame.stage_ms['sensor']:.0f} ms)"
         )
+        if timings:
+            Console().print(_times_table(stage_ms))
+
+
+def _times_table(stage_ms: dict[str, float]) -> Table:
+    """Each stage's time; passes are indented under the stage they belong to."""
+    table = Table("stage", "ms", title="median of five, each pass waited for")
+    table.columns[1].justify = "right"
+    for stage in (name for name in stage_ms if "." not in name):
+        table.add_row(stage, f"{stage_ms[stage]:.2f}")
+        for name, ms in stage_ms.items():
+            if name.startswith(f"{stage}."):
+                table.add_row(f"  {name.removeprefix(stage + '.')}", f"{ms:.2f}")
+    return table
 
 
 def _render_poses(

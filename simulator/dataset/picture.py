@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,6 +54,15 @@ def render_scene(
         )
     with Renderer(device_index=device_index) as renderer:
         return take_frame(renderer, scene, target, labels=labels or True)
+
+
+def time_passes(
+    scene: SceneState, target: Target, *, repeats: int = 5, device_index: int | None = None
+) -> dict[str, float]:
+    """Time of each stage and pass of a scene [ms]: medians of ``repeats`` pictures after a first that fills caches."""
+    with Renderer(device_index=device_index, timed=True) as renderer:
+        ledgers = [take_frame(renderer, scene, target, labels=False).stage_ms for _ in range(repeats + 1)][1:]
+    return {name: median(ledger[name] for ledger in ledgers) for name in ledgers[0]}
 
 
 def render_poses(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,9 +43,12 @@ def amodal_box(scene: SceneState, target: Target) -> Box | None:
     return (float(x0), float(y0), float(x1), float(y1))
 
 
+@lru_cache(maxsize=64)
 def box_3d_m(target: Target) -> FloatArray:
-    """(8, 3) corners of the box about the mesh, model axes; corner k has x, y, z high by its bits 4, 2, 1."""
+    """(8, 3) corners of the box about the mesh, model axes, read only; corner k is high in x, y, z by bits 4, 2, 1."""
     positions = mesh_of(target).positions_m
     low, high = positions.min(axis=0), positions.max(axis=0)
     bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
-    return np.asarray(low + bits * (high - low))
+    corners = np.asarray(low + bits * (high - low))
+    corners.flags.writeable = False
+    return corners

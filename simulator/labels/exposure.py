@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.labels.occlusion import mesh_of
+from simulator.labels.boxes import box_3d_m
 from simulator.scene.motion import scene_at
 from simulator.world.bodies import BODIES
 from simulator.world.rotation import matrix_from_quat
@@ -65,9 +65,7 @@ def image_motion_px(scene: SceneState, target: Target, span_s: float) -> float:
 
 def _places_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
     """(K, 2) where the followed points of ``scene`` are seen in the scene ``then``; NaN behind the camera."""
-    positions = mesh_of(target).positions_m
-    low, high = positions.min(axis=0), positions.max(axis=0)
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * (high - low) + low
+    corners = box_3d_m(target)
     c = scene.camera
     u, v = np.meshgrid(np.linspace(0, c.width_px - 1, 5), np.linspace(0, c.height_px - 1, 5))
     d = c.rays(np.stack([u.ravel(), v.ravel()], axis=1))

@@ -67,7 +67,7 @@ class Renderer:
     device_index : EGL device, ``None`` for the default one.
     context : an existing OpenGL >= 4.1 context to draw with instead; it is not released on close.
     timed : wait for the driver after every pass, so that ``stage_ms`` is each pass's own time. Without it the passes
-        queue up, nothing stalls, and their time shows in the read-back.
+        queue up, nothing stalls, and their time shows in the read-back. May be changed between frames.
 
     Raises
     ------
@@ -82,7 +82,7 @@ class Renderer:
         context: moderngl.Context | None = None,
         timed: bool = False,
     ) -> None:
-        self._timed = timed
+        self.timed = timed
         self._owns_context = context is None
         self._gl = create_context(device_index) if context is None else context
         self.info: GlInfo = describe(self._gl)
@@ -130,7 +130,7 @@ class Renderer:
                 f"the scene was made for target {scene.target.name} ({scene.target.sha256[:12]}) and is drawn with "
                 f"{target.name} ({target.sha256[:12]}); use the same version of the target file"
             )
-        clock = StageClock(self._gl, finish=self._timed)
+        clock = StageClock(self._gl, finish=self.timed)
         passes = self._prepare(scene)
         view = build_view(scene)
         if sky is not None:

@@ -249,3 +249,25 @@ def truth_record(tmp_path_factory):
         run(["render", "tango-flyaround", "-t", "5", "--quality", "draft", "-o", str(folder / "a.png")]) == 0
     )
     return (folder / "a.json").read_text()
+
+
+def test_timings_are_of_one_picture(capsys, tmp_path):
+    poses = tmp_path / "poses.csv"
+    poses.write_text("q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m\n1,0,0,0,0,0,9\n")
+    _fails(
+        capsys,
+        "render",
+        "tango-flyaround",
+        "--poses",
+        poses,
+        "--timings",
+        says=("--timings", "leave out --poses"),
+    )
+
+
+def test_pictures_to_compare_with_must_be_there(capsys, tmp_path):
+    _fails(capsys, "compare", "--reference", tmp_path / "none", says=("none", "--reference"))
+    _fails(capsys, "compare", "--reference", tmp_path, says=("no picture", ".png"))
+    (tmp_path / "a.png").write_bytes(b"not a picture")
+    _fails(capsys, "compare", "--reference", tmp_path, says=("a.png", "convert"))
+    _fails(capsys, "compare", "--reference", tmp_path, "--sensor", "eye", says=("eye", "speed"))

@@ -10,6 +10,7 @@ import pytest
 from gui.detail import DIVISORS
 from gui.feed import Feed
 from gui.look import Look
+from gui.overlay import shown_passes
 from gui.session import Session
 from simulator.labels.frame import Frame
 from simulator.scenario_load import load_scenario
@@ -20,12 +21,14 @@ class FakeRenderer:
     """Finishes pictures when told to, at a price per megapixel."""
 
     def __init__(self, ms_per_mpx: float = 40.0) -> None:
+        self.timed: list[bool] = []
         self.asked: list[tuple[SceneState, bool]] = []
         self.pending: list[SceneState] = []
         self.done: list[Frame] = []
         self.ms_per_mpx = ms_per_mpx
 
-    def submit(self, scene: SceneState, *, labels: bool = False) -> bool:
+    def submit(self, scene: SceneState, *, labels: bool = False, timed: bool = False) -> bool:
+        self.timed.append(timed)
         self.asked.append((scene, labels))
         self.pending.append(scene)
         return True
@@ -38,7 +41,13 @@ class FakeRenderer:
         scene = self.pending.pop(0)
         image = np.zeros((scene.camera.height_px, scene.camera.width_px), np.uint8)
         ms = self.ms_per_mpx * image.size / 1e6
-        self.done.append(Frame(scene, image, image.astype(np.float32), stage_ms={"render": ms}))
+        stage_ms = {
+            "render": ms,
+            "sensor": 2.0,
+            "render.earth.surface": 0.75 * ms,
+            "render.target.shadow": 0.0,
+        }
+        self.done.append(Frame(scene, image, image.astype(np.float32), stage_ms=stage_ms))
 
 
 class Clock:
@@ -140,3 +149,26 @@ def test_saving_asks_for_a_whole_picture_with_labels(session: Session) -> None:
     feed.update(session, look)
     assert [p.frame.scene for p in feed.saved] == [session.scene()]
     assert not feed.saving
+
+
+def test_passes_are_timed_on_request_only_and_a_still_picture_is_drawn_again_for_it(session: Session) -> None:
+    source, clock = FakeRenderer(), Clock()
+    feed, look = Feed(source, clock), look_of(session)
+    session.toggle_pause()
+    for timed in (False, False, *(8 * [True])):
+        feed.update(session, look, timed=timed)
+        clock.now_s += 1.0
+        if source.pending:
+            source.finish()
+    # a paused picture is drawn once, and as often again as the medians need
+    assert source.timed == [False, *(5 * [True])]
+    passes = dict(shown_passes(feed.pass_ms))
+    assert list(passes) == ["earth surface", "other", "sensor"]
+    assert passes["other"] == pytest.approx(passes["earth surface"] / 3)
+    session.toggle_pause()
+    for _ in range(3):
+        session.advance(0.1)
+        feed.update(session, look)
+        clock.now_s += 1.0
+        source.finish()
+    assert feed.pass_ms == {}

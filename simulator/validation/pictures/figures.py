@@ -1,0 +1,137 @@
+"""What a picture looks like in numbers: histogram, Sobel gradient, its histogram, noise, binary edges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.arrays import ByteArray, Float32Array, FloatArray
+
+GRADIENT_BINS = 128
+GRADIENT_LARGEST_DN = 128.0  # of the gradient's histogram: a step of full scale gives 128 DN per pixel
+EDGE_BLUR_PX = 1.5  # so that binary edges show the scene and not its noise
+BORDER_SHARE = 0.02  # of the height: the frame from whose darkness the background is told
+DARK_DN = 15.0  # above the black level
+SPACE_SHARE = 0.9  # of the border that is dark when the craft is before space
+HALF_NOISE = 0.56  # mean second difference of white noise clipped at its middle, over that of the whole
+# Immerkaer (1996, Computer Vision and Image Understanding 64): blind to planes and straight edges along the axes
+_NOISE_KERNEL = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float64)
+
+
+FIGURES = {
+    "mean_dn": "mean [DN]",
+    "black_dn": "1st percentile [DN]",
+    "bright_dn": "99th percentile [DN]",
+    "saturated": "share at 255",
+    "noise_dn": "noise [DN]",
+    "gradient_p50": "gradient, median [DN/px]",
+    "gradient_p95": "gradient, 95 % [DN/px]",
+    "gradient_p99": "gradient, 99 % [DN/px]",
+    "edges": "share of binary edges",
+}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Look:
+    """Figures of one 8-bit grey picture.
+
+    Parameters
+    ----------
+    histogram : (256,) share of the pixels at each DN. gradient_histogram : (128,) share per DN per pixel of `sobel`.
+    mean_dn, black_dn, bright_dn : mean, first and 99th percentile. saturated : share of pixels at 255.
+    noise_dn : standard deviation of the noise, from second differences (median, so that edges do not count).
+    gradient_p50, gradient_p95, gradient_p99 : of the Sobel magnitude [DN per pixel].
+    edges : share of the pixels in the binary edge image.
+    space : whether the border is dark, so that the background is.
+    """
+
+    histogram: FloatArray
+    gradient_histogram: FloatArray
+    mean_dn: float
+    black_dn: float
+    bright_dn: float
+    saturated: float
+    noise_dn: float
+    gradient_p50: float
+    gradient_p95: float
+    gradient_p99: float
+    edges: float
+    space: bool
+
+    def document(self) -> dict[str, float | str]:
+        """The scalar figures as a JSON-able object."""
+        return {name: round(float(getattr(self, name)), 5) for name in FIGURES} | {
+            "background": "space" if self.space else "earth"
+        }
+
+
+def sobel(image: ByteArray | Float32Array) -> Float32Array:
+    """Magnitude of the 3 x 3 Sobel gradient [DN per pixel], as large as the slope of a plane."""
+    x = cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8)
+    y = cv2.Sobel(image, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8)
+    return np.asarray(cv2.magnitude(x, y), np.float32)
+
+
+def edge_threshold(image: ByteArray) -> float:
+    """Twice the root mean square of the blurred picture's gradient [DN per pixel]: the usual Sobel threshold."""
+    return float(2 * np.sqrt(np.mean(np.square(_smooth_gradient(image), dtype=np.float64))))
+
+
+def binary_edges(image: ByteArray, threshold: float) -> NDArray[np.bool_]:
+    """(H, W) where the blurred picture's gradient is above a threshold [DN per pixel]."""
+    return np.asarray(_smooth_gradient(image) > max(threshold, 1e-3))
+
+
+def _smooth_gradient(image: ByteArray) -> Float32Array:
+    return sobel(np.asarray(cv2.GaussianBlur(image.astype(np.float32), (0, 0), EDGE_BLUR_PX), np.float32))
+
+
+def look_at(image: ByteArray) -> Look:
+    """Figures of a (H, W) 8-bit picture."""
+    gradient = sobel(image)
+    black, bright = (float(v) for v in np.percentile(image, (1, 99)))
+    p50, p95, p99 = (float(v) for v in np.percentile(gradient, (50, 95, 99)))
+    shares, _ = np.histogram(gradient, GRADIENT_BINS, (0, GRADIENT_LARGEST_DN))
+    border = max(round(BORDER_SHARE * image.shape[0]), 1)
+    frame = np.ones(image.shape, bool)
+    frame[border:-border, border:-border] = False
+    return Look(
+        histogram=np.bincount(image.ravel(), minlength=256) / image.size,
+        gradient_histogram=shares / image.size,
+        mean_dn=float(image.mean()),
+        black_dn=black,
+        bright_dn=bright,
+        saturated=float(np.mean(image == 255)),
+        noise_dn=noise_dn(image),
+        gradient_p50=p50,
+        gradient_p95=p95,
+        gradient_p99=p99,
+        edges=float(binary_edges(image, edge_threshold(image)).mean()),
+        space=bool(np.mean(cv2.blur(image, (5, 5))[frame] < black + DARK_DN) >= SPACE_SHARE),
+    )
+
+
+def noise_dn(image: ByteArray) -> float:
+    """Standard deviation of white noise [DN], by the mean size of second differences.
+
+    The median over blocks of 16 x 16 keeps edges and texture from counting as long as half of the picture is plain.
+    Of black space a sensor that clips shows the upper half of the noise only.
+    """
+    second = np.abs(cv2.filter2D(image.astype(np.float64), -1, _NOISE_KERNEL))
+    height, width = (n // 16 * 16 for n in image.shape)
+    cut = (height // 16, 16, width // 16, 16)
+    blocks = second[:height, :width].reshape(cut).mean(axis=(1, 3))
+    clipped = (image[:height, :width] == 0).reshape(cut).mean(axis=(1, 3)) > 0.25
+    blocks[clipped] /= HALF_NOISE
+    return float(np.sqrt(np.pi / 2) / 6 * np.median(blocks))
+
+
+def moved_dn(a: FloatArray, b: FloatArray, largest: float) -> float:
+    """Earth mover's distance of two histograms over the same bins, in units of the axis that ends at ``largest``."""
+    return float(np.abs(np.cumsum(a) - np.cumsum(b)).sum() * largest / len(a))
