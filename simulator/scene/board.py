@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.errors import UserError
 from simulator.world.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
 
 _PLACES = 80
+_STEPS_BACK, _STEP_BACK = 12, 1.15
 MARGIN_PX = 6.0
 
 
@@ -30,7 +32,9 @@ def board_pose(
     """
     points = np.concatenate([p.positions_m for p in target.parts]).astype(float)
     low, high = points.min(axis=0), points.max(axis=0)
-    corners = np.array([[x, y, high[2]] for x in (low[0], high[0]) for y in (low[1], high[1])])
+    # the middles of its sides too: through a fisheye they bulge
+    across, up = ((a, (a + b) / 2, b) for a, b in zip(low[:2], high[:2], strict=True))
+    rim = np.array([[x, y, high[2]] for x in across for y in up])
     size = np.array([camera.width_px, camera.height_px])
     # the board's own z towards the camera, its y up
     facing = np.diag([1.0, -1.0, -1.0])
@@ -40,13 +44,30 @@ def board_pose(
     tilted = _turned(tilt * np.array([np.cos(axis_turn), np.sin(axis_turn), 0.0]))
     turned = tilted @ _turned(np.array([0.0, 0.0, roll])) @ facing
     share = rng.uniform(0.55, 0.8)
-    distance = _distance_for_span(camera, corners @ turned.T, share * size)
-    places = rng.uniform(0, 1, (_PLACES, 2)) * (size - 1)
+    near = _distance_for_span(camera, rim @ turned.T, share * size)
+    rays = camera.rays(rng.uniform(0, 1, (_PLACES, 2)) * (size - 1))
+    # turned to face a wide-angle camera's corner it may not fit at the size drawn: then farther away
+    for step in range(_STEPS_BACK):
+        found = _farthest_place(camera, rim @ turned.T, near * _STEP_BACK**step, rays, towards_cell)
+        if found is not None:
+            R, t = found
+            return quat_from_matrix(R @ turned), t
+    raise UserError(
+        f"no pose of {target.name} fits the image of {camera.width_px} x {camera.height_px} pixels: "
+        "give a camera with more of them"
+    )
+
+
+def _farthest_place(
+    camera: Camera, rim_m: FloatArray, distance_m: float, rays: FloatArray, towards_cell: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Turn from the boresight and position of the ray at which a board fits and lies farthest towards its cell."""
+    size = np.array([camera.width_px, camera.height_px])
     best, found = -np.inf, None
-    for ray in camera.rays(places):
+    for ray in rays:
         # seen along its own ray the board faces the camera, wherever it is in a wide image
-        R = _turn_between(np.array([0.0, 0.0, 1.0]), ray) @ turned
-        outline = camera.project(corners @ R.T + distance * ray)
+        R = _turn_between(np.array([0.0, 0.0, 1.0]), ray)
+        outline = camera.project(rim_m @ R.T + distance_m * ray)
         if (
             not np.all(np.isfinite(outline))
             or outline.min() < MARGIN_PX
@@ -57,11 +78,7 @@ def board_pose(
         # as far towards its cell as fits; the middle cell's as near to the middle as can be
         merit = float(off @ towards_cell) - float(np.abs(off) @ (towards_cell == 0))
         if merit > best:
-            best, found = merit, (quat_from_matrix(R), np.asarray(distance * ray))
-    if found is None:
-        raise RuntimeError(
-            f"no pose of {target.name} fits the image of {camera.width_px} x {camera.height_px} pixels"
-        )
+            best, found = merit, (R, np.asarray(distance_m * ray))
     return found
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 from typing import TYPE_CHECKING
 
@@ -12,10 +11,10 @@ from simulator.render.skylight import basis, light_of_samples, spiral, uniform_l
 from simulator.render.view import SUN_RADIUS_M
 from simulator.scene.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 from simulator.targets.library import load_target
-from simulator.targets.model import MassProperties, Material, Part, Target
+from simulator.targets.model import Material, Part
 from simulator.validation.mitsuba_craft import difference, path_trace
 from simulator.validation.rows import Row
-from simulator.validation.stage import square_camera, stage
+from simulator.validation.stage import bare_target, flat_plate, square_camera, stage
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -70,34 +69,6 @@ def edge_rows(renderer: Renderer) -> list[Row]:
     return [*_edges(renderer, "default", 0.04, 0.1), *_edges(renderer, "high", 0.02, 0.05)]
 
 
-def _target(parts: list[Part], materials: list[Material]) -> Target:
-    digest = hashlib.sha256(repr(materials).encode())
-    for part in parts:
-        digest.update(part.positions_m.tobytes())
-    return Target(
-        name="proof",
-        title="proof",
-        sha256=digest.hexdigest(),
-        materials=tuple(materials),
-        parts=tuple(parts),
-        keypoints=(),
-        wireframe=(),
-        mass=MassProperties(mass_kg=1.0, com_m=(0, 0, 0), inertia_kg_m2=((1, 0, 0), (0, 1, 0), (0, 0, 1))),
-    )
-
-
-def _plate(name: str, x: tuple[float, float], y: tuple[float, float], z: float) -> Part:
-    """A rectangle that looks along -z."""
-    corners = np.array([(x[0], y[0], z), (x[0], y[1], z), (x[1], y[1], z), (x[1], y[0], z)], np.float32)
-    return Part(
-        name=name,
-        material="m",
-        positions_m=corners,
-        normals=np.tile(np.array([0, 0, -1], np.float32), (4, 1)),
-        triangles=np.array([[0, 1, 2], [0, 2, 3]]),
-    )
-
-
 def _ball(radius_m: float, around: int = 160) -> Part:
     down = around // 2
     a, b = np.meshgrid(np.linspace(0, 2 * np.pi, around + 1), np.linspace(0, np.pi, down + 1))
@@ -119,7 +90,7 @@ def _ball(radius_m: float, around: int = 160) -> Part:
 
 def _sphere(renderer: Renderer, what: str, material: Material) -> Row:
     """Largest error over a sphere's lit face, of the highest radiance; the Sun's disc is summed point by point."""
-    target, camera = _target([_ball(0.5)], [material]), square_camera(128, 480.0)
+    target, camera = bare_target([_ball(0.5)], [material]), square_camera(128, 480.0)
     sun = np.array([0.5, -0.3, -0.8])
     scene = stage(target, camera, (0, 0, 5.0), sun_camera=sun)
     seen = renderer.render(scene, target, labels=True)
@@ -191,8 +162,11 @@ def _directional_albedo(roughness: float, n_v: FloatArray) -> FloatArray:
 def penumbra_row(renderer: Renderer) -> Row:
     """Light across the shadow of a straight edge 0.4 m above a wall, rms error over the penumbra."""
     height, size = 0.4, 96
-    target = _target(
-        [_plate("wall", (-0.5, 0.5), (-0.5, 0.5), 0.0), _plate("blind", (0.0, 0.45), (-0.5, 0.5), -height)],
+    target = bare_target(
+        [
+            flat_plate("wall", (-0.5, 0.5), (-0.5, 0.5), 0.0),
+            flat_plate("blind", (0.0, 0.45), (-0.5, 0.5), -height),
+        ],
         [Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)],
     )
     # the Sun slants so that the blind does not stand before its own shadow
@@ -233,7 +207,7 @@ def _furnace(renderer: Renderer) -> Row:
     worst = 0.0
     for metallic, roughness in ((1.0, 0.1), (1.0, 0.5), (1.0, 1.0), (0.0, 0.5)):
         white = Material(name="m", base_color=(1.0, 1.0, 1.0), metallic=metallic, roughness=roughness)
-        target = _target([_ball(0.5)], [white])
+        target = bare_target([_ball(0.5)], [white])
         scene = stage(target, square_camera(96, 400.0), (0, 0, 5.0), sunlit=False)
         seen = renderer.render(scene, target, labels=True, sky=uniform_light(np.array([7.0])))
         worst = max(worst, float(np.abs(seen.radiance[np.asarray(seen.coverage) > 0.999] / 7.0 - 1).max()))
@@ -260,8 +234,8 @@ def _even_earth() -> Row:
 
 def edge_errors(renderer: Renderer, quality: Quality, angles_deg: ArrayLike = EDGE_ANGLES_DEG) -> FloatArray:
     """Position by coverage of a plate's edge in every row (or column) it crosses, less the true one [px]."""
-    target = _target(
-        [_plate("p", (0.0, 0.3), (-0.4, 0.4), 0.0)],
+    target = bare_target(
+        [flat_plate("p", (0.0, 0.3), (-0.4, 0.4), 0.0)],
         [Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)],
     )
     camera, errors = square_camera(128, 600.0), []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,12 +13,12 @@ from simulator.camera.model import Camera
 from simulator.scene.bands import ASTRONOMICAL_UNIT_M
 from simulator.scene.state import Environment, Quality, SceneState, TargetRef
 from simulator.scene.viewpoint import scene_above
+from simulator.targets.model import MassProperties, Material, Part, Target
 from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, quat_normalize
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.targets.model import Target
 
 DARK = Environment(
     earth=False,
@@ -31,6 +32,35 @@ DARK = Environment(
     sun=False,
     earthshine=False,
 )
+
+
+def bare_target(parts: list[Part], materials: list[Material]) -> Target:
+    """A target of these parts, without labels."""
+    digest = hashlib.sha256(repr(materials).encode())
+    for part in parts:
+        digest.update(part.positions_m.tobytes())
+    return Target(
+        name="proof",
+        title="proof",
+        sha256=digest.hexdigest(),
+        materials=tuple(materials),
+        parts=tuple(parts),
+        keypoints=(),
+        wireframe=(),
+        mass=MassProperties(mass_kg=1.0, com_m=(0, 0, 0), inertia_kg_m2=((1, 0, 0), (0, 1, 0), (0, 0, 1))),
+    )
+
+
+def flat_plate(name: str, x: tuple[float, float], y: tuple[float, float], z: float) -> Part:
+    """A rectangle that looks along -z."""
+    corners = np.array([(x[0], y[0], z), (x[0], y[1], z), (x[1], y[1], z), (x[1], y[0], z)], np.float32)
+    return Part(
+        name=name,
+        material="m",
+        positions_m=corners,
+        normals=np.tile(np.array([0, 0, -1], np.float32), (4, 1)),
+        triangles=np.array([[0, 1, 2], [0, 2, 3]]),
+    )
 
 
 def square_camera(size_px: int, focal_px: float) -> Camera:

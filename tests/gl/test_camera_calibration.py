@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from simulator.recipe import plan_recipe
+from simulator.validation.camera import MTF_GOAL
 from simulator.validation.camera_calibration import LENSES, calibrate
+from simulator.validation.camera_mtf import CASES, compare, drawn_edge
 
 pytestmark = pytest.mark.gl
 
@@ -16,6 +18,14 @@ def test_calibration_finds_every_parameter_within_three_of_its_own_sigmas(render
     assert result.rms_px <= 0.05
     assert result.corners >= 18 * 70
     assert np.abs(result.deviation).max() <= 3
+
+
+def test_a_drawn_slanted_edge_has_the_psf_s_transfer_function(renderer):
+    edge = drawn_edge(renderer)
+    for case in CASES:
+        found, ideal, used = compare(case, edge)
+        assert np.abs(found - ideal).max() <= MTF_GOAL, case
+        assert np.abs(found - used).max() <= MTF_GOAL / 2, case
 
 
 @pytest.mark.parametrize("recipe", ["calibration", "calibration-chessboard"])
