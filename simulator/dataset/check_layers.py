@@ -160,9 +160,7 @@ def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Ta
             p
             for p, ray in zip(pixels, rays, strict=True)
             if mask[p[1], p[0]]
-            and not prober.agrees(
-                p, partial(_normal_agrees, layers["normals"][p[1], p[0]], ray), anywhere_in_pixel=True
-            )
+            and not prober.agrees(p, partial(_normal_agrees, layers["normals"][p[1], p[0]], ray))
         ]
         wrong += _sentence("normals", bad)
     if "flow" in layers:
@@ -203,7 +201,9 @@ def _normal_agrees(normal: NDArray[np.float16], ray: FloatArray, probe: Probe) -
     both = both - np.maximum(both @ away, 0)[:, None] * away
     both /= np.maximum(np.linalg.norm(both, axis=1, keepdims=True), 1e-9)
     n = normal.astype(float)
-    return bool(np.any(np.linalg.norm(both - n, axis=1) < NORMAL_ANGLE_RAD))
+    if np.any(np.linalg.norm(both - n, axis=1) < NORMAL_ANGLE_RAD):
+        return True
+    return probe.nearby is not None and probe.nearby.has_normal(n, away, NORMAL_ANGLE_RAD)
 
 
 def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, prober: Prober) -> list[str]:

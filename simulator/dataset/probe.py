@@ -17,6 +17,7 @@ from simulator.labels.exposure import BAND_PX
 
 if TYPE_CHECKING:
     from simulator.arrays import ByteArray, FloatArray, IntArray
+    from simulator.dataset.nearby import Nearby
     from simulator.labels.truth import Truth
     from simulator.targets.model import Target
 
@@ -36,12 +37,16 @@ COPLANAR_M = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """What rays about one pixel's centre meet first: depths, parts and normals (N, 3); whether one meets nothing."""
+    """What rays about one pixel's centre meet first: depths, parts and normals (N, 3); whether one meets nothing.
+
+    ``nearby`` is what a raster's rounding may show there instead, when that was asked.
+    """
 
     z_m: FloatArray
     parts: frozenset[int]
     normals: FloatArray
     misses: bool
+    nearby: Nearby | None = None
 
     @staticmethod
     def of(along: list[Hits]) -> Probe:
@@ -68,6 +73,7 @@ class Prober:
         self._casters: dict[int, RayCaster] = {}
         self._centers: dict[tuple[int, int], Probe] = {}
         self._about: dict[tuple[int, int], Probe] = {}
+        self._near: dict[tuple[int, int], Probe] = {}
 
     def _caster(self, row: int) -> RayCaster:
         key = row if self._truth.row_poses else 0
@@ -75,14 +81,9 @@ class Prober:
             self._casters[key] = RayCaster(self._target, pose_of_row(self._truth, row))
         return self._casters[key]
 
-    def agrees(
-        self, pixel: IntArray, is_right: Callable[[Probe], bool], *, anywhere_in_pixel: bool = False
-    ) -> bool:
-        """Whether a label is right by the ray through a pixel's centre, or else with the rays just about it.
-
-        Parameters
-        ----------
-        anywhere_in_pixel : or else of any surface in the pixel (a triangle smaller than it has no normal of its own).
+    def agrees(self, pixel: IntArray, is_right: Callable[[Probe], bool]) -> bool:
+        """Whether a label is right by the ray through a pixel's centre, or with the rays just about it, or else with
+        what a raster's rounding may show of the triangles there.
         """
         doubt_px = DOUBT_PX if self._truth.camera.distortion.is_none else DOUBT_LENS_PX
         if self._truth.row_poses:
@@ -90,15 +91,21 @@ class Prober:
         return (
             is_right(self._ask(pixel, self._centers, PROBES[:1]))
             or is_right(self._ask(pixel, self._about, PROBES * doubt_px))
-            or (anywhere_in_pixel and is_right(self._all_in(pixel)))
+            or is_right(self._rounded(pixel, doubt_px))
         )
 
-    def _all_in(self, pixel: IntArray) -> Probe:
-        """Every surface along rays spread over the pixel."""
-        caster = self._caster(int(pixel[1]))
-        rays = rays_with_opencv(self._truth.camera, pixel + 0.7 * PROBES)
-        hits = [caster.hits(ray) for ray in rays]
-        return Probe.of([*hits, Hits(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3)))])
+    def _rounded(self, pixel: IntArray, doubt_px: float) -> Probe:
+        """What the triangles about a pixel's centre may show of themselves once their corners are rounded."""
+        key = (int(pixel[0]), int(pixel[1]))
+        if key not in self._near:
+            at = pixel + np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
+            rays = rays_with_opencv(self._truth.camera, at)
+            px_per_ray = np.linalg.inv(np.stack([rays[1] - rays[2], rays[3] - rays[4]], axis=1))
+            found = self._caster(key[1]).nearby(rays[0], px_per_ray, doubt_px)
+            z_m = np.concatenate([found.nearest_m, found.farthest_m])
+            parts = frozenset(int(p) for p in found.parts)
+            self._near[key] = Probe(z_m, parts, np.zeros((0, 3)), not found.is_sure, found)
+        return self._near[key]
 
     def _ask(self, pixel: IntArray, known: dict[tuple[int, int], Probe], probes_px: FloatArray) -> Probe:
         key = (int(pixel[0]), int(pixel[1]))

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.dataset.nearby import nearby
 from simulator.labels.occlusion import mesh_of
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray, IntArray
+    from simulator.dataset.nearby import Nearby
     from simulator.targets.model import Target
     from simulator.world.pose import Pose
 
@@ -61,6 +63,29 @@ class RayCaster:
         _, first, count = np.unique(self._parts[order], return_index=True, return_counts=True)
         rank = np.arange(len(order)) - np.repeat(first, count)
         return np.asarray(self._xy[order[rank < 3]].mean(axis=1))
+
+    def nearby(self, ray: FloatArray, px_per_ray: FloatArray, doubt_px: float) -> Nearby:
+        """Triangles that a raster may show at the pixel of the ray through (x, y, 1), camera frame.
+
+        Parameters
+        ----------
+        px_per_ray : (2, 2) how a step of the ray moves the pixel. doubt_px : how far from its centre they may be.
+        """
+        reach = doubt_px * np.abs(np.linalg.inv(px_per_ray)).sum(axis=1)
+        low, high = self._low, self._high
+        near = np.flatnonzero(
+            (low[0] <= ray[0] + reach[0])
+            & (high[0] >= ray[0] - reach[0])
+            & (low[1] <= ray[1] + reach[1])
+            & (high[1] >= ray[1] - reach[1])
+        )
+        return nearby(
+            (self._xy[near] - ray[:2]) @ px_per_ray.T,
+            self._inverse[near],
+            self._normals[self._triangles[near]] @ self._R.T,
+            self._parts[near],
+            doubt_px,
+        )
 
     def hits(self, ray: FloatArray) -> Hits:
         """What lies along the ray through (x, y, 1), camera frame."""

@@ -18,18 +18,21 @@ if TYPE_CHECKING:
 NEAREST_M = 1e-3  # what is closer than this to the lens's plane, or behind it, has no projection
 
 
+def craft_window(mask: ByteArray) -> tuple[slice, slice]:
+    """Rows and columns that hold all of a mask: most of an image is not craft, and need not be walked through."""
+    rows = np.flatnonzero(mask.any(axis=1))
+    if not rows.size:
+        return slice(0, 0), slice(0, 0)
+    columns = np.flatnonzero(mask[rows[0] : rows[-1] + 1].any(axis=0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
 def mask_box(mask: ByteArray) -> Box | None:
     """x0 y0 x1 y1 of a mask at pixel edges: a one-pixel mask at (3, 4) gives 2.5 3.5 3.5 4.5."""
-    columns = np.flatnonzero(mask.any(axis=0))
-    rows = np.flatnonzero(mask.any(axis=1))
-    if columns.size == 0:
+    rows, columns = craft_window(mask)
+    if rows.stop == 0:
         return None
-    return (
-        float(columns[0]) - 0.5,
-        float(rows[0]) - 0.5,
-        float(columns[-1]) + 0.5,
-        float(rows[-1]) + 0.5,
-    )
+    return (columns.start - 0.5, rows.start - 0.5, columns.stop - 0.5, rows.stop - 0.5)
 
 
 def amodal_box(scene: SceneState, target: Target) -> Box | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -84,7 +85,7 @@ def take_frame(
     mono = signal if signal.ndim == 2 else signal.mean(axis=2)
     seen = surfaces(renderer, scene, target, layers=wants_surfaces(request))
     mask, amodal = visible_mask(seen), amodal_box(scene, target)
-    layers, origin = draw_layers(renderer, scene, target, request, seen, signal, amodal)
+    layers, origin = draw_layers(renderer, scene, target, request, seen, mask, signal, amodal)
     inside = renderer.silhouette_inside(scene, target)
     truth = label_frame(
         scene,
@@ -93,7 +94,7 @@ def take_frame(
         silhouette_inside=inside,
         amodal=amodal,
         wireframe="wireframe" in request.layers,
-        software=Software(flyaround=version("flyaround"), gl_renderer=renderer.info.renderer),
+        software=Software(flyaround=_own_version(), gl_renderer=renderer.info.renderer),
     )
     truth = msgspec.structs.replace(
         truth,
@@ -108,6 +109,11 @@ def take_frame(
     )
     stage_ms["labels"] = (time.perf_counter() - developed) * 1e3
     return Frame(scene, image, exposed.radiance, truth, mask, seen.depth_m, layers, stage_ms)
+
+
+@cache
+def _own_version() -> str:
+    return version("flyaround")
 
 
 def label_frame(

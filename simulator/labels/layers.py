@@ -10,6 +10,7 @@ import numpy as np
 
 from simulator.arrays import ByteArray, Float32Array
 from simulator.camera.sensor import noiseless
+from simulator.labels.boxes import craft_window
 from simulator.labels.exposure import surfaces
 from simulator.labels.request import OF_SURFACES
 from simulator.scene.develop import digitise_scene
@@ -39,7 +40,8 @@ class AmodalMask:
 
 def visible_mask(seen: Surfaces) -> ByteArray:
     """(H, W) 255 where the craft covers a pixel's centre."""
-    return np.where(np.isfinite(seen.depth_m), np.uint8(255), np.uint8(0))
+    on = np.isfinite(seen.depth_m).view(np.uint8)
+    return np.negative(on, out=on)  # 1 becomes 255
 
 
 def draw_layers(
@@ -48,6 +50,7 @@ def draw_layers(
     target: Target,
     request: LabelRequest,
     seen: Surfaces,
+    mask: ByteArray,
     signal: Float32Array,
     amodal_box: Box | None,
 ) -> tuple[dict[str, NDArray[Any]], tuple[int, int] | None]:
@@ -55,7 +58,8 @@ def draw_layers(
 
     Parameters
     ----------
-    seen : what lies at the pixels' centres. signal : noise-free, 1 at full scale, not clipped.
+    seen : what lies at the pixels' centres. mask : where that is the craft.
+    signal : noise-free, 1 at full scale, not clipped.
     amodal_box : bounds of the projected craft.
     """
     layers: dict[str, NDArray[Any]] = {}
@@ -70,9 +74,9 @@ def draw_layers(
         elif name == "clean":
             layers[name] = clean_twin(scene, signal)
         elif name == "flow" and request.flow is not None:
-            layers[name] = optical_flow(scene, request.flow, seen.depth_m)
+            layers[name] = optical_flow(scene, request.flow, seen.depth_m, mask)
         elif name == "amodal":
-            amodal = amodal_mask(renderer, scene, target, visible_mask(seen), amodal_box)
+            amodal = amodal_mask(renderer, scene, target, mask, amodal_box)
             layers[name], origin = amodal.mask, amodal.origin_px
     return layers, origin
 
@@ -88,7 +92,8 @@ def layer_hash(name: str, layer: NDArray[Any], mask: ByteArray) -> str:
     Depth, parts, normals and flow are hashed where ``mask`` is set, for they are empty elsewhere; other layers whole.
     """
     if name in ON_CRAFT and layer.shape[:2] == mask.shape:
-        layer = layer[mask > 0]
+        window = craft_window(mask)
+        layer = layer[window][mask[window] > 0]
     return hashlib.sha256(np.ascontiguousarray(layer).data).hexdigest()
 
 
@@ -128,7 +133,7 @@ def amodal_mask(
     return AmodalMask(canvas, origin)
 
 
-def optical_flow(scene: SceneState, flow: FlowLabel, depth_m: Float32Array) -> Float32Array:
+def optical_flow(scene: SceneState, flow: FlowLabel, depth_m: Float32Array, mask: ByteArray) -> Float32Array:
     """(H, W, 2) way of what each pixel shows to where the next frame has it [px], x right, y down.
 
     NaN off the craft, and where the next frame has the point behind the camera. For a global shutter.
@@ -138,7 +143,9 @@ def optical_flow(scene: SceneState, flow: FlowLabel, depth_m: Float32Array) -> F
     R = there.R @ here.R.T
     t = np.asarray(there.t_m) - R @ np.asarray(here.t_m)
     out = np.full((*depth_m.shape, 2), np.nan, np.float32)
-    rows, columns = np.nonzero(np.isfinite(depth_m))
+    window = craft_window(mask)
+    rows, columns = np.nonzero(mask[window])
+    rows, columns = rows + window[0].start, columns + window[1].start
     pixels = np.stack([columns, rows], axis=1).astype(float)
     z = depth_m[rows, columns].astype(float)
     x, y = scene.camera.unproject(pixels).T

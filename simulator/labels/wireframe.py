@@ -12,13 +12,14 @@ Generalized two- and three-dimensional clipping, for the part inside.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from simulator.camera.model import Distortion
-from simulator.labels.occlusion import SURFACE_TOLERANCE_M, Mesh, triangle_bounds
+from simulator.labels.occlusion import SURFACE_TOLERANCE_M, Mesh
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
@@ -91,23 +92,25 @@ def view_edges(camera: Camera, camera_from_target: Pose, target: Target, mesh: M
     straight = replace(camera, distortion=Distortion()) if bends else camera
     with np.errstate(divide="ignore"):  # of vertices in the lens's plane, which no triangle here has
         screen = _Screen.of(straight.project(vertices)[triangles], (1 / vertices[:, 2])[triangles])
+    in_camera = camera_from_target.apply(
+        np.array([(e.a_m, e.b_m) for e in target.wireframe]).reshape(-1, 3)
+    ).reshape(-1, 2, 3)
+    ahead = np.flatnonzero(in_camera[..., 2].min(axis=1) >= NEAR_M)
+    edges, in_camera = [target.wireframe[k] for k in ahead], in_camera[ahead]
+    pixels = straight.project(in_camera.reshape(-1, 3)).reshape(-1, 2, 2)
+    ends_px = camera.project(in_camera.reshape(-1, 3)).reshape(-1, 2, 2) if bends else pixels
+    inverse = 1 / in_camera[..., 2]
+    tolerance = SURFACE_TOLERANCE_M + 1.2 * np.array([e.radius_m for e in edges])[:, None]
+    nearer = inverse / (1 - tolerance / np.linalg.norm(in_camera, axis=2))
     eye = np.asarray(camera_from_target.inverse().t_m)
-    views = []
-    for edge in target.wireframe:
-        in_camera = camera_from_target.apply(np.array([edge.a_m, edge.b_m]))
-        if in_camera[:, 2].min() < NEAR_M:
-            continue
-        pixels, inverse = straight.project(in_camera), 1 / in_camera[:, 2]
-        stretches: tuple[tuple[float, float], ...] = ()
-        if _faces_camera(edge, eye):
-            distance = np.linalg.norm(in_camera, axis=1)
-            tolerance = SURFACE_TOLERANCE_M + 1.2 * edge.radius_m
-            stretches = _complement(screen.hidden(pixels, inverse / (1 - tolerance / distance)))
-        if bends:
-            views.append(EdgeView(edge, camera.project(in_camera), inverse, stretches, pixels, camera))
-        else:
-            views.append(EdgeView(edge, pixels, inverse, stretches))
-    return tuple(views)
+    facing = np.flatnonzero([_faces_camera(edge, eye) for edge in edges])
+    stretches: list[tuple[tuple[float, float], ...]] = [()] * len(edges)
+    for k, hidden in zip(facing, screen.hidden(pixels[facing], nearer[facing]), strict=True):
+        stretches[k] = _complement(hidden)
+    return tuple(
+        EdgeView(edge, ends_px[k], inverse[k], stretches[k], *((pixels[k], camera) if bends else ()))
+        for k, edge in enumerate(edges)
+    )
 
 
 def _faces_camera(edge: Edge, eye: FloatArray) -> bool:
@@ -119,70 +122,94 @@ def _faces_camera(edge: Edge, eye: FloatArray) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Screen:
-    """The projected mesh: corners (M, 3, 2), inverse depths (M, 3), and bounds (4, M) for a quick reject."""
+    """The projected mesh, ready to be cut with edges.
 
-    xy: FloatArray
-    inverse: FloatArray
+    Parameters
+    ----------
+    bounds : (4, M) lowest x, y and highest x, y of each triangle, for a quick reject. nearest : (M,) its largest
+        inverse depth.
+    planes : (4, 3, M) coefficients a, b, c of a x + b y + c: the triangle's inverse depth, then the distance from each
+        of its sides, positive inside (times the side's length).
+    """
+
     bounds: FloatArray
+    nearest: FloatArray
+    planes: FloatArray
 
     @staticmethod
     def of(xy: FloatArray, inverse: FloatArray) -> _Screen:
-        e1, e2 = xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]
-        area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
-        # counter-clockwise on the screen, and not seen edge-on
-        turned = area < 0
-        xy, inverse = xy.copy(), inverse.copy()
-        xy[turned], inverse[turned] = xy[turned][:, ::-1], inverse[turned][:, ::-1]
-        solid = np.abs(area) > 1e-9
-        xy, inverse = xy[solid], inverse[solid]
-        return _Screen(xy, inverse, np.concatenate(triangle_bounds(xy)))
-
-    def hidden(self, ends_px: FloatArray, inverse: FloatArray) -> FloatArray:
-        """Intervals (H, 2) of the edge that some triangle covers with a larger inverse depth."""
-        low, high = ends_px.min(axis=0), ends_px.max(axis=0)
-        b = self.bounds
-        near = np.flatnonzero((b[0] <= high[0]) & (b[1] <= high[1]) & (b[2] >= low[0]) & (b[3] >= low[1]))
-        if near.size == 0:
-            return np.empty((0, 2))
-        xy, key = self.xy[near], self.inverse[near]
-        start, along = ends_px[0], ends_px[1] - ends_px[0]
-        first, last = np.zeros(len(near)), np.ones(len(near))
+        """The mesh from its projected corners (M, 3, 2) and their inverse depths (M, 3)."""
+        x, y = (np.ascontiguousarray(xy[..., axis].T) for axis in (0, 1))
+        key = np.ascontiguousarray(inverse.T)
+        area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
+        solid = np.abs(area) > 1e-9  # not seen edge-on
+        if not solid.all():
+            x, y, key, area = x[:, solid], y[:, solid], key[:, solid], area[solid]
+        planes = np.empty((4, 3, len(area)))
+        d1, d2 = (key[1] - key[0]) / area, (key[2] - key[0]) / area
+        planes[0, 0] = d1 * (y[2] - y[0]) - d2 * (y[1] - y[0])
+        planes[0, 1] = d2 * (x[1] - x[0]) - d1 * (x[2] - x[0])
+        planes[0, 2] = key[0] - planes[0, 0] * x[0] - planes[0, 1] * y[0]
+        turn = np.sign(area)
         for k in range(3):
-            side = xy[:, (k + 1) % 3] - xy[:, k]
-            # inside: left of each side, f(s) = value + s slope >= 0
-            value = side[:, 0] * (start[1] - xy[:, k, 1]) - side[:, 1] * (start[0] - xy[:, k, 0])
-            slope = side[:, 0] * along[1] - side[:, 1] * along[0]
+            j = (k + 1) % 3
+            planes[1 + k, 0] = turn * (y[k] - y[j])
+            planes[1 + k, 1] = turn * (x[j] - x[k])
+            planes[1 + k, 2] = -planes[1 + k, 0] * x[k] - planes[1 + k, 1] * y[k]
+        bounds = np.stack([x.min(axis=0), y.min(axis=0), x.max(axis=0), y.max(axis=0)])
+        return _Screen(bounds, key.max(axis=0), planes)
+
+    def hidden(self, ends_px: FloatArray, inverse: FloatArray) -> list[FloatArray]:
+        """Of each edge the intervals (H, 2) that some triangle covers with a larger inverse depth.
+
+        Parameters
+        ----------
+        ends_px : (E, 2, 2). inverse : (E, 2) inverse depths of the ends.
+        """
+        if len(ends_px) == 0:
+            return []
+        b, low, high = self.bounds, ends_px.min(axis=1), ends_px.max(axis=1)
+        near = [
+            np.flatnonzero(
+                (b[0] <= high[k, 0])
+                & (b[1] <= high[k, 1])
+                & (b[2] >= low[k, 0])
+                & (b[3] >= low[k, 1])
+                & (self.nearest > inverse[k].min())
+            )
+            for k in range(len(ends_px))
+        ]
+        edge = np.repeat(np.arange(len(ends_px)), [len(n) for n in near])
+        triangle = np.concatenate(near)
+        first, last = np.zeros(len(edge)), np.ones(len(edge))
+        along, rise = ends_px[:, 1] - ends_px[:, 0], inverse[:, 1] - inverse[:, 0]
+        for k in range(4):
+            a_b_c = self.planes[k][:, triangle]
+            value = a_b_c[0] * ends_px[edge, 0, 0] + a_b_c[1] * ends_px[edge, 0, 1] + a_b_c[2]
+            slope = a_b_c[0] * along[edge, 0] + a_b_c[1] * along[edge, 1]
+            if k == 0:
+                value, slope = value - inverse[edge, 0], slope - rise[edge]
             _cut(first, last, value, slope)
-        # the triangle's inverse depth as a plane over the screen, along the edge
-        e1, e2 = xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]
-        area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
-        d1, d2 = key[:, 1] - key[:, 0], key[:, 2] - key[:, 0]
-        gx = (d1 * e2[:, 1] - d2 * e1[:, 1]) / area
-        gy = (d2 * e1[:, 0] - d1 * e2[:, 0]) / area
-        value = key[:, 0] + gx * (start[0] - xy[:, 0, 0]) + gy * (start[1] - xy[:, 0, 1]) - inverse[0]
-        slope = gx * along[0] + gy * along[1] - (inverse[1] - inverse[0])
-        _cut(first, last, value, slope)
-        found = last > first
-        return np.stack([first[found], last[found]], axis=1)
+            left = np.flatnonzero(last > first)
+            edge, triangle, first, last = edge[left], triangle[left], first[left], last[left]
+        ends = np.searchsorted(edge, np.arange(len(ends_px) + 1))
+        intervals = np.stack([first, last], axis=1)
+        return [intervals[i:j] for i, j in itertools.pairwise(ends)]
 
 
 def _cut(first: FloatArray, last: FloatArray, value: FloatArray, slope: FloatArray) -> None:
     """Shrink [first, last] in place to where ``value + s slope >= 0``."""
     with np.errstate(divide="ignore", invalid="ignore"):
         root = -value / slope
-    rising, falling = slope > 0, slope < 0
-    first[rising] = np.maximum(first[rising], root[rising])
-    last[falling] = np.minimum(last[falling], root[falling])
+    np.maximum(first, root, out=first, where=slope > 0)
+    np.minimum(last, root, out=last, where=slope < 0)
     last[(slope == 0) & (value < 0)] = -1.0
 
 
 def _complement(hidden: FloatArray) -> tuple[tuple[float, float], ...]:
-    """What a union of intervals leaves of [0, 1]."""
-    seen, reached = [], 0.0
-    for a, b in sorted(map(tuple, hidden.tolist())):
-        if a - reached > SHORTEST:
-            seen.append((reached, a))
-        reached = max(reached, b)
-    if 1.0 - reached > SHORTEST:
-        seen.append((reached, 1.0))
-    return tuple(seen)
+    """What a union of intervals (H, 2) leaves of [0, 1]."""
+    hidden = hidden[np.argsort(hidden[:, 0], kind="stable")]
+    starts = np.append(hidden[:, 0], 1.0)
+    reached = np.maximum.accumulate(np.insert(hidden[:, 1], 0, 0.0))
+    gaps = starts - reached > SHORTEST
+    return tuple(zip(reached[gaps].tolist(), starts[gaps].tolist(), strict=True))

@@ -15,22 +15,22 @@ import multiprocessing
 import tempfile
 import time
 from collections import Counter
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
-from simulator.dataset.card import CardTarget, DatasetCard, describe_machine
+from simulator.dataset.card import CardMachine, CardTarget, DatasetCard, describe_machine
 from simulator.dataset.check import check_frame
 from simulator.dataset.native import frame_paths, read_layer, read_png, write_frame
 from simulator.files import write_atomic
 from simulator.labels.frame import Frame, take_frame
 from simulator.labels.truth import read_truth
 from simulator.render.renderer import Renderer
-from simulator.targets.library import load_target
 from simulator.validation.label_faults import SPOILERS, spoil
-from simulator.validation.label_frames import random_frame
+from simulator.validation.label_frames import cached_target, random_frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,7 +43,7 @@ SPOILT_EVERY = 20
 def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
     """Draw frame k, check it, and say what was found."""
     scene, request = random_frame(seed, k)
-    target = load_target(scene.target.name)
+    target = cached_target(scene.target.name)
     start = time.process_time()
     frame = take_frame(renderer, scene, target, labels=request)
     drawn = time.process_time()
@@ -74,7 +74,7 @@ def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
 def _check(k: int, frame: Frame, card: DatasetCard) -> list[str]:
     if frame.truth is None or frame.mask is None:
         raise RuntimeError("a frame to check needs its labels")
-    target = load_target(frame.scene.target.name)
+    target = cached_target(frame.scene.target.name)
     return check_frame(k, frame.truth, frame.image, frame.mask, card, target, frame.layers)
 
 
@@ -98,7 +98,7 @@ def _through_files(folder: Path, frame: Frame) -> Frame:
 
 
 def _card(renderer: Renderer, frame: Frame, seed: int) -> DatasetCard:
-    target, info = load_target(frame.scene.target.name), renderer.info
+    target, info = cached_target(frame.scene.target.name), renderer.info
     return DatasetCard(
         scenario_name="random frames",
         scenario={},
@@ -114,8 +114,13 @@ def _card(renderer: Renderer, frame: Frame, seed: int) -> DatasetCard:
             parts=tuple(part.name for part in target.parts),
             keypoints={p.name: p.position_m for p in target.keypoints},
         ),
-        machine=describe_machine(info.vendor, info.renderer, info.version),
+        machine=_machine(info.vendor, info.renderer, info.version),
     )
+
+
+@cache
+def _machine(vendor: str, renderer: str, version: str) -> CardMachine:
+    return describe_machine(vendor, renderer, version)
 
 
 def _work(seed: int, wanted: list[int], results: multiprocessing.Queue[dict[str, Any] | None]) -> None:
@@ -173,7 +178,7 @@ def page(found: dict[str, Any], seed: int) -> str:
         "# Labels of random frames",
         "",
         f"Made by `{command}`: frames of every target, lens, detector,",
-        "light and motion, of 96 to 256 pixels, nine in ten at a target's lowest level of detail.",
+        "light and motion, of 48 to 160 pixels, most at a target's lowest level of detail.",
         "",
         "| | |",
         "|---|---|",
