@@ -18,7 +18,7 @@ SLOPE_MAX = 0.9  # the slope channels hold plus and minus this
 _SEED = 1969
 _SMALLEST_PX = 4.0  # diameter
 BROAD_LARGEST_PX, FINE_LARGEST_PX = 190.0, 45.0  # a tile often seen must have nothing that is known again
-_COVER = 0.08  # N(> D) D^2: near the equilibrium of small craters (Gault 1970, Radio Science 5)
+_COVER = 0.08  # N(> D) D^2: near the equilibrium of small craters (Gault 1970, Radio Science 5, 273)
 
 
 def crater_texture(largest_px: float) -> ByteArray:
@@ -55,7 +55,7 @@ def make_craters(largest_px: float) -> ByteArray:
 def _stamp(
     height: FloatArray, bright: FloatArray, at: FloatArray, radius: float, fresh: float, phases: FloatArray
 ) -> None:
-    """One crater: a bowl a fifth as deep as wide when fresh, a rim, and the ejecta's slope (Pike 1977)."""
+    """One crater: a bowl a fifth as deep as wide when fresh, a rim, the ejecta's slope (Pike 1974, GRL 1, 291)."""
     reach = int(np.ceil(2.4 * radius)) + 1
     x0, y0 = int(at[0]) - reach, int(at[1]) - reach
     span = np.arange(2 * reach + 1)
