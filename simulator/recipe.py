@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 YEAR_START_UTC = "2026-01-01T00:00:00Z"
+EVERYTHING = Environment()
 YEAR_S = 365.0 * 86400.0
 MAX_DRAWS = 1000
 HIGH_SUN = 0.2
@@ -146,6 +147,7 @@ class RecipePlan:
     seed: int
     bands: Bands = "mono"
     quality: Quality = "default"
+    environment: Environment = EVERYTHING
     every_s: float | None = None
 
     @property
@@ -209,7 +211,7 @@ class RecipePlan:
             exposure_s=self.recipe.exposure_s,
             quality=self.quality,
             bands=self.bands,
-            environment=Environment(),
+            environment=self.environment,
             target=TargetRef(name=self.target.name, sha256=self.target.sha256),
             q_camera_from_target_wxyz=quat(q),
             t_camera_from_target_m=vec3(t),
@@ -237,12 +239,13 @@ def plan_recipe(
     bands: Bands | None = None,
     quality: Quality | None = None,
     camera: str | Path | None = None,
+    environment: Environment | None = None,
 ) -> RecipePlan:
     """A plan of ``n`` samples of a recipe.
 
     Parameters
     ----------
-    camera : name or file of a camera to use instead of the recipe's.
+    camera : name or file of a camera to use instead of the recipe's. environment : layers of the world, all by default.
 
     Raises
     ------
@@ -265,6 +268,7 @@ def plan_recipe(
                 seed=0 if seed is None else seed,
                 bands=bands or "mono",
                 quality=quality or "default",
+                environment=environment or EVERYTHING,
             )
     known = ", ".join(r.name for r in (*BASIC, *CALIBRATION))
     raise UserError(

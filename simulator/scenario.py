@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Annotated, Literal
 
 import msgspec
@@ -17,6 +17,7 @@ from simulator.camera.sensor import Sensor
 from simulator.camera.shutter import Shutter
 from simulator.errors import UserError
 from simulator.scene.auto_exposure import AutoExposure
+from simulator.scene.environments import EnvironmentName, environment_preset
 from simulator.scene.state import Bands, Environment, Quality
 
 Degrees = Annotated[float, Meta(ge=-360, le=360)]
@@ -382,8 +383,9 @@ class SensorSection(Section, frozen=True, kw_only=True):
 
 
 class EnvironmentSection(Section, frozen=True, kw_only=True):
-    """Which layers of the world are drawn."""
+    """Which layers of the world are drawn: those of ``preset``, except where a key of the file says otherwise."""
 
+    preset: EnvironmentName = "full"
     earth: bool = True
     clouds: bool = True
     ocean_glint: bool = True
@@ -398,6 +400,17 @@ class EnvironmentSection(Section, frozen=True, kw_only=True):
     relief: bool = True
     undifferentiated: bool = False
     atmosphere_thickness_km: Annotated[float, Meta(ge=5, le=200)] = 100.0
+
+
+def environment_section(name: str) -> EnvironmentSection:
+    """The section of a named environment, every layer as it has it.
+
+    Raises
+    ------
+    UserError
+        If there is none of that name.
+    """
+    return msgspec.convert({"preset": name, **asdict(environment_preset(name))}, EnvironmentSection)
 
 
 class Output(Section, frozen=True, kw_only=True):
@@ -490,4 +503,6 @@ class Scenario(Section, frozen=True, kw_only=True):
     @property
     def environment_model(self) -> Environment:
         """The switches as the scene has them."""
-        return Environment(**msgspec.structs.asdict(self.environment))
+        switches = msgspec.structs.asdict(self.environment)
+        del switches["preset"]  # the file's reader has put in what it means
+        return Environment(**switches)

@@ -6,6 +6,7 @@ import datetime as dt
 import math
 import re
 import tomllib
+from dataclasses import asdict
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
@@ -20,6 +21,7 @@ from simulator.file_errors import explain
 from simulator.scenario import Scenario
 from simulator.scenario_flight import check_physics
 from simulator.scenario_messages import resolve_messages
+from simulator.scene.environments import ENVIRONMENTS
 from simulator.world.time import Instant
 
 
@@ -68,7 +70,7 @@ def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
         raise UserError(f"{where} is not UTF-8 text: save it as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
         raise UserError(f"{where} is not valid TOML: {error}") from error
-    raw = _plain(raw, where, "")
+    raw = _with_environment(_plain(raw, where, ""))
     try:
         scenario = msgspec.convert(raw, Scenario)
     except msgspec.ValidationError as error:
@@ -87,6 +89,14 @@ def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
     scenario = resolve_messages(scenario, where, folder)
     check_physics(scenario, where)
     return scenario
+
+
+def _with_environment(raw: dict[str, Any]) -> dict[str, Any]:
+    """The file with the layers of its environment's preset filled in under its own; a wrong name is left to be told."""
+    section = raw.get("environment")
+    if not isinstance(section, dict) or section.get("preset") not in ENVIRONMENTS:
+        return raw
+    return {**raw, "environment": {**asdict(ENVIRONMENTS[section["preset"]]), **section}}
 
 
 def _camera(camera: str | CameraFile, where: str, folder: Path) -> CameraFile:

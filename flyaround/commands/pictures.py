@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -21,7 +22,9 @@ from simulator.errors import UserError
 from simulator.labels.request import LAYERS, LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
+from simulator.scenario import environment_section
 from simulator.scenario_load import load_scenario
+from simulator.scene.environments import ENVIRONMENTS
 from simulator.scene.state import Bands, Quality, SceneState
 from simulator.targets.library import load_target
 from simulator.targets.model import Target
@@ -33,6 +36,13 @@ Labels = Annotated[
     str | None,
     typer.Option(
         "--labels", help=f"Label layers beyond truth and mask: all, none, or of {', '.join(LAYERS)}."
+    ),
+]
+World = Annotated[
+    str | None,
+    typer.Option(
+        "--environment",
+        help=f"Layers of the world instead of the scenario's: {', '.join(ENVIRONMENTS)}.",
     ),
 ]
 Device = Annotated[
@@ -66,6 +76,7 @@ def render(
     ] = None,
     rgb: Annotated[bool, typer.Option("--rgb", help="Colour image instead of the scenario's bands.")] = False,
     quality: Annotated[str | None, typer.Option(help="draft, default or high.")] = None,
+    environment: World = None,
     labels: Labels = None,
     seed: Seed = None,
     gpu: Device = None,
@@ -80,6 +91,8 @@ def render(
     if (scenario is None) == (from_truth is None):
         raise UserError("render needs either a SCENARIO or --from-truth FILE; see flyaround render --help")
     if from_truth is not None:
+        if environment is not None:
+            raise UserError("--from-truth draws the record's environment; leave out --environment")
         if poses is not None:
             raise UserError("--poses needs a SCENARIO for camera and light; leave out --from-truth")
         record = read_truth(from_truth)
@@ -87,9 +100,10 @@ def render(
         request = LabelRequest(layers=record.layers, flow=record.flow)
     else:
         bands: Bands | None = "rgb" if rgb else None
-        plan = plan_flight(
-            load_scenario(scenario or ""), times=(time_s,), seed=seed, bands=bands, quality=_quality(quality)
-        )
+        flown = load_scenario(scenario or "")
+        if environment is not None:
+            flown = msgspec.structs.replace(flown, environment=environment_section(environment))
+        plan = plan_flight(flown, times=(time_s,), seed=seed, bands=bands, quality=_quality(quality))
         scene, target, request = plan.scene(0), plan.target, LabelRequest()
     if labels is not None:
         request = LabelRequest(layers=parse_labels(labels), flow=request.flow)
@@ -166,6 +180,7 @@ def capture(
         bool, typer.Option("--rgb", help="Colour images instead of the scenario's bands.")
     ] = False,
     quality: Annotated[str | None, typer.Option(help="draft, default or high.")] = None,
+    environment: World = None,
     camera: Annotated[
         str | None, typer.Option("--camera", help="Built-in camera or file, instead of the scenario's own.")
     ] = None,
@@ -184,7 +199,14 @@ def capture(
     names = parse_formats(formats)
     bands: Bands | None = "rgb" if rgb else None
     plan = choose_plan(
-        scenario, n=n or 20, every_s=every_s, seed=seed, bands=bands, quality=_quality(quality), camera=camera
+        scenario,
+        n=n or 20,
+        every_s=every_s,
+        seed=seed,
+        bands=bands,
+        quality=_quality(quality),
+        camera=camera,
+        environment=environment,
     )
     wanted = ",".join(plan.labels) if labels is None else labels
     with progress_bar("capture", quiet=as_json) as progress:

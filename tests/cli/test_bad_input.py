@@ -251,6 +251,22 @@ def truth_record(tmp_path_factory):
     return (folder / "a.json").read_text()
 
 
+def test_unknown_environments_name_the_known(capsys, scenario_file):
+    path = scenario_file(GOOD + '[environment]\npreset = "fog"\n')
+    _fails(capsys, "render", path, says=("environment.preset", "fog", "undifferentiated"))
+    _fails(capsys, "render", "tango-flyaround", "--environment", "fog", says=("fog", "thesis"))
+    _fails(
+        capsys,
+        "capture",
+        "eval-earth",
+        "-o",
+        path.with_name("x"),
+        "--environment",
+        "fog",
+        says=("fog", "airless"),
+    )
+
+
 def test_timings_are_of_one_picture(capsys, tmp_path):
     poses = tmp_path / "poses.csv"
     poses.write_text("q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m\n1,0,0,0,0,0,9\n")

@@ -18,9 +18,10 @@ import pytest
 from simulator.camera.files import list_cameras, load_camera
 from simulator.camera.presets import list_sensor_presets, sensor_preset
 from simulator.errors import UserError
-from simulator.scenario import EnvironmentSection, Scenario, SensorSection
+from simulator.scenario import EnvironmentSection, Scenario, SensorSection, environment_section
 from simulator.scenario_flight import fly, frame_times
 from simulator.scenario_load import list_scenarios, load_scenario, scenario_json_schema
+from simulator.scene.environments import ENVIRONMENTS
 from simulator.scene.state import Environment
 from simulator.targets.model import MassProperties, Target
 from simulator.world.constants import EARTH_RADIUS_M
@@ -242,7 +243,9 @@ def test_a_file_stands_for_itself(tmp_path: Path) -> None:
 
 
 def test_sections_follow_what_they_describe() -> None:
-    assert set(EnvironmentSection.__struct_fields__) == {f.name for f in dataclasses.fields(Environment)}
+    assert set(EnvironmentSection.__struct_fields__) - {"preset"} == {
+        f.name for f in dataclasses.fields(Environment)
+    }
     presets = msgspec.inspect.type_info(SensorSection).fields
     assert next(f.type.values for f in presets if f.name == "preset") == tuple(sorted(list_sensor_presets()))
 
@@ -477,3 +480,18 @@ def test_frame_times() -> None:
     for n, every in ((0, None), (8, 10.0), (3, -1.0), (3, float("nan"))):
         with pytest.raises(UserError, match=r"allowed|do not fit"):
             frame_times(60, n, every)
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_named_environments_and_what_the_file_says_over_them(name: str, tmp_path: Path) -> None:
+    def environment_of(lines: str) -> Environment:
+        text = GOOD.replace("stars = true", lines)
+        return load_scenario(write(tmp_path, text)).environment_model
+
+    named = environment_of(f'preset = "{name}"')
+    assert named == ENVIRONMENTS[name]
+    section = environment_section(name)
+    assert all(getattr(section, f.name) == getattr(named, f.name) for f in dataclasses.fields(named))
+    assert environment_of(f'preset = "{name}"\natmosphere_thickness_km = 100.0') == dataclasses.replace(
+        named, atmosphere_thickness_km=100.0
+    )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.scene.develop import digitise_scene, expose_scene
-from simulator.scene.state import Environment
+from simulator.scene.environments import ENVIRONMENTS
 from simulator.validation.pictures.figures import (
     GRADIENT_LARGEST_DN,
     binary_edges,
@@ -32,11 +32,7 @@ if TYPE_CHECKING:
 
     PoseFinder = Callable[[Reference], FoundPose | None]
 
-AIRS = {
-    "100 km": Environment(),
-    "25 km": Environment(atmosphere_thickness_km=25.0),
-    "none": Environment(atmosphere=False),
-}
+AIRS = {"100 km": ENVIRONMENTS["full"], "25 km": ENVIRONMENTS["thesis"], "none": ENVIRONMENTS["airless"]}
 """The atmospheres whose binary edges are compared: ours, the thesis's, none."""
 
 
