@@ -16,7 +16,6 @@ import numpy as np
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
-    from simulator.render.projection import PixelRect
 
 
 @dataclass(frozen=True)
@@ -59,15 +58,20 @@ class Lattice:
             raise AssertionError(f"{self} has {len(found)} samples per pixel, not {n}")
         return sorted(found, key=lambda p: (p[2] ** 2 + p[3] ** 2, p[2], p[3]))
 
-    def window(self, rect: PixelRect) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Framebuffer size and lattice origin (s0, t0) that hold every sample of the pixels of ``rect``."""
-        x, y = (rect.x0, rect.x1 - 1), (rect.y0, rect.y1 - 1)
+    def window(self, cells_px: FloatArray, reach_px: float) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Framebuffer size and lattice origin (s0, t0) that hold every sample of some squares of the image.
+
+        Parameters
+        ----------
+        cells_px : (K, 2) centres of the squares. reach_px : from there to the centre of a square's outermost pixel.
+        """
         low, high = [], []
         for cx, cy in (self.s, self.t):
-            ends = [cx * u + cy * v for u in x for v in y]
-            margin = abs(cx) + abs(cy)  # samples of a pixel lie at most this many steps from its own index
-            low.append(min(ends) - margin)
-            high.append(max(ends) + margin)
+            counter = cells_px @ [float(cx), float(cy)]
+            # samples of a pixel lie at most this many steps from its own index
+            margin = (reach_px + 1) * (abs(cx) + abs(cy))
+            low.append(int(np.floor(counter.min() - margin)))
+            high.append(int(np.ceil(counter.max() + margin)))
         return (high[0] - low[0] + 1, high[1] - low[1] + 1), (low[0], low[1])
 
     def buffer_from_pixel(self, origin: tuple[int, int]) -> FloatArray:

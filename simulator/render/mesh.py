@@ -14,7 +14,7 @@ from simulator.render.blocks import MAX_MATERIALS
 from simulator.render.patches import EDGE_SHARE, PatchArray, cut
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array, FloatArray
+    from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.targets.model import Material, Part, Target
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
@@ -42,11 +42,14 @@ class Mesh:
 
     Parameters
     ----------
-    hull_m : (K, 3) points whose convex hull holds the mesh, target frame [m].
+    hull_m : (K, 3) points of the parts' convex hulls, which hold the mesh, target frame [m].
+    hull_parts : where in ``hull_m`` the second part's points begin, the third's and so on.
     center_m, radius_m : bounding sphere, target frame.
     order : which of the target's parts lie in the buffers first, second and so on.
     mean_color : (3,) reflectance of the surface, the mean over its area, linear RGB.
     is_closed : every part is a set of closed shells facing outwards.
+    triangles : (T, 3) what ``indices`` holds. planes : (T, 4) of each: unit normal, and its distance from the origin
+        with the sign turned [m].
     uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
     """
 
@@ -54,18 +57,30 @@ class Mesh:
     indices: moderngl.Buffer
     materials: tuple[Material, ...]
     hull_m: FloatArray
+    hull_parts: IntArray
     center_m: FloatArray
     radius_m: float
     mean_color: FloatArray
     is_closed: bool
+    triangles: np.typing.NDArray[np.uint32]
+    planes: Float32Array
     uv: moderngl.Buffer | None = None
     draws: tuple[Draw, ...] = ()
     order: tuple[int, ...] = ()
 
     def vertex_array(
-        self, context: moderngl.Context, program: moderngl.Program, *more: tuple[moderngl.Buffer, str, str]
+        self,
+        context: moderngl.Context,
+        program: moderngl.Program,
+        *more: tuple[moderngl.Buffer, str, str],
+        indices: moderngl.Buffer | None = None,
     ) -> moderngl.VertexArray:
-        """The mesh as ``program`` reads it; ``more`` names further buffers with a value per vertex."""
+        """The mesh as ``program`` reads it.
+
+        Parameters
+        ----------
+        more : further buffers with a value per vertex, by name. indices : instead of those of all triangles.
+        """
         content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = [
             (self.vertices, VERTEX_FORMAT, *ATTRIBUTES),
             *more,
@@ -74,7 +89,7 @@ class Mesh:
             content.append((self.uv, "2f", "in_uv"))
         if (program.extra or {}).get("patches"):
             return self._patches(context, program, content)
-        return context.vertex_array(program, content, self.indices, skip_errors=True)
+        return context.vertex_array(program, content, indices or self.indices, skip_errors=True)
 
     def _patches(
         self,
@@ -149,21 +164,34 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
     if not sum(len(block) for block in indices):
         raise UserError(f"target {target.name} has no triangles; give it at least one part with faces")
     merged = np.concatenate(vertices)
-    hull = _hull(merged["position_m"].astype(float))
+    hulls = [_hull(part.positions_m.astype(float)) for part in target.parts if len(part.positions_m)]
+    hull = np.concatenate(hulls)
     center = (hull.min(axis=0) + hull.max(axis=0)) / 2
+    triangles = np.concatenate(indices).reshape(-1, 3)
     return Mesh(
         vertices=context.buffer(merged.tobytes()),
-        indices=context.buffer(np.concatenate(indices).tobytes()),
+        indices=context.buffer(triangles.tobytes()),
         materials=target.materials,
         hull_m=hull,
+        hull_parts=np.cumsum([len(h) for h in hulls[:-1]]),
         center_m=center,
         radius_m=float(np.linalg.norm(hull - center, axis=1).max()),
         mean_color=_mean_color(target),
         is_closed=all(_is_closed(part) for part in target.parts),
+        triangles=triangles,
+        planes=_planes(merged["position_m"].astype(float)[triangles]),
         uv=context.buffer(np.concatenate(uv).astype(np.float32).tobytes()) if textured else None,
         draws=tuple(draws),
         order=tuple(order),
     )
+
+
+def _planes(corners_m: FloatArray) -> Float32Array:
+    """Planes (T, 4) of triangles (T, 3, 3); one without area has none, and looks everywhere."""
+    normal = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    distance = np.einsum("ij,ij->i", normal, corners_m[:, 0])
+    return np.column_stack([normal, -distance]).astype(np.float32)
 
 
 def _mean_color(target: Target) -> FloatArray:

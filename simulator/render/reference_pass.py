@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import moderngl
 import numpy as np
@@ -13,45 +12,57 @@ from simulator.render.context import create_context
 from simulator.render.programs import FULL_SCREEN, ProgramLibrary
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from types import TracebackType
 
 TEXTURE_SIZE = (4096, 2048)
-REPEATS = 11
-WARM_UP = 3
 
 
-def reference_pass_ms(
-    sizes: Iterable[tuple[int, int]], *, device_index: int | None = None
-) -> dict[tuple[int, int], float]:
-    """Median time of the reference pass at each size [ms], in a context of its own.
+class ReferencePass:
+    """One full-screen pass to RGBA16F of 64 multiply-adds, 8 exponentials and four trilinear fetches a pixel.
 
-    One full-screen pass to RGBA16F of 64 multiply-adds, 8 exponentials and four trilinear fetches from a
-    4096 x 2048 RGB texture per pixel.
+    The fetches are from a 4096 x 2048 RGB texture. The pass has a context of its own.
 
     Raises
     ------
     UserError
         If there is no OpenGL 4.1.
     """
-    context = create_context(device_index)
-    noise = np.random.Generator(np.random.SFC64(0)).integers(0, 256, (*TEXTURE_SIZE[::-1], 3), np.uint8)
-    texture = context.texture(TEXTURE_SIZE, 3, noise.tobytes(), alignment=1)
-    texture.build_mipmaps()
-    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-    program = ProgramLibrary(context, ()).get(FULL_SCREEN, "bench/reference.frag", {}, ("map",))
-    program.bind_textures(map=texture)
-    triangle = context.vertex_array(program.gl, [])
-    times: dict[tuple[int, int], float] = {}
-    for size in sizes:
-        target = context.framebuffer([context.texture(size, 4, dtype="f2")])
-        target.use()
-        program.set("size_px", size)
+
+    def __init__(self, *, device_index: int | None = None) -> None:
+        self._context = context = create_context(device_index)
+        noise = np.random.Generator(np.random.SFC64(0)).integers(0, 256, (*TEXTURE_SIZE[::-1], 3), np.uint8)
+        texture = context.texture(TEXTURE_SIZE, 3, noise.tobytes(), alignment=1)
+        texture.build_mipmaps()
+        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        self._program = ProgramLibrary(context, ()).get(FULL_SCREEN, "bench/reference.frag", {}, ("map",))
+        self._program.bind_textures(map=texture)
+        self._triangle = context.vertex_array(self._program.gl, [])
+        self._targets: dict[tuple[int, int], moderngl.Framebuffer] = {}
+
+    def laps_ms(self, size: tuple[int, int], count: int) -> list[float]:
+        """Times of ``count`` passes at a size, after one that warms up [ms]; leaves its own context current."""
+        context = self._context
+        context.__enter__()  # type: ignore[no-untyped-call]
+        if size not in self._targets:
+            self._targets[size] = context.framebuffer([context.texture(size, 4, dtype="f2")])
+        self._targets[size].use()
+        self._program.set("size_px", size)
         laps = []
-        for _ in range(REPEATS + WARM_UP):
+        for _ in range(count + 1):
             start = time.perf_counter()
-            triangle.render(moderngl.TRIANGLES, vertices=3)
+            self._triangle.render(moderngl.TRIANGLES, vertices=3)
             context.finish()
             laps.append((time.perf_counter() - start) * 1e3)
-        times[size] = median(laps[WARM_UP:])
-    context.release()
-    return times
+        return laps[1:]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._context.__enter__()  # type: ignore[no-untyped-call]
+        self._context.release()

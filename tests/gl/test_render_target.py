@@ -280,7 +280,7 @@ def test_timers_are_off_unless_asked_for(renderer, draw_kit, monkeypatch):
     for timed in (False, True):
         finished = []
         with monkeypatch.context() as patch:
-            patch.setattr(renderer, "_timed", timed)
+            patch.setattr(renderer, "timed", timed)
             patch.setattr(renderer, "_gl", Counting(renderer._gl, finished))
             ms = renderer.render(scene, target).stage_ms
         assert {"target.shadow", "target.geometry", "target.edges", "target.shading", "readback"} <= ms.keys()

@@ -64,12 +64,18 @@ class EdgePass:
         self,
         buffers: EdgeBuffers | None,
         lattice: Lattice,
+        lattice_size: tuple[int, int],
         camera: Camera,
         rect: PixelRect,
         near_m: float,
         camera_from_target: FloatArray,
     ) -> moderngl.Texture:
-        """Slopes of the samples' weights in the pixels of ``rect``, its first pixel at (0, 0); none without buffers."""
+        """Slopes of the samples' weights in the pixels of ``rect``, its first pixel at (0, 0); none without buffers.
+
+        Parameters
+        ----------
+        lattice_size : of the viewport that the faces were drawn to [samples].
+        """
         size = (rect.width, rect.height)
         image = self._images.at_least(*size)
         image.framebuffer.use()
@@ -84,7 +90,7 @@ class EdgePass:
         self._context.blend_func = self._context.ONE, self._context.ONE
         program = self._programs.get("target/edge.vert", "target/edge.frag", lattice_defines(lattice))
         program.set("u_window", (rect.x0, rect.y0, *size))
-        program.set("u_lattice_px", lattice.window(rect)[0])
+        program.set("u_lattice_px", lattice_size)
         key = (buffers, program)
         if key not in self._arrays:
             self._arrays[key] = self._context.vertex_array(

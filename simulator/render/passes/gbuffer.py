@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from simulator.render.context import release
 from simulator.render.size_classes import SizeClasses
 
 if TYPE_CHECKING:
     import moderngl
 
+    from simulator.arrays import FloatArray
+    from simulator.render.facing import FacingArray
     from simulator.render.mesh import Mesh
     from simulator.render.programs import Program, ProgramLibrary
 
@@ -63,15 +67,18 @@ class GBufferPass:
         }
         return self._programs.get("target/gbuffer.vert", "target/gbuffer.frag", defines, self.SAMPLERS)
 
-    def run(self, vertex_array: moderngl.VertexArray, size: tuple[int, int], *, closed: bool) -> SampleImages:
+    def run(
+        self, array: FacingArray, size: tuple[int, int], camera_m: FloatArray, *, closed: bool
+    ) -> SampleImages:
         """Draw the samples of one lattice window.
 
         Parameters
         ----------
+        camera_m : (3,) place of the camera, target frame.
         closed : the mesh is made of closed shells, whose back faces are never seen and need not be drawn.
         """
         images = self._begin(size, closed=closed)
-        vertex_array.render()
+        array.render(np.append(camera_m, 1.0))
         return images
 
     def _begin(self, size: tuple[int, int], *, closed: bool) -> SampleImages:

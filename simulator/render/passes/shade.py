@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.cover import CELL_PX
 from simulator.render.lattice import lattice_defines
 from simulator.render.passes.gbuffer import normal_bits
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
 
-MAX_OUTLINE = 64  # corners
 MAX_SURFACES = 4  # distinct (material, normal) groups shaded per pixel; the rest joins the last
 
 
@@ -32,7 +32,7 @@ class ShadePass:
         self._context = context
         self._programs = programs
         self._arrays: dict[Program, moderngl.VertexArray] = {}
-        self._outline = context.buffer(reserve=8 * MAX_OUTLINE, dynamic=True)
+        self._cells = context.buffer(reserve=8, dynamic=True)
 
     def program(self, lattice: Lattice, bands: int, mesh: Mesh, shadow_window: int) -> Program:
         """The program of one lattice, number of bands and kind of mesh; what its materials lack is left out."""
@@ -45,12 +45,13 @@ class ShadePass:
             "BANDS": bands,
             "MAX_SURFACES": MAX_SURFACES,
             "NORMAL_BITS": normal_bits(mesh),
+            "CELL_PX": CELL_PX,
             **{name: "" for name, on in switches.items() if on},
             **lattice_defines(lattice),
             **_shadow_defines(shadow_window),
         }
         return self._programs.get(
-            "target/outline.vert",
+            "target/cells.vert",
             "target/shade.frag",
             defines,
             self.SAMPLERS + self.TEXTURED * switches["TEXTURED"],
@@ -60,7 +61,7 @@ class ShadePass:
         self,
         framebuffer: moderngl.Framebuffer,
         rect: PixelRect,
-        outline_px: FloatArray,
+        cells_px: FloatArray,
         program: Program,
         surface: moderngl.Texture,
         depth: moderngl.Texture,
@@ -69,27 +70,30 @@ class ShadePass:
         occlusion: moderngl.Texture3D,
         **texels: moderngl.Texture,
     ) -> None:
-        """Shade the pixels of ``rect`` inside a convex outline.
+        """Shade the pixels of ``rect`` that the target may touch.
 
         Parameters
         ----------
-        outline_px : (K, 2) corners in order, K at most `MAX_OUTLINE`.
+        cells_px : (K, 2) centres of the cells of those pixels.
         texels : samplers of a textured mesh.
         """
         framebuffer.use()
-        framebuffer.viewport = rect.viewport
-        self._context.enable_only(self._context.NOTHING)
+        # whole cells, beyond the image's edge too: a point is dropped when its middle is outside
+        window = (rect.x0, rect.y0, *(-(-side // CELL_PX) * CELL_PX for side in (rect.width, rect.height)))
+        framebuffer.viewport = window
+        self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
         program.bind_textures(
             t_surface=surface, t_depth=depth, t_shadow=shadow, t_slope=slope, t_occlusion=occlusion, **texels
         )
         if program not in self._arrays:
             self._arrays[program] = self._context.vertex_array(
-                program.gl, [(self._outline, "2f", "in_pixel")], mode=self._context.TRIANGLE_FAN
+                program.gl, [(self._cells, "2f", "in_pixel")], mode=self._context.POINTS
             )
-        self._outline.orphan()
-        self._outline.write(np.asarray(outline_px, np.float32).tobytes())
-        program.set("u_window", rect.viewport)
-        self._arrays[program].render(vertices=len(outline_px))
+        cells = cells_px.astype(np.float32)
+        self._cells.orphan(cells.nbytes)
+        self._cells.write(cells)
+        program.set("u_window", window)
+        self._arrays[program].render(vertices=len(cells))
 
 
 def _shadow_defines(window: int) -> dict[str, object]:

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from simulator.render.occlusion import light_matrix
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import FloatArray
+    from simulator.render.facing import FacingArray
     from simulator.render.mesh import Mesh
     from simulator.render.programs import ProgramLibrary
     from simulator.render.view import View
@@ -70,9 +73,9 @@ class ShadowPass:
         along = -(view.R_camera_from_target.T @ view.sun_direction)  # direction of travel of the light
         return light_matrix(mesh.center_m, mesh.radius_m, along)
 
-    def run(self, vertex_array: moderngl.VertexArray) -> None:
-        """Draw the map."""
+    def run(self, array: FacingArray, view: View) -> None:
+        """Draw the map: of closed shells the lit sides, which are nearest to the Sun."""
         self._framebuffer.use()
         self._framebuffer.clear()
         self._context.enable_only(self._context.DEPTH_TEST)
-        vertex_array.render()
+        array.render(np.append(view.R_camera_from_target.T @ view.sun_direction, 0.0))

@@ -8,18 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.block_values import lens_values
+from simulator.render.cover import CELL_PX, hulls_cover, whole
+from simulator.render.facing import FacingArray
 from simulator.render.lattice import NINE, Lattice, rotated
 from simulator.render.mesh import upload
 from simulator.render.mesh_edges import find_edges
 from simulator.render.occlusion import LARGEST_SLOPE, occlusion_grid, occlusion_texture
-from simulator.render.outline import outline_px
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
 from simulator.render.passes.shade import ShadePass
 from simulator.render.passes.shadow import ShadowPass, choose_shadow
 from simulator.render.passes.textured import TexturedGBufferPass
-from simulator.render.projection import PixelRect, clip_from_camera, corners_px, lens_bounds_px
+from simulator.render.projection import PixelRect, clip_from_camera, lens_bounds_px
 from simulator.render.textures import Textures
 from simulator.scene.bands import reflectance
 
@@ -41,11 +42,12 @@ MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
 # lattices to try in order, and the largest buffer [samples] it may take
 LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
     "draft": ((rotated(2), np.inf),),
-    "default": ((NINE, 14e6), (rotated(2), np.inf)),
-    "high": ((rotated(6), 12e6), (rotated(5, 2), 20e6), (rotated(4), 60e6), (rotated(3, 2), np.inf)),
+    "default": ((NINE, 10e6), (rotated(2), np.inf)),
+    "high": ((rotated(6), 9e6), (rotated(5, 2), 15e6), (rotated(4), 45e6), (rotated(3, 2), np.inf)),
 }
-DENSE_LATTICES = ((rotated(4), 14e6), (rotated(3), 30e6), (rotated(2), np.inf))
-TINY_PX = 24  # a target smaller than this gets the finest lattice: its whole light is in few pixels
+DENSE_LATTICES = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
+TINY_PX = 22  # a target no larger gets the finest lattice: its whole light is in few pixels
+CELL_REACH_PX = (CELL_PX - 1) / 2
 TINY_LATTICE = rotated(8)  # 65 samples per pixel
 
 
@@ -54,8 +56,8 @@ class Loaded:
     """A target on the GPU with a vertex array per program."""
 
     mesh: Mesh
-    shadow: moderngl.VertexArray
-    gbuffer: moderngl.VertexArray
+    shadow: FacingArray
+    gbuffer: FacingArray
     edges: EdgeBuffers
     occlusion: moderngl.Texture3D
     textures: Textures | None = None
@@ -63,13 +65,20 @@ class Loaded:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where the target is in the image: bounds (not clipped), a polygon around it, pixels to draw, depth range."""
+    """Where the target is in the image: bounds (not clipped), pixels to draw, depth range.
+
+    The pixels to draw begin at whole cells of the cover, and end there or at the image's edge.
+    """
 
     bounds_px: FloatArray
-    outline_px: FloatArray
     rect: PixelRect
     near_far_m: tuple[float, float]
     camera_from_target: FloatArray
+
+    @property
+    def camera_target_m(self) -> FloatArray:
+        """Place of the camera in the target frame [m]."""
+        return np.asarray(-self.camera_from_target[:3, :3].T @ self.camera_from_target[:3, 3])
 
 
 class TargetPasses:
@@ -94,15 +103,17 @@ class TargetPasses:
                 self._textured = self._textured or TexturedGBufferPass(context, self._programs)
                 textures = Textures(context, target)
             gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
-            shadow_array = mesh.vertex_array(context, shadow.program.gl)
+            whole = mesh.vertex_array(context, shadow.program.gl)
             self._loaded[target.sha256] = Loaded(
                 mesh,
-                shadow_array,
-                mesh.vertex_array(context, gbuffer.program(mesh).gl),
+                FacingArray(context, mesh, shadow.program.gl),
+                # textures are bound by stretches of the index buffer
+                FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
                 EdgeBuffers(context, find_edges(target.parts, is_closed=mesh.is_closed)),
-                occlusion_texture(context, self._blocks, mesh, shadow_array),
+                occlusion_texture(context, self._blocks, mesh, whole),
                 textures,
             )
+            whole.release()
         return self._loaded[target.sha256]
 
     def _shadow_pass(self, size: int) -> ShadowPass:
@@ -119,8 +130,11 @@ class TargetPasses:
         if place is None:
             return None
         bent = self._programs.lens  # edges are curves then, and not weighted
-        lattice = choose_lattice(scene.quality, place, dense=bent or loaded.textures is not None)
-        size, origin = lattice.window(place.rect)
+        cells = find_cover(loaded.mesh, place, scene.camera)
+        if not len(cells):
+            return None
+        lattice = choose_lattice(scene.quality, place, cells, dense=bent or loaded.textures is not None)
+        size, origin = lattice.window(cells, CELL_REACH_PX)
         box_m = 2 * loaded.mesh.radius_m * 1.02
         pixel_m = place.near_far_m[0] / max(scene.camera.fx_px, scene.camera.fy_px)
         choice = choose_shadow(scene.quality, box_m, pixel_m)
@@ -158,20 +172,23 @@ class TargetPasses:
         self._blocks.materials.write(_material_values(loaded.mesh, scene))
         clock.lap("target.setup")
         if view.sun_visible_fraction > 0:
-            shadow.run(loaded.shadow)
+            shadow.run(loaded.shadow, view)
         clock.lap("target.shadow")
         texels: dict[str, moderngl.Texture] = {}
         if self._textured is None or loaded.textures is None:
-            samples = self._gbuffer.run(loaded.gbuffer, size, closed=loaded.mesh.is_closed)
+            samples = self._gbuffer.run(
+                loaded.gbuffer, size, place.camera_target_m, closed=loaded.mesh.is_closed
+            )
         else:
             samples = self._textured.run_textured(
-                loaded.gbuffer, size, loaded.mesh, loaded.textures, scene.bands
+                loaded.gbuffer.array, size, loaded.mesh, loaded.textures, scene.bands
             )
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
         clock.lap("target.geometry")
         slope = self._edges.run(
             None if bent else loaded.edges,
             lattice,
+            size,
             scene.camera,
             place.rect,
             place.near_far_m[0],
@@ -181,7 +198,7 @@ class TargetPasses:
         self._shade.run(
             images.target_framebuffer,
             place.rect,
-            place.outline_px,
+            cells,
             self._shade.program(lattice, images.bands, loaded.mesh, choice.window),
             samples.surface,
             samples.depth,
@@ -227,6 +244,8 @@ class TargetPasses:
         self._labels.release()
         for loaded in self._loaded.values():
             loaded.mesh.release()
+            loaded.shadow.release()
+            loaded.gbuffer.release()
             loaded.edges.release()
             loaded.occlusion.release()
             if loaded.textures is not None:
@@ -252,13 +271,10 @@ def locate(mesh: Mesh, view: View, camera: Camera, *, clip: bool = True) -> Plac
         if camera.distortion.is_none:
             pixels = camera.project(points)
             bounds = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
-            outline = outline_px(pixels)
         else:
             bounds = lens_bounds_px(camera, points)
-            outline = corners_px(bounds)
     else:
         bounds = np.array([-width, -height, 2.0 * width, 2.0 * height])
-        outline = corners_px(bounds)
     limit = np.array([-width, -height, 2 * width, 2 * height]) * (1 if clip else 100)
     low = np.floor(np.clip(bounds[:2] - 0.5, limit[:2], limit[2:])).astype(int)
     high = np.ceil(np.clip(bounds[2:] + 0.5, limit[:2], limit[2:])).astype(int) + 1
@@ -266,26 +282,40 @@ def locate(mesh: Mesh, view: View, camera: Camera, *, clip: bool = True) -> Plac
         low, high = np.maximum(low, 0), np.minimum(high, [width, height])
         if np.any(high <= low):
             return None
+        low, high = low // CELL_PX * CELL_PX, np.minimum(-(-high // CELL_PX) * CELL_PX, [width, height])
     return Placement(
         bounds,
-        outline,
         PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1])),
         (near, far),
         camera_from_target,
     )
 
 
-def choose_lattice(quality: Quality, place: Placement, *, dense: bool = False) -> Lattice:
+def find_cover(mesh: Mesh, place: Placement, camera: Camera) -> FloatArray:
+    """Centres (K, 2) [px] of the cells that the target may touch.
+
+    Those of all of its rectangle where a lens bends it, or part of it is behind the camera.
+    """
+    points = mesh.hull_m @ place.camera_from_target[:3, :3].T + place.camera_from_target[:3, 3]
+    if not camera.distortion.is_none or points[:, 2].min() <= MIN_NEAR_M:
+        return whole(place.rect)
+    return hulls_cover(place.rect, np.split(camera.project(points), mesh.hull_parts))
+
+
+def choose_lattice(
+    quality: Quality, place: Placement, cells_px: FloatArray, *, dense: bool = False
+) -> Lattice:
     """The finest lattice of the preset whose buffer stays within its limit.
 
     Parameters
     ----------
+    cells_px : (K, 2) centres of the cells that the target may touch.
     dense : more samples, where no edges weigh them: through a lens that bends, and inside textures.
     """
-    if max(place.rect.width, place.rect.height) <= TINY_PX:
+    if np.max(place.bounds_px[2:] - place.bounds_px[:2]) <= TINY_PX:
         return TINY_LATTICE
     for lattice, limit in DENSE_LATTICES if dense and quality == "default" else LATTICES[quality]:
-        width, height = lattice.window(place.rect)[0]
+        width, height = lattice.window(cells_px, CELL_REACH_PX)[0]
         if width * height <= limit:
             return lattice
     raise AssertionError("the last lattice of a preset has no limit")

@@ -1,6 +1,0 @@
-// The polygon around the target: only its pixels are shaded.
-in vec2 in_pixel; // image pixels; edges lie at .5
-uniform vec4 u_window; // x0, y0, width, height of the viewport [px]
-void main() {
-    gl_Position = vec4((in_pixel + 0.5 - u_window.xy) / u_window.zw * 2.0 - 1.0, 0.0, 1.0);
-}

@@ -1,0 +1,75 @@
+"""What the passes leave out shows nowhere: triangles that look away, cells that the craft does not touch."""
+
+import numpy as np
+import pytest
+
+from simulator.bench.scenes import bench_scenes
+from simulator.render import facing as facing_module
+from simulator.render.cover import CELL_PX, hulls_cover
+from simulator.render.passes import target as target_passes
+from simulator.render.projection import PixelRect
+from simulator.targets.library import load_target
+
+pytestmark = pytest.mark.gl
+
+POSES = (
+    ((0.1, -0.05, 4.0), (0.3, 0.4, 0.2)),
+    ((1.05, 0.62, 4.0), (1.3, -0.8, 2.2)),  # half outside the image
+    ((0.0, 0.0, 30.0), (-2.0, 0.5, 0.1)),
+)
+
+
+@pytest.mark.parametrize(("t_m", "rotvec_rad"), POSES)
+def test_triangles_and_cells_left_out_change_no_pixel(renderer, draw_kit, t_m, rotvec_rad, monkeypatch):
+    tango = load_target("tango")
+    scene = draw_kit.scene(tango, t_m=t_m, rotvec_rad=rotvec_rad, sun_camera=(0.5, -0.4, -0.6))
+    lean = renderer.render(scene, tango, labels=True)
+    counts = []
+
+    def all_triangles(mesh, place):
+        counts.append(len(mesh.triangles) / len(facing(mesh, place)))
+        return mesh.triangles
+
+    facing = facing_module.facing
+    monkeypatch.setattr(facing_module, "facing", all_triangles)
+    whole = renderer.render(scene, tango, labels=True)
+    assert min(counts) > 1.5
+    assert np.abs(whole.radiance - lean.radiance).max() < 1e-4 * whole.radiance.max()
+    assert np.array_equal(whole.coverage, lean.coverage)
+    # every cell of the rectangle, on the same lattice's window
+    cells = []
+    find_cover = target_passes.find_cover
+    monkeypatch.setattr(
+        target_passes, "find_cover", lambda *a: cells.append(find_cover(*a)) or target_passes.whole(a[1].rect)
+    )
+    everywhere = renderer.render(scene, tango, labels=True)
+    outside = everywhere.coverage.copy()
+    for x, y in cells[0] - (CELL_PX - 1) / 2:
+        outside[round(y) : round(y) + CELL_PX, round(x) : round(x) + CELL_PX] = 0
+    assert everywhere.coverage.max() == 1
+    assert outside.max() == 0
+
+
+def test_a_cover_holds_what_its_hulls_touch_and_little_more():
+    rect = PixelRect(40, 24, 203, 180)  # ends at the image's edge, not at a cell's
+    needle = np.array([[30.0, 20.0], [31.0, 20.0], [300.0, 170.0]])
+    cells = hulls_cover(rect, [needle])
+    t = np.linspace(0, 1, 2000)[:, None]
+    along = needle[0] + t * (needle[2] - needle[0])
+    low = np.array([rect.x0, rect.y0])
+    inside = along[np.all((along >= low - 0.5) & (along < [rect.x1 - 0.5, rect.y1 - 0.5]), axis=1)]
+    marked = set(map(tuple, ((cells - (CELL_PX - 1) / 2 - low) / CELL_PX).astype(int)))
+    assert set(map(tuple, ((inside + 0.5 - low) // CELL_PX).astype(int))) <= marked
+    assert len(marked) < 60  # of 420
+
+
+@pytest.mark.slow
+def test_the_bench_times_frames_without_waits_and_passes_apart(draw_kit):
+    machine, (cost,) = bench_scenes(("tango-space-10m",), n_frames=3)
+    passes = cost.passes_ms_p50
+    own = sum(ms for name, ms in passes.items() if name.startswith("render."))
+    assert machine.threads > 0
+    assert cost.reference_ms > 1
+    # each pass is waited for: their times add up to the drawing of the same frames
+    assert own == pytest.approx(passes["render"], rel=0.2)
+    assert cost.frame_ms_p50 == pytest.approx(cost.render_ms_p50 + cost.sensor_ms_p50, rel=0.1)
