@@ -79,7 +79,8 @@ class ShadePass:
         """
         framebuffer.use()
         # whole cells, beyond the image's edge too: a point is dropped when its middle is outside
-        window = (rect.x0, rect.y0, *(-(-side // CELL_PX) * CELL_PX for side in (rect.width, rect.height)))
+        width, height = (-(-side // CELL_PX) * CELL_PX for side in (rect.width, rect.height))
+        window = (rect.x0, rect.y0, width, height)
         framebuffer.viewport = window
         self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
         program.bind_textures(
