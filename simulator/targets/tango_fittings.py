@@ -28,6 +28,11 @@ from simulator.targets.tango_dimensions import (
 
 WINDOWS_X_M = (-0.0268, 0.0173, 0.0456)
 WINDOW_Y_M = 0.413
+CLIPS_Z_M = (0.1725, 0.0425)
+CLIP_SADDLE_M = 0.0150
+"""The rod's clips: a saddle from the -x face to the rod ..."""
+CLIP_STRAP_M = 0.0088
+"""... and a strap that stands so far over it."""
 
 
 def build_fittings(detail: Detail = "full") -> list[Piece]:
@@ -88,26 +93,22 @@ def _rod(detail: Detail) -> list[Piece]:
     bar = rod(
         (ROD_X_M, ROD_Y_M, ROD_BOTTOM_M), (ROD_X_M, ROD_Y_M, ROD_TOP_M), ROD_RADIUS_M, facets(detail, 24)
     )
-    clips = []
-    for z in (0.1725, 0.0425):
-        clips.append(box((face - 0.0040, ROD_Y_M - 0.0295, z - 0.0085), (face, ROD_Y_M + 0.0295, z + 0.0085)))
+    saddle, strap = face - CLIP_SADDLE_M, ROD_X_M - ROD_RADIUS_M - CLIP_STRAP_M
+    clips, bolts = [], []
+    for z in CLIPS_Z_M:
+        clips.append(box((saddle, ROD_Y_M - 0.0295, z - 0.0085), (face, ROD_Y_M + 0.0295, z + 0.0085)))
         clips.append(
-            box(
-                (ROD_X_M - 0.0115, ROD_Y_M - 0.0110, z - 0.0070),
-                (face - 0.003, ROD_Y_M + 0.0110, z + 0.0070),
-                0.003,
+            box((strap, ROD_Y_M - 0.0135, z - 0.0070), (saddle + 0.001, ROD_Y_M + 0.0135, z + 0.0070), 0.003)
+        )
+        bolts += [
+            rod(
+                (saddle + 0.001, ROD_Y_M + s * 0.0215, z),
+                (saddle - 0.0028, ROD_Y_M + s * 0.0215, z),
+                0.0028,
+                facets(detail, 8),
             )
-        )
-    bolts = [
-        rod(
-            (face - 0.003, ROD_Y_M + s * 0.0200, z),
-            (face - 0.0058, ROD_Y_M + s * 0.0200, z),
-            0.0028,
-            facets(detail, 8),
-        )
-        for s in (-1, 1)
-        for z in (0.1725, 0.0425)
-    ]
+            for s in (-1, 1)
+        ]
     disc = [circle((y, z), 0.0058, facets(detail, 16)) for y, z in ((0.2105, 0.2110), (0.2105, 0.0815))]
     # on the -x face the plane's axes are z, y: z x y = -x
     marks = [prism(d[:, ::-1], 0.0010, origin_m=(face, 0, 0), u=(0, 0, 1), v=(0, 1, 0)) for d in disc]
