@@ -47,7 +47,7 @@ TARGET = (
     Field("vec4", "u_occlusion_low"),  # corner of the grid's box, target frame [m]
     Field("vec4", "u_occlusion_step"),  # xyz: of the grid [m]; w: the slope that 1 stands for
     Field("vec4", "u_occlusion_scale"),  # one over the size of the box [m-1]
-    Field("vec4", "u_mean_albedo"),  # of the craft's surfaces, per band
+    Field("vec4", "u_mean_albedo"),  # of the surfaces that light other parts, per band
     Field("vec4", "u_lattice"),  # s0, t0; near, far [m]
     Field(
         "vec4", "u_shadow"

@@ -46,7 +46,6 @@ class Mesh:
     hull_parts : where in ``hull_m`` the second part's points begin, the third's and so on.
     center_m, radius_m : bounding sphere, target frame.
     order : which of the target's parts lie in the buffers first, second and so on.
-    mean_color : (3,) reflectance of the surface, the mean over its area, linear RGB.
     is_closed : every part is a set of closed shells facing outwards.
     triangles : (T, 3) what ``indices`` holds. planes : (T, 4) of each: unit normal, and its distance from the origin
         with the sign turned [m].
@@ -60,7 +59,6 @@ class Mesh:
     hull_parts: IntArray
     center_m: FloatArray
     radius_m: float
-    mean_color: FloatArray
     is_closed: bool
     triangles: np.typing.NDArray[np.uint32]
     planes: Float32Array
@@ -176,7 +174,6 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
         hull_parts=np.cumsum([len(h) for h in hulls[:-1]]),
         center_m=center,
         radius_m=float(np.linalg.norm(hull - center, axis=1).max()),
-        mean_color=_mean_color(target),
         is_closed=all(_is_closed(part) for part in target.parts),
         triangles=triangles,
         planes=_planes(merged["position_m"].astype(float)[triangles]),
@@ -192,18 +189,6 @@ def _planes(corners_m: FloatArray) -> Float32Array:
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     distance = np.einsum("ij,ij->i", normal, corners_m[:, 0])
     return np.column_stack([normal, -distance]).astype(np.float32)
-
-
-def _mean_color(target: Target) -> FloatArray:
-    """Reflectance of the surface, the mean over its area."""
-    colors = {material.name: material.base_color for material in target.materials}
-    total, area = np.zeros(3), 0.0
-    for part in target.parts:
-        p = part.positions_m.astype(float)[np.asarray(part.triangles)]
-        part_area = float(np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1).sum())
-        total += part_area * np.asarray(colors[part.material])
-        area += part_area
-    return np.asarray(total / max(area, 1e-30))
 
 
 def _is_closed(part: Part) -> bool:

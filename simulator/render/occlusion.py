@@ -43,10 +43,10 @@ def occlusion_grid(mesh: Mesh) -> tuple[FloatArray, FloatArray, int]:
     return low - 2.5 * step, count * step, count
 
 
-def occlusion_texture(
+def baked_occlusion(
     context: moderngl.Context, blocks: Blocks, mesh: Mesh, shadow_array: moderngl.VertexArray
-) -> moderngl.Texture3D:
-    """The grid on the GPU: b in the first three channels, a in the fourth; baked when the cache lacks it.
+) -> ByteArray:
+    """(N, N, N, 4) the grid, z first: b in the first three channels, a in the fourth; baked when the cache lacks it.
 
     Parameters
     ----------
@@ -55,7 +55,11 @@ def occlusion_texture(
     # by the geometry alone: materials come and go
     shape = np.frombuffer(mesh.vertices.read(), VERTEX)["position_m"].tobytes() + mesh.indices.read()
     key = f"occlusion-{VERSION}-{DIRECTIONS}-{hashlib.sha256(shape).hexdigest()[:24]}"
-    grid = cached_array(key, lambda: _bake(context, blocks, mesh, shadow_array))
+    return np.asarray(cached_array(key, lambda: _bake(context, blocks, mesh, shadow_array)), np.uint8)
+
+
+def occlusion_texture(context: moderngl.Context, grid: ByteArray) -> moderngl.Texture3D:
+    """The grid on the GPU."""
     count = grid.shape[0]
     texture = context.texture3d((count, count, count), 4, np.ascontiguousarray(grid))
     texture.filter = (context.LINEAR, context.LINEAR)

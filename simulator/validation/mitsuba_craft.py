@@ -1,6 +1,6 @@
 """Tango path traced by Mitsuba 3: the same mesh, materials, Sun, even sky and camera, as an independent picture.
 
-Needs the extra ``[validation]``. Mitsuba's LLVM back end needs a libLLVM of its own (``DRJIT_LIBLLVM_PATH``).
+Needs the extra ``[validation]``, and for Mitsuba's LLVM back end a newer libLLVM than many systems have.
 
 References
 ----------
@@ -10,6 +10,7 @@ Jakob et al. (2022), Mitsuba 3 renderer, https://mitsuba-renderer.org.
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -30,14 +31,23 @@ if TYPE_CHECKING:
 
 SUN_POINTS = 32
 DEPTH = 6
+SAMPLES_PER_PASS = 64
+OLDEST_LLVM = 17
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Relative difference of radiance on the target's inner pixels."""
+    """How far apart two pictures are.
+
+    Parameters
+    ----------
+    median, p95 : relative difference of radiance on the target's inner pixels.
+    flip : mean HDR-FLIP over the whole picture, 0..1, seen at 67 pixels a degree; NaN without its evaluator.
+    """
 
     median: float
     p95: float
+    flip: float
 
 
 def difference(ours: FloatArray, theirs: FloatArray, inner: FloatArray) -> Difference:
@@ -45,15 +55,29 @@ def difference(ours: FloatArray, theirs: FloatArray, inner: FloatArray) -> Diffe
 
     Parameters
     ----------
-    inner : pixels wholly on the target. Those below 2 % of the brightest are left out.
+    inner : pixels wholly on the target. Those below 2 % of the brightest are left out of the relative difference.
+
+    References
+    ----------
+    Andersson et al. (2021), Visualizing errors in rendered high dynamic range images, Eurographics short papers.
     """
     chosen = inner & (theirs > 0.02 * np.percentile(theirs[inner], 99.9))
     relative = np.abs(ours[chosen] / theirs[chosen] - 1)
-    return Difference(float(np.median(relative)), float(np.percentile(relative, 95)))
+    return Difference(float(np.median(relative)), float(np.percentile(relative, 95)), _flip(ours, theirs))
+
+
+def _flip(ours: FloatArray, theirs: FloatArray) -> float:
+    try:
+        import flip_evaluator  # noqa: PLC0415 - an extra
+    except ImportError:
+        return float("nan")
+    # its exposures span the reference's light; the scale itself does not matter
+    pictures = [np.repeat(np.maximum(x, 0)[..., None], 3, axis=2).astype(np.float32) for x in (theirs, ours)]
+    return float(flip_evaluator.evaluate(*pictures, "HDR", inputsRGB=False, applyMagma=False)[1])
 
 
 def load() -> Any:  # noqa: ANN401 - a module without types
-    """Mitsuba with its LLVM back end.
+    """Mitsuba with its LLVM back end; ``DRJIT_LIBLLVM_PATH`` is set to the newest libLLVM where it is not set.
 
     Raises
     ------
@@ -64,37 +88,78 @@ def load() -> Any:  # noqa: ANN401 - a module without types
         import mitsuba  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise UserError("Mitsuba is not installed: pip install 'flyaround[validation]'") from error
+    if "DRJIT_LIBLLVM_PATH" not in os.environ:
+        found = sorted((int(m[1]), str(p)) for p in Path("/usr/lib").glob("*/libLLVM*.so*")
+                       if (m := re.match(r"libLLVM[-.a-z]*(\d+)", p.name)))  # fmt: skip
+        # it ends the process on 15 and 16 instead of refusing them
+        if not found or found[-1][0] < OLDEST_LLVM:
+            raise UserError(
+                f"Mitsuba needs LLVM {OLDEST_LLVM} or newer: apt install libllvm19, or name a libLLVM.so in "
+                "DRJIT_LIBLLVM_PATH"
+            )
+        os.environ["DRJIT_LIBLLVM_PATH"] = found[-1][1]
     try:
         mitsuba.set_variant("llvm_ad_rgb")
     except (ImportError, RuntimeError) as error:
-        where = os.environ.get("DRJIT_LIBLLVM_PATH", "not set")
         raise UserError(
-            f"Mitsuba finds no LLVM (DRJIT_LIBLLVM_PATH is {where}); install libllvm19 and name its libLLVM.so there"
+            f"Mitsuba cannot use the LLVM that DRJIT_LIBLLVM_PATH names ({os.environ['DRJIT_LIBLLVM_PATH']}); name "
+            "the libLLVM.so of libllvm19 there"
         ) from error
     return mitsuba
 
 
-def path_trace(scene: SceneState, target: Target, sky_w_m2_sr: float, spp: int) -> FloatArray:
-    """(H, W) radiance in the panchromatic band, under the scene's Sun and the same sky from everywhere.
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """A path-traced picture.
 
     Parameters
     ----------
-    scene : square camera, no lens, mono. spp : samples per pixel.
+    radiance : (H, W) in the panchromatic band [W m-2 sr-1].
+    noise : (H, W) standard error of it, from the spread of independent passes.
+    """
+
+    radiance: FloatArray
+    noise: FloatArray
+
+
+def path_trace(scene: SceneState, target: Target, sky_w_m2_sr: float, spp: int) -> Traced:
+    """Radiance under the scene's Sun and the same sky from everywhere.
+
+    Sun and sky are traced apart and added: one sampler that had to choose between 33 lights would be noisier.
+
+    Parameters
+    ----------
+    scene : square camera, no lens, mono. spp : samples per pixel for each of Sun and sky.
     """
     mi = load()
     _register(mi)
+    lights: list[dict[str, Any]] = []
+    if sky_w_m2_sr > 0:
+        sky = {"type": "constant", "radiance": {"type": "rgb", "value": [sky_w_m2_sr] * 3}}
+        lights.append({"sky": sky})
+    if scene.sun_visible_fraction > 0:
+        lights.append(_suns(scene))
+    passes = max(2, -(-spp // SAMPLES_PER_PASS))  # all samples of a pass are in memory at once
+    radiance = np.zeros((scene.camera.height_px, scene.camera.width_px))
+    variance = np.zeros_like(radiance)
     with TemporaryDirectory() as folder:
-        return _render(mi, scene, target, sky_w_m2_sr, spp, Path(folder))
+        meshes = _meshes(mi, scene, target, Path(folder))
+        for light in lights:
+            stage = mi.load_dict(_empty_world(mi, scene) | meshes | light)
+            images = np.array(
+                [np.array(mi.render(stage, spp=-(-spp // passes), seed=k))[..., 0] for k in range(passes)],
+                float,
+            )
+            radiance += images.mean(axis=0)
+            variance += images.var(axis=0, ddof=1) / passes
+    return Traced(radiance, np.sqrt(variance))
 
 
-def _render(mi: Any, scene: SceneState, target: Target, sky: float, spp: int, folder: Path) -> FloatArray:  # noqa: ANN401
+def _empty_world(mi: Any, scene: SceneState) -> dict[str, Any]:  # noqa: ANN401
     camera = scene.camera
-    R = matrix_from_quat(scene.q_camera_from_target_wxyz)
-    t = np.asarray(scene.t_camera_from_target_m)
-    world: dict[str, Any] = {
+    return {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": DEPTH},
-        "sky": {"type": "constant", "radiance": {"type": "rgb", "value": [sky] * 3}},
+        "integrator": {"type": "path", "max_depth": DEPTH, "rr_depth": DEPTH},
         "sensor": {
             "type": "perspective",
             "fov": float(np.degrees(2 * np.arctan(camera.width_px / 2 / camera.fx_px))),
@@ -106,24 +171,27 @@ def _render(mi: Any, scene: SceneState, target: Target, sky: float, spp: int, fo
                 "rfilter": {"type": "box"},
                 "pixel_format": "luminance",
             },
-            "sampler": {"type": "independent", "sample_count": spp, "seed": 1},
+            "sampler": {"type": "multijitter", "sample_count": SAMPLES_PER_PASS},
         },
     }
-    world |= _suns(scene)
+
+
+def _meshes(mi: Any, scene: SceneState, target: Target, folder: Path) -> dict[str, Any]:  # noqa: ANN401
+    """The craft in the camera's frame, one mesh a material."""
+    R = matrix_from_quat(scene.q_camera_from_target_wxyz)
+    t = np.asarray(scene.t_camera_from_target_m)
+    meshes: dict[str, Any] = {}
     for material in target.materials:
         parts = [part for part in target.parts if part.material == material.name]
         if parts:
             path = folder / f"{material.name}.ply"
             _write_ply(mi, path, [(p.positions_m @ R.T + t, p.normals @ R.T, p.triangles) for p in parts])
-            world[f"mesh_{material.name}"] = {"type": "ply", "filename": str(path), "bsdf": _bsdf(material)}
-    image = np.array(mi.render(mi.load_dict(world), spp=spp))
-    return np.asarray(image[..., 0], float)
+            meshes[f"mesh_{material.name}"] = {"type": "ply", "filename": str(path), "bsdf": _bsdf(material)}
+    return meshes
 
 
 def _suns(scene: SceneState) -> dict[str, Any]:
     """The Sun's disc as points even over it."""
-    if not scene.sun_visible_fraction:
-        return {}
     sun = np.asarray(scene.sun_direction_camera)
     x = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
     x = x / np.linalg.norm(x)
@@ -179,7 +247,10 @@ def _register(mi: Any) -> None:  # noqa: ANN401
             f0 = 0.04 + (self.base - 0.04) * self.metallic
             under = ((1 - 5 * f0**0.5) / (5 - f0**0.5)) ** 2
             self.f0 = f0 + (under - f0) * self.coat
-            self.shares = (0.5, 0.3, 0.2) if self.coat else (0.6, 0.4, 0.0)
+            # samples where the light goes: a third for the lobes' own spread, the rest by reflectance
+            matt = self.base * (1 - self.metallic)
+            gloss, coat = max(self.f0, 0.08), 0.08 * self.coat
+            self.shares = tuple(float(x) / (matt + gloss + coat) for x in (matt, gloss, coat))
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             self.m_components = [flags]
             self.m_flags = flags

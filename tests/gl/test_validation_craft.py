@@ -32,6 +32,11 @@ def test_tango_is_lit_as_mitsuba_lights_it(renderer):
         mitsuba_craft.load()
     except UserError as missing:
         pytest.skip(str(missing))
-    median, p95 = rendering_craft.mitsuba_rows(renderer, spp=256)
-    assert median.measured < 0.04  # of it 0.01 the noise of 256 samples
-    assert p95.measured < 0.30  # thin parts and cavities; the goal is 0.10
+    rows = {row.what: row.measured for row in rendering_craft.mitsuba_rows(renderer, spp=256)}
+    noise = rows.pop("Noise of the path-traced Tango, mean over it")
+    assert noise < 0.02
+    for what, measured in rows.items():
+        # the goal of the 95th percentile is 0.10: cavities, crevices and, by default, gaps narrower than the samples
+        limit = 0.02 if "median" in what else 0.03 if "FLIP" in what else 0.26 if "`high`" in what else 0.32
+        assert measured < limit, what
+    assert len(rows) in {4, 6}  # FLIP where its evaluator is installed

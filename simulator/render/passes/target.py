@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.block_values import lens_values
+from simulator.render.bounce import bounce_color
 from simulator.render.cover import CELL_PX, hulls_cover, whole
 from simulator.render.facing import FacingArray
 from simulator.render.lattice import NINE, Lattice, rotated
 from simulator.render.mesh import upload
 from simulator.render.mesh_edges import find_edges
-from simulator.render.occlusion import LARGEST_SLOPE, occlusion_grid, occlusion_texture
+from simulator.render.occlusion import LARGEST_SLOPE, baked_occlusion, occlusion_grid, occlusion_texture
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
@@ -53,13 +54,19 @@ TINY_LATTICE = rotated(8)  # 65 samples per pixel
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A target on the GPU with a vertex array per program."""
+    """A target on the GPU with a vertex array per program.
+
+    Parameters
+    ----------
+    bounce_color : (3,) reflectance of the surfaces that light other parts, linear RGB.
+    """
 
     mesh: Mesh
     shadow: FacingArray
     gbuffer: FacingArray
     edges: EdgeBuffers
     occlusion: moderngl.Texture3D
+    bounce_color: FloatArray
     textures: Textures | None = None
 
 
@@ -104,13 +111,16 @@ class TargetPasses:
                 textures = Textures(context, target)
             gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
             whole = mesh.vertex_array(context, shadow.program.gl)
+            grid = baked_occlusion(context, self._blocks, mesh, whole)
+            corner_m, extent_m, _ = occlusion_grid(mesh)
             self._loaded[target.sha256] = Loaded(
                 mesh,
                 FacingArray(context, mesh, shadow.program.gl),
                 # textures are bound by stretches of the index buffer
                 FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
                 EdgeBuffers(context, find_edges(target.parts, is_closed=mesh.is_closed)),
-                occlusion_texture(context, self._blocks, mesh, whole),
+                occlusion_texture(context, grid),
+                bounce_color(target, grid, corner_m, extent_m),
                 textures,
             )
             whole.release()
@@ -158,7 +168,7 @@ class TargetPasses:
                 "u_occlusion_low": [*corner_m, 0.0],
                 "u_occlusion_step": [*(extent_m / steps), LARGEST_SLOPE],
                 "u_occlusion_scale": [*(1 / extent_m), 0.0],
-                "u_mean_albedo": _four(reflectance(scene.bands, loaded.mesh.mean_color)),
+                "u_mean_albedo": _four(reflectance(scene.bands, loaded.bounce_color)),
                 "u_lattice": [*origin, *place.near_far_m],
                 # the sharpest shadow: a texel wide, and half a pixel of the image where that is more
                 "u_shadow": [
