@@ -20,8 +20,15 @@ MoonRay moon_ray(vec2 pixel) {
     return ray;
 }
 
+// Change of `disc` over a pixel across the limb.
+float moon_slope(MoonRay ray) {
+    return 2.0 * sqrt(max(1.0 - ray.disc, 1e-6)) * max(-ray.along, 0.0) * ray.pixel_rad;
+}
+
 // Share of the pixel inside the limb, 0..1: distance from the limb in pixels, by the slope of `disc`.
 float moon_share(MoonRay ray) {
-    float slope = 2.0 * sqrt(max(1.0 - ray.disc, 1e-6)) * max(-ray.along, 0.0) * ray.pixel_rad;
-    return ray.along < 0.0 ? clamp(ray.disc / slope + 0.5, 0.0, 1.0) : 0.0;
+    return ray.along < 0.0 ? clamp(ray.disc / moon_slope(ray) + 0.5, 0.0, 1.0) : 0.0;
 }
+
+// Depth under the limb of what the pixel shows: of its middle, at the limb of the middle of its inner part.
+float moon_depth(MoonRay ray, float share) { return sqrt(max(ray.disc, 0.5 * share * moon_slope(ray))); }

@@ -30,7 +30,8 @@ void main() {
     vec2 pixel = gl_FragCoord.xy - 0.5;
     float open = 1.0 - texelFetch(t_coverage, ivec2(gl_FragCoord.xy), 0).x;
     MoonRay ray = moon_ray(pixel);
-    open *= moon_share(ray);
+    float share = moon_share(ray);
+    open *= share;
     if (open <= 0.0) discard;
     color through = color(1.0);
 #if EARTH
@@ -49,7 +50,7 @@ void main() {
 #endif
     }
 #endif
-    float depth = sqrt(max(ray.disc, 0.0));
+    float depth = moon_depth(ray, share);
     float t = -ray.along - depth;
     vec3 p = normalize(u_moon_camera.xyz + t * ray.direction);
     vec3 view = -ray.direction, sun = u_moon_sun.xyz, earth = u_moon_earth.xyz;
