@@ -14,8 +14,8 @@ from simulator.targets.craft.dragon.cargo_labels import (
     build_wireframe,
 )
 from simulator.targets.craft.dragon.cargo_shape import BAY_AZIMUTH_DEG, BAY_Z_M, PORT_M, SIDEWALL, WINGS
+from simulator.targets.craft.finishes import FINISHES
 from simulator.targets.craft.level import Level
-from simulator.targets.craft.materials import MATERIALS
 from simulator.targets.detail import Detail
 from simulator.targets.model import Target
 
@@ -36,7 +36,7 @@ def build_dragon_cargo(detail: Detail = "full") -> Target:
         name="dragon-cargo",
         title="Cargo Dragon (2010 to 2020) with solar wings",
         pieces=[*build_body(level), *WINGS.pieces(level)],
-        materials=MATERIALS,
+        materials=FINISHES,
         keypoints=build_keypoints(),
         wireframe=build_wireframe(),
         occluders=build_occluders(),

@@ -73,7 +73,7 @@ def _port(level: Level) -> list[Piece]:
     h = HATCH_HALF_M
     pieces = [
         Piece("port_neck", "white-paint", revolve(neck, n)),
-        Piece("berthing_ring", "bare-aluminium", revolve(ring, n)),
+        Piece("berthing_ring", "machined-aluminium", revolve(ring, n)),
         Piece("port_bulkhead", "grey-paint", revolve(floor, n)),
         Piece("port_hatch", "white-paint", box((-h, -h, DECK_M + 0.28), (h, h, DECK_M + 0.36), 0.02)),
     ]
@@ -163,7 +163,7 @@ def _side(level: Level) -> list[Piece]:
     pieces = [
         Piece("sensor_bay", "dark-interior", recess),
         Piece("bay_door", "white-paint", door),
-        Piece("grapple_fixture", "bare-aluminium", merge([plate, shaft, knob])),
+        Piece("grapple_fixture", "machined-aluminium", merge([plate, shaft, knob])),
         Piece("sensor_lenses", "window", merge(lenses)),
         Piece("hatch", "white-paint", hatch),
         Piece("hatch_seal", "white-seam", seal),

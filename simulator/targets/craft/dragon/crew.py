@@ -14,8 +14,8 @@ from simulator.targets.craft.dragon.crew_labels import (
 from simulator.targets.craft.dragon.crew_nose import build_nose
 from simulator.targets.craft.dragon.crew_shape import PORT_M, TRUNK_LOW_M
 from simulator.targets.craft.dragon.crew_trunk import build_trunk
+from simulator.targets.craft.finishes import FINISHES
 from simulator.targets.craft.level import Level
-from simulator.targets.craft.materials import MATERIALS
 from simulator.targets.detail import Detail
 from simulator.targets.model import Target
 
@@ -33,7 +33,7 @@ def build_dragon(detail: Detail = "full") -> Target:
         name="dragon",
         title="Crew Dragon with trunk, nose cone open",
         pieces=dragon_pieces(Level(detail)),
-        materials=MATERIALS,
+        materials=FINISHES,
         keypoints=build_keypoints(),
         wireframe=build_wireframe(),
         occluders=build_occluders(),

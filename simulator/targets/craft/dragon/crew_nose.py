@@ -74,7 +74,7 @@ def _port(level: Level) -> list[Piece]:
     hatch = [(0, 3.68), (0.575, 3.68), (0.575, 3.70), (0.40, 3.715), (0, 3.715)]
     pieces = [
         Piece("docking_tunnel", "white-paint", revolve(tunnel, n)),
-        Piece("docking_ring", "bare-aluminium", revolve(ring, n)),
+        Piece("docking_ring", "machined-aluminium", revolve(ring, n)),
         Piece("docking_hatch", "grey-paint", revolve(hatch, n)),
     ]
     if not level.fittings:

@@ -42,7 +42,7 @@ def _probe(level: Level) -> list[Piece]:
     ]  # fmt: skip
     pieces = [
         Piece("probe_base", "brushed-metal", base),
-        Piece("probe", "bare-aluminium", revolve(rod_, n)),
+        Piece("probe", "machined-aluminium", revolve(rod_, n)),
     ]
     if level.fittings:
         arms = [
@@ -112,7 +112,7 @@ def _antennas(level: Level) -> list[Piece]:
             for z in (2.75, 3.60):
                 lo, hi = ORBITAL.point(a, z - 0.24, 0.005), ORBITAL.point(a, z + 0.24, 0.005)
                 rails.append(handrail(lo, hi, ORBITAL.normal(a, z), 0.07, 0.011))
-        pieces.append(Piece("handrails", "bare-aluminium", merge(rails)))
+        pieces.append(Piece("handrails", "machined-aluminium", merge(rails)))
         cables = [
             bar(polar(1.10, az, -0.46), polar(1.12, az, 0.20), 0.05, 0.03, polar(1, az, 0))
             for az in (75.0, 255.0)

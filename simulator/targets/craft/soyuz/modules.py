@@ -87,7 +87,7 @@ def _orbital(level: Level) -> list[Piece]:
     neck = [(0, 1.70), (0.61, 1.70), (0.66, 1.98), (0.585, 2.06), (0, 2.06)]
     pieces = [
         Piece("orbital_shell", _blanket(level), revolve(shell, n)),
-        Piece("docking_collar", "bare-aluminium", revolve(collar, level.segments(48))),
+        Piece("docking_collar", "machined-aluminium", revolve(collar, level.segments(48))),
         Piece("orbital_neck", _blanket(level), revolve(neck, level.segments(48))),
     ]
     if level.fittings:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from simulator.targets.craft.assemble import assemble
+from simulator.targets.craft.finishes import FINISHES
 from simulator.targets.craft.level import Level
-from simulator.targets.craft.materials import MATERIALS
 from simulator.targets.craft.soyuz.fittings import build_fittings
 from simulator.targets.craft.soyuz.labels import build_keypoints, build_mass, build_occluders, build_wireframe
 from simulator.targets.craft.soyuz.modules import build_modules
@@ -27,7 +27,7 @@ def build_soyuz_ms(detail: Detail = "full") -> Target:
         name="soyuz-ms",
         title="Soyuz MS",
         pieces=[*build_modules(level), *build_fittings(level)],
-        materials=MATERIALS,
+        materials=FINISHES,
         keypoints=build_keypoints(),
         wireframe=build_wireframe(),
         occluders=build_occluders(),

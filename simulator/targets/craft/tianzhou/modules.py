@@ -64,7 +64,7 @@ def _port(level: Level) -> list[Piece]:
     hatch = [(0, 6.34), (0.57, 6.34), (0.57, 6.37), (0.30, 6.41), (0, 6.41)]
     pieces = [
         Piece("docking_tunnel", "mli-silver", revolve(tunnel, n)),
-        Piece("docking_ring", "bare-aluminium", revolve(ring, n)),
+        Piece("docking_ring", "machined-aluminium", revolve(ring, n)),
         Piece("docking_hatch", "grey-paint", revolve(hatch, n)),
     ]
     if level.fittings:
@@ -120,7 +120,7 @@ def _skin(level: Level) -> list[Piece]:
         Piece("equipment_boxes", "mli-gold", merge(_boxes())),
     ]
     if level.fine:
-        pieces.append(Piece("handrails", "bare-aluminium", merge(_rails())))
+        pieces.append(Piece("handrails", "machined-aluminium", merge(_rails())))
         lines = seams(CARGO, [15.0 + 30.0 * k for k in range(12)], [0.08, CARGO_HIGH_M - 0.08], 0.014, 0.012)
         pieces.append(Piece("blanket_seams", "white-seam", lines))
     return pieces

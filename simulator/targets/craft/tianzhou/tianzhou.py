@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from simulator.targets.craft.assemble import assemble
+from simulator.targets.craft.finishes import FINISHES
 from simulator.targets.craft.level import Level
-from simulator.targets.craft.materials import MATERIALS
 from simulator.targets.craft.tianzhou.fittings import build_fittings
 from simulator.targets.craft.tianzhou.labels import (
     build_keypoints,
@@ -31,7 +31,7 @@ def build_tianzhou(detail: Detail = "full") -> Target:
         name="tianzhou",
         title="Tianzhou cargo craft",
         pieces=[*build_modules(level), *build_fittings(level)],
-        materials=MATERIALS,
+        materials=FINISHES,
         keypoints=build_keypoints(),
         wireframe=build_wireframe(),
         occluders=build_occluders(),
