@@ -68,7 +68,7 @@ that the craft hides as rings).
 
 The format is described in [formats/target.md](formats/target.md); `flyaround targets add FILE` adds a mesh.
 
-`python -m simulator.validation.outline PICTURE --side=+y [--target NAME] [--outline FILE.json] [-o OVERLAY.png]` holds a
+`python -m simulator.validation.outline PICTURE --side=+y [--target NAME] [--outline FILE.json] [-o OUT.png]` holds a
 target against a picture of the real craft: it fits pose and focal length to the outline (polygons traced by hand, or
 what is brighter than `--threshold` before a black sky) and prints the overlap of the two filled outlines, area of both
 over area of either. Tango beside six public pictures 1200 pixels wide, the craft 700 wide in them: panel 0.985, bottom

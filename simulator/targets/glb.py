@@ -160,6 +160,15 @@ def load_glb(path: Path) -> Target:
     return target
 
 
+def holds_target(path: Path) -> bool:
+    """Whether a GLB file says that it is a target file, sound or not."""
+    try:
+        document, _ = read_chunks(path.read_bytes(), path)
+    except (OSError, UserError):
+        return False
+    return _extras(document) is not None
+
+
 def read_chunks(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
     """The JSON and the binary chunk of a GLB file (glTF 2.0 specification, section 4.4)."""
     if data[:4] != b"glTF":
@@ -194,10 +203,7 @@ def _refuse_constant(text: str) -> None:
 
 
 def _record(document: dict[str, Any], path: Path) -> TargetRecord:
-    extras: Any = None
-    scenes = document.get("scenes")
-    if isinstance(scenes, list) and scenes and isinstance(scenes[0], dict):
-        extras = (scenes[0].get("extras") or {}).get("flyaround")
+    extras = _extras(document)
     if extras is None:
         raise UserError(
             f"{path} is a plain glTF model: its scene has no `flyaround` extras with keypoints and "
@@ -207,6 +213,14 @@ def _record(document: dict[str, Any], path: Path) -> TargetRecord:
         return msgspec.convert(extras, TargetRecord)
     except msgspec.ValidationError as error:
         raise UserError(f"{path}, `flyaround` extras: {error}; see docs/formats/target.md") from error
+
+
+def _extras(document: dict[str, Any]) -> object:
+    """What a target file keeps in its scene, unchecked; None in a plain model."""
+    scenes = document.get("scenes")
+    first = scenes[0] if isinstance(scenes, list) and scenes else None
+    extras = first.get("extras") if isinstance(first, dict) else None
+    return extras.get("flyaround") if isinstance(extras, dict) else None
 
 
 def _material(

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from hil.board.svd import BoardModel as BoardView
 from simulator.dataset.check import check_dataset
 from simulator.errors import UserError
 from simulator.targets.board_file import write_board_model
+from simulator.targets.glb import write_glb
 from simulator.targets.library import list_targets, load_target
 
 SCENARIO = """
@@ -124,13 +126,23 @@ def bad_files(folder):
     yield "nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", (), "1 of 3 vertices are not finite"
     yield "flat.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", (), "no face with area"
     yield "mtl.obj", b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", (), "'gone.mtl' is missing"
+    fin = trimesh.Trimesh([*box.vertices, [0, 3, 0]], [*box.faces, [*box.faces[0, :2], 8]], process=False)
+    yield "fin.stl", fin.export(file_type="stl"), ("--keep-holes",), "--keep-non-manifold"
+    (folder / "skin.mtl").write_text("newmtl skin\nmap_Kd gone.png\n")
+    skinned = b"mtllib skin.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl skin\nf 1 2 3\n"
+    yield "skin.obj", skinned, (), "texture 'gone.png' of material 'skin' is missing"
+    first, *others = (tango := load_target("tango", "low")).keypoints
+    moved = replace(first, position_m=(1.0, 1.0, 1.0))
+    write_glb(replace(tango, name="off", keypoints=(moved, *others)), folder / "off.glb")
+    off = (folder / "off.glb").read_bytes()
+    yield "off.glb", off, (), f"keypoint '{first.name}' at (1.000, 1.000, 1.000) m is off"
     yield "unit.stl", stl, ("--units", "feet"), "unknown unit 'feet'"
     yield "both.stl", stl, ("--units", "mm", "--scale", "2"), "not both"
     yield "few.stl", stl, ("--decimate", "3"), "--decimate 3 is out of range"
     yield "mass.stl", stl, ("--mass", "0"), "--mass 0 is not a positive number"
 
 
-@pytest.mark.parametrize("number", range(12))
+@pytest.mark.parametrize("number", range(15))
 def test_a_bad_file_is_one_sentence_and_writes_nothing(capsys, tmp_path, number):
     name, data, options, says = list(bad_files(tmp_path))[number]
     (tmp_path / name).write_bytes(data)
@@ -140,6 +152,25 @@ def test_a_bad_file_is_one_sentence_and_writes_nothing(capsys, tmp_path, number)
     assert "Traceback" not in error
     assert out == ""
     assert not data_folder().exists()
+
+
+def test_what_is_safe_is_repaired_and_said(capsys, tmp_path):
+    """Faces turned inwards, none but zero normals, a face twice and one without area: mended, each in a line."""
+    box = trimesh.creation.box((2.0, 1.0, 0.5))
+    faces = [tuple(f + 1) for f in box.faces[:, ::-1]]
+    sliver = (1, 1, 2)
+    lines = [f"v {x} {y} {z}" for x, y, z in box.vertices] + ["vn 0 0 0"]
+    lines += ["f " + " ".join(f"{i}//1" for i in f) for f in (*faces, faces[0], sliver)]
+    (tmp_path / "box.obj").write_text("\n".join(lines) + "\n")
+    code, out, error = command(capsys, "add", tmp_path / "box.obj", "--up", "z", "--no-sheet", "--json")
+    assert code == 0, error
+    said = " / ".join(json.loads(out)["report"])
+    for word in ("turned", "without area", "twice", "normals"):
+        assert word in said, said
+    body = load_target("box").parts[0]
+    corner = body.positions_m[body.triangles]
+    volume = np.sum(np.cross(corner[:, 0], corner[:, 1]) * corner[:, 2]) / 6
+    assert volume == pytest.approx(1.0)
 
 
 def test_a_damaged_target_does_not_hide_the_others(capsys, mesh_file):

@@ -3,7 +3,7 @@
 Reflectances in the middle of the ranges of Gilmore, Spacecraft Thermal Control Handbook, vol. 1 (2002), app. A:
 white paint absorbs 0.17 to 0.28 of sunlight, black paint 0.96, aluminised Kapton 0.35 to 0.45, silvered quartz
 (optical solar reflectors) 0.05 to 0.10. Metals as in glTF: base colour is the reflectance at normal incidence; their
-non-metallic share stands for scattering in machining marks and creases: mirrors alone would show nothing but black sky.
+non-metallic share stands for scattering in machining marks and creases: mirrors alone would show black sky.
 Colours of blankets and cells of the crewed craft are judged on public photographs. Tango's own stand in
 ``tango_materials``, in proportion to its public pictures.
 """

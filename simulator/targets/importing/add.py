@@ -10,7 +10,7 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.targets.check import check_target
 from simulator.targets.convert import content_sha256
-from simulator.targets.glb import load_glb
+from simulator.targets.glb import holds_target, load_glb
 from simulator.targets.importing.decimate import decimate, deviation
 from simulator.targets.importing.keypoints import propose_keypoints
 from simulator.targets.importing.place import bounds, check_count, check_numbers, place_model
@@ -132,13 +132,16 @@ def _check_weights(options: ImportOptions) -> None:
 
 
 def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None:
-    """The file itself when it is a whole target and nothing is to be changed."""
-    if options != ImportOptions() or path.suffix.lower() != ".glb":
+    """The file itself when it is a target file and nothing is to be changed.
+
+    A target file that is unsound is refused: as a plain mesh it would quietly lose its keypoints.
+    """
+    if options != ImportOptions() or path.suffix.lower() != ".glb" or not holds_target(path):
         return None
     try:
         return replace(load_glb(path), name=name)
-    except UserError:
-        return None
+    except UserError as error:
+        raise UserError(f"{error}; or add --units m to take it as a plain mesh with new keypoints") from error
 
 
 def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[list[Body], float]:
