@@ -11,18 +11,11 @@
 #endif
 
 #if SMOOTH
-noperspective in vec4 v_uv_plane;
-noperspective in vec4 v_sun;
-noperspective in color v_light;
-noperspective in color v_lamps;
-noperspective in color v_haze;
-noperspective in color v_tone;
-noperspective in float v_rough;
+#define STAGE in
+#include "earth/plane.glsl"
+#define AT(name) (v_##name[0] + x.x * v_##name[1] + x.y * v_##name[2])
 #if HIGH
-noperspective in vec4 v_below;
-#endif
-#if HIGH
-#define BELOW v_below
+#define BELOW AT(below)
 #else
 #define BELOW vec4(0.0)
 #endif
@@ -40,8 +33,10 @@ void main() {
     open *= 1.0 - moon_share(moon_ray(gl_FragCoord.xy - 0.5)); // the Moon in front, seen from its orbit
 #endif
 #if SMOOTH
+    vec2 x = (gl_FragCoord.xy - v_middle.xy) * v_middle.z;
+    vec4 at = AT(uv_plane), sun = AT(sun); // sun: toward, sharp, glint
     GroundPoint g = GroundPoint(
-        v_uv_plane.xy, v_uv_plane.zw, BELOW, v_sun.xy, v_sun.z, 0.0, v_rough, v_tone, v_sun.w, v_light, v_lamps, v_haze
+        at.xy, at.zw, BELOW, sun.xy, sun.z, 0.0, AT(rough), AT(tone), sun.w, AT(light), AT(lamps), AT(haze)
     );
     color radiance = surface_radiance(g);
 #else

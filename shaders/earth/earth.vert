@@ -1,37 +1,42 @@
-// A cell of the screen. Smooth cells carry the ground point of their corners; inside it is interpolated.
+// A cell of the screen, as a point: a square of whole pixels. A smooth cell carries the plane through what its corners
+// see of the ground (mean, slope to the right, slope down, per half a cell); its pixels read that plane.
 #include "atmosphere/air.glsl"
 #include "earth/geometry.glsl"
 #include "earth/aerial.glsl"
 #include "earth/point.glsl"
-uniform vec2 u_size; // of the image [px]
-in vec2 in_pixel;    // corner of the cell [px], edges of pixels at .5
+uniform vec2 u_extent_px; // of all cells
+uniform float u_cell_px;  // side of a cell
+in vec2 in_pixel;         // middle of the cell [px], edges of pixels at .5
 
 #if SMOOTH
-noperspective out vec4 v_uv_plane;
-noperspective out vec4 v_sun;   // toward, sharp, glint
-noperspective out color v_light;
-noperspective out color v_lamps;
-noperspective out color v_haze;
-noperspective out color v_tone;
-noperspective out float v_rough;
-#if HIGH
-noperspective out vec4 v_below;
-#endif
+#define STAGE out
+#include "earth/plane.glsl"
 #endif
 
 void main() {
-    gl_Position = vec4((in_pixel + 0.5) / u_size * 2.0 - 1.0, 0.0, 1.0);
+    gl_Position = vec4((in_pixel + 0.5) / u_extent_px * 2.0 - 1.0, 0.0, 1.0);
+    gl_PointSize = u_cell_px;
 #if SMOOTH
-    GroundPoint g = ground_point(earth_ray(in_pixel));
-    v_uv_plane = vec4(g.uv, g.plane);
-    v_sun = vec4(g.toward, g.sharp, g.glint);
-    v_light = g.light;
-    v_lamps = g.lamps;
-    v_haze = g.haze;
-    v_tone = g.tone;
-    v_rough = g.rough;
+    v_middle = vec3(in_pixel + 0.5, 2.0 / u_cell_px);
+#define START(type, name) v_##name[0] = v_##name[1] = v_##name[2] = type(0.0);
+    FOR_EACH_VALUE(START)
+    for (int k = 0; k < 4; ++k) {
+        vec2 corner = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
+        GroundPoint g = ground_point(earth_ray(in_pixel + corner * (0.5 * u_cell_px)));
+        vec4 at = vec4(g.uv, g.plane);
+        vec4 sun = vec4(g.toward, g.sharp, g.glint);
+#define ADD(value, name) { v_##name[0] += 0.25 * value; \
+        v_##name[1] += (0.25 * corner.x) * value; v_##name[2] += (0.25 * corner.y) * value; }
+        ADD(at, uv_plane)
+        ADD(sun, sun)
+        ADD(g.light, light)
+        ADD(g.lamps, lamps)
+        ADD(g.haze, haze)
+        ADD(g.tone, tone)
+        ADD(g.rough, rough)
 #if HIGH
-    v_below = g.below;
+        ADD(g.below, below)
 #endif
+    }
 #endif
 }

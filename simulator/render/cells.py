@@ -46,16 +46,17 @@ class CellKind:
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Corners and triangles of the cells to draw.
+    """The cells to draw, squares of whole pixels.
 
     Parameters
     ----------
-    corners_px : (K, 2) float32 pixel positions; pixel edges lie at .5.
-    triangles : indices of triangles, uint32.
+    size_px : side of a cell. centers_px : (K, 2) float32 middles of each kind's cells; pixel edges lie at .5.
+    extent_px : width and height of all cells together, from the image's corner to beyond its end.
     """
 
-    corners_px: Float32Array
-    triangles: dict[CellKind, np.typing.NDArray[np.uint32]]
+    size_px: int
+    extent_px: tuple[int, int]
+    centers_px: dict[CellKind, Float32Array]
 
 
 def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> Cells:
@@ -67,6 +68,7 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     """
     pixel_rad = camera.pixel_angle_rad()
     size = int(np.clip(round(CELL_RAD / pixel_rad), _SMALLEST_PX, _LARGEST_PX))
+    bent = not camera.distortion.is_none
     x, y = _edges(camera.width_px, size), _edges(camera.height_px, size)
     px, py = np.meshgrid(x, y)
     d = np.concatenate([camera.unproject(np.stack([px, py], axis=-1)), np.ones((*px.shape, 1))], axis=-1)
@@ -82,6 +84,9 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     # seen from far away a cell spans much of the Earth
     smooth_corner &= distance * size * pixel_rad < _LARGEST_GROUND * depth
     smooth = _all_corners(smooth_corner)
+    if bent:
+        # a lens's rays are known inside the image only, and a cell must know those of its corners
+        smooth &= (x[1:] < camera.width_px)[None, :] & (y[1:] < camera.height_px)[:, None]
     # a ray's perigee moves by at most the camera's distance times the angle: within a cell, half its diagonal
     reach = float(np.linalg.norm(earth.camera)) * 0.75 * size * pixel_rad * 1.01
     touched_corner = (along < reach) & (np.sqrt(perigee2) < np.sqrt(earth.top2) + reach)
@@ -98,26 +103,22 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     level = np.round(np.log2(np.fmax(footprint_km[:-1, :-1], 1e-6)) / _LEVEL_STEP)
     # one number per kind of cell
     kind = (np.where(smooth, level, 0).astype(int) * 8 + smooth * 4 + covered * 2 + night)[touched]
-    triangles = {
-        CellKind(bool(k & 4), bool(k & 2), bool(k & 1), (k >> 3) * _LEVEL_STEP): _triangles(
-            touched.nonzero(), kind == k, len(x)
-        )
-        for k in map(int, np.unique(kind))
-    }
-    return Cells(np.stack([px, py], axis=-1).reshape(-1, 2).astype(np.float32), triangles)
+    row, column = touched.nonzero()
+    centers = np.stack([x[column], y[row]], axis=1).astype(np.float32) + np.float32(size / 2)
+    return Cells(
+        size,
+        (size * (len(x) - 1), size * (len(y) - 1)),
+        {
+            CellKind(bool(k & 4), bool(k & 2), bool(k & 1), (k >> 3) * _LEVEL_STEP): centers[kind == k]
+            for k in map(int, np.unique(kind))
+        },
+    )
 
 
 def _edges(length_px: int, size: int) -> FloatArray:
-    return np.append(np.arange(0, length_px, size), length_px) - 0.5
+    """Edges of the cells along one side; the last lies at the image's end or beyond."""
+    return np.arange(0, length_px + size, size)[: -(-length_px // size) + 1] - 0.5
 
 
 def _all_corners(values: np.typing.NDArray[np.bool_]) -> np.typing.NDArray[np.bool_]:
     return values[:-1, :-1] & values[:-1, 1:] & values[1:, :-1] & values[1:, 1:]
-
-
-def _triangles(
-    cells: tuple[np.typing.NDArray[np.intp], ...], chosen: np.typing.NDArray[np.bool_], stride: int
-) -> np.typing.NDArray[np.uint32]:
-    first = cells[0][chosen] * stride + cells[1][chosen]
-    pattern = np.array([0, 1, stride + 1, 0, stride + 1, stride])
-    return (first[:, None] + pattern).astype(np.uint32).ravel()

@@ -116,20 +116,17 @@ def test_cells_cover_what_the_earth_touches_once(draw_kit):
         view = build_view(draw_kit.scene(target, camera=camera, off_nadir_deg=off_nadir))
         earth = earth_view(view, camera, earth_atmosphere("mono"))
         cut = cells.earth_cells(earth, camera, PixelRect(50, 50, 60, 60))
-        area = 0.0
-        for triangles in cut.triangles.values():
-            a, b, c = (cut.corners_px[triangles[k::3]] for k in range(3))
-            area += (
-                0.5
-                * np.abs(np.cross(np.c_[b - a, np.zeros(len(a))], np.c_[c - a, np.zeros(len(a))])[:, 2]).sum()
-            )
+        seen = np.zeros((150, 200), int)
+        for x, y in np.concatenate([*cut.centers_px.values(), np.zeros((0, 2))]) + 0.5 - cut.size_px / 2:
+            seen[round(y) : round(y) + cut.size_px, round(x) : round(x) + cut.size_px] += 1
         if full:
-            assert area == pytest.approx(200 * 150)
-            assert {kind.covered for kind in cut.triangles if kind.smooth} == {True, False}
+            assert np.all(seen == 1)
+            assert {kind.covered for kind in cut.centers_px if kind.smooth} == {True, False}
         elif off_nadir == 180:
-            assert area == 0
+            assert not seen.any()
         else:
-            assert 0 < area < 200 * 150
+            assert seen.max() == 1
+            assert 0 < seen.sum() < 200 * 150
 
 
 def test_detail_tiles_and_its_histogram_is_even():

@@ -62,7 +62,6 @@ class EarthPass:
         self._detail.build_mipmaps()
         self._relief = self._mapped(relief())
         self._months: dict[int, moderngl.Texture] = {}
-        self._corners = context.buffer(reserve=64, dynamic=True)
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
 
     def air(self, thickness_km: float) -> Air:
@@ -125,10 +124,9 @@ class EarthPass:
             self._context.LINEAR_MIPMAP_LINEAR if quality == "high" else self._context.LINEAR_MIPMAP_NEAREST
         )
         self._detail.filter = (smallest, self._context.LINEAR)
-        self._corners.orphan(cells.corners_px.nbytes)
-        self._corners.write(cells.corners_px.tobytes())
         images.sky_framebuffer.use()
-        images.sky_framebuffer.viewport = (0, 0, *images.size)
+        # beyond the image's end: a point is dropped when its middle is outside
+        images.sky_framebuffer.viewport = (0, 0, *cells.extent_px)
         self._context.blend_func = self._context.ONE, self._context.ONE
         month = season(scene.epoch_utc) if environment.seasons else AUGUST
         textures = self._textures(images, self.air(environment.atmosphere_thickness_km).frame) | {
@@ -136,24 +134,26 @@ class EarthPass:
             "t_before": self._month(month.before),
             "t_after": self._month(month.after),
         }
-        for kind, triangles in cells.triangles.items():
+        for kind, centers in cells.centers_px.items():
             program = self._program(environment, kind, behind=behind, high=quality == "high")
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
-            self._context.enable_only(self._context.BLEND if kind.covered else self._context.NOTHING)
+            blend = self._context.BLEND if kind.covered else self._context.NOTHING
+            self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
             program.bind_textures(**textures)
             program.set("u_season", month.share)
-            program.set("u_size", images.size)
+            program.set("u_extent_px", cells.extent_px)
+            program.set("u_cell_px", float(cells.size_px))
             program.set("u_level", (kind.level - LOG2_TEXEL_KM, kind.level - math.log2(DETAIL_TEXEL_KM)))
             if program not in self._arrays:
-                indices = self._context.buffer(reserve=triangles.nbytes, dynamic=True)
+                buffer = self._context.buffer(reserve=centers.nbytes, dynamic=True)
                 array = self._context.vertex_array(
-                    program.gl, [(self._corners, "2f", "in_pixel")], index_buffer=indices
+                    program.gl, [(buffer, "2f", "in_pixel")], mode=self._context.POINTS
                 )
-                self._arrays[program] = (indices, array)
-            indices, array = self._arrays[program]
-            indices.orphan(triangles.nbytes)
-            indices.write(triangles.tobytes())
-            array.render(vertices=len(triangles))
+                self._arrays[program] = (buffer, array)
+            buffer, array = self._arrays[program]
+            buffer.orphan(centers.nbytes)
+            buffer.write(centers)
+            array.render(vertices=len(centers))
 
     def _textures(self, images: Images, air: AirPass) -> dict[str, moderngl.Texture]:
         textures = {"t_coverage": images.coverage, "t_map": self._maps[0], "t_detail": self._detail}

@@ -1,0 +1,12 @@
+// What the corners of a smooth cell see of the ground, as a plane over the cell: mean, slope to the right, slope down,
+// each slope per half a cell. STAGE: out in the vertex shader, in in the fragment shader.
+#if HIGH
+#define FOR_EACH_VALUE(F) F(vec4, uv_plane) F(vec4, sun) F(color, light) F(color, lamps) F(color, haze) \
+    F(color, tone) F(float, rough) F(vec4, below)
+#else
+#define FOR_EACH_VALUE(F) F(vec4, uv_plane) F(vec4, sun) F(color, light) F(color, lamps) F(color, haze) \
+    F(color, tone) F(float, rough)
+#endif
+#define DECLARE(type, name) flat STAGE type v_##name[3];
+FOR_EACH_VALUE(DECLARE)
+flat STAGE vec3 v_middle; // of the cell, in gl_FragCoord's sense [px]; two over the cell's side [px-1]
