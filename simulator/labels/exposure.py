@@ -30,6 +30,8 @@ STILL_PX = 0.3
 INSTANT_PX = 1.0
 """Motion between instants. A pixel integrates over itself, so steps of one pixel leave no gap in a smear."""
 MAX_INSTANTS = 256
+FASTEST_GROUND_M_S = 1.6e3
+"""Earth's equator turns at 465 m/s; the Moon goes round the Earth at up to 1.1 km/s."""
 BAND_PX = 0.2
 """Motion between bands of rows of a rolling shutter: labels and picture are within half of it of the true row's."""
 
@@ -63,6 +65,31 @@ def image_motion_px(scene: SceneState, target: Target, span_s: float) -> float:
     return float(np.nanmax(way, initial=0.0))
 
 
+def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
+    """A motion that `image_motion_px` is never above, for a fraction of its cost; infinite where it is not known."""
+    camera, size = scene.camera, float(np.linalg.norm(box_3d_m(target), axis=1).max())
+    t = np.asarray(scene.t_camera_from_target_m)
+    body = BODIES[scene.central_body]
+    moon = scene.central_body == "moon"
+    r = np.asarray(scene.r_camera_eci_m) - (np.asarray(scene.r_moon_eci_m) if moon else 0.0)
+    height = float(np.linalg.norm(r)) - body.radius_m
+    if not camera.distortion.is_none or t[2] <= 2 * size or height <= 1e3:
+        return float("inf")
+    v = np.asarray(scene.v_camera_eci_m_s)
+    passing = float(np.linalg.norm(np.asarray(scene.v_target_eci_m_s) - v))
+    turning = float(np.linalg.norm(scene.omega_camera_rad_s))
+    spinning = float(np.linalg.norm(scene.omega_target_rad_s))
+    craft = (passing + size * spinning) / (t[2] - size)
+    ground = (float(np.linalg.norm(v)) + FASTEST_GROUND_M_S) / height
+    # an angle's image grows with the square of the distance from the axis
+    x = max(camera.cx_px, camera.width_px - camera.cx_px) / camera.fx_px
+    y = max(camera.cy_px, camera.height_px - camera.cy_px) / camera.fy_px
+    aside = max(float(np.hypot(x, y)), (float(np.hypot(t[0], t[1])) + size) / (t[2] - size))
+    rate = turning + max(craft, ground if scene.environment.earth else 0.0)
+    # a quarter more: rates change within the span by far less
+    return 1.25 * span_s * rate * max(camera.fx_px, camera.fy_px) * (1 + aside**2)
+
+
 def _places_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
     """(K, 2) where the followed points of ``scene`` are seen in the scene ``then``; NaN behind the camera."""
     corners = box_3d_m(target)
@@ -93,7 +120,9 @@ def _places_px(scene: SceneState, then: SceneState, target: Target) -> FloatArra
 
 def instants(scene: SceneState, target: Target) -> FloatArray:
     """(N,) times of the instants to draw, from the middle of a row's exposure [s]; one zero if all is still."""
-    motion = image_motion_px(scene, target, scene.exposure_s) if scene.shutter.motion_blur else 0.0
+    if not scene.shutter.motion_blur or motion_bound_px(scene, target, scene.exposure_s) < STILL_PX:
+        return np.zeros(1)
+    motion = image_motion_px(scene, target, scene.exposure_s)
     if motion < STILL_PX:
         return np.zeros(1)
     n = int(np.clip(np.ceil(motion / INSTANT_PX), 3, MAX_INSTANTS))

@@ -117,7 +117,7 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
 
 def _edges(length_px: int, size: int) -> FloatArray:
     """Edges of the cells along one side; the last lies at the image's end or beyond."""
-    return np.arange(0, length_px + size, size)[: -(-length_px // size) + 1] - 0.5
+    return np.asarray(np.arange(-(-length_px // size) + 1) * float(size) - 0.5)
 
 
 def _all_corners(values: np.typing.NDArray[np.bool_]) -> np.typing.NDArray[np.bool_]:

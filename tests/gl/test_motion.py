@@ -14,7 +14,14 @@ from simulator.dataset.check import check_dataset
 from simulator.dataset.contact_sheet import smaller
 from simulator.dataset.native import frame_paths, read_png
 from simulator.dataset.picture import render_scene
-from simulator.labels.exposure import MAX_INSTANTS, image_motion_px, instants, integrate, row_bands
+from simulator.labels.exposure import (
+    MAX_INSTANTS,
+    image_motion_px,
+    instants,
+    integrate,
+    motion_bound_px,
+    row_bands,
+)
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
 from simulator.render.passes.stars import stars_in_view
@@ -135,6 +142,18 @@ def test_stars_draw_trails_as_long_as_the_camera_turns(renderer, draw_kit, plate
     assert last - first > 50
     assert right - left == pytest.approx(last - first, rel=0.01)
     assert 2 * half * (last - first) == pytest.approx(light[star].sum(), rel=0.06)
+
+
+@pytest.mark.parametrize("name", ["tango-flyaround", "tango-close-3m", "lunar-orbit", "iss-orbit-limb"])
+def test_the_quick_bound_of_the_motion_holds(name):
+    scenario = load_scenario(name)
+    plan = plan_flight(scenario, times=tuple(np.linspace(0, scenario.duration_s, 4)))
+    for k in range(4):
+        scene = plan.scene(k)
+        for omega in ((0.0, 0.0, 0.0), (0.02, -0.05, 0.1)):
+            turned = replace(scene, omega_camera_rad_s=omega)
+            motion = image_motion_px(turned, plan.target, 0.05)
+            assert motion <= motion_bound_px(turned, plan.target, 0.05) < 30 * motion + 3
 
 
 def test_what_stands_still_is_drawn_once(renderer, draw_kit, plate):
