@@ -10,6 +10,7 @@ import msgspec
 
 from simulator.dataset.card import (
     CARD_NAME,
+    CardQuarantine,
     CardTarget,
     DatasetCard,
     card_to_json,
@@ -150,6 +151,8 @@ def capture(
             reason = _write_checked(folder, k, frame, card, plan.target)
             if reason:
                 quarantined.append((k, reason))
+                card = _with_quarantined(card, k, reason)
+                write_atomic(folder / CARD_NAME, card_to_json(card))
             elif frame.truth is not None:
                 n_feasible += frame.truth.feasible
             progress(len(kept) + done + 1, plan.n_frames)
@@ -158,6 +161,13 @@ def capture(
     write_atomic(folder / CARD_NAME, card_to_json(msgspec.structs.replace(card, complete=not quarantined)))
     n_written = len(missing) - len(quarantined)
     return CaptureSummary(folder, n_written, len(kept), n_feasible, tuple(quarantined))
+
+
+def _with_quarantined(card: DatasetCard, k: int, reason: str) -> DatasetCard:
+    """The card with one more frame that is kept apart."""
+    return msgspec.structs.replace(
+        card, quarantined=(*card.quarantined, CardQuarantine(frame=k, reason=reason))
+    )
 
 
 def _possible(plan: Plan, labels: tuple[str, ...]) -> tuple[str, ...]:

@@ -60,6 +60,13 @@ class CardMachine(msgspec.Struct, frozen=True, kw_only=True):
     cpu: str
 
 
+class CardQuarantine(msgspec.Struct, frozen=True, kw_only=True):
+    """A frame that is kept apart, in ``quarantine/``, and why."""
+
+    frame: int
+    reason: str
+
+
 class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
     """The data-set card."""
 
@@ -71,6 +78,7 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
     n_frames: Annotated[int, msgspec.Meta(ge=1, le=10_000_000)]
     every_s: float | None
     complete: bool
+    quarantined: tuple[CardQuarantine, ...] = ()
     formats: tuple[str, ...]
     labels: tuple[str, ...] = ()
     camera: Camera

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,8 @@ from simulator.labels.layers import layer_hash
 from simulator.world.pose import Pose
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from simulator.arrays import ByteArray, FloatArray, IntArray
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
 
 MOST_DOUBTS = 300
+MOST_BAD = 6
 # Half precision keeps a normal to 5e-4.
 NORMAL_TOLERANCE = 2e-3
 NORMAL_ANGLE_RAD = 0.05
@@ -152,26 +156,29 @@ def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Ta
         layer = mask if name == "mask" else layers.get(name)
         if layer is not None:
             wrong += _sentence(
-                name, [p for p in pixels if not prober.agrees(p, partial(is_right, layer[p[1], p[0]]))]
+                name, (p for p in pixels if not prober.agrees(p, partial(is_right, layer[p[1], p[0]])))
             )
     if "normals" in layers and len(pixels):
         rays = rays_with_opencv(truth.camera, pixels.astype(float))
-        bad = [
+        bad = (
             p
             for p, ray in zip(pixels, rays, strict=True)
             if mask[p[1], p[0]]
             and not prober.agrees(p, partial(_normal_agrees, layers["normals"][p[1], p[0]], ray))
-        ]
+        )
         wrong += _sentence("normals", bad)
     if "flow" in layers:
         wrong += _check_flow(truth, layers["flow"], pixels, prober)
     return wrong
 
 
-def _sentence(name: str, bad: list[IntArray]) -> list[str]:
-    if not bad:
+def _sentence(name: str, bad: Iterable[IntArray]) -> list[str]:
+    """What is wrong, by its first pixels: a layer that is wrong all over need not be followed to its end."""
+    first = list(itertools.islice(bad, MOST_BAD))
+    if not first:
         return []
-    return [f"{name} is not the mesh's at {len(bad)} sampled pixels, the first at {tuple(map(int, bad[0]))}"]
+    number = f"{MOST_BAD} or more" if len(first) == MOST_BAD else str(len(first))
+    return [f"{name} is not the mesh's at {number} sampled pixels, the first at {tuple(map(int, first[0]))}"]
 
 
 def _mask_agrees(value: int, probe: Probe) -> bool:
@@ -236,8 +243,9 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, probe
         return bool(np.all((value >= low - tolerance) & (value <= high + tolerance)))
 
     rays = rays_with_opencv(truth.camera, on.astype(float)) if len(on) else np.zeros((0, 2))
-    bad = [p for p, ray in zip(on, rays, strict=True) if not prober.agrees(p, partial(is_right, p, ray))]
-    return _sentence("flow", bad + [p for p in off if not prober.agrees(p, partial(has_none, p))])
+    bad = (p for p, ray in zip(on, rays, strict=True) if not prober.agrees(p, partial(is_right, p, ray)))
+    missing = (p for p in off if not prober.agrees(p, partial(has_none, p)))
+    return _sentence("flow", itertools.chain(bad, missing))
 
 
 def _check_mask(
@@ -247,9 +255,9 @@ def _check_mask(
     doubts = doubtful_pixels(truth, mask, target, origin_px)
     if len(doubts) > MOST_DOUBTS:
         return [f"{name} differs from the projected craft at {len(doubts)} pixels"]
-    bad = [
+    bad = (
         p
         for p in doubts
         if not prober.agrees(p + np.array(origin_px), partial(_mask_agrees, mask[p[1], p[0]]))
-    ]
+    )
     return _sentence(name, bad)

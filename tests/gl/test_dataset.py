@@ -6,27 +6,37 @@ import shutil
 
 import cv2
 import jsonschema
+import msgspec
 import numpy as np
 import pytest
 
 from simulator.dataset.capture import capture
 from simulator.dataset.card import card_json_schema
 from simulator.dataset.check import check_dataset
+from simulator.dataset.contact_sheet import smaller
 from simulator.dataset.native import frame_paths, read_png
 from simulator.dataset.picture import render_scene, save_picture
 from simulator.errors import UserError
+from simulator.labels.frame import take_frame
 from simulator.labels.truth import read_truth, truth_json_schema
 from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
+from simulator.validation.label_faults import spoil
 
 pytestmark = pytest.mark.gl
 
 N = 3
 
 
+def _plan(seed=None):
+    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
+    plan = plan_flight(scenario, n=N, seed=seed, quality="draft")
+    return dataclasses.replace(plan, camera=smaller(plan.camera, 384))
+
+
 @pytest.fixture(scope="module")
 def plan():
-    return plan_flight(load_scenario("tango-flyaround"), n=N, quality="draft")
+    return _plan()
 
 
 @pytest.fixture(scope="module")
@@ -241,9 +251,8 @@ def test_workers_give_the_same_bytes(dataset, plan, tmp_path):
 
 
 def test_resume_refuses_another_plan(copy):
-    other = plan_flight(load_scenario("tango-flyaround"), n=N, seed=99, quality="draft")
     with pytest.raises(UserError, match="another seed"):
-        capture(other, copy, resume=True)
+        capture(_plan(seed=99), copy, resume=True)
 
 
 def test_resume_keeps_the_formats_and_needs_a_card(copy, plan, tmp_path):
@@ -275,6 +284,35 @@ def test_an_interrupted_capture_is_valid_as_far_as_it_went(tmp_path, plan):
     report = check_dataset(folder)
     assert (report.n_frames, report.faults) == (2, ())
     assert not json.loads((folder / "dataset.json").read_text())["complete"]
+
+
+def test_a_frame_whose_labels_disagree_is_kept_apart_and_named_in_the_card(tmp_path, plan, monkeypatch):
+    """A mask that is drawn four pixels off in one frame: the picture goes to quarantine, resuming mends it."""
+    import simulator.dataset.draw as drawing
+
+    def careless(renderer, scene, target, *, labels):
+        frame = take_frame(renderer, scene, target, labels=labels)
+        return frame if scene.frame_index != 1 else spoil("mask moved", frame)
+
+    monkeypatch.setattr(drawing, "take_frame", careless)
+    folder = tmp_path / "set"
+    summary = capture(plan, folder)
+    ((frame, reason),) = summary.quarantined
+    assert frame == 1
+    assert "mask is not the mesh's" in reason or "mask differs from the projected craft" in reason
+    card = json.loads((folder / "dataset.json").read_text())
+    jsonschema.validate(card, card_json_schema())
+    assert card["quarantined"] == [{"frame": 1, "reason": reason}]
+    assert not card["complete"]
+    assert not frame_paths(folder, 1).image.exists()
+    assert frame_paths(folder / "quarantine", 1).image.exists()
+    assert (folder / "quarantine" / "000001.txt").read_text() == reason + "\n"
+    assert check_dataset(folder).faults == ()
+    monkeypatch.undo()
+    capture(plan, folder, resume=True)
+    card = json.loads((folder / "dataset.json").read_text())
+    assert (card["quarantined"], card["complete"]) == ([], True)
+    assert check_dataset(folder).faults == ()
 
 
 def test_from_truth_gives_the_same_bytes(tmp_path, dataset, plan):

@@ -26,7 +26,8 @@ pytestmark = pytest.mark.gl
 
 @pytest.fixture(scope="module")
 def plan():
-    plan = plan_flight(load_scenario("tango-flyaround"), times=(20.0, 20.5), quality="draft")
+    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
+    plan = plan_flight(scenario, times=(20.0, 20.5), quality="draft")
     camera = smaller(plan.camera, 256)
     # longer, and to the side, so that the craft is cropped
     return replace(
