@@ -8,13 +8,15 @@ import numpy as np
 
 from hil.board.svd.base import Estimator
 from hil.board.svd.confidence import ACCEPT_AT, confidence, decide
-from hil.board.svd.edges import shrink
+from hil.board.svd.edges import edge_field, shrink
 from hil.board.svd.finish import choose
 from hil.board.svd.frame import Candidate, Craft, Frame, PoseResult
 from hil.board.svd.gradient import eliminate_weak_gradients
+from hil.board.svd.look.first import FirstLook, Glance
 from hil.board.svd.model import BoardModel, CameraIntrinsics
 from hil.board.svd.noise import noise_sigma
-from hil.board.svd.roi import REDUCTION, propose_regions
+from hil.board.svd.roi import REDUCTION, Region, propose_regions
+from hil.board.svd.score import support
 from hil.board.svd.search import search_region
 from hil.board.svd.verify import choose_by_picture
 
@@ -22,6 +24,15 @@ Array = np.ndarray
 
 # Share of the frame's tiles with edges above which the background is not empty space.
 BUSY = 0.25
+
+# Regions glanced at by the first look, and places it hands on with a texture behind and with nothing.
+GLANCES, LOOKS, EMPTY_LOOKS = 6, 2, 1
+
+# Logit of there being a craft from which only that place is searched.
+SURE = 2.0
+
+# Longest side of the edges that its poses are supported by [px].
+LOOK_FIELD_PX = 200
 
 # Regions searched at most with a texture behind and with nothing, and the least diagonal of one [px].
 REGIONS, EMPTY_REGIONS, SMALLEST_PX = 2, 3, 24.0
@@ -42,12 +53,13 @@ class PoseEstimator(Estimator):
         super().__init__(model, camera)
         self.accept_at = accept_at
         self.craft = Craft.prepare(model, camera)
+        self.first = FirstLook.prepare(model, camera)
 
     def _estimate(self, frame: Frame) -> PoseResult:
         return self.initialise(frame)
 
     def initialise(self, frame: Frame) -> PoseResult:
-        """The pose in one frame, without knowing any other."""
+        """The pose in one frame, without knowing any other: by a first look, by edges where that is not enough."""
         image = frame.image
         # a 16-bit file may hold 10 or 12 bits: its own largest value is its scale
         full_scale = 255.0 if image.dtype == np.uint8 else float(image.max())
@@ -64,21 +76,54 @@ class PoseEstimator(Estimator):
         frame.count("regions", len(regions))
         frame.keep("regions", regions)
         frame.mark("roi")
-        found: List[Candidate] = []
-        for region in regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]:
-            if region.diagonal_px >= SMALLEST_PX:
-                found += search_region(self.craft, frame, region)
-        if not found:
-            return PoseResult(
-                False,
-                "no target found",
-                None,
-                None,
-                0.0,
-                frame.stages_ms,
-                frame.counts,
-                method=self.method,
-            )
+        regions = [r for r in regions if r.diagonal_px >= SMALLEST_PX]
+        glances = self._glances(frame, regions)
+        found = [c for g in glances for c in self._candidates(frame, g)]
+        frame.mark("first_look")
+        looked = self._chosen(frame, found) if found else None
+        if looked is not None and looked.accepted:
+            return looked
+        # where a craft surely is, edges are searched, else wherever one may be
+        sure = [g.source for g in glances if g.craft > SURE]
+        frame.count("searched", 1)
+        for region in sure or regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]:
+            found += search_region(self.craft, frame, region)
+        if found:
+            return self._chosen(frame, found)
+        return PoseResult(
+            False, "no target found", None, None, 0.0, frame.stages_ms, frame.counts, method=self.method
+        )
+
+    def _glances(self, frame: Frame, regions: List[Region]) -> List[Glance]:
+        """What the first look says of the likeliest places; nothing where the target has none."""
+        if self.first is None:
+            return []
+        keep = LOOKS if frame.background < 0 else EMPTY_LOOKS
+        return self.first.glances(frame.image, frame.noise, regions[:GLANCES], keep)
+
+    def _candidates(self, frame: Frame, glance: Glance) -> List[Candidate]:
+        """Poses of a glance with their support by edges."""
+        region, craft = glance.region(self.craft.camera), self.craft
+        h, w = frame.image.shape
+        x0, y0, x1, y1 = region.grown(0.05, w, h)
+        if min(x1 - x0, y1 - y0) < SMALLEST_PX:
+            return []
+        field = edge_field(
+            frame.image,
+            (x0, y0, x1, y1),
+            frame.noise,
+            LOOK_FIELD_PX,
+            background=frame.background,
+            likely=frame.likely,
+        )
+        out = []
+        for q, t, likely in zip(glance.q, glance.t, glance.log_likely):  # noqa: B905 - Python 3.9 has no strict=
+            s = support(q, t, craft.samples, craft.occ, field, craft.camera, craft.spacing_m)
+            out.append(Candidate(q, t, s, field, region, float(likely - glance.log_likely[0])))
+        return out
+
+    def _chosen(self, frame: Frame, found: List[Candidate]) -> PoseResult:
+        """The best of the candidates, and whether it is to be accepted."""
         found.sort(key=lambda c: -c.support.total)
         frame.keep("found", found)
         decide_between = choose if self.model.faces is None else choose_by_picture

@@ -104,13 +104,19 @@ class Craft:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A pose with its evidence, and the region and edges that gave it."""
+    """A pose with its evidence, and the region and edges that gave it.
+
+    Parameters
+    ----------
+    likely : logarithm of its likelihood by the first look over that of the best of its region; zero for others.
+    """
 
     q: Array
     t: Array
     support: Support
     field: EdgeField
     region: Region
+    likely: float = 0.0
 
 
 class Frame:

@@ -1,0 +1,203 @@
+"""The first look: regions of the picture shown to the network twice, and the poses it thinks likely.
+
+The first glance corrects a region's place and size, the second gives a likelihood on SO(3); the likeliest attitudes
+are then ranked by how well their faces explain the picture as well. Which is right, the full picture decides later.
+
+References
+----------
+Sharma & D'Amico (2019), Pose estimation for non-cooperative rendezvous using neural networks (classes of attitude,
+then geometry); Murphy et al. (2021), Implicit-PDF (several maxima on SO(3)).
+"""
+
+from __future__ import annotations
+
+import io
+import pkgutil
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import List, Optional, Sequence, Tuple
+
+import numpy as np
+
+from hil.board.svd import quaternion as quat
+from hil.board.svd.look.crop import Gaze, look
+from hil.board.svd.look.net import Net
+from hil.board.svd.look.subspaces import Subspaces
+from hil.board.svd.model import BoardModel, CameraIntrinsics
+from hil.board.svd.roi import Region
+
+Array = np.ndarray
+
+# Diameter of the craft's sphere over the diagonal of a region, in the median.
+SPHERE_OVER_BOX = 1.15
+
+# Attitudes handed on from one place, and how much less likely than the first the last may be [log].
+ATTITUDES, LESS = 16, 9.0
+
+# Attitudes closer than this are one [rad].
+APART_RAD = float(np.radians(11.0))
+
+# A place this much less sure of a craft than the surest is left out [logit].
+DOUBT = 4.0
+
+# How far the sphere and centre of a model may be from those of the training [radii].
+SAME_M = 0.03
+
+# Largest corrections of one glance [half sides, log].
+SHIFT, SIZE = 0.7, 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Glance:
+    """What the network says of one place.
+
+    Parameters
+    ----------
+    gaze : the corrected direction and size. q (K, 4), t (K, 3), log_likely (K,) : poses, the likeliest first.
+    craft : logit of there being a craft. source : the proposal it started from.
+    """
+
+    source: Region
+    gaze: Gaze
+    q: Array
+    t: Array
+    log_likely: Array
+    craft: float
+
+    def region(self, camera: CameraIntrinsics) -> Region:
+        """Square about the craft's sphere; may reach beyond the picture."""
+        u, v = camera.pixels(self.gaze.direction)
+        r = 0.5 * self.gaze.diameter_px
+        return Region(float(u - r), float(v - r), float(u + r), float(v + r), "look")
+
+
+@lru_cache(maxsize=4)
+def read_net(name: str) -> Optional[Net]:
+    """The network shipped for a target of this name, or None."""
+    if not name.replace("-", "").replace("_", "").isalnum():
+        return None
+    try:
+        # a bundle is a zip file: its members are read through the importer
+        data = pkgutil.get_data("hil.board.svd.look", f"{name}.npz")
+        return None if data is None else Net.read(io.BytesIO(data))
+    except (OSError, ValueError, KeyError):
+        return None
+
+
+def net_for(model: BoardModel) -> Optional[Net]:
+    """The network trained for this model, None where there is none or the model is another by now."""
+    net = read_net(model.name)
+    if net is None:
+        return None
+    away = np.linalg.norm(net.centre_m - model.centre_m) + abs(net.radius_m - model.radius_m)
+    return net if away < SAME_M * net.radius_m else None
+
+
+@dataclass(frozen=True, eq=False)
+class FirstLook:
+    """A target's network and the views of its faces, ready for pictures of one camera."""
+
+    net: Net
+    views: Subspaces
+    camera: CameraIntrinsics
+    centre_m: Array
+    radius_m: float
+
+    @staticmethod
+    def prepare(model: BoardModel, camera: CameraIntrinsics) -> Optional[FirstLook]:
+        """None where there is no network for this model, or it has no faces."""
+        net = net_for(model)
+        if net is None or model.faces is None:
+            return None
+        return FirstLook(net, _views(_Drawn(model.sha256, model)), camera, model.centre_m, model.radius_m)
+
+    def glances(self, image: Array, noise: float, regions: Sequence[Region], keep: int) -> List[Glance]:
+        """The likeliest places with their poses, the surest of a craft first.
+
+        Parameters
+        ----------
+        image : (H, W). noise : its standard deviation. regions : proposals. keep : places at most.
+        """
+        if not regions:
+            return []
+        camera = self.camera
+        f = 0.5 * (camera.fx_px + camera.fy_px)
+        gazes = [
+            Gaze.at(camera, 0.5 * (r.x0 + r.x1), 0.5 * (r.y0 + r.y1), SPHERE_OVER_BOX * r.diagonal_px)
+            for r in regions
+        ]
+        _, craft, gazes = self._glance(image, noise, gazes)
+        chosen: List[int] = []
+        for k in np.argsort(-craft):
+            if len(chosen) < keep and all(_apart(gazes[k], gazes[j], f) for j in chosen):
+                chosen.append(int(k))
+        starts = [regions[k] for k in chosen]
+        before = [gazes[k] for k in chosen]
+        coefficients, craft, gazes = self._glance(image, noise, before)
+        again = [k for k in range(len(gazes)) if _moved_much(before[k], gazes[k], f)]
+        if again:
+            # what was far off is looked at once more, now that it is nearer
+            c, sure, moved = self._glance(image, noise, [gazes[k] for k in again])
+            for j, k in enumerate(again):
+                coefficients[k], craft[k], gazes[k] = c[j], sure[j], moved[j]
+        out = []
+        for k in np.argsort(-craft):
+            if craft[k] < craft.max() - DOUBT:
+                break
+            q, move, score = self.views.rank(image, camera, gazes[k], coefficients[k], ATTITUDES, APART_RAD)
+            near = score > score[0] - LESS
+            Q, t = self._placed(gazes[k], q[near], move[near])
+            out.append(Glance(starts[k], gazes[k], Q, t, score[near], float(craft[k])))
+        return out
+
+    def _glance(self, image: Array, noise: float, gazes: List[Gaze]) -> Tuple[Array, Array, List[Gaze]]:
+        """Attitude coefficients (B, J), logits of a craft (B,), corrected gazes."""
+        looks = np.stack([look(image, noise, self.camera, g) for g in gazes])
+        coefficients, rest = self.net(looks)
+        f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
+        moved = [
+            g.moved(f, np.clip(r[:2], -SHIFT, SHIFT), float(np.clip(r[2], -SIZE, SIZE)))
+            for g, r in zip(gazes, rest)  # noqa: B905 - Python 3.9 has no strict=
+        ]
+        return coefficients, rest[:, 3], moved
+
+    def _placed(self, gaze: Gaze, q_look: Array, move: Array) -> Tuple[Array, Array]:
+        """Poses q (K, 4), t (K, 3) in the camera of attitudes against the line of sight, each with its correction."""
+        f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
+        q, t = [], []
+        for attitude, m in zip(q_look, move):  # noqa: B905 - Python 3.9 has no strict=
+            g = gaze.moved(f, m[:2], float(m[2]))
+            distance = self.radius_m * float(np.hypot(1.0, 2 * f / g.diameter_px))
+            R = g.swing() @ quat.matrix(attitude)
+            q.append(quat.from_matrix(R))
+            t.append(distance * g.direction - R @ self.centre_m)
+        return np.array(q).reshape(-1, 4), np.array(t).reshape(-1, 3)
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """A model known by its hash."""
+
+    sha256: str
+    model: BoardModel = field(compare=False)
+
+
+@lru_cache(maxsize=1)
+def _views(drawn: _Drawn) -> Subspaces:
+    """Drawn once for all estimators of one model."""
+    faces = drawn.model.faces
+    assert faces is not None  # noqa: S101 - the caller asked
+    return Subspaces.of(drawn.model, faces)
+
+
+def _moved_much(a: Gaze, b: Gaze, f_px: float) -> bool:
+    """Whether a correction is so large that the attitude was seen badly: an eighth of the size."""
+    shift = f_px * float(np.linalg.norm(a.direction - b.direction)) / b.diameter_px
+    return shift > 0.08 or abs(float(np.log(b.diameter_px / a.diameter_px))) > 0.12
+
+
+def _apart(a: Gaze, b: Gaze, f_px: float) -> bool:
+    """Whether two gazes are at different things: a quarter of the craft's size apart, or of another size."""
+    size = min(a.diameter_px, b.diameter_px)
+    ratio = max(a.diameter_px, b.diameter_px) / size
+    return bool(ratio > 1.3 or f_px * np.linalg.norm(a.direction - b.direction) > 0.25 * size)

@@ -1,0 +1,123 @@
+"""A small convolutional network in numpy: what it is shown, its layers, and its weights file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import BinaryIO, Tuple, Union
+
+import cv2
+import numpy as np
+
+Array = np.ndarray
+
+# Side of what the network is shown [px], and share of it that the craft's sphere fills when the region is right.
+LOOK_PX, FILLED = 64, 0.72
+
+# Side of the neighbourhood of the contrast channel [px].
+CONTRAST_PX = 13
+
+# Stride of each convolution; the first has 5 x 5 taps, the others 3 x 3.
+STRIDES = (2, 2, 2, 1, 2)
+
+VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Net:
+    """Weights of one target's first look.
+
+    Parameters
+    ----------
+    name : of the target. centre_m (3,), radius_m : of the sphere it was trained with.
+    kernels : (k, k, C, D) per convolution; biases (D,). squeeze (D, E), (E,) : one-by-one convolution after the last.
+    hidden : (n, H), (H,). heads : (H, J + 4), (J + 4,): attitude coefficients, shift x y, log size, craft or not.
+    """
+
+    name: str
+    centre_m: Array
+    radius_m: float
+    kernels: Tuple[Array, ...]
+    biases: Tuple[Array, ...]
+    squeeze: Tuple[Array, Array]
+    hidden: Tuple[Array, Array]
+    heads: Tuple[Array, Array]
+
+    @staticmethod
+    def read(file: Union[str, BinaryIO]) -> Net:
+        """From an ``.npz`` file of half-precision weights.
+
+        Raises
+        ------
+        ValueError
+            If it was written for another version of the layers.
+        """
+        with np.load(file) as f:
+            if int(f["version"]) != VERSION:
+                raise ValueError(f"first look: version {int(f['version'])}, expected {VERSION}")
+            n = len(STRIDES)
+
+            def wide(key: str) -> Array:
+                return np.asarray(f[key], np.float32)
+
+            return Net(
+                str(f["name"]),
+                np.asarray(f["centre_m"], float),
+                float(f["radius_m"]),
+                tuple(wide(f"kernel{k}") for k in range(n)),
+                tuple(wide(f"bias{k}") for k in range(n)),
+                (wide("squeeze"), wide("squeeze_bias")),
+                (wide("hidden"), wide("hidden_bias")),
+                (wide("heads"), wide("heads_bias")),
+            )
+
+    def __call__(self, looks: Array) -> Tuple[Array, Array]:
+        """Attitude coefficients (B, J) and (B, 4) shift, log size, logit of there being a craft.
+
+        Parameters
+        ----------
+        looks : (B, 64, 64, 2) float32, see ``contrast``.
+        """
+        x = looks
+        for kernel, bias, stride in zip(self.kernels, self.biases, STRIDES):  # noqa: B905 - 3.9
+            x = np.maximum(convolve(x, kernel, stride) + bias, 0.0)
+        x = np.maximum(x @ self.squeeze[0] + self.squeeze[1], 0.0).reshape(len(x), -1)
+        x = np.maximum(x @ self.hidden[0] + self.hidden[1], 0.0)
+        out = x @ self.heads[0] + self.heads[1]
+        return out[:, :-4], out[:, -4:]
+
+
+def convolve(x: Array, kernel: Array, stride: int) -> Array:
+    """(B, H / s, W / s, D) convolution of (B, H, W, C), zeros around it, as one product of matrices."""
+    k = kernel.shape[0]
+    before = (k - stride) // 2 if stride > 1 else k // 2
+    b, h, w, c = x.shape
+    padded = np.zeros((b, h + k, w + k, c), np.float32)
+    padded[:, before : before + h, before : before + w] = x
+    rows, cols = h // stride, w // stride
+    parts = [
+        padded[:, i : i + stride * rows : stride, j : j + stride * cols : stride]
+        for i in range(k)
+        for j in range(k)
+    ]
+    patches = np.concatenate(parts, axis=-1).reshape(-1, k * k * c)
+    return np.asarray(patches @ kernel.reshape(k * k * c, -1)).reshape(b, rows, cols, -1)
+
+
+def contrast(picture: Array, noise: float) -> Array:
+    """(64, 64, 2) what the network is shown of a picture: its level, and its contrast against its surroundings.
+
+    Parameters
+    ----------
+    picture : (64, 64) float32, any scale. noise : standard deviation of its noise.
+
+    Notes
+    -----
+    Neither channel depends on exposure: the level is measured by the brightest half percent, the contrast by its
+    own neighbourhood's, but noise is left small.
+    """
+    top = max(float(np.percentile(picture, 99.5)), 6.0 * noise, 1e-9)
+    level = np.sqrt(np.clip(picture / np.float32(top), 0.0, 1.2))
+    about = (CONTRAST_PX, CONTRAST_PX)
+    away = picture - cv2.blur(picture, about)
+    spread = np.sqrt(cv2.blur(away * away, about) + np.float32((2.0 * noise + 0.004 * top) ** 2))
+    return np.stack([level - 0.3, 0.5 * np.clip(away / spread, -3.0, 3.0)], axis=-1).astype(np.float32)

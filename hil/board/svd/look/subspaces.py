@@ -1,0 +1,195 @@
+"""The drawn craft as matched subspaces: how well each attitude explains a small picture with faces of any brightness.
+
+Seen from one direction the craft is a sum of its faces' shapes, each with a brightness nobody knows. These shapes span
+a subspace of all small pictures; the share of a picture that lies in it says how well the attitude fits, whatever the
+light. It costs a few products of matrices for hundreds of attitudes.
+
+References
+----------
+Scharf & Friedlander (1994), Matched subspace detectors, IEEE Trans. Signal Processing 42(8).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import List, Tuple
+
+import cv2
+import numpy as np
+
+from hil.board.svd import quaternion as quat
+from hil.board.svd.look.attitudes import bumps
+from hil.board.svd.look.crop import Gaze, seen_through
+from hil.board.svd.look.net import FILLED as LOOK_FILLED
+from hil.board.svd.model import BoardModel, CameraIntrinsics
+from hil.board.svd.shade import Canvas, Faces, draw_faces
+from hil.board.svd.templates import look_at, sphere_directions
+
+Array = np.ndarray
+
+# Directions, turns of the picture, and faces' shapes at most for each direction.
+VIEWS, TURNS, SHAPES = 360, 32, 8
+
+# Side of the small pictures [px], share of it that the craft's sphere fills, range they are drawn for [radii].
+SIDE_PX, FILLED, RANGE_RADII = 24, 0.85, 9.0
+
+# Wider structures than this belong to the background [px]; blur for what lies between two directions [px].
+WIDE_PX, SOFT_PX = 4.0, 0.9
+
+# Places and sizes tried about the given one: shifts in pixels each way, and factors.
+SHIFTS_PX, SIZES = 1, (0.93, 1.0, 1.07)
+
+# Share of the picture's pixels that count as independent.
+INDEPENDENT = 0.7
+
+# Weight of the explained share against the network's log-likelihood: of -log(1 - share).
+WEIGHT = 12.0
+
+# Attitudes compared, the likeliest by the network.
+COMPARED = 900
+
+
+@dataclass(frozen=True, eq=False)
+class Subspaces:
+    """Views of the craft from all sides.
+
+    Parameters
+    ----------
+    basis : (V, SHAPES, N) float32 orthonormal, zero where there are fewer. size : (V,) how many there are.
+    q : (V * TURNS, 4) attitudes against the line of sight, turns of one direction together.
+    bumps : (V * TURNS, ANCHORS) float32, see ``attitudes``. window : (SIDE, SIDE).
+    """
+
+    basis: Array
+    size: Array
+    q: Array
+    bumps: Array
+    window: Array
+
+    @staticmethod
+    def of(model: BoardModel, faces: Faces) -> Subspaces:
+        """Draw the craft from every direction; takes a second or two."""
+        n, radius = SIDE_PX, model.radius_m
+        window = _window()
+        distance = RANGE_RADII * radius
+        f = 0.5 * FILLED * n * float(np.sqrt(distance**2 - radius**2)) / radius
+        camera = CameraIntrinsics(n, n, f, f, 0.5 * (n - 1), 0.5 * (n - 1))
+        canvas = Canvas(np.zeros((n, n), np.float32), 1.0, 0.0, 0.0, 1.0, 3)
+        basis = np.zeros((VIEWS, SHAPES, n * n), np.float32)
+        size = np.zeros(VIEWS, int)
+        directions = sphere_directions(VIEWS)
+        R = np.stack([look_at(d) for d in directions])
+        of_group = np.concatenate([[0], faces.group + 1])
+        for v in range(VIEWS):
+            C = model.centre_m + distance * directions[v]
+            group = of_group[draw_faces(faces, faces.order(C), camera, R[v], -R[v] @ C, canvas)]
+            count = np.bincount(group.ravel(), minlength=2)[1:]
+            shapes = [np.ones((n, n), np.float32)]
+            for g in np.argsort(-count)[:SHAPES]:
+                if count[g] == 0:
+                    break
+                share = cv2.resize((group == g + 1).astype(np.float32), (n, n), interpolation=cv2.INTER_AREA)
+                shapes.append(_narrow(cv2.GaussianBlur(share, (0, 0), SOFT_PX)))
+            Q, upper = np.linalg.qr(np.stack([(s * window).ravel() for s in shapes], axis=1).astype(float))
+            # what earlier shapes have left of a shape must be more than rounding
+            new = np.abs(np.diag(upper))[1:] > 0.05
+            size[v] = int(new.sum())
+            basis[v, : size[v]] = Q[:, 1:][:, new].T
+        turn = 2 * np.pi * np.arange(TURNS) / TURNS
+        about = np.stack([np.cos(turn / 2), 0 * turn, 0 * turn, np.sin(turn / 2)], axis=-1)
+        q = quat.multiply(about[None], quat.from_matrix(R)[:, None]).reshape(-1, 4)
+        return Subspaces(basis, size, q, np.asarray(bumps(q), np.float32), window)
+
+    def rank(
+        self,
+        image: Array,
+        camera: CameraIntrinsics,
+        gaze: Gaze,
+        coefficients: Array,
+        keep: int,
+        apart_rad: float,
+    ) -> Tuple[Array, Array, Array]:
+        """Attitudes q (K, 4), corrections (K, 3) of shift [half sides of a look] and log size, score (K,), best first.
+
+        Parameters
+        ----------
+        coefficients : (ANCHORS,) of the network. apart_rad : attitudes nearer to a better one are dropped.
+        """
+        likely = self.bumps @ coefficients.astype(np.float32)
+        chosen = np.argpartition(-likely, COMPARED)[:COMPARED]
+        share, move = self._explained(image, camera, gaze, chosen)
+        likely = likely[chosen] - WEIGHT * np.log(1 - share)
+        q = self.q[chosen]
+        best: List[int] = []
+        for i in np.argsort(-likely):
+            if not best or quat.angle_rad(q[best], q[i]).min() > apart_rad:
+                best.append(int(i))
+            if len(best) >= keep:
+                break
+        return q[best], move[best], likely[best]
+
+    def _explained(
+        self, image: Array, camera: CameraIntrinsics, gaze: Gaze, chosen: Array
+    ) -> Tuple[Array, Array]:
+        """Share (C,) that each chosen attitude explains at its best place and size, and that place and size (C, 3)."""
+        side = 2 * SIDE_PX + 8
+        picture = seen_through(image, camera, gaze, side, FILLED * 2 * SIDE_PX)
+        picture = cv2.blur(picture, (2, 2), anchor=(0, 0))
+        view, turn = chosen // TURNS, chosen % TURNS
+        share = np.zeros(len(chosen))
+        at = np.zeros(len(chosen), int)
+        dof = INDEPENDENT * float(self.window.sum())
+        for k in np.unique(turn):
+            rows = np.flatnonzero(turn == k)
+            X = self._moved(picture, 2 * np.pi * float(k) / TURNS)
+            energy = np.einsum("sp,sp->s", X, X) + 1e-9
+            P = self.basis[view[rows]].reshape(-1, X.shape[1]) @ X.T
+            S = np.einsum("vks,vks->vs", *2 * [P.reshape(len(rows), SHAPES, -1)]) / energy
+            taken = (self.size[view[rows]] / dof)[:, None]
+            S = np.clip((S - taken) / (1 - taken), 0.0, 0.99)
+            at[rows] = S.argmax(axis=1)
+            share[rows] = S.max(axis=1)
+        moves = _moves()[at]
+        # back from the turned small picture to half sides of a look
+        angle = 2 * np.pi * turn / TURNS
+        c, s = np.cos(angle), np.sin(angle)
+        unit = 2 * LOOK_FILLED / (FILLED * SIDE_PX) * np.exp(moves[:, 2])
+        x, y = unit * (c * moves[:, 0] - s * moves[:, 1]), unit * (s * moves[:, 0] + c * moves[:, 1])
+        return share, np.stack([x, y, moves[:, 2]], axis=-1)
+
+    def _moved(self, picture: Array, turn: float) -> Array:
+        """(moves, N) the picture turned back, at every size and shift, without wide structures and windowed."""
+        n, m = SIDE_PX, SIDE_PX + 2 * SHIFTS_PX
+        out = []
+        middle, to = 0.5 * (picture.shape[0] - 1) - 0.5, 0.5 * (m - 1)
+        for size in SIZES:
+            c, s = 2 * size * np.cos(turn), 2 * size * np.sin(turn)
+            M = np.array([[c, -s, middle - (c - s) * to], [s, c, middle - (s + c) * to]])
+            small = _narrow(
+                cv2.warpAffine(
+                    picture,
+                    M,
+                    (m, m),
+                    flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                    borderMode=cv2.BORDER_REPLICATE,
+                )
+            )
+            shifts = range(2 * SHIFTS_PX + 1)
+            out += [(small[y : y + n, x : x + n] * self.window).ravel() for y in shifts for x in shifts]
+        return np.stack(out)
+
+
+def _narrow(picture: Array) -> Array:
+    return np.asarray(picture - cv2.GaussianBlur(picture, (0, 0), WIDE_PX))
+
+
+def _window() -> Array:
+    """(SIDE, SIDE) one within the circle about the craft."""
+    y, x = np.mgrid[:SIDE_PX, :SIDE_PX] - 0.5 * (SIDE_PX - 1)
+    return np.clip(0.25 * (0.5 * SIDE_PX + 1 - np.hypot(x, y)) + 0.25, 0, 1).astype(np.float32)
+
+
+def _moves() -> Array:
+    """(moves, 3) shift of the craft in the turned picture [px of it] and logarithm of its size."""
+    k = np.arange(-SHIFTS_PX, SHIFTS_PX + 1)
+    return np.array([[x, y, np.log(s)] for s in SIZES for y in k for x in k])

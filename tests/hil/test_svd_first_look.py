@@ -1,0 +1,119 @@
+"""The learned first look: its layers, what it is shown, the faces' subspaces, and who gets one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from scipy.signal import correlate
+
+from hil.board.svd import BoardModel, CameraIntrinsics
+from hil.board.svd import quaternion as quat
+from hil.board.svd.look.attitudes import ANCHORS, bumps, even_attitudes
+from hil.board.svd.look.crop import Gaze, seen_through
+from hil.board.svd.look.first import net_for
+from hil.board.svd.look.net import FILLED, LOOK_PX, Net, convolve
+from hil.board.svd.look.subspaces import Subspaces
+from hil.board.svd.shade import Canvas, draw_faces
+from hil.evaluate.worker import board_model
+from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
+
+
+@pytest.fixture(scope="module")
+def tango() -> BoardModel:
+    return board_model(load_target("tango"))
+
+
+@pytest.mark.parametrize(("side", "stride"), [(5, 2), (3, 2), (3, 1)])
+def test_a_convolution_is_the_correlation_of_the_definition(side: int, stride: int) -> None:
+    rng = np.random.default_rng(side + stride)
+    x, kernel = rng.normal(size=(2, 12, 12, 3)), rng.normal(size=(side, side, 3, 4))
+    before = (side - stride) // 2 if stride > 1 else side // 2
+    padded = np.pad(x, ((0, 0), (before, side), (before, side), (0, 0)))
+    for b in range(2):
+        for d in range(4):
+            whole = correlate(padded[b], kernel[..., d], "valid")[..., 0]
+            expected = whole[:12:stride, :12:stride][: 12 // stride, : 12 // stride]
+            np.testing.assert_allclose(convolve(x, kernel, stride)[b, ..., d], expected, atol=2e-5)
+
+
+@pytest.mark.slow
+def test_the_board_computes_what_was_trained(tmp_path: Path) -> None:
+    pytest.importorskip("jax", reason="the extra 'train'")
+    from hil.evaluate import train_first_look as trainer
+
+    rng = np.random.default_rng(2)
+    looks = rng.normal(0, 0.5, (8, LOOK_PX, LOOK_PX, 2)).astype(np.float32)
+    weights = trainer.start_weights(1)
+    _, seen = trainer.forward(weights, None, looks)
+    # statistics of another batch: the running ones that training ends with
+    other = {k: v * (0.5 + rng.random(v.shape).astype(np.float32)) for k, v in seen.items()}
+    trained, _ = trainer.forward(weights, other, looks)
+    trainer.write(tmp_path / "net.npz", trainer.folded(weights | other), "tango")
+    coefficients, rest = Net.read(str(tmp_path / "net.npz"))(looks)
+    expected = np.asarray(trained)
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(coefficients, expected[:, :ANCHORS], atol=5e-3 * scale)
+    np.testing.assert_allclose(rest, expected[:, ANCHORS:], atol=5e-3 * scale)
+
+
+def test_a_gaze_sees_a_point_where_the_camera_has_it_and_moves_onto_it() -> None:
+    picture = np.zeros((300, 480), np.uint8)
+    picture[61:64, 331:334] = 200
+    diameter = 90.0
+    near = Gaze.at(CAMERA, 320.0, 75.0, diameter)
+    small = seen_through(picture, CAMERA, near, LOOK_PX, FILLED * LOOK_PX)
+    y, x = (float(v) for v in np.argwhere(small > 0.9 * small.max()).mean(axis=0))
+    shift = (np.array([x, y]) - 0.5 * (LOOK_PX - 1)) / (0.5 * LOOK_PX)
+    moved = near.moved(750.0, shift, np.log(1.5))
+    u, v = CAMERA.pixels(moved.direction)
+    assert np.hypot(u - 332, v - 62) < 1.5
+    assert moved.diameter_px == pytest.approx(1.5 * diameter)
+
+
+def test_attitudes_are_even_and_bumps_peak_at_their_anchors() -> None:
+    q = even_attitudes(ANCHORS)
+    assert np.allclose(np.linalg.norm(q, axis=1), 1.0)
+    random = quat.normalise(np.random.default_rng(1).normal(size=(500, 4)))
+    gap = np.degrees([quat.angle_rad(q, r).min() for r in random])
+    # an even set of 768 attitudes leaves none farther than about 25 degrees
+    assert gap.max() < 26
+    assert np.all(bumps(q).argmax(axis=1) == np.arange(ANCHORS))
+
+
+def test_faces_tell_the_attitude_place_and_size_of_a_craft_of_any_brightness(tango: BoardModel) -> None:
+    assert tango.faces is not None
+    views = Subspaces.of(tango, tango.faces)
+    rng = np.random.default_rng(5)
+    found = 0
+    for _ in range(6):
+        q = quat.normalise(rng.normal(size=4))
+        R, centre = quat.matrix(q), np.array([0.3, -0.2, 8.0])
+        t = centre - R @ tango.centre_m
+        canvas = Canvas(np.zeros((300, 480), np.float32), 1.0, 0.0, 0.0, 1.0, 1)
+        seen = draw_faces(tango.faces, tango.faces.order(-R.T @ t), CAMERA, R, t, canvas)
+        bright = np.concatenate([[0], rng.uniform(20, 200, tango.faces.groups)])
+        picture = bright[np.concatenate([[0], tango.faces.group + 1])[seen]] + rng.normal(0, 3, seen.shape)
+        gaze = Gaze(centre / np.linalg.norm(centre), 0.97 * 2 * 750.0 * tango.radius_m / 8.0)
+        # a network that has no more than a vague idea
+        vague = 4.0 * bumps(quat.multiply(quat.from_rotvec([0.2, -0.2, 0.1]), q)[None])[0]
+        best, move, _ = views.rank(np.clip(picture, 0, 255).astype(np.uint8), CAMERA, gaze, vague, 8, 0.19)
+        near = np.degrees(quat.angle_rad(quat.multiply(quat.from_matrix(gaze.swing()), best), q)) < 12
+        found += bool(near.any())
+        assert np.abs(move).max() < 0.2
+    assert found >= 5
+
+
+def test_only_the_model_it_was_trained_for_gets_a_network(tango: BoardModel) -> None:
+    assert net_for(tango) is not None
+    assert net_for(replace(tango, name="another")) is None
+    assert net_for(replace(tango, name="../tango")) is None
+    edges = tuple(replace(e, a_m=1.1 * e.a_m, b_m=1.1 * e.b_m) for e in tango.wireframe)
+    assert net_for(replace(tango, wireframe=edges)) is None
