@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from simulator.render.blocks import Blocks
     from simulator.render.mesh import Mesh
 
-VERSION = 2  # of what follows; part of the cache's key
+VERSION = 3  # of what follows; part of the cache's key
 FINE_GRID, COARSE_GRID = 64, 32  # places along each side of the box
 SIMPLE_TRIANGLES = 2000  # fewer need the coarse grid only
 DIRECTIONS = 64
@@ -39,7 +39,7 @@ def occlusion_grid(mesh: Mesh) -> tuple[FloatArray, FloatArray, int]:
     """Lower corner and size [m] of the grid's box, the mesh and two steps around it, and its places on each side."""
     count = COARSE_GRID if mesh.indices.size < 12 * SIMPLE_TRIANGLES else FINE_GRID
     low, high = mesh.hull_m.min(axis=0), mesh.hull_m.max(axis=0)
-    step = np.maximum((high - low) / (count - 5), 1e-3 * mesh.radius_m)
+    step = np.maximum((high - low) / (count - 5), 0.0075 * mesh.radius_m)
     return low - 2.5 * step, count * step, count
 
 

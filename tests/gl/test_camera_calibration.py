@@ -1,12 +1,18 @@
 """OpenCV finds the simulated camera again from pictures of a board, as it would a real one."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 
 from simulator.recipe import plan_recipe
+from simulator.targets.library import load_target
 from simulator.validation.camera import MTF_GOAL
 from simulator.validation.camera_calibration import LENSES, calibrate
 from simulator.validation.camera_mtf import CASES, compare, drawn_edge
+from simulator.validation.stage import DARK, square_camera, stage
+from simulator.world.rotation import matrix_from_quat, quat_from_matrix
 
 pytestmark = pytest.mark.gl
 
@@ -26,6 +32,24 @@ def test_a_drawn_slanted_edge_has_the_psf_s_transfer_function(renderer):
         found, ideal, used = compare(case, edge)
         assert np.abs(found - ideal).max() <= MTF_GOAL, case
         assert np.abs(found - used).max() <= MTF_GOAL / 2, case
+
+
+def test_a_flat_board_sees_the_whole_sky_and_is_evenly_lit_by_it(renderer):
+    board, distance_m = load_target("chessboard"), 20.0
+    camera = square_camera(160, 160 * distance_m / 0.7)
+    scene = stage(board, camera, (0, 0, distance_m), (np.pi, 0, 0), sunlit=False, quality="high")
+    # the camera looks up, so that the board looks down on the sunlit Earth
+    R = np.diag([1.0, -1.0, -1.0]) @ matrix_from_quat(scene.q_camera_from_eci_wxyz)
+    scene = replace(
+        scene,
+        q_camera_from_eci_wxyz=tuple(quat_from_matrix(R)),
+        r_target_eci_m=tuple(np.array(scene.r_camera_eci_m) + R.T @ [0, 0, distance_m]),
+        environment=replace(DARK, earthshine=True),
+    )
+    light = renderer.render(scene, board).radiance
+    white = cv2.erode((light > 0.5 * light.max()).astype(np.uint8), np.ones((5, 5))) > 0
+    assert white.sum() > 3000
+    assert light[white].std() < 1e-3 * light[white].mean()
 
 
 @pytest.mark.parametrize("recipe", ["calibration", "calibration-chessboard"])
