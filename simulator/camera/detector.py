@@ -109,17 +109,26 @@ def detect(
     raw = read_out(mosaic(signal, d), sensor, d, seed, frame_index, exposure_s)
     if not d.demosaic:
         return raw
-    return _balanced(cv2.cvtColor(raw, _DEMOSAIC[d.colour_filter]).astype(raw.dtype), sensor, balance)
+    return _balanced(cv2.cvtColor(raw, _DEMOSAIC[image_filter(d)]).astype(raw.dtype), sensor, balance)
 
 
 def mosaic(signal: Float32Array, detector: Detector) -> Float32Array:
     """(H, W) of (H, W, 3): each pixel keeps the band of its filter."""
     out = np.empty(signal.shape[:2], np.float32)
-    for k, name in enumerate(detector.colour_filter):
-        # the pattern belongs to the detector, not to the region that is read
-        y, x = (k // 2 - detector.roi_y0_px) % 2, (k % 2 - detector.roi_x0_px) % 2
+    for k, name in enumerate(image_filter(detector)):
+        y, x = divmod(k, 2)
         out[y::2, x::2] = signal[y::2, x::2, _MOSAIC[name]]
     return out
+
+
+def image_filter(detector: Detector) -> str:
+    """The mosaic's first two by two pixels in the image: the pattern belongs to the detector, not to the region read.
+
+    Pixels that are joined have one colour, so that the mosaic of the joined ones is the detector's own.
+    """
+    down, right = detector.roi_y0_px // detector.binning % 2, detector.roi_x0_px // detector.binning % 2
+    own = detector.colour_filter
+    return "".join(own[2 * ((y + down) % 2) + (x + right) % 2] for y in (0, 1) for x in (0, 1))
 
 
 def _balanced(

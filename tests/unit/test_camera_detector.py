@@ -113,9 +113,10 @@ def test_particles_leave_tracks_at_their_rate_and_the_same_ones_again():
     assert charge.sum() == pytest.approx(expected * 80 * 20, rel=0.4)
 
 
+@pytest.mark.parametrize("corner", [(0, 0), (101, 51), (100, 51), (7, 4)])
 @pytest.mark.parametrize("pattern", ["rggb", "bggr", "grbg", "gbrg"])
-def test_a_mosaic_comes_back_as_its_colour(pattern):
-    s = noiseless(sensor(colour_filter=pattern))
+def test_a_mosaic_comes_back_as_its_colour_wherever_the_region_begins(pattern, corner):
+    s = noiseless(sensor(colour_filter=pattern, roi_x0_px=corner[0], roi_y0_px=corner[1]))
     colour = np.zeros((32, 32, 3), np.float32)
     colour[:] = [0.6, 0.4, 0.2]
     image = detect(colour, s, 0, 0, 0.0).astype(float) - 64
@@ -123,7 +124,8 @@ def test_a_mosaic_comes_back_as_its_colour(pattern):
         [0.6, 0.4, 0.2], abs=2e-3
     )
     raw = mosaic(colour, s.detector)
-    assert raw[0, 0] == pytest.approx({"r": 0.6, "g": 0.4, "b": 0.2}[pattern[0]])
+    first = pattern[2 * (corner[1] % 2) + corner[0] % 2]
+    assert raw[0, 0] == pytest.approx({"r": 0.6, "g": 0.4, "b": 0.2}[first])
 
 
 def test_declared_sigma_is_the_pictures():
