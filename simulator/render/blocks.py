@@ -41,7 +41,6 @@ LENS = (
 
 TARGET = (
     Field("mat4", "u_lattice_clip_from_target"),
-    Field("mat4", "u_light_clip_from_target"),
     Field("mat4", "u_camera_from_target"),
     Field("mat4", "u_light_from_camera"),  # to shadow-map texture coordinates and depth, 0..1
     Field("vec4", "u_occlusion_low"),  # corner of the grid's box, target frame [m]

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.projection import PixelRect
 from simulator.render.view import EQUATOR_M
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
     from simulator.render.earthview import EarthView
-    from simulator.render.projection import PixelRect
 
 CELL_RAD = (
     0.0107  # 32 pixels of a SPEED camera: the ground point bends by less than a tenth of a pixel in between
@@ -57,6 +57,15 @@ class Cells:
     size_px: int
     extent_px: tuple[int, int]
     centers_px: dict[CellKind, Float32Array]
+
+    def covered(self) -> PixelRect | None:
+        """Pixels of the cells that the target may be in front of."""
+        found = [centers for kind, centers in self.centers_px.items() if kind.covered]
+        if not found:
+            return None
+        centers = np.concatenate(found)
+        low, high = centers.min(axis=0) + 0.5 - self.size_px / 2, centers.max(axis=0) + 0.5 + self.size_px / 2
+        return PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
 
 
 def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> Cells:

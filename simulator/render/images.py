@@ -38,9 +38,17 @@ class Images:
         self._label_framebuffer = context.framebuffer([self.coverage])
         self._covered: PixelRect | None = PixelRect(0, 0, width, height)
 
-    def clear(self) -> None:
-        """Black and empty; of the coverage only what the last target was drawn to."""
-        self.sky_framebuffer.clear(0.0, 0.0, 0.0, 0.0)
+    def clear(self, added_to: PixelRect | None) -> None:
+        """Black and empty; of the coverage only what the last target was drawn to.
+
+        Parameters
+        ----------
+        added_to : the only pixels of the radiance that need it; the sky will write all others. ``None``: none do.
+        """
+        if added_to is not None:
+            # a driver clears a whole image many times faster than a part of it
+            part = None if added_to == PixelRect(0, 0, *self.size) else added_to.viewport
+            self.sky_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=part)
         if self._covered is not None:
             self._label_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=self._covered.viewport)
         # all of it, until ``mark_covered`` says what

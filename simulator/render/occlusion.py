@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import ByteArray, FloatArray
-    from simulator.render.blocks import Blocks
     from simulator.render.mesh import Mesh
+    from simulator.render.programs import Program
 
 VERSION = 3  # of what follows; part of the cache's key
 FINE_GRID, COARSE_GRID = 64, 32  # places along each side of the box
@@ -44,18 +44,18 @@ def occlusion_grid(mesh: Mesh) -> tuple[FloatArray, FloatArray, int]:
 
 
 def baked_occlusion(
-    context: moderngl.Context, blocks: Blocks, mesh: Mesh, shadow_array: moderngl.VertexArray
+    context: moderngl.Context, program: Program, mesh: Mesh, shadow_array: moderngl.VertexArray
 ) -> ByteArray:
     """(N, N, N, 4) the grid, z first: b in the first three channels, a in the fourth; baked when the cache lacks it.
 
     Parameters
     ----------
-    shadow_array : the mesh with the program that draws its depth by ``u_light_clip_from_target``.
+    program : what draws depth by ``u_light_clip_from_target``. shadow_array : the mesh with it.
     """
     # by the geometry alone: materials come and go
     shape = np.frombuffer(mesh.vertices.read(), VERTEX)["position_m"].tobytes() + mesh.indices.read()
     key = f"occlusion-{VERSION}-{DIRECTIONS}-{hashlib.sha256(shape).hexdigest()[:24]}"
-    return np.asarray(cached_array(key, lambda: _bake(context, blocks, mesh, shadow_array)), np.uint8)
+    return np.asarray(cached_array(key, lambda: _bake(context, program, mesh, shadow_array)), np.uint8)
 
 
 def occlusion_texture(context: moderngl.Context, grid: ByteArray) -> moderngl.Texture3D:
@@ -84,7 +84,7 @@ def light_matrix(center_m: FloatArray, radius_m: float, along: FloatArray) -> Fl
 
 
 def _bake(
-    context: moderngl.Context, blocks: Blocks, mesh: Mesh, shadow_array: moderngl.VertexArray
+    context: moderngl.Context, program: Program, mesh: Mesh, shadow_array: moderngl.VertexArray
 ) -> ByteArray:
     depth = context.depth_texture((MAP_PX, MAP_PX))
     framebuffer = context.framebuffer(depth_attachment=depth)
@@ -93,12 +93,9 @@ def _bake(
     z, y, x = np.meshgrid(steps[2], steps[1], steps[0], indexing="ij")
     places = np.stack([x.ravel(), y.ravel(), z.ravel()]).astype(np.float32)
     total = np.zeros((4, places.shape[1]), np.float32)
-    fields = {
-        field.name: np.zeros((4, 4) if field.glsl_type == "mat4" else 4) for field in blocks.target.fields
-    }
     for towards in spiral(DIRECTIONS):
         matrix = light_matrix(mesh.center_m, mesh.radius_m, -towards)
-        blocks.target.write(fields | {"u_light_clip_from_target": matrix})
+        program.set("u_light_clip_from_target", tuple(matrix.T.ravel().tolist()))
         framebuffer.use()
         framebuffer.clear()
         context.enable_only(context.DEPTH_TEST)

@@ -19,6 +19,7 @@ from simulator.render.passes.stars import StarPass
 from simulator.render.passes.sun import SunPass
 from simulator.render.passes.target import TargetPasses
 from simulator.render.programs import RAYS_UNIT, ProgramLibrary
+from simulator.render.projection import PixelRect
 from simulator.render.rays import RayTextures
 from simulator.render.timing import StageClock
 from simulator.render.view import build_view
@@ -30,11 +31,14 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import Float32Array
+    from simulator.render.cells import Cells
     from simulator.render.context import GlInfo
+    from simulator.render.earthview import EarthView
+    from simulator.render.moonview import MoonView
     from simulator.render.passes.labels import Surfaces
-    from simulator.render.projection import PixelRect
     from simulator.render.skylight import SkyLight
     from simulator.render.view import View
+    from simulator.scene.atmosphere import Atmosphere
     from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target
 
@@ -57,6 +61,33 @@ class Rendered:
     depth_m: Float32Array | None
     silhouette_inside: float
     stage_ms: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Sky:
+    """What is behind the target.
+
+    Parameters
+    ----------
+    moon, earth : as the camera sees them, ``None`` when the scene has none. air : of the Earth.
+    tables : this frame's air. cells : of the image that Earth and air touch; both ``None`` with neither in the image.
+    """
+
+    moon: MoonView | None = None
+    earth: EarthView | None = None
+    air: Atmosphere | None = None
+    tables: list[moderngl.Texture] | None = None
+    cells: Cells | None = None
+
+    @property
+    def fills(self) -> bool:
+        """Whether the Earth fills the image: rays that all meet the ground see nothing behind it."""
+        return self.earth is not None and self.earth.rect is not None and self.earth.sky_rows is None
+
+    @property
+    def added_to(self) -> PixelRect | None:
+        """Pixels where the Earth is added to the target's light; it is written to all its others."""
+        return None if self.cells is None else self.cells.covered()
 
 
 class Renderer:
@@ -135,13 +166,18 @@ class Renderer:
         view = build_view(scene)
         if sky is not None:
             view = replace(view, sky=sky)
-        images = self._images_for(scene)
-        images.clear()
         self._blocks.frame.write(frame_values(scene, view))
         clock.lap("setup")
-        hidden = passes.run(scene, view, target, images, clock)
+        sampled = passes.sample(scene, view, target, clock)
+        hidden = None if sampled is None else sampled.rect
+        images = self._images_for(scene)
+        behind = self._prepare_sky(scene, view, hidden, clock)
+        images.clear(behind.added_to if behind.fills else PixelRect(0, 0, *images.size))
+        if sampled is not None:
+            passes.shade(sampled, images)
+            clock.lap("target.shading")
         images.mark_covered(hidden)
-        self._draw_sky(scene, view, images, hidden, clock)
+        self._draw_sky(scene, view, images, behind, clock)
         radiance = images.read_radiance()
         clock.lap("readback")
         coverage = depth = None
@@ -179,50 +215,48 @@ class Renderer:
             self._rays.of(scene.camera).use(RAYS_UNIT)
         return self._target_passes()
 
-    def _draw_sky(
-        self, scene: SceneState, view: View, images: Images, hidden: PixelRect | None, clock: StageClock
-    ) -> None:
-        """Everything behind the target: each pass adds its light times the share that the target leaves open."""
+    def _prepare_sky(self, scene: SceneState, view: View, hidden: PixelRect | None, clock: StageClock) -> Sky:
+        """What of Earth, air and Moon is in view, their blocks, and this frame's air; draws nothing into the images."""
         environment = scene.environment
-        earth, air, tables = None, None, None
         moon = moon_view(scene) if environment.moon else None
         if moon is not None:
             self._blocks.moon.write(moon_values(moon))
-        if environment.earth:
-            earth_pass = self._earth_pass(scene.bands)
-            in_use = earth_pass.air(environment.atmosphere_thickness_km)
-            if environment.atmosphere:
-                air, tables = in_use.tables.air, in_use.frame.tables
-            earth = earth_view(view, scene.camera, air)
-            self._blocks.earth.write(earth_values(view, earth, in_use.tables.air))
+        if not environment.earth:
+            return Sky(moon=moon)
+        in_use = self._earth_pass(scene.bands).air(environment.atmosphere_thickness_km)
+        air = in_use.tables.air if environment.atmosphere else None
+        earth = earth_view(view, scene.camera, air)
+        self._blocks.earth.write(earth_values(view, earth, in_use.tables.air))
+        if earth.rect is None:
             clock.lap("earth.setup")
-            if air is not None and earth.rect is not None:
-                in_use.frame.run(earth)
-            clock.lap("earth.air")
-            if earth.rect is not None:
-                earth_pass.run(
-                    images,
-                    earth_cells(earth, scene.camera, hidden),
-                    scene,
-                    behind=moon is not None and moon.in_front,
-                )
+            return Sky(moon=moon, earth=earth, air=air)
+        cells = earth_cells(earth, scene.camera, hidden)
+        clock.lap("earth.setup")
+        if air is not None:
+            in_use.frame.run(earth)
+        clock.lap("earth.air")
+        return Sky(moon, earth, air, in_use.frame.tables if air is not None else None, cells)
+
+    def _draw_sky(self, scene: SceneState, view: View, images: Images, sky: Sky, clock: StageClock) -> None:
+        """Everything behind the target: each pass adds its light times the share that the target leaves open."""
+        environment, earth, moon = scene.environment, sky.earth, sky.moon
+        if sky.cells is not None:
+            self._earth_pass(scene.bands).run(
+                images, sky.cells, scene, behind=moon is not None and moon.in_front
+            )
             clock.lap("earth.surface")
-        # rays that all meet the ground see nothing behind it
-        open_sky = earth is None or earth.rect is None or earth.sky_rows is not None
-        if (environment.stars or environment.planets) and open_sky:
-            self._stars.run(scene, view, images, earth, air, moon)
+        if (environment.stars or environment.planets) and not sky.fills:
+            self._stars.run(scene, view, images, earth, sky.air, moon)
             clock.lap("stars")
-        # without Earth in the image there is no air table either
-        in_air = tables if earth is not None and earth.rect is not None else None
-        if moon is not None and moon.rect is not None and (open_sky or moon.in_front):
+        if moon is not None and moon.rect is not None and (not sky.fills or moon.in_front):
             if self._moon is None:
                 self._moon = MoonPass(self._gl, self._programs)
                 self.check("uploading the Moon's map")
-            self._moon.run(images, moon, earth=earth is not None, air=in_air)
+            self._moon.run(images, moon, earth=earth is not None, air=sky.tables)
             clock.lap("moon")
-        if environment.sun and open_sky:
+        if environment.sun and not sky.fills:
             hides = moon is not None and moon.rect is not None
-            self._sun.run(images, view, scene.camera, earth=earth is not None, air=in_air, moon=hides)
+            self._sun.run(images, view, scene.camera, earth=earth is not None, air=sky.tables, moon=hides)
             clock.lap("sun")
 
     def _target_passes(self) -> TargetPasses:

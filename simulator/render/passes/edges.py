@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,6 +53,16 @@ class SlopeImage:
         release(self._context, self.framebuffer, self.slope)
 
 
+@dataclass(frozen=True, eq=False)
+class EdgeList:
+    """The edges ``seen`` that a frame draws over the pixels of ``rect``, and what they are drawn into."""
+
+    image: SlopeImage
+    rect: PixelRect
+    buffers: EdgeBuffers | None
+    seen: IntArray
+
+
 class EdgePass:
     """Draws the edges over the pixels that hold the target; samples alone place an edge 0.05 to 0.2 pixels off."""
 
@@ -60,36 +71,39 @@ class EdgePass:
         self._arrays: dict[tuple[EdgeBuffers, Program], moderngl.VertexArray] = {}
         self._images = SizeClasses(lambda w, h: SlopeImage(context, w, h))
 
-    def run(
+    def begin(
         self,
         buffers: EdgeBuffers | None,
-        lattice: Lattice,
-        lattice_size: tuple[int, int],
         camera: Camera,
         rect: PixelRect,
         near_m: float,
         camera_from_target: FloatArray,
-    ) -> moderngl.Texture:
-        """Slopes of the samples' weights in the pixels of ``rect``, its first pixel at (0, 0); none without buffers.
+    ) -> EdgeList:
+        """Empty the slopes of the pixels of ``rect`` and find the edges to draw there; none without buffers."""
+        image = self._images.at_least(rect.width, rect.height)
+        image.framebuffer.use()
+        image.framebuffer.clear()
+        seen = np.zeros(0, int)
+        if buffers is not None:
+            seen = _drawn(buffers.edges, camera, rect, near_m, camera_from_target)
+        return EdgeList(image, rect, buffers, seen)
+
+    def run(self, edges: EdgeList, lattice: Lattice, lattice_size: tuple[int, int]) -> moderngl.Texture:
+        """Slopes of the samples' weights in the pixels of the list's rectangle, its first pixel at (0, 0).
 
         Parameters
         ----------
         lattice_size : of the viewport that the faces were drawn to [samples].
         """
-        size = (rect.width, rect.height)
-        image = self._images.at_least(*size)
+        image, rect, buffers, seen = edges.image, edges.rect, edges.buffers, edges.seen
+        if buffers is None or not len(seen):
+            return image.slope
         image.framebuffer.use()
-        image.framebuffer.clear()
-        if buffers is None:
-            return image.slope
-        seen = _drawn(buffers.edges, camera, rect, near_m, camera_from_target)
-        if not len(seen):
-            return image.slope
-        image.framebuffer.viewport = (0, 0, *size)
+        image.framebuffer.viewport = (0, 0, rect.width, rect.height)
         self._context.enable_only(self._context.BLEND)
         self._context.blend_func = self._context.ONE, self._context.ONE
         program = self._programs.get("target/edge.vert", "target/edge.frag", lattice_defines(lattice))
-        program.set("u_window", (rect.x0, rect.y0, *size))
+        program.set("u_window", rect.viewport)
         program.set("u_lattice_px", lattice_size)
         key = (buffers, program)
         if key not in self._arrays:

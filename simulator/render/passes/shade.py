@@ -63,19 +63,14 @@ class ShadePass:
         rect: PixelRect,
         cells_px: FloatArray,
         program: Program,
-        surface: moderngl.Texture,
-        depth: moderngl.Texture,
-        shadow: moderngl.Texture,
-        slope: moderngl.Texture,
-        occlusion: moderngl.Texture3D,
-        **texels: moderngl.Texture,
+        textures: dict[str, moderngl.Texture | moderngl.Texture3D],
     ) -> None:
         """Shade the pixels of ``rect`` that the target may touch.
 
         Parameters
         ----------
         cells_px : (K, 2) centres of the cells of those pixels.
-        texels : samplers of a textured mesh.
+        textures : by the names of the program's samplers.
         """
         framebuffer.use()
         # whole cells, beyond the image's edge too: a point is dropped when its middle is outside
@@ -83,9 +78,7 @@ class ShadePass:
         window = (rect.x0, rect.y0, width, height)
         framebuffer.viewport = window
         self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
-        program.bind_textures(
-            t_surface=surface, t_depth=depth, t_shadow=shadow, t_slope=slope, t_occlusion=occlusion, **texels
-        )
+        program.bind_textures(**textures)
         if program not in self._arrays:
             self._arrays[program] = self._context.vertex_array(
                 program.gl, [(self._cells, "2f", "in_pixel")], mode=self._context.POINTS

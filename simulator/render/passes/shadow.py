@@ -73,8 +73,14 @@ class ShadowPass:
         along = -(view.R_camera_from_target.T @ view.sun_direction)  # direction of travel of the light
         return light_matrix(mesh.center_m, mesh.radius_m, along)
 
-    def run(self, array: FacingArray, view: View) -> None:
-        """Draw the map: of closed shells the lit sides, which are nearest to the Sun."""
+    def run(self, array: FacingArray, view: View, light_from_target: FloatArray) -> None:
+        """Draw the map: of closed shells the lit sides, which are nearest to the Sun.
+
+        Parameters
+        ----------
+        light_from_target : (4, 4) as `light_from_target` gives it.
+        """
+        self.program.set("u_light_clip_from_target", tuple(light_from_target.T.ravel().tolist()))
         self._framebuffer.use()
         self._framebuffer.clear()
         self._context.enable_only(self._context.DEPTH_TEST)

@@ -23,7 +23,7 @@ from simulator.render.passes.shadow import ShadowPass, choose_shadow
 from simulator.render.passes.textured import TexturedGBufferPass
 from simulator.render.projection import PixelRect, clip_from_camera, lens_bounds_px
 from simulator.render.textures import Textures
-from simulator.scene.bands import reflectance
+from simulator.scene.bands import bands_of, reflectance
 
 if TYPE_CHECKING:
     import moderngl
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from simulator.render.blocks import Blocks
     from simulator.render.images import Images
     from simulator.render.mesh import Mesh
-    from simulator.render.programs import ProgramLibrary
+    from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.timing import StageClock
     from simulator.render.view import View
     from simulator.scene.state import Quality, SceneState
@@ -88,6 +88,22 @@ class Placement:
         return np.asarray(-self.camera_from_target[:3, :3].T @ self.camera_from_target[:3, 3])
 
 
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """The target's samples, ready to be shaded.
+
+    Parameters
+    ----------
+    rect : pixels that the target may cover. cells_px : (K, 2) centres of the cells of those.
+    program, textures : of the shading.
+    """
+
+    rect: PixelRect
+    cells_px: FloatArray
+    program: Program
+    textures: dict[str, moderngl.Texture | moderngl.Texture3D]
+
+
 class TargetPasses:
     """Shadow, geometry, shading and labels of the spacecraft; meshes are kept by the target's SHA-256."""
 
@@ -111,7 +127,7 @@ class TargetPasses:
                 textures = Textures(context, target)
             gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
             whole = mesh.vertex_array(context, shadow.program.gl)
-            grid = baked_occlusion(context, self._blocks, mesh, whole)
+            grid = baked_occlusion(context, shadow.program, mesh, whole)
             corner_m, extent_m, _ = occlusion_grid(mesh)
             self._loaded[target.sha256] = Loaded(
                 mesh,
@@ -131,38 +147,43 @@ class TargetPasses:
             self._shadows[size] = ShadowPass(self._context, self._programs, size)
         return self._shadows[size]
 
-    def run(
-        self, scene: SceneState, view: View, target: Target, images: Images, clock: StageClock
-    ) -> PixelRect | None:
-        """Draw the target's radiance and coverage into ``images``; returns the pixels that it may cover."""
+    def sample(self, scene: SceneState, view: View, target: Target, clock: StageClock) -> Sampled | None:
+        """Draw what the samples of the target's pixels see, and its shadows; nothing where it touches no pixel.
+
+        The order keeps a software driver's threads busy: they draw one thing while the next is being prepared.
+        """
         loaded = self._load(target)
-        place = locate(loaded.mesh, view, scene.camera)
+        mesh, camera = loaded.mesh, scene.camera
+        place = locate(mesh, view, camera)
         if place is None:
             return None
         bent = self._programs.lens  # edges are curves then, and not weighted
-        cells = find_cover(loaded.mesh, place, scene.camera)
+        box_m = 2 * mesh.radius_m * 1.02
+        pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
+        choice = choose_shadow(scene.quality, box_m, pixel_m)
+        shadow = self._shadow_pass(choice.size_px)
+        light_from_target = ShadowPass.light_from_target(mesh, view)
+        if view.sun_visible_fraction > 0:
+            shadow.run(loaded.shadow, view, light_from_target)
+        clock.lap("target.shadow")
+        edges = self._edges.begin(
+            None if bent else loaded.edges, camera, place.rect, place.near_far_m[0], place.camera_from_target
+        )
+        cells = find_cover(mesh, place, camera)
         if not len(cells):
             return None
         lattice = choose_lattice(scene.quality, place, cells, dense=bent or loaded.textures is not None)
         size, origin = lattice.window(cells, CELL_REACH_PX)
-        box_m = 2 * loaded.mesh.radius_m * 1.02
-        pixel_m = place.near_far_m[0] / max(scene.camera.fx_px, scene.camera.fy_px)
-        choice = choose_shadow(scene.quality, box_m, pixel_m)
-        shadow = self._shadow_pass(choice.size_px)
-        light_from_target = ShadowPass.light_from_target(loaded.mesh, view)
-        lattice_clip = clip_from_camera(
-            scene.camera, *place.near_far_m, lattice.buffer_from_pixel(origin), size
-        )
+        lattice_clip = clip_from_camera(camera, *place.near_far_m, lattice.buffer_from_pixel(origin), size)
         if bent:
-            self._blocks.lens.write(lens_values(scene.camera, lattice_clip, place.camera_from_target))
+            self._blocks.lens.write(lens_values(camera, lattice_clip, place.camera_from_target))
         half = np.diag([0.5, 0.5, 0.5, 1.0])
         half[:3, 3] = 0.5
         texel_m = box_m / shadow.size_px
-        corner_m, extent_m, steps = occlusion_grid(loaded.mesh)
+        corner_m, extent_m, steps = occlusion_grid(mesh)
         self._blocks.target.write(
             {
                 "u_lattice_clip_from_target": lattice_clip @ place.camera_from_target,
-                "u_light_clip_from_target": light_from_target,
                 "u_camera_from_target": place.camera_from_target,
                 "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
                 "u_occlusion_low": [*corner_m, 0.0],
@@ -179,46 +200,38 @@ class TargetPasses:
                 ],
             }
         )
-        self._blocks.materials.write(_material_values(loaded.mesh, scene))
+        self._blocks.materials.write(_material_values(mesh, scene))
         clock.lap("target.setup")
-        if view.sun_visible_fraction > 0:
-            shadow.run(loaded.shadow, view)
-        clock.lap("target.shadow")
         texels: dict[str, moderngl.Texture] = {}
         if self._textured is None or loaded.textures is None:
-            samples = self._gbuffer.run(
-                loaded.gbuffer, size, place.camera_target_m, closed=loaded.mesh.is_closed
-            )
+            samples = self._gbuffer.run(loaded.gbuffer, size, place.camera_target_m, closed=mesh.is_closed)
         else:
             samples = self._textured.run_textured(
-                loaded.gbuffer.array, size, loaded.mesh, loaded.textures, scene.bands
+                loaded.gbuffer.array, size, mesh, loaded.textures, scene.bands
             )
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
         clock.lap("target.geometry")
-        slope = self._edges.run(
-            None if bent else loaded.edges,
-            lattice,
-            size,
-            scene.camera,
-            place.rect,
-            place.near_far_m[0],
-            place.camera_from_target,
-        )
+        slope = self._edges.run(edges, lattice, size)
         clock.lap("target.edges")
-        self._shade.run(
-            images.target_framebuffer,
+        return Sampled(
             place.rect,
             cells,
-            self._shade.program(lattice, images.bands, loaded.mesh, choice.window),
-            samples.surface,
-            samples.depth,
-            shadow.map,
-            slope,
-            loaded.occlusion,
-            **texels,
+            self._shade.program(lattice, len(bands_of(scene.bands)), mesh, choice.window),
+            {
+                "t_surface": samples.surface,
+                "t_depth": samples.depth,
+                "t_shadow": shadow.map,
+                "t_slope": slope,
+                "t_occlusion": loaded.occlusion,
+                **texels,
+            },
         )
-        clock.lap("target.shading")
-        return place.rect
+
+    def shade(self, sampled: Sampled, images: Images) -> None:
+        """Draw the target's radiance and coverage into ``images``."""
+        self._shade.run(
+            images.target_framebuffer, sampled.rect, sampled.cells_px, sampled.program, sampled.textures
+        )
 
     def surfaces(self, scene: SceneState, view: View, target: Target, *, layers: bool) -> Surfaces:
         """What lies at each pixel's centre."""
