@@ -47,6 +47,8 @@ def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
         with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
             np.save(file, array)
         Path(file.name).replace(path)
+        # the page cache serves it from here on, this process's own memory is free again
+        return np.load(path, mmap_mode="r", allow_pickle=False)
     except OSError as error:
         # a full or read-only disk costs time at every start, not the picture
         log.warning("cannot keep %s in the cache (%s)", path, error)

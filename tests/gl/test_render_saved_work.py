@@ -1,11 +1,16 @@
 """What the passes leave out shows nowhere: triangles that look away, cells that the craft does not touch."""
 
+import ctypes
+
+import cv2
 import numpy as np
 import pytest
 
 from simulator.bench.scenes import bench_scenes
 from simulator.render import facing as facing_module
+from simulator.render.cache import cached_array
 from simulator.render.cover import CELL_PX, hulls_cover
+from simulator.render.levels import levelled_texture, opengl
 from simulator.render.passes import target as target_passes
 from simulator.render.projection import PixelRect
 from simulator.targets.library import load_target
@@ -61,6 +66,25 @@ def test_a_cover_holds_what_its_hulls_touch_and_little_more():
     marked = set(map(tuple, ((cells - (CELL_PX - 1) / 2 - low) / CELL_PX).astype(int)))
     assert set(map(tuple, ((inside + 0.5 - low) // CELL_PX).astype(int))) <= marked
     assert len(marked) < 60  # of 420
+
+
+def test_levels_of_a_kept_map_are_means_of_four_texels(renderer, tmp_path, monkeypatch):
+    monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
+    made = np.random.default_rng(1).integers(0, 256, (38, 100, 4), np.uint8)
+    image = cached_array("map", lambda: made)
+    texture = levelled_texture(renderer._gl, image)
+    renderer.check("uploading levels")
+    assert {path.name for path in tmp_path.iterdir()} == {"map.npy", "map-levels-1.npy"}
+    texture.use(0)
+    library = opengl()
+    for level, (w, h) in ((1, (50, 19)), (6, (1, 1))):
+        found = np.zeros((h, w, 4), np.uint8)
+        library.glGetTexImage(0x0DE1, level, 0x1908, 0x1401, ctypes.c_void_p(found.ctypes.data))
+        means = cv2.resize(made.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+        # each level is rounded anew
+        assert np.abs(found - means).max() <= (1 if level == 1 else 6)
+    assert renderer._gl.error == "GL_NO_ERROR"
+    texture.release()
 
 
 @pytest.mark.slow

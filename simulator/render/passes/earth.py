@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
+from simulator.render.levels import levelled_texture
 from simulator.render.maps import packed_maps
 from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM, detail_texture
 from simulator.render.passes.air import TABLE_DEFINES, AirPass
@@ -57,10 +59,16 @@ class EarthPass:
         self.bands = 1 if bands == "mono" else 3
         self._airs: dict[float, Air] = {}
         self._names: Bands = bands
-        self._maps = [self._mapped(image) for image in packed_maps(self.bands)]
-        self._detail = context.texture((SIZE, SIZE), 4, detail_texture())
-        self._detail.build_mipmaps()
-        self._relief = self._mapped(relief())
+        # the first time each takes seconds
+        with ThreadPoolExecutor(2) as pool:
+            maps, detail, slopes = (
+                pool.submit(packed_maps, self.bands),
+                pool.submit(detail_texture),
+                pool.submit(relief),
+            )
+        self._maps = [self._mapped(image) for image in maps.result()]
+        self._detail = levelled_texture(context, detail.result())
+        self._relief = self._mapped(slopes.result())
         self._months: dict[int, moderngl.Texture] = {}
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
 
@@ -72,9 +80,7 @@ class EarthPass:
         return self._airs[thickness_km]
 
     def _mapped(self, image: ByteArray) -> moderngl.Texture:
-        height, width = image.shape[:2]
-        texture = self._context.texture((width, height), image.size // (width * height), image, alignment=1)
-        texture.build_mipmaps()
+        texture = levelled_texture(self._context, image)
         texture.filter = (self._context.LINEAR_MIPMAP_LINEAR, self._context.LINEAR)
         texture.repeat_x, texture.repeat_y = True, False
         return texture

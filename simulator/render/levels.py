@@ -1,0 +1,88 @@
+"""Textures with their smaller levels from the cache: a software driver takes half a second to make the maps'."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.render.cache import cached_array
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.arrays import ByteArray
+
+_LIBRARIES = {
+    "darwin": ("/System/Library/Frameworks/OpenGL.framework/OpenGL",),
+    "win32": ("opengl32",),
+}
+_LINUX = ("libGL.so.1", "libOpenGL.so.0")
+_TEXTURE_2D, _UNSIGNED_BYTE, _UNPACK_ALIGNMENT = 0x0DE1, 0x1401, 0x0CF5
+_FORMATS = {1: (0x8229, 0x1903), 4: (0x8058, 0x1908)}  # R8 and RED, RGBA8 and RGBA
+VERSION = 1  # of how levels are made; part of the cache's key
+
+
+def levelled_texture(context: moderngl.Context, image: ByteArray) -> moderngl.Texture:
+    """A texture of an image (H, W) or (H, W, 4) with all its levels, each texel the mean of the four below it.
+
+    Parameters
+    ----------
+    image : from `cached_array`; the levels are kept beside it. Of another the driver makes the levels.
+    """
+    height, width = image.shape[:2]
+    components = image.size // (width * height)
+    texture = context.texture((width, height), components, image, alignment=1)
+    library = opengl()
+    name = getattr(image, "filename", None)
+    if library is None or name is None or components not in _FORMATS:
+        texture.build_mipmaps()
+        return texture
+    flat = cached_array(f"{Path(name).stem}-levels-{VERSION}", lambda: _smaller(image))
+    inner, outer = _FORMATS[components]
+    texture.use(0)
+    library.glPixelStorei(_UNPACK_ALIGNMENT, 1)
+    at = 0
+    for level, (w, h) in enumerate(_sizes(width, height), start=1):
+        data = np.ascontiguousarray(flat[at : at + w * h * components])
+        at += data.size
+        library.glTexImage2D(
+            _TEXTURE_2D, level, inner, w, h, 0, outer, _UNSIGNED_BYTE, ctypes.c_void_p(data.ctypes.data)
+        )
+    return texture
+
+
+def _sizes(width: int, height: int) -> list[tuple[int, int]]:
+    """Of the levels from the second on, as OpenGL counts them."""
+    sizes = []
+    while max(width, height) > 1:
+        width, height = max(width // 2, 1), max(height // 2, 1)
+        sizes.append((width, height))
+    return sizes
+
+
+def _smaller(image: ByteArray) -> ByteArray:
+    """The levels from the second on, one after the other."""
+    levels, last = [], np.asarray(image)
+    for size in _sizes(image.shape[1], image.shape[0]):
+        last = np.asarray(cv2.resize(last, size, interpolation=cv2.INTER_AREA), np.uint8)
+        levels.append(last.ravel())
+    return np.concatenate(levels)
+
+
+@lru_cache(maxsize=1)
+def opengl() -> ctypes.CDLL | None:
+    """OpenGL itself: moderngl uploads to levels that exist, and has no call that makes one."""
+    for name in _LIBRARIES.get(sys.platform, _LINUX):
+        try:
+            library = ctypes.CDLL(name)
+            library.glTexImage2D.argtypes = [*[ctypes.c_int] * 8, ctypes.c_void_p]
+        except (OSError, AttributeError):
+            continue
+        return library
+    return None
