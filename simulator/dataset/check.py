@@ -17,6 +17,7 @@ from simulator.dataset.check_clean import check_clean
 from simulator.dataset.check_geometry import check_keypoints, check_states_and_boxes, check_visible_on_mask
 from simulator.dataset.check_layers import check_against_mesh, check_layers
 from simulator.dataset.check_rows import check_rows
+from simulator.dataset.check_signal import check_states_by_signal
 from simulator.dataset.check_wireframe import check_wireframe
 from simulator.dataset.native import frame_paths, is_whole, read_layer, read_png
 from simulator.dataset.speed import FOLDER as SPEED_FOLDER
@@ -177,6 +178,7 @@ def check_frame(
     wrong += of_layers
     if not of_layers and "clean" in layers:
         wrong += check_clean(truth, image, mask, layers["clean"])
+        wrong += check_states_by_signal(truth, layers["clean"])
     if target is not None:
         if not of_layers:
             wrong += check_against_mesh(truth, mask, layers, target)

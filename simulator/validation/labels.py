@@ -47,7 +47,7 @@ def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
     start = time.process_time()
     frame = take_frame(renderer, scene, target, labels=request)
     drawn = time.process_time()
-    card = _card(renderer, frame, seed)
+    card = dataset_card(renderer, frame, seed)
     if k % FROM_FILES_EVERY == 0:
         with tempfile.TemporaryDirectory() as place:
             frame = _through_files(Path(place), frame)
@@ -97,7 +97,8 @@ def _through_files(folder: Path, frame: Frame) -> Frame:
     )
 
 
-def _card(renderer: Renderer, frame: Frame, seed: int) -> DatasetCard:
+def dataset_card(renderer: Renderer, frame: Frame, seed: int) -> DatasetCard:
+    """The card that a data set of such frames would have."""
     target, info = cached_target(frame.scene.target.name), renderer.info
     return DatasetCard(
         scenario_name="random frames",

@@ -6,7 +6,7 @@ from simulator.labels.frame import take_frame
 from simulator.targets.library import load_target
 from simulator.validation.label_faults import SPOILERS, spoil
 from simulator.validation.label_frames import random_frame
-from simulator.validation.labels import _card, _check, check_one, page, summary
+from simulator.validation.labels import _check, check_one, dataset_card, page, summary
 
 pytestmark = pytest.mark.gl
 
@@ -37,7 +37,7 @@ def test_every_way_of_spoiling_is_caught(renderer):
         if scene.shutter.is_rolling or not left:
             continue
         frame = take_frame(renderer, scene, load_target(scene.target.name), labels=request)
-        card = _card(renderer, frame, 3)
+        card = dataset_card(renderer, frame, 3)
         for kind in left:
             spoilt = spoil(kind, frame)
             if spoilt is not None:

@@ -1,0 +1,72 @@
+"""Every state of a keypoint, drawn, right by the check, and caught when another one is written in its place."""
+
+import typing
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from simulator.arrays import vec3
+from simulator.dataset.check import check_frame
+from simulator.dataset.contact_sheet import smaller
+from simulator.labels.frame import take_frame
+from simulator.labels.request import LabelRequest
+from simulator.labels.truth import KeypointState
+from simulator.loop import plan_flight
+from simulator.scenario_load import load_scenario
+from simulator.validation.labels import dataset_card
+from simulator.world.eclipse import sun_fraction_past_both
+
+pytestmark = pytest.mark.gl
+
+STATES = typing.get_args(KeypointState)
+
+
+def _in_eclipse(scene):
+    """The Sun on the other side of the Earth."""
+    away = -np.asarray(scene.r_target_eci_m)
+    sun = away / np.linalg.norm(away) * np.linalg.norm(scene.r_sun_eci_m)
+    share = sun_fraction_past_both(np.asarray(scene.r_target_eci_m), sun, scene.r_moon_eci_m)
+    return replace(scene, r_sun_eci_m=vec3(sun), sun_visible_fraction=share)
+
+
+@pytest.fixture(scope="module")
+def frames(renderer):
+    """The craft as it is, under- and over-exposed, and in the Earth's shadow; cropped by the image's edge."""
+    scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
+    plan = plan_flight(scenario, times=(20.0,), quality="draft")
+    camera = smaller(plan.camera, 256)
+    plan = replace(plan, camera=replace(camera, fx_px=2 * camera.fx_px, fy_px=2 * camera.fy_px, cx_px=40.0))
+    scene = plan.scene(0)
+    scenes = (
+        scene,
+        replace(scene, exposure_s=scene.exposure_s * 300),
+        replace(scene, exposure_s=scene.exposure_s / 300),
+        _in_eclipse(scene),
+    )
+    request = LabelRequest(layers=("clean",))
+    return [(take_frame(renderer, s, plan.target, labels=request), plan.target) for s in scenes]
+
+
+def _faults(renderer, frame, target, truth):
+    card = dataset_card(renderer, frame, truth.seed)
+    return check_frame(0, truth, frame.image, frame.mask, card, target, frame.layers)
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_each_state_is_drawn_and_every_other_one_in_its_place_is_caught(renderer, frames, state):
+    frame, target, which = next(
+        (frame, target, k)
+        for frame, target in frames
+        for k, point in enumerate(frame.truth.keypoints)
+        if point.state == state
+    )
+    assert _faults(renderer, frame, target, frame.truth) == []
+    for other in STATES:
+        points = list(frame.truth.keypoints)
+        points[which] = msgspec.structs.replace(points[which], state=other)
+        truth = msgspec.structs.replace(frame.truth, keypoints=tuple(points))
+        faults = _faults(renderer, frame, target, truth)
+        assert (other == state) == (faults == []), f"{points[which].name} called {other} passes"
+        assert all(points[which].name in fault for fault in faults)
