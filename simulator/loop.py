@@ -115,6 +115,7 @@ class Plan:
             environment=scenario.environment_model,
             shutter=scenario.shutter_model,
             optics=scenario.optics_model,
+            lamp=scenario.lamp_model,
         )
 
     def shifted(self, times_s: tuple[float, ...]) -> Plan:

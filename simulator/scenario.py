@@ -18,6 +18,7 @@ from simulator.camera.shutter import Shutter
 from simulator.errors import UserError
 from simulator.scene.auto_exposure import AutoExposure
 from simulator.scene.environments import EnvironmentName, environment_preset
+from simulator.scene.lamp import Lamp, Profile
 from simulator.scene.state import Bands, Environment, Quality
 
 Degrees = Annotated[float, Meta(ge=-360, le=360)]
@@ -413,6 +414,19 @@ def environment_section(name: str) -> EnvironmentSection:
     return msgspec.convert({"preset": name, **asdict(environment_preset(name))}, EnvironmentSection)
 
 
+class LampSection(Section, frozen=True, kw_only=True):
+    """With this section the chaser carries a lit lamp that shines along the camera's boresight.
+
+    ``power_w`` is of the whole beam in the panchromatic band; the intensity falls to half at ``half_angle_deg`` (a
+    ``flat`` beam ends there). ``offset_m`` is its place right of, below and before the camera; it throws no shadows.
+    """
+
+    power_w: Annotated[float, Meta(gt=0, le=1e6)]
+    half_angle_deg: Annotated[float, Meta(ge=0.5, le=80)] = 20.0
+    profile: Profile = "led"
+    offset_m: MetresXyz = (0.0, 0.0, 0.0)
+
+
 class Output(Section, frozen=True, kw_only=True):
     """Bands and quality of the picture, and the label layers that a capture writes (``all`` for every one)."""
 
@@ -446,6 +460,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     sensor: SensorSection = SensorSection()
     optics: OpticsSection = OpticsSection()
     environment: EnvironmentSection = EnvironmentSection()
+    lamp: LampSection | None = None
     output: Output = Output()
 
     @property
@@ -474,6 +489,11 @@ class Scenario(Section, frozen=True, kw_only=True):
     def optics_model(self) -> Optics:
         """The lens besides its distortion."""
         return self.optics.optics()
+
+    @property
+    def lamp_model(self) -> Lamp | None:
+        """The lamp on the chaser; None for none."""
+        return None if self.lamp is None else Lamp(**msgspec.structs.asdict(self.lamp))
 
     @property
     def auto_exposure(self) -> AutoExposure | None:

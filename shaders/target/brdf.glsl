@@ -17,6 +17,28 @@ float visibility_smith(float n_l, float n_v, float alpha) {
     return 0.5 / max(v + l, 1e-6); // 1e-6: both cosines vanish at grazing light and view together
 }
 
+#ifdef BRUSHED
+// GGX lobe of brushed metal: distribution times visibility [sr-1]. alpha: across the grain, along it.
+// Heitz (2014), Understanding the masking-shadowing function, eqs. 85, 86 and 99.
+float brushed_lobe(vec3 n, vec3 across, vec3 v, vec3 l, vec3 h, vec2 alpha) {
+    vec3 along = cross(n, across);
+    vec3 q = vec3(dot(across, h) / alpha.x, dot(along, h) / alpha.y, dot(n, h));
+    float q2 = max(dot(q, q), 1e-7);
+    float n_v = max(dot(n, v), 1e-3), n_l = max(dot(n, l), 0.0);
+    float hidden_v = n_l * length(vec3(alpha * vec2(dot(across, v), dot(along, v)), n_v));
+    float hidden_l = n_v * length(vec3(alpha * vec2(dot(across, l), dot(along, l)), n_l));
+    return 0.5 / (PI * alpha.x * alpha.y * q2 * q2 * max(hidden_v + hidden_l, 1e-6));
+}
+
+// Roughness of the plain lobe that loses as much light between its microfacets [1]. Fitted to integrals of lobes of
+// roughness 0.2 to 0.65 and stretch 0.1 to 0.8 seen from everywhere: rms error of what is kept 0.03, at grazing 0.18.
+float brushed_roughness(float roughness, float stretch, float n_v, float across_v) {
+    float along = roughness * roughness, across = mix(along, 1.0, stretch);
+    float share = clamp(0.46 + 0.275 * (1.0 - n_v * n_v) - 0.45 * across_v * across_v, 0.0, 1.0);
+    return sqrt(sqrt(mix(along * along, across * across, share)));
+}
+#endif
+
 float pow5(float x) { float x2 = x * x; return x2 * x2 * x; }
 
 // Fresnel reflectance, Schlick (1994), eq. 15.

@@ -4,6 +4,9 @@
 #ifdef CRINKLE
 #include "target/crinkle.glsl"
 #endif
+#ifdef LAMP
+#include "target/lamp.glsl"
+#endif
 
 // Visibility of the sky around the craft, a + b . w over directions w; simulator/render/occlusion.py.
 uniform sampler3D t_occlusion;
@@ -41,10 +44,44 @@ float open_towards(vec4 visibility, vec3 n, vec3 m) {
     return clamp((visibility.w + 0.667 * dot(visibility.xyz, m)) / (0.5 + 0.5 * max(dot(n, m), -0.8)), 0.0, 1.0);
 }
 
+// What one direction of light meets of a surface: its normal and view, colours and lobe.
+struct Surface {
+    vec3 n, v;      // camera frame
+    float n_v;
+    color diffuse;  // reflectance over pi
+    color f0;
+    color again;    // over the first bounce between microfacets
+    float coat;     // share that is clear coated
+#ifdef BRUSHED
+    vec3 across;    // unit vector along the surface, across the grain
+    float stretch;  // by which the lobe is wider that way: alpha -> mix(alpha, 1, stretch)
+#endif
+};
+
+// Radiance over the irradiance of a face that looks at the light; l: unit vector to it.
+// alpha, coat_alpha: widths of the lobes, the light's own included.
+color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
+    vec3 h = normalize(s.v + l);
+    float n_h = clamp(dot(s.n, h), 0.0, 1.0), v_h = clamp(dot(s.v, h), 0.0, 1.0);
+    color f = fresnel_schlick(s.f0, v_h);
+#ifdef BRUSHED
+    float lobe = brushed_lobe(s.n, s.across, s.v, l, h, vec2(mix(alpha, 1.0, s.stretch), alpha));
+#else
+    float lobe = distribution_ggx(n_h, alpha) * visibility_smith(n_l, s.n_v, alpha);
+#endif
+    color out_light = (color(1.0) - f) * s.diffuse + f * s.again * lobe;
+#ifdef CLEARCOAT
+    float fc = (0.04 + 0.96 * pow5(1.0 - v_h)) * s.coat;
+    out_light = out_light * (1.0 - fc) + fc * distribution_ggx(n_h, coat_alpha) * visibility_smith(n_l, s.n_v, coat_alpha);
+#endif
+    return out_light;
+}
+
 // Radiance that leaves one surface towards the camera [W m-2 sr-1].
 // base: reflectance per band, metallic; surface: roughness, clear coat, its roughness, crinkle; p_m: camera frame [m].
 // geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
-color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
+// grain: direction of the brushing, target frame; w: how much it stretches the lobe, 0..1.
+color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m) {
     vec3 v = -normalize(p_m);
     float lit = sun_visibility(p_m, geometric);
 #ifdef CRINKLE
@@ -53,21 +90,39 @@ color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
     float n_v = max(dot(n, v), 1e-3); // 1e-3: a normal averaged at the silhouette may look away
     vec3 l = u_sun_direction.xyz;
     float n_l = max(dot(n, l), 0.0) * step(0.0, dot(geometric, l));
-    vec3 h = normalize(v + l);
-    float n_h = clamp(dot(n, h), 0.0, 1.0), v_h = clamp(dot(v, h), 0.0, 1.0);
-    float alpha = sun_alpha(surface.x);
     color albedo = BAND(base);
     color f0 = mix(color(0.04), albedo, base.w);
 #ifdef CLEARCOAT
     f0 = mix(f0, under_coat(f0), surface.y);
 #endif
     color diffuse = albedo * ((1.0 - base.w) / PI);
-    color f = fresnel_schlick(f0, v_h);
+#ifdef BRUSHED
+    vec3 across = cross(n, mat3(u_camera_from_target) * grain.xyz);
+    float length2 = dot(across, across);
+    // a face that looks along the grain shows no direction
+    across = length2 > 1e-4 ? across * inversesqrt(length2) : normalize(cross(n, vec3(0.3, 0.9, 0.2)));
+    float stretch = length2 > 1e-4 ? grain.w * grain.w : 0.0;
+    vec2 e = directional_albedo(brushed_roughness(surface.x, stretch, n_v, dot(across, v)), n_v);
+#else
     vec2 e = directional_albedo(surface.x, n_v);
+#endif
     // light that bounces several times between microfacets: Turquin (2019), Practical multiple scattering compensation
     color again = color(1.0) + f0 * (1.0 / (e.x + e.y) - 1.0);
-    color sun = (color(1.0) - f) * diffuse
-        + f * again * (distribution_ggx(n_h, alpha) * visibility_smith(n_l, n_v, alpha));
+#ifdef BRUSHED
+    Surface s = Surface(n, v, n_v, diffuse, f0, again, surface.y, across, stretch);
+#else
+    Surface s = Surface(n, v, n_v, diffuse, f0, again, surface.y);
+#endif
+    color direct = reflected(s, l, n_l, sun_alpha(surface.x), sun_alpha(surface.z)) * BAND(u_sun_irradiance) * (n_l * lit);
+#ifdef LAMP
+    {
+        vec3 towards;
+        color falling = lamp_irradiance(p_m, towards);
+        float cosine = max(dot(n, towards), 0.0) * step(0.0, dot(geometric, towards));
+        float wide = surface.x * surface.x, coat_wide = surface.z * surface.z;
+        direct += reflected(s, towards, cosine, wide, coat_wide) * falling * cosine;
+    }
+#endif
 
     // the sky: what the craft leaves open of it, and what the craft's own lit parts give in its place
     mat3 R = mat3(u_camera_from_target);
@@ -92,13 +147,10 @@ color shade(vec4 base, vec4 surface, vec3 geometric, vec3 n, vec3 p_m) {
     color sky = ambient * diffuse * (color(1.0) - gloss) + gloss * (earth * smoothstep(-blur, blur, rim) + own);
 #ifdef CLEARCOAT
     {
-        float coat_alpha = sun_alpha(surface.z);
-        float fc = (0.04 + 0.96 * pow5(1.0 - v_h)) * surface.y;
-        sun = sun * (1.0 - fc) + fc * distribution_ggx(n_h, coat_alpha) * visibility_smith(n_l, n_v, coat_alpha);
         float fe = (0.04 + 0.96 * pow5(1.0 - n_v)) * surface.y;
         float coat_blur = surface.z * surface.z + 0.02;
         sky = sky * (1.0 - fe) + fe * (earth * smoothstep(-coat_blur, coat_blur, rim) + own);
     }
 #endif
-    return sun * BAND(u_sun_irradiance) * (n_l * lit) + sky;
+    return direct + sky;
 }

@@ -3,6 +3,11 @@
 #include "target/lattice.glsl"
 #include "target/lighting.glsl"
 #include "target/pack.glsl"
+#ifdef BRUSHED
+#define GRAIN(k) u_material_grain[k]
+#else
+#define GRAIN(k) vec4(0.0)
+#endif
 
 uniform usampler2D t_surface;
 uniform sampler2D t_depth;
@@ -85,7 +90,7 @@ void main() {
         surface.x = detail.w / float(members);
         n = normalize(detail.xyz);
 #endif
-        sum += shade(base, surface, geometric, n, p_m) * weight;
+        sum += shade(base, surface, GRAIN(material), geometric, n, p_m) * weight;
         ++group;
     } while (group < MAX_SURFACES && left > 0);
     out_radiance = OUT(sum / float(SAMPLES));

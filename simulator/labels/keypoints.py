@@ -111,6 +111,8 @@ def geometric_states(
             states.append("out_of_frame")
         elif occluded[k]:
             states.append("self_occluded")
+        elif scene.lamp is not None:  # what the camera sees, its lamp lights
+            states.append(None)
         elif scene.sun_visible_fraction < ECLIPSED_BELOW:
             states.append("eclipsed")
         else:

@@ -27,6 +27,7 @@ def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
     u_sky, u_earth = np.zeros((10, 4)), np.zeros((3, 4))
     u_sky[:, : sky.irradiance_w_m2.shape[1]] = sky.irradiance_w_m2
     u_earth[: len(sky.radiance_w_m2_sr)] = sky.radiance_w_m2_sr
+    lamp = scene.lamp
     return {
         "u_intrinsics": [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px],
         "u_sun_direction": [*view.sun_direction, view.sun_sine],
@@ -36,6 +37,8 @@ def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
         "u_earth_rim": [*sky.axis, sky.disc_cosine],
         # a disc of half the sky lights from around the mean of normal and nadir, all of the sky from the normal
         "u_nadir_direction": [*sky.axis, float(np.clip((1 + sky.disc_cosine) / 2, 0, 1))],
+        "u_lamp_place": [0.0] * 4 if lamp is None else [*lamp.offset_m, lamp.shape],
+        "u_lamp_intensity": [0.0] * 4 if lamp is None else _four(lamp.intensity_w_sr(scene.bands)),
     }
 
 

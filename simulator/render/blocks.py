@@ -24,6 +24,8 @@ FRAME = (
     Field(
         "vec4", "u_nadir_direction"
     ),  # xyz: towards the Earth's centre; w: how much of the sky's light comes from there, 0..1
+    Field("vec4", "u_lamp_place"),  # xyz: of the chaser's lamp, camera frame [m]; w: the shape of its beam
+    Field("vec4", "u_lamp_intensity"),  # on its axis, per band [W sr-1]
 )
 
 # the lens, where it distorts
@@ -90,6 +92,7 @@ MOON = (
 MATERIALS = (
     Field("vec4", "u_material_color", MAX_MATERIALS + 1),  # reflectance per band; w: metallic
     Field("vec4", "u_material_surface", MAX_MATERIALS + 1),  # roughness, clear coat, its roughness, crinkle
+    Field("vec4", "u_material_grain", MAX_MATERIALS + 1),  # xyz: of brushing, target frame; w: its strength
 )
 
 

@@ -15,6 +15,7 @@ from simulator.world.rotation import matrix_from_quat, quat_multiply
 if TYPE_CHECKING:
     from simulator.camera.model import Camera
     from simulator.camera.sensor import Sensor
+    from simulator.scene.lamp import Lamp
     from simulator.world.state import WorldState
 
 
@@ -33,6 +34,7 @@ def build_scene(
     environment: Environment | None = None,
     optics: Optics | None = None,
     shutter: Shutter | None = None,
+    lamp: Lamp | None = None,
 ) -> SceneState:
     """Freeze the world at mid-exposure as one camera sees it.
 
@@ -46,7 +48,7 @@ def build_scene(
     target : model that is drawn.
     com_target_m : its centre of mass in the model frame [m].
     frame_index, seed : key of the frame's random numbers.
-    quality, bands, environment : how it is drawn. shutter : global unless given.
+    quality, bands, environment, lamp : how it is lit and drawn. shutter : global unless given.
     """
     q_ce = np.array(world.q_camera_from_eci_wxyz)
     R_camera_from_eci = matrix_from_quat(q_ce)
@@ -90,4 +92,5 @@ def build_scene(
         q_moon_from_eci_wxyz=world.q_moon_from_eci_wxyz,
         sun_visible_fraction=world.sun_visible_fraction,
         central_body=world.central_body,
+        lamp=lamp,
     )

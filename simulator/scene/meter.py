@@ -94,7 +94,10 @@ def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
     sun_m = float(np.linalg.norm(np.subtract(scene.r_sun_eci_m, scene.r_target_eci_m)))
     sunlight = float(sun_irradiance_w_m2("mono", sun_m)[0]) * scene.sun_visible_fraction
     incidence = np.clip(n @ np.asarray(scene.sun_direction_camera), 0, None)
-    return points.albedo / np.pi * sunlight * incidence, area
+    light = sunlight * incidence
+    if scene.lamp is not None:
+        light = light + scene.lamp.irradiance_w_m2(p, n, "mono")[:, 0]
+    return points.albedo / np.pi * light, area
 
 
 def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:

@@ -12,6 +12,7 @@ from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Sensor
 from simulator.camera.shutter import Shutter
+from simulator.scene.lamp import Lamp
 from simulator.world.bodies import BodyName
 from simulator.world.pose import Pose
 from simulator.world.rotation import matrix_from_quat
@@ -83,7 +84,7 @@ class SceneState:
     q_itrs_from_eci_wxyz, q_moon_from_eci_wxyz : orientation of the Earth and the Moon (mean Earth / polar axis
         frame: x to longitude 0, z along the axis).
     sun_visible_fraction : share of the Sun's disc that the target sees past the Earth and the Moon, 0..1.
-    central_body : what the target circles.
+    central_body : what the target circles. lamp : a lamp on the chaser, where it has one lit.
     """
 
     epoch_utc: str
@@ -115,6 +116,7 @@ class SceneState:
     sun_visible_fraction: float
     q_moon_from_eci_wxyz: Quat = (1.0, 0.0, 0.0, 0.0)
     central_body: BodyName = "earth"
+    lamp: Lamp | None = None
 
     @property
     def camera_from_target(self) -> Pose:

@@ -13,7 +13,7 @@ from simulator.targets.triangles import distance_to_triangles
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders, Part, Target
+    from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Part, Target
 
 KEYPOINT_REACH = 0.02
 """Share of the craft's size by which a keypoint may lie off its surface: fillets and coarse levels do."""
@@ -31,6 +31,7 @@ def check_target(target: Target, where: str) -> None:
     """
     for part in target.parts:
         check_part(part, where)
+    check_grain(target.materials, where)
     check_textures(target, where)
     check_labels(target.keypoints, target.wireframe, target.occluders, where)
     check_mass(target.mass, where)
@@ -87,6 +88,16 @@ def check_keypoints_on_mesh(target: Target, where: str) -> None:
             raise UserError(
                 f"{where}: keypoint {k.name!r} at ({at}) m is off the mesh by more than {reach:.3g} m; put it on "
                 "the surface, in metres in the model frame"
+            )
+
+
+def check_grain(materials: Sequence[Material], where: str) -> None:
+    """A brushed metal has a direction."""
+    for m in materials:
+        length = float(np.linalg.norm(m.grain))
+        if m.anisotropy > 0 and not (np.isfinite(length) and length > 0):
+            raise UserError(
+                f"{where}: material {m.name!r} is brushed (anisotropy {m.anisotropy:g}) in no direction; give its grain"
             )
 
 

@@ -85,8 +85,13 @@ def content_sha256(
 
 
 def _material_head(material: Material) -> dict[str, Any]:
-    """The material without empty texture names: targets without textures keep the hash they had before these."""
-    return {k: v for k, v in asdict(material).items() if not (k.endswith("_texture") and v == "")}
+    """The material without empty texture names and without grain: targets that have none keep the hash they had."""
+    absent = () if material.anisotropy > 0 else ("anisotropy", "grain")
+    return {
+        k: v
+        for k, v in asdict(material).items()
+        if not (k.endswith("_texture") and v == "") and k not in absent
+    }
 
 
 def record_of(target: Target) -> TargetRecord:
@@ -105,6 +110,7 @@ def record_of(target: Target) -> TargetRecord:
         symmetry_wxyz=target.symmetry,
         notes=target.notes,
         crinkle={m.name: m.crinkle for m in target.materials if m.crinkle > 0},
+        grain={m.name: m.grain for m in target.materials if m.anisotropy > 0},
     )
 
 

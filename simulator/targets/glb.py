@@ -36,7 +36,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-CLEARCOAT = "KHR_materials_clearcoat"
+    from simulator.arrays import Vec3
+
+CLEARCOAT, ANISOTROPY = "KHR_materials_clearcoat", "KHR_materials_anisotropy"
 Y_UP_FROM_Z_UP_XYZW = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 TYPES = {gl.FLOAT: "<f4", gl.UNSIGNED_INT: "<u4", gl.UNSIGNED_SHORT: "<u2", gl.UNSIGNED_BYTE: "u1"}
 
@@ -52,6 +54,7 @@ def write_glb(target: Target, path: Path) -> None:
     document, blob = gl.GLTF2(asset=gl.Asset(version="2.0", generator="flyaround")), bytearray()
     document.materials = [_gltf_material(m, target.pictures) for m in target.materials]
     index = {m.name: k for k, m in enumerate(target.materials)}
+    grain = {m.name: m.grain for m in target.materials if m.anisotropy > 0}
     for part in target.parts:
         at = [
             _append(document, blob, np.ascontiguousarray(part.positions_m, "<f4"), gl.ARRAY_BUFFER),
@@ -61,8 +64,11 @@ def write_glb(target: Target, path: Path) -> None:
         uv = None
         if part.uv is not None:
             uv = _append(document, blob, np.ascontiguousarray(part.uv, "<f4"), gl.ARRAY_BUFFER)
+        tangent = None
+        if part.material in grain:
+            tangent = _append(document, blob, _tangents(part, grain[part.material]), gl.ARRAY_BUFFER)
         primitive = gl.Primitive(
-            attributes=gl.Attributes(POSITION=at[0], NORMAL=at[1], TEXCOORD_0=uv),
+            attributes=gl.Attributes(POSITION=at[0], NORMAL=at[1], TANGENT=tangent, TEXCOORD_0=uv),
             indices=at[2],
             material=index[part.material],
         )
@@ -75,8 +81,9 @@ def write_glb(target: Target, path: Path) -> None:
     document.scenes = [gl.Scene(name=target.name, nodes=[len(children)], extras=extras)]
     document.scene = 0
     document.buffers = [gl.Buffer(byteLength=len(blob))]
-    if any(m.clearcoat > 0 for m in target.materials):
-        document.extensionsUsed = [CLEARCOAT]
+    used = {CLEARCOAT: any(m.clearcoat > 0 for m in target.materials), ANISOTROPY: bool(grain)}
+    if any(used.values()):
+        document.extensionsUsed = [name for name, is_used in used.items() if is_used]
     document.set_binary_blob(bytes(blob))
     write_atomic(path, b"".join(document.save_to_bytes()))
 
@@ -91,9 +98,22 @@ def _gltf_material(m: Material, pictures: tuple[Picture, ...]) -> gl.Material:
             "clearcoatFactor": m.clearcoat,
             "clearcoatRoughnessFactor": m.clearcoat_roughness,
         }
+    if m.anisotropy > 0:
+        extensions[ANISOTROPY] = {"anisotropyStrength": m.anisotropy}
     written = gl.Material(name=m.name, pbrMetallicRoughness=pbr, alphaMode=gl.OPAQUE, extensions=extensions)
     add_textures(written, m, pictures)
     return written
+
+
+def _tangents(part: Part, grain: Vec3) -> NDArray[Any]:
+    """(N, 4) glTF tangents of a brushed part: across the grain, the way in which its highlight is wide."""
+    across = np.cross(part.normals, np.asarray(grain, float))
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    # where a face looks along the grain any direction will do
+    other = np.cross(part.normals, np.roll(part.normals, 1, axis=1) * (1, -1, 1) + (0.1, 0.2, 0.3))
+    across = np.where(length > 1e-6, across, other)
+    across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    return np.column_stack([across, np.ones(len(across))]).astype("<f4")
 
 
 def _append(document: gl.GLTF2, blob: bytearray, data: NDArray[Any], use: int) -> int:
@@ -104,7 +124,7 @@ def _append(document: gl.GLTF2, blob: bytearray, data: NDArray[Any], use: int) -
     accessor = gl.Accessor(bufferView=len(document.bufferViews) - 1, count=data.size, type=gl.SCALAR)
     accessor.componentType = gl.UNSIGNED_INT if use == gl.ELEMENT_ARRAY_BUFFER else gl.FLOAT
     if use == gl.ARRAY_BUFFER:
-        accessor.type, accessor.count = (gl.VEC3 if data.shape[1] == 3 else gl.VEC2), len(data)
+        accessor.type, accessor.count = ({2: gl.VEC2, 3: gl.VEC3, 4: gl.VEC4}[data.shape[1]]), len(data)
         accessor.min, accessor.max = (f(data, axis=0).astype(float).tolist() for f in (np.min, np.max))
     document.accessors.append(accessor)
     blob += data.tobytes()
@@ -229,6 +249,7 @@ def _material(
     pbr = m.get("pbrMetallicRoughness", {})
     r, g, b = (float(c) for c in pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])
     coat = m.get("extensions", {}).get(CLEARCOAT, {})
+    brushed = float(m.get("extensions", {}).get(ANISOTROPY, {}).get("anisotropyStrength", 0.0))
     # glTF's own defaults, where a file leaves a factor out
     return Material(
         name=m["name"],
@@ -238,6 +259,8 @@ def _material(
         clearcoat=float(coat.get("clearcoatFactor", 0.0)),
         clearcoat_roughness=float(coat.get("clearcoatRoughnessFactor", Material.clearcoat_roughness)),
         crinkle=record.crinkle.get(m["name"], 0.0),
+        anisotropy=brushed,
+        grain=record.grain.get(m["name"], Material.grain),
         base_color_texture=texture_name(document, pbr.get("baseColorTexture"), pictures),
         metallic_roughness_texture=texture_name(document, pbr.get("metallicRoughnessTexture"), pictures),
         normal_texture=texture_name(document, m.get("normalTexture"), pictures),

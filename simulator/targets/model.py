@@ -19,6 +19,8 @@ class Material:
     metallic, roughness : as in glTF 2.0.
     clearcoat, clearcoat_roughness : KHR_materials_clearcoat.
     crinkle : amplitude of the procedural normal detail of insulation blankets, 0..1.
+    anisotropy : KHR_materials_anisotropy's strength, 0..1: how much wider a brushed metal's highlight is across its
+        grain. grain : direction of the brushing, target frame, as it lies on each face; any length.
     base_color_texture : name of a `Picture` (sRGB) that multiplies ``base_color`` where the part has texture
         coordinates; none when empty.
     metallic_roughness_texture : a picture whose green and blue multiply ``roughness`` and ``metallic``.
@@ -32,6 +34,8 @@ class Material:
     clearcoat: float = 0.0
     clearcoat_roughness: float = 0.05
     crinkle: float = 0.0
+    anisotropy: float = 0.0
+    grain: Vec3 = (0.0, 0.0, 0.0)
     base_color_texture: str = ""
     metallic_roughness_texture: str = ""
     normal_texture: str = ""

@@ -61,7 +61,8 @@ class FrameRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The `flyaround` object in the extras of a target file's scene (glTF 2.0, binary).
 
-    Lengths in metres, model frame; `crinkle` holds the amplitude of insulation's wrinkles by material.
+    Lengths in metres, model frame; `crinkle` holds the amplitude of insulation's wrinkles by material,
+    `grain` the direction of brushed metals.
     """
 
     schema: Literal["flyaround.target"]
@@ -77,6 +78,7 @@ class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     symmetry_wxyz: tuple[Quat, ...] = ()
     notes: str = ""
     crinkle: dict[str, Fraction] = {}
+    grain: dict[str, Vec3] = {}
 
 
 class OutlinesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

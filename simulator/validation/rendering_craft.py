@@ -12,10 +12,11 @@ from simulator.render.skylight import basis, light_of_samples, spiral, uniform_l
 from simulator.render.view import SUN_RADIUS_M
 from simulator.scene.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 from simulator.targets.library import load_target
-from simulator.targets.model import Material, Part
+from simulator.targets.model import Material
+from simulator.validation import rendering_brushed, rendering_lamp
 from simulator.validation.mitsuba_craft import Difference, difference, path_trace
 from simulator.validation.rows import Row
-from simulator.validation.stage import bare_target, flat_plate, square_camera, stage
+from simulator.validation.stage import ball, bare_target, flat_plate, square_camera, stage
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -54,7 +55,7 @@ def rows(renderer: Renderer) -> list[Row]:
 
 
 def quick_rows(renderer: Renderer) -> list[Row]:
-    """Surfaces, penumbra, furnace and Earth-shine."""
+    """Surfaces, penumbra, furnace, Earth-shine, brushed metal and the chaser's lamp."""
     matt = Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)
     metal = Material(name="m", base_color=(0.9, 0.9, 0.9), metallic=1.0, roughness=0.3)
     return [
@@ -63,6 +64,8 @@ def quick_rows(renderer: Renderer) -> list[Row]:
         penumbra_row(renderer),
         _furnace(renderer),
         _even_earth(),
+        *rendering_brushed.rows(renderer),
+        *rendering_lamp.rows(renderer),
     ]
 
 
@@ -71,28 +74,9 @@ def edge_rows(renderer: Renderer) -> list[Row]:
     return [*_edges(renderer, "default", 0.04, 0.1), *_edges(renderer, "high", 0.02, 0.05)]
 
 
-def _ball(radius_m: float, around: int = 160) -> Part:
-    down = around // 2
-    a, b = np.meshgrid(np.linspace(0, 2 * np.pi, around + 1), np.linspace(0, np.pi, down + 1))
-    n = np.stack([np.sin(b) * np.cos(a), np.sin(b) * np.sin(a), np.cos(b)], axis=-1).reshape(-1, 3)
-    row, column = (q.ravel() for q in np.meshgrid(np.arange(down), np.arange(around), indexing="ij"))
-    first = row * (around + 1) + column
-    below = first + around + 1
-    triangles = np.concatenate(
-        [np.stack([first, below, below + 1], axis=1), np.stack([first, below + 1, first + 1], axis=1)]
-    )
-    return Part(
-        name="ball",
-        material="m",
-        positions_m=(radius_m * n).astype(np.float32),
-        normals=n.astype(np.float32),
-        triangles=triangles,
-    )
-
-
 def _sphere(renderer: Renderer, what: str, material: Material) -> Row:
     """Largest error over a sphere's lit face, of the highest radiance; the Sun's disc is summed point by point."""
-    target, camera = bare_target([_ball(0.5)], [material]), square_camera(128, 480.0)
+    target, camera = bare_target([ball(0.5)], [material]), square_camera(128, 480.0)
     sun = np.array([0.5, -0.3, -0.8])
     scene = stage(target, camera, (0, 0, 5.0), sun_camera=sun)
     seen = renderer.render(scene, target, labels=True)
@@ -209,7 +193,7 @@ def _furnace(renderer: Renderer) -> Row:
     worst = 0.0
     for metallic, roughness in ((1.0, 0.1), (1.0, 0.5), (1.0, 1.0), (0.0, 0.5)):
         white = Material(name="m", base_color=(1.0, 1.0, 1.0), metallic=metallic, roughness=roughness)
-        target = bare_target([_ball(0.5)], [white])
+        target = bare_target([ball(0.5)], [white])
         scene = stage(target, square_camera(96, 400.0), (0, 0, 5.0), sunlit=False)
         seen = renderer.render(scene, target, labels=True, sky=uniform_light(np.array([7.0])))
         worst = max(worst, float(np.abs(seen.radiance[np.asarray(seen.coverage) > 0.999] / 7.0 - 1).max()))

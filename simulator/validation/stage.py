@@ -63,6 +63,26 @@ def flat_plate(name: str, x: tuple[float, float], y: tuple[float, float], z: flo
     )
 
 
+def ball(radius_m: float, around: int = 160) -> Part:
+    """A smooth sphere about the origin."""
+    down = around // 2
+    a, b = np.meshgrid(np.linspace(0, 2 * np.pi, around + 1), np.linspace(0, np.pi, down + 1))
+    n = np.stack([np.sin(b) * np.cos(a), np.sin(b) * np.sin(a), np.cos(b)], axis=-1).reshape(-1, 3)
+    row, column = (q.ravel() for q in np.meshgrid(np.arange(down), np.arange(around), indexing="ij"))
+    first = row * (around + 1) + column
+    below = first + around + 1
+    triangles = np.concatenate(
+        [np.stack([first, below, below + 1], axis=1), np.stack([first, below + 1, first + 1], axis=1)]
+    )
+    return Part(
+        name="ball",
+        material="m",
+        positions_m=(radius_m * n).astype(np.float32),
+        normals=n.astype(np.float32),
+        triangles=triangles,
+    )
+
+
 def square_camera(size_px: int, focal_px: float) -> Camera:
     """A square pinhole camera."""
     middle = (size_px - 1) / 2

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
 from simulator.render.cover import CELL_PX
 from simulator.render.lattice import lattice_defines
 from simulator.render.passes.gbuffer import normal_bits
+from simulator.scene.lamp import Profile
 
 if TYPE_CHECKING:
     import moderngl
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from simulator.render.mesh import Mesh
     from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
+    from simulator.scene.lamp import Lamp
 
 MAX_SURFACES = 4  # distinct (material, normal) groups shaded per pixel; the rest joins the last
 
@@ -34,12 +36,15 @@ class ShadePass:
         self._arrays: dict[Program, moderngl.VertexArray] = {}
         self._cells = context.buffer(reserve=8, dynamic=True)
 
-    def program(self, lattice: Lattice, bands: int, mesh: Mesh, shadow_window: int) -> Program:
+    def program(
+        self, lattice: Lattice, bands: int, mesh: Mesh, shadow_window: int, lamp: Lamp | None = None
+    ) -> Program:
         """The program of one lattice, number of bands and kind of mesh; what its materials lack is left out."""
         switches = {
             "TEXTURED": mesh.uv is not None,
             "CRINKLE": any(m.crinkle > 0 for m in mesh.materials),
             "CLEARCOAT": any(m.clearcoat > 0 for m in mesh.materials),
+            "BRUSHED": any(m.anisotropy > 0 for m in mesh.materials),
         }
         defines: dict[str, object] = {
             "BANDS": bands,
@@ -49,6 +54,7 @@ class ShadePass:
             **{name: "" for name, on in switches.items() if on},
             **lattice_defines(lattice),
             **_shadow_defines(shadow_window),
+            **({} if lamp is None else {"LAMP": 1 + get_args(Profile).index(lamp.profile)}),
         }
         return self._programs.get(
             "target/cells.vert",

@@ -216,7 +216,7 @@ class TargetPasses:
         return Sampled(
             place.rect,
             cells,
-            self._shade.program(lattice, len(bands_of(scene.bands)), mesh, choice.window),
+            self._shade.program(lattice, len(bands_of(scene.bands)), mesh, choice.window, scene.lamp),
             {
                 "t_surface": samples.surface,
                 "t_depth": samples.depth,
@@ -350,7 +350,7 @@ def _four(bands: FloatArray) -> list[float]:
 
 
 def _material_values(mesh: Mesh, scene: SceneState) -> dict[str, FloatArray]:
-    color, surface = np.zeros((256, 4)), np.zeros((256, 4))
+    color, surface, grain = np.zeros((256, 4)), np.zeros((256, 4)), np.zeros((256, 4))
     for k, material in enumerate(mesh.materials, start=1):
         albedo = reflectance(scene.bands, np.asarray(material.base_color))
         color[k, : len(albedo)] = albedo
@@ -361,4 +361,6 @@ def _material_values(mesh: Mesh, scene: SceneState) -> dict[str, FloatArray]:
             max(material.clearcoat_roughness, 0.03),
             material.crinkle,
         ]
-    return {"u_material_color": color, "u_material_surface": surface}
+        if material.anisotropy > 0:
+            grain[k] = [*(np.asarray(material.grain) / np.linalg.norm(material.grain)), material.anisotropy]
+    return {"u_material_color": color, "u_material_surface": surface, "u_material_grain": grain}

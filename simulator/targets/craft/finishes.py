@@ -24,9 +24,21 @@ MACHINED_ALUMINIUM = Material(
     name="machined-aluminium", base_color=(0.55, 0.55, 0.56), metallic=0.5, roughness=0.4
 )
 BRUSHED_ALUMINIUM = Material(
-    name="brushed-aluminium", base_color=(0.62, 0.62, 0.63), metallic=0.6, roughness=0.5
+    name="brushed-aluminium",
+    base_color=(0.62, 0.62, 0.63),
+    metallic=0.6,
+    roughness=0.4,
+    anisotropy=0.6,
+    grain=(1.0, 0.0, 0.0),
 )
-BRUSHED_METAL = Material(name="brushed-metal", base_color=(0.42, 0.41, 0.40), metallic=0.5, roughness=0.5)
+BRUSHED_METAL = Material(
+    name="brushed-metal",
+    base_color=(0.42, 0.41, 0.40),
+    metallic=0.5,
+    roughness=0.4,
+    anisotropy=0.55,
+    grain=(0.0, 0.0, 1.0),
+)
 TITANIUM = Material(name="titanium", base_color=(0.50, 0.46, 0.42), metallic=0.7, roughness=0.38)
 NOZZLE_NIOBIUM = Material(name="nozzle", base_color=(0.16, 0.14, 0.13), metallic=0.6, roughness=0.45)
 NOZZLE_ALLOY = Material(name="nozzle-alloy", base_color=(0.24, 0.21, 0.19), metallic=0.6, roughness=0.45)

@@ -12,8 +12,9 @@ from urllib.parse import unquote
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.targets.glb import CLEARCOAT, read_chunks
+from simulator.targets.glb import ANISOTROPY, CLEARCOAT, read_chunks
 from simulator.targets.importing.accessors import read_accessor
+from simulator.targets.importing.grain import common_direction, corners_of, face_grain, strength_and_turn
 from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart, unique_name, unique_names
 from simulator.targets.importing.texture import picture_of
 from simulator.targets.model import Material, Picture
@@ -80,6 +81,7 @@ class _Reader:
         self.buffers = [self._buffer(b, blob, k) for k, b in enumerate(document.get("buffers", []))]
         self.pictures: dict[int, Picture] = {}
         self.lost: set[str] = set()
+        self.grain: dict[int, FloatArray] = {}
 
     def model(self) -> RawModel:
         document = self.document
@@ -103,6 +105,7 @@ class _Reader:
             part = self._part(name, document["meshes"][mesh], matrix, len(materials) - 1)
             if part is not None:
                 parts.append(part)
+        materials = self._brushed(materials)
         used = {int(k) for p in parts for k in np.unique(p.face_material)}
         if len(materials) - 1 in used and document.get("materials"):
             self.notes.append("some faces name no material: given a mid-grey paint")
@@ -152,6 +155,7 @@ class _Reader:
             colours.append(self._colours(primitive, t, len(p)))
             corners.append(self._coordinates(primitive, t))
             start += len(p)
+            self._add_grain(primitive, t, p, corners[-1], matrix[:3, :3])
         if not positions:
             return None
         linear = matrix[:3, :3]
@@ -174,6 +178,45 @@ class _Reader:
             face_colour=_joined(colours, triangles, (3,)),
             corner_uv=uv,
         )
+
+    def _add_grain(
+        self,
+        primitive: dict[str, Any],
+        triangles: IntArray,
+        positions: FloatArray,
+        corner_uv: FloatArray | None,
+        linear: FloatArray,
+    ) -> None:
+        """Note in which directions the faces of a brushed material are brushed."""
+        if "material" not in primitive:
+            return
+        number = int(primitive["material"])
+        strength, turn = strength_and_turn(self.document["materials"][number], ANISOTROPY)
+        if strength == 0:
+            return
+        tangents = None
+        if "TANGENT" in primitive["attributes"]:
+            read = self._read(primitive["attributes"]["TANGENT"])
+            tangents = corners_of(np.column_stack([read[:, :3] @ linear.T, read[:, 3]]), triangles)
+        elif corner_uv is None and "TEXCOORD_0" in primitive["attributes"]:
+            corner_uv = corners_of(self._read(primitive["attributes"]["TEXCOORD_0"]), triangles)
+        places = corners_of(positions @ linear.T, triangles)
+        dyads = face_grain(places, tangents, corner_uv, turn)
+        self.grain[number] = self.grain.get(number, np.zeros((3, 3))) + dyads
+
+    def _brushed(self, materials: list[Material]) -> list[Material]:
+        """The materials with the directions in which they are brushed."""
+        out = list(materials)
+        for number, dyads in self.grain.items():
+            grain, straight = common_direction(dyads)
+            if not straight:
+                self.lost.add("brushing that turns from face to face (its mean direction is taken)")
+            if grain == Material.grain:
+                self.lost.add("brushing of meshes without tangents or texture coordinates")
+                out[number] = replace(out[number], anisotropy=0.0)
+            else:
+                out[number] = replace(out[number], grain=grain)
+        return [m if any(m.grain) else replace(m, anisotropy=0.0) for m in out]
 
     def _colours(self, primitive: dict[str, Any], triangles: IntArray, count: int) -> FloatArray | None:
         """(F, 3) colour of each face from its vertices, where the file gives them one and no texture."""
@@ -232,8 +275,10 @@ class _Reader:
             roughness = 1.0 - float(old.get("glossinessFactor", 1.0))
         diffuse = pbr.get("baseColorTexture") or extensions.get(SPECULAR, {}).get("diffuseTexture")
         for key, what in (("emissiveTexture", "emission"), ("occlusionTexture", "occlusion maps")):
-            if key in m:
+            if key in m or (what == "emission" and any(m.get("emissiveFactor", ()))):
                 self.lost.add(what)
+        if any(key.endswith("Texture") for key in (*coat, *extensions.get(ANISOTROPY, {}))):
+            self.lost.add("textures of clear coats and of brushing (their factors are taken)")
         if m.get("normalTexture", {}).get("scale", 1) != 1:
             self.lost.add("scales of normal maps (1 is taken)")
         if m.get("alphaMode", "OPAQUE") != "OPAQUE":
@@ -248,6 +293,7 @@ class _Reader:
             clearcoat_roughness=float(
                 np.clip(coat.get("clearcoatRoughnessFactor", Material.clearcoat_roughness), 0, 1)
             ),
+            anisotropy=strength_and_turn(m, ANISOTROPY)[0],
             base_color_texture=self._picture(diffuse),
             metallic_roughness_texture=self._picture(pbr.get("metallicRoughnessTexture")),
             normal_texture=self._picture(m.get("normalTexture")),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from simulator.arrays import FloatArray
+from simulator.arrays import FloatArray, vec3
 from simulator.errors import UserError
 from simulator.targets.importing.raw import RawModel
 from simulator.targets.importing.topology import used_vertices
@@ -86,6 +88,10 @@ def place_model(model: RawModel, scale: float | None, units: str | None, up: str
         if axis == "y":
             part.positions_m = z_up_from_y_up(part.positions_m)
             part.normals = None if part.normals is None else z_up_from_y_up(part.normals)
+    if axis == "y":
+        model.materials = [
+            replace(m, grain=vec3(z_up_from_y_up(np.array([m.grain]))[0])) for m in model.materials
+        ]
     low, high = bounds(model)
     size = " x ".join(f"{s:.4g}" for s in high - low)
     if said:

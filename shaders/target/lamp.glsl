@@ -1,0 +1,21 @@
+// A lamp on the chaser that shines along the camera's boresight. CPU twin: simulator/scene/lamp.py.
+// LAMP: 1 led, 2 gaussian, 3 flat. u_lamp_place: xyz where it is, camera frame [m]; w: the beam's shape.
+
+// Irradiance [W m-2] of a face that looks at the lamp, at p_m (camera frame); l: unit vector to the lamp.
+color lamp_irradiance(vec3 p_m, out vec3 l) {
+    vec3 d = u_lamp_place.xyz - p_m;
+    float inverse2 = 1.0 / max(dot(d, d), 1e-4); // 1 cm: nearer the lamp is no point
+    l = d * sqrt(inverse2);
+    float ahead = clamp(-l.z, 0.0, 1.0);
+#if LAMP == 1
+    float beam = pow(max(ahead, 1e-6), u_lamp_place.w);
+#else
+    float share = acos(ahead) * u_lamp_place.w;
+#if LAMP == 2
+    float beam = exp2(-share * share) * step(1e-6, ahead);
+#else
+    float beam = clamp((1.0 - share) / 0.03 + 0.5, 0.0, 1.0) * step(1e-6, ahead);
+#endif
+#endif
+    return BAND(u_lamp_intensity) * (beam * inverse2);
+}

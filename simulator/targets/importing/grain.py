@@ -1,0 +1,73 @@
+"""Brushed metal of a glTF model: the one direction of each material's grain, from its faces' tangents."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.arrays import vec3
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray, IntArray, Vec3
+
+STRAIGHT = 0.8
+"""Share of the faces' grain that must lie along one direction for that to be all of it."""
+
+
+def strength_and_turn(material: dict[str, Any], extension: str) -> tuple[float, float]:
+    """Strength 0..1 of a glTF material's anisotropy, and the angle [rad] from the tangent to its wide direction."""
+    found = material.get("extensions", {}).get(extension, {})
+    strength = float(np.clip(found.get("anisotropyStrength", 0.0), 0, 1))
+    return strength, float(found.get("anisotropyRotation", 0.0))
+
+
+def face_grain(
+    corners_m: FloatArray, tangents: FloatArray | None, corner_uv: FloatArray | None, turn_rad: float
+) -> FloatArray:
+    """(3, 3) sum over faces of area times the dyad of their grain, which has no sign.
+
+    Parameters
+    ----------
+    corners_m : (F, 3, 3). tangents : (F, 3, 4) of the corners, glTF's, turned with the mesh; or None, then they follow
+        u of corner_uv : (F, 3, 2), or None: a mesh without either has no direction.
+    turn_rad : counter-clockwise from the tangent to the direction in which the highlight is wide.
+
+    References
+    ----------
+    Khronos Group (2023), KHR_materials_anisotropy.
+    """
+    ab, ac = corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]
+    normal = np.cross(ab, ac)
+    area = np.linalg.norm(normal, axis=1)
+    n = normal / np.maximum(area, 1e-30)[:, None]
+    if tangents is not None:
+        t = tangents[..., :3].mean(axis=1)
+        hand = np.sign(tangents[:, 0, 3])
+    elif corner_uv is not None:
+        du, dv = corner_uv[:, 1] - corner_uv[:, 0], corner_uv[:, 2] - corner_uv[:, 0]
+        hand = -np.sign(du[:, 0] * dv[:, 1] - du[:, 1] * dv[:, 0])  # v runs down
+        t = (ab * dv[:, 1:] - ac * du[:, 1:]) * -hand[:, None]
+    else:
+        return np.zeros((3, 3))
+    t = t - (t * n).sum(axis=1, keepdims=True) * n
+    t = t / np.maximum(np.linalg.norm(t, axis=1), 1e-30)[:, None]
+    wide = np.cos(turn_rad) * t + np.sin(turn_rad) * hand[:, None] * np.cross(n, t)
+    grain = np.cross(n, wide)
+    good = np.isfinite(grain).all(axis=1) & (area > 0)
+    return np.einsum("f,fi,fj->ij", area[good], grain[good], grain[good])
+
+
+def common_direction(dyads: FloatArray) -> tuple[Vec3, bool]:
+    """Unit vector along most of the grain, zero where there is none, and whether it is straight."""
+    total = float(np.trace(dyads))
+    if total <= 0:
+        return (0.0, 0.0, 0.0), True
+    values, vectors = np.linalg.eigh(dyads)
+    axis = vectors[:, 2] * np.sign(vectors[np.argmax(np.abs(vectors[:, 2])), 2])
+    return vec3(axis), bool(values[2] > STRAIGHT * total)
+
+
+def corners_of(values: FloatArray, triangles: IntArray) -> FloatArray:
+    """(F, 3, ...) what the corners of triangles have of per-vertex values; wrong indices are told of elsewhere."""
+    return np.asarray(values[np.clip(triangles, 0, len(values) - 1)])
