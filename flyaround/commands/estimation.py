@@ -79,6 +79,11 @@ def estimate(
         empty_folder(debug)
     for k, path in enumerate(images):
         image = read_png(path)
+        if image.shape[:2] != (intrinsics.height_px, intrinsics.width_px):
+            raise UserError(
+                f"{path} is {image.shape[1]} x {image.shape[0]} pixels, the camera {camera} {intrinsics.width_px} x "
+                f"{intrinsics.height_px}: give the camera that took it with --camera"
+            )
         trace: dict[str, Any] | None = None if debug is None else {}
         result = estimator.estimate(image, trace)
         if debug is not None and trace is not None and image.ndim == 2:

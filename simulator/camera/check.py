@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 LARGEST_KERNEL = 63
 KERNEL_SUM_ERROR = 1e-3
+LARGEST_DARK_E_S = 1e9
 
 # field: smallest and largest value
 _OPTICS = {
@@ -100,6 +101,15 @@ def sensor_problem(sensor: Sensor) -> str | None:
         return (
             f"sensor.detector.quantum_efficiency is {list(d.quantum_efficiency)}, allowed: one number above 0 and up "
             "to 1, or three for red, green and blue"
+        )
+    try:
+        heated = d.dark_e_s
+    except OverflowError:
+        heated = float("inf")
+    if heated > LARGEST_DARK_E_S:
+        return (
+            f"sensor.detector.dark_current_e_s is {heated:.3g} at {d.temperature_c:g} deg C, doubling every "
+            f"{d.dark_doubling_c:g} K; allowed: up to {LARGEST_DARK_E_S:g} at the temperature given"
         )
     if d.black_level_dn >= 2**sensor.bits - 1:
         return (

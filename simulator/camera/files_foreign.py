@@ -89,20 +89,25 @@ def recognised(raw: dict[str, Any]) -> Callable[[dict[str, Any], str], CameraFil
 
 def _from_speed(raw: dict[str, Any], where: str) -> CameraFile:
     low = {str(k).lower(): v for k, v in raw.items()}
-    width, height = int(_number(low, "nu", where)), int(_number(low, "nv", where))
+    width, height = _count(low, "nu", where), _count(low, "nv", where)
     matrix = low.get("cameramatrix", low.get("k"))
     if matrix is not None:
         fx, fy, cx, cy = _matrix(matrix, where, "cameraMatrix")
     else:
-        fx = _number(low, "fx", where) / _number(low, "ppx", where)
-        fy = _number(low, "fy", where) / _number(low, "ppy", where)
-        cx, cy = low.get("ccx", width / 2), low.get("ccy", height / 2)
+        pitch = [_number(low, key, where) for key in ("ppx", "ppy")]
+        if min(pitch) <= 0:
+            raise UserError(
+                f"{where}: keys ppx, ppy are {pitch[0]:g} and {pitch[1]:g} m, both must be above 0"
+            )
+        fx, fy = (_number(low, key, where) / p for key, p in zip(("fx", "fy"), pitch, strict=True))
+        middle = {"ccx": width / 2, "ccy": height / 2}
+        cx, cy = (_number(middle | low, key, where) for key in middle)
     coefficients = _numbers(low.get("distcoeffs", []), where, "distCoeffs")
-    return _made(where, width, height, (fx, fy, float(cx), float(cy)), "brown_conrady", coefficients)
+    return _made(where, width, height, (fx, fy, cx, cy), "brown_conrady", coefficients)
 
 
 def _from_opencv(raw: dict[str, Any], where: str) -> CameraFile:
-    width, height = int(_number(raw, "image_width", where)), int(_number(raw, "image_height", where))
+    width, height = _count(raw, "image_width", where), _count(raw, "image_height", where)
     intrinsics = _matrix(raw["camera_matrix"], where, "camera_matrix")
     found = raw.get("distortion_coefficients", raw.get("dist_coeffs", []))
     fisheye = bool(raw.get("fisheye_model", 0))
@@ -111,7 +116,7 @@ def _from_opencv(raw: dict[str, Any], where: str) -> CameraFile:
 
 
 def _from_ros(raw: dict[str, Any], where: str) -> CameraFile:
-    width, height = int(_number(raw, "image_width", where)), int(_number(raw, "image_height", where))
+    width, height = _count(raw, "image_width", where), _count(raw, "image_height", where)
     intrinsics = _matrix(raw["camera_matrix"], where, "camera_matrix")
     model = _ROS_MODELS.get(str(raw["distortion_model"]))
     if model is None:
@@ -142,7 +147,9 @@ def _from_kalibr(raw: dict[str, Any], where: str) -> CameraFile:
     if len(size) != 2 or len(intrinsics) != 4:
         raise UserError(f"{where}: {name} needs resolution [width, height] and intrinsics [fx, fy, cx, cy]")
     coefficients = _numbers(table.get("distortion_coeffs", []), where, f"{name}.distortion_coeffs")
-    made = _made(where, int(size[0]), int(size[1]), intrinsics, model, coefficients)
+    table = dict(zip(("resolution[0]", "resolution[1]"), size, strict=True))
+    width, height = (_count(table, key, where) for key in table)
+    made = _made(where, width, height, intrinsics, model, coefficients)
     return msgspec.structs.replace(made, name=name)
 
 
@@ -184,9 +191,16 @@ def _made(
 
 def _number(table: dict[str, Any], key: str, where: str) -> float:
     value = table.get(key)
-    if not isinstance(value, int | float):
+    if not isinstance(value, int | float) or isinstance(value, bool):
         raise UserError(f"{where}: key {key} is {value!r}, a number is needed")
     return float(value)
+
+
+def _count(table: dict[str, Any], key: str, where: str) -> int:
+    value = _number(table, key, where)
+    if value != int(value):
+        raise UserError(f"{where}: key {key} is {value:g}, a whole number of pixels is needed")
+    return int(value)
 
 
 def _numbers(value: Any, where: str, key: str) -> list[float]:  # noqa: ANN401 - a value of YAML is anything

@@ -166,9 +166,15 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
     ValueError
         If the lens folds back inside the image or sees further off its axis than 85 degrees; one sentence.
     """
-    if distortion.is_none:
-        return LensDomain(distortion, np.inf, np.zeros(1), np.zeros(1))
     far = np.tan(LARGEST_ANGLE_RAD)
+    too_wide = (
+        f"the image reaches further than {np.rad2deg(LARGEST_ANGLE_RAD):.0f} degrees off the axis; "
+        "allowed is less: make the image smaller or the focal length longer"
+    )
+    if distortion.is_none:
+        if strict and np.hypot(border_xy[:, 0], border_xy[:, 1]).max() > far:
+            raise ValueError(too_wide)
+        return LensDomain(distortion, np.inf, np.zeros(1), np.zeros(1))
     angles = np.linspace(0, LARGEST_ANGLE_RAD, _TABLE)
     radius = np.tan(angles)
     with np.errstate(all="ignore"):
@@ -188,10 +194,7 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
         if corner < image_radius[end - 1]:
             raise ValueError("the distortion folds back inside the image: its tangential terms are too large")
         if end == _TABLE:
-            raise ValueError(
-                f"the image reaches further than {np.rad2deg(LARGEST_ANGLE_RAD):.0f} degrees off the axis; "
-                "allowed is less: make the image smaller or the focal length longer"
-            )
+            raise ValueError(too_wide)
         raise ValueError(
             "the distortion folds back inside the image: it reaches "
             f"{image_radius[end - 1]:.4g} focal lengths from the principal point at most, the image's corner is at "

@@ -172,5 +172,5 @@ def camera_problem(camera: Camera) -> str | None:
     try:
         lens_domain(distortion, _border_xy(camera))
     except ValueError as error:
-        return f"distortion.coefficients: {error}"
+        return f"{'fx_px' if distortion.is_none else 'distortion.coefficients'}: {error}"
     return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -99,11 +100,15 @@ class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
             return self
         path = folder / self.kernel_file
         try:
-            table = (
-                np.load(path)
-                if path.suffix == ".npy"
-                else np.loadtxt(path, delimiter=_delimiter(path), ndmin=2)
-            )
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # an empty file is told of below
+                table = (
+                    np.load(path)
+                    if path.suffix == ".npy"
+                    else np.loadtxt(path, delimiter=_delimiter(path), ndmin=2)
+                )
+            if table.dtype.kind not in "fiu":
+                raise ValueError(f"it holds values of type {table.dtype}")
         except (OSError, ValueError) as error:
             raise UserError(
                 f"{where}: key optics.kernel_file: {path} cannot be read as a table of numbers ({error})"

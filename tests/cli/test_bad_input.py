@@ -6,6 +6,8 @@ import socket
 import subprocess
 import sys
 
+import cv2
+import numpy as np
 import pytest
 
 from flyaround.__main__ import run
@@ -58,6 +60,19 @@ def test_unknown_camera(capsys, scenario_file):
     path = scenario_file(GOOD.replace("[orbit]", 'camera = "speeed"\n[orbit]'))
     _fails(capsys, "render", path, says=("speeed", "speed"))
     _fails(capsys, "estimate", "a.png", "--camera", "nikon", says=("nikon", "speed"))
+
+
+def test_a_picture_of_another_size_than_its_camera(capsys, tmp_path):
+    path = tmp_path / "small.png"
+    cv2.imwrite(str(path), np.zeros((480, 640), np.uint8))
+    _fails(capsys, "estimate", path, "--camera", "speed", says=("640 x 480", "1920 x 1200", "--camera"))
+
+
+@pytest.mark.parametrize("content", [b"", b"0.5 hello 0.5\n", b"\x93NUMPY"])
+def test_a_kernel_file_that_is_no_table_of_numbers(capsys, scenario_file, tmp_path, content):
+    (tmp_path / "k.txt").write_bytes(content)
+    path = scenario_file(GOOD + '[optics]\npsf = "kernel"\nkernel_file = "k.txt"\n')
+    assert "Warning" not in _fails(capsys, "render", path, says=("optics.kernel",))
 
 
 def test_unknown_format(capsys, tmp_path):

@@ -141,6 +141,17 @@ def test_any_consistent_pair_fixes_the_intrinsics(keys, fx, fy):
             ),
             "plumb_bob",
         ),
+        ('{"Nu": 640, "Nv": 480, "fx": 0.01, "fy": 0.01, "ppx": 0, "ppy": 1e-5}', "above 0"),
+        (
+            '{"Nu": 640, "Nv": 480, "fx": 0.01, "fy": 0.01, "ppx": 1e-5, "ppy": 1e-5, "ccx": "q"}',
+            "ccx is 'q'",
+        ),
+        ('{"Nu": 640.5, "Nv": 480, "fx": 0.01, "fy": 0.01, "ppx": 1e-5, "ppy": 1e-5}', "whole number"),
+        ("cam0: {camera_model: pinhole, intrinsics: [6, 6, 3, 2], resolution: [64.5, 48]}", "whole number"),
+        (
+            '{"width_px": 640, "height_px": 480, "fx_px": 20, "fy_px": 20, "cx_px": 320, "cy_px": 240}',
+            "85 degrees",
+        ),
         ("cam0:\n  camera_model: omni\n  intrinsics: [600, 600, 320, 240]\n", "omni"),
         ("a: [1, 2\n", "not YAML"),
         ("just words", "table of keys"),
@@ -179,6 +190,7 @@ def test_optics_that_cannot_be_are_refused(optics, says):
     ("changes", "says"),
     [
         ({"full_well_e": 0.0}, "full_well_e is 0"),
+        ({"temperature_c": 200.0, "dark_doubling_c": 1.0}, "dark_current_e_s is"),
         ({"read_noise_e": float("nan")}, "read_noise_e is nan"),
         ({"quantum_efficiency": (1.2,)}, "quantum_efficiency"),
         ({"black_level_dn": 4095.0}, "black_level_dn"),
