@@ -6,6 +6,7 @@ from typing import List
 
 import numpy as np
 
+from hil.board.svd import quaternion as quat
 from hil.board.svd.base import Estimator
 from hil.board.svd.confidence import ACCEPT_AT, confidence, decide
 from hil.board.svd.edges import edge_field, shrink
@@ -83,11 +84,13 @@ class PoseEstimator(Estimator):
         looked = self._chosen(frame, found) if found else None
         if looked is not None and looked.accepted:
             return looked
-        # where a craft surely is, edges are searched, else wherever one may be
-        sure = [g.source for g in glances if g.craft > SURE]
         frame.count("searched", 1)
-        for region in sure or regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]:
-            found += search_region(self.craft, frame, region)
+        sure = [g for g in glances if g.craft > SURE]
+        for glance in sure:
+            found += self._searched(frame, glance)
+        if not sure:
+            for region in regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]:
+                found += search_region(self.craft, frame, region)
         if found:
             return self._chosen(frame, found)
         return PoseResult(
@@ -120,6 +123,16 @@ class PoseEstimator(Estimator):
         for q, t, likely in zip(glance.q, glance.t, glance.log_likely):  # noqa: B905 - Python 3.9 has no strict=
             s = support(q, t, craft.samples, craft.occ, field, craft.camera, craft.spacing_m)
             out.append(Candidate(q, t, s, field, region, float(likely - glance.log_likely[0])))
+        return out
+
+    def _searched(self, frame: Frame, glance: Glance) -> List[Candidate]:
+        """Poses by edges where the first look surely saw a craft: those of that place and size, compared there."""
+        craft, region = self.craft, glance.region(self.craft.camera)
+        out = []
+        for c in search_region(craft, frame, glance.source):
+            centre = quat.matrix(c.q) @ craft.centre_m + c.t
+            if glance.gaze.holds(craft.camera, centre, craft.radius_m):
+                out.append(Candidate(c.q, c.t, c.support, c.field, region))
         return out
 
     def _chosen(self, frame: Frame, found: List[Candidate]) -> PoseResult:

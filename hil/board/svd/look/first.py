@@ -28,8 +28,8 @@ from hil.board.svd.roi import Region
 
 Array = np.ndarray
 
-# Diameter of the craft's sphere over the diagonal of a region, in the median.
-SPHERE_OVER_BOX = 1.15
+# Diameter of the craft's sphere over the diagonal of a region, and where a region often holds but a part of it.
+SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = 1.15, 1.4, ("map", "straight")
 
 # Attitudes handed on from one place, and how much less likely than the first the last may be [log].
 ATTITUDES, LESS = 16, 9.0
@@ -39,6 +39,9 @@ APART_RAD = float(np.radians(11.0))
 
 # A place this much less sure of a craft than the surest is left out [logit].
 DOUBT = 4.0
+
+# How often a place is looked at, each time where the network said the time before.
+GLANCES = 3
 
 # How far the sphere and centre of a model may be from those of the training [radii].
 SAME_M = 0.03
@@ -123,7 +126,12 @@ class FirstLook:
         camera = self.camera
         f = 0.5 * (camera.fx_px + camera.fy_px)
         gazes = [
-            Gaze.at(camera, 0.5 * (r.x0 + r.x1), 0.5 * (r.y0 + r.y1), SPHERE_OVER_BOX * r.diagonal_px)
+            Gaze.at(
+                camera,
+                0.5 * (r.x0 + r.x1),
+                0.5 * (r.y0 + r.y1),
+                (SPHERE_OVER_PART if r.source in PARTS else SPHERE_OVER_BOX) * r.diagonal_px,
+            )
             for r in regions
         ]
         _, craft, gazes = self._glance(image, noise, gazes)
@@ -132,14 +140,9 @@ class FirstLook:
             if len(chosen) < keep and all(_apart(gazes[k], gazes[j], f) for j in chosen):
                 chosen.append(int(k))
         starts = [regions[k] for k in chosen]
-        before = [gazes[k] for k in chosen]
-        coefficients, craft, gazes = self._glance(image, noise, before)
-        again = [k for k in range(len(gazes)) if _moved_much(before[k], gazes[k], f)]
-        if again:
-            # what was far off is looked at once more, now that it is nearer
-            c, sure, moved = self._glance(image, noise, [gazes[k] for k in again])
-            for j, k in enumerate(again):
-                coefficients[k], craft[k], gazes[k] = c[j], sure[j], moved[j]
+        gazes = [gazes[k] for k in chosen]
+        for _ in range(GLANCES - 1):
+            coefficients, craft, gazes = self._glance(image, noise, gazes)
         out = []
         for k in np.argsort(-craft):
             if craft[k] < craft.max() - DOUBT:
@@ -188,12 +191,6 @@ def _views(drawn: _Drawn) -> Subspaces:
     faces = drawn.model.faces
     assert faces is not None  # noqa: S101 - the caller asked
     return Subspaces.of(drawn.model, faces)
-
-
-def _moved_much(a: Gaze, b: Gaze, f_px: float) -> bool:
-    """Whether a correction is so large that the attitude was seen badly: an eighth of the size."""
-    shift = f_px * float(np.linalg.norm(a.direction - b.direction)) / b.diameter_px
-    return shift > 0.08 or abs(float(np.log(b.diameter_px / a.diameter_px))) > 0.12
 
 
 def _apart(a: Gaze, b: Gaze, f_px: float) -> bool:
