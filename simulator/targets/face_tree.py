@@ -17,6 +17,9 @@ from simulator.arrays import BoolArray, FloatArray, IntArray
 # A corner nearer to a plane than this lies in it [m]. A small face on a large one is in front of it.
 ON_PLANE_M, FRONT_M = 2e-5, -2e-4
 
+# Planes tried at a node and nodes on the way to a leaf, at most; faces that are left then count as small ones.
+TRIED, DEEPEST = 200, 250
+
 
 @dataclass
 class FaceTree:
@@ -49,18 +52,22 @@ def build_tree(faces_m: FloatArray, large: BoolArray) -> FaceTree:
     return tree
 
 
-def _grow(tree: FaceTree, big: FloatArray, big_of: IntArray, small: FloatArray, small_of: IntArray) -> int:
+def _grow(
+    tree: FaceTree, big: FloatArray, big_of: IntArray, small: FloatArray, small_of: IntArray, depth: int = 0
+) -> int:
     if not len(big) and not len(small):
         return -1
     me = len(tree.plane)
     tree.plane.append((0.0, 0.0, 0.0, 0.0))
     tree.children.append((-1, -1))
     tree.members.append([])
-    if not len(big):
-        tree.members[me] = _emit(tree, small, small_of)
+    if not len(big) or depth >= DEEPEST:
+        tree.members[me] = _emit(tree, np.concatenate([big, small]), np.concatenate([big_of, small_of]))
         return me
-    n, d = _best_plane(big, small)
+    chosen, n, d = _best_plane(big, small)
     s = big @ n - d
+    # a face of four corners is not quite flat: in its own plane it lies all the same, or it would be cut for ever
+    s[chosen] = 0.0
     front, behind = (s > ON_PLANE_M).any(axis=1), (s < -ON_PLANE_M).any(axis=1)
     on = ~front & ~behind
     tree.plane[me] = (float(n[0]), float(n[1]), float(n[2]), d)
@@ -72,8 +79,8 @@ def _grow(tree: FaceTree, big: FloatArray, big_of: IntArray, small: FloatArray, 
         corners = np.concatenate([big[whole], np.array([p for p, _ in pieces]).reshape(-1, 4, 3)])
         sides.append((corners, np.concatenate([big_of[whole], np.array([k for _, k in pieces], int)])))
     ahead = small.mean(axis=1) @ n - d >= FRONT_M
-    first = _grow(tree, *sides[0], small[ahead], small_of[ahead])
-    second = _grow(tree, *sides[1], small[~ahead], small_of[~ahead])
+    first = _grow(tree, *sides[0], small[ahead], small_of[ahead], depth + 1)
+    second = _grow(tree, *sides[1], small[~ahead], small_of[~ahead], depth + 1)
     tree.children[me] = (first, second)
     return me
 
@@ -85,10 +92,11 @@ def _emit(tree: FaceTree, corners: FloatArray, source: IntArray) -> list[int]:
     return list(range(start, len(tree.corners_m)))
 
 
-def _best_plane(big: FloatArray, small: FloatArray) -> tuple[FloatArray, float]:
-    """The face plane that cuts fewest others and divides them most evenly."""
-    best: tuple[float, FloatArray, float] | None = None
-    for face in big:
+def _best_plane(big: FloatArray, small: FloatArray) -> tuple[int, FloatArray, float]:
+    """Number and plane of the face that cuts fewest others and divides them most evenly."""
+    best: tuple[float, int, FloatArray, float] | None = None
+    for k in range(0, len(big), -(-len(big) // TRIED)):
+        face = big[k]
         n = np.cross(face[2] - face[0], face[3] - face[1])
         n = n / np.linalg.norm(n)
         d = float(n @ face[0])
@@ -103,9 +111,9 @@ def _best_plane(big: FloatArray, small: FloatArray) -> tuple[FloatArray, float]:
             - 2.0 * (~front & ~behind).sum()
         )
         if best is None or cost < best[0]:
-            best = (float(cost), n, d)
+            best = (float(cost), k, n, d)
     assert best is not None  # noqa: S101 - there is at least one large face
-    return best[1], best[2]
+    return best[1], best[2], best[3]
 
 
 def _clip(face: FloatArray, s: FloatArray) -> list[FloatArray]:
