@@ -10,6 +10,7 @@ from hil.host.bench import bench_link
 from simulator.bench.parts import bench_capture, bench_world
 from simulator.bench.scenes import BENCH_SCENES, bench_scenes
 from simulator.bench.sensor import bench_sensor
+from simulator.bench.start import bench_start
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ def run_bench(
     device_index: int | None,
     progress: Callable[[int, int], None],
 ) -> dict[str, Any]:
-    """Time scenes, world, sensors, link, estimator and capture; the document of ``bench --json``.
+    """Time scenes, start-up, world, sensors, link, estimator and capture; the document of ``bench --json``.
 
     Raises
     ------
@@ -42,6 +43,7 @@ def run_bench(
         "version": 1,
         "machine": asdict(machine),
         "scenes": [asdict(c) for c in costs],
+        "start": [asdict(p) for p in bench_start()] if parts else [],
         "world": [asdict(p) for p in bench_world()] if parts else [],
         "sensor": [asdict(p) for p in bench_sensor()] if parts else [],
         "link": [asdict(p) for p in bench_link()] if parts else [],

@@ -50,7 +50,7 @@ def bench(
     console = Console()
     console.print(f"{document['machine']['gl_renderer']}, {document['machine']['threads']} threads")
     console.print(table)
-    for part in ("world", "sensor", "link", "estimator", "capture"):
+    for part in ("start", "world", "sensor", "link", "estimator", "capture"):
         for row in document[part]:
             memory = f", peak {row['peak_mb']:.0f} MB" if row.get("peak_mb") else ""
             console.print(

@@ -129,7 +129,7 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     vec3 n_target = geometric * R, r = reflect(-v, n);
     vec3 place = (p_m - u_camera_from_target[3].xyz) * R;
     // a step off the face: no node of the grid behind it has a share
-    vec4 visibility = texture(t_occlusion, (place - u_occlusion_low.xyz + n_target * u_occlusion_step.xyz) * u_occlusion_scale.xyz);
+    vec4 visibility = textureLod(t_occlusion, (place - u_occlusion_low.xyz + n_target * u_occlusion_step.xyz) * u_occlusion_scale.xyz, 0.0);
     visibility.xyz = (visibility.xyz - 0.5) * (2.0 * u_occlusion_step.w);
     float open = open_towards(visibility, n_target, n_target);
     vec3 m = normalize(n_target + u_nadir_direction.w * (u_nadir_direction.xyz * R));

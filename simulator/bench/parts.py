@@ -43,10 +43,13 @@ class PartCost:
     peak_mb: float | None = None
 
 
-def cost(name: str, laps_ms: list[float]) -> PartCost:
+def cost(name: str, laps_ms: list[float], *, peak_mb: float | None = None) -> PartCost:
     """Median and 95th percentile of measured laps."""
     return PartCost(
-        name=name, ms_p50=float(np.percentile(laps_ms, 50)), ms_p95=float(np.percentile(laps_ms, 95))
+        name=name,
+        ms_p50=float(np.percentile(laps_ms, 50)),
+        ms_p95=float(np.percentile(laps_ms, 95)),
+        peak_mb=peak_mb,
     )
 
 

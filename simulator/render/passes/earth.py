@@ -145,6 +145,13 @@ class EarthPass:
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
             blend = self._context.BLEND if kind.covered else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
+            # larger than life the maps have one level; a driver that need not ask is quicker
+            magnified = kind.smooth and kind.level <= LOG2_TEXEL_KM
+            for texture in self._maps:
+                texture.filter = (
+                    self._context.LINEAR if magnified else self._context.LINEAR_MIPMAP_LINEAR,
+                    self._context.LINEAR,
+                )
             program.bind_textures(**textures)
             program.set("u_season", month.share)
             program.set("u_extent_px", cells.extent_px)

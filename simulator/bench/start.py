@@ -1,0 +1,48 @@
+"""How long a new process takes to its first frame, and how much memory: with an empty cache, and with a full one."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from tempfile import TemporaryDirectory
+
+from simulator.bench.parts import PartCost, cost
+
+SCENE = "tango-earth-10m-1024"
+_PROGRAM = f"""
+import sys
+from simulator.labels.frame import take_frame
+from simulator.loop import plan_flight
+from simulator.render.renderer import Renderer
+from simulator.scenario_load import load_scenario
+plan = plan_flight(load_scenario("{SCENE}"), n=1)
+with Renderer() as renderer:
+    take_frame(renderer, plan.scene(0), plan.target, labels=False)
+    status = open("/proc/self/status").read() if sys.platform == "linux" else ""
+    print(next((line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")), "0"))
+"""
+
+
+def bench_start() -> tuple[PartCost, ...]:
+    """Milliseconds from the start of Python to a developed frame; the peak of the resident memory, maps included."""
+    with TemporaryDirectory() as folder:
+        first, again = (_start(folder) for _ in range(2))
+    return (
+        cost("start to first frame, the first time", [first[0]], peak_mb=first[1]),
+        cost("start to first frame", [again[0]], peak_mb=again[1]),
+    )
+
+
+def _start(cache_folder: str) -> tuple[float, float | None]:
+    start = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-c", _PROGRAM],
+        env={**os.environ, "FLYAROUND_CACHE_DIR": cache_folder},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    elapsed_ms = (time.perf_counter() - start) * 1e3
+    return elapsed_ms, float(done.stdout) / 1024 or None
