@@ -6,18 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import msgspec
 import numpy as np
 
 import flyaround as fa
 from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
+from simulator.dataset.poses import scene_with_pose
 from simulator.scene.bands import sunlight_balance
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import place_itrs_m, scene_above
 from simulator.world.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris import moon_eci_m
-from simulator.world.rotation import matrix_from_quat, quat_from_matrix
+from simulator.world.ephemeris import moon_eci_m, sun_eci_m
+from simulator.world.pose import Pose
+from simulator.world.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec, quat_normalize
 from simulator.world.time import Instant
 
 DOCS = Path(__file__).parent
@@ -72,6 +73,12 @@ def exposed(light: np.ndarray, share: float) -> np.ndarray:
     return film(light, float(np.quantile(light[light > 0], share)))
 
 
+def glare(light: np.ndarray) -> np.ndarray:
+    """A good lens at full aperture: a core of 0.7 pixels, and a hundredth of the light in a wide halo."""
+    core, halo = (cv2.GaussianBlur(light, (0, 0), sigma) for sigma in (0.7, 12.0))
+    return np.asarray(0.97 * core + 0.03 * halo)
+
+
 def noon(renderer: fa.Renderer) -> np.ndarray:
     """Over Egypt."""
     scene = above("2026-03-20T09:30:00Z", (27.0, 34.0, 420.0), 60.0, azimuth_deg=340.0, off_nadir_deg=42.0)
@@ -87,7 +94,7 @@ def terminator(renderer: fa.Renderer) -> np.ndarray:
 def night(renderer: fa.Renderer) -> np.ndarray:
     """Italy and the Alps."""
     scene = above("2026-11-15T22:00:00Z", (42.0, 6.0, 420.0), 60.0, azimuth_deg=60.0, off_nadir_deg=52.0)
-    return film(radiance(renderer, scene), 0.0025)
+    return film(glare(radiance(renderer, scene)), 0.004)
 
 
 def glint(renderer: fa.Renderer) -> np.ndarray:
@@ -103,17 +110,25 @@ def limb(renderer: fa.Renderer) -> np.ndarray:
 
 
 def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
-    """The last minute of sunlight."""
-    scenario = fa.load_scenario("tango-eclipse-pass")
-    behind = msgspec.structs.replace(scenario.chaser, position_lvlh_m=(3.4, 8.2, 1.6))
-    scenario = msgspec.structs.replace(scenario, chaser=behind)
-    times = np.arange(0.0, scenario.duration_s, 2.0)
-    plan = fa.plan_flight(scenario, times=tuple(times), bands="rgb")
-    shares = np.array([plan.scene(k).sun_visible_fraction for k in range(len(times))])
-    inside = np.flatnonzero((shares > 0.02) & (shares < 0.9))
-    k = int(inside[len(inside) // 2]) if len(inside) else int(np.argmax(shares < 1))
-    scene = replace(plan.scene(k), camera=camera(26.0), quality="high")
-    return exposed(radiance(renderer, scene), 0.96)
+    """Tango before the limb in the last half minute of sunlight."""
+    epoch, latitude, height_km = "2026-03-20T12:00:00Z", 10.0, 420.0
+    now = Instant.from_utc(epoch)
+    sun = matrix_from_quat(q_itrs_from_eci(now)) @ sun_eci_m(now.tt1, now.tt2).reshape(3)
+    # where the Sun's ray passes 16 km above the ground; in the afternoon, so that it sets in the west
+    dip = -np.arccos((6371.0 + 16.0) / (6371.0 + height_km))
+    longitudes = np.arange(60.0, 150.0, 0.02)
+    heights = np.array(
+        [
+            np.arcsin(place_itrs_m(latitude, float(x), height_km)[1][2] @ sun / np.linalg.norm(sun))
+            for x in longitudes
+        ]
+    )
+    longitude = float(longitudes[np.argmin(np.abs(heights - dip))])
+    target = fa.load_target("tango")
+    scene = above(epoch, (latitude, longitude, height_km), 40.0, azimuth_deg=292.0, off_nadir_deg=73.0)
+    turn = quat_normalize(quat_from_rotvec(np.array([2.3, 0.5, 0.4])))
+    scene = scene_with_pose(scene, target, Pose.of("camera", "target", turn, np.array([-0.7, 0.25, 5.6])), 0)
+    return exposed(glare(radiance(renderer, scene).astype(np.float32)), 0.985)
 
 
 def moonrise(renderer: fa.Renderer) -> np.ndarray:
@@ -190,7 +205,7 @@ PICTURES: tuple[tuple[str, Picture, str], ...] = (
     ("night", night, "City lights of Italy and the Alps"),
     ("glint", glint, "Sun glint on the Gulf of Sidra, July"),
     ("limb", limb, "Layers of the limb through a long lens: clouds, haze, blue air, the dark"),
-    ("eclipse-entry", eclipse_entry, "Tango in the red light of a Sun that sets behind the Earth"),
+    ("eclipse-entry", eclipse_entry, "Tango before the limb in the last half minute of sunlight"),
     ("moon", moonrise, "The Moon over the limb"),
     ("stars", stars, "Orion rises: stars in calibrated flux and colour, moved to the date"),
     ("seasons", seasons, "Central Europe without clouds: January, April, July, October"),

@@ -16,15 +16,25 @@ from flyaround.bench import run_bench
 from flyaround.demo import run_demo
 from flyaround.doctor import examine
 from flyaround.progress import progress_bar
+from simulator.bench.scaling import bench_scaling
 
 
 def bench(
     frames: Annotated[int, typer.Option("-n", min=3, help="Frames timed per scene.")] = 20,
     scene: Annotated[list[str] | None, typer.Option(help="Only these scenes (repeat the option).")] = None,
+    scaling: Annotated[
+        bool,
+        typer.Option(
+            "--scaling", help="Instead: cost against pixels, and against triangles up to a million."
+        ),
+    ] = False,
     gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Frame cost per scene beside a reference pass of the same run."""
+    if scaling:
+        _bench_scaling(gpu, as_json=as_json)
+        return
     with progress_bar("bench", quiet=as_json) as progress:
         document = run_bench(n_frames=frames, scenes=tuple(scene or ()), device_index=gpu, progress=progress)
     if as_json:
@@ -56,6 +66,31 @@ def bench(
             console.print(
                 f"{part}: {row['name']} p50 {row['ms_p50']:.3g} ms, p95 {row['ms_p95']:.3g} ms{memory}"
             )
+
+
+def _bench_scaling(gpu: int | None, *, as_json: bool) -> None:
+    with progress_bar("bench", quiet=as_json) as progress:
+        found = bench_scaling(device_index=gpu, progress=progress)
+    if as_json:
+        typer.echo(json.dumps({"schema": "flyaround.scaling", "version": 1, **asdict(found)}, indent=1))
+        return
+    for what, costs, powers in (
+        ("Earth behind Tango", found.by_pixels, found.pixel_powers),
+        ("dimpled sphere before space", found.by_triangles, found.triangle_powers),
+    ):
+        table = Table(
+            "pixels", "triangles", "processor ms", "wall ms", "first frame s", "grows as", title=what
+        )
+        for cost, power in zip(costs, (None, *powers), strict=True):
+            table.add_row(
+                f"{cost.pixels:,}",
+                f"{cost.triangles:,}",
+                f"{cost.cpu_ms:.0f}",
+                f"{cost.wall_ms:.0f}",
+                f"{cost.first_ms / 1e3:.1f}",
+                "" if power is None else f"power {power:.2f}",
+            )
+        Console().print(table)
 
 
 def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:

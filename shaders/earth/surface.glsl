@@ -25,6 +25,7 @@ const vec3 SEA = vec3(0.006, 0.020, 0.048);
 #endif
 const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
 const float CLOUD = 0.84;     // reflectance of thick cloud
+const float WARP_KM = 12.0;   // HIGH: twice the largest displacement of the land's map
 const float RELIEF_KM = 0.9;  // height of a puff of full contrast, for its own shading
 
 // Radiance that a ground point sends to the camera [W m-2 sr-1].
@@ -42,10 +43,18 @@ color surface_radiance(GroundPoint g) {
     // land and sea; the coast wriggles below the map's texels
     float coast_km = map.w * COAST_KM_PER_UNIT + (under.x * 3.0 - (1.5 + 128.0 / 255.0 * COAST_KM_PER_UNIT));
     float land = clamp(coast_km * g.sharp + 0.5, 0.0, 1.0);
+#if HIGH
+    // fields, woods and towns end raggedly and not as the map's texels blur them: it is read up to WARP_KM aside
+    vec2 aside = (under.xw - 0.5) * WARP_KM * vec2(1.0 / max(sin(PI * g.uv.y), 0.05), 2.0) / (2.0 * PI * EARTH_KM);
+    map.xz = textureLod(t_map, g.uv + aside, MAP_LEVEL).xz;
+#define LAND_UV (g.uv + aside)
+#else
+#define LAND_UV g.uv
+#endif
 #if BANDS == 1
     color reflectance = map.x * map.x;
 #else
-    color root = textureLod(t_colour, g.uv, MAP_LEVEL).xyz;
+    color root = textureLod(t_colour, LAND_UV, MAP_LEVEL).xyz;
     color reflectance = root * root;
 #endif
     // patches, and hills that turn to and from the Sun
@@ -100,6 +109,12 @@ color surface_radiance(GroundPoint g) {
     float street = clamp(1.7 * under.w - 0.35, 0.0, 1.0);
     street *= street * street;
     float streets = street * street * (3.0 + 7.0 * under.x);
+#if HIGH
+    // blocks and crossings of a few hundred metres
+    vec2 block = textureLod(t_detail, mat2(4.8, 3.6, -3.6, 4.8) * g.below.xy, DETAIL_LEVEL + 2.585).xw;
+    float bright = clamp(1.6 * block.y - 0.25, 0.0, 1.0);
+    streets = mix(streets, 0.5 + 0.5 * streets, 0.5) * bright * bright * (1.6 + 3.4 * block.x * block.x);
+#endif
     color lamps = g.lamps * (map.z * map.z * map.z * streets);
 #if CLOUDS
     lamps *= 1.0 - 0.8 * cloud;

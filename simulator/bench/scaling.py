@@ -1,0 +1,161 @@
+"""How a frame's cost grows: with the pixels of the image, and with the triangles of a made mesh up to a million."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.labels.frame import take_frame
+from simulator.loop import plan_flight
+from simulator.render.renderer import Renderer
+from simulator.scenario_load import load_scenario
+from simulator.scene.state import TargetRef
+from simulator.targets.model import MassProperties, Material, Part, Target
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from simulator.camera.model import Camera
+    from simulator.scene.state import SceneState
+
+TRIANGLES = (20_000, 80_000, 320_000, 1_000_000)
+SCALES = (0.25, 0.5, 1.0)  # of the width: 480 to 1920 pixels
+FRAMES = 4
+PIXEL_SCENE, TRIANGLE_SCENE = "tango-earth-10m", "tango-space-10m"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cost:
+    """Cost of one frame at one size [ms]: processor time of all threads, and wall time; the least of a few.
+
+    ``first_ms``: the first frame, which makes the mesh's tables and uploads it.
+    """
+
+    pixels: int
+    triangles: int
+    cpu_ms: float
+    wall_ms: float
+    first_ms: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scaling:
+    """Costs, and the powers by which they grow between neighbours: 1 is linear.
+
+    Parameters
+    ----------
+    by_pixels : the Earth behind Tango at growing sizes. by_triangles : a craft of growing meshes before space.
+    """
+
+    by_pixels: tuple[Cost, ...]
+    by_triangles: tuple[Cost, ...]
+    pixel_powers: tuple[float, ...]
+    triangle_powers: tuple[float, ...]
+
+
+def bench_scaling(
+    *,
+    device_index: int | None = None,
+    triangles: tuple[int, ...] = TRIANGLES,
+    scales: tuple[float, ...] = SCALES,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+) -> Scaling:
+    """Measure both, frame by frame in one process, sensor included, without labels."""
+    total = len(scales) + len(triangles)
+    by_pixels, by_triangles = [], []
+    with Renderer(device_index=device_index) as renderer:
+        plan = plan_flight(load_scenario(PIXEL_SCENE), n=1)
+        for scale in scales:
+            scene = replace(plan.scene(0), camera=scaled(plan.camera, scale))
+            by_pixels.append(_cost(renderer, scene, plan.target))
+            progress(len(by_pixels), total)
+        plan = plan_flight(load_scenario(TRIANGLE_SCENE), n=1)
+        for count in triangles:
+            craft = dimpled_sphere(count)
+            scene = replace(plan.scene(0), target=TargetRef(name=craft.name, sha256=craft.sha256))
+            by_triangles.append(_cost(renderer, scene, craft))
+            progress(len(by_pixels) + len(by_triangles), total)
+    return Scaling(
+        by_pixels=tuple(by_pixels),
+        by_triangles=tuple(by_triangles),
+        pixel_powers=_powers([(c.pixels, c.cpu_ms) for c in by_pixels]),
+        triangle_powers=_powers([(c.triangles, c.cpu_ms) for c in by_triangles]),
+    )
+
+
+def scaled(camera: Camera, scale: float) -> Camera:
+    """The camera with the same field on another number of pixels."""
+    width, height = round(camera.width_px * scale), round(camera.height_px * scale)
+    s = width / camera.width_px
+    return replace(
+        camera,
+        width_px=width,
+        height_px=height,
+        fx_px=camera.fx_px * s,
+        fy_px=camera.fy_px * s,
+        cx_px=(camera.cx_px + 0.5) * s - 0.5,
+        cy_px=(camera.cy_px + 0.5) * s - 0.5,
+    )
+
+
+def dimpled_sphere(triangles: int) -> Target:
+    """A craft of about so many triangles: a sphere of 0.5 m with dimples, all of it smooth."""
+    rings = max(round((triangles / 4) ** 0.5), 4)
+    around = 2 * rings
+    polar, azimuth = (
+        a.ravel() for a in np.mgrid[0 : np.pi : (rings + 1) * 1j, 0 : 2 * np.pi : (around + 1) * 1j]
+    )
+    out = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], -1)
+    radius = 0.5 + 0.01 * np.sin(12 * polar) * np.cos(12 * azimuth)
+    k = (np.arange(rings)[:, None] * (around + 1) + np.arange(around)).ravel()
+    below = k + around + 1
+    upper = np.stack([k, below, k + 1], -1)[around:]  # at the poles a cell is one triangle
+    lower = np.stack([k + 1, below, below + 1], -1)[:-around]
+    faces = np.concatenate([upper, lower])
+    points = (radius[:, None] * out).astype(np.float32)
+    part = Part(
+        name="body",
+        material="paint",
+        positions_m=points,
+        normals=out.astype(np.float32),
+        triangles=faces.astype(np.int64),
+    )
+    return Target(
+        name="dimpled-sphere",
+        title=f"a dimpled sphere of {len(faces)} triangles",
+        sha256=hashlib.sha256(points.tobytes()).hexdigest(),
+        materials=(Material(name="paint", base_color=(0.6, 0.6, 0.6), roughness=0.6),),
+        parts=(part,),
+        keypoints=(),
+        wireframe=(),
+        mass=MassProperties(mass_kg=50.0, com_m=(0, 0, 0), inertia_kg_m2=((5, 0, 0), (0, 5, 0), (0, 0, 5))),
+    )
+
+
+def _cost(renderer: Renderer, scene: SceneState, target: Target) -> Cost:
+    start = time.perf_counter()
+    take_frame(renderer, scene, target, labels=False)
+    first = time.perf_counter() - start
+    cpu, wall = [], []
+    for k in range(FRAMES):
+        c, w = time.process_time(), time.perf_counter()
+        take_frame(renderer, replace(scene, frame_index=k + 1), target, labels=False)
+        cpu.append(time.process_time() - c)
+        wall.append(time.perf_counter() - w)
+    return Cost(
+        pixels=scene.camera.width_px * scene.camera.height_px,
+        triangles=sum(len(part.triangles) for part in target.parts),
+        cpu_ms=1e3 * min(cpu),
+        wall_ms=1e3 * min(wall),
+        first_ms=1e3 * first,
+    )
+
+
+def _powers(costs: list[tuple[int, float]]) -> tuple[float, ...]:
+    """By which the second figure grows with the first, between neighbours."""
+    return tuple(float(np.log(b[1] / a[1]) / np.log(b[0] / a[0])) for a, b in pairwise(costs))
