@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
+from simulator.render.passes.target import LATTICES
 from simulator.scene.bands import sun_irradiance_w_m2
 from simulator.targets.model import Material
 from simulator.world.rotation import matrix_from_quat
@@ -99,6 +100,17 @@ def test_straight_edges(renderer, draw_kit, quality, rms_px, largest_px):
     assert np.sqrt(np.mean(np.square(errors))) <= rms_px
     assert np.abs(errors).max() <= largest_px
     assert abs(np.mean(errors)) <= 0.005
+
+
+def test_straight_edges_of_a_target_that_fills_the_image(renderer, draw_kit, monkeypatch):
+    monkeypatch.setitem(LATTICES, "default", LATTICES["default"][1:])
+    errors = [
+        e
+        for angle in (0, 3, 10, 26.6, 45, 63.4, 84)
+        for e in _edge_errors(renderer, draw_kit, angle, "default")
+    ]
+    assert np.sqrt(np.mean(np.square(errors))) <= 0.015
+    assert np.abs(errors).max() <= 0.08
 
 
 def _edge_errors(renderer, draw_kit, angle_deg, quality):

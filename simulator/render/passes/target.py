@@ -11,7 +11,7 @@ from simulator.render.block_values import lens_values
 from simulator.render.bounce import bounce_color
 from simulator.render.cover import CELL_PX, hulls_cover, whole
 from simulator.render.facing import FacingArray
-from simulator.render.lattice import NINE, Lattice, rotated
+from simulator.render.lattice import NINE, SEVEN, Lattice, rotated
 from simulator.render.mesh import upload
 from simulator.render.mesh_edges import find_edges
 from simulator.render.occlusion import LARGEST_SLOPE, baked_occlusion, occlusion_grid, occlusion_texture
@@ -43,7 +43,7 @@ MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
 # lattices to try in order, and the largest buffer [samples] it may take
 LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
     "draft": ((rotated(2), np.inf),),
-    "default": ((NINE, 10e6), (rotated(2), np.inf)),
+    "default": ((NINE, 10e6), (SEVEN, 16e6), (rotated(2), np.inf)),
     "high": ((rotated(6), 9e6), (rotated(5, 2), 15e6), (rotated(4), 45e6), (rotated(3, 2), np.inf)),
 }
 DENSE_LATTICES = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
