@@ -128,7 +128,10 @@ def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
     scene = above(epoch, (latitude, longitude, height_km), 40.0, azimuth_deg=292.0, off_nadir_deg=73.0)
     turn = quat_normalize(quat_from_rotvec(np.array([2.3, 0.5, 0.4])))
     scene = scene_with_pose(scene, target, Pose.of("camera", "target", turn, np.array([-0.7, 0.25, 5.6])), 0)
-    return exposed(glare(radiance(renderer, scene).astype(np.float32)), 0.985)
+    light = radiance(renderer, scene)
+    white = float(np.quantile(light, 0.985))
+    # the Sun's disc is ten thousand times as bright as the limb: its pixels bleed as a full well does, no further
+    return film(glare(np.minimum(light, 40 * white)), white)
 
 
 def moonrise(renderer: fa.Renderer) -> np.ndarray:
