@@ -100,6 +100,36 @@ def _turned_sun(record: dict[str, Any]) -> bool:
     return True
 
 
+def _wider_box(record: dict[str, Any]) -> bool:
+    if record["box_px"] is not None:
+        record["box_px"][2] += 1.0
+    return record["box_px"] is not None
+
+
+def _moved_box_3d(record: dict[str, Any]) -> bool:
+    record["box_3d_target_m"][5][1] += 1e-6
+    return True
+
+
+def _moved_edge(record: dict[str, Any]) -> bool:
+    """Of a lens that does not bend: beyond its image a lens that does is not known."""
+    usable = bool(record["wireframe"]) and record["camera"]["distortion"]["model"] == "none"
+    if usable:
+        record["wireframe"][0]["ends_px"][1][0] += 0.01
+    return usable
+
+
+def _called_saturated(record: dict[str, Any]) -> bool:
+    """Where there is a clean twin that tells."""
+    seen = [k for k in record["keypoints"] if k["state"] == "visible"]
+    usable = bool(seen) and "clean" in record["layers"] and record["scene"]["bands"] == "mono"
+    detector = record["scene"]["sensor"]["detector"]
+    usable = usable and (detector is None or detector["blooming"] == 0)
+    for k in seen[:usable]:
+        k["state"] = "saturated"
+    return usable
+
+
 def _offset(clean: NDArray[Any]) -> NDArray[Any]:
     """Lighter by a sixth of the scale where that fits, else darker."""
     step = 40 if clean.dtype == np.uint8 else 640
@@ -112,6 +142,10 @@ SPOILERS: dict[str, Callable[[Frame], Frame | None]] = {
     "mask moved": _shifted_mask,
     "keypoint moved by 0.001 px": _record(_moved_keypoint),
     "hidden keypoint shown": _record(_hidden_keypoint_shown),
+    "visible keypoint called saturated": _record(_called_saturated),
+    "box a pixel wider": _record(_wider_box),
+    "corner of the 3D box moved": _record(_moved_box_3d),
+    "edge moved by 0.01 px": _record(_moved_edge),
     "range 10 ppm off": _record(_moved_pose),
     "quaternion conjugated": _record(_conjugate),
     "Sun turned": _record(_turned_sun),

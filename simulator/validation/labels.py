@@ -3,8 +3,9 @@
     python -m simulator.validation.labels -n 1000 --seed 1 --results results.jsonl
 
 Frame k depends on (seed, k) alone. Two processes draw and check; the results file grows by a line a frame, and a run
-that is started again goes on where it stopped. Every tenth frame is checked from its files, the others as drawn; one in
-twenty is spoilt on purpose in one label, and must be caught.
+that is started again goes on where it stopped. Every tenth frame is checked from its files, the others as drawn; of one
+in five a label is spoilt on purpose where the craft is large enough to tell, and must be caught. After a mend,
+``--again`` takes the frames that were wrong once more; the page names the commits that the results come from.
 """
 
 from __future__ import annotations
@@ -12,10 +13,15 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing
+import os
+import queue
+import signal
+import subprocess
+import sys
 import tempfile
 import time
 from collections import Counter
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +43,7 @@ if TYPE_CHECKING:
 
 PAGE = Path("docs/validation/labels.md")
 FROM_FILES_EVERY = 10
-SPOILT_EVERY = 20
+SPOILT_EVERY = 5
 
 
 def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
@@ -64,10 +70,12 @@ def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
         "faults": faults,
     }
     if k % SPOILT_EVERY == 0 and not faults:
-        kind = list(SPOILERS)[k // SPOILT_EVERY % len(SPOILERS)]
-        spoilt = spoil(kind, frame)
-        if spoilt is not None:
-            result |= {"spoilt": kind, "caught": bool(_check(k, spoilt, card))}
+        kinds, first = list(SPOILERS), k // SPOILT_EVERY % len(SPOILERS)
+        for kind in kinds[first:] + kinds[:first]:
+            spoilt = spoil(kind, frame)
+            if spoilt is not None:
+                result |= {"spoilt": kind, "caught": bool(_check(k, spoilt, card))}
+                break
     return result
 
 
@@ -124,31 +132,66 @@ def _machine(vendor: str, renderer: str, version: str) -> CardMachine:
     return describe_machine(vendor, renderer, version)
 
 
-def _work(seed: int, wanted: list[int], results: multiprocessing.Queue[dict[str, Any] | None]) -> None:
+def _work(seed: int, wanted: list[int], results: multiprocessing.Queue[dict[str, Any]]) -> None:
     with Renderer() as renderer:
         for k in wanted:
             try:
                 results.put(check_one(renderer, seed, k))
             except Exception as error:  # noqa: BLE001 - a frame that fails is a finding, and the others go on
                 results.put({"k": k, "faults": [f"{type(error).__name__}: {error}"]})
-    results.put(None)
 
 
 def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
-    """Results of frames as they come."""
+    """Results of frames as they come.
+
+    Raises
+    ------
+    RuntimeError
+        If a process died before its frames were done.
+    """
+    # pictures this small are drawn fastest by the process itself, without threads to wait for
+    os.environ.setdefault("LP_NUM_THREADS", "0")
     context = multiprocessing.get_context("spawn")
-    results: multiprocessing.Queue[dict[str, Any] | None] = context.Queue()
+    results: multiprocessing.Queue[dict[str, Any]] = context.Queue()
     processes = [
         context.Process(target=_work, args=(seed, wanted[w::workers], results), daemon=True)
         for w in range(workers)
     ]
     for process in processes:
         process.start()
-    for _ in processes:
-        while (result := results.get()) is not None:
-            yield result
+    left = len(wanted)
+    while left:
+        try:
+            yield results.get(timeout=10)
+            left -= 1
+        except queue.Empty:
+            if any(process.exitcode for process in processes):
+                raise RuntimeError(f"a drawing process died with {left} frames to go") from None
     for process in processes:
         process.join()
+
+
+def _commit() -> str:
+    """The commit of this checkout, with a + where files differ from it."""
+    try:
+        run_git = partial(
+            subprocess.run, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
+        )
+        head = run_git(["git", "rev-parse", "--short=7", "HEAD"]).stdout.strip()
+        changed = run_git(["git", "status", "--porcelain", "--untracked-files=no"]).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return head + ("+" if changed else "")
+
+
+def newest(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The last result of each frame, with ``mended`` where an earlier one was wrong."""
+    by_frame: dict[int, dict[str, Any]] = {}
+    for line in lines:
+        before = by_frame.get(line["k"])
+        mended = before is not None and (bool(before["faults"]) or before.get("mended", False))
+        by_frame[line["k"]] = line | ({"mended": True} if mended else {})
+    return list(by_frame.values())
 
 
 def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
@@ -167,6 +210,8 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
         "targets": Counter(line["target"] for line in drawn),
         "lenses": Counter(line["lens"] for line in drawn),
         "shutters": Counter(line["shutter"] for line in drawn),
+        "commits": Counter(line.get("commit", "unknown") for line in lines),
+        "mended": sorted(line["k"] for line in lines if line.get("mended") and not line["faults"]),
         "first_faults": [{"k": line["k"], "faults": line["faults"]} for line in wrong[:20]],
     }
 
@@ -187,6 +232,8 @@ def page(found: dict[str, Any], seed: int) -> str:
         f"| labels | {found['labels']} |",
         f"| frames with a wrong label | {found['wrong_frames']} |",
         f"| labels spoilt on purpose, and missed | {spoilt}, {missed} |",
+        f"| frames wrong at first, right after a mend | {', '.join(map(str, found['mended'])) or 'none'} |",
+        f"| frames by commit | {_counts(found['commits'])} |",
         f"| processor time of a frame (median) | {found['draw_ms']:.0f} ms |",
         f"| processor time of its check (median) | {found['check_ms']:.0f} ms |",
         f"| lenses | {_counts(found['lenses'])} |",
@@ -211,20 +258,24 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--results", type=Path, default=Path("label_results.jsonl"), help="one line a frame")
     parser.add_argument("--page", action="store_true", help=f"write {PAGE} from the results that there are")
+    parser.add_argument("--again", action="store_true", help="take frames that were wrong once more")
     options = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the processes end with this one
     lines: list[dict[str, Any]] = []
     if options.results.is_file():
         lines = [json.loads(line) for line in options.results.read_text().splitlines()]
-    known = {line["k"] for line in lines}
+    known = {line["k"] for line in newest(lines) if not (options.again and line["faults"])}
     wanted = [k for k in range(options.n) if k not in known]
+    commit = _commit()
     with options.results.open("a") as file:
-        for result in run(options.seed, wanted, max(1, options.workers)):
+        for found_now in run(options.seed, wanted, max(1, options.workers)):
+            result = found_now | {"commit": commit}
             lines.append(result)
             file.write(json.dumps(result) + "\n")
             file.flush()
             if result["faults"]:
                 print(f"frame {result['k']}: {'; '.join(result['faults'])}", flush=True)  # noqa: T201 - a command
-    found = summary([line for line in lines if line["k"] < options.n])
+    found = summary([line for line in newest(lines) if line["k"] < options.n])
     if options.page:
         write_atomic(PAGE, page(found, options.seed).encode())
     print(msgspec.json.format(msgspec.json.encode(found), indent=1).decode())  # noqa: T201 - a command

@@ -1,25 +1,27 @@
 """The proof of labels in small: a few random frames, right as drawn, and caught when spoilt."""
 
+from functools import cache
+
 import pytest
 
 from simulator.labels.frame import take_frame
-from simulator.targets.library import load_target
 from simulator.validation.label_faults import SPOILERS, spoil
-from simulator.validation.label_frames import random_frame
-from simulator.validation.labels import _check, check_one, dataset_card, page, summary
+from simulator.validation.label_frames import cached_target, random_frame
+from simulator.validation.labels import _check, check_one, dataset_card, newest, page, summary
 
 pytestmark = pytest.mark.gl
 
 CHEAP = ("cubesat-1u@low", "cubesat-3u@low", "tango-thesis@low")
 
 
-def _cheap_frames(n):
+@cache
+def _cheap_frames():
     found = (k for k in range(300) if random_frame(3, k)[0].target.name in CHEAP)
-    return [next(found) for _ in range(n)]
+    return [next(found) for _ in range(12)]
 
 
 def test_random_frames_are_right_and_the_same_again(renderer):
-    frames = _cheap_frames(3)
+    frames = _cheap_frames()[:3]
     lines = [check_one(renderer, 3, k) for k in frames]
     assert [line["faults"] for line in lines] == [[], [], []]
     assert random_frame(3, frames[1]) == random_frame(3, frames[1])
@@ -29,14 +31,25 @@ def test_random_frames_are_right_and_the_same_again(renderer):
     assert "| frames with a wrong label | 0 |" in page(found, 3)
 
 
+def test_a_frame_taken_again_after_a_mend_is_counted_once_and_named():
+    lines = [{"k": 4, "faults": ["wrong"], "commit": "a"}, {"k": 5, "faults": [], "commit": "a"}]
+    assert summary(newest(lines))["wrong_frames"] == 1
+    lines.append({"k": 4, "faults": [], "commit": "b"})
+    found = summary(newest(lines))
+    assert (found["frames"], found["wrong_frames"], found["mended"]) == (2, 0, [4])
+    assert found["commits"] == {"a": 1, "b": 1}
+    lines.append({"k": 4, "faults": ["wrong again"], "commit": "c"})
+    assert summary(newest(lines))["wrong_frames"] == 1
+
+
 def test_every_way_of_spoiling_is_caught(renderer):
     tried = set()
-    for k in _cheap_frames(12):
+    for k in _cheap_frames():
         scene, request = random_frame(3, k)
         left = [kind for kind in SPOILERS if kind not in tried]
         if scene.shutter.is_rolling or not left:
             continue
-        frame = take_frame(renderer, scene, load_target(scene.target.name), labels=request)
+        frame = take_frame(renderer, scene, cached_target(scene.target.name), labels=request)
         card = dataset_card(renderer, frame, 3)
         for kind in left:
             spoilt = spoil(kind, frame)
