@@ -40,7 +40,7 @@ def bench(
     if as_json:
         typer.echo(json.dumps(document, indent=1))
         return
-    table = Table("scene", "p50 ms", "p95", "render", "sensor", "read", "ref", "ratio")
+    table = Table("scene", "p50 ms", "p95", "render", "sensor", "read", "labels", "ref", "ratio")
     for s in document["scenes"]:
         table.add_row(
             f"{s['name']} {s['width_px']}x{s['height_px']}",
@@ -52,6 +52,7 @@ def bench(
                     "render_ms_p50",
                     "sensor_ms_p50",
                     "readback_ms_p50",
+                    "labels_ms_p50",
                 )
             ),
             f"{s['reference_ms']:.1f}",

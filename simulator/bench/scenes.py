@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.bench.labelled import labels_cost
 from simulator.labels.frame import take_frame
 from simulator.loop import plan_flight
 from simulator.render.reference_pass import ReferencePass
@@ -36,6 +37,7 @@ BLUR_EXPOSURE_S = 0.02
 BLOCK = 5  # frames between two looks at the reference: both see the same machine
 REFERENCE_LAPS = 2
 TIMED_FRAMES = 7
+LABELLED_FRAMES = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +45,8 @@ class SceneCost:
     """Cost of one scene [ms]: the whole frame (render, read-back, sensor) and its parts.
 
     The passes are of frames that wait for the driver after each of them; they add up to more than the frame.
+    ``labels_ms_p50`` is what truth, mask and all layers add; ``labelled_over_plain`` is the cost of a frame with them
+    over that of one without.
     """
 
     name: str
@@ -55,6 +59,8 @@ class SceneCost:
     sensor_ms_p50: float
     readback_ms_p50: float
     passes_ms_p50: dict[str, float]
+    labels_ms_p50: float
+    labelled_over_plain: float
     reference_ms: float
 
 
@@ -141,6 +147,7 @@ def _bench_one(renderer: Renderer, reference: ReferencePass, name: str, n_frames
         take_frame(renderer, scene, plan.target, labels=False).stage_ms for scene in scenes[:TIMED_FRAMES]
     ]
     renderer.timed = False
+    labels_ms, labelled = labels_cost(renderer, plan.target, scenes, min(n_frames, LABELLED_FRAMES))
     passes = {key: float(np.median([r.get(key, 0.0) for r in timed])) for key in timed[0]}
     return SceneCost(
         name=name,
@@ -153,5 +160,7 @@ def _bench_one(renderer: Renderer, reference: ReferencePass, name: str, n_frames
         sensor_ms_p50=float(np.median([r["sensor"] for r in rows])),
         readback_ms_p50=passes.get("render.readback", 0.0),
         passes_ms_p50=passes,
+        labels_ms_p50=labels_ms,
+        labelled_over_plain=labelled,
         reference_ms=float(np.median(reference_laps)),
     )

@@ -268,7 +268,7 @@ def main() -> int:
     wanted = [k for k in range(options.n) if k not in known]
     commit = _commit()
     with options.results.open("a") as file:
-        for found_now in run(options.seed, wanted, max(1, options.workers)):
+        for found_now in run(options.seed, wanted, min(max(1, options.workers), len(wanted))):
             result = found_now | {"commit": commit}
             lines.append(result)
             file.write(json.dumps(result) + "\n")
