@@ -117,3 +117,45 @@ def test_only_the_model_it_was_trained_for_gets_a_network(tango: BoardModel) -> 
     assert net_for(replace(tango, name="../tango")) is None
     edges = tuple(replace(e, a_m=1.1 * e.a_m, b_m=1.1 * e.b_m) for e in tango.wireframe)
     assert net_for(replace(tango, wireframe=edges)) is None
+
+
+@pytest.mark.slow
+@pytest.mark.gl
+@pytest.mark.parametrize(("recipe", "least"), [("eval-black", 10), ("eval-earth", 8)])
+def test_the_true_pose_is_mostly_among_the_proposed_ones(tango: BoardModel, recipe: str, least: int) -> None:
+    from hil.board.svd.edges import shrink
+    from hil.board.svd.gradient import eliminate_weak_gradients
+    from hil.board.svd.look.first import FirstLook
+    from hil.board.svd.noise import noise_sigma
+    from hil.board.svd.roi import REDUCTION, propose_regions
+    from simulator.labels.frame import take_frame
+    from simulator.recipe import plan_recipe
+    from simulator.render.renderer import Renderer
+
+    plan = plan_recipe(recipe, 40, seed=6301)
+    c = plan.camera
+    camera = CameraIntrinsics(c.width_px, c.height_px, c.fx_px, c.fy_px, c.cx_px, c.cy_px)
+    look = FirstLook.prepare(tango, camera)
+    assert look is not None
+    tried = found = 0
+    with Renderer() as renderer:
+        for k in range(40):
+            frame = take_frame(renderer, plan.scene(k), plan.target)
+            if frame.truth is None or not frame.truth.feasible:
+                continue
+            image = frame.image
+            noise = noise_sigma(image, 255.0)
+            small, _ = shrink(image, 0, 0, image.shape[1], image.shape[0], max(image.shape) // REDUCTION)
+            regions, _, _ = propose_regions(small, eliminate_weak_gradients(small), noise / REDUCTION)
+            truth = frame.truth
+            q, t = (np.array(v) for v in (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m))
+            near = [
+                (quat.angle_rad(g.q, q) < np.radians(15)) & (np.abs(g.t[:, 2] / t[2] - 1) < 0.2)
+                for g in look.glances(image, noise, regions[:6], 2)
+            ]
+            found += any(n.any() for n in near)
+            tried += 1
+            if tried == 12:
+                break
+    assert tried == 12
+    assert found >= least

@@ -13,13 +13,15 @@ import numpy as np
 
 from hil.board.svd.edges import drop_specks, gradient, gradient_noise, thin_edges
 from hil.board.svd.gradient import WeakGradientElimination, marginal_interval
-from hil.board.svd.lines import lsd_stream
-from hil.board.svd.target_map import CELL_PX, WEIGHTS, Weights, boxes, target_map
+from hil.board.svd.target_map import CELL_PX, WEIGHTS, Weights, boxes, straight_segments, target_map
 
 Array = np.ndarray
 
 # The picture is searched at this reduction: 16 pixels averaged, noise a quarter.
 REDUCTION = 4
+
+# Shortest segment that makes a window [px of the reduced picture].
+LONG_PX = 8.0
 
 # Share of the edges on the craft from which the background is empty space.
 OWN_EDGES = 0.8
@@ -140,15 +142,16 @@ def propose_regions(
             add(x0, y0, x1, y1, f"clusters-{join}")
     if busy >= 0.2:
         # behind the craft lies texture: what is made has straight lines, and many of them together
+        segments = straight_segments(small)
         weights = _weights()
         if weights is not None:
-            likely = target_map(small, noise_small, weights)
+            likely = target_map(small, noise_small, weights, segments)
             if _on_craft(mask, likely) > OWN_EDGES:
                 # a craft near by fills the frame with edges of its own: nothing else is there
                 return regions, 0.0, None
             for box in boxes(likely, 2):
                 add(CELL_PX * box[0], CELL_PX * box[1], CELL_PX * box[2], CELL_PX * box[3], "map")
-        for box in straight_windows(small):
+        for box in straight_windows(small, segments):
             add(*box, "straight")
         regions.sort(
             key=lambda r: ("map", "straight").index(r.source) if r.source in ("map", "straight") else 2
@@ -167,12 +170,14 @@ def _weights() -> Optional[Weights]:
     return None if data is None else Weights.read(io.BytesIO(data))
 
 
-def straight_windows(small: Array, count: int = 3) -> List[Tuple[float, float, float, float]]:
-    """Boxes around the densest groups of long straight segments, best first [px of ``small``].
+def straight_windows(
+    small: Array, segments: Array, count: int = 3
+) -> List[Tuple[float, float, float, float]]:
+    """Boxes around the densest groups of long straight segments (N, 4), best first [px of ``small``].
 
     Coastlines and clouds break into short pieces; a segment counts by the square of its length.
     """
-    segments = lsd_stream(cv2.GaussianBlur(small, (0, 0), 0.8), 8.0)
+    segments = segments[np.hypot(*(segments[:, 2:] - segments[:, :2]).T) >= LONG_PX]
     if not len(segments):
         return []
     h, w = small.shape

@@ -7,7 +7,7 @@ and long segments at several reaches do: two layers of weights trained on render
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import BinaryIO, List, Tuple, Union
+from typing import BinaryIO, List, Optional, Tuple, Union
 
 import cv2
 import numpy as np
@@ -20,6 +20,9 @@ Array = np.ndarray
 # Cells are this many pixels of the reduced picture; reaches of the measures [cells].
 CELL_PX = 2
 REACHES = (3, 7, 15, 31)
+
+# Shortest straight segment that says anything [px].
+SEGMENT_PX = 5.0
 
 WEIGHTS = "target_map.npz"
 
@@ -49,12 +52,13 @@ class Weights:
             )
 
 
-def measures(small: Array, noise: float) -> Array:
+def measures(small: Array, noise: float, segments: Optional[Array] = None) -> Array:
     """(h, w, F) float32 measures of each cell.
 
     Parameters
     ----------
     small : (H, W) float32 reduced picture. noise : its standard deviation.
+    segments : what ``straight_segments`` finds in it, where that is known already.
     """
     top = max(float(np.percentile(small[::4, ::4], 99.5)), 8.0 * noise)
     level = np.sqrt(np.clip(small / top, 0.0, 1.5))
@@ -67,7 +71,10 @@ def measures(small: Array, noise: float) -> Array:
     h, w = small.shape[0] // CELL_PX, small.shape[1] // CELL_PX
     dark = cv2.erode(level, np.ones((3, 3), np.uint8))
     layers = [_cells(v, w, h) for v in (level, strength, relative, dark)]
-    layers += [_straightness(gx, gy, sigma, w, h), *_segments(small, w, h)]
+    layers += [
+        _straightness(gx, gy, sigma, w, h),
+        *_segments(straight_segments(small) if segments is None else segments, w, h),
+    ]
     out = []
     for layer in layers:
         out.append(layer)
@@ -92,9 +99,13 @@ def _straightness(gx: Array, gy: Array, sigma: float, w: int, h: int) -> Array:
     return np.asarray(np.hypot(c, s) / (total + (3 * sigma) ** 2))
 
 
-def _segments(small: Array, w: int, h: int) -> List[Array]:
+def straight_segments(small: Array) -> Array:
+    """(N, 4) straight segments of the reduced picture, from five pixels on."""
+    return lsd_stream(cv2.GaussianBlur(small, (0, 0), 0.8), SEGMENT_PX)
+
+
+def _segments(segments: Array, w: int, h: int) -> List[Array]:
     """Length of straight segments per cell: short, fair and long ones, and how much they cross each other."""
-    segments = lsd_stream(cv2.GaussianBlur(small, (0, 0), 0.8), 5.0)
     out = [np.zeros((h, w), np.float32) for _ in range(5)]
     if not len(segments):
         return out[:4]
@@ -120,9 +131,9 @@ def _segments(small: Array, w: int, h: int) -> List[Array]:
     return [*out[:3], about - np.hypot(c, s)]
 
 
-def target_map(small: Array, noise: float, weights: Weights) -> Array:
-    """(h, w) probability that a cell shows the craft."""
-    m = (measures(small, noise) - weights.mean) / weights.scale
+def target_map(small: Array, noise: float, weights: Weights, segments: Optional[Array] = None) -> Array:
+    """(h, w) probability that a cell shows the craft; ``segments`` as in ``measures``."""
+    m = (measures(small, noise, segments) - weights.mean) / weights.scale
     hidden = np.maximum(
         m.reshape(-1, m.shape[-1]).astype(np.float32) @ weights.first + weights.first_bias, 0.0
     )

@@ -98,7 +98,9 @@ class Subspaces:
         turn = 2 * np.pi * np.arange(TURNS) / TURNS
         about = np.stack([np.cos(turn / 2), 0 * turn, 0 * turn, np.sin(turn / 2)], axis=-1)
         q = quat.multiply(about[None], quat.from_matrix(R)[:, None]).reshape(-1, 4)
-        return Subspaces(basis, size, q, np.asarray(bumps(q), np.float32), window)
+        # in parts: a board's memory is small
+        values = np.concatenate([bumps(part).astype(np.float32) for part in np.array_split(q, 16)])
+        return Subspaces(basis, size, q, values, window)
 
     def rank(
         self,
