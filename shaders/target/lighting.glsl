@@ -80,7 +80,7 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
 // Radiance that leaves one surface towards the camera [W m-2 sr-1].
 // base: reflectance per band, metallic; surface: roughness, clear coat, its roughness, crinkle; p_m: camera frame [m].
 // geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
-// grain: direction of the brushing, target frame; w: how much it stretches the lobe, 0..1.
+// grain: direction of the brushing, target frame; w: how much it stretches the lobe, 0..1, negative around the axis.
 color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m) {
     vec3 v = -normalize(p_m);
     float lit = sun_visibility(p_m, geometric);
@@ -97,7 +97,9 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
 #endif
     color diffuse = albedo * ((1.0 - base.w) / PI);
 #ifdef BRUSHED
-    vec3 across = cross(n, mat3(u_camera_from_target) * grain.xyz);
+    vec3 axis = mat3(u_camera_from_target) * grain.xyz;
+    // brushed along the axis; or around it, as a lathe leaves metal
+    vec3 across = grain.w > 0.0 ? cross(n, axis) : axis - dot(axis, n) * n;
     float length2 = dot(across, across);
     // a face that looks along the grain shows no direction
     across = length2 > 1e-4 ? across * inversesqrt(length2) : normalize(cross(n, vec3(0.3, 0.9, 0.2)));

@@ -92,7 +92,9 @@ MOON = (
 MATERIALS = (
     Field("vec4", "u_material_color", MAX_MATERIALS + 1),  # reflectance per band; w: metallic
     Field("vec4", "u_material_surface", MAX_MATERIALS + 1),  # roughness, clear coat, its roughness, crinkle
-    Field("vec4", "u_material_grain", MAX_MATERIALS + 1),  # xyz: of brushing, target frame; w: its strength
+    Field(
+        "vec4", "u_material_grain", MAX_MATERIALS + 1
+    ),  # xyz: of brushing, target frame; w: strength, negative: around it
 )
 
 

@@ -86,7 +86,7 @@ def content_sha256(
 
 def _material_head(material: Material) -> dict[str, Any]:
     """The material without empty texture names and without grain: targets that have none keep the hash they had."""
-    absent = () if material.anisotropy > 0 else ("anisotropy", "grain")
+    absent = () if material.anisotropy > 0 else ("anisotropy", "grain", "turned")
     return {
         k: v
         for k, v in asdict(material).items()
@@ -111,6 +111,7 @@ def record_of(target: Target) -> TargetRecord:
         notes=target.notes,
         crinkle={m.name: m.crinkle for m in target.materials if m.crinkle > 0},
         grain={m.name: m.grain for m in target.materials if m.anisotropy > 0},
+        turned=tuple(m.name for m in target.materials if m.anisotropy > 0 and m.turned),
     )
 
 

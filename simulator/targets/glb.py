@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.arrays import Vec3
-
 CLEARCOAT, ANISOTROPY = "KHR_materials_clearcoat", "KHR_materials_anisotropy"
 Y_UP_FROM_Z_UP_XYZW = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 TYPES = {gl.FLOAT: "<f4", gl.UNSIGNED_INT: "<u4", gl.UNSIGNED_SHORT: "<u2", gl.UNSIGNED_BYTE: "u1"}
@@ -54,7 +52,7 @@ def write_glb(target: Target, path: Path) -> None:
     document, blob = gl.GLTF2(asset=gl.Asset(version="2.0", generator="flyaround")), bytearray()
     document.materials = [_gltf_material(m, target.pictures) for m in target.materials]
     index = {m.name: k for k, m in enumerate(target.materials)}
-    grain = {m.name: m.grain for m in target.materials if m.anisotropy > 0}
+    grain = {m.name: m for m in target.materials if m.anisotropy > 0}
     for part in target.parts:
         at = [
             _append(document, blob, np.ascontiguousarray(part.positions_m, "<f4"), gl.ARRAY_BUFFER),
@@ -105,9 +103,11 @@ def _gltf_material(m: Material, pictures: tuple[Picture, ...]) -> gl.Material:
     return written
 
 
-def _tangents(part: Part, grain: Vec3) -> NDArray[Any]:
+def _tangents(part: Part, brushed: Material) -> NDArray[Any]:
     """(N, 4) glTF tangents of a brushed part: across the grain, the way in which its highlight is wide."""
-    across = np.cross(part.normals, np.asarray(grain, float))
+    axis = np.asarray(brushed.grain, float) / np.linalg.norm(brushed.grain)
+    n = part.normals.astype(float)
+    across = axis - (n @ axis)[:, None] * n if brushed.turned else np.cross(n, axis)
     length = np.linalg.norm(across, axis=1, keepdims=True)
     # where a face looks along the grain any direction will do
     other = np.cross(part.normals, np.roll(part.normals, 1, axis=1) * (1, -1, 1) + (0.1, 0.2, 0.3))
@@ -261,6 +261,7 @@ def _material(
         crinkle=record.crinkle.get(m["name"], 0.0),
         anisotropy=brushed,
         grain=record.grain.get(m["name"], Material.grain),
+        turned=m["name"] in record.turned,
         base_color_texture=texture_name(document, pbr.get("baseColorTexture"), pictures),
         metallic_roughness_texture=texture_name(document, pbr.get("metallicRoughnessTexture"), pictures),
         normal_texture=texture_name(document, m.get("normalTexture"), pictures),

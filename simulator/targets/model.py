@@ -21,6 +21,7 @@ class Material:
     crinkle : amplitude of the procedural normal detail of insulation blankets, 0..1.
     anisotropy : KHR_materials_anisotropy's strength, 0..1: how much wider a brushed metal's highlight is across its
         grain. grain : direction of the brushing, target frame, as it lies on each face; any length.
+    turned : the grain runs around that direction, as a lathe leaves it, instead of along it.
     base_color_texture : name of a `Picture` (sRGB) that multiplies ``base_color`` where the part has texture
         coordinates; none when empty.
     metallic_roughness_texture : a picture whose green and blue multiply ``roughness`` and ``metallic``.
@@ -36,6 +37,7 @@ class Material:
     crinkle: float = 0.0
     anisotropy: float = 0.0
     grain: Vec3 = (0.0, 0.0, 0.0)
+    turned: bool = False
     base_color_texture: str = ""
     metallic_roughness_texture: str = ""
     normal_texture: str = ""

@@ -62,7 +62,7 @@ class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     """The `flyaround` object in the extras of a target file's scene (glTF 2.0, binary).
 
     Lengths in metres, model frame; `crinkle` holds the amplitude of insulation's wrinkles by material,
-    `grain` the direction of brushed metals.
+    `grain` the direction of brushed metals, `turned` those of them whose grain runs around it.
     """
 
     schema: Literal["flyaround.target"]
@@ -79,6 +79,7 @@ class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     notes: str = ""
     crinkle: dict[str, Fraction] = {}
     grain: dict[str, Vec3] = {}
+    turned: tuple[str, ...] = ()
 
 
 class OutlinesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -55,6 +55,12 @@ def test_grain_turns_with_the_craft_and_the_sky_is_kept(renderer, draw_kit):
     along, across = radiance(0.0, (1.0, 0, 0)), radiance(0.0, (0, 1.0, 0))
     assert across > 5 * along
     assert radiance(np.pi / 2, (1.0, 0, 0)) == pytest.approx(across, rel=0.02)
+    # around x on a plate that contains it is across x
+    lathe = draw_kit.target(
+        [draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [replace(brushed, grain=(1.0, 0, 0), turned=True)]
+    )
+    scene = draw_kit.scene(lathe, sun_camera=(0.9, 0, -1.0))
+    assert float(renderer.render(scene, lathe).radiance[118, 161]) == pytest.approx(across, rel=0.01)
     white = replace(brushed, base_color=(1.0,) * 3)
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [white])
     scene = replace(draw_kit.scene(target, rotvec_rad=(0, 0.5, 0)), sun_visible_fraction=0.0)

@@ -8,6 +8,7 @@ from simulator.errors import UserError
 from simulator.targets.check import check_grain
 from simulator.targets.glb import load_glb, write_glb
 from simulator.targets.importing.add import ImportOptions, import_mesh
+from simulator.targets.importing.grain import common_grain
 from simulator.targets.library import load_target
 from simulator.targets.model import Material
 
@@ -101,3 +102,14 @@ def test_brushing_without_a_direction_is_told(tmp_path):
     assert any("brushing" in line for line in lines)
     with pytest.raises(UserError, match="in no direction"):
         check_grain([Material(name="steel", anisotropy=0.5, base_color=(1, 1, 1))], "here")
+
+
+def test_metal_from_a_lathe_is_recognised():
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    around = np.stack([-np.sin(turn), np.cos(turn), np.zeros(24)], axis=1)
+    found = common_grain(np.einsum("fi,fj->ij", around, around))
+    assert found.turned
+    assert found.fits
+    assert abs(found.axis[2]) == pytest.approx(1.0)
+    mixed = common_grain(np.eye(3))
+    assert not mixed.fits

@@ -362,5 +362,6 @@ def _material_values(mesh: Mesh, scene: SceneState) -> dict[str, FloatArray]:
             material.crinkle,
         ]
         if material.anisotropy > 0:
-            grain[k] = [*(np.asarray(material.grain) / np.linalg.norm(material.grain)), material.anisotropy]
+            strength = material.anisotropy * (-1 if material.turned else 1)
+            grain[k] = [*(np.asarray(material.grain) / np.linalg.norm(material.grain)), strength]
     return {"u_material_color": color, "u_material_surface": surface, "u_material_grain": grain}

@@ -21,7 +21,13 @@ DARK_INTERIOR = Material(name="dark-interior", base_color=(0.085, 0.083, 0.080),
 BURNT_ABLATOR = Material(name="burnt-ablator", base_color=(0.030, 0.028, 0.026), roughness=0.85)
 BARE_ALUMINIUM = Material(name="bare-aluminium", base_color=(0.80, 0.80, 0.80), metallic=0.75, roughness=0.32)
 MACHINED_ALUMINIUM = Material(
-    name="machined-aluminium", base_color=(0.55, 0.55, 0.56), metallic=0.5, roughness=0.4
+    name="machined-aluminium",
+    base_color=(0.58, 0.58, 0.59),
+    metallic=0.7,
+    roughness=0.36,
+    anisotropy=0.6,
+    grain=(0.0, 0.0, 1.0),  # rings turned about the craft's long axis
+    turned=True,
 )
 BRUSHED_ALUMINIUM = Material(
     name="brushed-aluminium",
@@ -37,7 +43,8 @@ BRUSHED_METAL = Material(
     metallic=0.5,
     roughness=0.4,
     anisotropy=0.55,
-    grain=(0.0, 0.0, 1.0),
+    grain=(0.0, 0.0, 1.0),  # rings and fittings of docking ports, about the craft's long axis
+    turned=True,
 )
 TITANIUM = Material(name="titanium", base_color=(0.50, 0.46, 0.42), metallic=0.7, roughness=0.38)
 NOZZLE_NIOBIUM = Material(name="nozzle", base_color=(0.16, 0.14, 0.13), metallic=0.6, roughness=0.45)

@@ -14,7 +14,7 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.targets.glb import ANISOTROPY, CLEARCOAT, read_chunks
 from simulator.targets.importing.accessors import read_accessor
-from simulator.targets.importing.grain import common_direction, corners_of, face_grain, strength_and_turn
+from simulator.targets.importing.grain import common_grain, corners_of, face_grain, strength_and_turn
 from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart, unique_name, unique_names
 from simulator.targets.importing.texture import picture_of
 from simulator.targets.model import Material, Picture
@@ -208,14 +208,16 @@ class _Reader:
         """The materials with the directions in which they are brushed."""
         out = list(materials)
         for number, dyads in self.grain.items():
-            grain, straight = common_direction(dyads)
-            if not straight:
-                self.lost.add("brushing that turns from face to face (its mean direction is taken)")
-            if grain == Material.grain:
+            grain = common_grain(dyads)
+            if not grain.fits:
+                self.lost.add(
+                    "brushing that is neither straight nor around an axis (its mean direction is taken)"
+                )
+            if not any(grain.axis):
                 self.lost.add("brushing of meshes without tangents or texture coordinates")
                 out[number] = replace(out[number], anisotropy=0.0)
             else:
-                out[number] = replace(out[number], grain=grain)
+                out[number] = replace(out[number], grain=grain.axis, turned=grain.turned)
         return [m if any(m.grain) else replace(m, anisotropy=0.0) for m in out]
 
     def _colours(self, primitive: dict[str, Any], triangles: IntArray, count: int) -> FloatArray | None:

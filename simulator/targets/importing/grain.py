@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.arrays import vec3
+from simulator.arrays import Vec3, vec3
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray, IntArray, Vec3
+    from simulator.arrays import FloatArray, IntArray
 
 STRAIGHT = 0.8
 """Share of the faces' grain that must lie along one direction for that to be all of it."""
@@ -58,14 +59,29 @@ def face_grain(
     return np.einsum("f,fi,fj->ij", area[good], grain[good], grain[good])
 
 
-def common_direction(dyads: FloatArray) -> tuple[Vec3, bool]:
-    """Unit vector along most of the grain, zero where there is none, and whether it is straight."""
+@dataclass(frozen=True)
+class Grain:
+    """The grain of a material: along ``axis`` or, ``turned``, around it; ``fits`` when nearly all faces have it so.
+
+    Without tangents or texture coordinates the axis is zero.
+    """
+
+    axis: Vec3
+    turned: bool
+    fits: bool
+
+
+def common_grain(dyads: FloatArray) -> Grain:
+    """The grain that most of a material's faces have, by the sum of their dyads."""
     total = float(np.trace(dyads))
     if total <= 0:
-        return (0.0, 0.0, 0.0), True
+        return Grain((0.0, 0.0, 0.0), turned=False, fits=True)
     values, vectors = np.linalg.eigh(dyads)
-    axis = vectors[:, 2] * np.sign(vectors[np.argmax(np.abs(vectors[:, 2])), 2])
-    return vec3(axis), bool(values[2] > STRAIGHT * total)
+    straight = bool(values[2] > STRAIGHT * total)
+    # around an axis the grain has every direction but the axis's own
+    turned = not straight and bool(values[0] < 0.5 * (1 - STRAIGHT) * total)
+    axis = vectors[:, 0 if turned else 2]
+    return Grain(vec3(axis * np.sign(axis[np.argmax(np.abs(axis))])), turned, straight or turned)
 
 
 def corners_of(values: FloatArray, triangles: IntArray) -> FloatArray:
