@@ -12,9 +12,7 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from simulator.arrays import BoolArray, FloatArray
+    from simulator.arrays import BoolArray, FloatArray, IntArray
     from simulator.render.projection import PixelRect
 
 CELL_PX = 8
@@ -28,12 +26,13 @@ def whole(rect: PixelRect) -> FloatArray:
     return _centers(np.ones((-(-rect.height // CELL_PX), -(-rect.width // CELL_PX)), bool), rect)
 
 
-def hulls_cover(rect: PixelRect, parts_px: Sequence[FloatArray]) -> FloatArray:
+def hulls_cover(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> FloatArray:
     """Centres (K, 2) [px] of the cells of a rectangle that some convex hulls touch, and a few more.
 
     Parameters
     ----------
-    rect : begins at whole cells. parts_px : (K, 2) projected points of each hull.
+    rect : begins at whole cells. points_px : (K, 2) projected points of all hulls, one hull after the other.
+    parts : where the points of the second hull begin, of the third and so on.
     """
     rows, columns = -(-rect.height // CELL_PX), -(-rect.width // CELL_PX)
     step = CELL_PX // _MASK_PX
@@ -41,13 +40,14 @@ def hulls_cover(rect: PixelRect, parts_px: Sequence[FloatArray]) -> FloatArray:
     mask = np.zeros((rows * step + 2, columns * step + 2), np.uint8)
     # mask pixel (1, 1) is the mean of image pixels x0 and x0 + 1
     origin = np.array([rect.x0, rect.y0]) + 0.5 * (_MASK_PX - 1) - _MASK_PX
-    for points in parts_px:
-        at = np.clip((points - origin) / _MASK_PX, -_FARTHEST, _FARTHEST)
-        hull = cv2.convexHull(at.astype(np.float32))
-        cv2.fillConvexPoly(mask, np.rint(hull * (1 << _SHIFT)).astype(np.int32), 1, shift=_SHIFT)
+    at = np.clip((points_px - origin) / _MASK_PX, -_FARTHEST, _FARTHEST)
+    fixed = np.rint(at * (1 << _SHIFT)).astype(np.int32)
+    for points in np.split(fixed, parts):
+        cv2.fillConvexPoly(mask, cv2.convexHull(points), 1, shift=_SHIFT)
     # a pixel whose corner is touched counts, and OpenCV's fill leaves out what it touches by less than half
     cv2.dilate(mask, np.ones((3, 3), np.uint8), dst=mask)
-    return _centers(mask[1:-1, 1:-1].reshape(rows, step, columns, step).max(axis=(1, 3)) > 0, rect)
+    inner = mask[1:-1, 1:-1].reshape(rows, step, -1).max(axis=1)  # one axis after the other is quicker
+    return _centers(inner.reshape(rows, columns, step).max(axis=2) > 0, rect)
 
 
 def _centers(cells: BoolArray, rect: PixelRect) -> FloatArray:

@@ -322,7 +322,7 @@ def find_cover(mesh: Mesh, place: Placement, camera: Camera) -> FloatArray:
     points = mesh.hull_m @ place.camera_from_target[:3, :3].T + place.camera_from_target[:3, 3]
     if not camera.distortion.is_none or points[:, 2].min() <= MIN_NEAR_M:
         return whole(place.rect)
-    return hulls_cover(place.rect, np.split(camera.project(points), mesh.hull_parts))
+    return hulls_cover(place.rect, camera.project(points), mesh.hull_parts)
 
 
 def choose_lattice(
