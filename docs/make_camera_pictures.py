@@ -68,37 +68,37 @@ def main() -> None:
     scene = plan.scene(0)
     with Renderer() as renderer:
         radiance = renderer.render(scene, plan.target).radiance
-        exposure = 6e-5
+        exposure = 4.5e-5
         terms: list[tuple[str, Sensor, float]] = [
             ("no noise", detector(), 1.0),
             (
-                "photon noise, 1/50 of the light",
-                detector(shot_noise=True, gain_e_per_dn=0.1, black_level_dn=0.0),
-                0.02,
+                "photon noise, 1/200 of the light",
+                detector(shot_noise=True, gain_e_per_dn=0.025, black_level_dn=0.0),
+                0.005,
             ),
-            ("read noise 150 e", detector(read_noise_e=150.0), 1.0),
-            ("row and column noise 150 e", detector(row_noise_e=150.0, column_noise_e=150.0), 1.0),
+            ("read noise 600 e", detector(read_noise_e=600.0), 1.0),
+            ("row and column noise 400 e", detector(row_noise_e=400.0, column_noise_e=400.0), 1.0),
             ("PRNU 10 %", detector(prnu=0.1), 1.0),
-            ("DSNU 300 e", detector(dsnu_e=300.0), 1.0),
+            ("DSNU 600 e", detector(dsnu_e=600.0), 1.0),
             (
                 "hot and dead pixels, 1 % each",
                 detector(hot_pixel_share=0.01, hot_pixel_e_s=1e8, dead_pixel_share=0.01),
                 1.0,
             ),
-            ("blooming, twice the light", detector(blooming=0.15), 2.0),
-            ("cosmic rays", detector(cosmic_rays_cm2_s=5e7, layer_m=4e-5), 1.0),
+            ("blooming, 1.8 times the light", detector(blooming=0.3), 1.8),
+            ("cosmic rays, a thick detector", detector(cosmic_rays_cm2_s=8e7, layer_m=6e-4), 1.0),
             ("preset speed", sensor_preset("speed"), 1.0),
             ("preset thesis", sensor_preset("thesis"), 1.0),
             ("preset imx174", sensor_preset("imx174"), 1.0),
         ]
         tiles = []
-        y, x = slice(560, 710), slice(760, 960)
+        y, x = slice(715, 865), slice(740, 940)
         for words, sensor, light in terms:
-            t = exposure * light if sensor.detector is not None else 6e-4
+            t = exposure * light if sensor.detector is not None else 9e-4
             one = replace(scene, sensor=sensor, exposure_s=t, optics=Optics(f_number=2.8))
             tiles.append(tile(digitise_scene(one, expose_scene(one, radiance))[y, x], sensor.bits, words))
-        cv2.imwrite(str(folder / "camera_noise.jpg"), grid(tiles, 4), [cv2.IMWRITE_JPEG_QUALITY, 68])
-        ideal = replace(sensor_preset("ideal"), full_scale_j_m2_sr=0.08)
+        cv2.imwrite(str(folder / "camera_noise.jpg"), grid(tiles, 4), [cv2.IMWRITE_JPEG_QUALITY, 58])
+        ideal = replace(sensor_preset("ideal"), full_scale_j_m2_sr=0.08, bits=16)
         sun = plan_flight(load_scenario("tango-limb"), times=(0.0,))
         lenses: list[tuple[str, str, Optics]] = [
             ("pinhole (speed)", "speed", Optics()),
@@ -124,7 +124,7 @@ def main() -> None:
             target = sun.target if "glare" in words else plan.target
             one = replace(base, camera=camera, optics=optics, sensor=ideal, exposure_s=1e-3)
             image = digitise_scene(one, expose_scene(one, renderer.render(one, target).radiance))
-            tiles.append(tile(image, 8, words))
+            tiles.append(tile(image, 16, words))
         cv2.imwrite(str(folder / "camera_lens.jpg"), grid(tiles, 3), [cv2.IMWRITE_JPEG_QUALITY, 82])
 
 

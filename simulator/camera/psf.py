@@ -94,6 +94,10 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
         part = kernel[middle - reach : middle + reach + 1, middle - reach : middle + reach + 1]
         if part.sum() >= _KEPT_ENERGY:
             break
+    else:
+        # wings that go on are let fade in a circle: round the Sun's disc a square's edge would show
+        at = np.arange(-reach, reach + 1) / (reach + 0.5)
+        part = part * (0.5 + 0.5 * np.cos(np.pi * np.clip(np.hypot(at, at[:, None]) * 2 - 1, 0, 1)))
     part = part / part.sum()
     if optics.psf == "kernel":
         part = _joined(part, np.array(optics.kernel))

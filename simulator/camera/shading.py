@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from simulator.camera.optics import Optics
 
 _STEP_PX = 16
+_NEAR_PX = 128
 _CORE_DEG = 0.3  # nearer to the Sun than its own disc the glare is part of the picture of the disc
 
 
@@ -67,11 +68,33 @@ def veiling_glare(
         or not np.any(sun_irradiance_w_m2 > 0)
     ):
         return None
-    angle_deg = np.rad2deg(np.arccos(np.clip(_coarse_rays(camera) @ sun_direction, -1, 1)))
-    spread = optics.veiling_glare_sr / np.maximum(angle_deg, _CORE_DEG) ** 2
-    field = _fine(camera, spread)
+    # the square of the angle is smooth everywhere; what falls with it is not, near the Sun
+    field = _fine(camera, _square_deg2(_coarse_rays(camera), sun_direction))
+    patch = _around(camera, sun_direction)
+    if patch is not None:
+        # single precision on the grid is not enough for the smallest angles
+        y, x = np.meshgrid(*(np.arange(s.start, s.stop) for s in patch), indexing="ij")
+        field[patch] = _square_deg2(camera.rays(np.stack([x, y], axis=-1)), sun_direction)
+    field = np.asarray(optics.veiling_glare_sr / np.maximum(field, np.float32(_CORE_DEG**2)), np.float32)
     irradiance = np.asarray(sun_irradiance_w_m2, np.float32)
     return field * irradiance[0] if irradiance.size == 1 else field[..., None] * irradiance
+
+
+def _square_deg2(rays: FloatArray, sun_direction: FloatArray) -> FloatArray:
+    """Square of the angle from the Sun [deg2]."""
+    return np.asarray(np.rad2deg(np.arccos(np.clip(rays @ sun_direction, -1, 1))) ** 2)
+
+
+def _around(camera: Camera, direction: FloatArray) -> tuple[slice, slice] | None:
+    """Rows and columns of the image near a direction; None where there are none."""
+    if direction[2] <= 0:
+        return None
+    x, y = camera.project(direction)
+    if not np.isfinite([x, y]).all():
+        return None
+    rows = slice(max(int(y) - _NEAR_PX, 0), min(int(y) + _NEAR_PX, camera.height_px))
+    columns = slice(max(int(x) - _NEAR_PX, 0), min(int(x) + _NEAR_PX, camera.width_px))
+    return (rows, columns) if rows.start < rows.stop and columns.start < columns.stop else None
 
 
 def _coarse_rays(camera: Camera) -> FloatArray:
@@ -84,10 +107,13 @@ def _coarse_rays(camera: Camera) -> FloatArray:
 
 
 def _fine(camera: Camera, coarse: FloatArray) -> Float32Array:
-    """The grid's values at every pixel."""
-    x = np.linspace(0, coarse.shape[1] - 1, camera.width_px, dtype=np.float32)
-    y = np.linspace(0, coarse.shape[0] - 1, camera.height_px, dtype=np.float32)
-    at_x, at_y = np.meshgrid(x, y)
-    return np.asarray(
-        cv2.remap(coarse.astype(np.float32), at_x, at_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
-    )
+    """The grid's values at every pixel, by cubic splines."""
+    down, across = _weights(coarse.shape[0], camera.height_px), _weights(coarse.shape[1], camera.width_px)
+    return np.asarray(down @ (coarse.astype(np.float32) @ across.T), np.float32)
+
+
+@lru_cache(maxsize=8)
+def _weights(nodes: int, count: int) -> Float32Array:
+    """(count, nodes) share of each node of an even grid in points between its ends."""
+    spline = make_interp_spline(np.linspace(0, 1, nodes), np.eye(nodes), k=min(3, nodes - 1))
+    return np.asarray(spline(np.linspace(0, 1, count)), np.float32)
