@@ -13,6 +13,7 @@ from hil.board.svd.edges import EdgeField
 from hil.board.svd.groups import Chains, model_triads
 from hil.board.svd.model import BoardModel, CameraIntrinsics
 from hil.board.svd.roi import Region
+from hil.board.svd.rounded import is_round, with_outlines
 from hil.board.svd.samples import EdgeSamples, sample_edges
 from hil.board.svd.score import Support
 from hil.board.svd.templates import ViewTable, build_views
@@ -97,6 +98,8 @@ class Craft:
         samples, occ = sample_edges(model, spacing), occluders(model)
         # perspective changes shapes near by: one table near, one far
         tables = tuple(build_views(model, samples, occ, d * radius) for d in (4.5, 14.0))
+        if model.outlines is not None and is_round(model):
+            tables = tuple(with_outlines(view, model.outlines, model.centre_m) for view in tables)
         return Craft(
             model, camera, samples, spacing, occ, model_triads(model), tables, model.centre_m, radius
         )
