@@ -27,7 +27,7 @@ Array = np.ndarray
 BUSY = 0.25
 
 # Regions glanced at by the first look, and places it hands on with a texture behind and with nothing.
-GLANCES, LOOKS, EMPTY_LOOKS = 6, 2, 1
+GLANCES, LOOKS, EMPTY_LOOKS = 5, 2, 1
 
 # Logit of there being a craft from which only that place is searched.
 SURE = 2.0

@@ -29,7 +29,7 @@ from hil.board.svd.roi import Region
 Array = np.ndarray
 
 # Diameter of the craft's sphere over the diagonal of a region, and where a region often holds but a part of it.
-SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = 1.15, 1.4, ("map", "straight")
+SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("map", "straight")
 
 # Attitudes handed on from one place, and how much less likely than the first the last may be [log].
 ATTITUDES, LESS = 16, 9.0
@@ -39,6 +39,9 @@ APART_RAD = float(np.radians(11.0))
 
 # A place this much less sure of a craft than the surest is left out [logit].
 DOUBT = 4.0
+
+# Starts looked at a second time.
+SECOND = 5
 
 # How often a place is looked at, each time where the network said the time before.
 GLANCES = 3
@@ -125,23 +128,27 @@ class FirstLook:
             return []
         camera = self.camera
         f = 0.5 * (camera.fx_px + camera.fy_px)
-        gazes = [
-            Gaze.at(
-                camera,
-                0.5 * (r.x0 + r.x1),
-                0.5 * (r.y0 + r.y1),
-                (SPHERE_OVER_PART if r.source in PARTS else SPHERE_OVER_BOX) * r.diagonal_px,
-            )
+        starts = [
+            (r, size)
             for r in regions
+            for size in (SPHERE_OVER_PART if r.source in PARTS else SPHERE_OVER_BOX)
         ]
+        gazes = [
+            Gaze.at(camera, 0.5 * (r.x0 + r.x1), 0.5 * (r.y0 + r.y1), size * r.diagonal_px)
+            for r, size in starts
+        ]
+        _, craft, gazes = self._glance(image, noise, gazes)
+        # the first glance corrects a start, the second says how sure it is of a craft there
+        better = [int(k) for k in np.argsort(-craft)[:SECOND]]
+        starts, gazes = [starts[k] for k in better], [gazes[k] for k in better]
         _, craft, gazes = self._glance(image, noise, gazes)
         chosen: List[int] = []
         for k in np.argsort(-craft):
             if len(chosen) < keep and all(_apart(gazes[k], gazes[j], f) for j in chosen):
                 chosen.append(int(k))
-        starts = [regions[k] for k in chosen]
+        sources = [starts[k][0] for k in chosen]
         gazes = [gazes[k] for k in chosen]
-        for _ in range(GLANCES - 1):
+        for _ in range(GLANCES - 2):
             coefficients, craft, gazes = self._glance(image, noise, gazes)
         out = []
         for k in np.argsort(-craft):
@@ -150,7 +157,7 @@ class FirstLook:
             q, move, score = self.views.rank(image, camera, gazes[k], coefficients[k], ATTITUDES, APART_RAD)
             near = score > score[0] - LESS
             Q, t = self._placed(gazes[k], q[near], move[near])
-            out.append(Glance(starts[k], gazes[k], Q, t, score[near], float(craft[k])))
+            out.append(Glance(sources[k], gazes[k], Q, t, score[near], float(craft[k])))
         return out
 
     def _glance(self, image: Array, noise: float, gazes: List[Gaze]) -> Tuple[Array, Array, List[Gaze]]:
