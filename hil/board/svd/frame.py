@@ -16,6 +16,7 @@ from hil.board.svd.roi import Region
 from hil.board.svd.rounded import is_round, with_outlines
 from hil.board.svd.samples import EdgeSamples, sample_edges
 from hil.board.svd.score import Support
+from hil.board.svd.sunlight import SunTable
 from hil.board.svd.templates import ViewTable, build_views
 from hil.board.svd.visibility import Occluders, occluders
 
@@ -77,7 +78,7 @@ class Craft:
     ----------
     samples : points on the wireframe, ``spacing_m`` apart. occ : what hides them.
     figures : triads of the wireframe. tables : views of it, near and far.
-    centre_m, radius_m : sphere that holds it.
+    centre_m, radius_m : sphere that holds it. suns : it as the Sun may see it; None without faces.
     """
 
     model: BoardModel
@@ -89,6 +90,7 @@ class Craft:
     tables: Tuple[ViewTable, ...]
     centre_m: Array
     radius_m: float
+    suns: Optional[SunTable] = None
 
     @staticmethod
     def prepare(model: BoardModel, camera: CameraIntrinsics) -> Craft:
@@ -100,8 +102,9 @@ class Craft:
         tables = tuple(build_views(model, samples, occ, d * radius) for d in (4.5, 14.0))
         if model.outlines is not None and is_round(model):
             tables = tuple(with_outlines(view, model.outlines, model.centre_m) for view in tables)
+        suns = None if model.faces is None else SunTable.of(model.faces)
         return Craft(
-            model, camera, samples, spacing, occ, model_triads(model), tables, model.centre_m, radius
+            model, camera, samples, spacing, occ, model_triads(model), tables, model.centre_m, radius, suns
         )
 
 

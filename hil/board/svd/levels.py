@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List
+from typing import Optional
 
 import cv2
 import numpy as np
@@ -12,8 +12,8 @@ from hil.board.svd.shade import Canvas, Faces
 
 Array = np.ndarray
 
-# Blur of the optics [picture px], reach of a face's local brightness [canvas px], faces that have one.
-OPTICS_PX, LOCAL_PX, LOCAL_FACES = 1.0, 8.0, 8
+# Blur of the optics [picture px], reach of the background's local brightness [canvas px].
+OPTICS_PX, LOCAL_PX = 1.0, 8.0
 
 # Largest faces that are looked at for saturation.
 SATURATED = 4
@@ -31,88 +31,96 @@ class Shading:
 
     Parameters
     ----------
-    seen : (H, W) triangle + 1 per drawn pixel. group : (H, W) brightness group + 1.
-    level : (G + 1,) mean brightness of each group, the background first.
+    seen : (H, W) face + 1 per drawn pixel. group : (H, W) brightness group + 1; where shadows are cast, groups in
+        shadow follow those in light.
+    level : (G + 1,) brightness of each group, the background first.
     picture : (h, w) what it looks like on the canvas, not blurred.
-    solid : (h, w) whether a pixel lies within one group. centre : (h, w) group at its middle.
-    local_of : (G + 1,) number of a group's own map, -1 none. local : (L, h, w) difference to its mean.
+    centre : (h, w) group at a pixel's middle. area : (G + 1,) pixels well inside each group.
+    behind : (h, w) what the background differs from its level by; None where it is empty space.
     """
 
     seen: Array
     group: Array
     level: Array
     picture: Array
-    solid: Array
     centre: Array
-    local_of: Array
-    local: Array
+    area: Array
+    behind: Optional[Array]
+
+    def brightness(self, group: Array, cell: Array) -> Array:
+        """(N,) of groups (N,) at canvas pixels ``cell`` (N,), flat indices."""
+        level = self.level[group]
+        if self.behind is None:
+            return np.asarray(level)
+        return np.asarray(level + np.where(group == 0, self.behind.ravel()[cell], 0.0))
 
 
-def shade(faces: Faces, seen: Array, canvas: Canvas, local_faces: int = LOCAL_FACES) -> Shading:
+def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = None) -> Shading:
     """Brightness of each face group from the picture, and the picture drawn with it.
 
     Parameters
     ----------
-    seen : drawn by ``draw_faces``. local_faces : how many of the largest have a brightness that varies.
+    seen : drawn by ``draw_faces``. dark : (H, W) drawn pixels on which another face casts its shadow.
     """
     f, (h, w) = canvas.fine, canvas.gray.shape
     of = np.concatenate([[0], faces.group + 1]).astype(np.int32)
-    group = of[seen]
+    group = np.take(of, seen)
+    n = faces.groups + 1
+    if dark is not None:
+        group += faces.groups * dark.astype(np.int32)
+        n += faces.groups
     g = group.reshape(h, f, w, f)
     centre = np.ascontiguousarray(g[:, f // 2, :, f // 2])
-    solid = (g[:, 0, :, 0] == centre) & (g[:, -1, :, -1] == centre) & (g[:, 0, :, -1] == centre)
-    solid &= g[:, -1, :, 0] == centre
-    n = faces.groups + 1
+    solid = (g[:, 0, :, 0] == centre) & (g[:, -1, :, -1] == centre)
+    solid &= (g[:, 0, :, -1] == centre) & (g[:, -1, :, 0] == centre)
     gray = canvas.gray
     # pixels beside a border show how far the pose is off, not how bright the face is
     core = cv2.erode((solid & ~_borders(centre)).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    flat, trust = centre.ravel(), core.ravel() + BESIDE * solid.ravel() + 1e-3
-    weight = trust
-    level = np.zeros(n)
-    for _ in range(3):
-        total = np.bincount(flat, weight, n)
-        level = np.bincount(flat, weight * gray.ravel(), n) / np.maximum(total, 1e-9)
-        away = np.abs(gray.ravel() - level[flat])
-        spread = np.bincount(flat, weight * away, n) / np.maximum(total, 1e-9)
-        weight = trust * (away < 2.5 * spread[flat] + canvas.sigma)
-    area = np.bincount(flat[core.ravel()], minlength=n)
+    where = np.flatnonzero(solid | (centre > 0))
+    flat, value = centre.ravel()[where].astype(np.intp), gray.ravel()[where].astype(float)
+    inner = core.ravel()[where]
+    trust = inner + BESIDE * solid.ravel()[where] + 1e-3
+    weight, level = trust, np.zeros(n)
+    for last in (False, False, True):
+        total = np.maximum(np.bincount(flat, weight, n), 1e-9)
+        level = np.bincount(flat, weight * value, n) / total
+        if not last:
+            away = np.abs(value - level[flat])
+            spread = np.bincount(flat, weight * away, n) / total
+            weight = trust * (away < 2.5 * spread[flat] + canvas.sigma)
+    area = np.bincount(flat[inner], minlength=n)
     _thin_levels(level, group, area < 3, canvas)
-    picture = cv2.resize(level.astype(np.float32)[group], (w, h), interpolation=cv2.INTER_AREA)
-    chosen = [0, *(1 + np.argsort(-area[1:])[: max(local_faces, SATURATED)]).tolist()]
-    local_of = np.full(n, -1)
-    local: List[Array] = []
-    for k in chosen:
-        if area[k] < 60:
-            continue
-        part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
-        if level[k] > 0.97 * canvas.full:
+    picture = cv2.resize(np.take(level.astype(np.float32), group), (w, h), interpolation=cv2.INTER_AREA)
+    for k in 1 + np.argsort(-area[1:])[:SATURATED]:
+        if area[k] >= 60 and level[k] > 0.97 * canvas.full:
+            part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
             over = _overexposed(picture, part, canvas)
             level[k] += over
             picture = picture + np.float32(over) * part
-            continue
-        if k and len(local) > local_faces:
-            continue
-        own = (core & (centre == k)).astype(np.float32)
-        field = _wide_mean(own * (gray - np.float32(level[k])), own)
-        local_of[k] = len(local)
-        local.append(field)
-        picture = picture + part * field
-    return Shading(seen, group, level, picture, solid, centre, local_of, np.array(local))
+    behind = None
+    if np.ndim(canvas.plain):
+        own = (core & (centre == 0)).astype(np.float32)
+        behind = _wide_mean(own * (gray - np.float32(level[0])), own)
+        # the background's share of each pixel, of which the border pixels have a part
+        part = cv2.resize((group == 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+        picture = picture + part * behind
+    return Shading(seen, group, level, picture, centre, area, behind)
 
 
 def coverage(shading: Shading, canvas: Canvas, most: int) -> Array:
-    """(K, h, w) share of each pixel that the background and each of the ``most`` largest groups cover."""
-    f, (h, w) = canvas.fine, canvas.gray.shape
+    """(h, w, K) float32 share of each pixel that the background and each of the ``most`` largest groups cover."""
+    h, w = shading.centre.shape
+    # thin ones too: their brightness is known least of all
     count = np.bincount(shading.centre.ravel(), minlength=len(shading.level))
-    count[0] += 10**9
-    chosen = np.argsort(-count)[: most + 1]
-    chosen = chosen[count[chosen] > 3]
-    slot = np.full(len(shading.level), len(chosen))
-    slot[chosen] = np.arange(len(chosen))
-    cell = np.arange(h * w, dtype=np.intp).reshape(h, w)
-    index = slot.astype(np.intp)[shading.group] * (h * w) + np.repeat(np.repeat(cell, f, axis=0), f, axis=1)
-    total = np.bincount(index.ravel(), minlength=(len(chosen) + 1) * h * w)
-    return (total[: len(chosen) * h * w].reshape(-1, h, w) / (f * f)).astype(np.float32)
+    order = 1 + np.argsort(-count[1:])[:most]
+    chosen = np.concatenate([[0], order[count[order] > 3]])
+    n = len(chosen)
+    slot = np.full(len(shading.level), n)
+    slot[chosen] = np.arange(n)
+    index = np.take(slot, shading.group)
+    index += canvas.cells * (n + 1)
+    total = np.bincount(index.ravel(), minlength=h * w * (n + 1)).reshape(h, w, n + 1)
+    return np.asarray(total[..., :n] / np.float32(canvas.fine**2), np.float32)
 
 
 def _wide_mean(value: Array, weight: Array) -> Array:
@@ -129,17 +137,18 @@ def _wide_mean(value: Array, weight: Array) -> Array:
 def _thin_levels(level: Array, group: Array, thin: Array, canvas: Canvas) -> None:
     """Brightness of groups that fill no pixel: what is left of the picture there, over what they cover."""
     f, (h, w) = canvas.fine, canvas.gray.shape
-    where = np.flatnonzero(thin[group.ravel()])
+    where = np.flatnonzero(np.take(thin, group))
     if not len(where):
         return
     own = group.ravel()[where]
     cell = (where // (w * f * f)) * w + (where % (w * f)) // f
+    cover = np.bincount(cell, minlength=h * w)[cell] / float(f * f)
+    n = len(level)
+    covered = np.maximum(np.bincount(own, cover, n) + 2.0, 1e-9)
     for _ in range(2):
-        drawn = cv2.resize(level.astype(np.float32)[group], (w, h), interpolation=cv2.INTER_AREA)
+        drawn = cv2.resize(np.take(level.astype(np.float32), group), (w, h), interpolation=cv2.INTER_AREA)
         left = (canvas.gray - drawn).ravel()[cell]
-        cover = np.bincount(cell, minlength=h * w)[cell] / float(f * f)
-        n = len(level)
-        step = np.bincount(own, left, n) / np.maximum(np.bincount(own, cover, n) + 2.0, 1e-9)
+        step = np.bincount(own, left, n) / covered
         level[:] = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * canvas.full)
 
 
@@ -150,9 +159,9 @@ def _overexposed(picture: Array, part: Array, canvas: Canvas) -> float:
     ring = (own > 0.02) & (own < 0.98)
     if int(ring.sum()) < 10:
         return 0.0
+    base, own, gray = base[ring], own[ring], canvas.gray[ring]
     costs = [
-        float(np.abs(np.minimum(base[ring] + over * own[ring], canvas.full) - canvas.gray[ring]).sum())
-        for over in OVER * canvas.full
+        float(np.abs(np.minimum(base + over * own, canvas.full) - gray).sum()) for over in OVER * canvas.full
     ]
     return float(OVER[int(np.argmin(costs))] * canvas.full)
 
@@ -166,5 +175,5 @@ def _borders(centre: Array) -> Array:
 
 
 def blurred(image: Array, sigma: float) -> Array:
-    """The image through a Gaussian, as it is where that is narrower than a pixel."""
+    """The image (h, w) or (h, w, channels) through a Gaussian, as it is where that is narrower than a pixel."""
     return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > 0.2 else image

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Dict, Optional, Tuple, Union
 
@@ -206,6 +207,16 @@ class CameraIntrinsics:
             if isinstance(error, BoardModelError):
                 raise
             raise BoardModelError(f"camera has a bad field: {error!r}") from error
+
+    @property
+    def distorted(self) -> bool:
+        """Whether the lens bends straight lines."""
+        return self.distortion_model != "none" and any(self.distortion)
+
+    @cached_property
+    def pinhole(self) -> CameraIntrinsics:
+        """The same camera with a lens that does not bend."""
+        return replace(self, distortion_model="none", distortion=())
 
     def distort(self, x: Array, y: Array) -> Tuple[Array, Array]:
         """Normalised coordinates after the lens, OpenCV's two models."""

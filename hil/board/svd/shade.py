@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import zlib
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Dict, List, Tuple, Union
 
 import cv2
@@ -84,28 +85,63 @@ class Faces:
         offset = np.einsum("ij,ij->i", n, corners[:, 0])
         return Faces(corners, n, offset, group.ravel(), len(unique), material, plane, children, members)
 
+    @cached_property
+    def area_m2(self) -> Array:
+        """(T,) area of each face [m^2]."""
+        c = self.corners
+        return np.asarray(0.5 * np.linalg.norm(np.cross(c[:, 2] - c[:, 0], c[:, 3] - c[:, 1]), axis=1))
+
+    @cached_property
+    def group_normals(self) -> Array:
+        """(G, 3) mean normal of each group, by area."""
+        total = np.zeros((self.groups, 3))
+        np.add.at(total, self.group, self.normals * self.area_m2[:, None])
+        return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-18))
+
+    @cached_property
+    def group_material(self) -> Array:
+        """(G,) material of each group."""
+        out = np.zeros(self.groups, int)
+        out[self.group] = self.material
+        return out
+
+    @cached_property
+    def _links(self) -> List[Tuple[int, int]]:
+        # plain numbers: looking up one element of an array costs ten times as much
+        return [(int(a), int(b)) for a, b in self.children]
+
     def order(self, C_m: Array) -> Array:
-        """Triangles that look at the camera centre ``C_m`` (3,), the farthest first."""
+        """Faces that look at the camera centre ``C_m`` (3,), the farthest first."""
         front = self.normals @ C_m > self.offset
-        side = self.plane[:, :3] @ C_m > self.plane[:, 3]
-        out: List[Array] = []
-        stack = [(0, False)]
+        side = (self.plane[:, :3] @ C_m > self.plane[:, 3]).tolist()
+        links, visited = self._links, []
+        stack = [0]
         while stack:
-            node, draw = stack.pop()
+            node = stack.pop()
             if node < 0:
+                # its far side is done: ~node itself
+                visited.append(~node)
                 continue
-            if draw:
-                ids = self.members[node]
-                ids = ids[front[ids]]
-                if len(ids) > 1 and self.children[node, 0] < 0 and self.children[node, 1] < 0:
-                    middle = self.corners[ids].mean(axis=1) - C_m
-                    ids = ids[np.argsort(-np.einsum("ij,ij->i", middle, middle))]
-                out.append(ids)
-                continue
-            a, b = self.children[node]
+            a, b = links[node]
             near, far = (a, b) if side[node] else (b, a)
-            stack += [(near, False), (node, True), (far, False)]
-        return np.concatenate(out) if out else np.zeros(0, int)
+            if near >= 0:
+                stack.append(near)
+            stack.append(~node)
+            if far >= 0:
+                stack.append(far)
+        members = [self.members[n] for n in visited]
+        ids = np.concatenate(members)
+        rank = np.repeat(np.arange(len(visited)), [len(m) for m in members])
+        keep = front[ids]
+        ids, rank = ids[keep], rank[keep]
+        middle = self._middles[ids] - C_m
+        far_first = -np.einsum("ij,ij->i", middle, middle)
+        # within a leaf by distance; faces on the plane of a node lie beside each other
+        return np.asarray(ids[np.lexsort((far_first, rank))])
+
+    @cached_property
+    def _middles(self) -> Array:
+        return np.asarray(self.corners.mean(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,20 +164,50 @@ class Canvas:
     full: float = 255.0
     plain: Union[float, Array] = 0.0
 
+    @cached_property
+    def cells(self) -> Array:
+        """(h * fine, w * fine) flat index of the canvas pixel of each drawn pixel."""
+        h, w = self.gray.shape
+        cell = np.arange(h * w).reshape(h, w)
+        return np.repeat(np.repeat(cell, self.fine, axis=0), self.fine, axis=1)
+
+    def rays(self, camera: CameraIntrinsics) -> Tuple[Array, Array]:
+        """Normalised coordinates of the drawn pixels' columns and rows; the canvas shows a pinhole's picture."""
+        h, w = self.gray.shape
+        s = self.fine / self.factor
+        u = ((np.arange(w * self.fine) + 0.5) / s - 0.5 + self.x0 - camera.cx_px) / camera.fx_px
+        v = ((np.arange(h * self.fine) + 0.5) / s - 0.5 + self.y0 - camera.cy_px) / camera.fy_px
+        return u, v
+
 
 def draw_faces(
-    faces: Faces, order: Array, camera: CameraIntrinsics, R: Array, t: Array, canvas: Canvas
+    faces: Faces,
+    order: Array,
+    camera: CameraIntrinsics,
+    R: Array,
+    t: Array,
+    canvas: Canvas,
+    least_px: float = 0.5,
 ) -> Array:
-    """(h * fine, w * fine) int32: number of the triangle seen + 1, 0 where there is none."""
+    """(h * fine, w * fine) int32: number of the face seen + 1, 0 where there is none.
+
+    Parameters
+    ----------
+    order : faces to draw, the farthest first. least_px : smaller ones are left to their neighbours [drawn px^2].
+    """
     h, w = canvas.gray.shape
     s = canvas.fine / canvas.factor
     p = camera.pixels(faces.corners[order] @ R.T + t)
     p = (p - (canvas.x0, canvas.y0) + 0.5) * s - 0.5
+    return fill_faces(p, order, (h * canvas.fine, w * canvas.fine), least_px)
+
+
+def fill_faces(p: Array, order: Array, shape: Tuple[int, int], least_px: float) -> Array:
+    """Convex polygons ``p`` (P, 4, 2) filled one over the other with their number in ``order`` + 1."""
     d1, d2 = p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]
-    # what covers less than a drawn pixel is left to its neighbours
-    worth = np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]) > 1.0
+    worth = np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]) > 2.0 * least_px
     p, order = inset(p[worth]), order[worth]
-    seen = np.zeros((h * canvas.fine, w * canvas.fine), np.int32)
+    seen = np.zeros(shape, np.int32)
     polygons = np.rint(np.clip(p, -3000, 3000) * 16).astype(np.int32)
     for polygon, number in zip(polygons, (order + 1).tolist()):  # noqa: B905 - Python 3.9 has no strict=
         cv2.fillConvexPoly(seen, polygon, number, cv2.LINE_8, 4)

@@ -5,35 +5,44 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import List, Tuple
 
-import cv2
 import numpy as np
 
 from hil.board.svd import quaternion as quat
+from hil.board.svd.canvas import craft_box, make_canvas, pinhole_box
 from hil.board.svd.confidence import Evidence
 from hil.board.svd.distinct import alternatives, differs
-from hil.board.svd.edges import shrink
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
-from hil.board.svd.levels import LOCAL_FACES
+from hil.board.svd.levels import shade
 from hil.board.svd.photometric import PhotoFit, photo_align, photo_score
 from hil.board.svd.score import support
 from hil.board.svd.search import MARGIN, twins
-from hil.board.svd.shade import Canvas
+from hil.board.svd.shade import Canvas, Faces, draw_faces
 
 Array = np.ndarray
 
-# Poses compared: how many, how far behind the first in support, and how far apart [rad].
-LEADERS, LEAD, SPREAD_RAD = 8, 0.25, float(np.radians(6.0))
+# Candidates of a region looked at, poses compared of them, and how far apart these are [rad].
+LOOKED_AT, LEADERS, SPREAD_RAD = 24, 4, float(np.radians(6.0))
 
-# How many of them are compared close up with the winner and its twins.
-FINALISTS = 4
+# What a unit of the first look's log-likelihood counts against the score.
+LIKELY_WEIGHT = 0.01
+
+# An alignment that leaves the size it started from by more has gone astray: logarithm of the range.
+ASTRAY = 0.3
+
+# How many are compared close up with the winner, and with what share of its score a twin is looked at again.
+FINALISTS, TWIN_SHARE = 3, 0.6
 
 # How many go to the end, and with what share of the best score.
 FINALS, FINAL_LEAD = 2, 0.85
 
 # Longest side of the pictures they are compared on, far and close up, and of the one for the final alignment [px];
-# its blurs.
-FIRST_PX, SMALL_PX, FINAL_PX = 100, 150, 200
-FINAL_BLURS = (1.2, 0.6, 0.0, 0.0, 0.0)
+# the blurs of each.
+FIRST_PX, FIRST_BLURS = 72, (2.0, 2.0, 1.2, 1.2)
+SMALL_PX, SMALL_BLURS = 120, (1.2, 1.2, 0.6)
+FINAL_PX, FINAL_BLURS = 230, (0.8, 0.4, 0.0)
+
+# Margin round a place of the first look, which holds all of the craft.
+LOOK_MARGIN = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,64 +67,88 @@ def choose_by_picture(
     ----------
     found : candidates of every region, best first, at least one.
     """
-    faces = craft.model.faces
-    assert faces is not None  # noqa: S101 - the caller asked
-    height, width = frame.image.shape
     ranked: List[Ranked] = []
     # edges of one region say nothing of another's: each sends its own leaders
     for region in dict.fromkeys(c.region for c in found):
-        own = [c for c in found if c.region == region]
-        small = make_canvas(frame, region.grown(MARGIN, width, height), FIRST_PX)
-        # half by their edges, half by a first look at the whole picture
-        looks = [photo_score(c.q, c.t, faces, small, craft.camera) for c in own]
-        seen = [own[k] for k in np.argsort(looks)[::-1]]
-        leaders = spread_out(own, LEADERS // 2, LEAD)
-        leaders = spread_out([*leaders, *seen], LEADERS, np.inf)
-        ranked += _judge(craft, small, leaders, (2.0, 1.2))
+        own = [c for c in found if c.region == region][:LOOKED_AT]
+        margin = LOOK_MARGIN if region.source == "look" else MARGIN
+        height, width = frame.image.shape
+        small = make_canvas(
+            craft, frame, pinhole_box(craft.camera, region.grown(margin, width, height)), FIRST_PX
+        )
+        looks = [_score(craft, small, c.q, c.t) + LIKELY_WEIGHT * c.likely for c in own]
+        leaders = spread_out([own[k] for k in np.argsort(looks)[::-1]], LEADERS)
+        ranked += _judge(craft, small, leaders, FIRST_BLURS)
     judged = len(ranked)
     ranked.sort(key=lambda r: -r.score)
     frame.mark("picture")
     # once more close up: the winner, who came after it, and its near-symmetries, who must have their chance
     c = ranked[0].candidate()
-    close = make_canvas(frame, craft_box(craft, c.q, c.t, width, height), SMALL_PX)
+    close = make_canvas(craft, frame, craft_box(craft, c.q, c.t), SMALL_PX)
     q, t = twins(craft, [c])
-    others = [r.candidate() for r in ranked[1:] if r.start.region == c.region][: FINALISTS - 1]
+    others = [r.candidate() for r in ranked[1:] if r.start.region == c.region][:FINALISTS]
+    enough = TWIN_SHARE * _score(craft, close, c.q, c.t)
     others += [
-        Candidate(q[k], t[k], c.support, c.field, c.region)
+        Candidate(q[k], t[k], c.support, c.field, c.region, c.likely)
         for k in range(len(q))
         if all(quat.angle_rad(q[k], r.fit.q) > SPREAD_RAD for r in ranked)
+        and _score(craft, close, q[k], t[k]) > enough
     ]
-    ranked = _judge(craft, close, [c, *others], (1.2, 0.6))
+    ranked = _judge(craft, close, [c, *others], SMALL_BLURS)
     frame.keep("ranked", ranked)
     frame.count("judged", judged + len(ranked))
     frame.mark("twins")
-    first = ranked[0]
-    canvas = make_canvas(frame, craft_box(craft, first.fit.q, first.fit.t, width, height), FINAL_PX)
     # near poses may be one and the same, half-way there: the end decides
-    ends = [r.candidate() for r in ranked[:FINALS] if r is first or r.score > FINAL_LEAD * first.score]
-    first = _judge(craft, canvas, ends, FINAL_BLURS, LOCAL_FACES)[0]
-    fit = first.fit
+    ends = [r for r in ranked[:FINALS] if r.score > FINAL_LEAD * ranked[0].score or r is ranked[0]]
+    finals = [_finish(craft, frame, close, r) for r in ends]
+    best_end = max(range(len(ends)), key=lambda k: finals[k][1])
+    fit, score = finals[best_end]
     frame.mark("refine")
-    c = first.start
+    c = ends[best_end].start
     s = support(fit.q, fit.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m)
-    best = Candidate(fit.q, fit.t, s, c.field, c.region)
+    best = Candidate(fit.q, fit.t, s, c.field, c.region, c.likely)
     poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
     rival = max((r[2] for r in poses if differs(r[0], r[1], fit.q, fit.t)), default=0.0)
-    evidence = picture_evidence(craft, best, fit, first.score, first.score - max(rival, 0.0))
+    evidence = picture_evidence(craft, best, fit, score, ends[best_end].score - max(rival, 0.0))
     frame.mark("verify")
     return best, fit, evidence, alternatives(poses, fit.q, fit.t)
 
 
-def _judge(
-    craft: Craft, canvas: Canvas, candidates: List[Candidate], blurs: Tuple[float, ...], local_faces: int = 0
-) -> List[Ranked]:
-    """Candidates aligned on a canvas and scored by it, the best first."""
+def _finish(craft: Craft, frame: Frame, close: Canvas, ranked: Ranked) -> Tuple[PhotoFit, float]:
+    """A pose aligned to the end, with the shadows the craft casts on itself, and its score."""
+    faces, camera = _faces(craft), craft.camera.pinhole
+    q, t = ranked.fit.q, ranked.fit.t
+    sun = None
+    if craft.suns is not None:
+        R = quat.matrix(q)
+        shading = shade(faces, draw_faces(faces, faces.order(-R.T @ t), camera, R, t, close), close)
+        sun = craft.suns.find(faces, shading, close, camera, R, t)
+    canvas = make_canvas(craft, frame, craft_box(craft, q, t), FINAL_PX)
+    fit = photo_align(q, t, faces, canvas, camera, craft.radius_m, FINAL_BLURS, sun)
+    return fit, _score(craft, close, fit.q, fit.t)
+
+
+def _faces(craft: Craft) -> Faces:
     faces = craft.model.faces
     assert faces is not None  # noqa: S101 - the caller asked
+    return faces
+
+
+def _score(craft: Craft, canvas: Canvas, q: Array, t: Array) -> float:
+    return photo_score(q, t, _faces(craft), canvas, craft.camera.pinhole)
+
+
+def _judge(
+    craft: Craft, canvas: Canvas, candidates: List[Candidate], blurs: Tuple[float, ...]
+) -> List[Ranked]:
+    """Candidates aligned on a canvas and scored by it, the best first."""
     out = []
     for c in candidates:
-        fit = photo_align(c.q, c.t, faces, canvas, craft.camera, craft.radius_m, blurs, local_faces)
-        out.append(Ranked(photo_score(fit.q, fit.t, faces, canvas, craft.camera), fit, c))
+        fit = photo_align(c.q, c.t, _faces(craft), canvas, craft.camera.pinhole, craft.radius_m, blurs)
+        score = _score(craft, canvas, fit.q, fit.t)
+        if abs(np.log(max(fit.t[2], 1e-3) / max(c.t[2], 1e-3))) > ASTRAY:
+            score *= 0.5
+        out.append(Ranked(score, fit, c))
     return sorted(out, key=lambda r: -r.score)
 
 
@@ -140,32 +173,12 @@ def picture_evidence(craft: Craft, best: Candidate, fit: PhotoFit, score: float,
     )
 
 
-def spread_out(pool: List[Candidate], keep: int, lead: float) -> List[Candidate]:
-    """The best candidates that differ from each other, none farther behind the first than ``lead``."""
+def spread_out(pool: List[Candidate], keep: int) -> List[Candidate]:
+    """The first candidates that differ from each other in attitude."""
     out: List[Candidate] = []
     for c in pool:
-        if c.support.total < pool[0].support.total - lead or len(out) >= keep:
+        if len(out) >= keep:
             break
         if all(quat.angle_rad(c.q, o.q) > SPREAD_RAD for o in out):
             out.append(c)
     return out
-
-
-def make_canvas(frame: Frame, box: Tuple[int, int, int, int], longest_px: int) -> Canvas:
-    """A region of the picture for comparison with the drawn craft."""
-    gray, factor = shrink(frame.image, *box, longest_px)
-    full = 255.0 if frame.image.dtype == np.uint8 else float(frame.image.max())
-    plain = (
-        frame.background if frame.background >= 0 else cv2.GaussianBlur(gray, (0, 0), 0.06 * max(gray.shape))
-    )
-    fine = 3 if FIRST_PX < max(gray.shape) < 180 else 2
-    return Canvas(gray, frame.noise / factor, float(box[0]), float(box[1]), factor, fine, full, plain)
-
-
-def craft_box(craft: Craft, q: Array, t: Array, width: int, height: int) -> Tuple[int, int, int, int]:
-    """What of the picture a pose covers, with a margin, in whole pixels."""
-    p = craft.camera.pixels(craft.model.ends_m @ quat.matrix(q).T + t)
-    (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)
-    m = 8 + 0.06 * max(x1 - x0, y1 - y0)
-    left, top = int(np.clip(x0 - m, 0, width - 32)), int(np.clip(y0 - m, 0, height - 32))
-    return left, top, int(np.clip(x1 + m, left + 32, width)), int(np.clip(y1 + m, top + 32, height))

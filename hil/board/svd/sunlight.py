@@ -1,0 +1,230 @@
+"""Shadows that the craft casts on itself: it is painted once more, from the Sun."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Optional, Tuple
+
+import numpy as np
+
+from hil.board.svd.levels import Shading
+from hil.board.svd.shade import Canvas, Faces, fill_faces
+
+if TYPE_CHECKING:
+    from hil.board.svd.model import CameraIntrinsics
+
+Array = np.ndarray
+
+# Side of the picture painted from the Sun [px].
+MAP_PX = 256
+
+# A face in light lies at most this far behind what the Sun sees, and twice the map's own pixel [m].
+SKIN_M = 0.006
+
+# Faces that the Sun grazes count as turned away: cosine.
+GRAZING = 0.03
+
+# Directions of the Sun that are tried, the side of each one's picture [px], and pixels that they are judged on.
+DIRECTIONS, TABLE_PX, PIXELS = 240, 80, 700
+
+# A pixel's deviation counts up to twice this: share of the deviation among all, and of the noise.
+SPREAD, BOUND = 0.15, 4.0
+
+# The Sun behind the craft lights nothing that is seen: least cosine between it and the way to the camera.
+BEHIND = -0.6
+
+# Shadows are drawn where they leave less than this share of what levels alone leave unexplained.
+WORTH = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Sunlight:
+    """The craft as the Sun sees it, an orthographic picture.
+
+    Parameters
+    ----------
+    direction : (3,) unit vector to the Sun, target frame. axes : (2, 3) of the picture. origin : (2,) their values
+        at its first pixel's middle [m]. pitch_m : of its pixels. height : (n, n) float32, of what is seen along
+        ``direction`` [m], very low where nothing is. seen : (n, n) face + 1.
+    """
+
+    direction: Array
+    axes: Array
+    origin: Array
+    pitch_m: float
+    height: Array
+    seen: Array
+
+    @staticmethod
+    def of(faces: Faces, direction: Array, n: int = MAP_PX) -> Sunlight:
+        """The craft painted from ``direction`` (3,), target frame."""
+        s = direction / np.linalg.norm(direction)
+        e1 = np.cross(s, np.eye(3)[int(np.argmin(np.abs(s)))])
+        axes = np.stack([e1 / np.linalg.norm(e1), np.cross(s, e1 / np.linalg.norm(e1))])
+        order = faces.order(s * 1e6)
+        p = faces.corners[order] @ axes.T
+        low, high = p.min(axis=(0, 1)), p.max(axis=(0, 1))
+        pitch = float((high - low).max() / (n - 4))
+        origin = low - 1.5 * pitch
+        seen = fill_faces((p - origin) / pitch, order, (n, n), 0.5)
+        # the plane n.X = d at X = axes' point + height * s
+        slope = faces.normals @ s
+        slope = np.where(slope > 1e-3, slope, np.inf)
+        top = np.concatenate([[-1e3], faces.offset / slope]).astype(np.float32)
+        fall = -(faces.normals @ axes.T) / slope[:, None]
+        fall = np.concatenate([[[0.0, 0.0]], fall]).astype(np.float32)
+        x = (origin[0] + pitch * np.arange(n)).astype(np.float32)
+        y = (origin[1] + pitch * np.arange(n)).astype(np.float32)
+        height = np.take(top, seen) + np.take(fall[:, 0], seen) * x + np.take(fall[:, 1], seen) * y[:, None]
+        return Sunlight(s, axes, origin, pitch, height, seen)
+
+    def shadows(
+        self, faces: Faces, seen: Array, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+    ) -> Array:
+        """(H, W) bool: drawn pixels that look at the Sun but lie behind something.
+
+        Parameters
+        ----------
+        seen : drawn at the pose ``R``, ``t`` by ``draw_faces``. camera : a pinhole.
+        """
+        facing = np.concatenate([[False], faces.normals @ self.direction > GRAZING])
+        where = np.flatnonzero(np.take(facing, seen))
+        face, u, v, z = rays_to_faces(faces, seen, where, canvas, camera, R, t)
+        C = -R.T @ t
+        frame = np.vstack([self.axes, self.direction])
+        along = (frame @ R.T).astype(np.float32)
+        a, b, c = ((k[0] * u + k[1] * v + k[2]) * z for k in along)
+        start = frame @ C
+        n = len(self.height)
+        i = np.rint((a + np.float32(start[0] - self.origin[0])) / np.float32(self.pitch_m)).astype(np.intp)
+        j = np.rint((b + np.float32(start[1] - self.origin[1])) / np.float32(self.pitch_m)).astype(np.intp)
+        at = np.clip(j, 0, n - 1) * n + np.clip(i, 0, n - 1)
+        over = np.take(self.height.ravel(), at) - (c + np.float32(start[2]))
+        hidden = (over > SKIN_M + 2 * self.pitch_m) & (np.take(self.seen.ravel(), at) != face + 1)
+        out = np.zeros(seen.size, bool)
+        out[where[hidden]] = True
+        return out.reshape(seen.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class SunTable:
+    """The craft as seen from all round, to find where the Sun stands by the shadows on the picture.
+
+    Parameters
+    ----------
+    directions : (S, 3) unit vectors, target frame. frames : (3, S, 3) axes of each picture and its direction.
+    origin : (S, 2), pitch_m : (S,), height : (S, n, n) float32, as in Sunlight.
+    """
+
+    directions: Array
+    frames: Array
+    origin: Array
+    pitch_m: Array
+    height: Array
+
+    @staticmethod
+    def of(faces: Faces, number: int = DIRECTIONS) -> SunTable:
+        """Pictures from ``number`` directions spread evenly (Fibonacci lattice)."""
+        i = np.arange(number) + 0.5
+        z, turn = 1.0 - 2.0 * i / number, np.pi * (1.0 + np.sqrt(5.0)) * i
+        r = np.sqrt(1.0 - z * z)
+        directions = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=-1)
+        suns = [Sunlight.of(faces, d, TABLE_PX) for d in directions]
+        return SunTable(
+            directions,
+            np.stack([np.vstack([s.axes, s.direction]) for s in suns], axis=1),
+            np.array([s.origin for s in suns]),
+            np.array([s.pitch_m for s in suns]),
+            np.array([s.height for s in suns]),
+        )
+
+    def find(
+        self, faces: Faces, shading: Shading, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+    ) -> Optional[Sunlight]:
+        """The Sun whose shadows explain the picture best, None where they explain little.
+
+        Each group of faces has one brightness in light and one in shadow, both from the picture, so nothing
+        is asked of materials; what tells directions apart is the shape of the shadows alone.
+
+        Parameters
+        ----------
+        shading : drawn at the pose ``R``, ``t``. camera : a pinhole.
+        """
+        f, wide = canvas.fine, shading.seen.shape[1]
+        y, x = np.nonzero(shading.area[shading.centre] * (shading.centre > 0) > 0)
+        if len(y) > PIXELS:
+            some = np.linspace(0, len(y) - 1, PIXELS).astype(int)
+            y, x = y[some], x[some]
+        if len(y) < 40:
+            return None
+        where = (y * f + f // 2) * wide + x * f + f // 2
+        face, u, v, z = rays_to_faces(faces, shading.seen, where, canvas, camera, R, t)
+        X = (np.stack([u * z, v * z, z], axis=-1) - t) @ R
+        side = self.directions @ (-R.T @ t) / np.linalg.norm(t)
+        some = np.flatnonzero(side > BEHIND)
+        lit = self._lit(faces, face, X, some)
+        # shot noise grows with the root of the light: in its root all noise is alike
+        dim = max(2.0 * canvas.full / 255.0, canvas.sigma)
+        value = np.sqrt(np.maximum(canvas.gray[y, x] - float(np.min(canvas.gray)), 0.0) + dim)
+        own = np.unique(faces.group[face], return_inverse=True)[1].ravel()
+        everywhere = _cost(value, own, np.concatenate([lit, np.ones((1, len(own)), bool)]))
+        best = int(np.argmin(everywhere[:-1]))
+        if everywhere[best] > WORTH * everywhere[-1]:
+            return None
+        return Sunlight.of(faces, self.directions[some[best]])
+
+    def _lit(self, faces: Faces, face: Array, X: Array, some: Array) -> Array:
+        """(S, P) bool: whether points ``X`` (P, 3) on faces (P,) are in the light of the directions ``some``."""
+        n = self.height.shape[1]
+        points = X.astype(np.float32)
+        pitch = self.pitch_m[some, None]
+        at = []
+        for axis in (0, 1):
+            along = self.frames[axis, some].astype(np.float32) @ points.T
+            k = (along - self.origin[some, axis, None].astype(np.float32)) / pitch.astype(np.float32)
+            at.append(np.clip(np.rint(k), 0, n - 1).astype(np.int32))
+        index = at[1] * n + at[0] + (some * n * n).astype(np.int32)[:, None]
+        over = np.take(self.height.ravel(), index) - self.frames[2, some].astype(np.float32) @ points.T
+        facing = np.take(self.directions[some] @ faces.normals.T > GRAZING, face, axis=1)
+        return np.asarray(facing & (over < (SKIN_M + 2 * pitch).astype(np.float32)))
+
+
+def _cost(value: Array, own: Array, lit: Array) -> Array:
+    """(S,) what two levels for each group leave of values (P,), for each of S divisions ``lit`` (S, P)."""
+    s, n = len(lit), int(own.max()) + 1
+    index = (np.arange(s)[:, None] * n + own).ravel()
+    light = lit.astype(np.float32)
+    number = np.bincount(index, light.ravel(), s * n).reshape(s, n)
+    total = np.bincount(index, (light * value).ravel(), s * n).reshape(s, n)
+    all_number, all_total = np.bincount(own, minlength=n), np.bincount(own, value, n)
+    floor = float(np.quantile(value, 0.1))
+    bright = total / np.maximum(number, 1.0)
+    dark = (all_total - total + floor) / (all_number - number + 1.0)
+    # a shadow brighter than the light is none
+    mean = all_total / all_number
+    wrong = (number > 0) & (number < all_number) & (bright < dark)
+    bright, dark = np.where(wrong, mean, np.maximum(bright, floor)), np.where(wrong, mean, dark)
+    level = np.where(lit, np.take(bright, own, axis=1), np.take(dark, own, axis=1))
+    scale = SPREAD * float(np.std(value)) + 0.2
+    return np.asarray(np.minimum(((value - level) / scale) ** 2, BOUND).mean(axis=1))
+
+
+def rays_to_faces(
+    faces: Faces, seen: Array, where: Array, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+) -> Tuple[Array, Array, Array, Array]:
+    """Face, normalised coordinates and depth of drawn pixels ``where`` (flat indices), all (N,).
+
+    Parameters
+    ----------
+    camera : a pinhole. R, t : camera from target.
+    """
+    face = np.take(seen.ravel(), where) - 1
+    y, x = np.divmod(where, seen.shape[1])
+    u, v = (a.astype(np.float32) for a in canvas.rays(camera))
+    u, v = np.take(u, x), np.take(v, y)
+    # a plane n.X = d in the camera's frame has the inverse depth n.ray / d
+    n_c = faces.normals @ R.T
+    d_c = faces.offset + n_c @ t
+    inverse = (n_c / np.where(np.abs(d_c) > 1e-9, d_c, 1e-9)[:, None]).astype(np.float32)
+    near = np.take(inverse[:, 0], face) * u + np.take(inverse[:, 1], face) * v + np.take(inverse[:, 2], face)
+    return face, u, v, 1.0 / np.maximum(near, np.float32(0.2 / max(t[2], 1e-3)))
