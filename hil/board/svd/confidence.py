@@ -14,6 +14,9 @@ ACCEPT_AT = 0.85
 PICTURE_BIAS = -5.59
 PICTURE_WEIGHTS = (1.64, 0.43, 0.67, 3.05, -0.5, -0.48, 0.97, 0.6)
 
+# Score of the picture below which a pose is a guess, whatever its margin: right ones have 0.34 and more.
+LEAST_SCORE = 0.25
+
 # Below this size a speck fits any pose [px].
 SMALLEST_PX = 70.0
 
@@ -95,6 +98,8 @@ def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
         return "target too small in the picture"
     if e.score is None and (e.drawn < (0.35 if e.empty else 0.5) or e.found < 0.3):
         return "too little of the model is supported by edges"
+    if e.score is not None and e.score < LEAST_SCORE:
+        return "too little of the picture is explained"
     if e.margin < 0.015:
         return "ambiguous: another pose explains the picture as well"
     if confidence(e) < accept_at:
