@@ -37,6 +37,9 @@ JOINT = 16
 # Verification: blur against noise [canvas px], and the residual beyond which more costs no more [noise].
 SCORE_BLUR_PX, BOUND = 0.8, 6.0
 
+# Share of a pixel covered from which it counts where there is a texture behind.
+COVERED = 0.05
+
 
 @dataclass(frozen=True, eq=False)
 class PhotoFit:
@@ -158,6 +161,11 @@ def photo_score(q: Array, t: Array, faces: Faces, canvas: Canvas, camera: Camera
     noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     e = (gray - blurred(drawn, SCORE_BLUR_PX)) / noise
     none = (gray - canvas.plain) / noise
+    if np.ndim(canvas.plain):
+        # clutter beside the craft is no pose's merit or fault
+        h, w = gray.shape
+        cover = cv2.resize((seen > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+        e = np.where(blurred(cover, 1.0) > COVERED, e, none)
     return 1.0 - float(_bounded(e) / max(_bounded(none), 1e-9))
 
 
