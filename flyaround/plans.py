@@ -8,8 +8,8 @@ from simulator.camera.files import read_camera_file
 from simulator.errors import UserError
 from simulator.loop import Plan, plan_flight
 from simulator.recipe import RecipePlan, list_recipes, plan_recipe
-from simulator.scenario import environment_section
 from simulator.scenario_load import load_scenario
+from simulator.scenario_picture import environment_section
 from simulator.scene.environments import environment_preset
 from simulator.scene.state import Bands, Quality
 

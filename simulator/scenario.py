@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import msgspec
@@ -12,37 +12,30 @@ from simulator.camera.files import CameraFile, read_camera_file
 from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.presets import sensor_preset
-from simulator.camera.sections import DetectorSection, OpticsSection, read_part, read_sensor
+from simulator.camera.sections import OpticsSection, read_part, read_sensor
 from simulator.camera.sensor import Sensor
 from simulator.camera.shutter import Shutter
 from simulator.errors import UserError
+from simulator.scenario_picture import EnvironmentSection, LampSection, Output, SensorSection
+from simulator.scenario_units import (
+    Aim,
+    Centre,
+    Degrees,
+    DirectionXyz,
+    Inclination,
+    Inertia,
+    Metres,
+    MetresXyz,
+    Range,
+    Rate,
+    Seconds,
+    Section,
+    SpeedXyz,
+    Torque,
+)
 from simulator.scene.auto_exposure import AutoExposure
-from simulator.scene.environments import EnvironmentName, environment_preset
-from simulator.scene.lamp import Lamp, Profile
-from simulator.scene.state import Bands, Environment, Quality
-
-Degrees = Annotated[float, Meta(ge=-360, le=360)]
-Inclination = Annotated[float, Meta(ge=0, le=180)]
-Rate = Annotated[float, Meta(ge=-90, le=90)]
-Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]
-Range = Annotated[float, Meta(gt=0, le=1e5)]
-Seconds = Annotated[float, Meta(gt=0, le=1e6)]
-Speed = Annotated[float, Meta(ge=-1e3, le=1e3)]
-Inertia = Annotated[float, Meta(gt=0, le=1e9)]
-Pitch = Annotated[float, Meta(gt=0.1, le=1000)]
-Torque = Annotated[float, Meta(ge=-1e3, le=1e3)]
-Centre = Literal["earth", "moon"]
-Aim = Literal["nadir", "zenith", "along_track", "cross_track", "sun", "chaser"]
-DirectionXyz = tuple[float, float, float]
-MetresXyz = tuple[Metres, Metres, Metres]
-SpeedXyz = tuple[Speed, Speed, Speed]
-
-
-Layer = Literal["all", "amodal", "parts", "depth", "normals", "flow", "clean", "wireframe"]
-
-
-class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A table of the file; keys that are not listed are refused."""
+from simulator.scene.lamp import Lamp
+from simulator.scene.state import Environment
 
 
 class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_only=True):
@@ -281,7 +274,7 @@ class SteeredChaser(_Chaser, tag_field="mode", tag="steered", frozen=True, kw_on
 
     position_lvlh_m: MetresXyz
     velocity_lvlh_m_s: SpeedXyz = (0.0, 0.0, 0.0)
-    commands: Annotated[list[SteerCommand], Meta(max_length=10_000)] = []
+    commands: Annotated[list[SteerCommand], Meta(max_length=10_000)] = msgspec.field(default_factory=list)
     tracking: bool = True
     brake_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.05
     period_s: Annotated[float, Meta(ge=0.05, le=60)] = 0.5
@@ -345,96 +338,6 @@ class BurnSection(Section, frozen=True, kw_only=True):
     duration_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
 
 
-class AutoExposureSection(Section, frozen=True, kw_only=True):
-    """With this section the exposure follows what the camera sees, with lag; ``exposure_s`` is not used.
-
-    ``level``: signal, 1 at full scale, that ``share`` of what is lit on the image stays below.
-    """
-
-    level: Annotated[float, Meta(gt=0, le=1)] = 0.5
-    share: Annotated[float, Meta(gt=0, le=1)] = 0.9
-    lag_s: Annotated[float, Meta(ge=0.01, le=600)] = 2.0
-    shortest_s: Annotated[float, Meta(gt=0, le=10)] = 1e-5
-    longest_s: Annotated[float, Meta(gt=0, le=10)] = 0.1
-
-
-class SensorSection(Section, frozen=True, kw_only=True):
-    """Noise recipe or detector by name, exposure, and what of it to change.
-
-    With a detector (``imx174``, ``cmv4000``, or a section `[sensor.detector]`) photons and electrons are counted and
-    ``full_scale_j_m2_sr`` and the two variances have no part. ``roi_px`` (x0, y0, width, height) reads a region of the
-    camera's pixels, ``binning`` joins them by so many in width and height; the camera becomes that of the image.
-    """
-
-    preset: Literal["speed", "thesis", "ideal", "imx174", "cmv4000"] = "speed"
-    exposure_s: Annotated[float, Meta(gt=0, le=10)] = 0.001
-    full_scale_j_m2_sr: Annotated[float, Meta(gt=0, le=1e6)] | None = None
-    blur_sigma_px: Annotated[float, Meta(ge=0, le=10)] | None = None
-    speckle_variance: Annotated[float, Meta(ge=0, le=1)] | None = None
-    gaussian_variance: Annotated[float, Meta(ge=0, le=1)] | None = None
-    bits: Annotated[int, Meta(ge=8, le=16)] | None = None
-    shutter: Literal["global", "rolling"] = "global"
-    readout_s: Annotated[float, Meta(ge=0, le=10)] = 0.0
-    motion_blur: bool = True
-    pixel_pitch_um: tuple[Pitch, Pitch] | None = None
-    detector: DetectorSection | None = None
-    binning: Annotated[int, Meta(ge=1, le=16)] = 1
-    roi_px: tuple[int, int, int, int] | None = None
-    auto_exposure: AutoExposureSection | None = None
-
-
-class EnvironmentSection(Section, frozen=True, kw_only=True):
-    """Which layers of the world are drawn: those of ``preset``, except where a key of the file says otherwise."""
-
-    preset: EnvironmentName = "full"
-    earth: bool = True
-    clouds: bool = True
-    ocean_glint: bool = True
-    night_lights: bool = True
-    atmosphere: bool = True
-    stars: bool = True
-    sun: bool = True
-    earthshine: bool = True
-    moon: bool = True
-    planets: bool = True
-    seasons: bool = True
-    relief: bool = True
-    undifferentiated: bool = False
-    atmosphere_thickness_km: Annotated[float, Meta(ge=5, le=200)] = 100.0
-
-
-def environment_section(name: str) -> EnvironmentSection:
-    """The section of a named environment, every layer as it has it.
-
-    Raises
-    ------
-    UserError
-        If there is none of that name.
-    """
-    return msgspec.convert({"preset": name, **asdict(environment_preset(name))}, EnvironmentSection)
-
-
-class LampSection(Section, frozen=True, kw_only=True):
-    """With this section the chaser carries a lit lamp that shines along the camera's boresight.
-
-    ``power_w`` is of the whole beam in the panchromatic band; the intensity falls to half at ``half_angle_deg`` (a
-    ``flat`` beam ends there). ``offset_m`` is its place right of, below and before the camera; it throws no shadows.
-    """
-
-    power_w: Annotated[float, Meta(gt=0, le=1e6)]
-    half_angle_deg: Annotated[float, Meta(ge=0.5, le=80)] = 20.0
-    profile: Profile = "led"
-    offset_m: MetresXyz = (0.0, 0.0, 0.0)
-
-
-class Output(Section, frozen=True, kw_only=True):
-    """Bands and quality of the picture, and the label layers that a capture writes (``all`` for every one)."""
-
-    bands: Bands = "mono"
-    quality: Quality = "default"
-    labels: tuple[Layer, ...] = ()
-
-
 class Scenario(Section, frozen=True, kw_only=True):
     """A scenario file, read and checked.
 
@@ -453,7 +356,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     orbit: ElementsOrbit | StateOrbit | TleOrbit | OemOrbit
     forces: Forces = Forces()
-    burns: Annotated[list[BurnSection], Meta(max_length=1000)] = []
+    burns: Annotated[list[BurnSection], Meta(max_length=1000)] = msgspec.field(default_factory=list)
     attitude: Attitude = Attitude()
     chaser: AnyChaser
     camera: str | CameraFile = "speed"

@@ -11,6 +11,7 @@ import numpy as np
 from simulator import scenario as sc
 from simulator.arrays import quat, vec3
 from simulator.errors import UserError
+from simulator.scenario_units import Centre
 from simulator.world.aem import read_aem_state
 from simulator.world.oem import read_oem_state
 from simulator.world.recording import Recording
@@ -50,7 +51,7 @@ def _orbit(
 ) -> sc.ElementsOrbit | sc.StateOrbit:
     match orbit:
         case sc.TleOrbit():
-            centre: sc.Centre = "earth"
+            centre: Centre = "earth"
             r, v = state_from_tle(orbit.line1, orbit.line2, epoch)
         case sc.OemOrbit():
             centre = orbit.centre

@@ -22,8 +22,8 @@ from simulator.errors import UserError
 from simulator.labels.request import LAYERS, LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
-from simulator.scenario import environment_section
 from simulator.scenario_load import load_scenario
+from simulator.scenario_picture import environment_section
 from simulator.scene.environments import ENVIRONMENTS
 from simulator.scene.state import Bands, Quality, SceneState
 from simulator.targets.library import load_target

@@ -5,8 +5,8 @@ import pytest
 
 from simulator.errors import UserError
 from simulator.loop import plan_flight
-from simulator.scenario import AutoExposureSection
 from simulator.scenario_load import load_scenario
+from simulator.scenario_picture import AutoExposureSection
 from simulator.scene.auto_exposure import AutoExposure, ExposureTrack
 
 

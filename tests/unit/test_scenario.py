@@ -18,9 +18,10 @@ import pytest
 from simulator.camera.files import list_cameras, load_camera
 from simulator.camera.presets import list_sensor_presets, sensor_preset
 from simulator.errors import UserError
-from simulator.scenario import EnvironmentSection, Scenario, SensorSection, environment_section
+from simulator.scenario import Scenario
 from simulator.scenario_flight import fly, frame_times
 from simulator.scenario_load import list_scenarios, load_scenario, scenario_json_schema
+from simulator.scenario_picture import EnvironmentSection, SensorSection, environment_section
 from simulator.scene.environments import ENVIRONMENTS
 from simulator.scene.state import Environment
 from simulator.targets.model import MassProperties, Target

@@ -1,0 +1,28 @@
+"""Units and ranges of a scenario file's numbers, and what every table of it is."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+Degrees = Annotated[float, Meta(ge=-360, le=360)]
+Inclination = Annotated[float, Meta(ge=0, le=180)]
+Rate = Annotated[float, Meta(ge=-90, le=90)]
+Metres = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Range = Annotated[float, Meta(gt=0, le=1e5)]
+Seconds = Annotated[float, Meta(gt=0, le=1e6)]
+Speed = Annotated[float, Meta(ge=-1e3, le=1e3)]
+Inertia = Annotated[float, Meta(gt=0, le=1e9)]
+Pitch = Annotated[float, Meta(gt=0.1, le=1000)]
+Torque = Annotated[float, Meta(ge=-1e3, le=1e3)]
+Centre = Literal["earth", "moon"]
+Aim = Literal["nadir", "zenith", "along_track", "cross_track", "sun", "chaser"]
+DirectionXyz = tuple[float, float, float]
+MetresXyz = tuple[Metres, Metres, Metres]
+SpeedXyz = tuple[Speed, Speed, Speed]
+
+
+class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of the file; keys that are not listed are refused."""
