@@ -174,7 +174,7 @@ def check_frame(
     wrong += check_rows(truth)
     wrong += check_keypoints(truth, card)
     wrong += check_visible_on_mask(truth, mask)
-    of_layers = check_layers(truth, mask, layers)
+    of_layers = check_layers(truth, mask, layers, target)
     wrong += of_layers
     if not of_layers and "clean" in layers:
         wrong += check_clean(truth, image, mask, layers["clean"])

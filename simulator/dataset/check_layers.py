@@ -11,8 +11,10 @@ import numpy as np
 from simulator.dataset.check_geometry import doubtful_pixels, project_with_opencv, rays_with_opencv
 from simulator.dataset.check_rows import pose_of_row
 from simulator.dataset.probe import DEPTH_M, DEPTH_RELATIVE, Layers, Probe, Prober, sample_pixels
+from simulator.dataset.raycast import RayCaster
 from simulator.labels.exposure import BAND_PX
 from simulator.labels.layers import layer_hash
+from simulator.labels.occlusion import SURFACE_TOLERANCE_M
 from simulator.world.pose import Pose
 
 if TYPE_CHECKING:
@@ -32,12 +34,12 @@ NORMAL_ANGLE_RAD = 0.05
 FLOW_PX = 2e-3
 
 
-def check_layers(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
+def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target | None = None) -> list[str]:
     """Everything wrong with the layers of a frame, a sentence each.
 
     Parameters
     ----------
-    layers : by name, as drawn or as read.
+    layers : by name, as drawn or as read. target : asked by a ray where the pixels are too coarse to tell.
     """
     named = {name for name in truth.layers if name != "wireframe"}
     if named != set(truth.layer_sha256):
@@ -52,10 +54,10 @@ def check_layers(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
         shape = mask.shape if name not in {"normals", "flow", "clean"} else layer.shape[:2]
         if name != "amodal" and shape != mask.shape:
             wrong.append(f"layer {name} is {layer.shape}, the image {mask.shape}")
-    return wrong or _check_support(truth, mask, layers) + _check_amodal(truth, mask, layers)
+    return wrong or _check_support(truth, mask, layers, target) + _check_amodal(truth, mask, layers)
 
 
-def _check_support(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
+def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target | None) -> list[str]:
     """One support for all, unit normals towards the camera, parts that are named, keypoints at their depth."""
     wrong, on = [], mask > 0
     if "depth" in layers:
@@ -69,6 +71,7 @@ def _check_support(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
                 f"keypoint {k.name} is {k.state}, which the depth about it contradicts"
                 for k in truth.keypoints
                 if not keypoint_at_depth(truth, k, depth)
+                and not (target is not None and keypoint_by_ray(truth, k, target))
             ]
     if "flow" in layers and np.isfinite(layers["flow"][~on]).any():
         wrong.append("there is optical flow off the mask")
@@ -118,6 +121,22 @@ def keypoint_at_depth(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np
     # a thin tape seen end-on hides its neighbours' pixels, but not all around its tip
     wide = depth_m[max(v - 2, 0) : v + 3, max(u - 2, 0) : u + 3]
     return bool(not np.isfinite(wide).all() or wide.max() > z_m - tolerance)
+
+
+def keypoint_by_ray(truth: Truth, keypoint: KeypointLabel, target: Target) -> bool:
+    """Whether a ray to a keypoint meets something before it just when its label says that it is hidden.
+
+    What is thinner than a pixel, a wing seen edge-on, hides a point without any pixel's centre showing it.
+    """
+    if keypoint.pixel_px is None:
+        return False
+    pose = pose_of_row(truth, keypoint.pixel_px[1])
+    point = pose.apply(np.array(keypoint.target_m))
+    z_m = float(point[2])
+    found = RayCaster(target, pose).hits(point / z_m).z_m
+    surface_m = SURFACE_TOLERANCE_M * z_m / float(np.linalg.norm(point))
+    hidden = bool(len(found) and found[0] < z_m - surface_m)
+    return hidden == (keypoint.state == "self_occluded")
 
 
 def _check_amodal(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:

@@ -57,3 +57,9 @@ def test_every_way_of_spoiling_is_caught(renderer):
                 tried.add(kind)
                 assert _check(k, spoilt, card), kind
     assert len(tried) >= len(SPOILERS) - 2
+
+
+@pytest.mark.parametrize("k", [6006, 9405, 9447])
+def test_a_point_hidden_by_less_than_a_pixel_is_asked_of_a_ray(renderer, k):
+    # wings seen edge-on, and a rail's end through a steep lens: the depths of the pixels about the point do not tell
+    assert check_one(renderer, 1, k)["faults"] == []
