@@ -84,7 +84,7 @@ def estimate(
                 f"{path} is {image.shape[1]} x {image.shape[0]} pixels, the camera {camera} {intrinsics.width_px} x "
                 f"{intrinsics.height_px}: give the camera that took it with --camera"
             )
-        trace: dict[str, Any] | None = None if debug is None else {}
+        trace: dict[str, Any] | None = None if debug is None else {"every_stage": True}
         result = estimator.estimate(image, trace)
         if debug is not None and trace is not None and image.ndim == 2:
             place = debug if len(images) == 1 else debug / f"{k:03d}_{path.stem}"

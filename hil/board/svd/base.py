@@ -40,7 +40,8 @@ class Estimator:
         Parameters
         ----------
         image : (H, W) uint8 or uint16, the camera's size.
-        trace : receives what each stage found, for debug pictures.
+        trace : receives what each stage found, for debug pictures; where it holds ``every_stage``, stages that the
+            pose did not need run too.
         t_s : time of mid-exposure [s]; only a method that follows the target looks at it.
         """
         reason = unusable(image, self.camera)

@@ -83,8 +83,7 @@ class PoseEstimator(Estimator):
         frame.mark("first_look")
         looked = self._chosen(frame, found) if found else None
         if looked is not None and looked.accepted:
-            if frame.trace is not None and regions:
-                # the pictures of the edges are asked for, though the pose needed none
+            if frame.trace and "every_stage" in frame.trace and regions:
                 search_region(self.craft, frame, regions[0])
             return looked
         frame.count("searched", 1)
