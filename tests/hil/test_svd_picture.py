@@ -13,7 +13,7 @@ from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import straightened
 from hil.board.svd.levels import blurred, shade
 from hil.board.svd.motion import motion_images
-from hil.board.svd.photometric import photo_align, photo_score
+from hil.board.svd.photometric import RELAX, photo_align, photo_score
 from hil.board.svd.pnp import undistorted_rays
 from hil.board.svd.shade import Canvas, Faces, draw_faces
 from hil.board.svd.sunlight import Sunlight, SunTable, rays_to_faces
@@ -143,16 +143,19 @@ def test_derivative_is_what_a_small_motion_does(faces: Faces) -> None:
         assert np.vdot(change, predicted) / np.vdot(predicted, predicted) == pytest.approx(1.0, abs=0.12)
 
 
+# longer steps reach farther, and leave one seed at another small minimum of the noise, 0.8 degrees off
+@pytest.mark.parametrize(("relax", "turn_deg", "share"), [(1.0, 0.6, 0.005), (RELAX, 1.0, 0.006)])
 @pytest.mark.parametrize("seed", range(3))
-def test_alignment_comes_back_and_the_true_pose_scores_best(faces: Faces, seed: int) -> None:
+def test_alignment_comes_back_and_the_true_pose_scores_best(
+    faces: Faces, seed: int, relax: float, turn_deg: float, share: float
+) -> None:
     rng = np.random.default_rng(10 + seed)
     q = quat.normalise(rng.normal(size=4))
     c = canvas(picture(faces, q, T_M, 6.0, seed), 6.0)
     start = quat.normalise(quat.multiply(quat.from_rotvec(np.radians(rng.normal(0, 1.0, 3))), q))
-    fit = photo_align(start, T_M * 1.008, faces, c, CAMERA, 0.65, (2.0, 1.2, 0.6, 0.0, 0.0, 0.0))
-    # noise of six levels on 200 pixels leaves one seed at 0.8 degrees
-    assert np.degrees(quat.angle_rad(fit.q[None], q)[0]) < 1.0
-    assert np.linalg.norm(fit.t - T_M) < 0.006 * 4.0
+    fit = photo_align(start, T_M * 1.008, faces, c, CAMERA, 0.65, (2.0, 1.2, 0.6, 0.0, 0.0, 0.0), relax=relax)
+    assert np.degrees(quat.angle_rad(fit.q[None], q)[0]) < turn_deg
+    assert np.linalg.norm(fit.t - T_M) < share * 4.0
     twin = quat.normalise(quat.multiply(q, np.array([0.0, 1.0, 0.0, 0.0])))
     assert photo_score(fit.q, fit.t, faces, c, CAMERA) > 0.1 + photo_score(twin, T_M, faces, c, CAMERA)
 

@@ -66,13 +66,15 @@ def photo_align(
     radius_m: float,
     blurs_px: Tuple[float, ...],
     sun: Optional[Sunlight] = None,
+    relax: float = RELAX,
 ) -> PhotoFit:
     """Gauss-Newton on the difference of the picture and the drawn craft.
 
     Parameters
     ----------
     camera : a pinhole (see ``Canvas.rays``). blurs_px : blur of both pictures in each iteration [canvas px]: wide
-        first, to reach far. sun : casts shadows; None draws none.
+        first, to reach far. sun : casts shadows; None draws none. relax : how much longer
+        steps on blurred pictures are made.
     """
     q, t = q[None].copy(), t[None].copy()
     R = quat.matrix(q)[0]
@@ -101,7 +103,7 @@ def photo_align(
         A *= np.sqrt(w)[:, None]
         H, g, cost = normal_equations(A)
         scale = parameter_scale(float(t[0, 2]), radius_m)
-        step = (RELAX if blur > 0 else 1.0) * damped_step(H, g, scale, 1e-5)
+        step = (relax if blur > 0 else 1.0) * damped_step(H, g, scale, 1e-5)
         q, t = apply_step(q, t, limit_step(step[None], t, radius_m))
         cost = float(np.sqrt(cost / max(float(w.sum()), 1e-12))) / noise
     return PhotoFit(q[0], t[0], cost, INFLATION * np.linalg.pinv(H))
