@@ -9,6 +9,7 @@ Ziggurat normal numbers take five times as long.
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -35,9 +36,14 @@ def for_each_band(rows: int, work: Callable[[int, slice], None]) -> None:
 
     The bands depend on the picture's height alone, so that the result does not depend on the number of threads.
     """
-    edges = np.linspace(0, rows, NOISE_BANDS + 1).astype(int)
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(lambda k: work(k, slice(edges[k], edges[k + 1])), range(NOISE_BANDS)))
+    edges = np.linspace(0, rows, NOISE_BANDS + 1).astype(int).tolist()
+    list(_threads(os.getpid()).map(lambda k: work(k, slice(edges[k], edges[k + 1])), range(NOISE_BANDS)))
+
+
+@lru_cache(maxsize=1)
+def _threads(_process: int) -> ThreadPoolExecutor:
+    """Two threads that wait for work: starting them takes as long as a band. A forked process needs its own."""
+    return ThreadPoolExecutor(2, thread_name_prefix="flyaround-sensor")
 
 
 def bit_source(seed: int, *key: int) -> np.random.SFC64:

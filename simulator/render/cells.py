@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.projection import PixelRect
+from simulator.render.projection import PixelRect, directions
 from simulator.render.view import EQUATOR_M
 
 if TYPE_CHECKING:
@@ -79,10 +79,7 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     size = int(np.clip(round(CELL_RAD / pixel_rad), _SMALLEST_PX, _LARGEST_PX))
     bent = not camera.distortion.is_none
     x, y = _edges(camera.width_px, size), _edges(camera.height_px, size)
-    px, py = np.meshgrid(x, y)
-    d = np.concatenate([camera.unproject(np.stack([px, py], axis=-1)), np.ones((*px.shape, 1))], axis=-1)
-    d = d @ earth.earth_from_camera.T
-    d /= np.linalg.norm(d, axis=-1, keepdims=True)
+    d = directions(camera, x, y, earth.earth_from_camera)
     along = d @ earth.camera
     perigee2 = np.clip(float(earth.camera @ earth.camera) - along**2, 0, None)
     disc = 1 - perigee2

@@ -6,6 +6,7 @@ other, hold the craft's closely: antennas and panels leave open what is between 
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import cv2
@@ -42,8 +43,9 @@ def hulls_cover(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> Floa
     origin = np.array([rect.x0, rect.y0]) + 0.5 * (_MASK_PX - 1) - _MASK_PX
     at = np.clip((points_px - origin) / _MASK_PX, -_FARTHEST, _FARTHEST)
     fixed = np.rint(at * (1 << _SHIFT)).astype(np.int32)
-    for points in np.split(fixed, parts):
-        cv2.fillConvexPoly(mask, cv2.convexHull(points), 1, shift=_SHIFT)
+    ends = [0, *parts.tolist(), len(fixed)]
+    for start, end in itertools.pairwise(ends):
+        cv2.fillConvexPoly(mask, cv2.convexHull(fixed[start:end]), 1, shift=_SHIFT)
     # a pixel whose corner is touched counts, and OpenCV's fill leaves out what it touches by less than half
     cv2.dilate(mask, np.ones((3, 3), np.uint8), dst=mask)
     inner = mask[1:-1, 1:-1].reshape(rows, step, -1).max(axis=1)  # one axis after the other is quicker

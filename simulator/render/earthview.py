@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.projection import PixelRect
+from simulator.render.projection import PixelRect, directions
 from simulator.render.view import EQUATOR_M, POLE_M
 
 if TYPE_CHECKING:
@@ -66,11 +66,9 @@ def earth_view(view: View, camera: Camera, air: Atmosphere | None) -> EarthView:
     c = c * max(1.0, (1 + 1.01 * thickness) / radius)
     x = np.linspace(-0.5, camera.width_px - 0.5, _GRID)
     y = np.linspace(-0.5, camera.height_px - 0.5, _GRID)
-    px, py = np.meshgrid(x, y)
-    d = np.concatenate([camera.unproject(np.stack([px, py], axis=-1)), np.ones((*px.shape, 1))], axis=-1)
-    d = d @ M.T
-    d /= np.linalg.norm(d, axis=-1, keepdims=True)
-    along, perigee2 = d @ c, (np.cross(c, d) ** 2).sum(axis=-1)
+    d = directions(camera, x, y, M)
+    along = d @ c
+    perigee2 = c @ c - along**2
     seen = (along < 0) & (perigee2 < top2)
     rect = _rect(seen, perigee2, along, view, camera, top2)
     if rect is None:
@@ -82,7 +80,7 @@ def earth_view(view: View, camera: Camera, air: Atmosphere | None) -> EarthView:
     azimuth = np.clip((d @ s - cosine * mu_sun) / horizontal, -1, 1)
     # the azimuth turns fast near the nadir: take all of it when the nadir is in or near the image
     boresight = M[:, 2] / np.linalg.norm(M[:, 2])
-    reach = np.arccos(np.clip(d @ boresight, -1, 1)).max()
+    reach = float(np.arccos(np.clip((d @ boresight).min(), -1, 1)))
     if np.arccos(np.clip(-zenith @ boresight, -1, 1)) < reach + 0.1 or np.any(cosine > 0.5):
         columns = (-1.0, 1.0)
     else:

@@ -59,4 +59,5 @@ class FacingArray:
 def facing(mesh: Mesh, place: FloatArray) -> np.typing.NDArray[np.uint32]:
     """(K, 3) triangles of a mesh that face a place, or hardly look away; ``place`` as in `FacingArray.render`."""
     unit = np.asarray(place / np.linalg.norm(place[:3]), np.float32)
-    return mesh.triangles[mesh.planes @ unit > -GRAZING]
+    # by their numbers: a mask over rows takes numpy twice as long
+    return mesh.triangles.take(np.flatnonzero(mesh.planes @ unit > -GRAZING), axis=0)

@@ -10,11 +10,15 @@ N x N grid (N-rooks).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from simulator.arrays import FloatArray
 
 
@@ -90,13 +94,15 @@ NINE = Lattice((1, 4), (2, -1))
 SEVEN = Lattice((1, 2), (3, -1))
 
 
-def lattice_defines(lattice: Lattice) -> dict[str, object]:
+@lru_cache
+def lattice_defines(lattice: Lattice) -> Mapping[str, object]:
     """The lattice as GLSL: a macro that applies F to every sample, so that no loop indexes an array."""
     each = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in enumerate(lattice.offsets()))
-    return {
+    defines: dict[str, object] = {
         "LATTICE_S": f"ivec2{lattice.s}",
         "LATTICE_T": f"ivec2{lattice.t}",
         "LATTICE_PHASE": lattice.phase,
         "SAMPLES": lattice.samples,
         "FOR_EACH_SAMPLE(F)": each,
     }
+    return MappingProxyType(defines)

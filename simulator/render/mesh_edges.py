@@ -38,7 +38,7 @@ class MeshEdges:
     def seen_from(self, camera_m: FloatArray) -> IntArray:
         """Numbers of the edges that can be seen from a place in the target frame, hidden ones among them."""
         front = self.planes[:, :3] @ camera_m + self.planes[:, 3] > 0
-        first, second = front[self.faces.T]
+        first, second = front.take(self.faces.T)
         faces_camera = (first | second) if self.is_closed else np.ones_like(first)
         return np.flatnonzero((first != second) | (self.is_crease & faces_camera))
 

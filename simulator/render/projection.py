@@ -95,3 +95,20 @@ IMAGE_FROM_PIXEL = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
 def window_from_pixel(rect: PixelRect) -> FloatArray:
     """(2, 3) map for a framebuffer that holds only ``rect`` of the image."""
     return IMAGE_FROM_PIXEL - np.array([[0.0, 0.0, rect.x0], [0.0, 0.0, rect.y0]])
+
+
+def directions(camera: Camera, x_px: FloatArray, y_px: FloatArray, matrix: FloatArray) -> FloatArray:
+    """(len(y), len(x), 3) unit vectors of the rays through a grid of pixels; NaN where the lens does not see.
+
+    Parameters
+    ----------
+    x_px, y_px : columns and rows of the grid. matrix : (3, 3) what the rays' camera coordinates are multiplied by.
+    """
+    if camera.distortion.is_none:
+        column = (x_px - camera.cx_px)[:, None] / camera.fx_px * matrix[:, 0]
+        row = (y_px - camera.cy_px)[:, None] / camera.fy_px * matrix[:, 1]
+        d = row[:, None] + (column + matrix[:, 2])
+    else:
+        px, py = np.meshgrid(x_px, y_px)
+        d = camera.unproject(np.stack([px, py], axis=-1)) @ matrix[:, :2].T + matrix[:, 2]
+    return np.asarray(d / np.sqrt(np.einsum("ijk,ijk->ij", d, d))[..., None])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import moderngl
@@ -58,6 +59,7 @@ class UniformBlock:
         self.dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": itemsize})
         self._matrices = {f.name for f in fields if f.glsl_type == "mat4"}
         self._buffer = context.buffer(reserve=itemsize)
+        self._written: Mapping[str, ArrayLike] | None = None
 
     @property
     def glsl(self) -> str:
@@ -70,11 +72,17 @@ class UniformBlock:
     def write(self, values: Mapping[str, ArrayLike]) -> None:
         """Fill and upload the whole block and bind it; every member must be given.
 
+        A mapping that cannot be changed and was the last one written is not uploaded again.
+
         Raises
         ------
         KeyError
             If a member is missing: a stale value from the last frame would be a state leak.
         """
+        if values is self._written:
+            self.bind()
+            return
+        self._written = values if isinstance(values, MappingProxyType) else None
         record = np.zeros((), self.dtype)
         for member in self.fields:
             value = np.asarray(values[member.name], np.float32)

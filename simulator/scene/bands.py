@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +35,7 @@ class Band:
     high_nm: float
     rgb_weights: tuple[float, float, float]
 
-    @property
+    @cached_property
     def sun_irradiance_w_m2(self) -> float:
         """Solar irradiance in the band at 1 au, normal incidence [W m-2]."""
         edges = _SPECTRUM_START_NM + _SPECTRUM_STEP_NM * np.arange(len(_SPECTRUM_W_M2_NM) + 1)

@@ -128,7 +128,7 @@ def _drawn(
     x, y, z = R @ edges.vertices_m.T + t[:, None]
     # comparisons with NaN are false: an edge behind the camera drops out
     scale = 1 / np.where(z > near_m, z, np.nan)
-    first, second = edges.ends[seen].T
+    first, second = edges.ends.take(seen, axis=0).T
     keep = np.zeros(len(seen), bool)
     touches = np.ones(len(seen), bool)
     for u, low, high in (

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +28,8 @@ from simulator.render.textures import Textures
 from simulator.scene.bands import bands_of, reflectance
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import moderngl
 
     from simulator.arrays import FloatArray
@@ -36,8 +40,8 @@ if TYPE_CHECKING:
     from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.timing import StageClock
     from simulator.render.view import View
-    from simulator.scene.state import Quality, SceneState
-    from simulator.targets.model import Target
+    from simulator.scene.state import Bands, Quality, SceneState
+    from simulator.targets.model import Material, Target
 
 MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
 # lattices to try in order, and the largest buffer [samples] it may take
@@ -200,7 +204,7 @@ class TargetPasses:
                 ],
             }
         )
-        self._blocks.materials.write(_material_values(mesh, scene))
+        self._blocks.materials.write(_material_values(mesh.materials, scene.bands))
         clock.lap("target.setup")
         texels: dict[str, moderngl.Texture] = {}
         if self._textured is None or loaded.textures is None:
@@ -349,10 +353,12 @@ def _four(bands: FloatArray) -> list[float]:
     return [*(float(v) for v in bands), *([0.0] * (4 - len(bands)))]
 
 
-def _material_values(mesh: Mesh, scene: SceneState) -> dict[str, FloatArray]:
+@lru_cache(maxsize=16)
+def _material_values(materials: tuple[Material, ...], bands: Bands) -> Mapping[str, FloatArray]:
+    """Members of the block ``Materials``; the same object again for the same materials, which need no second upload."""
     color, surface, grain = np.zeros((256, 4)), np.zeros((256, 4)), np.zeros((256, 4))
-    for k, material in enumerate(mesh.materials, start=1):
-        albedo = reflectance(scene.bands, np.asarray(material.base_color))
+    for k, material in enumerate(materials, start=1):
+        albedo = reflectance(bands, np.asarray(material.base_color))
         color[k, : len(albedo)] = albedo
         color[k, 3] = material.metallic
         surface[k] = [
@@ -364,4 +370,6 @@ def _material_values(mesh: Mesh, scene: SceneState) -> dict[str, FloatArray]:
         if material.anisotropy > 0:
             strength = material.anisotropy * (-1 if material.turned else 1)
             grain[k] = [*(np.asarray(material.grain) / np.linalg.norm(material.grain)), strength]
-    return {"u_material_color": color, "u_material_surface": surface, "u_material_grain": grain}
+    return MappingProxyType(
+        {"u_material_color": color, "u_material_surface": surface, "u_material_grain": grain}
+    )
