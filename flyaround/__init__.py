@@ -6,25 +6,31 @@
 ...     frame = fa.take_frame(renderer, plan.scene(0), plan.target)
 """
 
-from simulator.camera.files import list_cameras, load_camera
-from simulator.camera.model import Camera
-from simulator.camera.sensor import Sensor
-from simulator.dataset.capture import capture
-from simulator.dataset.check import check_dataset
-from simulator.dataset.picture import render_scene, save_picture
-from simulator.errors import UserError
-from simulator.labels.frame import Frame, take_frame
-from simulator.labels.overlay import draw_truth
-from simulator.labels.truth import Truth, read_truth
-from simulator.loop import Plan, Sink, plan_flight, run_frames
-from simulator.render.renderer import Renderer
-from simulator.scenario import Scenario
-from simulator.scenario_load import list_scenarios, load_scenario
-from simulator.scene.state import Environment, SceneState
-from simulator.targets.glb import load_glb, write_glb
-from simulator.targets.library import list_targets, load_target
-from simulator.targets.model import Target
-from simulator.world.pose import Pose
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from simulator.camera.files import list_cameras, load_camera
+    from simulator.camera.model import Camera
+    from simulator.camera.sensor import Sensor
+    from simulator.dataset.capture import capture
+    from simulator.dataset.check import check_dataset
+    from simulator.dataset.picture import render_scene, save_picture
+    from simulator.errors import UserError
+    from simulator.labels.frame import Frame, take_frame
+    from simulator.labels.overlay import draw_truth
+    from simulator.labels.truth import Truth, read_truth
+    from simulator.loop import Plan, Sink, plan_flight, run_frames
+    from simulator.render.renderer import Renderer
+    from simulator.scenario import Scenario
+    from simulator.scenario_load import list_scenarios, load_scenario
+    from simulator.scene.state import Environment, SceneState
+    from simulator.targets.glb import load_glb, write_glb
+    from simulator.targets.library import list_targets, load_target
+    from simulator.targets.model import Target
+    from simulator.world.pose import Pose
 
 __all__ = [
     "Camera",
@@ -58,3 +64,49 @@ __all__ = [
     "take_frame",
     "write_glb",
 ]
+
+# imported at first use: a program that only draws does not wait for what writes data sets
+_HOMES = {
+    "Camera": "simulator.camera.model",
+    "Environment": "simulator.scene.state",
+    "Frame": "simulator.labels.frame",
+    "Plan": "simulator.loop",
+    "Pose": "simulator.world.pose",
+    "Renderer": "simulator.render.renderer",
+    "Scenario": "simulator.scenario",
+    "SceneState": "simulator.scene.state",
+    "Sensor": "simulator.camera.sensor",
+    "Sink": "simulator.loop",
+    "Target": "simulator.targets.model",
+    "Truth": "simulator.labels.truth",
+    "UserError": "simulator.errors",
+    "capture": "simulator.dataset.capture",
+    "check_dataset": "simulator.dataset.check",
+    "draw_truth": "simulator.labels.overlay",
+    "list_cameras": "simulator.camera.files",
+    "list_scenarios": "simulator.scenario_load",
+    "list_targets": "simulator.targets.library",
+    "load_camera": "simulator.camera.files",
+    "load_glb": "simulator.targets.glb",
+    "load_scenario": "simulator.scenario_load",
+    "load_target": "simulator.targets.library",
+    "plan_flight": "simulator.loop",
+    "read_truth": "simulator.labels.truth",
+    "render_scene": "simulator.dataset.picture",
+    "run_frames": "simulator.loop",
+    "save_picture": "simulator.dataset.picture",
+    "take_frame": "simulator.labels.frame",
+    "write_glb": "simulator.targets.glb",
+}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - the type checker reads the imports above
+    if name not in _HOMES:
+        raise AttributeError(f"module 'flyaround' has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

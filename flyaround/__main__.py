@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from flyaround.cli import app
-from hil.board.svd import BoardModelError
+from hil.board.errors import BoardModelError
 from hil.link.errors import LinkError
 from simulator.errors import UserError
 

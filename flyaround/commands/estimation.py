@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.table import Table
 
 from flyaround.progress import progress_bar
-from hil.board.svd import METHODS, BoardModel, BoardModelError, CameraIntrinsics, make_estimator
+from hil.board.errors import BoardModelError
+from hil.board.svd import METHODS, BoardModel, CameraIntrinsics, make_estimator
 from hil.board.svd.debug.stages import write_stage_pictures
 from hil.board.svd.faithful.config import SOLVERS, STEPS, STREAMS
 from hil.board.svd.methods import PUBLISHED

@@ -139,3 +139,10 @@ def report(
         typer.echo(json.dumps({"report": str(page)}))
     else:
         Console().print(f"report: {page}")
+
+
+app = typer.Typer(name="hil", help="Hardware in the loop: host, board, reports.", no_args_is_help=True)
+app.command()(host)
+app.command()(board)
+app.command()(bundle)
+app.command()(report)

@@ -188,3 +188,13 @@ def _print_table(rows: list[Target]) -> None:
         counts = (len(t.parts), triangles, len(t.keypoints), len(t.wireframe))
         table.add_row(t.name, t.title, *(str(c) for c in counts), f"{t.mass.mass_kg:.1f}")
     Console().print(table)
+
+
+app = typer.Typer(
+    name="targets",
+    help="List the targets, add a mesh as one, export or draw them.",
+    invoke_without_command=True,
+)
+app.callback()(overview)
+app.command()(add)
+app.command()(remove)

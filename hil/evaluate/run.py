@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from hil.board.svd import BoardModel, BoardModelError
+from hil.board.errors import BoardModelError
+from hil.board.svd import BoardModel
 from hil.evaluate.frames import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
 from hil.evaluate.metrics import Metrics, compose, summarise
 from hil.evaluate.page import write_page

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,29 +29,44 @@ _FORMATS = {1: (0x8229, 0x1903), 4: (0x8058, 0x1908)}  # R8 and RED, RGBA8 and R
 VERSION = 1  # of how levels are made; part of the cache's key
 
 
-def levelled_texture(context: moderngl.Context, image: ByteArray) -> moderngl.Texture:
-    """A texture of an image (H, W) or (H, W, 4) with all its levels, each texel the mean of the four below it.
+@dataclass(frozen=True, eq=False)
+class Levelled:
+    """An image (H, W) or (H, W, 4) and its smaller levels, one after the other, each texel the mean of four."""
 
-    Parameters
-    ----------
-    image : from `cached_array`; the levels are kept beside it. Of another the driver makes the levels.
-    """
+    image: ByteArray
+    smaller: ByteArray
+
+
+def levelled(image: ByteArray) -> Levelled:
+    """The image with its levels, kept beside it where it comes from `cached_array`. Needs no OpenGL."""
+    name = getattr(image, "filename", None)
+    if name is None:
+        return Levelled(image, _smaller(image))
+    return Levelled(image, cached_array(f"{Path(name).stem}-levels-{VERSION}", lambda: _smaller(image)))
+
+
+def levelled_texture(context: moderngl.Context, levels: Levelled) -> moderngl.Texture:
+    """A texture with all its levels; without an OpenGL to be called by name the driver makes them."""
+    image = levels.image
     height, width = image.shape[:2]
     components = image.size // (width * height)
-    texture = context.texture((width, height), components, image, alignment=1)
     library = opengl()
-    name = getattr(image, "filename", None)
-    if library is None or name is None or components not in _FORMATS:
+    if library is None or components not in _FORMATS:
+        texture = context.texture((width, height), components, image, alignment=1)
         texture.build_mipmaps()
         return texture
-    flat = cached_array(f"{Path(name).stem}-levels-{VERSION}", lambda: _smaller(image))
-    inner, outer = _FORMATS[components]
+    name = ctypes.c_uint()
+    library.glGenTextures(1, ctypes.byref(name))
+    texture = context.external_texture(name.value, (width, height), components, 0, "f1")
+    # before the first level: a driver that expects no others moves everything when they come
+    texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
     texture.use(0)
     library.glPixelStorei(_UNPACK_ALIGNMENT, 1)
-    at = 0
-    for level, (w, h) in enumerate(_sizes(width, height), start=1):
-        data = np.ascontiguousarray(flat[at : at + w * h * components])
-        at += data.size
+    inner, outer = _FORMATS[components]
+    at, flat = 0, np.ascontiguousarray(levels.smaller)
+    for level, (w, h) in enumerate([(width, height), *_sizes(width, height)]):
+        data = np.ascontiguousarray(image) if level == 0 else flat[at : at + w * h * components]
+        at += data.size if level else 0
         library.glTexImage2D(
             _TEXTURE_2D, level, inner, w, h, 0, outer, _UNSIGNED_BYTE, ctypes.c_void_p(data.ctypes.data)
         )
@@ -82,6 +98,7 @@ def opengl() -> ctypes.CDLL | None:
         try:
             library = ctypes.CDLL(name)
             library.glTexImage2D.argtypes = [*[ctypes.c_int] * 8, ctypes.c_void_p]
+            library.glGenTextures.argtypes = [ctypes.c_int, ctypes.c_void_p]
         except (OSError, AttributeError):
             continue
         return library

@@ -7,6 +7,8 @@ For three bands a second RGBA texture holds the land's colour (square roots) and
 from __future__ import annotations
 
 import hashlib
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -17,12 +19,14 @@ from simulator.errors import UserError
 from simulator.render.cache import cached_array
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from simulator.arrays import ByteArray, Float32Array
 
 WIDTH, HEIGHT = 8064, 4032
 DAY, CLOUDS = "day_2004-08_8064x4032.jpg", "clouds_8064x4032.jpg"
 NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
-VERSION = 6  # of the packing below; part of the cache's key
+VERSION = 7  # of the packing below; part of the cache's key
 
 # Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert, forest and snow to their
 # broadband reflectances (0.35, 0.03-0.05, 0.6-0.7; Liang 2001, Narrowband to broadband conversions)
@@ -30,18 +34,31 @@ _REFLECTANCE_SCALE, _REFLECTANCE_POWER = 0.66, 1.7
 PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/scene/bands.py
 _ICE_LATITUDE_DEG = 50.0  # there is none nearer to the equator
 _ICE_REFLECTANCE = 0.22  # water brighter than this is ice, drawn as land
+_ICE_REACH = 8  # texels beyond a strip that the blur of the ice looks at
+# a strip stays in a processor's own memory; whole maps in floats would pass through the main memory ten times
+_STRIPS = [slice(row, row + 16) for row in range(0, HEIGHT, 16)]
 
 
 def packed_maps(bands: int) -> list[ByteArray]:
     """One (H, W, 4) texture for one band, two for three; from the cache after the first call."""
     key = hashlib.sha256(f"{VERSION} {_REFLECTANCE_SCALE} {_REFLECTANCE_POWER} {_ICE_REFLECTANCE}".encode())
     for name in (DAY, CLOUDS, NIGHT, COAST):
-        key.update(f"{name} {len(asset_bytes(name))}".encode())
+        key.update(f"{name} {asset_size(name)}".encode())
     stem = key.hexdigest()[:16]
-    maps = [cached_array(f"earth-pan-{stem}", _pack_panchromatic)]
+    day = lru_cache(maxsize=1)(lambda: decode_map(DAY, cv2.IMREAD_COLOR))
+    maps = [cached_array(f"earth-pan-{stem}", lambda: _pack_panchromatic(day))]
     if bands == 3:
-        maps.append(cached_array(f"earth-rgb-{stem}", _pack_colour))
+        maps.append(cached_array(f"earth-rgb-{stem}", lambda: _pack_colour(day(), maps[0][..., 3])))
     return maps
+
+
+def asset_size(name: str) -> int:
+    """Bytes of a file of ``assets/earth``: what tells one version of a map from another."""
+    try:
+        with resources.as_file(resources.files("assets").joinpath("earth", name)) as path:
+            return path.stat().st_size
+    except FileNotFoundError as error:
+        raise _missing(name) from error
 
 
 def asset_bytes(name: str) -> bytes:
@@ -49,7 +66,11 @@ def asset_bytes(name: str) -> bytes:
     try:
         return resources.files("assets").joinpath("earth", name).read_bytes()
     except FileNotFoundError as error:
-        raise UserError(f"the map assets/earth/{name} is missing; install Flyaround again") from error
+        raise _missing(name) from error
+
+
+def _missing(name: str) -> UserError:
+    return UserError(f"the map assets/earth/{name} is missing; install Flyaround again")
 
 
 def decode_map(name: str, flags: int, size_px: tuple[int, int] | None = (WIDTH, HEIGHT)) -> ByteArray:
@@ -64,7 +85,9 @@ def decode_map(name: str, flags: int, size_px: tuple[int, int] | None = (WIDTH, 
     if image is None:
         raise UserError(f"the map assets/earth/{name} cannot be decoded; install Flyaround again")
     if size_px is not None and image.shape[1::-1] != size_px:
-        image = cv2.resize(image, size_px, interpolation=cv2.INTER_AREA)
+        # means over texels where there are several; a slight change of size is quicker between them, and as good
+        halved = image.shape[1] >= 1.5 * size_px[0]
+        image = cv2.resize(image, size_px, interpolation=cv2.INTER_AREA if halved else cv2.INTER_LINEAR)
     return np.asarray(image, np.uint8)
 
 
@@ -74,72 +97,117 @@ def to_reflectance() -> Float32Array:
     return np.asarray(_REFLECTANCE_SCALE * v**_REFLECTANCE_POWER, np.float32)
 
 
-def _encode_root(reflectance: Float32Array) -> ByteArray:
-    """Square root in 8 bits: even steps of what the eye, and shot noise, sees."""
-    return np.asarray(cv2.convertScaleAbs(cv2.sqrt(reflectance), alpha=255.0), np.uint8)
-
-
-def land_only(reflectance: Float32Array, land: ByteArray) -> Float32Array:
+def land_only(values: Float32Array, land: ByteArray) -> Float32Array:
     """Replace the sea's values by those of the nearest land, so that a crisp coast shows no sea on its land side.
 
     What is filled in is smooth: it is worked out at a quarter of the size.
     """
     height, width = land.shape
-    small = (width // 4, height // 4)
-    weight = cv2.resize(land.astype(np.float32), small, interpolation=cv2.INTER_AREA)
-    masked = np.where(land[..., None] > 0, reflectance, 0) if reflectance.ndim == 3 else reflectance * land
-    filled = cv2.resize(np.asarray(masked, np.float32), small, interpolation=cv2.INTER_AREA)
-    known = weight > 1e-3
-    filled[known] = (filled[known].T / weight[known]).T
-    total = known.astype(np.float32)
-    for size in (3, 7, 17):
-        blurred = cv2.blur(filled * (total[..., None] if filled.ndim == 3 else total), (size, size))
-        share = cv2.blur(total, (size, size))
-        new = (total < 0.5) & (share > 1e-4)
-        filled[new] = (blurred[new].T / share[new]).T
-        total[new] = 1
+    filled = _spread(*_quarter(values, land))
     out = cv2.resize(filled, (width, height), interpolation=cv2.INTER_LINEAR)
-    cv2.copyTo(reflectance, land, out)
+    cv2.copyTo(values, land, out)
     return np.asarray(out, np.float32)
 
 
-def _panchromatic(day_bgr: ByteArray) -> Float32Array:
-    lut = to_reflectance()
-    total = cv2.LUT(np.ascontiguousarray(day_bgr[..., 2]), lut * np.float32(PAN_WEIGHTS[0]))
-    for channel, weight in ((1, PAN_WEIGHTS[1]), (0, PAN_WEIGHTS[2])):
-        cv2.add(
-            total, cv2.LUT(np.ascontiguousarray(day_bgr[..., channel]), lut * np.float32(weight)), dst=total
+def _quarter(values: Float32Array, land: ByteArray) -> tuple[Float32Array, Float32Array]:
+    """At a quarter of the size: means of the values with the sea's as zero, and the share of land."""
+    small = (land.shape[1] // 4, land.shape[0] // 4)
+    masked = cv2.copyTo(values, land)
+    mean = cv2.resize(masked, small, interpolation=cv2.INTER_AREA)
+    share = cv2.resize(land.astype(np.float32), small, interpolation=cv2.INTER_AREA)
+    return np.asarray(mean, np.float32), np.asarray(share, np.float32)
+
+
+def _spread(filled: Float32Array, share: Float32Array) -> Float32Array:
+    """Values of the land, and beside it those of the nearest land, from what `_quarter` gives."""
+    known = share > 1e-3
+    filled[known] = (filled[known].T / share[known]).T
+    total = known.astype(np.float32)
+    for size in (3, 7, 17):
+        blurred = cv2.blur(filled * (total[..., None] if filled.ndim == 3 else total), (size, size))
+        near = cv2.blur(total, (size, size))
+        new = (total < 0.5) & (near > 1e-4)
+        filled[new] = (blurred[new].T / near[new]).T
+        total[new] = 1
+    return filled
+
+
+def _pack_panchromatic(day: Callable[[], ByteArray]) -> ByteArray:
+    with ThreadPoolExecutor(2) as pool:
+        colours = pool.submit(day)
+        coast, clouds, night = pool.map(
+            lambda name: decode_map(name, cv2.IMREAD_GRAYSCALE), (COAST, CLOUDS, NIGHT)
         )
-    return np.asarray(total, np.float32)
+        day_bgr = colours.result()
+        # the picture of the clouds shows their light: thin ones cover more than they whiten
+        thin = np.round(np.sqrt(np.arange(256) / 255) * 255).astype(np.uint8)
+        # red, green, blue are the third, second, first channel of the picture
+        table = (to_reflectance()[:, None] * np.array(PAN_WEIGHTS[::-1], np.float32))[None]
+        root = np.empty((HEIGHT, WIDTH), np.uint8)
+        small = (HEIGHT // 4, WIDTH // 4)
+        means, shares = np.empty(small, np.float32), np.empty(small, np.float32)
+
+        def reduce(rows: slice) -> None:
+            # nearer to the equator what shines beside water is desert, and would close its gulfs
+            latitudes = (abs(90 - row * 180 / HEIGHT) for row in (rows.start, rows.stop))
+            reach = _ICE_REACH if max(latitudes) > _ICE_LATITUDE_DEG else 0
+            around = slice(max(rows.start - reach, 0), min(rows.stop + reach, HEIGHT))
+            within = slice(rows.start - around.start, rows.stop - around.start)
+            wide = cv2.transform(cv2.LUT(day_bgr[around], table), np.ones((1, 3), np.float32))
+            reflectance = np.asarray(wide[within], np.float32)
+            if reach:
+                smooth = cv2.GaussianBlur(wide, (0, 0), 1.5)[within]
+                ice = cv2.convertScaleAbs(np.clip(128 + (smooth - _ICE_REFLECTANCE) * 400, 0, 200))
+                ice[ice <= 120] = 0
+                coast[rows] = np.maximum(coast[rows], ice)
+            root[rows] = cv2.convertScaleAbs(cv2.sqrt(reflectance), alpha=255.0)
+            quarter = slice(rows.start // 4, rows.stop // 4)
+            means[quarter], shares[quarter] = _quarter(reflectance, _inland(coast[rows]))
+
+        list(pool.map(reduce, _STRIPS))
+        beside = _enlarged_root(_spread(means, shares))
+        out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
+
+        def merge(rows: slice) -> None:
+            land = beside[rows]
+            cv2.copyTo(root[rows], _inland(coast[rows]), land)
+            cv2.merge([land, cv2.LUT(clouds[rows], thin), night[rows], coast[rows]], dst=out[rows])
+
+        list(pool.map(merge, _STRIPS))
+    return out
 
 
-def _coast_and_ice(day_bgr: ByteArray) -> tuple[ByteArray, Float32Array]:
-    """Distance to the coast with the sea ice counted as land, and the panchromatic reflectance."""
-    coast, reflectance = decode_map(COAST, cv2.IMREAD_GRAYSCALE), _panchromatic(day_bgr)
-    # nearer to the equator what shines beside water is desert, and would close its gulfs
-    edge = int(HEIGHT * (0.5 - _ICE_LATITUDE_DEG / 180))
-    for rows in (slice(0, edge), slice(HEIGHT - edge, HEIGHT)):
-        smooth = cv2.GaussianBlur(reflectance[rows], (0, 0), 1.5)
-        ice = cv2.convertScaleAbs(np.clip(128 + (smooth - _ICE_REFLECTANCE) * 400, 0, 200))
-        ice[ice <= 120] = 0
-        coast[rows] = np.maximum(coast[rows], ice)
-    return coast, reflectance
+def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
+    table = np.repeat(to_reflectance()[:, None], 3, axis=1)[None]
+    roots = np.round(np.sqrt(to_reflectance()) * 255).astype(np.uint8)
+    small = (HEIGHT // 4, WIDTH // 4)
+    means, shares = np.empty((*small, 3), np.float32), np.empty(small, np.float32)
+
+    def reduce(rows: slice) -> None:
+        quarter = slice(rows.start // 4, rows.stop // 4)
+        reflectance = np.asarray(cv2.LUT(day_bgr[rows], table), np.float32)
+        means[quarter], shares[quarter] = _quarter(reflectance, _inland(coast[rows]))
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(reduce, _STRIPS))
+        beside = _enlarged_root(_spread(means, shares))
+        out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
+
+        def merge(rows: slice) -> None:
+            land = beside[rows]
+            cv2.copyTo(cv2.LUT(day_bgr[rows], roots), _inland(coast[rows]), land)
+            cv2.cvtColor(land, cv2.COLOR_BGR2RGBA, dst=out[rows])
+
+        list(pool.map(merge, _STRIPS))
+    return out
 
 
-def _pack_panchromatic() -> ByteArray:
-    day = decode_map(DAY, cv2.IMREAD_COLOR)
-    coast, reflectance = _coast_and_ice(day)
-    # two texels inland: the nearer ones are mixtures of land and sea
-    land = land_only(reflectance, (coast > 128 + 12).astype(np.uint8))
-    clouds, night = decode_map(CLOUDS, cv2.IMREAD_GRAYSCALE), decode_map(NIGHT, cv2.IMREAD_GRAYSCALE)
-    # the picture of the clouds shows their light: thin ones cover more than they whiten
-    thin = cv2.LUT(clouds, np.round(np.sqrt(np.arange(256) / 255) * 255).astype(np.uint8))
-    return np.asarray(cv2.merge([_encode_root(land), thin, night, coast]), np.uint8)
+def _inland(coast: ByteArray) -> ByteArray:
+    """Two texels inland: the nearer ones are mixtures of land and sea."""
+    return np.asarray(cv2.threshold(np.ascontiguousarray(coast), 128 + 12, 1, cv2.THRESH_BINARY)[1], np.uint8)
 
 
-def _pack_colour() -> ByteArray:
-    day = decode_map(DAY, cv2.IMREAD_COLOR)
-    coast, _ = _coast_and_ice(day)
-    colour = np.asarray(cv2.LUT(np.ascontiguousarray(day[..., ::-1]), to_reflectance()), np.float32)
-    land = land_only(colour, (coast > 128 + 12).astype(np.uint8))
-    return np.ascontiguousarray(np.dstack([_encode_root(land), np.full((HEIGHT, WIDTH), 255, np.uint8)]))
+def _enlarged_root(reflectance: Float32Array) -> ByteArray:
+    """Square root in 8 bits, even steps of what the eye, and shot noise, sees; at the maps' size."""
+    root = cv2.convertScaleAbs(cv2.sqrt(reflectance), alpha=255.0)
+    return np.asarray(cv2.resize(root, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR), np.uint8)

@@ -12,7 +12,7 @@ import numpy as np
 from simulator.render.cache import cached_array
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray, FloatArray
+    from simulator.arrays import ByteArray, Float32Array
 
 SIZE = 2048
 PERIOD_KM = 472.0  # of the tile: texels of 0.23 km, a pixel of a SPEED camera from 700 km
@@ -44,21 +44,27 @@ def make_detail() -> ByteArray:
     dv = (np.roll(cloud, -1, axis=0) - np.roll(cloud, 1, axis=0)) / (2 * texel_km)
     land = 0.26 * (_enlarge(broad_land) - 0.5) + 0.42 * (np.tile(fine_land, (2, 2)) - 0.5)
     slope = 1 / (2 * SLOPE_PER_KM)
-    channels = np.dstack([cloud, 0.5 + du * slope, 0.5 + dv * slope, 0.5 + land / GRAIN])
-    return np.ascontiguousarray(np.clip(channels * 255 + 0.5, 0, 255).astype(np.uint8))
+    out = np.empty((SIZE, SIZE, 4), np.uint8)
+    scaled = ((cloud, 1.0, 0.0), (du, slope, 0.5), (dv, slope, 0.5), (land, 1 / GRAIN, 0.5))
+    for k, (channel, scale, middle) in enumerate(scaled):
+        # in place: a tile of doubles is 32 MB
+        np.multiply(channel, scale * 255, out=channel)
+        np.add(channel, middle * 255 + 0.5, out=channel)
+        out[..., k] = np.clip(channel, 0, 255, out=channel)
+    return out
 
 
-def _field(rng: np.random.Generator, size: int) -> tuple[FloatArray, FloatArray]:
+def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Array]:
     """Cloud and land detail, periodic, each with an even histogram 0..1."""
     scale = size // 512
     # turrets: puffs of three sizes, brightest at their middles, on a turbulent field
-    puffs = np.zeros((size, size))
+    puffs = np.zeros((size, size), np.float32)
     for count, weight in ((22, 1.0), (53, 0.7), (120, 0.45)):
         puffs += weight * (1 - _cellular(rng, size, count * scale))
     soft = _fractal(rng, size, 1.25, 3.0 * scale)
     cloud = _soften(_even(soft / soft.std() + 0.75 * (puffs - puffs.mean()) / puffs.std()))
     # valleys: creases of several sizes, as rivers cut them, and patches
-    creases = np.zeros((size, size))
+    creases = np.zeros((size, size), np.float32)
     for k in range(4):
         field = _fractal(rng, size, 1.9, 4.0 * scale * 2**k)
         creases += 0.65**k * np.sqrt(np.abs(field / field.std()))
@@ -67,30 +73,31 @@ def _field(rng: np.random.Generator, size: int) -> tuple[FloatArray, FloatArray]
     return cloud, land
 
 
-def _enlarge(image: FloatArray) -> FloatArray:
+def _enlarge(image: Float32Array) -> Float32Array:
     """To the tile's size, its edges still matching."""
     factor, pad = SIZE // len(image), 8
     wrapped = np.pad(image, pad, mode="wrap")
     large = cv2.resize(wrapped, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
-    return np.asarray(large[pad * factor : -pad * factor, pad * factor : -pad * factor], float)
+    return np.asarray(large[pad * factor : -pad * factor, pad * factor : -pad * factor], np.float32)
 
 
-def _soften(image: FloatArray) -> FloatArray:
+def _soften(image: Float32Array) -> Float32Array:
     """A blur of about a texel that keeps the tile's edges matching."""
     wrapped = np.pad(image, 8, mode="wrap")
-    return np.asarray(cv2.GaussianBlur(wrapped, (0, 0), 0.6), float)[8:-8, 8:-8]
+    return np.asarray(cv2.GaussianBlur(wrapped, (0, 0), 0.6), np.float32)[8:-8, 8:-8]
 
 
-def _fractal(rng: np.random.Generator, size: int, power: float, low: float) -> FloatArray:
+def _fractal(rng: np.random.Generator, size: int, power: float, low: float) -> Float32Array:
     """Gaussian noise of amplitude spectrum ``frequency^-power`` from ``low`` cycles per tile up, periodic."""
     f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
     f[0, 0] = 1
     # the lowest frequencies are the map's business, and would show the tile
-    spectrum = np.fft.rfft2(rng.standard_normal((size, size))) * f**-power * (f >= low / size)
-    return np.asarray(np.fft.irfft2(spectrum, (size, size)))
+    noise = rng.standard_normal((size, size)).astype(np.float32)
+    spectrum = np.fft.rfft2(noise) * (f**-power * (f >= low / size)).astype(np.float32)
+    return np.asarray(np.fft.irfft2(spectrum, (size, size)), np.float32)
 
 
-def _cellular(rng: np.random.Generator, size: int, count: int) -> FloatArray:
+def _cellular(rng: np.random.Generator, size: int, count: int) -> Float32Array:
     """Distance to the nearest of ``count^2`` jittered points over their spacing, periodic (Worley 1996)."""
     spacing, pad = size / count, 32
     cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)
@@ -99,14 +106,17 @@ def _cellular(rng: np.random.Generator, size: int, count: int) -> FloatArray:
     away[y, x] = 0
     wrapped = np.pad(away, pad, mode="wrap")
     distance = cv2.distanceTransform(wrapped, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(distance[pad:-pad, pad:-pad], float) / spacing
+    return np.asarray(distance[pad:-pad, pad:-pad] / np.float32(spacing), np.float32)
 
 
-def _even(image: FloatArray) -> FloatArray:
+def _even(image: Float32Array) -> Float32Array:
     """Share of the values below each: a threshold at 1 - c then leaves the share c."""
     counts, edges = np.histogram(image, bins=4096)
     below = np.append(0, np.cumsum(counts)) / image.size
     # a table of even steps: quicker than a search for every value
-    place = (image - edges[0]) * (4096 / (edges[-1] - edges[0]))
-    k = np.minimum(place.astype(np.int32), 4095)
-    return np.asarray(below[k] + (place - k) * (below[k + 1] - below[k]))
+    rise, out = np.diff(below), np.empty(image.shape, np.float32)
+    for rows, into in zip(image, out, strict=True):  # row by row, in a processor's own memory
+        place = (rows - float(edges[0])) * float(4096 / (edges[-1] - edges[0]))
+        k = np.minimum(place.astype(np.int32), 4095)
+        np.add(below[k], (place - k) * rise[k], out=into)
+    return out

@@ -10,6 +10,7 @@ from simulator.render.block_values import earth_values, frame_values, moon_value
 from simulator.render.blocks import Blocks
 from simulator.render.cells import earth_cells
 from simulator.render.context import create_context, describe
+from simulator.render.earth_maps import begin_earth_maps
 from simulator.render.earthview import earth_view
 from simulator.render.images import Images
 from simulator.render.moonview import moon_view
@@ -21,8 +22,9 @@ from simulator.render.passes.target import TargetPasses
 from simulator.render.programs import RAYS_UNIT, ProgramLibrary
 from simulator.render.projection import PixelRect
 from simulator.render.rays import RayTextures
+from simulator.render.skylight import no_light
 from simulator.render.timing import StageClock
-from simulator.render.view import build_view
+from simulator.render.view import build_view, sky_light
 from simulator.scene.bands import bands_of
 
 if TYPE_CHECKING:
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from simulator.arrays import Float32Array
     from simulator.render.cells import Cells
     from simulator.render.context import GlInfo
+    from simulator.render.earth_maps import EarthMaps
     from simulator.render.earthview import EarthView
     from simulator.render.moonview import MoonView
     from simulator.render.passes.labels import Surfaces
@@ -127,6 +130,9 @@ class Renderer:
         self._images: Images | None = None
         self._moon: MoonPass | None = None
         self._earths: dict[Bands, EarthPass] = {}
+        self._begun: dict[
+            Bands, EarthMaps
+        ] = {}  # of the first scene that needs them, until they are uploaded
         self.check("start-up")
 
     def make_current(self) -> None:
@@ -163,12 +169,18 @@ class Renderer:
             )
         clock = StageClock(self._gl, finish=self.timed)
         passes = self._prepare(scene)
-        view = build_view(scene)
-        if sky is not None:
-            view = replace(view, sky=sky)
+        if scene.environment.earth and scene.bands not in self._earths and scene.bands not in self._begun:
+            self._begun[scene.bands] = begin_earth_maps(scene)
+        # the first frame's target is drawn while the maps that light it are still being decoded
+        awaited = self._begun.get(scene.bands) if sky is None else None
+        view = build_view(scene, sky if awaited is None else no_light(len(bands_of(scene.bands))))
         self._blocks.frame.write(frame_values(scene, view))
         clock.lap("setup")
         sampled = passes.sample(scene, view, target, clock)
+        if awaited is not None:
+            awaited.albedo.result()
+            view = replace(view, sky=sky_light(scene))
+            self._blocks.frame.write(frame_values(scene, view))
         hidden = None if sampled is None else sampled.rect
         images = self._images_for(scene)
         behind = self._prepare_sky(scene, view, hidden, clock)
@@ -268,7 +280,7 @@ class Renderer:
 
     def _earth_pass(self, bands: Bands) -> EarthPass:
         if bands not in self._earths:
-            self._earths[bands] = EarthPass(self._gl, self._programs, bands)
+            self._earths[bands] = EarthPass(self._gl, self._programs, bands, self._begun.pop(bands))
             self.check("uploading the Earth's maps")
         return self._earths[bands]
 

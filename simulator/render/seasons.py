@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from simulator.render.cache import cached_array
-from simulator.render.maps import COAST, PAN_WEIGHTS, asset_bytes, decode_map, land_only, to_reflectance
+from simulator.render.maps import PAN_WEIGHTS, asset_size, decode_map, land_only, packed_maps, to_reflectance
 
 if TYPE_CHECKING:
     from simulator.arrays import ByteArray
@@ -25,7 +25,7 @@ OCTAVES = 4.0  # the gain's channels hold plus and minus this many octaves
 SLOPE_MAX = 0.25  # the relief's channels hold plus and minus this
 ROUGH_M = 400.0  # standard deviation of the height over 30 km where the land is as rough as can be
 _MAP_MONTH = 8  # of the fine map
-_VERSION = 2
+_VERSION = 3
 # middle of each month there is a map of [day of the year]
 ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
 _YEAR = 365.25
@@ -56,7 +56,7 @@ def month_gain(month: int, bands: int) -> ByteArray:
     """(1024, 2048) or (1024, 2048, 4): log2 of a month's reflectance over August's, ``OCTAVES`` either side of 128."""
     names = [_name(month), _name(_MAP_MONTH)]
     key = hashlib.sha256(
-        f"{_VERSION} {bands} {[len(asset_bytes(n)) for n in names]} {to_reflectance()[100]}".encode()
+        f"{_VERSION} {bands} {[asset_size(n) for n in names]} {to_reflectance()[100]}".encode()
     ).hexdigest()[:16]
     return cached_array(f"season-{month:02d}-{key}", lambda: _make_gain(month, bands))
 
@@ -67,7 +67,7 @@ def _name(month: int) -> str:
 
 def _make_gain(month: int, bands: int) -> ByteArray:
     shape = (HEIGHT, WIDTH)
-    coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH, HEIGHT))
+    coast = cv2.resize(packed_maps(1)[0][..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
     land = (coast > 128 + 4).astype(np.uint8)
     lut, channels = to_reflectance(), []
     images = [decode_map(_name(m), cv2.IMREAD_COLOR, (WIDTH, HEIGHT))[..., ::-1] for m in (month, _MAP_MONTH)]
@@ -86,7 +86,7 @@ def _make_gain(month: int, bands: int) -> ByteArray:
 
 def relief() -> ByteArray:
     """(2016, 4032, 4): slope to the east, slope to the north, roughness, 255."""
-    key = f"relief-{_VERSION}-{len(asset_bytes(HEIGHT_MAP))}"
+    key = f"relief-{_VERSION}-{asset_size(HEIGHT_MAP)}"
     return cached_array(key, _make_relief)
 
 

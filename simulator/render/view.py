@@ -55,8 +55,13 @@ class View:
     nadir: FloatArray
 
 
-def build_view(scene: SceneState) -> View:
-    """Reduce a scene to the camera frame."""
+def build_view(scene: SceneState, sky: SkyLight | None = None) -> View:
+    """Reduce a scene to the camera frame.
+
+    Parameters
+    ----------
+    sky : light on the target in place of the scene's Earth-shine and Moon-shine.
+    """
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
     r_camera, r_target = np.asarray(scene.r_camera_eci_m), np.asarray(scene.r_target_eci_m)
@@ -78,7 +83,7 @@ def build_view(scene: SceneState) -> View:
         sun_at_earth_w_m2=sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun))),
         sun_visible_fraction=scene.sun_visible_fraction,
         sun_share=_sun_share(scene, R_ie),
-        sky=_sky_light(scene, R_ce, R_ie, sun_unit),
+        sky=sky_light(scene) if sky is None else sky,
         nadir=R_ce @ (-r_camera / np.linalg.norm(r_camera)),
     )
 
@@ -99,12 +104,15 @@ def _sun_share(scene: SceneState, R_itrs_from_eci: FloatArray) -> FloatArray:
     return through * float(sun_visible_fraction(r - moon, sun - moon, MOON_RADIUS_M))
 
 
-def _sky_light(scene: SceneState, R_ce: FloatArray, R_ie: FloatArray, sun_eci: FloatArray) -> SkyLight:
+def sky_light(scene: SceneState) -> SkyLight:
     """Earth-shine and Moon-shine, or darkness where the scene asks for none."""
     bands = len(bands_of(scene.bands))
     if not scene.environment.earthshine:
         return no_light(bands)
+    R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
+    R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
     r_target, r_sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
+    sun_eci = r_sun / np.linalg.norm(r_sun)
     sun_w_m2 = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun)))
     albedo = albedo_map(clouds=scene.environment.clouds)
     earth = earth_light(R_ie @ r_target, R_ie @ sun_eci, R_ce @ R_ie.T, sun_w_m2, albedo)

@@ -10,7 +10,7 @@ from simulator.bench.scenes import bench_scenes
 from simulator.render import facing as facing_module
 from simulator.render.cache import cached_array
 from simulator.render.cover import CELL_PX, hulls_cover
-from simulator.render.levels import levelled_texture, opengl
+from simulator.render.levels import levelled, levelled_texture, opengl
 from simulator.render.passes import target as target_passes
 from simulator.render.projection import PixelRect
 from simulator.targets.library import load_target
@@ -72,7 +72,7 @@ def test_levels_of_a_kept_map_are_means_of_four_texels(renderer, tmp_path, monke
     monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
     made = np.random.default_rng(1).integers(0, 256, (38, 100, 4), np.uint8)
     image = cached_array("map", lambda: made)
-    texture = levelled_texture(renderer._gl, image)
+    texture = levelled_texture(renderer._gl, levelled(image))
     renderer.check("uploading levels")
     assert {path.name for path in tmp_path.iterdir()} == {"map.npy", "map-levels-1.npy"}
     texture.use(0)

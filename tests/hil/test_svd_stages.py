@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from hil.board.errors import BoardModelError
 from hil.board.svd import quaternion as quat
 from hil.board.svd.confidence import Evidence, confidence, decide
 from hil.board.svd.edges import edge_field, gradient_noise
@@ -17,7 +18,7 @@ from hil.board.svd.gradient import eliminate_weak_gradients, exponential_thresho
 from hil.board.svd.groups import Lines, antennas, image_triads, model_triads, parallel_pairs, proximity_pairs
 from hil.board.svd.lines import cleaned_stream
 from hil.board.svd.merge import merge_segments
-from hil.board.svd.model import BoardModel, BoardModelError, CameraIntrinsics
+from hil.board.svd.model import BoardModel, CameraIntrinsics
 from hil.board.svd.noise import noise_sigma
 from hil.board.svd.pnp import plane_poses, solve_points, undistorted_rays
 from hil.board.svd.refine import align_to_field

@@ -11,8 +11,9 @@ import msgspec
 import numpy as np
 import pytest
 
+from hil.board.errors import BoardModelError
 from hil.board.svd import BoardModel
-from hil.board.svd.model import BoardModelError, WireEdge
+from hil.board.svd.model import WireEdge
 from hil.board.svd.outlines import Outlines
 from hil.board.svd.rounded import is_round, with_outlines
 from hil.board.svd.templates import SHAPE_SAMPLES, TURNS, ViewTable, look_at, sphere_directions

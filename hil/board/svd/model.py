@@ -10,6 +10,7 @@ from typing import Any, Dict, Optional, Tuple, Union
 
 import numpy as np
 
+from hil.board.errors import BoardModelError
 from hil.board.svd.outlines import Outlines
 from hil.board.svd.shade import Faces
 
@@ -17,10 +18,6 @@ Array = np.ndarray
 
 SCHEMA = "flyaround.board_model"
 VERSION = 1
-
-
-class BoardModelError(ValueError):
-    """A board model or camera that cannot be used, with the reason."""
 
 
 @dataclass(frozen=True)

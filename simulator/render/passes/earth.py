@@ -3,32 +3,31 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
-from simulator.render.levels import levelled_texture
-from simulator.render.maps import packed_maps
-from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM, detail_texture
+from simulator.render.earth_maps import AUGUST
+from simulator.render.levels import levelled, levelled_texture
+from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from simulator.render.passes.air import TABLE_DEFINES, AirPass
-from simulator.render.seasons import OCTAVES, Season, month_gain, relief, season
+from simulator.render.seasons import OCTAVES, month_gain, season
 from simulator.render.seasons import SLOPE_MAX as RELIEF_SLOPE_MAX
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import ByteArray
     from simulator.render.airtables import AirTables
     from simulator.render.cells import CellKind, Cells
+    from simulator.render.earth_maps import EarthMaps
     from simulator.render.images import Images
+    from simulator.render.levels import Levelled
     from simulator.render.programs import Program, ProgramLibrary
     from simulator.scene.state import Bands, Environment, SceneState
 
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
 CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
-AUGUST = Season(8, 8, 0.0)  # the month of the fine map
 _OWN = ("t_coverage", "t_map", "t_detail", "t_relief", "t_before", "t_after")
 _SAMPLERS = {
     1: (*_OWN, "t_air"),
@@ -52,42 +51,47 @@ class Air:
 
 
 class EarthPass:
-    """The Earth for one number of bands; its maps are uploaded when it is made."""
+    """The Earth for one number of bands; its maps are uploaded when it is made.
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, bands: Bands) -> None:
+    Parameters
+    ----------
+    begun : of a scene of these bands; it is waited for here.
+    """
+
+    def __init__(
+        self, context: moderngl.Context, programs: ProgramLibrary, bands: Bands, begun: EarthMaps
+    ) -> None:
         self._context, self._programs = context, programs
         self.bands = 1 if bands == "mono" else 3
         self._airs: dict[float, Air] = {}
         self._names: Bands = bands
-        # the first time each takes seconds
-        with ThreadPoolExecutor(2) as pool:
-            maps, detail, slopes = (
-                pool.submit(packed_maps, self.bands),
-                pool.submit(detail_texture),
-                pool.submit(relief),
-            )
-        self._maps = [self._mapped(image) for image in maps.result()]
-        self._detail = levelled_texture(context, detail.result())
-        self._relief = self._mapped(slopes.result())
-        self._months: dict[int, moderngl.Texture] = {}
+        # in the order in which they are ready
+        self._detail = levelled_texture(context, begun.detail.result())
+        self._relief = self._mapped(begun.relief.result())
+        self._keep_air(begun.air.result())
+        self._maps = [self._mapped(levels) for levels in begun.maps.result()]
+        self._months = {k: self._mapped(levels.result()) for k, levels in begun.months.items()}
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
 
     def air(self, thickness_km: float) -> Air:
         """The air up to a height, made at first use."""
-        if thickness_km not in self._airs:
-            tables = air_tables(self._names, thickness_km * 1e3)
-            self._airs[thickness_km] = Air(tables, AirPass(self._context, self._programs, self.bands, tables))
-        return self._airs[thickness_km]
+        if thickness_km * 1e3 not in self._airs:
+            self._keep_air(air_tables(self._names, thickness_km * 1e3))
+        return self._airs[thickness_km * 1e3]
 
-    def _mapped(self, image: ByteArray) -> moderngl.Texture:
-        texture = levelled_texture(self._context, image)
+    def _keep_air(self, tables: AirTables) -> None:
+        frame = AirPass(self._context, self._programs, self.bands, tables)
+        self._airs[tables.air.thickness_m] = Air(tables, frame)
+
+    def _mapped(self, levels: Levelled) -> moderngl.Texture:
+        texture = levelled_texture(self._context, levels)
         texture.filter = (self._context.LINEAR_MIPMAP_LINEAR, self._context.LINEAR)
         texture.repeat_x, texture.repeat_y = True, False
         return texture
 
     def _month(self, month: int) -> moderngl.Texture:
         if month not in self._months:
-            self._months[month] = self._mapped(month_gain(month, self.bands))
+            self._months[month] = self._mapped(levelled(month_gain(month, self.bands)))
         return self._months[month]
 
     def _program(self, environment: Environment, kind: CellKind, *, behind: bool, high: bool) -> Program:

@@ -1,0 +1,43 @@
+"""The command line imports a command when it is called, and knows them all by name."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+
+from typer.testing import CliRunner
+
+import flyaround
+from flyaround.cli import app
+from flyaround.commands.lazily import COMMANDS, GROUPS
+
+
+def test_help_names_every_command_and_each_is_there() -> None:
+    page = CliRunner().invoke(app, ["--help"]).output
+    for name, module in COMMANDS.items():
+        assert name in page
+        assert callable(getattr(importlib.import_module(f"flyaround.commands.{module}"), name))
+    assert all(name in page for name in GROUPS)
+    assert CliRunner().invoke(app, ["hil", "board", "--help"]).exit_code == 0
+
+
+def test_a_misspelt_command_is_answered_with_the_nearest() -> None:
+    result = CliRunner().invoke(app, ["rendr"])
+    assert result.exit_code == 2
+    assert "render" in result.output
+
+
+def test_drawing_does_not_import_the_estimator_or_plots() -> None:
+    code = (
+        "import sys; from flyaround.__main__ import run; run(['render', '--help']); "
+        "print([m for m in ('hil.board.svd', 'hil.host', 'matplotlib', 'trimesh') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip().splitlines()[-1] == "[]"
+
+
+def test_every_public_name_is_where_the_face_says() -> None:
+    for name in flyaround.__all__:
+        assert getattr(flyaround, name) is not None
+    assert set(flyaround.__all__) <= set(dir(flyaround))
