@@ -12,12 +12,14 @@ from flyaround.cli import app
 from hil.board.errors import BoardModelError
 from hil.link.errors import LinkError
 from simulator.errors import UserError
+from simulator.memory import keep_freed_memory
 
 INTERRUPTED = 130
 
 
 def main() -> None:
     """Run the command line and exit."""
+    keep_freed_memory()
     sys.exit(run(sys.argv[1:]))
 
 

@@ -93,7 +93,7 @@ class Marker:
         """Geometry alone: the labels' radiometric states need a noise-free signal, not at hand here."""
         pose = scene.camera_from_target
         occluded = np.ones(len(self._points_m), bool)
-        occluded[front] = occluded_from_camera(self._mesh, self._points_m[front], pose.R, pose.t_m)
+        occluded[front] = occluded_from_camera(self._mesh, self._points_m[front], pose)
         dark = np.ones(len(self._points_m), bool)
         if scene.sun_visible_fraction >= ECLIPSED_BELOW:
             to_sun = pose.R.T @ np.asarray(scene.sun_direction_camera)

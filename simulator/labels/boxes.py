@@ -37,7 +37,10 @@ def mask_box(mask: ByteArray) -> Box | None:
 
 def amodal_box(scene: SceneState, target: Target) -> Box | None:
     """Bounds of all projected vertices, not clipped to the image; None when part is behind the camera."""
-    in_camera = scene.camera_from_target.apply(mesh_of(target).positions_m)
+    mesh = mesh_of(target)
+    # without a lens that bends it, the outermost of a projection are corners of the convex hull
+    points = mesh.hull_m if scene.camera.distortion.is_none else mesh.positions_m
+    in_camera = scene.camera_from_target.apply(points)
     if in_camera[:, 2].min() <= NEAREST_M:
         return None
     pixels = scene.camera.project(in_camera)
@@ -49,9 +52,6 @@ def amodal_box(scene: SceneState, target: Target) -> Box | None:
 @lru_cache(maxsize=64)
 def box_3d_m(target: Target) -> FloatArray:
     """(8, 3) corners of the box about the mesh, model axes, read only; corner k is high in x, y, z by bits 4, 2, 1."""
-    positions = mesh_of(target).positions_m
-    low, high = positions.min(axis=0), positions.max(axis=0)
-    bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
-    corners = np.asarray(low + bits * (high - low))
+    corners = np.ascontiguousarray(mesh_of(target).box_m.T)
     corners.flags.writeable = False
     return corners

@@ -8,6 +8,7 @@ ground and of the stars is each its own motion's and not a kernel's. A picture i
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,8 @@ from simulator.world.bodies import BODIES
 from simulator.world.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
     from simulator.render.passes.labels import Surfaces
@@ -179,6 +182,15 @@ def integrate(renderer: Renderer, scene: SceneState, target: Target) -> Exposed:
     return Exposed(radiance, stage_ms, len(bands) * len(times))
 
 
+def begin_surfaces(
+    renderer: Renderer, scene: SceneState, target: Target, *, layers: bool
+) -> Callable[[], Surfaces]:
+    """`surfaces`, which the driver draws while other things are done; the result, called once, waits for it."""
+    if len(row_bands(scene, target)) > 1:
+        return partial(surfaces, renderer, scene, target, layers=layers)
+    return renderer.begin_surfaces(scene, target, layers=layers)
+
+
 def surfaces(
     renderer: Renderer, scene: SceneState, target: Target, *, layers: bool, margin_px: int = 0
 ) -> Surfaces:
@@ -212,6 +224,7 @@ def _empty_like(seen: Surfaces, height: int) -> Surfaces:
         depth_m=np.full((height, seen.depth_m.shape[1]), np.nan, np.float32),
         normals=None if seen.normals is None else np.zeros((height, *seen.normals.shape[1:]), np.float16),
         parts=None if seen.parts is None else np.zeros((height, seen.parts.shape[1]), np.uint16),
+        window=(slice(None), slice(None)),
     )
 
 

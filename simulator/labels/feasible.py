@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 
 from simulator.camera.develop import noise_sigma
+from simulator.labels.wireframe import bent
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Sequence
 
     from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
@@ -23,37 +24,49 @@ SAMPLE_SPACING_PX = 4.0
 STEP_REACH_PX = 2.0
 
 
-def visible_samples(views: Iterable[EdgeView], camera: Camera) -> tuple[FloatArray, FloatArray]:
+def visible_samples(views: Sequence[EdgeView], camera: Camera) -> tuple[FloatArray, FloatArray]:
     """Points on the visible wireframe inside the image, about every four pixels.
 
     Returns
     -------
     pixels (S, 2), and the edge's normal in the image at each (S, 2).
     """
-    pixels, normals = [], []
-    for view in views:
-        length = view.length_px
-        if length < 1.0:
-            continue
-        direction = (view.ends_px[1] - view.ends_px[0]) / length
-        for a, b in view.stretches:
-            n = max(round((b - a) * length / SAMPLE_SPACING_PX), 1)
-            points = view.at(a + (np.arange(n) + 0.5) / n * (b - a))
-            points = points[camera.contains(points)]
-            pixels.append(points)
-            normals.append(np.broadcast_to([-direction[1], direction[0]], points.shape))
-    if not pixels:
+    rows = [
+        (k, a, b)
+        for k, view in enumerate(views)
+        if view.stretches and view.length_px >= 1.0
+        for a, b in view.stretches
+    ]
+    if not rows:
         return np.empty((0, 2)), np.empty((0, 2))
-    return np.concatenate(pixels), np.concatenate(normals)
+    which = np.array([k for k, _, _ in rows])
+    start, stop = np.array([(a, b) for _, a, b in rows]).T
+    ends = np.array([view.ends_px for view in views])[which]
+    way = ends[:, 1] - ends[:, 0]
+    length = np.hypot(*way.T)
+    count = np.maximum(np.rint((stop - start) * length / SAMPLE_SPACING_PX), 1).astype(int)
+    stretch = np.repeat(np.arange(len(rows)), count)
+    place = np.arange(len(stretch)) - np.repeat(np.cumsum(count) - count, count)
+    share = start[stretch] + (place + 0.5) / count[stretch] * (stop - start)[stretch]
+    straight = np.array([v.ends_px if v.straight_px is None else v.straight_px for v in views])[which]
+    pixels = straight[stretch, 0] + share[:, None] * (straight[:, 1] - straight[:, 0])[stretch]
+    lens = views[0].lens
+    if lens is not None:
+        pixels = bent(lens, pixels)
+    inside = camera.contains(pixels)
+    normal = np.stack([-way[:, 1], way[:, 0]], axis=1) / length[:, None]
+    return pixels[inside], normal[stretch[inside]]
 
 
-def wireframe_step_share(scene: SceneState, views: Iterable[EdgeView], signal: Float32Array) -> float:
+def wireframe_step_share(
+    scene: SceneState, views: Sequence[EdgeView], signal: Float32Array, level: float
+) -> float:
     """Share of the visible wireframe's length whose step in the noise-free image reaches one sigma.
 
     Parameters
     ----------
     views : the target's edges as the camera sees them.
-    signal : (H, W) noise-free signal, 1 at full scale.
+    signal : (H, W) noise-free signal, 1 at full scale. level : its mean within the scale, as `mean_level` gives it.
 
     Returns
     -------
@@ -62,12 +75,26 @@ def wireframe_step_share(scene: SceneState, views: Iterable[EdgeView], signal: F
     pixels, normals = visible_samples(views, scene.camera)
     if len(pixels) == 0:
         return 0.0
-    clipped = np.clip(signal, 0, 1)
     reach = STEP_REACH_PX * normals
-    left, right = (_sample(clipped, pixels + sign * reach) for sign in (-1, 1))
+    # only about the samples is the signal looked at, in pixels of its own
+    height, width = signal.shape
+    low = np.clip(np.floor(pixels.min(axis=0)) - 4, 0, [width - 1, height - 1]).astype(int)
+    high = np.clip(np.ceil(pixels.max(axis=0)) + 5, low + 1, [width, height]).astype(int)
+    clipped = np.clip(signal[low[1] : high[1], low[0] : high[0]], 0, 1)
+    left, right = (_sample(clipped, pixels + sign * reach - low) for sign in (-1, 1))
     step = np.abs(right - left)
-    sigma = noise_sigma(scene.sensor, float(clipped.mean()), scene.exposure_s)
+    sigma = noise_sigma(scene.sensor, level, scene.exposure_s)
     return float(np.mean(step >= sigma))
+
+
+def mean_level(signal: Float32Array) -> float:
+    """Mean of a signal (H, W) within the detector's scale.
+
+    In few steps that let go of Python's lock: it is worked out beside other things.
+    """
+    low, high, _, _ = cv2.minMaxLoc(signal)
+    within = signal if low >= 0 and high <= 1 else np.clip(signal, 0, 1)
+    return float(cv2.mean(within)[0])
 
 
 def _sample(image: Float32Array, pixels: FloatArray) -> FloatArray:

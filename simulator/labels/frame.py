@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import time
-from dataclasses import dataclass, field
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -14,10 +15,17 @@ import numpy as np
 
 from simulator.arrays import ByteArray, Float32Array, vec3
 from simulator.labels.boxes import amodal_box, box_3d_m, mask_box
-from simulator.labels.exposure import integrate, surfaces
-from simulator.labels.feasible import SILHOUETTE_SHARE, STEP_SHARE, wireframe_step_share
+from simulator.labels.exposure import begin_surfaces, integrate
+from simulator.labels.feasible import SILHOUETTE_SHARE, STEP_SHARE, mean_level, wireframe_step_share
 from simulator.labels.keypoints import label_keypoints, pixel_or_none
-from simulator.labels.layers import draw_layers, layer_hash, visible_mask, wants_surfaces
+from simulator.labels.layers import (
+    clean_twin,
+    draw_layers,
+    layer_hash,
+    optical_flow,
+    visible_mask,
+    wants_surfaces,
+)
 from simulator.labels.occlusion import mesh_of
 from simulator.labels.request import LabelRequest
 from simulator.labels.truth import Box, InfeasibleReason, RowPose, Software, Truth, WireLabel
@@ -26,6 +34,8 @@ from simulator.scene.develop import digitise_scene, expose_scene
 from simulator.scene.motion import scene_at
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from simulator.labels.wireframe import EdgeView
@@ -82,33 +92,70 @@ def take_frame(
     if not labels:
         return Frame(scene, image, exposed.radiance, stage_ms=stage_ms)
     request = labels if isinstance(labels, LabelRequest) else LabelRequest()
-    mono = signal if signal.ndim == 2 else signal.mean(axis=2)
-    seen = surfaces(renderer, scene, target, layers=wants_surfaces(request))
-    mask, amodal = visible_mask(seen), amodal_box(scene, target)
-    layers, origin = draw_layers(renderer, scene, target, request, seen, mask, signal, amodal)
-    inside = renderer.silhouette_inside(scene, target)
-    truth = label_frame(
-        scene,
-        target,
-        mono,
-        silhouette_inside=inside,
-        amodal=amodal,
-        wireframe="wireframe" in request.layers,
-        software=Software(flyaround=_own_version(), gl_renderer=renderer.info.renderer),
-    )
-    truth = msgspec.structs.replace(
-        truth,
-        box_px=mask_box(mask),
-        image_sha256=pixel_hash(image),
-        mask_sha256=pixel_hash(mask),
-        parts=tuple(part.name for part in target.parts) if "parts" in layers else (),
-        layers=tuple(name for name in request.layers if name in layers or name == "wireframe"),
-        layer_sha256={name: layer_hash(name, layer, mask) for name, layer in layers.items()},
-        amodal_origin_px=origin,
-        flow=request.flow if "flow" in layers else None,
-    )
+    frame = _labelled(renderer, scene, target, request, signal, image)
     stage_ms["labels"] = (time.perf_counter() - developed) * 1e3
-    return Frame(scene, image, exposed.radiance, truth, mask, seen.depth_m, layers, stage_ms)
+    return replace(frame, radiance=exposed.radiance, stage_ms=stage_ms)
+
+
+def _labelled(
+    renderer: Renderer,
+    scene: SceneState,
+    target: Target,
+    request: LabelRequest,
+    signal: Float32Array,
+    image: NDArray[np.unsignedinteger],
+) -> Frame:
+    """The labels of a developed picture, whose radiance and ledger are not in the frame yet.
+
+    The geometry is worked out while the driver draws the label raster on threads of its own, and another thread hashes
+    what is ready. It takes few long steps without Python's lock: each hand-over of that costs.
+    """
+    mono = signal if signal.ndim == 2 else signal.mean(axis=2)
+    clean = clean_twin(scene, signal) if "clean" in request.layers else None
+    with ThreadPoolExecutor(1) as aside:
+        level = aside.submit(mean_level, mono)
+        image_hash = aside.submit(pixel_hash, image)
+        clean_hash = None if clean is None else aside.submit(pixel_hash, clean)
+        inside = renderer.silhouette_inside(scene, target)
+        finish = begin_surfaces(renderer, scene, target, layers=wants_surfaces(request))
+        amodal = amodal_box(scene, target)
+        truth = label_frame(
+            scene,
+            target,
+            mono,
+            level.result,
+            silhouette_inside=inside,
+            amodal=amodal,
+            wireframe="wireframe" in request.layers,
+            software=Software(flyaround=_own_version(), gl_renderer=renderer.info.renderer),
+        )
+        seen = finish()
+        mask = visible_mask(seen)
+        mask_hash = aside.submit(pixel_hash, mask)
+        layers, origin = draw_layers(renderer, scene, target, request, seen, mask, amodal)
+        hashes = {
+            # an amodal mask without anything beyond the image is the mask itself
+            name: mask_hash if layer is mask else aside.submit(layer_hash, name, layer, mask)
+            for name, layer in layers.items()
+        }
+        if "flow" in request.layers and request.flow is not None:
+            layers["flow"] = optical_flow(scene, request.flow, seen.depth_m, mask)
+            hashes["flow"] = aside.submit(layer_hash, "flow", layers["flow"], mask)
+        if clean is not None and clean_hash is not None:
+            layers["clean"], hashes["clean"] = clean, clean_hash
+        layers = {name: layers[name] for name in request.layers if name in layers}
+        truth = msgspec.structs.replace(
+            truth,
+            box_px=mask_box(mask),
+            image_sha256=image_hash.result(),
+            mask_sha256=mask_hash.result(),
+            parts=tuple(part.name for part in target.parts) if "parts" in layers else (),
+            layers=tuple(name for name in request.layers if name in layers or name == "wireframe"),
+            layer_sha256={name: hashes[name].result() for name in layers},
+            amodal_origin_px=origin,
+            flow=request.flow if "flow" in layers else None,
+        )
+    return Frame(scene, image, signal, truth, mask, seen.depth_m, layers)
 
 
 @cache
@@ -120,6 +167,7 @@ def label_frame(
     scene: SceneState,
     target: Target,
     signal: Float32Array,
+    level: Callable[[], float],
     *,
     silhouette_inside: float,
     amodal: Box | None,
@@ -130,12 +178,12 @@ def label_frame(
 
     Parameters
     ----------
-    signal : (H, W) noise-free signal, 1 at full scale.
+    signal : (H, W) noise-free signal, 1 at full scale. level : gives its mean within the scale.
     wireframe : list each edge with what is seen of it.
     """
     mesh = mesh_of(target)
     views = view_edges(scene.camera, scene.camera_from_target, target, mesh)
-    share = wireframe_step_share(scene, views, signal)
+    share = wireframe_step_share(scene, views, signal, level())
     reason = infeasible_reason(silhouette_inside, share, amodal)
     corners = box_3d_m(target)
     return Truth(

@@ -103,8 +103,12 @@ def geometric_states(
     for then, which in _by_scene(scenes):
         on_image, seen_from = which[inside[which]], then.camera_from_target
         if on_image.size:
-            occluded[on_image] = occluded_from_camera(mesh, points[on_image], seen_from.R, seen_from.t_m)
-    shadowed = hidden_from_direction(mesh, points, pose.R.T @ np.asarray(scene.sun_direction_camera))
+            occluded[on_image] = occluded_from_camera(mesh, points[on_image], seen_from)
+    shadowed = np.zeros(len(points), bool)
+    if scene.lamp is None and scene.sun_visible_fraction >= ECLIPSED_BELOW:
+        asked = np.flatnonzero(inside & ~occluded)
+        to_sun = pose.R.T @ np.asarray(scene.sun_direction_camera)
+        shadowed[asked] = hidden_from_direction(mesh, points[asked], to_sun)
     states: list[KeypointState | None] = []
     for k in range(len(points)):
         if not inside[k]:

@@ -7,12 +7,16 @@ and each point is compared with the few triangles whose projection covers it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
-from simulator.arrays import BoolArray, FloatArray, IntArray
+from simulator.arrays import BoolArray, FloatArray, IntArray, vec3
+from simulator.labels.screen import across, seen_from_camera, seen_from_direction
+from simulator.targets.shells import is_closed
+from simulator.world.pose import Pose
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -23,12 +27,22 @@ if TYPE_CHECKING:
 SURFACE_TOLERANCE_M = 2e-3
 
 
+# Sine of the angle under which a triangle may look away and counts as facing: rounding must not lose one.
+GRAZING = 1e-6
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """All triangles of a target: positions (N, 3) [m] and indices (M, 3)."""
+    """All triangles of a target: positions (N, 3) [m] and indices (M, 3).
+
+    Parameters
+    ----------
+    in_shell : (M,) whether a triangle is of a closed shell that faces outwards; None where nothing is known of it.
+    """
 
     positions_m: FloatArray
     triangles: IntArray
+    in_shell: BoolArray | None = None
 
     @staticmethod
     def of(target: Target) -> Mesh:
@@ -39,7 +53,52 @@ class Mesh:
             np.concatenate([p.triangles + o for p, o in zip(target.parts, offsets, strict=True)]).astype(
                 np.int64
             ),
+            np.repeat([is_closed(p) for p in target.parts], [len(p.triangles) for p in target.parts]),
         )
+
+    @cached_property
+    def corners_m(self) -> FloatArray:
+        """(3, 3, M) x, y, z of each triangle's three corners, each in a row of its own."""
+        return np.ascontiguousarray(self.positions_m[self.triangles].transpose(2, 1, 0))
+
+    @cached_property
+    def box_m(self) -> FloatArray:
+        """(3, 8) corners of the box about the mesh; corner k is high in x, y, z by bits 4, 2, 1."""
+        low, high = self.positions_m.min(axis=0), self.positions_m.max(axis=0)
+        bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
+        return np.asarray(low + bits * (high - low)).T
+
+    @cached_property
+    def hull_m(self) -> FloatArray:
+        """(K, 3) corners of the convex hull; all positions of a mesh that is flat."""
+        try:
+            return np.asarray(self.positions_m[ConvexHull(self.positions_m).vertices])
+        except QhullError:
+            return self.positions_m
+
+    @cached_property
+    def _planes(self) -> FloatArray:
+        """(4, M) unit normal and distance from the origin, sign turned; zeros for what counts as facing everything."""
+        a, b, c = self.corners_m.transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a, axis=0)
+        length = np.linalg.norm(normal, axis=0)
+        normal /= np.maximum(length, 1e-30)
+        planes = np.concatenate([normal, -(normal * a).sum(axis=0)[None]])
+        planes[:, length < 1e-12] = 0
+        if self.in_shell is None:
+            return np.zeros_like(planes)
+        return planes * self.in_shell
+
+    def facing(self, place: FloatArray) -> IntArray:
+        """Numbers of the triangles that may be the first on a ray from a place: of closed shells those that face it.
+
+        Parameters
+        ----------
+        place : (4,) homogeneous: a point outside all shells (x, y, z, 1) [m], or the direction (x, y, z, 0) of one far
+            away.
+        """
+        unit = place / np.linalg.norm(place[:3])
+        return np.flatnonzero(unit @ self._planes >= -GRAZING)
 
 
 @lru_cache(maxsize=64)
@@ -48,71 +107,19 @@ def mesh_of(target: Target) -> Mesh:
     return Mesh.of(target)
 
 
-def triangle_bounds(xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest x, y (2, M) of projected triangles (M, 3, 2).
-
-    Columns apart: numpy reduces and compares contiguous rows several times faster than pairs.
-    """
-    low, high = np.empty((2, 2, len(xy)))
-    for axis in range(2):
-        a, b, c = (np.ascontiguousarray(xy[:, k, axis]) for k in range(3))
-        np.minimum(np.minimum(a, b), c, out=low[axis])
-        np.maximum(np.maximum(a, b), c, out=high[axis])
-    return low, high
-
-
-def _covered(
-    xy: FloatArray, key: FloatArray, point_xy: FloatArray, point_key: FloatArray, *, nearer_is_larger: bool
-) -> BoolArray:
-    """Whether some triangle covers each point with a strictly nearer key.
-
-    Parameters
-    ----------
-    xy : (M, 3, 2) projected corners. key : (M, 3) a quantity linear over the projected triangle.
-    point_xy : (K, 2). point_key : (K,) the key that a triangle must beat.
-    nearer_is_larger : True for inverse depth, False for depth.
-    """
-    low, high = triangle_bounds(xy)
-    hit = np.zeros(len(point_xy), bool)
-    for k, p in enumerate(point_xy):
-        near = np.flatnonzero((low[0] <= p[0]) & (high[0] >= p[0]) & (low[1] <= p[1]) & (high[1] >= p[1]))
-        if near.size == 0:
-            continue
-        a, b, c = (xy[near, i] for i in range(3))
-        area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u = ((b[:, 0] - p[0]) * (c[:, 1] - p[1]) - (b[:, 1] - p[1]) * (c[:, 0] - p[0])) / area
-            v = ((c[:, 0] - p[0]) * (a[:, 1] - p[1]) - (c[:, 1] - p[1]) * (a[:, 0] - p[0])) / area
-            w = 1 - u - v
-            value = u * key[near, 0] + v * key[near, 1] + w * key[near, 2]
-            beats = value > point_key[k] if nearer_is_larger else value < point_key[k]
-            hit[k] = bool(np.any((u >= 0) & (v >= 0) & (w >= 0) & beats))
-    return hit
-
-
-def occluded_from_camera(
-    mesh: Mesh, points_m: ArrayLike, R_camera_from_target: FloatArray, t_camera_from_target_m: ArrayLike
-) -> BoolArray:
+def occluded_from_camera(mesh: Mesh, points_m: ArrayLike, camera_from_target: Pose) -> BoolArray:
     """Whether the mesh hides each point from a pinhole at the camera's origin.
 
     Parameters
     ----------
-    points_m : (K, 3) points on the surface, target frame [m].
+    points_m : (K, 3) points on the surface, before the camera, target frame [m].
     """
-    t = np.asarray(t_camera_from_target_m, float)
-    vertices = mesh.positions_m @ R_camera_from_target.T + t
-    points = np.asarray(points_m, float) @ R_camera_from_target.T + t
-    triangles = mesh.triangles
-    if vertices[:, 2].min() <= 1e-3:
-        triangles = triangles[np.all(vertices[triangles, 2] > 1e-3, axis=1)]
-    xy = (vertices[:, :2] / vertices[:, 2:])[triangles]
+    points = camera_from_target.apply(points_m)
     distance = np.linalg.norm(points, axis=1)
+    # a hider lies nearer along the ray by the tolerance
     shrink = 1 - SURFACE_TOLERANCE_M / np.maximum(distance, 1e-9)
-    # 1/z is linear over the projected triangle; a hider lies nearer along the ray by the tolerance
-    key = 1 / (points[:, 2] * shrink)
-    return _covered(
-        xy, (1 / vertices[:, 2])[triangles], points[:, :2] / points[:, 2:], key, nearer_is_larger=True
-    )
+    screen = seen_from_camera(mesh, camera_from_target)
+    return screen.hides(points[:, :2] / points[:, 2:], 1 / (points[:, 2] * shrink))
 
 
 def hidden_from_direction(mesh: Mesh, points_m: ArrayLike, direction: ArrayLike) -> BoolArray:
@@ -123,17 +130,6 @@ def hidden_from_direction(mesh: Mesh, points_m: ArrayLike, direction: ArrayLike)
     points_m : (K, 3) points on the surface, target frame [m].
     direction : (3,) unit vector towards the source, target frame.
     """
-    d = np.asarray(direction, float)
-    helper = np.eye(3)[int(np.argmin(np.abs(d)))]
-    e1 = np.cross(d, helper)
-    e1 /= np.linalg.norm(e1)
-    basis = np.stack([e1, np.cross(d, e1), -d])  # third row: distance from the source, up to a constant
-    corners = (mesh.positions_m @ basis.T)[mesh.triangles]
-    points = np.asarray(points_m, float) @ basis.T
-    return _covered(
-        corners[..., :2],
-        corners[..., 2],
-        points[:, :2],
-        points[:, 2] - SURFACE_TOLERANCE_M,
-        nearer_is_larger=False,
-    )
+    towards = vec3(np.asarray(direction, float))
+    points = np.asarray(points_m, float) @ across(towards).T
+    return seen_from_direction(mesh, towards).hides(points[:, :2], points[:, 2] + SURFACE_TOLERANCE_M)

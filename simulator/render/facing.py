@@ -22,17 +22,23 @@ class FacingArray:
 
     Parameters
     ----------
-    program : what draws it. whole : draw all triangles of closed shells too.
+    program : what draws it. more : further buffers with a value per vertex, as in `Mesh.vertex_array`.
+    whole : draw all triangles of closed shells too.
     """
 
     def __init__(
-        self, context: moderngl.Context, mesh: Mesh, program: moderngl.Program, *, whole: bool = False
+        self,
+        context: moderngl.Context,
+        mesh: Mesh,
+        program: moderngl.Program,
+        *more: tuple[moderngl.Buffer, str, str],
+        whole: bool = False,
     ) -> None:
         self._mesh = mesh
         self._indices: moderngl.Buffer | None = None
         if mesh.is_closed and not whole and not (program.extra or {}).get("patches"):
             self._indices = context.buffer(reserve=mesh.indices.size, dynamic=True)
-        self.array = mesh.vertex_array(context, program, indices=self._indices)
+        self.array = mesh.vertex_array(context, program, *more, indices=self._indices)
 
     def render(self, place: FloatArray) -> None:
         """Draw what faces a place.

@@ -12,10 +12,11 @@ from scipy.spatial import ConvexHull, QhullError
 from simulator.errors import UserError
 from simulator.render.blocks import MAX_MATERIALS
 from simulator.render.patches import EDGE_SHARE, PatchArray, cut
+from simulator.targets.shells import is_closed
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray, IntArray
-    from simulator.targets.model import Material, Part, Target
+    from simulator.targets.model import Material, Target
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
 VERTEX_FORMAT = "3f 3f 1f"
@@ -174,7 +175,7 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
         hull_parts=np.cumsum([len(h) for h in hulls[:-1]]),
         center_m=center,
         radius_m=float(np.linalg.norm(hull - center, axis=1).max()),
-        is_closed=all(_is_closed(part) for part in target.parts),
+        is_closed=all(is_closed(part) for part in target.parts),
         triangles=triangles,
         planes=_planes(merged["position_m"].astype(float)[triangles]),
         uv=context.buffer(np.concatenate(uv).astype(np.float32).tobytes()) if textured else None,
@@ -189,21 +190,6 @@ def _planes(corners_m: FloatArray) -> Float32Array:
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     distance = np.einsum("ij,ij->i", normal, corners_m[:, 0])
     return np.column_stack([normal, -distance]).astype(np.float32)
-
-
-def _is_closed(part: Part) -> bool:
-    """Whether every edge is met once in each direction, and the shell's signed volume is positive."""
-    # corners that share a place are one, whatever their normals
-    _, place = np.unique(np.round(part.positions_m, 6), axis=0, return_inverse=True)
-    corners = place.ravel()[np.asarray(part.triangles)]
-    start = corners.ravel()
-    end = np.roll(corners, -1, axis=1).ravel()
-    count = len(place)
-    forward, backward = start * count + end, end * count + start
-    real = start != end  # slivers may have lost an edge in the rounding
-    p = part.positions_m.astype(float)[np.asarray(part.triangles)]
-    volume = np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2]))
-    return bool(volume > 0 and np.array_equal(np.sort(forward[real]), np.sort(backward[real])))
 
 
 def _hull(points_m: FloatArray) -> FloatArray:

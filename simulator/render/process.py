@@ -12,6 +12,7 @@ from multiprocessing import shared_memory
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from simulator.errors import UserError
+from simulator.memory import keep_freed_memory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -265,6 +266,7 @@ def _serve(pipe: Connection, work: Callable[..., object], device_index: int | No
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     from simulator.render.renderer import Renderer  # noqa: PLC0415 - the parent need not load OpenGL
 
+    keep_freed_memory()
     results = _Results(pipe)
     try:
         with Renderer(device_index=device_index) as renderer:

@@ -28,6 +28,7 @@ from simulator.render.view import build_view, sky_light
 from simulator.scene.bands import bands_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import TracebackType
 
     import moderngl
@@ -196,26 +197,40 @@ class Renderer:
         inside = 1.0
         if labels:
             coverage = images.read_coverage()
-            depth = passes.surfaces(scene, view, target, layers=False).depth_m
-            inside = passes.silhouette_inside(scene, view, target)
+            depth = passes.begin_surfaces(scene, target, layers=False)().depth_m
+            inside = passes.silhouette_inside(scene, target)
             clock.lap("labels")
         self.check("a frame")
         return Rendered(radiance, coverage, depth, inside, clock.stage_ms)
 
-    def surfaces(self, scene: SceneState, target: Target, *, layers: bool = False) -> Surfaces:
+    def begin_surfaces(
+        self, scene: SceneState, target: Target, *, layers: bool = False
+    ) -> Callable[[], Surfaces]:
         """What of the target lies at each pixel's centre, without drawing the picture.
+
+        The driver is drawing it when this returns; calling the result, once, waits for the end and reads it back.
 
         Parameters
         ----------
         layers : normals and parts too, not depth alone.
         """
-        seen = self._prepare(scene).surfaces(scene, build_view(scene), target, layers=layers)
-        self.check("the labels of a frame")
-        return seen
+        finish = self._prepare(scene).begin_surfaces(scene, target, layers=layers)
+
+        def surfaces() -> Surfaces:
+            self.make_current()
+            seen = finish()
+            self.check("the labels of a frame")
+            return seen
+
+        return surfaces
+
+    def surfaces(self, scene: SceneState, target: Target, *, layers: bool = False) -> Surfaces:
+        """`begin_surfaces`, waited for."""
+        return self.begin_surfaces(scene, target, layers=layers)()
 
     def silhouette_inside(self, scene: SceneState, target: Target) -> float:
         """Share of the target's whole silhouette that falls on the image."""
-        return self._prepare(scene).silhouette_inside(scene, build_view(scene), target)
+        return self._prepare(scene).silhouette_inside(scene, target)
 
     def _prepare(self, scene: SceneState) -> TargetPasses:
         """Bind what every pass reads, and choose the spacecraft's passes for the scene's lens."""

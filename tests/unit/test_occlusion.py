@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from simulator.labels.occlusion import Mesh, hidden_from_direction, occluded_from_camera
 from simulator.targets.library import load_target
-from simulator.world.rotation import matrix_from_quat, quat_normalize
+from simulator.world.pose import Pose
 
 CUBE = trimesh.creation.box(extents=(1, 1, 1))
 MESH = Mesh(np.asarray(CUBE.vertices, float), np.asarray(CUBE.faces, np.int64))
@@ -15,7 +15,9 @@ CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in
 
 
 def test_cube_seen_along_its_axis_shows_four_corners():
-    hidden = occluded_from_camera(MESH, CORNERS, np.eye(3), (0.0, 0.0, 5.0))
+    hidden = occluded_from_camera(
+        MESH, CORNERS, Pose.of("camera", "target", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0))
+    )
     # perspective: the far face's corners project inside the near face
     assert np.array_equal(hidden, CORNERS[:, 2] > 0)
 
@@ -34,9 +36,10 @@ def test_sun_behind_a_face_shadows_its_centre():
 def test_agrees_with_independent_ray_casting_on_tango(q, z):
     target = load_target("tango")
     mesh = Mesh.of(target)
-    R, t = matrix_from_quat(quat_normalize(q)), np.array([0.1, -0.2, z])
+    pose = Pose.of("camera", "target", q, (0.1, -0.2, z))
+    R, t = pose.R, np.asarray(pose.t_m)
     points = np.array([k.position_m for k in target.keypoints])
-    ours = occluded_from_camera(mesh, points, R, t)
+    ours = occluded_from_camera(mesh, points, pose)
     eye = -R.T @ t
     rays = eye - points
     length = np.linalg.norm(rays, axis=1)

@@ -12,6 +12,7 @@ import numpy as np
 
 from simulator.render.block_values import lens_values
 from simulator.render.context import release
+from simulator.render.facing import FacingArray
 from simulator.render.projection import PixelRect, clip_from_camera, window_from_pixel
 
 if TYPE_CHECKING:
@@ -37,20 +38,47 @@ class Surfaces:
     depth_m : (H, W) float32 camera z of the nearest surface, NaN where the target is not.
     normals : (H, W, 3) float16, camera frame, unit, towards the camera; zero where the target is not; or None.
     parts : (H, W) uint16, number of the part in the target from 1, 0 where the target is not; or None.
+    window : rows and columns outside which the target is not.
     """
 
     depth_m: Float32Array
     normals: np.typing.NDArray[np.float16] | None = None
     parts: np.typing.NDArray[np.uint16] | None = None
+    window: tuple[slice, slice] = (slice(None), slice(None))
 
 
 @dataclass(frozen=True, eq=False)
 class _Arrays:
     """Vertex arrays of one uploaded target: for depth alone, and for all layers."""
 
-    depth: moderngl.VertexArray
-    layers: moderngl.VertexArray
+    depth: FacingArray
+    layers: FacingArray
     parts: moderngl.Buffer
+
+
+@dataclass(frozen=True, eq=False)
+class PendingSurfaces:
+    """A label raster that the driver is drawing; to be read once."""
+
+    context: moderngl.Context
+    framebuffer: moderngl.Framebuffer
+    resources: tuple[moderngl.Texture | moderngl.Renderbuffer, ...]
+    size: tuple[int, int]
+    layers: bool
+
+    def read(self) -> Surfaces:
+        """Wait for the raster, take it and free its memory."""
+        shape = self.size[::-1]
+        z = self.framebuffer.read(components=1, dtype="f4", alignment=1)
+        depth_m = np.frombuffer(z, np.float32).reshape(shape).copy()
+        depth_m[depth_m == 0] = np.nan
+        normals = parts = None
+        if self.layers:
+            data = self.framebuffer.read(components=4, attachment=1, dtype="f2", alignment=1)
+            surface = np.frombuffer(data, np.float16).reshape(*shape, 4)
+            normals, parts = surface[..., :3], surface[..., 3].astype(np.uint16)
+        release(self.context, self.framebuffer, *self.resources)
+        return Surfaces(depth_m, normals, parts)
 
 
 class LabelPass:
@@ -63,6 +91,7 @@ class LabelPass:
             for layers in (False, True)
         }
         self._arrays: dict[str, _Arrays] = {}
+        self._aside = context.framebuffer([context.texture((1, 1), 1)])
 
     def _arrays_of(self, target: Target, mesh: Mesh) -> _Arrays:
         if target.sha256 not in self._arrays:
@@ -71,13 +100,13 @@ class LabelPass:
             )
             parts = self._context.buffer(numbers.tobytes())
             self._arrays[target.sha256] = _Arrays(
-                mesh.vertex_array(self._context, self._programs[False].gl),
-                mesh.vertex_array(self._context, self._programs[True].gl, (parts, "1f", "in_part")),
+                FacingArray(self._context, mesh, self._programs[False].gl),
+                FacingArray(self._context, mesh, self._programs[True].gl, (parts, "1f", "in_part")),
                 parts,
             )
         return self._arrays[target.sha256]
 
-    def surfaces(
+    def begin(
         self,
         target: Target,
         mesh: Mesh,
@@ -88,8 +117,8 @@ class LabelPass:
         *,
         layers: bool = False,
         scale: float = 1.0,
-    ) -> Surfaces:
-        """What the pixels of ``rect`` show; ``scale`` < 1 draws fewer, larger pixels.
+    ) -> PendingSurfaces:
+        """Have the driver draw what the pixels of ``rect`` show; ``scale`` < 1 draws fewer, larger pixels.
 
         Parameters
         ----------
@@ -98,9 +127,8 @@ class LabelPass:
         arrays, program = self._arrays_of(target, mesh), self._programs[layers]
         size = (max(1, round(rect.width * scale)), max(1, round(rect.height * scale)))
         clip = clip_from_camera(camera, *near_far_m, window_from_pixel(rect) * scale, size)
-        z = self._context.texture(size, 1, dtype="f4")
+        outputs = [self._context.texture(size, 1, dtype="f4")]
         depth = self._context.depth_renderbuffer(size)
-        outputs = [z]
         if layers:
             outputs.append(self._context.texture(size, 4, dtype="f2"))
         framebuffer = self._context.framebuffer(outputs, depth)
@@ -111,18 +139,11 @@ class LabelPass:
         self._context.enable_only(self._context.DEPTH_TEST)
         program.set("u_clip_from_target", tuple((clip @ camera_from_target).T.ravel()))
         program.set("u_label_camera_from_target", tuple(camera_from_target.T.ravel()))
-        (arrays.layers if layers else arrays.depth).render()
-        data = np.frombuffer(framebuffer.read(components=1, dtype="f4", alignment=1), np.float32)
-        depth_m = data.reshape(size[1], size[0])
-        depth_m = np.where(depth_m == 0, np.float32(np.nan), depth_m)
-        normals = parts = None
-        if layers:
-            surface = np.frombuffer(
-                framebuffer.read(components=4, attachment=1, dtype="f2", alignment=1), np.float16
-            ).reshape(size[1], size[0], 4)
-            normals, parts = surface[..., :3], surface[..., 3].astype(np.uint16)
-        release(self._context, framebuffer, depth, *outputs)
-        return Surfaces(depth_m, normals, parts)
+        eye_m = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
+        (arrays.layers if layers else arrays.depth).render(np.append(eye_m, 1.0))
+        # a software driver begins to draw once something else is drawn to, and then does so on threads of its own
+        self._aside.clear()
+        return PendingSurfaces(self._context, framebuffer, (depth, *outputs), size, layers)
 
     def silhouette(
         self,
@@ -145,9 +166,8 @@ class LabelPass:
             return 1.0
         rect = PixelRect(int(x0), int(y0), int(x1), int(y1))
         scale = min(1.0, _SILHOUETTE_SIDE_PX / max(rect.width, rect.height))
-        seen = np.isfinite(
-            self.surfaces(target, mesh, camera, rect, camera_from_target, near_far_m, scale=scale).depth_m
-        )
+        drawn = self.begin(target, mesh, camera, rect, camera_from_target, near_far_m, scale=scale)
+        seen = np.isfinite(drawn.read().depth_m)
         on_image = _on_image(camera, rect, seen.shape, scale)
         total = int(seen.sum())
         return float((seen & on_image).sum() / total) if total else 0.0
@@ -157,6 +177,7 @@ class LabelPass:
         for arrays in self._arrays.values():
             release(self._context, arrays.depth, arrays.layers, arrays.parts)
         self._arrays.clear()
+        release(self._context, self._aside, *self._aside.color_attachments)
 
 
 def _on_image(camera: Camera, rect: PixelRect, shape: tuple[int, ...], scale: float) -> BoolArray:

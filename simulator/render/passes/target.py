@@ -28,9 +28,10 @@ from simulator.render.textures import Textures
 from simulator.scene.bands import bands_of, reflectance
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     import moderngl
+    from numpy.typing import ArrayLike
 
     from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
@@ -158,7 +159,7 @@ class TargetPasses:
         """
         loaded = self._load(target)
         mesh, camera = loaded.mesh, scene.camera
-        place = locate(mesh, view, camera)
+        place = locate(mesh, _matrix(view.R_camera_from_target, view.t_camera_from_target_m), camera)
         if place is None:
             return None
         bent = self._programs.lens  # edges are curves then, and not weighted
@@ -237,29 +238,36 @@ class TargetPasses:
             images.target_framebuffer, sampled.rect, sampled.cells_px, sampled.program, sampled.textures
         )
 
-    def surfaces(self, scene: SceneState, view: View, target: Target, *, layers: bool) -> Surfaces:
-        """What lies at each pixel's centre."""
+    def begin_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
+        """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""
         mesh, camera = self._load(target).mesh, scene.camera
-        shape = (camera.height_px, camera.width_px)
-        depth = np.full(shape, np.nan, np.float32)
-        normals = np.zeros((*shape, 3), np.float16) if layers else None
-        parts = np.zeros(shape, np.uint16) if layers else None
-        place = locate(mesh, view, camera)
+        place = locate(mesh, _matrix_of(scene), camera)
+        pending = None
         if place is not None:
-            rect = place.rect
-            window = (slice(rect.y0, rect.y1), slice(rect.x0, rect.x1))
-            seen = self._labels.surfaces(
-                target, mesh, camera, rect, place.camera_from_target, place.near_far_m, layers=layers
+            pending = self._labels.begin(
+                target, mesh, camera, place.rect, place.camera_from_target, place.near_far_m, layers=layers
             )
-            depth[window] = seen.depth_m
-            if normals is not None and parts is not None and seen.parts is not None:
-                normals[window], parts[window] = seen.normals, seen.parts
-        return Surfaces(depth, normals, parts)
 
-    def silhouette_inside(self, scene: SceneState, view: View, target: Target) -> float:
+        def whole_image() -> Surfaces:
+            shape = (camera.height_px, camera.width_px)
+            depth = np.full(shape, np.nan, np.float32)
+            normals = np.zeros((*shape, 3), np.float16) if layers else None
+            parts = np.zeros(shape, np.uint16) if layers else None
+            window = (slice(0, 0), slice(0, 0))
+            if place is not None and pending is not None:
+                rect, seen = place.rect, pending.read()
+                window = (slice(rect.y0, rect.y1), slice(rect.x0, rect.x1))
+                depth[window] = seen.depth_m
+                if normals is not None and parts is not None and seen.parts is not None:
+                    normals[window], parts[window] = seen.normals, seen.parts
+            return Surfaces(depth, normals, parts, window)
+
+        return whole_image
+
+    def silhouette_inside(self, scene: SceneState, target: Target) -> float:
         """Share of the whole silhouette that falls on the image; 0 where nothing is before the camera."""
         mesh, camera = self._load(target).mesh, scene.camera
-        place = locate(mesh, view, camera, clip=False)
+        place = locate(mesh, _matrix_of(scene), camera, clip=False)
         if place is None:
             return 0.0
         return self._labels.silhouette(
@@ -280,20 +288,32 @@ class TargetPasses:
         self._loaded.clear()
 
 
-def locate(mesh: Mesh, view: View, camera: Camera, *, clip: bool = True) -> Placement | None:
+def _matrix(R: FloatArray, t_m: ArrayLike) -> FloatArray:
+    """(4, 4) of a rotation (3, 3) and a translation (3,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = R, t_m
+    return matrix
+
+
+def _matrix_of(scene: SceneState) -> FloatArray:
+    """(4, 4) camera from target."""
+    return _matrix(scene.camera_from_target.R, scene.t_camera_from_target_m)
+
+
+def locate(
+    mesh: Mesh, camera_from_target: FloatArray, camera: Camera, *, clip: bool = True
+) -> Placement | None:
     """Where the target is drawn; ``None`` when nothing of it is in front of the camera (and, clipped, on the image).
 
     A target that reaches behind the camera is given twice the image's size on each side.
     """
-    camera_from_target = np.eye(4)
-    camera_from_target[:3, :3] = view.R_camera_from_target
-    camera_from_target[:3, 3] = view.t_camera_from_target_m
-    z = float(view.R_camera_from_target[2] @ mesh.center_m + view.t_camera_from_target_m[2])
+    R, t = camera_from_target[:3, :3], camera_from_target[:3, 3]
+    z = float(R[2] @ mesh.center_m + t[2])
     near, far = max(z - mesh.radius_m * 1.001, MIN_NEAR_M), z + mesh.radius_m * 1.001
     if far <= MIN_NEAR_M:
         return None
     width, height = camera.width_px, camera.height_px
-    points = mesh.hull_m @ view.R_camera_from_target.T + view.t_camera_from_target_m
+    points = mesh.hull_m @ R.T + t
     if points[:, 2].min() > MIN_NEAR_M:
         if camera.distortion.is_none:
             pixels = camera.project(points)
