@@ -1,20 +1,21 @@
 """Trains a target's first look (hil/board/svd/look) on views drawn by `first_look_pictures`; needs the extra `train`.
 
-python -m hil.evaluate.first_look_pictures tango -n 10000 -o VIEWS
-python -m hil.evaluate.train_first_look tango VIEWS -o hil/board/svd/look/tango.npz --minutes 30
+python -m hil.evaluate.first_look_pictures tango -n 30000 -o VIEWS
+python -m hil.evaluate.train_first_look tango VIEWS -o hil/board/svd/look/tango.npz --minutes 50
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
+from torch.nn import functional
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.look.attitudes import ANCHORS, bumps, even_attitudes
@@ -23,35 +24,37 @@ from hil.evaluate.first_look_samples import Batch, Views, sample
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
-# one thread: boards and desks alike have other work
-os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
-
-import jax
-import jax.numpy as jnp
-
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from simulator.arrays import FloatArray
 
-    Tree = dict[str, jax.Array]
+    Tree = dict[str, torch.Tensor]
 
 # Channels after each convolution, after the squeeze, and of the hidden layer.
-CHANNELS, SQUEEZED, HIDDEN = (16, 40, 80, 96, 128), 64, 192
+CHANNELS, SQUEEZED, HIDDEN = (24, 48, 96, 112, 128), 64, 224
 
-BATCH, RATE = 64, 2e-3
+BATCH, RATE, DECAY = 64, 2e-3, 1e-2
 
 # Attitudes compared in one step, and how many random turns of them there are; width of the wanted bump [rad].
-COMPARED, TURNS, WIDTH_RAD = 2048, 8, float(np.radians(7.0))
+COMPARED, TURNS, WIDTH_RAD = 2048, 8, float(np.radians(6.0))
 
 # How often it tells how it does.
-REPORTS = 8
+REPORTS = 10
 
 # Attitudes that a report looks among.
 GRID = 6000
 
 # Share of the weights' running mean that each step keeps.
-KEEP = 0.995
+KEEP = 0.998
+
+# Errors of place and size from which they count linearly [half sides, log]; what they weigh against attitude.
+ROBUST, PLACE_WEIGHT = 0.05, 0.3
+
+# Added to a variance before it divides.
+EPSILON = 1e-4
+
+LAYERS = (*(f"kernel{k}" for k in range(len(STRIDES))), "squeeze", "hidden")
 
 
 def start_weights(seed: int) -> Tree:
@@ -73,10 +76,11 @@ def start_weights(seed: int) -> Tree:
     cells = LOOK_PX // int(np.prod(STRIDES))
     layer("hidden", (cells * cells * SQUEEZED, HIDDEN))
     layer("heads", (HIDDEN, ANCHORS + 4), 0.01)
-    return {k: jnp.asarray(v, jnp.float32) for k, v in out.items()}
+    del out["heads_scale"]
+    return {k: torch.tensor(v, dtype=torch.float32, requires_grad=True) for k, v in out.items()}
 
 
-def forward(weights: Tree, running: Tree | None, looks: jax.Array) -> tuple[jax.Array, Tree]:
+def forward(weights: Tree, running: Tree | None, looks: torch.Tensor) -> tuple[torch.Tensor, Tree]:
     """Outputs (B, J + 4), and mean and variance of each layer in this batch.
 
     Parameters
@@ -85,95 +89,66 @@ def forward(weights: Tree, running: Tree | None, looks: jax.Array) -> tuple[jax.
     """
     seen: Tree = {}
 
-    def normalised(name: str, x: jax.Array) -> jax.Array:
+    def normalised(name: str, x: torch.Tensor) -> torch.Tensor:
         if running is None:
-            axes = tuple(range(x.ndim - 1))
-            mean, var = x.mean(axes), x.var(axes)
+            # what a step of a running mean with weight one keeps are the batch's own
+            mean, var = torch.zeros(x.shape[1]), torch.zeros(x.shape[1])
         else:
             mean, var = running[f"{name}_mean"], running[f"{name}_var"]
-        seen[f"{name}_mean"], seen[f"{name}_var"] = mean, var
-        x = (x - mean) * jax.lax.rsqrt(var + 1e-4)
-        return jax.nn.relu(x * weights[f"{name}_scale"] + weights[f"{name}_bias"])
-
-    x = looks
-    for k, stride in enumerate(STRIDES):
-        kernel = weights[f"kernel{k}"]
-        side = kernel.shape[0]
-        before = (side - stride) // 2 if stride > 1 else side // 2
-        pad = (before, side - before - stride)
-        x = jax.lax.conv_general_dilated(
-            x, kernel, (stride, stride), (pad, pad), dimension_numbers=("NHWC", "HWIO", "NHWC")
+        x = functional.batch_norm(
+            x,
+            mean,
+            var,
+            weights[f"{name}_scale"],
+            weights[f"{name}_bias"],
+            training=running is None,
+            momentum=1.0,
+            eps=EPSILON,
         )
+        seen[f"{name}_mean"], seen[f"{name}_var"] = mean, var
+        return torch.relu_(x)
+
+    x = looks.permute(0, 3, 1, 2)
+    for k, stride in enumerate(STRIDES):
+        kernel = weights[f"kernel{k}"].permute(3, 2, 0, 1).contiguous(memory_format=torch.channels_last)
+        side = kernel.shape[-1]
+        before = (side - stride) // 2 if stride > 1 else side // 2
+        after = side - before - stride
+        x = functional.conv2d(functional.pad(x, (before, after, before, after)), kernel, stride=stride)
         x = normalised(f"kernel{k}", x)
-    x = normalised("squeeze", x @ weights["squeeze"]).reshape(len(looks), -1)
-    x = normalised("hidden", x @ weights["hidden"])
-    return x @ weights["heads"] + weights["heads_bias"], seen
+    cells = x.permute(0, 2, 3, 1)
+    flat = normalised("squeeze", cells.reshape(-1, cells.shape[-1]) @ weights["squeeze"])
+    flat = normalised("hidden", flat.reshape(len(looks), -1) @ weights["hidden"])
+    return flat @ weights["heads"] + weights["heads_bias"], seen
 
 
 def loss(
-    weights: Tree, looks: jax.Array, wanted: jax.Array, basis: jax.Array, box: jax.Array, craft: jax.Array
-) -> tuple[jax.Array, tuple[Tree, jax.Array]]:
+    out: torch.Tensor, wanted: torch.Tensor, basis: torch.Tensor, box: torch.Tensor, craft: torch.Tensor
+) -> tuple[torch.Tensor, FloatArray]:
     """Cross-entropy over attitudes, robust error of place and size, cross-entropy of there being a craft."""
-    out, seen = forward(weights, None, looks)
-    there = craft / jnp.maximum(craft.sum(), 1.0)
-    likely = jax.nn.log_softmax(out[:, :ANCHORS] @ basis, axis=1)
+    there = craft / torch.clamp(craft.sum(), min=1.0)
+    likely = torch.log_softmax(out[:, :ANCHORS] @ basis, dim=1)
     attitude = -(there[:, None] * wanted * likely).sum()
-    e = jnp.abs(out[:, ANCHORS : ANCHORS + 3] - box) / jnp.array([0.05, 0.05, 0.05])
-    place = (there[:, None] * jnp.where(e < 1, 0.5 * e * e, e - 0.5)).sum()
-    z = out[:, ANCHORS + 3]
-    present = (jax.nn.softplus(z) - craft * z).mean()
-    return attitude + 0.3 * place + present, (seen, jnp.stack([attitude, place, present]))
+    e = (out[:, ANCHORS : ANCHORS + 3] - box).abs() / ROBUST
+    place = (there[:, None] * torch.where(e < 1, 0.5 * e * e, e - 0.5)).sum()
+    present = functional.binary_cross_entropy_with_logits(out[:, ANCHORS + 3], craft)
+    parts = np.array([attitude.item(), place.item(), present.item()])
+    return attitude + PLACE_WEIGHT * place + present, parts
 
 
-def adam_step(
-    weights: Tree, means: Tree, moment: Tree, square: Tree, count: float, rate: float, *batch: jax.Array
-) -> tuple[Tree, Tree, Tree, Tree, jax.Array]:
-    """One step of Adam (Kingma & Ba 2015) with decay of the weights.
-
-    Parameters
-    ----------
-    means : running means of the weights and of each layer's mean and variance.
-    """
-    slopes, (seen, parts) = jax.grad(loss, has_aux=True)(weights, *batch)
-    size = jnp.sqrt(sum(jnp.vdot(g, g) for g in slopes.values()))
-    slopes = {k: g * jnp.minimum(1.0, 5.0 / size) for k, g in slopes.items()}
-    moment = {k: 0.9 * moment[k] + 0.1 * g for k, g in slopes.items()}
-    square = {k: 0.99 * square[k] + 0.01 * g * g for k, g in slopes.items()}
-
-    def moved(k: str) -> jax.Array:
-        m, s = moment[k] / (1 - 0.9**count), square[k] / (1 - 0.99**count)
-        decay = 1e-2 if weights[k].ndim > 1 else 0.0
-        return weights[k] - rate * (m / (jnp.sqrt(s) + 1e-8) + decay * weights[k])
-
-    weights = {k: moved(k) for k in weights}
-    # early steps count for little in the means
-    keep = jnp.minimum(KEEP, count / (count + 20))
-    means = {k: keep * means[k] + (1 - keep) * v for k, v in (weights | seen).items()}
-    return weights, means, moment, square, parts
-
-
-step = jax.jit(adam_step)
-
-
-def prepared(batch: Batch, grid: FloatArray) -> tuple[Any, ...]:
-    """A batch as `loss` takes it, the wanted likelihood of each attitude of the grid included."""
-    angle = 2 * np.arccos(np.minimum(np.abs(batch.q_wxyz @ grid.T), 1.0))
-    wanted = np.exp(-0.5 * (angle / WIDTH_RAD) ** 2) + 1e-9
-    wanted /= wanted.sum(axis=1, keepdims=True)
-    return (
-        batch.looks,
-        wanted.astype(np.float32),
-        batch.box.astype(np.float32),
-        batch.craft.astype(np.float32),
-    )
+def wanted_likelihood(q_wxyz: FloatArray, grid: FloatArray) -> torch.Tensor:
+    """(B, N) likelihood of each attitude of a grid (N, 4): a bump about the true one."""
+    angle = 2 * np.arccos(np.minimum(np.abs(q_wxyz.astype(np.float32) @ grid.T.astype(np.float32)), 1.0))
+    wanted = np.exp(-0.5 * (angle / np.float32(WIDTH_RAD)) ** 2) + np.float32(1e-9)
+    return torch.from_numpy(wanted / wanted.sum(axis=1, keepdims=True))
 
 
 def folded(means: Tree) -> dict[str, FloatArray]:
     """The layers with their normalisations multiplied in, as the board has them."""
-    w = {k: np.asarray(v, float) for k, v in means.items()}
+    w = {k: v.detach().double().numpy() for k, v in means.items()}
     out = {"heads": w["heads"], "heads_bias": w["heads_bias"]}
-    for name in (*(f"kernel{k}" for k in range(len(STRIDES))), "squeeze", "hidden"):
-        scale = w[f"{name}_scale"] / np.sqrt(w[f"{name}_var"] + 1e-4)
+    for name in LAYERS:
+        scale = w[f"{name}_scale"] / np.sqrt(w[f"{name}_var"] + EPSILON)
         out[name] = w[name] * scale
         out[name.replace("kernel", "bias") if "kernel" in name else f"{name}_bias"] = (
             w[f"{name}_bias"] - w[f"{name}_mean"] * scale
@@ -232,18 +207,25 @@ def recall(net: Net, batch: Batch, most: int = 32) -> str:
 
 
 def train(views: Views, minutes: float, seed: int, report: Callable[[str, Tree], None]) -> Tree:
-    """Running means of weights and statistics after ``minutes``."""
+    """Running means of weights and statistics after ``minutes``: Adam with decay of the weights, falling rate."""
+    # one thread: boards and desks alike have other work
+    torch.set_num_threads(1)
     rng = np.random.default_rng(seed)
     weights = start_weights(seed)
-    zero = {k: jnp.zeros_like(v) for k, v in weights.items()}
-    moment, square = zero, zero
+    adam = torch.optim.AdamW(
+        [
+            {"params": [w for w in weights.values() if w.ndim > 1], "weight_decay": DECAY},
+            {"params": [w for w in weights.values() if w.ndim == 1], "weight_decay": 0.0},
+        ],
+        lr=RATE,
+        betas=(0.9, 0.99),
+    )
     grids = []
     for _ in range(TURNS):
         p, r = quat.normalise(rng.normal(size=4)), quat.normalise(rng.normal(size=4))
         grid = quat.multiply(quat.multiply(p, even_attitudes(COMPARED)), r)
-        grids.append((grid, jnp.asarray(bumps(grid).T, jnp.float32)))
-    _, seen = forward(weights, None, jnp.asarray(sample(views, rng, BATCH).looks))
-    means = weights | seen
+        grids.append((grid, torch.tensor(bumps(grid).T, dtype=torch.float32)))
+    means: Tree = {}
     start, count, done, told = time.monotonic(), 0, 0.0, 0.0
     losses = np.zeros(3)
     with ThreadPoolExecutor(1) as pool:
@@ -252,14 +234,29 @@ def train(views: Views, minutes: float, seed: int, report: Callable[[str, Tree],
             batch = ahead.result()
             ahead = pool.submit(sample, views, rng, BATCH)
             grid, basis = grids[count % TURNS]
-            looks, wanted, box, craft = prepared(batch, grid)
             count += 1
             done = (time.monotonic() - start) / (60 * minutes)
-            rate = RATE * min(1.0, count / 200) * 0.5 * (1 + np.cos(np.pi * min(done, 1.0))) + 1e-5
-            weights, means, moment, square, parts = step(
-                weights, means, moment, square, float(count), rate, looks, wanted, basis, box, craft
+            for group in adam.param_groups:
+                falling = 0.5 * (1 + np.cos(np.pi * min(done, 1.0)))
+                group["lr"] = RATE * min(1.0, count / 200) * falling + 1e-5
+            out, seen = forward(weights, None, torch.from_numpy(batch.looks))
+            total, parts = loss(
+                out,
+                wanted_likelihood(batch.q_wxyz, grid),
+                basis,
+                torch.tensor(batch.box, dtype=torch.float32),
+                torch.tensor(batch.craft, dtype=torch.float32),
             )
-            losses = 0.98 * losses + 0.02 * np.asarray(parts)
+            adam.zero_grad()
+            total.backward()
+            torch.nn.utils.clip_grad_norm_(weights.values(), 5.0)
+            adam.step()
+            # early steps count for little in the means
+            keep = min(KEEP, count / (count + 20))
+            with torch.no_grad():
+                for k, v in (weights | seen).items():
+                    means[k] = v.clone() if count == 1 else means[k].lerp_(v, 1 - keep)
+            losses = 0.98 * losses + 0.02 * parts
             if done - told > 1 / REPORTS:
                 told = done
                 report(f"{count} steps, loss {np.round(losses / (1 - 0.98**count), 3)}", means)
@@ -272,13 +269,13 @@ def main() -> None:
     parser.add_argument("target")
     parser.add_argument("views", type=Path)
     parser.add_argument("-o", "--output", required=True, type=Path)
-    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--minutes", type=float, default=50.0)
     parser.add_argument("--views-used", type=int, default=None)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     n = options.views_used or len(np.load(options.views / "pose.npy", mmap_mode="r"))
     views = Views.read(options.views, 0, n - n // 20)
-    held = sample(Views.read(options.views, n - n // 20, n), np.random.default_rng(1), 100)
+    held = sample(Views.read(options.views, n - n // 20, n), np.random.default_rng(1), 300)
 
     def report(text: str, means: Tree) -> None:
         write(options.output, folded(means), options.target)

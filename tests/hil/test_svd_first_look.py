@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 import pytest
 from scipy.signal import correlate
@@ -17,6 +18,8 @@ from hil.board.svd.look.first import net_for
 from hil.board.svd.look.net import FILLED, LOOK_PX, Net, convolve
 from hil.board.svd.look.subspaces import Subspaces
 from hil.board.svd.shade import Canvas, draw_faces
+from hil.evaluate.first_look_pictures import VIEW_PX
+from hil.evaluate.first_look_samples import Views, sample
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
@@ -29,6 +32,12 @@ CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 @pytest.fixture(scope="module")
 def tango() -> BoardModel:
     return board_model(load_target("tango"))
+
+
+@pytest.fixture(scope="module")
+def views(tango: BoardModel) -> Subspaces:
+    assert tango.faces is not None
+    return Subspaces.of(tango, tango.faces)
 
 
 @pytest.mark.parametrize(("side", "stride"), [(5, 2), (3, 2), (3, 1)])
@@ -46,22 +55,59 @@ def test_a_convolution_is_the_correlation_of_the_definition(side: int, stride: i
 
 @pytest.mark.slow
 def test_the_board_computes_what_was_trained(tmp_path: Path) -> None:
-    pytest.importorskip("jax", reason="the extra 'train'")
+    torch = pytest.importorskip("torch", reason="the extra 'train'")
     from hil.evaluate import train_first_look as trainer
 
     rng = np.random.default_rng(2)
     looks = rng.normal(0, 0.5, (8, LOOK_PX, LOOK_PX, 2)).astype(np.float32)
     weights = trainer.start_weights(1)
-    _, seen = trainer.forward(weights, None, looks)
+    _, seen = trainer.forward(weights, None, torch.from_numpy(looks))
     # statistics of another batch: the running ones that training ends with
-    other = {k: v * (0.5 + rng.random(v.shape).astype(np.float32)) for k, v in seen.items()}
-    trained, _ = trainer.forward(weights, other, looks)
+    other = {k: v * torch.from_numpy(0.5 + rng.random(tuple(v.shape), np.float32)) for k, v in seen.items()}
+    trained, _ = trainer.forward(weights, other, torch.from_numpy(looks))
     trainer.write(tmp_path / "net.npz", trainer.folded(weights | other), "tango")
     coefficients, rest = Net.read(str(tmp_path / "net.npz"))(looks)
-    expected = np.asarray(trained)
+    expected = trained.detach().numpy()
     scale = np.abs(expected).max()
     np.testing.assert_allclose(coefficients, expected[:, :ANCHORS], atol=5e-3 * scale)
     np.testing.assert_allclose(rest, expected[:, ANCHORS:], atol=5e-3 * scale)
+
+
+def test_training_samples_say_where_the_craft_is_and_go_on_beyond_the_picture() -> None:
+    rng = np.random.default_rng(4)
+    n = 24
+    # a craft that is a spot in the middle of its sphere, far enough that looks end within the picture, then near
+    view = np.zeros((n, VIEW_PX, VIEW_PX), np.float32)
+    view[:, 34:38, 34:38] = 6.0
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    dark = (np.zeros((3, 300, 480), np.float32),)
+    cover = (255 * (view > 0)).astype(np.uint8)
+    far = sample(Views(view, cover, q, np.full(n, 20.0), dark), rng, n)
+    seen = 0
+    for look, box, craft in zip(far.looks[..., 0], far.box, far.craft, strict=True):
+        middle = 0.5 * (LOOK_PX - 1) + 0.5 * LOOK_PX * box[:2]
+        if craft and np.all(np.abs(middle - 31.5) < 24):
+            smooth = cv2.GaussianBlur(look, (0, 0), 2.0)
+            y, x = np.unravel_index(smooth.argmax(), smooth.shape)
+            assert np.hypot(x - middle[0], y - middle[1]) < 2.0
+            seen += 1
+    assert seen > 10
+    near = sample(Views(view, cover, q, np.full(n, 3.0), dark), rng, n)
+    # the frame is narrower than such a look: rows or columns at its edge repeat
+    repeats = [
+        np.ptp(look[:2], axis=0).max() == 0 or np.ptp(look[-2:], axis=0).max() == 0
+        for look in near.looks[..., 0]
+    ]
+    assert np.mean(repeats) > 0.6
+
+
+def test_looks_turned_by_quarters_agree_on_the_attitude(views: Subspaces) -> None:
+    q = views.q[4321]
+    # what a perfect network says of a picture that a camera turned by so many quarters to the left takes
+    angle = -0.5 * np.pi * np.arange(4)
+    left = np.stack([np.cos(angle / 2), 0 * angle, 0 * angle, np.sin(angle / 2)], axis=-1)
+    said = bumps(quat.multiply(left, q[None])) @ bumps(even_attitudes(ANCHORS))
+    assert int(views.likelihood(said[None]).argmax()) == 4321
 
 
 def test_a_gaze_sees_a_point_where_the_camera_has_it_and_moves_onto_it() -> None:
@@ -88,9 +134,10 @@ def test_attitudes_are_even_and_bumps_peak_at_their_anchors() -> None:
     assert np.all(bumps(q).argmax(axis=1) == np.arange(ANCHORS))
 
 
-def test_faces_tell_the_attitude_place_and_size_of_a_craft_of_any_brightness(tango: BoardModel) -> None:
+def test_faces_tell_the_attitude_place_and_size_of_a_craft_of_any_brightness(
+    tango: BoardModel, views: Subspaces
+) -> None:
     assert tango.faces is not None
-    views = Subspaces.of(tango, tango.faces)
     rng = np.random.default_rng(5)
     found = 0
     for _ in range(6):
@@ -103,7 +150,10 @@ def test_faces_tell_the_attitude_place_and_size_of_a_craft_of_any_brightness(tan
         picture = bright[np.concatenate([[0], tango.faces.group + 1])[seen]] + rng.normal(0, 3, seen.shape)
         gaze = Gaze(centre / np.linalg.norm(centre), 0.97 * 2 * 750.0 * tango.radius_m / 8.0)
         # a network that has no more than a vague idea
-        vague = 4.0 * bumps(quat.multiply(quat.from_rotvec([0.2, -0.2, 0.1]), q)[None])[0]
+        seen_q = quat.multiply(quat.from_rotvec([0.2, -0.2, 0.1]), q)
+        angle = -0.5 * np.pi * np.arange(4)
+        left = np.stack([np.cos(angle / 2), 0 * angle, 0 * angle, np.sin(angle / 2)], axis=-1)
+        vague = 4.0 * bumps(quat.multiply(left, seen_q[None]))[None]
         best, move, _ = views.rank(np.clip(picture, 0, 255).astype(np.uint8), CAMERA, gaze, vague, 8, 0.19)
         near = np.degrees(quat.angle_rad(quat.multiply(quat.from_matrix(gaze.swing()), best), q)) < 12
         found += bool(near.any())

@@ -11,7 +11,7 @@ from hil.board.svd.base import Estimator
 from hil.board.svd.confidence import ACCEPT_AT, confidence, decide
 from hil.board.svd.edges import edge_field, shrink
 from hil.board.svd.finish import choose
-from hil.board.svd.frame import Candidate, Craft, Frame, PoseResult
+from hil.board.svd.frame import UNASKED, Candidate, Craft, Frame, PoseResult
 from hil.board.svd.gradient import eliminate_weak_gradients
 from hil.board.svd.look.first import FirstLook, Glance
 from hil.board.svd.model import BoardModel, CameraIntrinsics
@@ -87,6 +87,7 @@ class PoseEstimator(Estimator):
                 search_region(self.craft, frame, regions[0])
             return looked
         frame.count("searched", 1)
+        found = [self._asked(c) for c in found]
         sure = [g for g in glances if g.craft > SURE]
         for glance in sure:
             found += self._searched(frame, glance)
@@ -107,8 +108,8 @@ class PoseEstimator(Estimator):
         return self.first.glances(frame.image, frame.noise, regions[:GLANCES], keep)
 
     def _candidates(self, frame: Frame, glance: Glance) -> List[Candidate]:
-        """Poses of a glance with their support by edges."""
-        region, craft = glance.region(self.craft.camera), self.craft
+        """Poses of a glance, the likeliest first, and the edges of its place for who wants to ask them."""
+        region = glance.region(self.craft.camera)
         h, w = frame.image.shape
         x0, y0, x1, y1 = region.grown(0.05, w, h)
         if min(x1 - x0, y1 - y0) < SMALLEST_PX:
@@ -121,11 +122,16 @@ class PoseEstimator(Estimator):
             background=frame.background,
             likely=frame.likely,
         )
-        out = []
-        for q, t, likely in zip(glance.q, glance.t, glance.log_likely):  # noqa: B905 - Python 3.9 has no strict=
-            s = support(q, t, craft.samples, craft.occ, field, craft.camera, craft.spacing_m)
-            out.append(Candidate(q, t, s, field, region, float(likely - glance.log_likely[0])))
-        return out
+        return [
+            Candidate(q, t, UNASKED, field, region, float(likely - glance.log_likely[0]))
+            for q, t, likely in zip(glance.q, glance.t, glance.log_likely)  # noqa: B905 - Python 3.9 has no strict=
+        ]
+
+    def _asked(self, c: Candidate) -> Candidate:
+        """The candidate with its support by edges, as those have that edges propose."""
+        craft = self.craft
+        s = support(c.q, c.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m)
+        return Candidate(c.q, c.t, s, c.field, c.region, c.likely)
 
     def _searched(self, frame: Frame, glance: Glance) -> List[Candidate]:
         """Poses by edges where the first look surely saw a craft: those of that place and size, compared there."""

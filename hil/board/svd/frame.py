@@ -108,12 +108,17 @@ class Craft:
         )
 
 
+# Of poses that edges have not been asked about.
+UNASKED = Support(0.0, 0.0, 0.0, 0.0, np.zeros(0, int))
+
+
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A pose with its evidence, and the region and edges that gave it.
 
     Parameters
     ----------
+    support : by edges; ``UNASKED`` where the first look proposed the pose.
     likely : logarithm of its likelihood by the first look over that of the best of its region; zero for others.
     """
 

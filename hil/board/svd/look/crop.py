@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Sequence
 
 import cv2
 import numpy as np
@@ -92,14 +93,13 @@ def seen_through(image: Array, camera: CameraIntrinsics, gaze: Gaze, side_px: in
     return np.asarray(cv2.remap(part, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
-def look(image: Array, noise: float, camera: CameraIntrinsics, gaze: Gaze) -> Array:
-    """(64, 64, 2) float32 what the network is shown along a gaze.
+def look(image: Array, noise: float, camera: CameraIntrinsics, gazes: Sequence[Gaze]) -> Array:
+    """(B, 64, 64, 2) float32 what the network is shown along each gaze.
 
     Parameters
     ----------
     image : (H, W). noise : its standard deviation.
     """
     sphere = FILLED * LOOK_PX
-    return contrast(
-        seen_through(image, camera, gaze, LOOK_PX, sphere), noise / max(gaze.diameter_px / sphere, 1.0)
-    )
+    pictures = np.stack([seen_through(image, camera, g, LOOK_PX, sphere) for g in gazes])
+    return contrast(pictures, np.array([noise / max(g.diameter_px / sphere, 1.0) for g in gazes]))

@@ -1,7 +1,7 @@
 """The first look: regions of the picture shown to the network twice, and the poses it thinks likely.
 
-The first glance corrects a region's place and size, the second gives a likelihood on SO(3); the likeliest attitudes
-are then ranked by how well their faces explain the picture as well. Which is right, the full picture decides later.
+Glances correct a region's place and size; the last, from four sides, give a likelihood on SO(3). The likeliest
+attitudes are then ranked by how well their faces explain the picture as well. Which is right, the full picture decides.
 
 References
 ----------
@@ -22,7 +22,7 @@ import numpy as np
 from hil.board.svd import quaternion as quat
 from hil.board.svd.look.crop import Gaze, look
 from hil.board.svd.look.net import Net
-from hil.board.svd.look.subspaces import Subspaces
+from hil.board.svd.look.subspaces import QUARTERS, Subspaces
 from hil.board.svd.model import BoardModel, CameraIntrinsics
 from hil.board.svd.roi import Region
 
@@ -43,8 +43,8 @@ DOUBT = 4.0
 # Starts looked at a second time.
 SECOND = 5
 
-# How often a place is looked at, each time where the network said the time before.
-GLANCES = 3
+# How often a place that is handed on is looked at from four sides, each time where the network said the time before.
+ROUNDS = 2
 
 # How far the sphere and centre of a model may be from those of the training [radii].
 SAME_M = 0.03
@@ -146,24 +146,40 @@ class FirstLook:
         for k in np.argsort(-craft):
             if len(chosen) < keep and all(_apart(gazes[k], gazes[j], f) for j in chosen):
                 chosen.append(int(k))
-        sources = [starts[k][0] for k in chosen]
-        gazes = [gazes[k] for k in chosen]
-        for _ in range(GLANCES - 2):
-            coefficients, craft, gazes = self._glance(image, noise, gazes)
+        looked = [(starts[k][0], *self._from_four_sides(image, noise, gazes[k])) for k in chosen]
+        surest = max(craft for _, _, craft, _ in looked)
         out = []
-        for k in np.argsort(-craft):
-            if craft[k] < craft.max() - DOUBT:
+        for source, coefficients, sure, gaze in sorted(looked, key=lambda g: -g[2]):
+            if sure < surest - DOUBT:
                 break
-            q, move, score = self.views.rank(image, camera, gazes[k], coefficients[k], ATTITUDES, APART_RAD)
+            q, move, score = self.views.rank(image, camera, gaze, coefficients, ATTITUDES, APART_RAD)
             near = score > score[0] - LESS
-            Q, t = self._placed(gazes[k], q[near], move[near])
-            out.append(Glance(sources[k], gazes[k], Q, t, score[near], float(craft[k])))
+            Q, t = self._placed(gaze, q[near], move[near])
+            out.append(Glance(source, gaze, Q, t, score[near], sure))
         return out
+
+    def _from_four_sides(self, image: Array, noise: float, gaze: Gaze) -> Tuple[Array, float, Gaze]:
+        """Coefficients (ROUNDS, 4, J) of looks turned by quarters, logit of a craft, corrected gaze.
+
+        The network was trained on crafts turned at will: four views of one look err differently, their mean less.
+        """
+        f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
+        coefficients, sure = [], 0.0
+        for _ in range(ROUNDS):
+            one = look(image, noise, self.camera, [gaze])[0]
+            said, rest = self.net(np.stack([np.rot90(one, k) for k in range(QUARTERS)]))
+            x, y = rest[:, 0], rest[:, 1]
+            # what is right in a look turned by a quarter is below in the first, and so on
+            shift = np.array([x[0] - y[1] - x[2] + y[3], y[0] + x[1] - y[2] - x[3]]) / QUARTERS
+            size = float(np.clip(rest[:, 2].mean(), -SIZE, SIZE))
+            gaze = gaze.moved(f, np.clip(shift, -SHIFT, SHIFT), size)
+            coefficients.append(said)
+            sure = float(rest[:, 3].mean())
+        return np.stack(coefficients), sure, gaze
 
     def _glance(self, image: Array, noise: float, gazes: List[Gaze]) -> Tuple[Array, Array, List[Gaze]]:
         """Attitude coefficients (B, J), logits of a craft (B,), corrected gazes."""
-        looks = np.stack([look(image, noise, self.camera, g) for g in gazes])
-        coefficients, rest = self.net(looks)
+        coefficients, rest = self.net(look(image, noise, self.camera, gazes))
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         moved = [
             g.moved(f, np.clip(r[:2], -SHIFT, SHIFT), float(np.clip(r[2], -SIZE, SIZE)))
