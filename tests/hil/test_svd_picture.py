@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -10,7 +11,8 @@ import pytest
 
 from hil.board.svd import BoardModelError, CameraIntrinsics
 from hil.board.svd import quaternion as quat
-from hil.board.svd.canvas import straightened
+from hil.board.svd.canvas import make_canvas, straightened
+from hil.board.svd.frame import Frame
 from hil.board.svd.levels import blurred, shade
 from hil.board.svd.motion import motion_images
 from hil.board.svd.photometric import RELAX, photo_align, photo_score
@@ -231,3 +233,15 @@ def test_a_damaged_tree_is_refused(record: dict[str, Any], key: str, value: Any)
         bad[key] = value * len(record[key])
     with pytest.raises((ValueError, KeyError, BoardModelError)):
         Faces.from_dict(bad)
+
+
+def test_a_region_of_any_shape_keeps_the_size_of_what_it_shows() -> None:
+    # 151 x 103 pixels reduced to 60 across are not 41 rows of the same height
+    frame = Frame(np.zeros((160, 200), np.uint8))
+    frame.background = 0.0
+    model = SimpleNamespace(camera=CAMERA)
+    canvas = make_canvas(model, frame, (20, 30, 171, 133), 60)  # type: ignore[arg-type]
+    u, v = canvas.rays(CAMERA)
+    wide = CAMERA.fx_px * (u[-1] - u[0]) * len(u) / (len(u) - 1)
+    high = CAMERA.fy_px * (v[-1] - v[0]) * len(v) / (len(v) - 1)
+    np.testing.assert_allclose((wide, high), (151.0, 103.0), rtol=1e-9)

@@ -30,13 +30,20 @@ def make_canvas(craft: Craft, frame: Frame, box: Box, longest_px: int) -> Canvas
     """
     if craft.camera.distorted:
         gray, factor = straightened(frame.image, craft.camera, box, longest_px)
+        whole = box[2:]
     else:
         gray, factor = shrink(frame.image, *box, longest_px)
+        whole = frame.image.shape[1::-1]
     full = 255.0 if frame.image.dtype == np.uint8 else float(frame.image.max())
     plain = (
         frame.background if frame.background >= 0 else cv2.GaussianBlur(gray, (0, 0), 0.06 * max(gray.shape))
     )
-    return Canvas(gray, frame.noise / factor, float(box[0]), float(box[1]), factor, FINE, full, plain)
+    h, w = gray.shape
+    wide, high = (min(b, n) - a for a, b, n in zip(box[:2], box[2:], whole))  # noqa: B905 - Python 3.9 has no strict=
+    across = wide / w
+    return Canvas(
+        gray, frame.noise / factor, float(box[0]), float(box[1]), across, FINE, full, plain, high / h / across
+    )
 
 
 def straightened(image: Array, camera: CameraIntrinsics, box: Box, longest_px: int) -> Tuple[Array, float]:

@@ -31,8 +31,8 @@ RELAX = 1.5
 # development frames have the median of chi-square (eval-black and eval-earth, seeds 6001 and 6002).
 INFLATION = 150.0
 
-# Faces whose brightness is found together with the pose.
-JOINT = 16
+# Groups of faces whose brightness is found together with the pose, and at the end.
+JOINT, JOINT_AT_END = 16, 40
 
 # Verification: blur against noise [canvas px], and the residual beyond which more costs no more [noise].
 SCORE_BLUR_PX, BOUND = 0.8, 6.0
@@ -67,6 +67,7 @@ def photo_align(
     blurs_px: Tuple[float, ...],
     sun: Optional[Sunlight] = None,
     relax: float = RELAX,
+    joint: int = JOINT,
 ) -> PhotoFit:
     """Gauss-Newton on the difference of the picture and the drawn craft.
 
@@ -74,7 +75,7 @@ def photo_align(
     ----------
     camera : a pinhole (see ``Canvas.rays``). blurs_px : blur of both pictures in each iteration [canvas px]: wide
         first, to reach far. sun : casts shadows; None draws none. relax : how much longer
-        steps on blurred pictures are made.
+        steps on blurred pictures are made. joint : groups whose brightness is found together with the pose.
     """
     q, t = q[None].copy(), t[None].copy()
     R = quat.matrix(q)[0]
@@ -95,7 +96,7 @@ def photo_align(
         rows = np.flatnonzero(weight)
         if len(rows) < 30:
             break
-        M = blurred(coverage(shading, canvas, JOINT), optics)
+        M = blurred(coverage(shading, canvas, joint), optics)
         A = np.concatenate(
             [x.reshape(e.size, -1)[rows] for x in (M, D, e.astype(np.float32)[..., None])], axis=1
         )

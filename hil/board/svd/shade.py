@@ -153,6 +153,8 @@ class Canvas:
     gray : (h, w) float32. sigma : its noise. x0, y0 : the region's corner, picture pixels.
     factor : picture pixels per pixel of it. fine : drawn pixels per pixel of it, each way.
     full : where its scale ends. plain : what it would be without the craft, (h, w) or one level.
+    tall : rows' picture pixels over columns': a region is no whole number of equal pixels both ways, and to take
+        it for one moves the range by a thousandth.
     """
 
     gray: Array
@@ -163,6 +165,12 @@ class Canvas:
     fine: int
     full: float = 255.0
     plain: Union[float, Array] = 0.0
+    tall: float = 1.0
+
+    @property
+    def scale(self) -> Tuple[float, float]:
+        """Drawn pixels per picture pixel, across and down."""
+        return self.fine / self.factor, self.fine / (self.factor * self.tall)
 
     @cached_property
     def cells(self) -> Array:
@@ -174,9 +182,9 @@ class Canvas:
     def rays(self, camera: CameraIntrinsics) -> Tuple[Array, Array]:
         """Normalised coordinates of the drawn pixels' columns and rows; the canvas shows a pinhole's picture."""
         h, w = self.gray.shape
-        s = self.fine / self.factor
-        u = ((np.arange(w * self.fine) + 0.5) / s - 0.5 + self.x0 - camera.cx_px) / camera.fx_px
-        v = ((np.arange(h * self.fine) + 0.5) / s - 0.5 + self.y0 - camera.cy_px) / camera.fy_px
+        across, down = self.scale
+        u = ((np.arange(w * self.fine) + 0.5) / across - 0.5 + self.x0 - camera.cx_px) / camera.fx_px
+        v = ((np.arange(h * self.fine) + 0.5) / down - 0.5 + self.y0 - camera.cy_px) / camera.fy_px
         return u, v
 
 
@@ -196,9 +204,8 @@ def draw_faces(
     order : faces to draw, the farthest first. least_px : smaller ones are left to their neighbours [drawn px^2].
     """
     h, w = canvas.gray.shape
-    s = canvas.fine / canvas.factor
     p = camera.pixels(faces.corners[order] @ R.T + t)
-    p = (p - (canvas.x0, canvas.y0) + 0.5) * s - 0.5
+    p = (p - (canvas.x0, canvas.y0) + 0.5) * canvas.scale - 0.5
     return fill_faces(p, order, (h * canvas.fine, w * canvas.fine), least_px)
 
 

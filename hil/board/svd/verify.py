@@ -13,7 +13,7 @@ from hil.board.svd.confidence import Evidence
 from hil.board.svd.distinct import alternatives, differs
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
 from hil.board.svd.levels import shade
-from hil.board.svd.photometric import PhotoFit, photo_align, photo_score
+from hil.board.svd.photometric import JOINT_AT_END, PhotoFit, photo_align, photo_score
 from hil.board.svd.score import support
 from hil.board.svd.search import MARGIN, twins
 from hil.board.svd.shade import Canvas, Faces, draw_faces
@@ -39,7 +39,7 @@ FINALS, FINAL_LEAD = 2, 0.85
 # the blurs of each.
 FIRST_PX, FIRST_BLURS = 72, (2.0, 2.0, 1.2, 1.2)
 SMALL_PX, SMALL_BLURS = 120, (1.2, 1.2, 0.6)
-FINAL_PX, FINAL_BLURS = 230, (0.8, 0.4, 0.0)
+FINAL_PX, FINAL_BLURS = 230, (2.0, 1.2, 0.8, 0.4, 0.0, 0.0, 0.0)
 
 # Margin round a place of the first look, which holds all of the craft.
 LOOK_MARGIN = 0.1
@@ -124,7 +124,7 @@ def _finish(craft: Craft, frame: Frame, close: Canvas, ranked: Ranked) -> Tuple[
         shading = shade(faces, draw_faces(faces, faces.order(-R.T @ t), camera, R, t, close), close)
         sun = craft.suns.find(faces, shading, close, camera, R, t)
     canvas = make_canvas(craft, frame, craft_box(craft, q, t), FINAL_PX)
-    fit = photo_align(q, t, faces, canvas, camera, craft.radius_m, FINAL_BLURS, sun)
+    fit = photo_align(q, t, faces, canvas, camera, craft.radius_m, FINAL_BLURS, sun, joint=JOINT_AT_END)
     return fit, _score(craft, close, fit.q, fit.t)
 
 
