@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ from hil.host.exchange import (
     SlotFree,
     Terms,
 )
+from hil.host.flights import Flights
 from hil.host.truth_endpoint import TruthEndpoint
 from hil.link.clock import ClockFilter, answer_time_sync, now_ns
 from hil.link.errors import LinkClosed, LinkError, PacketError, VersionMismatch
@@ -60,17 +61,6 @@ SYNC_PATIENCE_NS = 60_000_000_000
 SPIN_NS = 1_500_000
 
 
-@dataclass
-class _Flight:
-    """A frame that was sent and has no outcome yet."""
-
-    job: FrameJob
-    send_start_ns: int
-    send_end_ns: int
-    deadline_ns: int
-    damage_seen: bool = False
-
-
 class LinkServer:
     """One thread, one loop: commands from the run, packets from the board, loggers, deadlines."""
 
@@ -93,8 +83,7 @@ class LinkServer:
         self._clock = ClockFilter()
         self._next_sync_ns = 0
         self._waiting: deque[FrameJob] = deque()
-        self._flights: dict[int, _Flight] = {}
-        self._held: list[int] = []  # frames that use up credit
+        self._flights = Flights(self._pipe.send, config.timeout_s)
         self._counts = LinkCounts()
         self._blocked_until_ns = 0  # lockstep, out of credit: when to give up
         self._timeout_ns = int(config.timeout_s * 1e9)
@@ -105,7 +94,8 @@ class LinkServer:
         self._pipe.send(Listening(self._listener.url, self._truth.url if self._truth is not None else None))
         while not self._closing:
             self._send_due()
-            self._expire()
+            self._flights.expire(now_ns())
+            self._check_hello()
             self._sync_clock()
             ready: list[Any] = wait(self._sources(), self._sleep_s())
             if self._link is not None and self._link.transport in ready:
@@ -134,7 +124,8 @@ class LinkServer:
         return sources
 
     def _sleep_s(self) -> float:
-        times = [flight.deadline_ns for flight in self._flights.values()]
+        first = self._flights.first_deadline_ns
+        times = [] if first is None else [first]
         if self._waiting and self._waiting[0].due_ns is not None:
             times.append(self._waiting[0].due_ns - SPIN_NS)
         if self._blocked_until_ns:
@@ -163,27 +154,11 @@ class LinkServer:
         except EOFError:  # the run died
             self._closing = True
 
-    def _finish(self, result: FrameResult) -> None:
-        self._pipe.send(result)
-
     def _drop(self, job: FrameJob, cause: str, reason: str) -> None:
         """A frame that was never sent."""
         self._pipe.send(SlotFree(job.slot))
         self._publish_truth(job)
-        self._finish(FrameResult(job.frame_id, f"dropped:{cause}", reason, job.due_ns))
-
-    def _drop_flight(self, frame_id: int, cause: str, reason: str) -> None:
-        flight = self._flights.pop(frame_id)
-        self._finish(
-            FrameResult(
-                frame_id,
-                f"dropped:{cause}",
-                reason,
-                flight.job.due_ns,
-                flight.send_start_ns,
-                flight.send_end_ns,
-            )
-        )
+        self._pipe.send(FrameResult(job.frame_id, f"dropped:{cause}", reason, job.due_ns))
 
     # --- frames out -------------------------------------------------------------------------
 
@@ -198,7 +173,7 @@ class LinkServer:
             if self._link is None or self._ack is None:
                 self._waiting.popleft()
                 self._drop(job, "disconnected", "no board was connected")
-            elif len(self._held) >= self._ack.window:
+            elif self._flights.held >= self._ack.window:
                 if self._config.mode == "lockstep":
                     # nothing is lost by waiting for the board to finish what the host gave up on
                     self._blocked_until_ns = self._blocked_until_ns or now_ns() + self._timeout_ns
@@ -206,7 +181,7 @@ class LinkServer:
                         return
                 self._blocked_until_ns = 0
                 self._waiting.popleft()
-                self._drop(job, "no_credit", f"the board still held {len(self._held)} frames")
+                self._drop(job, "no_credit", f"the board still held {self._flights.held} frames")
             else:
                 self._blocked_until_ns = 0
                 self._waiting.popleft()
@@ -215,9 +190,7 @@ class LinkServer:
     def _send_frame(self, job: FrameJob, link: Link, ack: HelloAck) -> None:
         assert self._slots is not None  # noqa: S101 - frames come after the terms
         start = now_ns()
-        flight = _Flight(job, start, start, start + self._timeout_ns)
-        self._flights[job.frame_id] = flight
-        self._held.append(job.frame_id)
+        flight = self._flights.start(job, start)
         try:
             if job.truth is not None and self._config.truth == "inline":
                 link.send(TruthMessage(job.frame_id, job.truth))
@@ -250,17 +223,8 @@ class LinkServer:
         if self._truth is not None and job.truth is not None:
             self._truth.publish(job.frame_id, job.truth)
 
-    def _expire(self) -> None:
-        now = now_ns()
-        for frame_id, flight in list(self._flights.items()):
-            if now >= flight.deadline_ns:
-                cause, why = (
-                    ("corrupt", "; damaged packets were seen") if flight.damage_seen else ("timeout", "")
-                )
-                self._drop_flight(frame_id, cause, f"no pose within {self._config.timeout_s:g} s{why}")
-                if flight.damage_seen and frame_id in self._held:
-                    self._held.remove(frame_id)  # it may never have reached the board
-        if self._link is not None and self._ack is None and now >= self._hello_deadline_ns:
+    def _check_hello(self) -> None:
+        if self._link is not None and self._ack is None and now_ns() >= self._hello_deadline_ns:
             self._board_left("it said nothing that the link protocol knows")
 
     # --- the board's side -------------------------------------------------------------------
@@ -285,8 +249,7 @@ class LinkServer:
                 self._board_left(str(error))
                 return
             except PacketError:
-                for flight in self._flights.values():
-                    flight.damage_seen = True
+                self._flights.note_damage()
                 continue
             except LinkClosed as error:
                 self._board_left(str(error))
@@ -303,7 +266,7 @@ class LinkServer:
         elif isinstance(message, PoseMessage):
             self._take_pose(message, at_ns)
         elif isinstance(message, Credit):
-            self._release(message.frame_id)
+            self._flights.release(message.frame_id)
         elif isinstance(message, TimeSyncReply):
             self._take_sync(message, at_ns, link)
         elif isinstance(message, TimeSyncRequest):
@@ -327,7 +290,7 @@ class LinkServer:
             self._board_left(str(error))
             return
         if not repeated:
-            self._lose_flights("the board started again")
+            self._flights.lose("the board started again")
             link.session_id = int.from_bytes(os.urandom(8), "little") or 1
             self._clock = ClockFilter()
             self._next_sync_ns = now_ns() + SYNC_PATIENCE_NS
@@ -367,41 +330,14 @@ class LinkServer:
             self._board_up = None
 
     def _take_pose(self, pose: PoseMessage, at_ns: int) -> None:
-        flight = self._flights.pop(pose.frame_id, None)
-        if flight is None:
+        if not self._flights.answer(pose, at_ns, self._clock.offset_ns):
             self._counts = replace(self._counts, late_poses=self._counts.late_poses + 1)
-        else:
-            self._finish(
-                FrameResult(
-                    pose.frame_id,
-                    "accepted" if pose.accepted else "declined",
-                    pose.reason,
-                    flight.job.due_ns,
-                    flight.send_start_ns,
-                    flight.send_end_ns,
-                    at_ns,
-                    pose,
-                    self._clock.offset_ns,
-                )
-            )
-        self._release(pose.frame_id)
-
-    def _release(self, frame_id: int) -> None:
-        """Frames up to this one are no longer at the board; those without an answer never get one."""
-        self._held = [held for held in self._held if held > frame_id]
-        for passed in [f for f in self._flights if f <= frame_id]:
-            if self._flights[passed].damage_seen:
-                self._drop_flight(passed, "corrupt", "frame or pose was damaged on the line")
-            else:
-                self._drop_flight(passed, "skipped", "the board released the frame without an answer")
 
     def _take_error(self, error: ErrorMessage) -> None:
-        if error.frame_id in self._flights:
-            self._drop_flight(error.frame_id, "corrupt", error.text)
-            self._held.remove(error.frame_id)
-        elif error.frame_id == NO_FRAME and error.code == ErrorCode.CORRUPT:
-            for flight in self._flights.values():
-                flight.damage_seen = True
+        if self._flights.damaged(error.frame_id, error.text):
+            return
+        if error.frame_id == NO_FRAME and error.code == ErrorCode.CORRUPT:
+            self._flights.note_damage()
         elif error.code in (ErrorCode.MODEL, ErrorCode.VERSION):
             self._board_left(error.text)
 
@@ -412,12 +348,7 @@ class LinkServer:
             link.close()
         # first of all, so that a run in lockstep does not send the next frame into the void
         self._pipe.send(BoardDown(reason))
-        self._lose_flights(reason)
-
-    def _lose_flights(self, reason: str) -> None:
-        for frame_id in list(self._flights):
-            self._drop_flight(frame_id, "disconnected", reason)
-        self._held = []
+        self._flights.lose(reason)
 
     def _add_counts(self, link: Link) -> None:
         c, s = self._counts, link.stats

@@ -11,11 +11,15 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
+from scipy.optimize import nnls
 from scipy.special import j1
 
 from simulator.camera.deviates import for_each_band
+from simulator.camera.pyramid import Pyramid, fit_kernel, fit_pyramid
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
     from simulator.camera.optics import Optics
@@ -24,6 +28,11 @@ if TYPE_CHECKING:
 _GRID = 128  # frequencies per axis; kernels reach half as far
 _KEPT_ENERGY = 0.999
 _NARROW_PX2 = 0.8
+_PYRAMID_ERROR = 0.02
+_KERNEL_ERROR, _SMALL_KERNEL = 0.01, 9
+_WIDEST_DISC_PX = 2.0
+_SEEN = 0.45  # cycles per pixel; at Nyquist itself every kernel without negative taps is off
+_CHECKED = np.linspace(0, 0.5, 26)
 LARGEST_KERNEL = 63
 
 
@@ -55,14 +64,15 @@ def optics_mtf(
 
     Parameters
     ----------
-    disc_px : diameter of the blur disc of defocus.
+    disc_px : diameter of the blur disc of defocus, in pixels across; the disc is round on the detector.
     """
     f = np.hypot(frequency_x, frequency_y)
     out = np.exp(-2 * (np.pi * f) ** 2 * gaussian_variance_px2(optics, sensor))
+    on_detector = np.hypot(frequency_x, frequency_y * (sensor.pixel_pitch_x_m / sensor.pixel_pitch_y_m))
     if optics.psf == "airy":
         per_m = np.hypot(frequency_x / sensor.pixel_pitch_x_m, frequency_y / sensor.pixel_pitch_y_m)
         out = out * diffraction_mtf(per_m, 1 / (optics.wavelength_m * optics.f_number))
-    return np.asarray(out * disc_mtf(f, disc_px))
+    return np.asarray(out * disc_mtf(on_detector, disc_px))
 
 
 def gaussian_variance_px2(optics: Optics, sensor: Sensor) -> float:
@@ -79,15 +89,17 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
     ----------
     disc_px : diameter of the blur disc of defocus, rounded by the caller so that kernels are used again.
     """
-    # a narrow Gaussian taken at whole pixels would be another: the recipes' own 1 px is wide enough
-    narrow = optics.psf == "gaussian" and 0 < gaussian_variance_px2(optics, sensor) < _NARROW_PX2
-    if optics.psf != "airy" and disc_px <= 0 and not narrow:
+    if optics.psf != "airy" and disc_px <= 0:
         return np.array(optics.kernel) if optics.psf == "kernel" else None
     f = np.fft.fftfreq(_GRID)
     fx, fy = np.meshgrid(f, f)
     kernel = np.fft.fftshift(np.fft.ifft2(optics_mtf(fx, fy, optics, sensor, disc_px)).real)
-    # a cut-off at Nyquist rings; light is never negative
+    # a cut-off at Nyquist rings; light is never negative, and a disc has a rim
     kernel = np.maximum(kernel, 0)
+    if optics.psf != "airy":
+        x, y = np.meshgrid(*[np.arange(_GRID) - _GRID // 2] * 2)
+        beyond = np.hypot(x, y * (sensor.pixel_pitch_y_m / sensor.pixel_pitch_x_m)) - disc_px / 2
+        kernel[beyond > 1 + 4 * np.sqrt(gaussian_variance_px2(optics, sensor))] = 0
     kernel /= kernel.sum()
     middle = _GRID // 2
     for reach in range(1, LARGEST_KERNEL // 2 + 1):
@@ -104,6 +116,97 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
     return np.asarray(part)
 
 
+@lru_cache(maxsize=64)
+def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | None:
+    """Diffraction as a pyramid: a quarter of the kernel's cost; None where it is too coarse, as for a wide disc's rim.
+
+    It is used where its transfer function is within `_PYRAMID_ERROR` of the optics', or not further off than the
+    kernel's own, up to `_SEEN`.
+    """
+    if disc_px > _WIDEST_DISC_PX or (optics.psf not in {"airy", "kernel"} and disc_px <= 0):
+        return None
+    if optics.psf == "kernel":
+        return _kernel_pyramid(optics, sensor, disc_px)
+    per_px = optics.wavelength_m * optics.f_number / sensor.pixel_pitch_x_m
+    found = fit_pyramid(
+        lambda fx, fy: optics_mtf(fx, fy, optics, sensor, disc_px),
+        round_=sensor.pixel_pitch_x_m == sensor.pixel_pitch_y_m,
+        # mean intensity of the rings: the light beyond r is 2 per_px / (pi^2 r)
+        wing_px=per_px / np.pi**3 if optics.psf == "airy" and disc_px <= 0 else 0.0,
+    )
+    fx, fy = np.meshgrid(_CHECKED, _CHECKED)
+    ideal = optics_mtf(fx, fy, optics, sensor, disc_px)
+    seen = np.hypot(fx, fy) <= _SEEN
+    error = float(np.abs(found.transfer(fx, fy) - ideal)[seen].max())
+    if error > _PYRAMID_ERROR:
+        kernel = psf_kernel(optics, sensor, disc_px)
+        if kernel is not None and error > np.abs(kernel_transfer(kernel, fx, fy) - ideal)[seen].max():
+            return None
+    return found
+
+
+def _kernel_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | None:
+    """A measured kernel as a pyramid, where that is cheaper and within `_KERNEL_ERROR` at every frequency."""
+    kernel = psf_kernel(optics, sensor, disc_px)
+    if kernel is None or max(kernel.shape) <= _SMALL_KERNEL:
+        return None
+    found = fit_kernel(kernel)
+    fx, fy = np.meshgrid(_CHECKED, np.concatenate([-_CHECKED[:0:-1], _CHECKED]))
+    error = np.abs(found.transfer(fx, fy) - kernel_transfer(kernel, fx, fy)).max()
+    return found if error <= _KERNEL_ERROR else None
+
+
+def kernel_transfer(
+    kernel: FloatArray, frequency_x: FloatArray, frequency_y: FloatArray
+) -> NDArray[np.complex128]:
+    """Transfer function of a kernel."""
+    rows, columns = (np.arange(n) - n // 2 for n in kernel.shape)
+    wave_x = np.exp(-2j * np.pi * frequency_x[..., None] * columns)
+    wave_y = np.exp(-2j * np.pi * frequency_y[..., None] * rows)
+    return np.asarray(np.einsum("...i,ij,...j->...", wave_y, kernel, wave_x))
+
+
+def used_mtf(
+    frequency_x: FloatArray, frequency_y: FloatArray, optics: Optics, sensor: Sensor, disc_px: float = 0.0
+) -> FloatArray:
+    """Transfer function of the blur as it is carried out; `optics_mtf` is that of the optics."""
+    pyramid, kernel = psf_pyramid(optics, sensor, disc_px), psf_kernel(optics, sensor, disc_px)
+    out = np.ones(np.shape(frequency_x), complex)
+    if pyramid is not None:
+        out = pyramid.transfer(frequency_x, frequency_y)
+    elif kernel is not None:
+        out = kernel_transfer(kernel, frequency_x, frequency_y)
+    sigma = _gaussian_on_top_px(optics, sensor, disc_px)
+    if sigma > 0:
+        taps = gaussian_taps(sigma)[None].astype(float)
+        zero = np.zeros(np.shape(frequency_x))
+        out = out * kernel_transfer(taps, frequency_x, zero) * kernel_transfer(taps, frequency_y, zero)
+    return np.asarray(np.abs(out))
+
+
+def _gaussian_on_top_px(optics: Optics, sensor: Sensor, disc_px: float) -> float:
+    """Standard deviation of the Gaussian that is not in the kernel [px]."""
+    inside = optics.psf == "airy" or disc_px > 0
+    return 0.0 if inside else float(np.sqrt(gaussian_variance_px2(optics, sensor)))
+
+
+@lru_cache(maxsize=64)
+def gaussian_taps(sigma_px: float) -> Float32Array:
+    """(2 n + 1,) taps along one axis, n three sigma, as in the public recipe's 7 taps for one pixel.
+
+    A narrow Gaussian taken at whole pixels would be another: its taps are those without negative ones whose transfer
+    function is nearest.
+    """
+    reach = max(int(np.ceil(3 * sigma_px)), 1)
+    if sigma_px**2 >= _NARROW_PX2:
+        return np.asarray(cv2.getGaussianKernel(2 * reach + 1, sigma_px, cv2.CV_32F)[:, 0], np.float32)
+    waves = np.cos(2 * np.pi * np.outer(_CHECKED, np.arange(reach + 1)))
+    wanted = np.exp(-2 * (np.pi * _CHECKED * sigma_px) ** 2)
+    half, _ = nnls(waves, wanted)
+    taps = np.concatenate([half[:0:-1] / 2, half[:1], half[1:] / 2])
+    return np.asarray(taps / taps.sum(), np.float32)
+
+
 def _joined(a: FloatArray, b: FloatArray) -> FloatArray:
     """Convolution of two kernels at full size."""
     shape = [n + m - 1 for n, m in zip(a.shape, b.shape, strict=True)]
@@ -112,15 +215,16 @@ def _joined(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def blur(image: Float32Array, optics: Optics, sensor: Sensor, disc_px: float, gain: float) -> Float32Array:
     """The image through the point spread function, times ``gain``; its border is repeated outwards."""
+    pyramid = psf_pyramid(optics, sensor, disc_px)
     kernel = psf_kernel(optics, sensor, disc_px)
-    if kernel is not None:
+    if pyramid is not None:
+        image, gain = pyramid.blur(image, gain), 1.0
+    elif kernel is not None:
         # OpenCV's filter2D correlates: the kernel is turned round
         taps = np.ascontiguousarray(kernel[::-1, ::-1] * gain, np.float32)
         image = np.asarray(cv2.filter2D(image, cv2.CV_32F, taps, borderType=cv2.BORDER_REPLICATE))
         gain = 1.0
-        if optics.psf != "kernel" or disc_px > 0:
-            return image
-    sigma = float(np.sqrt(gaussian_variance_px2(optics, sensor)))
+    sigma = _gaussian_on_top_px(optics, sensor, disc_px)
     if sigma > 0:
         return gaussian_blur(image, sigma, gain)
     return image if gain == 1.0 else np.asarray(image * np.float32(gain), np.float32)
@@ -128,9 +232,8 @@ def blur(image: Float32Array, optics: Optics, sensor: Sensor, disc_px: float, ga
 
 def gaussian_blur(image: Float32Array, sigma_px: float, gain: float) -> Float32Array:
     """A Gaussian blur times ``gain``, band of rows by band of rows."""
-    # 3 sigma either side, as in the public recipe's 7 taps for sigma = 1 px
-    reach = int(np.ceil(3 * sigma_px))
-    taps = cv2.getGaussianKernel(2 * reach + 1, sigma_px, cv2.CV_32F)
+    taps = gaussian_taps(sigma_px)
+    reach = taps.size // 2
     scaled = (taps * np.float32(gain)).astype(np.float32)
     out = np.empty(image.shape, np.float32)
     height = image.shape[0]

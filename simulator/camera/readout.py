@@ -62,10 +62,12 @@ class _Exposure:
             cv2.scaleAdd(dark[rows], self.exposure_s, out, dst=out)
         return out
 
-    def charge(self, mean: Float32Array, rows: slice, source: np.random.SFC64) -> Float32Array:
+    def charge(
+        self, mean: Float32Array, rows: slice, source: np.random.SFC64, *, particles_too: bool = True
+    ) -> Float32Array:
         """(rows, W) what is read of each pixel [e]: electrons up to the well's brim, with read noise."""
         d, well = self.detector, np.float32(self.well_e)
-        particles = None if self.particles is None else self.particles[rows]
+        particles = self.particles[rows] if particles_too and self.particles is not None else None
         if not d.shot_noise or d.read_noise_per_pixel_e < JOINED_FROM_E:
             return self._one_by_one(mean, particles, source)
         # pixels of which some charge may be cut off, and some not, and those that particles hit
@@ -174,20 +176,47 @@ def read_out(
         for_each_band(height, read_band)
         return out
 
-    # what runs over runs along whole columns: they are filled first, and read afterwards
-    charge = np.empty((height, width), np.float32)
+    # what runs over runs along whole columns: those are filled first, and read afterwards; in the others every well is
+    # so far from its brim that they are read at once
+    means = np.empty((height, width), np.float32)
     sources = {k: bit_source(seed, frame_index, k) for k in range(NOISE_BANDS)}
+    brim = well - np.float32(_BRIM_SIGMAS) * np.sqrt(well)
+    hit = np.zeros((NOISE_BANDS, width), bool)
+
+    def light_band(k: int, rows: slice) -> None:
+        means[rows] = e.mean(signal, rows)
+        hit[k] = means[rows].max(axis=0, initial=0) > brim
+        if e.particles is not None:
+            hit[k] |= (e.particles[rows] > 0).any(axis=0)
+
+    for_each_band(height, light_band)
+    full_columns = np.flatnonzero(hit.any(axis=0))
+    charge = np.empty((height, full_columns.size), np.float32)
+    others = full_columns.size < width
 
     def collect_band(k: int, rows: slice) -> None:
-        hits = None if e.particles is None else e.particles[rows]
-        charge[rows] = e.collect(e.mean(signal, rows), hits, sources[k])
+        hits = None if e.particles is None else np.ascontiguousarray(e.particles[rows][:, full_columns])
+        charge[rows] = e.collect(np.ascontiguousarray(means[rows][:, full_columns]), hits, sources[k])
 
     def read_charge(k: int, rows: slice) -> None:
-        e.add_read_noise(charge[rows], sources[k])
-        convert(charge[rows], rows)
+        volts = means[rows]
+        if others:
+            np.minimum(
+                volts, brim, out=volts
+            )  # what is read of the full columns here is put in their place below
+            volts = e.charge(volts, rows, sources[k], particles_too=False)
+        if full_columns.size:
+            part = charge[rows]
+            e.add_read_noise(part, sources[k])
+            if others:
+                volts[:, full_columns] = part
+            else:
+                volts = part
+        convert(volts, rows)
 
-    for_each_band(height, collect_band)
-    bloom(charge, float(well), d.blooming)
+    if full_columns.size:
+        for_each_band(height, collect_band)
+        bloom(charge, float(well), d.blooming)
     for_each_band(height, read_charge)
     return out
 
@@ -206,16 +235,24 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
     ----------
     share : of the overflow that stays on the column; the rest goes into the anti-blooming drain.
     """
-    columns = np.flatnonzero((charge > well_e).any(axis=0))
-    if not columns.size:
+    over = np.maximum(charge - np.float32(well_e), 0)
+    rows = np.flatnonzero(over.any(axis=1))
+    if not rows.size:
         return
-    part = np.ascontiguousarray(charge[:, columns].T)
-    over = np.maximum(part - well_e, 0) * np.float32(0.5 * share)
-    np.minimum(part, well_e, out=part)
-    for way in (slice(None), slice(None, None, -1)):
+    over *= np.float32(0.5 * share)
+    np.minimum(charge, np.float32(well_e), out=charge)
+    room = np.float32(well_e) - charge
+    if not room.any():
+        return
+    height, width = charge.shape
+    moved, taken = np.empty(width, np.float32), np.empty(width, np.float32)
+    for order in (range(int(rows[0]), height), range(int(rows[-1]), -1, -1)):
         # what is carried on is what waits in a queue: Lindley (1952), The theory of queues with a single server
-        room = well_e - part[:, way]
-        waiting = np.cumsum(over[:, way] - room, axis=1, dtype=float)
-        waiting -= np.minimum(np.minimum.accumulate(waiting, axis=1), 0)
-        part[:, way][:, 1:] += np.minimum(waiting[:, :-1], room[:, 1:])
-    charge[:, columns] = part.T
+        waiting = np.zeros(width, np.float32)
+        for row in order:
+            here = room[row]
+            np.minimum(waiting, here, out=taken)
+            here -= taken
+            charge[row] += taken
+            np.subtract(waiting, taken, out=moved)
+            np.add(moved, over[row], out=waiting)

@@ -9,7 +9,7 @@ import numpy as np
 
 from simulator.camera.develop import expose
 from simulator.camera.optics import Optics
-from simulator.camera.psf import optics_mtf, psf_kernel
+from simulator.camera.psf import optics_mtf, used_mtf
 from simulator.camera.sensor import Sensor
 from simulator.targets.model import Material
 from simulator.validation.stage import bare_target, flat_plate, square_camera, stage
@@ -99,7 +99,7 @@ def measured_mtf(image: FloatArray, frequency: FloatArray) -> FloatArray:
 
 
 def compare(case: str, picture: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """MTF measured, MTF of the optics times the pixel, and MTF of the kernel used times the pixel.
+    """MTF measured, MTF of the optics times the pixel, and MTF of the blur carried out times the pixel.
 
     Parameters
     ----------
@@ -113,13 +113,6 @@ def compare(case: str, picture: FloatArray | None = None) -> tuple[FloatArray, F
     angle = np.arctan(SLANT)
     fx, fy = FREQUENCIES * np.cos(angle), -FREQUENCIES * np.sin(angle)
     pixel = np.sinc(fx) * np.sinc(fy)
-    kernel = psf_kernel(optics, sensor, 0.0)
-    if kernel is None:
-        used = optics_mtf(fx, fy, optics, sensor)
-    else:
-        half = [n // 2 for n in kernel.shape]
-        y, x = np.mgrid[-half[0] : half[0] + 1, -half[1] : half[1] + 1]
-        phase = np.exp(-2j * np.pi * (fx[:, None, None] * x + fy[:, None, None] * y))
-        used = np.abs((phase * kernel).sum(axis=(1, 2)))
+    used = used_mtf(fx, fy, optics, sensor)
     ideal = used if optics.psf == "kernel" else optics_mtf(fx, fy, optics, sensor)
     return found, ideal * pixel, used * pixel

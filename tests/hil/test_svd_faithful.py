@@ -8,7 +8,8 @@ import pytest
 
 from hil.board.svd import BoardModel, BoardModelError, CameraIntrinsics, make_estimator
 from hil.board.svd import quaternion as quat
-from hil.board.svd.faithful.config import SOLVERS, SVD_2018, SVD_THESIS
+from hil.board.svd.faithful import estimator as faithful
+from hil.board.svd.faithful.config import SOLVERS, SVD_2018, SVD_THESIS, FaithfulConfig
 from hil.board.svd.faithful.corners import corner_map, model_corners, refine_on_corners, reprojection
 from hil.board.svd.faithful.ellipses import (
     EllipseFit,
@@ -17,8 +18,15 @@ from hil.board.svd.faithful.ellipses import (
     hough_ellipses,
     model_circles,
 )
+from hil.board.svd.faithful.estimator import FaithfulEstimator
 from hil.board.svd.faithful.figures import image_figures, model_figures
-from hil.board.svd.faithful.streams import find_streams, grown_region, harris_corners, sobel_edges
+from hil.board.svd.faithful.streams import (
+    Streams,
+    find_streams,
+    grown_region,
+    harris_corners,
+    sobel_edges,
+)
 from hil.board.svd.gradient import eliminate_weak_gradients
 from hil.board.svd.pnp import solve_points, undistorted_rays
 from hil.board.svd.roi import Region
@@ -149,6 +157,52 @@ def test_both_streams_find_the_sides_and_harris_the_corners() -> None:
     bigger = grown_region(region, streams.lines, 0.05, image.shape)
     mean = np.hypot(*(streams.lines[:, 2:] - streams.lines[:, :2]).T).mean()
     assert region.x0 - bigger.x0 == pytest.approx(0.05 * mean)
+    assert streams.region.x0 < region.x0
+
+
+def test_a_line_that_leaves_the_region_keeps_its_end_and_one_outside_is_dropped() -> None:
+    image = drawn("square")
+    cv2.line(image, (60, 60), (60, 400), 200, 3)
+    # the square's right side lies 30 px beyond this region: its middle is outside, the long sides' middles inside
+    region = Region(180, 140, 390, 340, "test")
+    streams = find_streams(image, eliminate_weak_gradients(image, blur_px=1.5), region, SVD_2018)
+    ends = streams.lines.reshape(-1, 2)
+    assert np.linalg.norm(ends - [420, 170], axis=1).min() < 6
+    assert np.abs(ends[:, 0] - 60).min() > 50
+
+
+def test_a_saturated_part_does_not_hide_the_rest_from_the_sobel_stream() -> None:
+    image = drawn("square") * 0.3
+    image[200:215, 450:520] = 255
+    streams = find_streams(
+        image, eliminate_weak_gradients(image, blur_px=1.5), Region(180, 140, 530, 340, "test"), SVD_THESIS
+    )
+    dim = streams.by_name["sh"][streams.by_name["sh"].max(axis=1) < 435]
+    along = np.hypot(*(dim[:, 2:] - dim[:, :2]).T).sum()
+    assert along > 0.7 * (221 + 161 + 212 + 150)
+
+
+@pytest.mark.parametrize("config", [SVD_2018, SVD_THESIS])
+def test_exact_lines_give_the_pose(config: FaithfulConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Everything after the streams, on the outline of a box that is drawn without error."""
+    seen = [f for f, n in enumerate(NORMALS) if (quat.matrix(Q) @ n) @ (quat.matrix(Q) @ (n * HALF) + T) < 0]
+    sides = {tuple(sorted((FACES[f][k], FACES[f][(k + 1) % 4]))) for f in seen for k in range(4)}
+    pixels = CAMERA.pixels(CORNERS @ quat.matrix(Q).T + T)
+    lines = np.array([np.concatenate([pixels[i], pixels[j]]) for i, j in sorted(sides)])
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    region = Region(*low, *high, "test")
+    streams = Streams(lines, {"wge": lines}, np.zeros((0, 2)), (), np.zeros((1, 1), bool), region)
+    monkeypatch.setattr(faithful, "find_streams", lambda *_: streams)
+    result = FaithfulEstimator(box(), CAMERA, config).estimate(drawn("square").astype(np.uint8))
+    assert result.q_camera_from_target_wxyz is not None
+    assert result.t_camera_from_target_m is not None
+    # the box looks the same after a half turn about each of its axes
+    turns = [np.eye(4)[k] for k in range(4)]
+    off = min(
+        quat.angle_rad(quat.multiply(result.q_camera_from_target_wxyz, turn)[None], Q)[0] for turn in turns
+    )
+    assert np.degrees(off) < 2
+    assert np.linalg.norm(result.t_camera_from_target_m - T) < 0.05
 
 
 def test_an_ellipse_is_found_by_its_hough_transform() -> None:

@@ -85,6 +85,38 @@ def test_blooming_keeps_what_the_drain_does_not_take():
     assert charge[:, [0, 2]].sum() == 0
 
 
+def test_overflow_runs_to_the_next_room_and_is_neither_lost_nor_made():
+    rng = np.random.default_rng(3)
+    charge = rng.uniform(0, 1500, (60, 9)).astype(np.float32)
+    charge[20:24, 4] = 30_000.0
+    before = charge.copy()
+    bloom(charge, 1000.0, 0.6)
+    expected = np.minimum(before, 1000.0).astype(float)
+    for way in (1, -1):  # pixel by pixel: what arrives fills the room there is, the rest goes on
+        for column in range(9):
+            carried = 0.0
+            for row in range(60)[::way]:
+                taken = min(carried, 1000.0 - expected[row, column])
+                expected[row, column] += taken
+                carried += 0.6 / 2 * max(before[row, column] - 1000.0, 0) - taken
+    assert charge == pytest.approx(expected, abs=0.05)
+
+
+def test_blooming_leaves_columns_alone_that_have_no_full_well():
+    plain, blooms = sensor(read_noise_e=12.0, prnu=0.01), sensor(read_noise_e=12.0, prnu=0.01, blooming=1.0)
+    light = flat(8000.0, plain, (200, 300))
+    # a picture without a full well is the same to the last digit
+    assert np.array_equal(detect(light, plain, 4, 2, 0.01), detect(light, blooms, 4, 2, 0.01))
+    light[100, 150] = 6.0
+    image = detect(light, blooms, 4, 2, 0.01).astype(float)
+    others = np.delete(image, 150, axis=1)
+    assert others.std() * 5 == pytest.approx(np.sqrt(8000 + 12**2 + 80**2), rel=0.02)
+    assert others.mean() * 5 == pytest.approx(8000 + 64 * 5, rel=2e-3)
+    # five wells of overflow fill what eight thousand electrons leave of twenty thousand
+    spilled = (6.0 * plain.saturation_e - 20_000) / (20_000 - 8_000)
+    assert np.sum(image[:, 150] > 64 + 3800) == pytest.approx(spilled + 1, abs=2)
+
+
 def test_binning_adds_charge_and_reads_once_or_four_times():
     single, charge, digital = (
         sensor(read_noise_e=10.0, binning=b, charge_binning=c) for b, c in ((1, False), (2, True), (2, False))

@@ -46,6 +46,12 @@ def exponential_threshold(counts: Array, cdf: float) -> float:
     return float(min(1.0, -np.log(1.0 - cdf) * mean))
 
 
+def prewitt(image: Array) -> Tuple[Array, Array]:
+    """Prewitt's derivatives along x and y of a float32 picture, per pixel."""
+    gx = cv2.filter2D(image, cv2.CV_32F, _PREWITT)
+    return gx, cv2.filter2D(image, cv2.CV_32F, np.ascontiguousarray(_PREWITT.T))
+
+
 def eliminate_weak_gradients(
     image: Array, blur_px: float = 1.0, bins: int = 100, cdf: float = 0.99
 ) -> WeakGradientElimination:
@@ -56,8 +62,7 @@ def eliminate_weak_gradients(
     image : (h, w) float32, any scale.
     """
     blurred = cv2.GaussianBlur(image, (0, 0), blur_px)
-    gx = cv2.filter2D(blurred, cv2.CV_32F, _PREWITT)
-    gy = cv2.filter2D(blurred, cv2.CV_32F, np.ascontiguousarray(_PREWITT.T))
+    gx, gy = prewitt(blurred)
     magnitude = cv2.magnitude(gx, gy)
     top = float(magnitude.max())
     if top <= 0:

@@ -157,6 +157,22 @@ def reprojection(
     return error, inliers
 
 
+def _mutual(way: Array, nearest: Array, seen: Array) -> Array:
+    """(B, C) whether a visible corner of the model is the nearest one to the corner of the picture nearest to it.
+
+    One corner of the picture is one corner of the craft: what crowds around it, hidden or not drawn, pulls aside.
+
+    Parameters
+    ----------
+    way : (B, C, 2) to the picture's nearest corner [px]. nearest : (B, C) its index.
+    """
+    d = np.where(seen, np.hypot(way[..., 0], way[..., 1]), np.inf)
+    least = np.full((len(d), int(nearest.max(initial=0)) + 1), np.inf)
+    rows = np.arange(len(d))[:, None]
+    np.minimum.at(least, (rows, nearest), d)
+    return np.asarray(seen & (d <= least[rows, nearest]))
+
+
 def refine_on_corners(
     q: Array, t: Array, corners: ModelCorners, camera: CameraIntrinsics, image: CornerMap, radius_m: float
 ) -> Tuple[Array, Array, Array]:
@@ -173,7 +189,7 @@ def refine_on_corners(
         d, nearest = image.lookup(pixels)
         gate = image.cap_px * (1.0 if k < 4 else 0.5)
         r = image.points[nearest] - pixels
-        w = (seen & (d < gate)) / (1 + (d / (0.3 * image.cap_px)) ** 2)
+        w = (_mutual(r, nearest, seen) & (d < gate)) / (1 + (d / (0.3 * image.cap_px)) ** 2)
         # d(pixel)/d(point) of the pinhole; the lens bends it by less than the gate
         gu = np.stack([camera.fx_px / z, np.zeros_like(z), -camera.fx_px * P[..., 0] / z**2], axis=-1)
         gv = np.stack([np.zeros_like(z), camera.fy_px / z, -camera.fy_px * P[..., 1] / z**2], axis=-1)

@@ -23,7 +23,7 @@ from hil.board.svd.faithful.corners import (
 from hil.board.svd.faithful.ellipses import circle_poses, model_circles
 from hil.board.svd.faithful.figures import Figures, image_figures, model_figures
 from hil.board.svd.faithful.hypotheses import solve_all
-from hil.board.svd.faithful.streams import Streams, cdf_box, find_streams, grown_region
+from hil.board.svd.faithful.streams import Streams, cdf_box, find_streams
 from hil.board.svd.finish import choose
 from hil.board.svd.frame import Candidate, Craft, Frame, PoseResult
 from hil.board.svd.gradient import WeakGradientElimination, eliminate_weak_gradients
@@ -107,7 +107,7 @@ class FaithfulEstimator(Estimator):
         candidates: List[Candidate],
     ) -> None:
         streams = find_streams(image, wge, region, self.config)
-        region = grown_region(region, streams.lines, self.config.roi_growth, frame.image.shape)
+        region = streams.region
         frame.keep("faithful_streams", streams)
         frame.keep("faithful_region", region)
         frame.count("lines", len(streams.lines))

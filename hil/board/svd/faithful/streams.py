@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, Tuple
+from typing import Dict, Optional, Tuple
 
 import cv2
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from hil.board.svd.edges import drop_specks
 from hil.board.svd.faithful.config import FaithfulConfig
 from hil.board.svd.faithful.ellipses import EllipseFit, hough_ellipses
-from hil.board.svd.gradient import WeakGradientElimination, marginal_interval
+from hil.board.svd.gradient import WeakGradientElimination, marginal_interval, prewitt
 from hil.board.svd.lines import SH_GAP, SH_LENGTH, WGE_GAP, WGE_LENGTH, hough, lsd_stream
 from hil.board.svd.merge import merge_segments
 from hil.board.svd.roi import Region
@@ -24,6 +24,9 @@ BLUR_PX = 1.5
 # Lines kept after merging, the longest.
 LINES = 40
 
+# Lines are looked for this far around the region, share of its diagonal: one that leaves it keeps its true end.
+AROUND = 0.25
+
 # Corners of the Harris detector.
 HARRIS_CORNERS, HARRIS_K = 60, 0.04
 
@@ -35,7 +38,8 @@ class Streams:
     Parameters
     ----------
     lines : (N, 4) merged segments. by_name : each stream's segments before the last merge.
-    corners : (C, 2) of the Harris detector. ellipses : of round bodies. sobel : (h, w) thinned edges of the region.
+    corners : (C, 2) of the Harris detector. ellipses : of round bodies. sobel : (h, w) thinned edges around the region.
+    region : the region, enlarged as the method says; what lies outside is dropped.
     """
 
     lines: Array
@@ -43,6 +47,7 @@ class Streams:
     corners: Array
     ellipses: Tuple[EllipseFit, ...]
     sobel: Array
+    region: Region
 
 
 def cdf_box(wge: WeakGradientElimination) -> Region:
@@ -60,21 +65,41 @@ def crop_of(region: Region, image: Array, margin: float = 0.0) -> Tuple[slice, s
     return slice(y0, y1), slice(x0, x1)
 
 
-def sobel_edges(image: Array) -> Array:
-    """Thinned Sobel edges with the customary threshold: squared magnitude above four times its mean.
+def thinned(magnitude: Array, gx: Array, gy: Array) -> Array:
+    """Pixels whose magnitude is a maximum across the larger gradient component: edges one pixel wide."""
+    across = np.zeros(magnitude.shape, bool)
+    across[:, 1:-1] = (magnitude[:, 1:-1] > magnitude[:, :-2]) & (magnitude[:, 1:-1] >= magnitude[:, 2:])
+    along = np.zeros(magnitude.shape, bool)
+    along[1:-1] = (magnitude[1:-1] > magnitude[:-2]) & (magnitude[1:-1] >= magnitude[2:])
+    return np.asarray(np.where(np.abs(gx) >= np.abs(gy), across, along))
 
-    A pixel stays where its squared magnitude is a maximum across the larger gradient component.
-    """
-    blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
-    gx = cv2.Sobel(blurred, cv2.CV_32F, 1, 0)
-    gy = cv2.Sobel(blurred, cv2.CV_32F, 0, 1)
+
+def sobel_edges(image: Array, threshold: Optional[float] = None) -> Array:
+    """Thinned Sobel edges: squared magnitude above ``threshold``; None: ``sobel_threshold`` of this picture."""
+    gx, gy = _sobel(image)
     b = gx * gx + gy * gy
-    across = np.zeros(b.shape, bool)
-    across[:, 1:-1] = (b[:, 1:-1] > b[:, :-2]) & (b[:, 1:-1] >= b[:, 2:])
-    along = np.zeros(b.shape, bool)
-    along[1:-1] = (b[1:-1] > b[:-2]) & (b[1:-1] >= b[2:])
-    horizontal = np.abs(gx) >= np.abs(gy)
-    return np.asarray((b > 4.0 * float(b.mean())) & np.where(horizontal, across, along))
+    return np.asarray((b > (4.0 * float(b.mean()) if threshold is None else threshold)) & thinned(b, gx, gy))
+
+
+def sobel_threshold(image: Array) -> float:
+    """The customary threshold, four times the mean of the squared magnitude over the whole picture.
+
+    Over the region alone one saturated part would set it, and with it lose the rest of the craft.
+    """
+    gx, gy = _sobel(image)
+    return 4.0 * float(cv2.mean(gx * gx + gy * gy)[0])
+
+
+def _sobel(image: Array) -> Tuple[Array, Array]:
+    blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
+    return cv2.Sobel(blurred, cv2.CV_32F, 1, 0), cv2.Sobel(blurred, cv2.CV_32F, 0, 1)
+
+
+def wge_edges(image: Array, strong: Array) -> Array:
+    """What weak gradient elimination left of ``image``, thinned: the band of a blurred edge is many lines to Hough."""
+    blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
+    gx, gy = prewitt(blurred)
+    return np.asarray(strong & thinned(gx * gx + gy * gy, gx, gy))
 
 
 def harris_corners(image: Array, origin: Tuple[float, float]) -> Array:
@@ -109,28 +134,46 @@ def find_streams(
     image : (H, W) float32. wge : of the whole picture.
     """
     diagonal = region.diagonal_px
-    rows, cols = crop_of(region, image)
+    rows, cols = crop_of(region, image, AROUND * diagonal)
     origin = (float(cols.start), float(rows.start))
     shift = np.array([*origin, *origin])
     crop = np.ascontiguousarray(image[rows, cols])
-    sobel = sobel_edges(crop)
+    sobel = sobel_edges(crop, sobel_threshold(image))
     if config.least_component:
         sobel = drop_specks(sobel, int(max(4, config.least_component * diagonal)))
     found: Dict[str, Array] = {}
     if "wge" in config.streams:
-        found["wge"] = hough(wge.strong[rows, cols], WGE_LENGTH * diagonal, WGE_GAP * diagonal) + shift
+        edges = wge_edges(crop, wge.strong[rows, cols])
+        found["wge"] = hough(edges, WGE_LENGTH * diagonal, WGE_GAP * diagonal) + shift
     if "sh" in config.streams:
         found["sh"] = hough(sobel, SH_LENGTH * diagonal, SH_GAP * diagonal) + shift
     if "lsd" in config.streams:
         found["lsd"] = lsd_stream(cv2.GaussianBlur(crop, (0, 0), 1.0), 0.04 * diagonal) + shift
+    grown = grown_region(region, _together(found), config.roi_growth, image.shape)
+    found = {name: lines[_inside(lines, grown)] for name, lines in found.items()}
     merged = {
         name: merge_segments(s, diagonal, keep=LINES) if name in config.merge_each or name == "lsd" else s
         for name, s in found.items()
     }
-    lines = merge_segments(np.concatenate([np.zeros((0, 4)), *merged.values()]), diagonal, keep=LINES)
-    corners = harris_corners(crop, origin) if "harris" in config.streams else np.zeros((0, 2))
+    lines = merge_segments(_together(merged), diagonal, keep=LINES)
+    corners = np.zeros((0, 2))
+    if "harris" in config.streams:
+        rows, cols = crop_of(region, image)
+        corners = harris_corners(
+            np.ascontiguousarray(image[rows, cols]), (float(cols.start), float(rows.start))
+        )
     ellipses = hough_ellipses(sobel, origin, diagonal) if "ellipse" in config.streams else ()
-    return Streams(lines, found, corners, ellipses, sobel)
+    return Streams(lines, found, corners, ellipses, sobel, grown)
+
+
+def _together(found: Dict[str, Array]) -> Array:
+    return np.concatenate([np.zeros((0, 4)), *found.values()])
+
+
+def _inside(lines: Array, region: Region) -> Array:
+    """(N,) whether the middle of each line (N, 4) lies in the region."""
+    x, y = 0.5 * (lines[:, 0] + lines[:, 2]), 0.5 * (lines[:, 1] + lines[:, 3])
+    return np.asarray((x >= region.x0) & (x <= region.x1) & (y >= region.y0) & (y <= region.y1))
 
 
 def grown_region(region: Region, lines: Array, share: float, shape: Tuple[int, int]) -> Region:
