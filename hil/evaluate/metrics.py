@@ -32,6 +32,10 @@ RANGE_BINS_M = (
 SPEED_PLUS_DEG, SPEED_PLUS_SHARE = 0.169, 2.173e-3
 
 
+# Fewer values than this have no bootstrap interval worth printing.
+LEAST_BOOTSTRAP = 5
+
+
 class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
     """One frame's answer beside its truth.
 
@@ -78,7 +82,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     availability : accepted feasible frames over feasible ones.
     false_accept : accepted but not coarse over accepted, infeasible frames included.
     *_deg, *_m : over accepted frames; with ``_all`` over every feasible frame that has a pose.
-    *_wilson : 95 % interval of the share of that name.
+    *_wilson : 95 % interval of the share of that name. *_bootstrap : of the median or mean of that name.
     speed_score : mean of E_R [rad] + e_t over every feasible frame with a pose; speed_plus_score :
         the same with errors below SPEED+'s label accuracy counted as none.
     """
@@ -110,6 +114,14 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     false_accept_wilson: tuple[float, float] | None
     speed_score: float | None
     speed_plus_score: float | None
+    median_E_R_deg_bootstrap: tuple[float, float] | None = None
+    median_E_T_m_bootstrap: tuple[float, float] | None = None
+    mean_E_R_deg_bootstrap: tuple[float, float] | None = None
+    mean_E_T_m_bootstrap: tuple[float, float] | None = None
+    median_E_R_deg_all_bootstrap: tuple[float, float] | None = None
+    median_E_T_m_all_bootstrap: tuple[float, float] | None = None
+    mean_E_R_deg_all_bootstrap: tuple[float, float] | None = None
+    mean_E_T_m_all_bootstrap: tuple[float, float] | None = None
 
 
 class RangeBin(Summary, frozen=True, kw_only=True):
@@ -126,6 +138,7 @@ class MethodMetrics(Summary, frozen=True, kw_only=True):
     ----------
     failures : feasible frames that are not coarse, by the stage that failed.
     bias_m, spread_m : mean and standard deviation of the position error of accepted frames along camera x, y, z.
+    turn_bias_deg, turn_spread_deg : the same of the attitude error about these axes.
     time_ms_p50, time_ms_p95 : of one frame on the machine that evaluated.
     """
 
@@ -135,6 +148,8 @@ class MethodMetrics(Summary, frozen=True, kw_only=True):
     failures: dict[str, int] = {}
     bias_m: tuple[float, float, float] | None = None
     spread_m: tuple[float, float, float] | None = None
+    turn_bias_deg: tuple[float, float, float] | None = None
+    turn_spread_deg: tuple[float, float, float] | None = None
     time_ms_p50: float | None = None
     time_ms_p95: float | None = None
 
@@ -250,6 +265,26 @@ def wilson_interval(k: int, n: int, z: float = 1.959963984540054) -> tuple[float
     return (max(0.0, float(middle - half)), min(1.0, float(middle + half)))
 
 
+def bootstrap_intervals(
+    values: Sequence[float], resamples: int = 1000
+) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+    """95 % percentile intervals of the median and of the mean; None of fewer than five values.
+
+    The same values always give the same intervals: the draw is seeded.
+
+    References
+    ----------
+    Efron & Tibshirani (1993), An Introduction to the Bootstrap, ch. 13.
+    """
+    if len(values) < LEAST_BOOTSTRAP:
+        return None, None
+    sample = np.asarray(values, float)
+    drawn = sample[np.random.default_rng(len(sample)).integers(0, len(sample), (resamples, len(sample)))]
+    median = np.percentile(np.median(drawn, axis=1), [2.5, 97.5])
+    mean = np.percentile(drawn.mean(axis=1), [2.5, 97.5])
+    return (float(median[0]), float(median[1])), (float(mean[0]), float(mean[1]))
+
+
 def summarise(
     records: Iterable[FrameRecord],
     *,
@@ -273,6 +308,7 @@ def summarise(
     classes = sorted({r.frame_class for r in frames})
     by_class = {c: Summary(**_figures([r for r in frames if r.frame_class == c])) for c in classes}
     shifts = np.array([r.shift_camera_m for r in frames if r.accepted and r.shift_camera_m is not None])
+    turns = np.array([r.turn_camera_deg for r in frames if r.accepted and r.turn_camera_deg is not None])
     return MethodMetrics(
         method=method,
         by_range=bins,
@@ -280,6 +316,8 @@ def summarise(
         failures={kind: failures.count(kind) for kind in sorted(set(failures))},
         bias_m=_triple(shifts.mean(axis=0)) if len(shifts) else None,
         spread_m=_triple(shifts.std(axis=0)) if len(shifts) else None,
+        turn_bias_deg=_triple(turns.mean(axis=0)) if len(turns) else None,
+        turn_spread_deg=_triple(turns.std(axis=0)) if len(turns) else None,
         time_ms_p50=_reduce(_median, times_ms),
         time_ms_p95=_reduce(_p95, times_ms),
         **_figures(frames),
@@ -329,6 +367,10 @@ def _figures(frames: Sequence[FrameRecord]) -> dict[str, Any]:
         for statistic, function in (("median", _median), ("mean", _mean), ("p95", _p95)):
             out[f"{statistic}_E_R_deg{suffix}"] = _reduce(function, turn)
             out[f"{statistic}_E_T_m{suffix}"] = _reduce(function, shift)
+        for field, values in (("E_R_deg", turn), ("E_T_m", shift)):
+            median, mean = bootstrap_intervals(values)
+            out[f"median_{field}{suffix}_bootstrap"] = median
+            out[f"mean_{field}{suffix}_bootstrap"] = mean
     scores = [
         (float(np.radians(r.E_R_deg)), r.e_t) for r in feasible if r.E_R_deg is not None and r.e_t is not None
     ]

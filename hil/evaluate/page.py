@@ -84,7 +84,9 @@ def write_page(
         _methods_table(list(metrics.by_method.values())),
         (
             "<p class=dim>Success: share of feasible frames whose best pose, accepted or not, is within 5 deg and 5 % "
-            "(coarse), 0.5 deg and 0.5 % of range (fine). Brackets: Wilson 95 %. Errors: over accepted frames.</p>"
+            "(coarse), 0.5 deg and 0.5 % of range (fine). Errors: over accepted frames, infeasible ones too, unless "
+            "said. Small figures: 95 % intervals, Wilson's for shares, bootstrap for errors. Along the camera's axes: "
+            "mean &plusmn; standard deviation.</p>"
         ),
     ]
     parts += [
@@ -117,6 +119,25 @@ def _number(value: float | None, unit: str, factor: float = 1.0) -> str:
     return "&ndash;" if value is None else f"{value * factor:.3g} {unit}"
 
 
+def _ranged(value: float | None, interval: tuple[float, float] | None, unit: str, factor: float = 1.0) -> str:
+    text = _number(value, unit, factor)
+    if interval is None:
+        return text
+    return f"{text} <small>{interval[0] * factor:.3g}&ndash;{interval[1] * factor:.3g}</small>"
+
+
+def _axes(
+    middle: tuple[float, float, float] | None,
+    spread: tuple[float, float, float] | None,
+    unit: str,
+    factor: float = 1.0,
+) -> str:
+    if middle is None or spread is None:
+        return "&ndash;"
+    both = zip(middle, spread, strict=True)
+    return ", ".join(f"{m * factor:.2g} &plusmn; {s * factor:.2g}" for m, s in both) + f" {unit}"
+
+
 def _methods_table(methods: Sequence[MethodMetrics]) -> str:
     lines: tuple[tuple[str, Callable[[MethodMetrics], str]], ...] = (
         ("frames, feasible", lambda m: f"{m.n}, {m.n_feasible}"),
@@ -124,13 +145,25 @@ def _methods_table(methods: Sequence[MethodMetrics]) -> str:
         ("fine success", lambda m: _share(m.fine_success, m.fine_success_wilson)),
         ("availability", lambda m: _share(m.availability, m.availability_wilson)),
         ("false accepts", lambda m: _share(m.false_accept, m.false_accept_wilson)),
-        ("median E_R", lambda m: _number(m.median_E_R_deg, "deg")),
-        ("median E_T", lambda m: _number(m.median_E_T_m, "mm", 1e3)),
-        ("mean E_T", lambda m: _number(m.mean_E_T_m, "mm", 1e3)),
-        ("p95 E_T", lambda m: _number(m.p95_E_T_m, "mm", 1e3)),
-        ("median E_R, all feasible", lambda m: _number(m.median_E_R_deg_all, "deg")),
-        ("median E_T, all feasible", lambda m: _number(m.median_E_T_m_all, "mm", 1e3)),
-        ("mean E_T, all feasible", lambda m: _number(m.mean_E_T_m_all, "mm", 1e3)),
+        ("median E_R", lambda m: _ranged(m.median_E_R_deg, m.median_E_R_deg_bootstrap, "deg")),
+        ("median E_T", lambda m: _ranged(m.median_E_T_m, m.median_E_T_m_bootstrap, "mm", 1e3)),
+        ("mean E_R", lambda m: _ranged(m.mean_E_R_deg, m.mean_E_R_deg_bootstrap, "deg")),
+        ("mean E_T", lambda m: _ranged(m.mean_E_T_m, m.mean_E_T_m_bootstrap, "mm", 1e3)),
+        ("p95 E_R, E_T", lambda m: f"{_number(m.p95_E_R_deg, 'deg')}, {_number(m.p95_E_T_m, 'mm', 1e3)}"),
+        ("position error along x, y, z", lambda m: _axes(m.bias_m, m.spread_m, "mm", 1e3)),
+        ("attitude error about x, y, z", lambda m: _axes(m.turn_bias_deg, m.turn_spread_deg, "deg")),
+        (
+            "median E_R, all feasible",
+            lambda m: _ranged(m.median_E_R_deg_all, m.median_E_R_deg_all_bootstrap, "deg"),
+        ),
+        (
+            "median E_T, all feasible",
+            lambda m: _ranged(m.median_E_T_m_all, m.median_E_T_m_all_bootstrap, "mm", 1e3),
+        ),
+        (
+            "mean E_T, all feasible",
+            lambda m: _ranged(m.mean_E_T_m_all, m.mean_E_T_m_all_bootstrap, "mm", 1e3),
+        ),
         ("SPEED score", lambda m: _number(m.speed_score, "")),
         ("time p50, p95", lambda m: f"{_number(m.time_ms_p50, 'ms')}, {_number(m.time_ms_p95, 'ms')}"),
         ("failures", lambda m: ", ".join(f"{n} {kind}" for kind, n in m.failures.items()) or "none"),

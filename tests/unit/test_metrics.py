@@ -12,6 +12,7 @@ import pytest
 from hil.evaluate.metrics import (
     FrameRecord,
     Metrics,
+    bootstrap_intervals,
     compose,
     frame_errors,
     frame_record,
@@ -77,6 +78,21 @@ RECORDS = [
     record(10.0, None, None, ok=False),  # nothing found
     record(17.0, 120.0, 0.5, ok=True, feasible=False),  # infeasible and falsely accepted
 ]
+
+
+def test_bootstrap_intervals_cover_the_truth_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(3)
+    held = 0
+    for _ in range(200):
+        median, mean = bootstrap_intervals(rng.normal(4.0, 1.0, 40).tolist(), 400)
+        assert median is not None
+        assert mean is not None
+        held += (median[0] < 4.0 < median[1]) + (mean[0] < 4.0 < mean[1])
+        assert mean[1] - mean[0] == pytest.approx(4 * 1.96 / 2 / np.sqrt(40), rel=0.5)
+    # 95 % of 400, less what percentile intervals of 40 values lose
+    assert 360 < held < 395
+    assert bootstrap_intervals([1.0, 2.0, 3.0]) == (None, None)
+    assert bootstrap_intervals([1.0] * 6) == ((1.0, 1.0), (1.0, 1.0))
 
 
 def test_shares_follow_their_definitions() -> None:
