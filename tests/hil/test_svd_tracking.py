@@ -120,8 +120,44 @@ def test_a_turning_craft_is_followed_and_a_lost_one_given_up(tracker: TrackingEs
     assert tracker.state is None
 
 
+def test_a_covered_craft_is_bridged_and_one_that_left_is_found_again(tracker: TrackingEstimator) -> None:
+    craft, w = Craft(), np.radians([0.8, 1.0, -0.6])
+    q0, t0 = quat.normalise(np.array([0.25, 0.9, 0.3, 0.1])), np.array([0.05, -0.05, 4.2])
+    tracker.reset()
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    outcomes, squares = [], []
+    # seen, covered by a wall for one frame, seen, out of the frame for four, seen
+    for k in range(14):
+        q = quat.normalise(quat.multiply(quat.from_rotvec(w * k), q0))
+        t = t0 + k * np.array([0.01, 0.0, 0.02])
+        away = np.array([30.0 * (8 <= k < 12), 0.0, 0.0])
+        picture = craft.picture(q, t + away, SUN, np.random.default_rng((70, k)))
+        if k == 5:
+            picture[:] = np.random.default_rng((71, k)).normal(60, 4, picture.shape).clip(0, 255)
+        result = tracker.estimate(picture, None, float(k))
+        outcomes.append("initialised" if "initialised" in result.counts else "tracked")
+        assert not (result.accepted and k in (5, 8, 9, 10, 11))
+        if result.accepted and outcomes[-1] == "tracked":
+            assert result.q_camera_from_target_wxyz is not None
+            assert result.t_camera_from_target_m is not None
+            assert result.covariance is not None
+            answer = first_state(result.q_camera_from_target_wxyz, result.t_camera_from_target_m, np.eye(6))
+            off = innovation(answer, q, t)
+            squares.append(float(off @ np.linalg.solve(result.covariance, off)))
+    cv2.setNumThreads(threads)
+    # the filter alone bridges a frame: the next is tracked from where it says
+    assert outcomes[6] == outcomes[7] == "tracked"
+    # nothing is followed where the craft is not
+    assert outcomes[9:12] == ["initialised"] * 3
+    assert tracker.state is not None
+    # normalised error squared, six degrees of freedom: neither far too sure nor far too careful
+    assert 1.0 < np.median(squares) < 15.0
+
+
 @pytest.mark.slow
 @pytest.mark.gl
+@pytest.mark.timeout(1200)
 def test_tango_is_followed_for_a_minute(tmp_path, capsys) -> None:
     """60 rendered frames a second apart, from the Earth below across the limb to space; turning 3 deg a frame."""
     folder = tmp_path / "set"
@@ -132,7 +168,7 @@ def test_tango_is_followed_for_a_minute(tmp_path, capsys) -> None:
     names = rows[0].split(",")
     table = [dict(zip(names, row.split(","), strict=False)) for row in rows[1:]]
     accepted = [r for r in table if r["accepted"] == "True"]
-    # measured 56 of 60, at most 0.18 m (10.9 m away) and 2.0 deg, medians 24 mm and 0.4 deg
+    # measured 58 of 60, at most 0.16 m (10.9 m away) and 2.8 deg, medians 25 mm and 0.4 deg
     assert len(accepted) >= 48
     assert max(float(r["E_T_m"]) for r in accepted) < 0.35
     assert max(float(r["E_R_deg"]) for r in accepted) < 4.0

@@ -9,6 +9,7 @@ import numpy as np
 from hil.board.svd import quaternion as quat
 from hil.board.svd.base import Estimator
 from hil.board.svd.confidence import ACCEPT_AT, confidence, decide
+from hil.board.svd.drawn import draw_at
 from hil.board.svd.edges import edge_field, shrink
 from hil.board.svd.finish import choose
 from hil.board.svd.frame import UNASKED, Candidate, Craft, Frame, PoseResult
@@ -80,10 +81,11 @@ class PoseEstimator(Estimator):
         regions = [r for r in regions if r.diagonal_px >= SMALLEST_PX]
         glances = self._glances(frame, regions)
         found = [c for g in glances for c in self._candidates(frame, g)]
+        frame.keep("glances", glances)
         frame.mark("first_look")
         looked = self._chosen(frame, found) if found else None
         if looked is not None and looked.accepted:
-            if frame.trace and "every_stage" in frame.trace and regions:
+            if frame.shows_all and regions:
                 search_region(self.craft, frame, regions[0])
             return looked
         frame.count("searched", 1)
@@ -151,6 +153,8 @@ class PoseEstimator(Estimator):
         best, fit, evidence, alternatives = decide_between(self.craft, frame, found)
         frame.count("edges", evidence.edges)
         frame.keep("field", best.field)
+        if frame.shows_all:
+            frame.keep("drawn", draw_at(self.craft, frame, fit.q, fit.t))
         reason = decide(evidence, self.accept_at)
         frame.mark("decide")
         return PoseResult(

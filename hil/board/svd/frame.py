@@ -161,6 +161,11 @@ class Frame:
         """Add to a counter."""
         self.counts[what] = self.counts.get(what, 0) + number
 
+    @property
+    def shows_all(self) -> bool:
+        """Whether somebody asked for every stage, also those that the pose did not need."""
+        return self.trace is not None and "every_stage" in self.trace
+
     def keep(self, what: str, value: Any) -> None:  # noqa: ANN401 - arrays, regions, segments
         """Keep what a stage found, where somebody looks."""
         if self.trace is not None:

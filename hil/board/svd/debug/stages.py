@@ -10,9 +10,11 @@ import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.debug.draw import draw_segments, draw_wireframe, grey, label
+from hil.board.svd.debug.whole import drawn_picture, first_look_picture
 from hil.board.svd.frame import PoseResult, Trace
 from hil.board.svd.gradient import WeakGradientElimination
 from hil.board.svd.model import BoardModel, CameraIntrinsics
+from hil.board.svd.noise import noise_sigma
 
 Array = np.ndarray
 
@@ -77,6 +79,9 @@ def stage_pictures(
         if grown is not None:
             cv2.rectangle(canvas, (int(grown.x0), int(grown.y0)), (int(grown.x1), int(grown.y1)), BLUE, 2)
         out["region"] = _whole(canvas, "regions of interest")
+    for glance in trace.get("glances", [])[:1]:
+        noise = max(noise_sigma(image, 255.0 if image.dtype == np.uint8 else float(image.max())), 0.1)
+        out["first_look"] = first_look_picture(image, glance, noise, model, camera, (WIDTH, HEIGHT))
     corner, scale = _window(image, regions)
     back = _view(image, top, corner, scale)
     for name, segments in _streams(trace).items():
@@ -84,6 +89,7 @@ def stage_pictures(
         draw_segments(canvas, segments, corner, scale)
         label(canvas, f"{name}: {len(segments)}")
         out[name.lower().replace(" ", "_").replace("&", "")] = canvas
+    out.update(_points(trace, back, corner, scale))
     groups = _groups(trace)
     if groups:
         canvas = back.copy() // 2
@@ -95,6 +101,9 @@ def stage_pictures(
                 cv2.polylines(canvas, chains, kind == "closed_tetrad", GROUP_COLOURS[kind], 1, cv2.LINE_AA, 4)
         label(canvas, "perceptual groups: " + ", ".join(f"{len(p)} {k}" for k, p in groups.items() if len(p)))
         out["groups"] = canvas
+    drawn = trace.get("drawn")
+    if drawn is not None:
+        out["drawn"] = drawn_picture(drawn, (WIDTH, HEIGHT))
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     if q is not None and t is not None:
         canvas = back.copy()
@@ -133,7 +142,7 @@ def histogram(wge: WeakGradientElimination) -> Array:
     cv2.line(canvas, (x0, y1), (x1, y1), (0, 0, 0), 1)
     texts = (
         (f"threshold {wge.threshold:.3f}", (at + 8, y0 + 14)),
-        ("exponential fitted by its mean", (x1 - 260, y0 + 60)),
+        ("red: exponential fitted by its mean", (int(points[min(20, bins - 1), 0]) + 12, y0 + 60)),
         ("normalised gradient", (WIDTH // 2 - 80, HEIGHT - 18)),
         ("pixels, logarithmic", (8, 24)),
     )
@@ -232,7 +241,9 @@ def _streams(trace: Trace) -> Dict[str, Array]:
     faithful = trace.get("faithful_streams")
     if faithful is not None:
         names = {"wge": "WGE stream", "sh": "S&H stream", "lsd": "LSD stream"}
-        return {**{names[k]: v for k, v in faithful.by_name.items()}, "merged": faithful.lines}
+        streams = {names[k]: v for k, v in faithful.by_name.items()}
+        own = {names[k].replace("stream", "merged"): v for k, v in faithful.merged.items()}
+        return {**streams, **own, "all merged": faithful.lines}
     field, lines = trace.get("stream_field"), trace.get("merged")
     if field is None or lines is None:
         return {}
@@ -243,6 +254,26 @@ def _streams(trace: Trace) -> Dict[str, Array]:
         return np.asarray(points.reshape(-1, 4))
 
     return {name: full(np.asarray(s, float)) for name, s in found.items()}
+
+
+def _points(trace: Trace, back: Array, corner: Array, scale: float) -> Dict[str, Array]:
+    """Corners and ellipses, where the method looks for them."""
+    faithful = trace.get("faithful_streams")
+    out: Dict[str, Array] = {}
+    if faithful is not None and len(faithful.corners):
+        canvas = back.copy() // 2
+        for u, v in ((faithful.corners - corner + 0.5) * scale - 0.5) * 16:
+            cv2.circle(canvas, (int(u), int(v)), 16 * 5, ORANGE, 1, cv2.LINE_AA, 4)
+        label(canvas, f"Harris corners: {len(faithful.corners)}")
+        out["harris"] = canvas
+    if faithful is not None and faithful.ellipses:
+        canvas = back.copy() // 2
+        for e in faithful.ellipses:
+            uv = np.rint(((e.points() - corner + 0.5) * scale - 0.5) * 16).astype(np.int32)
+            cv2.polylines(canvas, [uv], True, GREEN, 1, cv2.LINE_AA, 4)
+        label(canvas, f"ellipses: {len(faithful.ellipses)}")
+        out["ellipses"] = canvas
+    return out
 
 
 def _groups(trace: Trace) -> Dict[str, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Dict, Optional, Tuple
 
 import cv2
@@ -37,7 +37,8 @@ class Streams:
 
     Parameters
     ----------
-    lines : (N, 4) merged segments. by_name : each stream's segments before the last merge.
+    lines : (N, 4) merged segments. by_name : each stream's segments. merged : each after its own merging, where
+        the method has one.
     corners : (C, 2) of the Harris detector. ellipses : of round bodies. sobel : (h, w) thinned edges around the region.
     region : the region, enlarged as the method says; what lies outside is dropped.
     """
@@ -48,6 +49,7 @@ class Streams:
     ellipses: Tuple[EllipseFit, ...]
     sobel: Array
     region: Region
+    merged: Dict[str, Array] = field(default_factory=dict)
 
 
 def cdf_box(wge: WeakGradientElimination) -> Region:
@@ -163,7 +165,8 @@ def find_streams(
             np.ascontiguousarray(image[rows, cols]), (float(cols.start), float(rows.start))
         )
     ellipses = hough_ellipses(sobel, origin, diagonal) if "ellipse" in config.streams else ()
-    return Streams(lines, found, corners, ellipses, sobel, grown)
+    own = {name: s for name, s in merged.items() if s is not found[name]}
+    return Streams(lines, found, corners, ellipses, sobel, grown, own)
 
 
 def _together(found: Dict[str, Array]) -> Array:

@@ -8,10 +8,13 @@ import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.base import Estimator
+from hil.board.svd.canvas import craft_box, make_canvas
 from hil.board.svd.estimator import PoseEstimator
 from hil.board.svd.frame import Frame, PoseResult, Trace
 from hil.board.svd.model import BoardModel, CameraIntrinsics
 from hil.board.svd.noise import noise_sigma
+from hil.board.svd.photometric import photo_align
+from hil.board.svd.shade import Faces
 from hil.board.svd.tracking.align import TrackFit, track_edges
 from hil.board.svd.tracking.filter import TrackState, first_state, predict, update
 
@@ -28,6 +31,9 @@ FIRST_RAD, FIRST_ACROSS, FIRST_ALONG = float(np.radians(1.0)), 0.001, 0.006
 
 # What a fit must show to be taken in, and the confidence below which tracking ends.
 LEAST_FOUND, LEAST_USED, WORST_RMS_PX, LEAST_CONFIDENCE = 0.3, 25, 2.5, 0.5
+
+# Below this confidence the whole picture is asked as well, on a drawing of this size with these blurs [px].
+SURE, PICTURE_PX, PICTURE_BLURS = 0.9, 120, (1.2, 0.6)
 
 # 99.99 % of right innovations are shorter: chi squared of 6 degrees of freedom.
 GATE = 27.9
@@ -120,8 +126,11 @@ class TrackingEstimator(Estimator):
         frame.mark("align")
         if fit is None or fit.used < LEAST_USED or fit.rms_px > WORST_RMS_PX or fit.found < LEAST_FOUND:
             return None
-        after, distance = update(state, fit.q, fit.t, fit.covariance)
         sure = track_confidence(fit)
+        q, t, covariance = fit.q, fit.t, fit.covariance
+        if sure < SURE and craft.model.faces is not None:
+            q, t, covariance = self._by_picture(frame, q, t, craft.model.faces)
+        after, distance = update(state, q, t, covariance)
         if distance > GATE or sure < LEAST_CONFIDENCE:
             return None
         self.state, self.polarity, self.missed = after, fit.polarity, 0
@@ -140,6 +149,20 @@ class TrackingEstimator(Estimator):
             (),
             self.method,
         )
+
+    def _by_picture(self, frame: Frame, q: Array, t: Array, faces: Faces) -> "tuple[Array, Array, Array]":
+        """A pose that few edges hold, aligned on the drawn craft: pose and covariance.
+
+        The edges of a craft that shows little else than one lit face let a pose drift, each frame a little, and agree.
+        """
+        craft = self.craft
+        if self.empty:
+            frame.background = float(np.median(self._strip(frame.image, t)))
+        canvas = make_canvas(craft, frame, craft_box(craft, q, t), PICTURE_PX)
+        fit = photo_align(q, t, faces, canvas, self.camera.pinhole, craft.radius_m, PICTURE_BLURS)
+        frame.count("picture", 1)
+        frame.mark("picture")
+        return fit.q, fit.t, fit.covariance
 
     def _initialise(self, frame: Frame) -> PoseResult:
         found = self.first.initialise(frame)
@@ -190,10 +213,14 @@ class TrackingEstimator(Estimator):
         """Noise around the target: a strip of the frame is enough."""
         full_scale = 255.0 if image.dtype == np.uint8 else float(image.max())
         centre = quat.matrix(state.q) @ self.craft.centre_m + state.t
-        v = float(self.camera.pixels(centre)[1])
+        return max(noise_sigma(self._strip(image, centre), full_scale), 0.15 * full_scale / 255)
+
+    def _strip(self, image: Array, at_m: Array) -> Array:
+        """96 rows of the picture about a point in the camera's axes."""
+        v = float(self.camera.pixels(at_m)[1])
         h = image.shape[0]
         y0 = int(np.clip(v - 48, 0, max(0, h - 96)))
-        return max(noise_sigma(image[y0 : y0 + 96], full_scale), 0.15 * full_scale / 255)
+        return image[y0 : y0 + 96]
 
 
 def track_confidence(fit: TrackFit) -> float:
