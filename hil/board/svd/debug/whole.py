@@ -38,7 +38,7 @@ def first_look_picture(
     noise : standard deviation of ``image``. size : (width, height) of the picture made.
     """
     side = min(size[0] // 3, size[1] // 2)
-    shown = look(image, noise, camera, glance.gaze)[..., 0]
+    shown = look(image, noise, camera, [glance.gaze])[0, ..., 0]
     low, high = np.percentile(shown, [1, 99.5])
     first = cv2.resize(shown, (side, side), interpolation=cv2.INTER_NEAREST)
     tiles = [grey(first - low, float(high - low))]
