@@ -1,6 +1,8 @@
 // The Earth and its air behind the target: radiance to add [W m-2 sr-1].
 // Space: Earth-fixed axes, the polar one stretched so that the WGS84 ellipsoid is the unit sphere.
 // SMOOTH: the cell is all ground, away from limb and poles. COVERED: the target may be in front. MOON: the Moon may.
+// FOURS: a fragment is two by two pixels of a smooth cell with nothing in front; MAGNIFIED: the map's texels are wider
+// than six pixels, so that the map is a plane over the four.
 #include "atmosphere/air.glsl"
 #include "earth/geometry.glsl"
 #include "earth/aerial.glsl"
@@ -19,10 +21,44 @@
 #else
 #define BELOW vec4(0.0)
 #endif
+
+// What a pixel sees of the ground; x: from the cell's middle, in half cells.
+GroundPoint ground_at(vec2 x) {
+    vec4 at = AT(uv_plane), sun = AT(sun); // sun: toward, sharp, glint
+    return GroundPoint(
+        at.xy, at.zw, BELOW, sun.xy, sun.z, 0.0, AT(rough), AT(tone), sun.w, AT(light), AT(lamps), AT(haze)
+    );
+}
 #endif
 uniform sampler2D t_coverage;
-layout(location = 0) out vec4 out_radiance;
+layout(location = 0) out vec4 out_radiance; // FOURS: of the upper left, upper right, lower left, lower right pixel
 
+#if FOURS
+void main() {
+    vec2 x = (2.0 * gl_FragCoord.xy - v_middle.xy) * v_middle.z;
+    float step_x = 0.5 * v_middle.z; // from the middle of the four to the middle of one
+    GroundPoint middle = ground_at(x);
+#if MAGNIFIED
+    // neighbours share their slope, so that the map goes on without a step
+    vec4 map = ground_map(middle), map_x = 0.25 * dFdx(map), map_y = 0.25 * dFdy(map);
+#endif
+    for (int k = 0; k < 4; ++k) {
+        vec2 side = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
+        GroundPoint g = ground_at(x + step_x * side);
+        // what hardly changes from one pixel to the next is taken at their middle
+        g.toward = middle.toward;
+        g.sharp = middle.sharp;
+        g.rough = middle.rough;
+        g.tone = middle.tone;
+        g.lamps = middle.lamps;
+#if MAGNIFIED
+        out_radiance[k] = surface_radiance(g, map + side.x * map_x + side.y * map_y);
+#else
+        out_radiance[k] = surface_radiance(g, ground_map(g));
+#endif
+    }
+}
+#else
 void main() {
     float open = 1.0;
 #if COVERED
@@ -34,18 +70,19 @@ void main() {
 #endif
 #if SMOOTH
     vec2 x = (gl_FragCoord.xy - v_middle.xy) * v_middle.z;
-    vec4 at = AT(uv_plane), sun = AT(sun); // sun: toward, sharp, glint
-    GroundPoint g = GroundPoint(
-        at.xy, at.zw, BELOW, sun.xy, sun.z, 0.0, AT(rough), AT(tone), sun.w, AT(light), AT(lamps), AT(haze)
-    );
-    color radiance = surface_radiance(g);
+    GroundPoint g = ground_at(x);
+    color radiance = surface_radiance(g, ground_map(g));
 #else
     EarthRay ray = earth_ray(gl_FragCoord.xy - 0.5);
     if (ray.away || ray.perigee2 > u_earth_limits.y) discard;
     float share = limb_share(ray); // of the pixel that the ground fills
     color radiance = color(0.0);
-    if (share > 0.0) radiance = share * surface_radiance(ground_point(ray));
+    if (share > 0.0) {
+        GroundPoint g = ground_point(ray);
+        radiance = share * surface_radiance(g, ground_map(g));
+    }
     if (share < 1.0) radiance += (1.0 - share) * air_radiance(ray);
 #endif
     out_radiance = OUT(radiance * open);
 }
+#endif

@@ -15,7 +15,11 @@ in vec2 in_pixel;         // middle of the cell [px], edges of pixels at .5
 
 void main() {
     gl_Position = vec4((in_pixel + 0.5) / u_extent_px * 2.0 - 1.0, 0.0, 1.0);
+#if FOURS
+    gl_PointSize = 0.5 * u_cell_px;
+#else
     gl_PointSize = u_cell_px;
+#endif
 #if SMOOTH
     v_middle = vec3(in_pixel + 0.5, 2.0 / u_cell_px);
 #define START(type, name) v_##name[0] = v_##name[1] = v_##name[2] = type(0.0);

@@ -28,9 +28,10 @@ const float CLOUD = 0.84;     // reflectance of thick cloud
 const float WARP_KM = 12.0;   // HIGH: twice the largest displacement of the land's map
 const float RELIEF_KM = 0.9;  // height of a puff of full contrast, for its own shading
 
-// Radiance that a ground point sends to the camera [W m-2 sr-1].
-color surface_radiance(GroundPoint g) {
-    vec4 map = textureLod(t_map, g.uv, MAP_LEVEL);
+vec4 ground_map(GroundPoint g) { return textureLod(t_map, g.uv, MAP_LEVEL); }
+
+// Radiance that a ground point sends to the camera [W m-2 sr-1]; map: of t_map there.
+color surface_radiance(GroundPoint g, vec4 map) {
     vec4 detail = textureLod(t_detail, g.plane, DETAIL_LEVEL);
 #if HIGH
     vec4 under = textureLod(t_detail, g.below.xy, DETAIL_LEVEL);

@@ -11,7 +11,7 @@ from simulator.render.projection import PixelRect, directions
 from simulator.render.view import EQUATOR_M
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array, FloatArray
+    from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.camera.model import Camera
     from simulator.render.earthview import EarthView
 
@@ -52,11 +52,19 @@ class Cells:
     ----------
     size_px : side of a cell. centers_px : (K, 2) float32 middles of each kind's cells; pixel edges lie at .5.
     extent_px : width and height of all cells together, from the image's corner to beyond its end.
+    others_px : (L, 2) of all the image's cells but the smooth ones that nothing covers.
     """
 
     size_px: int
     extent_px: tuple[int, int]
     centers_px: dict[CellKind, Float32Array]
+    others_px: Float32Array
+
+    @property
+    def open_share(self) -> float:
+        """Share of the image's cells that are smooth and that nothing covers."""
+        width, height = self.extent_px
+        return 1 - len(self.others_px) * self.size_px**2 / (width * height)
 
     def covered(self) -> PixelRect | None:
         """Pixels of the cells that the target may be in front of."""
@@ -76,7 +84,8 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     target : pixels that the target may cover, ``None`` without target.
     """
     pixel_rad = camera.pixel_angle_rad()
-    size = int(np.clip(round(CELL_RAD / pixel_rad), _SMALLEST_PX, _LARGEST_PX))
+    # a multiple of four: derivatives are taken between neighbours of two by two texels of two by two pixels
+    size = int(np.clip(4 * round(CELL_RAD / pixel_rad / 4), _SMALLEST_PX, _LARGEST_PX))
     bent = not camera.distortion.is_none
     x, y = _edges(camera.width_px, size), _edges(camera.height_px, size)
     d = directions(camera, x, y, earth.earth_from_camera)
@@ -109,8 +118,11 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     level = np.round(np.log2(np.fmax(footprint_km[:-1, :-1], 1e-6)) / _LEVEL_STEP)
     # one number per kind of cell
     kind = (np.where(smooth, level, 0).astype(int) * 8 + smooth * 4 + covered * 2 + night)[touched]
-    row, column = touched.nonzero()
-    centers = np.stack([x[column], y[row]], axis=1).astype(np.float32) + np.float32(size / 2)
+
+    def middles(row: IntArray, column: IntArray) -> Float32Array:
+        return np.stack([x[column], y[row]], axis=1).astype(np.float32) + np.float32(size / 2)
+
+    centers = middles(*touched.nonzero())
     return Cells(
         size,
         (size * (len(x) - 1), size * (len(y) - 1)),
@@ -118,6 +130,7 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
             CellKind(bool(k & 4), bool(k & 2), bool(k & 1), (k >> 3) * _LEVEL_STEP): centers[kind == k]
             for k in map(int, np.unique(kind))
         },
+        middles(*(~(touched & smooth) | covered).nonzero()),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 
 from simulator.render.context import release
@@ -37,6 +38,20 @@ class Images:
         self.sky_framebuffer = context.framebuffer([self.radiance])
         self._label_framebuffer = context.framebuffer([self.coverage])
         self._covered: PixelRect | None = PixelRect(0, 0, width, height)
+        self._fours: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
+
+    @property
+    def have_fours(self) -> bool:
+        """Whether the radiance can be kept four pixels in a texel: one band, and sides of even length."""
+        return self.bands == 1 and not any(side % 2 for side in self.size)
+
+    @property
+    def fours_framebuffer(self) -> moderngl.Framebuffer:
+        """The radiance again, two by two pixels in a texel: a pass for which they are one is a quarter as long."""
+        if self._fours is None:
+            texture = self._context.texture((self.size[0] // 2, self.size[1] // 2), 4, dtype="f4")
+            self._fours = texture, self._context.framebuffer([texture])
+        return self._fours[1]
 
     def clear(self, added_to: PixelRect | None) -> None:
         """Black and empty; of the coverage only what the last target was drawn to.
@@ -58,9 +73,23 @@ class Images:
         """Remember the pixels of the coverage that the target may have written."""
         self._covered = rect
 
-    def read_radiance(self) -> Float32Array:
-        """(H, W) or (H, W, 3), row 0 at the top."""
+    def read_radiance(self, *, fours: bool = False) -> Float32Array:
+        """(H, W) or (H, W, 3), row 0 at the top.
+
+        Parameters
+        ----------
+        fours : read what was drawn four pixels to a texel.
+        """
         width, height = self.size
+        if fours:
+            data = self.fours_framebuffer.read(components=4, dtype="f4", alignment=1)
+            # two neighbours of a row as one number, which is moved and never looked at
+            pairs = np.frombuffer(data, np.float64).reshape(height // 2, width // 2, 2)
+            whole = np.empty((height, width), np.float32)
+            cv2.mixChannels(
+                [pairs], [whole[0::2].view(np.float64), whole[1::2].view(np.float64)], [0, 0, 1, 1]
+            )
+            return whole
         data = self.sky_framebuffer.read(components=self.bands, dtype="f4", alignment=1)
         image = np.frombuffer(data, np.float32)
         return image.reshape((height, width) if self.bands == 1 else (height, width, 3))
@@ -80,3 +109,6 @@ class Images:
             self.radiance,
             self.coverage,
         )
+        if self._fours is not None:
+            release(self._context, *reversed(self._fours))
+            self._fours = None

@@ -15,6 +15,7 @@ from simulator.render.earthview import earth_view
 from simulator.render.images import Images
 from simulator.render.moonview import moon_view
 from simulator.render.passes.earth import EarthPass
+from simulator.render.passes.fours import LEAST_SHARE, FoursPass
 from simulator.render.passes.moon import MoonPass
 from simulator.render.passes.stars import StarPass
 from simulator.render.passes.sun import SunPass
@@ -128,6 +129,7 @@ class Renderer:
         self._target_passes()
         self._stars = StarPass(self._gl, self._programs)
         self._sun = SunPass(self._gl, self._programs)
+        self._fours = FoursPass(self._gl, self._programs)
         self._images: Images | None = None
         self._moon: MoonPass | None = None
         self._earths: dict[Bands, EarthPass] = {}
@@ -190,8 +192,8 @@ class Renderer:
             passes.shade(sampled, images)
             clock.lap("target.shading")
         images.mark_covered(hidden)
-        self._draw_sky(scene, view, images, behind, clock)
-        radiance = images.read_radiance()
+        fours = self._draw_sky(scene, view, images, behind, clock)
+        radiance = images.read_radiance(fours=fours)
         clock.lap("readback")
         coverage = depth = None
         inside = 1.0
@@ -264,13 +266,20 @@ class Renderer:
         clock.lap("earth.air")
         return Sky(moon, earth, air, in_use.frame.tables if air is not None else None, cells)
 
-    def _draw_sky(self, scene: SceneState, view: View, images: Images, sky: Sky, clock: StageClock) -> None:
-        """Everything behind the target: each pass adds its light times the share that the target leaves open."""
+    def _draw_sky(self, scene: SceneState, view: View, images: Images, sky: Sky, clock: StageClock) -> bool:
+        """Everything behind the target: each pass adds its light times the share that the target leaves open.
+
+        Returns
+        -------
+        Whether the picture is kept four pixels to a texel.
+        """
         environment, earth, moon = scene.environment, sky.earth, sky.moon
+        behind = moon is not None and moon.in_front
+        fours = (
+            images.have_fours and not behind and sky.cells is not None and sky.cells.open_share > LEAST_SHARE
+        )
         if sky.cells is not None:
-            self._earth_pass(scene.bands).run(
-                images, sky.cells, scene, behind=moon is not None and moon.in_front
-            )
+            self._earth_pass(scene.bands).run(images, sky.cells, scene, behind=behind, fours=fours)
             clock.lap("earth.surface")
         if (environment.stars or environment.planets) and not sky.fills:
             self._stars.run(scene, view, images, earth, sky.air, moon)
@@ -285,6 +294,10 @@ class Renderer:
             hides = moon is not None and moon.rect is not None
             self._sun.run(images, view, scene.camera, earth=earth is not None, air=sky.tables, moon=hides)
             clock.lap("sun")
+        if fours and sky.cells is not None:
+            self._fours.run(images, sky.cells)
+            clock.lap("earth.fours")
+        return fours
 
     def _target_passes(self) -> TargetPasses:
         """The spacecraft's passes for the lens at hand: programs and vertex arrays with it and without are apart."""

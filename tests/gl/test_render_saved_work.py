@@ -7,12 +7,19 @@ import numpy as np
 import pytest
 
 from simulator.bench.scenes import bench_scenes
+from simulator.camera.model import Camera
 from simulator.render import facing as facing_module
+from simulator.render import renderer as renderer_module
 from simulator.render.cache import cached_array
+from simulator.render.cells import earth_cells
 from simulator.render.cover import CELL_PX, hulls_cover
+from simulator.render.earthview import earth_view
 from simulator.render.levels import levelled, levelled_texture, opengl
 from simulator.render.passes import target as target_passes
 from simulator.render.projection import PixelRect
+from simulator.render.view import build_view
+from simulator.scene.atmosphere import earth_atmosphere
+from simulator.scene.state import Environment
 from simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl
@@ -53,6 +60,43 @@ def test_triangles_and_cells_left_out_change_no_pixel(renderer, draw_kit, t_m, r
         outside[round(y) : round(y) + CELL_PX, round(x) : round(x) + CELL_PX] = 0
     assert everywhere.coverage.max() == 1
     assert outside.max() == 0
+
+
+@pytest.mark.parametrize("off_nadir_deg", [20.0, 62.0])
+def test_pixels_drawn_by_fours_are_those_drawn_one_by_one(renderer, draw_kit, off_nadir_deg, monkeypatch):
+    tango = load_target("tango")
+    camera = Camera(width_px=192, height_px=160, fx_px=480.0, fy_px=480.0, cx_px=95.5, cy_px=79.5)
+    scene = draw_kit.scene(
+        tango,
+        t_m=(0.4, 0.1, 12.0),
+        camera=camera,
+        latitude_deg=30,
+        off_nadir_deg=off_nadir_deg,
+        sun_camera=(0.3, -0.2, -1),
+        environment=Environment(),
+    )
+    fours = renderer.render(scene, tango, labels=True)
+    assert "earth.fours" in fours.stage_ms
+    monkeypatch.setattr(renderer_module, "LEAST_SHARE", 2.0)
+    singles = renderer.render(scene, tango, labels=True)
+    assert "earth.fours" not in singles.stage_ms
+    view = build_view(scene)
+    earth = earth_view(view, camera, earth_atmosphere("mono"))
+    x0, y0, x1, y1 = cv2.boundingRect((singles.coverage > 0).astype(np.uint8)) @ np.array(
+        [[1, 0, 1, 0], [0, 1, 0, 1], [0, 0, 1, 0], [0, 0, 0, 1]]
+    )
+    cells = earth_cells(earth, camera, PixelRect(x0, y0, x1, y1))
+    copied = np.zeros((160, 192), bool)
+    for x, y in cells.others_px + 0.5 - cells.size_px / 2:
+        copied[round(y) : round(y) + cells.size_px, round(x) : round(x) + cells.size_px] = True
+    assert 0 < copied.sum() < 0.6 * copied.size
+    assert np.array_equal(fours.radiance[copied], singles.radiance[copied])
+    # the map has 256 steps, which thin clouds and coasts enlarge: few pixels are off by more than one step's worth
+    off = np.abs(fours.radiance - singles.radiance)[~copied]
+    assert off.max() > 0
+    assert np.median(off) < 0.005 * singles.radiance.mean()
+    assert np.sqrt(np.mean(off**2)) < 0.03 * singles.radiance.mean()
+    assert fours.radiance.mean() == pytest.approx(singles.radiance.mean(), rel=1e-3)
 
 
 def test_a_cover_holds_what_its_hulls_touch_and_little_more():

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
 CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
+MAGNIFIED_LEVEL = -0.5  # of a cell: there the maps' texels are at least six pixels wide
 _OWN = ("t_coverage", "t_map", "t_detail", "t_relief", "t_before", "t_after")
 _SAMPLERS = {
     1: (*_OWN, "t_air"),
@@ -94,7 +95,9 @@ class EarthPass:
             self._months[month] = self._mapped(levelled(month_gain(month, self.bands)))
         return self._months[month]
 
-    def _program(self, environment: Environment, kind: CellKind, *, behind: bool, high: bool) -> Program:
+    def _program(
+        self, environment: Environment, kind: CellKind, *, behind: bool, high: bool, fours: bool
+    ) -> Program:
         one = environment.undifferentiated
         defines: dict[str, object] = {
             "BANDS": self.bands,
@@ -105,6 +108,8 @@ class EarthPass:
             "SMOOTH": int(kind.smooth),
             "COVERED": int(kind.covered),
             "MOON": int(behind),
+            "FOURS": int(fours),
+            "MAGNIFIED": int(fours and kind.level <= MAGNIFIED_LEVEL),
             "HIGH": int(high),
             "ONE_OPTICS": int(one),
             "RELIEF": float(environment.relief and not one),
@@ -121,12 +126,15 @@ class EarthPass:
         }
         return self._programs.get("earth/earth.vert", "earth/earth.frag", defines, _SAMPLERS[self.bands])
 
-    def run(self, images: Images, cells: Cells, scene: SceneState, *, behind: bool) -> None:
+    def run(
+        self, images: Images, cells: Cells, scene: SceneState, *, behind: bool, fours: bool = False
+    ) -> None:
         """Add the Earth's light to ``images``.
 
         Parameters
         ----------
         behind : the Moon is nearer, and may hide it.
+        fours : draw smooth cells that nothing covers four pixels to a texel, and not into the image itself.
         """
         environment, quality = scene.environment, scene.quality
         # half of a trilinear fetch's cost is its second level, and a cell has one level anyway
@@ -134,9 +142,11 @@ class EarthPass:
             self._context.LINEAR_MIPMAP_LINEAR if quality == "high" else self._context.LINEAR_MIPMAP_NEAREST
         )
         self._detail.filter = (smallest, self._context.LINEAR)
-        images.sky_framebuffer.use()
         # beyond the image's end: a point is dropped when its middle is outside
-        images.sky_framebuffer.viewport = (0, 0, *cells.extent_px)
+        width, height = cells.extent_px
+        images.sky_framebuffer.viewport = (0, 0, width, height)
+        if fours:
+            images.fours_framebuffer.viewport = (0, 0, width // 2, height // 2)
         self._context.blend_func = self._context.ONE, self._context.ONE
         month = season(scene.epoch_utc) if environment.seasons else AUGUST
         textures = self._textures(images, self.air(environment.atmosphere_thickness_km).frame) | {
@@ -145,7 +155,9 @@ class EarthPass:
             "t_after": self._month(month.after),
         }
         for kind, centers in cells.centers_px.items():
-            program = self._program(environment, kind, behind=behind, high=quality == "high")
+            in_fours = fours and kind.smooth and not kind.covered
+            (images.fours_framebuffer if in_fours else images.sky_framebuffer).use()
+            program = self._program(environment, kind, behind=behind, high=quality == "high", fours=in_fours)
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
             blend = self._context.BLEND if kind.covered else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
