@@ -17,9 +17,8 @@ from simulator.dataset.card import (
     describe_machine,
     read_card,
 )
-from simulator.dataset.check import check_frame
-from simulator.dataset.draw import open_drawer
-from simulator.dataset.native import is_whole, write_frame
+from simulator.dataset.drawers import open_drawer
+from simulator.dataset.native import is_whole, write_encoded
 from simulator.dataset.speed import export_speed
 from simulator.errors import UserError
 from simulator.files import empty_folder, write_atomic
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from simulator.camera.model import Camera
-    from simulator.labels.frame import Frame
+    from simulator.dataset.drawers import CheckedFrame
     from simulator.render.context import GlInfo
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
@@ -127,7 +126,7 @@ def capture(
     Parameters
     ----------
     labels : layers beyond truth and mask, out of ``simulator.labels.request.LAYERS``.
-    workers : processes that draw, each with a renderer of its own; the bytes do not depend on it.
+    workers : processes that draw, check and encode, each with a renderer of its own; the bytes do not depend on it.
 
     Raises
     ------
@@ -146,15 +145,17 @@ def capture(
         missing = [k for k in range(plan.n_frames) if k not in kept]
         quarantined: list[tuple[int, str]] = []
         n_feasible = 0
-        frames = drawer.frames(((plan.scene(k), _request(plan, k, labels)) for k in missing), plan.target)
+        jobs = ((k, plan.scene(k), _request(plan, k, labels)) for k in missing)
+        frames = drawer.frames(jobs, plan.target, card)
         for done, (k, frame) in enumerate(zip(missing, frames, strict=True)):
-            reason = _write_checked(folder, k, frame, card, plan.target)
-            if reason:
-                quarantined.append((k, reason))
-                card = _with_quarantined(card, k, reason)
+            if frame.reason:
+                _quarantine(folder, k, frame)
+                quarantined.append((k, frame.reason))
+                card = _with_quarantined(card, k, frame.reason)
                 write_atomic(folder / CARD_NAME, card_to_json(card))
-            elif frame.truth is not None:
-                n_feasible += frame.truth.feasible
+            else:
+                write_encoded(folder, k, frame.files)
+                n_feasible += frame.feasible
             progress(len(kept) + done + 1, plan.n_frames)
     if "speed" in card.formats:
         export_speed(folder, [k for k in range(plan.n_frames) if is_whole(folder, k)])
@@ -197,20 +198,13 @@ def _request(plan: Plan, k: int, labels: tuple[str, ...]) -> LabelRequest:
     return LabelRequest(layers=labels, flow=flow)
 
 
-def _write_checked(folder: Path, k: int, frame: Frame, card: DatasetCard, target: Target) -> str:
-    """Write a frame, to quarantine if its labels disagree; returns why, or nothing."""
-    if frame.truth is None or frame.mask is None:
-        raise RuntimeError("a captured frame needs labels")
-    reason = "; ".join(check_frame(k, frame.truth, frame.image, frame.mask, card, target, frame.layers))
-    if not reason:
-        write_frame(folder, k, frame)
-        return ""
+def _quarantine(folder: Path, k: int, frame: CheckedFrame) -> None:
+    """Write a frame whose labels disagree apart, with its reason."""
     place = folder / "quarantine"
     (place / "images").mkdir(parents=True, exist_ok=True)
-    write_atomic(place / f"{k:06d}.txt", (reason + "\n").encode())
-    write_frame(place, k, frame)
-    log.warning("frame %d is quarantined: %s", k, reason)
-    return reason
+    write_atomic(place / f"{k:06d}.txt", (frame.reason + "\n").encode())
+    write_encoded(place, k, frame.files)
+    log.warning("frame %d is quarantined: %s", k, frame.reason)
 
 
 def _card(plan: Plan, info: GlInfo, formats: tuple[str, ...], labels: tuple[str, ...]) -> DatasetCard:

@@ -32,15 +32,17 @@ def check_clean(
         full, black = sensor.saturation_e / sensor.detector.gain_e_per_dn, sensor.detector.black_level_dn
         if image.ndim == 3:
             spread_limits = COLOUR_SPREAD
-    signal = (clean - black) / full
-    sigma = np.interp(
-        signal,
+    # everything but the image hangs on the twin's number alone
+    signal_of = (np.arange(int(clean.max(initial=0)) + 1) - black) / full
+    sigma_of = np.interp(
+        signal_of,
         LEVELS,
         [noise_sigma(sensor, float(level), truth.scene.exposure_s) for level in LEVELS],
     )
+    sigma = sigma_of[clean]
     residual = (image.astype(float) - clean) / full
     # at the ends of the scale the noise is cut off
-    inside = (signal > 4 * sigma) & (signal < 1 - 4 * sigma)
+    inside = ((signal_of > 4 * sigma_of) & (signal_of < 1 - 4 * sigma_of))[clean]
     on = (mask > 0) if image.ndim == 2 else np.broadcast_to((mask > 0)[..., None], image.shape)
     for where, what in ((inside & on, "on the craft"), (inside, "in the picture")):
         if np.count_nonzero(where) < 200:
@@ -53,7 +55,7 @@ def check_clean(
                 continue
             return [f"{what} the image less its clean twin is {spread:.2f} sigma of the noise, not about 0.8"]
     # a cut-off below zero does not move the median of what is above it
-    dark = ~inside & (signal < 0.5)
+    dark = ~inside & (signal_of < 0.5)[clean]
     if np.count_nonzero(dark) >= 200 and abs(np.median(residual[dark] / sigma[dark])) > 0.5:
         return ["the clean twin is not as dark as the image where there is little light"]
     return []

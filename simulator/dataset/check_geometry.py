@@ -225,11 +225,21 @@ def doubtful_pixels(
         corners_m = _cut_for_the_lens(truth.camera, corners_m, in_camera[mesh.triangles])
     pixels = truth.camera.project(corners_m @ R.T + np.asarray(truth.t_camera_from_target_m))
     corners_px = _at_their_rows(truth, pixels.reshape(-1, 2), corners_m.reshape(-1, 3)) - origin_px
-    inner, outer = filled_silhouette(corners_px.reshape(-1, 3, 2), mask.shape)
+    corners_px = corners_px.reshape(-1, 3, 2)
+    if mesh.in_shell is not None and len(corners_px) == len(mesh.in_shell):
+        # of a closed shell what faces the camera covers all that the shell does
+        corners_px = corners_px[~mesh.in_shell | (_twice_area(corners_px) <= 0)]
+    inner, outer = filled_silhouette(corners_px, mask.shape)
     reach = np.ones((2 * OUTLINE_TOLERANCE_PX + 1,) * 2, np.uint8)
     extra = (mask > 0) & (np.asarray(cv2.dilate(outer, reach)) == 0)
     missing = (np.asarray(cv2.erode(inner, reach, borderValue=0)) > 0) & (mask == 0)
     return np.argwhere(extra | missing)[:, ::-1]
+
+
+def _twice_area(corners_px: FloatArray) -> FloatArray:
+    """(M,) twice the area of triangles (M, 3, 2), negative where the corners go against the clock on the image."""
+    e1, e2 = corners_px[:, 1] - corners_px[:, 0], corners_px[:, 2] - corners_px[:, 0]
+    return np.asarray(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
 
 
 def _cut_for_the_lens(camera: Camera, corners_m: FloatArray, in_camera: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.dataset.check_geometry import in_lens, project_with_opencv
-from simulator.dataset.raycast import RayCaster
+from simulator.dataset.raycast import RayCaster, ray_caster
 from simulator.world.pose import Pose
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
     ahead = [e for e in target.wireframe if pose.apply(np.array([e.a_m, e.b_m]))[:, 2].min() >= EDGE_NEAR_M]
     if [e.name for e in ahead] != [w.name for w in truth.wireframe]:
         return ["the wireframe's edges are not the target's"]
-    wrong, caster = [], RayCaster(target, pose)
+    wrong, caster = [], ray_caster(target, pose)
     asked = 0
     for edge, wire in zip(ahead, truth.wireframe, strict=True):
         ends = np.array([edge.a_m, edge.b_m])

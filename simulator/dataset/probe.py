@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from simulator.dataset.check_geometry import rays_with_opencv
 from simulator.dataset.check_rows import pose_of_row
-from simulator.dataset.raycast import Hits, RayCaster
+from simulator.dataset.raycast import Hits, RayCaster, ray_caster
 from simulator.labels.exposure import BAND_PX
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class Prober:
     def _caster(self, row: int) -> RayCaster:
         key = row if self._truth.row_poses else 0
         if key not in self._casters:
-            self._casters[key] = RayCaster(self._target, pose_of_row(self._truth, row))
+            self._casters[key] = ray_caster(self._target, pose_of_row(self._truth, row))
         return self._casters[key]
 
     def agrees(self, pixel: IntArray, is_right: Callable[[Probe], bool]) -> bool:

@@ -107,5 +107,11 @@ class RayCaster:
         return Hits(1 / inverse[order], self._parts[near][order], normals[order])
 
 
+@lru_cache(maxsize=2)
+def ray_caster(target: Target, camera_from_target: Pose) -> RayCaster:
+    """A target at a pose, kept for the next check of the same frame."""
+    return RayCaster(target, camera_from_target)
+
+
 def _cross(p: FloatArray, q: FloatArray) -> FloatArray:
     return np.asarray(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
