@@ -14,14 +14,14 @@ float sun_visibility(vec3 p_m, vec3 n) {
     // from their smooth normal. Along the light, so that no shadow's edge moves.
     float slope = sqrt(max(1.0 - n_l * n_l, 0.0));
     vec3 q = (u_light_from_camera * vec4(p_m, 1.0)).xyz;
-    q.z -= u_shadow.z * (0.25 + 0.75 * slope) / max(n_l, 0.15);
+    q.z -= u_shadow.y * (0.25 + 0.75 * slope) / max(n_l, 0.15);
     vec3 m = mat3(u_light_from_camera) * n;
     float size = 1.0 / u_shadow.z;
     vec2 at = q.xy * size - 0.5;
     vec2 base = floor(at) - float(SHADOW_WINDOW / 2 - 1);
     vec2 f = at - base;
     // depth of the receiver's plane per texel; beyond 6 (80 degrees) light is grazing and the plane no longer known
-    vec2 g = clamp(-m.xy / min(m.z, -1e-9), -6.0, 6.0) * u_shadow.z;
+    vec2 g = clamp(-m.xy / min(m.z, -1e-9) * (u_shadow.y * size), -6.0, 6.0) * u_shadow.y;
     const float REACH = float(SHADOW_WINDOW / 2) - 0.5; // with half a texel more, all of the disc is in the window
     const float REACH2 = REACH * REACH;
     vec2 corner = (base + 1.0) * u_shadow.z;
@@ -36,7 +36,7 @@ float sun_visibility(vec3 p_m, vec3 n) {
     blocked += dot(y##k, vec4(1.0)); \
     depth_sum += dot(y##k, d##k);
     FOR_EACH_SHADOW_BLOCK(SHADOW_BLOCK)
-    float penumbra = depth_sum / max(blocked, 1e-3) * u_sun_direction.w * size; // the box is a cube: depth as width
+    float penumbra = depth_sum / max(blocked, 1e-3) * u_sun_direction.w / u_shadow.y;
     float radius2 = min(penumbra * penumbra + u_shadow.w * u_shadow.w, REACH2);
     float sharpness = 0.5 * inversesqrt(radius2);
     // The filter spreads over the receiver's plane, but the camera does not see all of that: a blocker hides the plane
@@ -44,7 +44,7 @@ float sun_visibility(vec3 p_m, vec3 n) {
     // the filter's width by which its shadow is seen beside it: cells 1 mm proud of a panel do not blacken their gaps.
     vec3 v = -normalize(p_m), l = u_sun_direction.xyz;
     float seen = length(l - v * (n_l / max(dot(n, v), 0.05)));
-    float relief = seen / (u_shadow.w * u_shadow.z);
+    float relief = seen / (u_shadow.w * u_shadow.y);
     float total = 0.0, dark = 0.0;
 #define SHADOW_FILTER(k, i, j) \
     x##k = clamp(0.5 + (radius2 - x##k) * sharpness, 0.0, 1.0); \

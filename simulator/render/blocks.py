@@ -50,9 +50,8 @@ TARGET = (
     Field("vec4", "u_occlusion_scale"),  # one over the size of the box [m-1]
     Field("vec4", "u_mean_albedo"),  # of the surfaces that light other parts, per band
     Field("vec4", "u_lattice"),  # s0, t0; near, far [m]
-    Field(
-        "vec4", "u_shadow"
-    ),  # texel [m], width of the box [m], 1 / size, radius of the sharpest edge's filter [texels]
+    # texel [m], the same over the depth of the box, 1 / size, radius of the sharpest edge's filter [texels]
+    Field("vec4", "u_shadow"),
 )
 
 # "Earth" space: Earth-fixed axes in equatorial radii, the polar axis stretched so that the ellipsoid is the unit sphere

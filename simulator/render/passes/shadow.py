@@ -31,8 +31,10 @@ class ShadowChoice:
     sharpest: float = 1.0
 
 
-# the coarse map where its texel is at most a pixel wide, else the fine one
-_COARSE, _FINE, _BEST = ShadowChoice(512, 4), ShadowChoice(1024, 4), ShadowChoice(2048, 10, 0.75)
+# the coarse map where its texel is at most a pixel wide, else a fine one, close up a finer
+_COARSE, _FINE, _FINER = ShadowChoice(512, 4), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
+_BEST = ShadowChoice(2048, 10, 0.75)
+_SAWN = 2.5  # pixels: texels that are wider than this show as steps
 
 
 def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoice:
@@ -46,7 +48,7 @@ def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoic
         return _BEST
     if quality == "draft" or box_m / _COARSE.size_px < 1.1 * pixel_m:
         return _COARSE
-    return _FINE
+    return _FINE if box_m / _FINE.size_px < _SAWN * pixel_m else _FINER
 
 
 class ShadowPass:

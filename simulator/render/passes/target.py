@@ -14,7 +14,8 @@ from simulator.render.bounce import bounce_color
 from simulator.render.cover import CELL_PX, hulls_cover, whole
 from simulator.render.facing import FacingArray
 from simulator.render.lattice import NINE, SEVEN, Lattice, rotated
-from simulator.render.mesh import upload
+from simulator.render.light_box import LightWindow, SurfacePatches, light_window
+from simulator.render.mesh import VERTEX, upload
 from simulator.render.mesh_edges import find_edges
 from simulator.render.occlusion import LARGEST_SLOPE, baked_occlusion, occlusion_grid, occlusion_texture
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
@@ -121,6 +122,7 @@ class TargetPasses:
         self._shade = ShadePass(context, programs)
         self._labels = LabelPass(context, programs, blocks)
         self._loaded: dict[str, Loaded] = {}
+        self._patches: dict[str, SurfacePatches] = {}  # of targets that were seen in part
 
     def _load(self, target: Target) -> Loaded:
         if target.sha256 not in self._loaded:
@@ -152,6 +154,26 @@ class TargetPasses:
             self._shadows[size] = ShadowPass(self._context, self._programs, size)
         return self._shadows[size]
 
+    def _light_window(
+        self, sha256: str, place: Placement, camera: Camera, light_from_target: FloatArray
+    ) -> LightWindow:
+        """What of the shadow map this view needs: all of it while the image holds the target."""
+        inside = [*(place.bounds_px[:2] >= 0), *(place.bounds_px[2:] <= [camera.width_px, camera.height_px])]
+        # a lens that bends sees around the edges of its image's pyramid
+        if all(inside) or not camera.distortion.is_none:
+            return LightWindow()
+        mesh = self._loaded[sha256].mesh
+        if sha256 not in self._patches:
+            positions = np.frombuffer(mesh.vertices.read(), VERTEX)["position_m"]
+            self._patches[sha256] = SurfacePatches.of(mesh, positions)
+        return light_window(
+            self._patches[sha256],
+            camera,
+            place.camera_from_target,
+            light_from_target,
+            closed=mesh.is_closed,
+        )
+
     def sample(self, scene: SceneState, view: View, target: Target, clock: StageClock) -> Sampled | None:
         """Draw what the samples of the target's pixels see, and its shadows; nothing where it touches no pixel.
 
@@ -164,10 +186,13 @@ class TargetPasses:
             return None
         bent = self._programs.lens  # edges are curves then, and not weighted
         box_m = 2 * mesh.radius_m * 1.02
-        pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
-        choice = choose_shadow(scene.quality, box_m, pixel_m)
-        shadow = self._shadow_pass(choice.size_px)
         light_from_target = ShadowPass.light_from_target(mesh, view)
+        window = self._light_window(target.sha256, place, camera, light_from_target)
+        light_from_target = window.matrix @ light_from_target
+        width_m = box_m * window.half
+        pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
+        choice = choose_shadow(scene.quality, width_m, pixel_m)
+        shadow = self._shadow_pass(choice.size_px)
         if view.sun_visible_fraction > 0:
             shadow.run(loaded.shadow, view, light_from_target)
         clock.lap("target.shadow")
@@ -184,7 +209,7 @@ class TargetPasses:
             self._blocks.lens.write(lens_values(camera, lattice_clip, place.camera_from_target))
         half = np.diag([0.5, 0.5, 0.5, 1.0])
         half[:3, 3] = 0.5
-        texel_m = box_m / shadow.size_px
+        texel_m = width_m / shadow.size_px
         corner_m, extent_m, steps = occlusion_grid(mesh)
         self._blocks.target.write(
             {
@@ -199,7 +224,7 @@ class TargetPasses:
                 # the sharpest shadow: a texel wide, and half a pixel of the image where that is more
                 "u_shadow": [
                     texel_m,
-                    box_m,
+                    texel_m / box_m,  # a texel's width as a depth
                     1 / shadow.size_px,
                     max(0.5 * pixel_m / texel_m, choice.sharpest),
                 ],

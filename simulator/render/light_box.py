@@ -1,0 +1,136 @@
+"""The part of the shadow map that the camera's view of a target needs, so that its texels go where they are seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from simulator.arrays import BoolArray, FloatArray
+    from simulator.camera.model import Camera
+    from simulator.render.mesh import Mesh
+
+_LARGEST = 0.85  # of the box: a larger window is not worth a change
+_STEP = 2**0.25  # between the sizes of windows
+_GRID = 32  # places of a window's middle across its width; whole numbers of texels of every map
+_MARGIN = 1 + 4 / _GRID  # for the filter's reach and the middle's rounding
+_PATCH = 0.1  # of the mesh's radius: the size of a patch
+_MOST_SPLITS = 8  # a triangle's edges are halved that often at most
+_CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+
+
+@dataclass(frozen=True)
+class LightWindow:
+    """A square in the map's clip coordinates: middle and half width, ``0, 0, 1`` for all of it."""
+
+    x: float = 0.0
+    y: float = 0.0
+    half: float = 1.0
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(4, 4) from the whole box's clip coordinates to the window's; depth stays, for what throws the shadows."""
+        matrix = np.eye(4)
+        matrix[:2, :2] /= self.half
+        matrix[:2, 3] = -self.x / self.half, -self.y / self.half
+        return matrix
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePatches:
+    """The surface in small boxes of one side each.
+
+    Parameters
+    ----------
+    corners_m : (P, 8, 3) of the boxes, target frame. normals : (P, 3) their mean, unit.
+    spread_rad : (P,) largest angle between it and a normal in the box.
+    """
+
+    corners_m: FloatArray
+    normals: FloatArray
+    spread_rad: FloatArray
+
+    @staticmethod
+    def of(mesh: Mesh, positions_m: FloatArray) -> SurfacePatches:
+        """The patches of a mesh whose vertices (K, 3) are given."""
+        triangles, normals = positions_m[mesh.triangles].astype(float), mesh.planes[:, :3].astype(float)
+        size = _PATCH * mesh.radius_m
+        for _ in range(_MOST_SPLITS):
+            long = np.ptp(triangles, axis=1).max(axis=1) > size
+            if not long.any():
+                break
+            middles = (triangles[long] + np.roll(triangles[long], -1, axis=1)) / 2
+            parts = [
+                np.stack([triangles[long, k], middles[:, k], middles[:, k - 1]], axis=1) for k in range(3)
+            ]
+            triangles = np.concatenate([triangles[~long], middles, *parts])
+            normals = np.concatenate([normals[~long], *[normals[long]] * 4])
+        cell = np.floor((triangles.mean(axis=1) - mesh.center_m) / size).astype(int)
+        side = 2 * np.abs(normals).argmax(axis=1) + (normals.max(axis=1) > -normals.min(axis=1))
+        _, patch = np.unique(np.column_stack([cell, side]), axis=0, return_inverse=True)
+        order = np.argsort(patch.ravel(), kind="stable")
+        starts = np.flatnonzero(np.diff(patch.ravel()[order], prepend=-1))
+        low = np.minimum.reduceat(triangles.min(axis=1)[order], starts)
+        high = np.maximum.reduceat(triangles.max(axis=1)[order], starts)
+        mean = np.add.reduceat(normals[order], starts)
+        mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-9)
+        of_patch = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(order)))
+        cosine = np.minimum.reduceat(np.einsum("ij,ij->i", normals[order], mean[of_patch]), starts)
+        corners = np.where(_CORNERS[None] == 0, low[:, None], high[:, None])
+        return SurfacePatches(corners, mean, np.arccos(np.clip(cosine, -1, 1)))
+
+    def facing(self, place_m: FloatArray) -> BoolArray:
+        """(P,) whether anything in a box may look towards a place."""
+        middle = self.corners_m.mean(axis=1)
+        radius = np.linalg.norm(self.corners_m[:, 7] - middle, axis=1)
+        to = place_m - middle
+        distance = np.maximum(np.linalg.norm(to, axis=1), 1e-9)
+        angle = np.arccos(np.clip(np.einsum("ij,ij->i", to, self.normals) / distance, -1, 1))
+        own = np.arcsin(np.clip(radius / distance, 0, 1))
+        return np.asarray(angle < np.pi / 2 + self.spread_rad + own)
+
+
+def light_window(
+    patches: SurfacePatches,
+    camera: Camera,
+    camera_from_target: FloatArray,
+    light_from_target: FloatArray,
+    *,
+    closed: bool,
+) -> LightWindow:
+    """The window that holds every surface that the image may show.
+
+    What shades a point lies on its ray to the Sun, in the same window. Sizes and places come in steps, so that
+    neighbouring frames share the map's texels and no shadow's edge crawls.
+
+    Parameters
+    ----------
+    camera_from_target, light_from_target : (4, 4); the second to the clip coordinates of the whole box.
+    closed : surfaces that look away from the camera do not show.
+    """
+    points = patches.corners_m @ camera_from_target[:3, :3].T + camera_from_target[:3, 3]
+    z = np.maximum(points[..., 2:], 1e-3)
+    slopes = points[..., :2] / z
+    size = np.array([camera.width_px, camera.height_px])
+    center, focal = np.array([camera.cx_px, camera.cy_px]), np.array([camera.fx_px, camera.fy_px])
+    first, last = (-0.5 - center) / focal, (size - 0.5 - center) / focal
+    seen = np.all((slopes.max(axis=1) > first) & (slopes.min(axis=1) < last), axis=1)
+    # a box that reaches behind the camera may be anywhere in the image
+    seen |= points[..., 2].min(axis=1) <= 1e-3
+    seen &= points[..., 2].max(axis=1) > 0
+    if closed:
+        R = camera_from_target[:3, :3]
+        seen &= patches.facing(-R.T @ camera_from_target[:3, 3])
+    if not seen.any():
+        return LightWindow()
+    light = patches.corners_m[seen] @ light_from_target[:2, :3].T + light_from_target[:2, 3]
+    low, high = light.min(axis=(0, 1)), light.max(axis=(0, 1))
+    needed = float((high - low).max()) / 2 * _MARGIN
+    half = float(_STEP ** np.ceil(np.log(needed) / np.log(_STEP)))
+    if half >= _LARGEST:
+        return LightWindow()
+    grid = 2 * half / _GRID
+    x, y = np.round((low + high) / 2 / grid) * grid
+    return LightWindow(float(x), float(y), half)
