@@ -17,16 +17,17 @@
 #include "earth/plane.glsl"
 #define AT(name) (v_##name[0] + x.x * v_##name[1] + x.y * v_##name[2])
 #if HIGH
-#define BELOW AT(below)
+#define LIFT AT(lift)
 #else
-#define BELOW vec4(0.0)
+#define LIFT vec4(v_lift, at.xy)
 #endif
 
 // What a pixel sees of the ground; x: from the cell's middle, in half cells.
 GroundPoint ground_at(vec2 x) {
     vec4 at = AT(uv_plane), sun = AT(sun); // sun: toward, sharp, glint
+    vec4 lift = LIFT;
     return GroundPoint(
-        at.xy, at.zw, BELOW, sun.xy, sun.z, 0.0, AT(rough), AT(tone), sun.w, AT(light), AT(lamps), AT(haze)
+        at.xy, at.zw, lift.xy, lift.zw, sun.xy, sun.z, 0.0, AT(rough), AT(tone), sun.w, AT(light), AT(lamps), AT(haze)
     );
 }
 #endif

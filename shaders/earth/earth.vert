@@ -24,6 +24,9 @@ void main() {
     v_middle = vec3(in_pixel + 0.5, 2.0 / u_cell_px);
 #define START(type, name) v_##name[0] = v_##name[1] = v_##name[2] = type(0.0);
     FOR_EACH_VALUE(START)
+#if !HIGH
+    v_lift = vec2(0.0);
+#endif
     for (int k = 0; k < 4; ++k) {
         vec2 corner = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
         GroundPoint g = ground_point(earth_ray(in_pixel + corner * (0.5 * u_cell_px)));
@@ -39,7 +42,9 @@ void main() {
         ADD(g.tone, tone)
         ADD(g.rough, rough)
 #if HIGH
-        ADD(g.below, below)
+        ADD(vec4(g.lift, g.cloud_uv), lift)
+#else
+        v_lift += 0.25 * g.lift;
 #endif
     }
 #endif

@@ -40,8 +40,9 @@ uniform sampler2D t_ground; // irradiance on level ground over the Sun's, by the
 // A point of the ground as one pixel sees it.
 struct GroundPoint {
     vec2 uv;        // of the maps
-    vec2 plane;     // of the detail at the clouds' height [tiles]
-    vec4 below;     // HIGH: of the detail on the ground [tiles]; of the maps under the cloud that is seen
+    vec2 plane;     // of the detail on the ground [tiles]
+    vec2 lift;      // from there to the detail at the clouds' height [tiles]
+    vec2 cloud_uv;  // HIGH: of the maps under the cloud that is seen
     vec2 toward;    // of the detail's slope channels: rise towards the Sun over its height, times this [km-1 per unit]
     float sharp;    // one over the pixel's footprint [km-1]
     float mu;       // cosine of the Sun's zenith angle
@@ -79,12 +80,13 @@ GroundPoint ground_point(EarthRay ray) {
     const float shell = 1.0 + CLOUD_KM / EARTH_KM;
     float earlier = -ray.along - sqrt(max(ray.disc + (shell * shell - 1.0), 0.0));
     vec3 above = (u_earth_camera.xyz + earlier * ray.direction) / shell;
-    g.plane = detail_plane(above) * (EARTH_KM / DETAIL_KM);
+    g.plane = detail_plane(p) * (EARTH_KM / DETAIL_KM);
+    g.lift = detail_plane(above) * (EARTH_KM / DETAIL_KM) - g.plane;
 #if HIGH
     vec2 across = vec2(atan(meridian.x * above.y - meridian.y * above.x, dot(meridian, above.xy)) - east, asin(clamp(p.z, -1.0, 1.0)) - asin(clamp(above.z, -1.0, 1.0)));
-    g.below = vec4(detail_plane(p) * (EARTH_KM / DETAIL_KM), g.uv + across * vec2(0.5 / PI, 1.0 / PI));
+    g.cloud_uv = g.uv + across * vec2(0.5 / PI, 1.0 / PI);
 #else
-    g.below = vec4(0.0);
+    g.cloud_uv = g.uv;
 #endif
     // shadows longer than eight heights are the terminator's own dusk
     float slant = clamp(g.mu, 0.12, 1.0);

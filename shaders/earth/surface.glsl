@@ -32,14 +32,18 @@ vec4 ground_map(GroundPoint g) { return textureLod(t_map, g.uv, MAP_LEVEL); }
 
 // Radiance that a ground point sends to the camera [W m-2 sr-1]; map: of t_map there.
 color surface_radiance(GroundPoint g, vec4 map) {
-    vec4 detail = textureLod(t_detail, g.plane, DETAIL_LEVEL);
 #if HIGH
-    vec4 under = textureLod(t_detail, g.below.xy, DETAIL_LEVEL);
+    vec4 detail = textureLod(t_detail, g.plane + g.lift, DETAIL_LEVEL);
+    vec4 under = textureLod(t_detail, g.plane, DETAIL_LEVEL);
 #else
-    vec4 under = detail; // the ground's own detail shifts by the cloud's parallax, which nobody can know
+    // one look-up serves both: on the ground under a clear sky, at the clouds' height where they hide it
+    vec4 detail = textureLod(t_detail, g.plane + g.lift * (float(CLOUDS) * clamp(2.0 * map.y, 0.0, 1.0)), DETAIL_LEVEL);
+    vec4 under = detail;
 #endif
     float puff = detail.x; // of cloud
     float rise = dot(detail.yz - 0.5, g.toward); // of the puff towards the Sun, per km of height
+
+    float hill = dot(under.yz - 0.5, g.toward);  // the same of the ground
 
     // land and sea; the coast wriggles below the map's texels
     float coast_km = map.w * COAST_KM_PER_UNIT + (under.x * 3.0 - (1.5 + 128.0 / 255.0 * COAST_KM_PER_UNIT));
@@ -59,7 +63,13 @@ color surface_radiance(GroundPoint g, vec4 map) {
     color reflectance = root * root;
 #endif
     // patches, and hills that turn to and from the Sun
-    reflectance *= g.tone * (1.0 - 0.5 * GRAIN + GRAIN * under.w - clamp(2.2 * rise * g.rough, -0.6, 0.6));
+    // deserts and snow are even: what grows patchily elsewhere does not grow there
+#if BANDS == 1
+    float patchy = GRAIN - clamp(2.2 * reflectance - 0.27, 0.0, 0.45);
+#else
+    float patchy = GRAIN - clamp(2.2 * reflectance.x - 0.27, 0.0, 0.45);
+#endif
+    reflectance *= g.tone * (1.0 + patchy * (under.w - 0.5) - clamp(2.2 * hill * g.rough, -0.6, 0.6));
     reflectance = min(reflectance, color(0.75)); // fresh snow
 #if BANDS == 3
     // snow is white whatever grows under it
@@ -73,7 +83,7 @@ color surface_radiance(GroundPoint g, vec4 map) {
 #if CLOUDS
     // the map is a cover: the detail, whose histogram is even, is cut where just that share remains
 #if HIGH
-    map.y = textureLod(t_map, g.below.zw, MAP_LEVEL).y;
+    map.y = textureLod(t_map, g.cloud_uv, MAP_LEVEL).y;
 #endif
     float cover = clamp(map.y * 1.15 - 0.05, 0.0, 1.0);
     float present = min(cover * 10.0, 1.0);
@@ -91,7 +101,7 @@ color surface_radiance(GroundPoint g, vec4 map) {
     // shadow beside the cloud: the cover a cloud's height further towards the Sun, to first order
 #if HIGH
     // exactly: the puff that the Sun's ray to this ground meets
-    float shading = textureLod(t_detail, g.below.xy + g.toward * (CLOUD_KM / (2.0 * SLOPE_PER_KM * DETAIL_KM)), DETAIL_LEVEL).x - puff;
+    float shading = textureLod(t_detail, g.plane + g.toward * (CLOUD_KM / (2.0 * SLOPE_PER_KM * DETAIL_KM)), DETAIL_LEVEL).x - puff;
 #else
     float shading = clamp(rise * CLOUD_KM, -0.25, 0.25);
 #endif
@@ -112,7 +122,7 @@ color surface_radiance(GroundPoint g, vec4 map) {
     float streets = street * street * (3.0 + 7.0 * under.x);
 #if HIGH
     // blocks and crossings of a few hundred metres
-    vec2 block = textureLod(t_detail, mat2(4.8, 3.6, -3.6, 4.8) * g.below.xy, DETAIL_LEVEL + 2.585).xw;
+    vec2 block = textureLod(t_detail, mat2(4.8, 3.6, -3.6, 4.8) * g.plane, DETAIL_LEVEL + 2.585).xw;
     float bright = clamp(1.6 * block.y - 0.25, 0.0, 1.0);
     streets = mix(streets, 0.5 + 0.5 * streets, 0.5) * bright * bright * (1.6 + 3.4 * block.x * block.x);
 #endif

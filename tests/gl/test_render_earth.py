@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
+import simulator.render.passes.earth as passes
 from simulator.camera.model import Camera
 from simulator.render.seasons import ANCHORS, season
 from simulator.scene.bands import sun_irradiance_w_m2
@@ -67,6 +68,23 @@ def test_mountains_turn_to_the_sun(draw):
     a, b = (x / y - (x / y).mean() for x, y in zip((morning, evening), flat, strict=True))
     assert a.std() > 0.05
     assert (a * b).mean() / (a.std() * b.std()) < -0.3  # what is lit in the morning is dark in the evening
+
+
+@pytest.mark.parametrize("quality", ["default", "high"])
+def test_the_ground_stays_where_it_is_whatever_the_height_of_the_clouds(draw, monkeypatch, quality):
+    world = replace(CLEAR, atmosphere=False)
+    view = {"off_nadir_deg": 45.0, "quality": quality}
+    low, high = [], []
+    for kept, height_km in ((low, 0.0), (high, 6.0)):
+        monkeypatch.setattr(passes, "CLOUD_KM", height_km)
+        kept += [
+            draw("2026-07-10T10:00:00Z", (26.0, 14.0, 500.0), w, **view)
+            for w in (world, replace(world, clouds=True))
+        ]
+    assert low[0].std() / low[0].mean() > 0.02  # there is detail to be moved
+    assert np.allclose(low[0], high[0], rtol=1e-4)
+    # under clouds too, beside them: the desert is clear but for a few
+    assert np.mean(np.abs(low[1] / high[1] - 1) < 0.01) > 0.6
 
 
 def test_land_sea_and_cloud_alike_is_another_picture(draw):
