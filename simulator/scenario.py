@@ -9,6 +9,7 @@ import msgspec
 from msgspec import Meta
 
 from simulator.camera.files import CameraFile, read_camera_file
+from simulator.camera.intrinsics import CONSISTENT
 from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.presets import sensor_preset
@@ -381,12 +382,35 @@ class Scenario(Section, frozen=True, kw_only=True):
         keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance", "bits")
         given = {key: getattr(section, key) for key in keys}
         sensor = replace(base, **{key: value for key, value in given.items() if value is not None})
-        if section.pixel_pitch_um is not None:
-            x, y = section.pixel_pitch_um
+        pitch_um = section.pixel_pitch_um or self._camera_pitch_um(base)
+        if pitch_um is not None:
+            x, y = pitch_um
             sensor = replace(sensor, pixel_pitch_x_m=x * 1e-6, pixel_pitch_y_m=y * 1e-6)
         if section.detector is not None:
             sensor = replace(sensor, detector=section.detector.detector(base.detector))
         return read_sensor(sensor, section.roi_px, section.binning)
+
+    def _camera_pitch_um(self, preset: Sensor) -> tuple[float, float] | None:
+        """Pixel pitch that the camera's file gives.
+
+        Raises
+        ------
+        UserError
+            If it is not that of the detector named.
+        """
+        camera = read_camera_file(self.camera) if isinstance(self.camera, str) else self.camera
+        given = camera.pixel_pitch_um
+        own = (preset.pixel_pitch_x_m * 1e6, preset.pixel_pitch_y_m * 1e6)
+        if (
+            given is not None
+            and preset.detector is not None
+            and max(abs(g / o - 1) for g, o in zip(given, own, strict=True)) > CONSISTENT
+        ):
+            raise UserError(
+                f"scenario {self.name}: the camera's file has pixels of {given[0]:g} x {given[1]:g} um, detector "
+                f"{preset.preset} has {own[0]:g} x {own[1]:g}: say which by [sensor] pixel_pitch_um"
+            )
+        return given
 
     @property
     def optics_model(self) -> Optics:

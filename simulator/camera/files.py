@@ -78,7 +78,9 @@ def parse_camera(content: bytes, where: str) -> CameraFile:
     foreign = recognised(raw)
     if foreign is not None:
         return foreign(raw, where)
-    kind: type[CameraFile | LensFile] = LensFile if _DATA_SHEET.intersection(raw) else CameraFile
+    kind: type[CameraFile | LensFile] = (
+        LensFile if _DATA_SHEET.intersection(raw) and "fx_px" not in raw else CameraFile
+    )
     try:
         found = msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:

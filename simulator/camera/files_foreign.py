@@ -28,7 +28,7 @@ _ROS_MODELS = {
     "equidistant": "kannala_brandt",
 }
 _KALIBR_MODELS = {"radtan": "brown_conrady", "equidistant": "kannala_brandt", "none": "none"}
-_SPEED_PITCH_M = 5.86e-6
+_SPEED_PITCH_UM = 5.86
 
 
 def read_raw(content: bytes, where: str) -> dict[str, Any]:
@@ -103,7 +103,12 @@ def _from_speed(raw: dict[str, Any], where: str) -> CameraFile:
         middle = {"ccx": width / 2, "ccy": height / 2}
         cx, cy = (_number(middle | low, key, where) for key in middle)
     coefficients = _numbers(low.get("distcoeffs", []), where, "distCoeffs")
-    return _made(where, width, height, (fx, fy, cx, cy), "brown_conrady", coefficients)
+    made = _made(where, width, height, (fx, fy, cx, cy), "brown_conrady", coefficients)
+    if "ppx" in low and "ppy" in low:
+        across, down = (round(_number(low, key, where) * 1e6, 6) for key in ("ppx", "ppy"))
+        if min(across, down) > 0:
+            made = msgspec.structs.replace(made, pixel_pitch_um=(across, down))
+    return made
 
 
 def _from_opencv(raw: dict[str, Any], where: str) -> CameraFile:
@@ -242,18 +247,19 @@ def written(camera: CameraFile, form: str, where: str) -> str:
     fisheye = d.model == "kannala_brandt"
     coefficients = list(d.coefficients)
     if form == "native":
-        return msgspec.json.format(msgspec.json.encode(c), indent=1).decode() + "\n"
+        known = {k: v for k, v in msgspec.to_builtins(c).items() if v is not None}
+        return msgspec.json.format(msgspec.json.encode(known), indent=1).decode() + "\n"
     if form == "speed":
         if fisheye:
             raise UserError(f"{where}: SPEED's camera file has no fisheye lens; write opencv, ros or kalibr")
-        pitch = _SPEED_PITCH_M
+        across, down = (p * 1e-6 for p in c.pixel_pitch_um or (_SPEED_PITCH_UM, _SPEED_PITCH_UM))
         table = {
             "Nu": c.width_px,
             "Nv": c.height_px,
-            "ppx": pitch,
-            "ppy": pitch,
-            "fx": c.fx_px * pitch,
-            "fy": c.fy_px * pitch,
+            "ppx": across,
+            "ppy": down,
+            "fx": c.fx_px * across,
+            "fy": c.fy_px * down,
             "ccx": c.cx_px,
             "ccy": c.cy_px,
             "cameraMatrix": [K[:3], K[3:6], K[6:]],

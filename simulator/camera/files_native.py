@@ -12,6 +12,7 @@ from simulator.errors import UserError
 
 _Size = Annotated[int, Meta(ge=16, le=16384)]
 _Focal = Annotated[float, Meta(gt=0, le=1e7)]
+_Pitch = Annotated[float, Meta(ge=0.1, le=1000)]
 _Centre = Annotated[float, Meta(ge=-1e5, le=1e5)]
 
 
@@ -23,7 +24,10 @@ class DistortionSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
 
 
 class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The camera object of CAMERA.json; pixel (0, 0) is the centre of the top-left pixel."""
+    """The camera object of CAMERA.json; pixel (0, 0) is the centre of the top-left pixel.
+
+    ``pixel_pitch_um``, across and down, is the sensor's where the scenario does not say another.
+    """
 
     width_px: _Size
     height_px: _Size
@@ -32,6 +36,7 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     cx_px: _Centre
     cy_px: _Centre
     distortion: DistortionSection = DistortionSection()
+    pixel_pitch_um: tuple[_Pitch, _Pitch] | None = None
     name: str = ""
     notes: str = ""
 

@@ -54,17 +54,41 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
                 f"{where}: the intrinsics are not fixed: give focal_length_mm with pixel_pitch_um or sensor_size_mm, "
                 "or aperture_angle_deg"
             )
+        pixel_um = self._pitch_um(pitch, size, fx, fy)
+        if fy is None:
+            # one lens before both axes: oblong pixels make the focal length in pixels differ
+            fy = fx if pixel_um is None else fx * pixel_um[0] / pixel_um[1]
+        elif pixel_um is not None:
+            _agree(where, "the focal length [mm]", fx * pixel_um[0] * 1e-3, fy * pixel_um[1] * 1e-3)
         return CameraFile(
             width_px=self.width_px,
             height_px=self.height_px,
             fx_px=fx,
-            fy_px=fx if fy is None else fy,
+            fy_px=fy,
             cx_px=(self.width_px - 1) / 2 if self.cx_px is None else self.cx_px,
             cy_px=(self.height_px - 1) / 2 if self.cy_px is None else self.cy_px,
             distortion=self.distortion,
+            pixel_pitch_um=pixel_um,
             name=self.name,
             notes=self.notes,
         )
+
+    def _pitch_um(
+        self,
+        pitch: tuple[float | None, float | None],
+        size: tuple[float | None, float | None],
+        fx: float,
+        fy: float | None,
+    ) -> tuple[float, float] | None:
+        """Pixel pitch across and down where the file fixes it, directly, by the detector's size or the focal length."""
+        across, down = (
+            d if d is not None or s is None else s / count * 1e3
+            for d, s, count in zip(pitch, size, (self.width_px, self.height_px), strict=True)
+        )
+        if self.focal_length_mm is not None:
+            across = across or self.focal_length_mm * 1e3 / fx
+            down = down or (self.focal_length_mm * 1e3 / fy if fy is not None else across)
+        return None if across is None else (across, down or across)
 
     def _focal_px(
         self, where: str, count: int, pitch_um: float | None, size_mm: float | None, angle_deg: float | None

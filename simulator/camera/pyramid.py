@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from simulator.arrays import Float32Array, FloatArray
 
-REACH = (3, 2, 2, 2, 3)
+REACH = (3, 2, 2, 2, 2, 2, 2, 3)
 """Taps each side of the middle, at full size, half, quarter, ..."""
 _BINOMIAL = (
     np.array([1, 8, 28, 56, 70, 56, 28, 8, 1]) / 256
@@ -32,7 +32,7 @@ _BINOMIAL = (
 _FREQUENCIES = np.concatenate([[0.0, 0.0025, 0.005, 0.01, 0.015], np.arange(0.02, 0.501, 0.02)])
 _CORNER_WEIGHT = 0.2  # frequencies beyond Nyquist's circle: seen along the diagonals only
 _SUM_WEIGHT = 30.0
-_WING_RADII_PX = np.array([10.0, 14.0, 20.0, 28.0, 40.0, 56.0])
+_WING_RADII_PX = np.geomspace(10.0, 450.0, 12)
 _WING_WEIGHT = 0.05
 _BESIDE_PX = 4
 _FAINT = 3e-4
@@ -114,9 +114,9 @@ def fit_pyramid(
     fx, fy = np.meshgrid(_FREQUENCIES, _FREQUENCIES)
     weight = np.where(np.hypot(fx, fy) <= 0.5, 1.0, _CORNER_WEIGHT)
     weight[0, 0] = _SUM_WEIGHT
-    # along the axis and the diagonal
-    wing_x = np.concatenate([_WING_RADII_PX, _WING_RADII_PX / np.sqrt(2)])
-    wing_y = np.concatenate([np.zeros(_WING_RADII_PX.size), _WING_RADII_PX / np.sqrt(2)])
+    # from the axis to the diagonal and on, so that what the Sun saturates is round
+    turns = np.linspace(0, np.pi / 2, 5)
+    wing_x, wing_y = (np.outer(part(turns), _WING_RADII_PX).ravel() for part in (np.cos, np.sin))
     wing = wing_px / np.hypot(wing_x, wing_y) ** 3
     wing_weight = _WING_WEIGHT / wing if wing_px > 0 else np.zeros(wing.size)
     columns: list[FloatArray] = []

@@ -1,7 +1,9 @@
 """Camera files: round trips through every format, OpenCV's own writer, and mistakes as one sentence."""
 
 import json
+import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import msgspec
@@ -15,6 +17,7 @@ from simulator.camera.files_native import CameraFile, DistortionSection
 from simulator.camera.optics import Optics
 from simulator.camera.presets import sensor_preset
 from simulator.errors import UserError
+from simulator.scenario_load import load_scenario
 
 BROWN = CameraFile(
     width_px=1920,
@@ -80,6 +83,95 @@ def test_what_opencv_writes_is_read(tmp_path):
     )
 
 
+# what `convert` of ROS's camera_calibration_parsers 1.12 (Debian 12) wrote of a file of this project's
+ROS_OWN = """image_width: 1920
+image_height: 1200
+camera_name: head_camera
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [2988.5795163815555, 0, 960.25, 0, 2988.3401159176124, 600.5, 0, 0, 1]
+distortion_model: rational_polynomial
+distortion_coefficients:
+  rows: 1
+  cols: 8
+  data: [0.29999999999999999, 0.10000000000000001, 0.001, 0.00050000000000000001, 0.02, 0.5, 0.14999999999999999, 0.01]
+rectification_matrix:
+  rows: 3
+  cols: 3
+  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]
+projection_matrix:
+  rows: 3
+  cols: 4
+  data: [2988.5795163815555, 0, 960.25, 0, 0, 2988.3401159176124, 600.5, 0, 0, 0, 1, 0]"""
+ROS_CONVERT = Path("/usr/lib/camera_calibration_parsers/convert")
+
+
+def test_what_ros_writes_is_read():
+    camera = parse_camera(ROS_OWN.encode(), "x")
+    assert (camera.name, camera.width_px, camera.height_px) == ("head_camera", 1920, 1200)
+    assert (camera.fx_px, camera.fy_px) == (2988.5795163815555, 2988.3401159176124)
+    assert camera.distortion == EIGHT.distortion
+
+
+@pytest.mark.skipif(not ROS_CONVERT.exists(), reason="needs Debian's camera-calibration-parsers-tools")
+@pytest.mark.parametrize("camera", [PLAIN, FIVE, EIGHT, FISHEYE], ids=["plain", "five", "eight", "fisheye"])
+def test_ros_s_own_program_reads_and_rewrites_what_is_written(camera, tmp_path):
+    ours, theirs = tmp_path / "ours.yaml", tmp_path / "theirs.yaml"
+    ours.write_text(written(camera, "ros", "x"))
+    subprocess.run([ROS_CONVERT, ours, theirs], check=True, capture_output=True)
+    assert read_camera_file(theirs) == read_camera_file(ours)
+
+
+# a camchain as Kalibr's calibration of two cameras on ROS topics writes it (its page of YAML formats)
+KALIBR_CHAIN = """cam0:
+  camera_model: pinhole
+  intrinsics: [461.629, 460.152, 362.680, 246.049]
+  distortion_model: radtan
+  distortion_coeffs: [-0.27695497, 0.06712482, 0.00087538, 0.00011556]
+  timeshift_cam_imu: -8.12e-05
+  rostopic: /cam0/image_raw
+  resolution: [752, 480]
+cam1:
+  T_cn_cnm1:
+  - [0.99998, -0.00235, -0.00395, -0.10990]
+  - [0.00233, 0.99999, -0.00495, 0.00040]
+  - [0.00396, 0.00494, 0.99998, -0.00063]
+  - [0.0, 0.0, 0.0, 1.0]
+  camera_model: pinhole
+  intrinsics: [460.0, 459.0, 380.0, 255.0]
+  distortion_model: equidistant
+  distortion_coeffs: [0.01, 0.02, -0.01, 0.003]
+  resolution: [752, 480]
+"""
+
+
+def test_a_chain_of_kalibr_s_gives_its_first_camera():
+    camera = parse_camera(KALIBR_CHAIN.encode(), "x")
+    assert (camera.name, camera.width_px, camera.height_px) == ("cam0", 752, 480)
+    assert (camera.fx_px, camera.cy_px) == (461.629, 246.049)
+    assert camera.distortion == DistortionSection(
+        "brown_conrady", (-0.27695497, 0.06712482, 0.00087538, 0.00011556)
+    )
+
+
+def test_the_pitch_of_a_camera_s_file_is_the_sensor_s(tmp_path):
+    sheet = {"width_px": 640, "height_px": 480, "focal_length_mm": 12.0, "pixel_pitch_um": [4.0, 8.0]}
+    path = tmp_path / "oblong.json"
+    path.write_text(json.dumps(sheet))
+    camera = read_camera_file(path)
+    assert camera.pixel_pitch_um == (4.0, 8.0)
+    assert parse_camera(written(camera, "speed", "x").encode(), "x").pixel_pitch_um == (4.0, 8.0)
+    scenario = msgspec.structs.replace(load_scenario("tango-space-10m"), camera=camera)
+    assert scenario.sensor_model.pixel_pitch_x_m == pytest.approx(4e-6)
+    assert scenario.sensor_model.pixel_pitch_y_m == pytest.approx(8e-6)
+    named = msgspec.structs.replace(
+        scenario, sensor=msgspec.structs.replace(scenario.sensor, preset="imx174")
+    )
+    with pytest.raises(UserError, match=r"4 x 8 um, detector imx174 has 5\.86"):
+        _ = named.sensor_model
+
+
 def test_speed_plus_s_own_file_is_read():
     table = {
         "Nu": 1920,
@@ -111,6 +203,10 @@ def test_speed_plus_s_own_file_is_read():
         ({"focal_length_mm": 17.6, "sensor_size_mm": [11.2512, 7.032]}, 3003.41297, 3003.41297),
         ({"aperture_angle_deg": 35.452}, 3003.4, 3003.4),
         ({"focal_length_mm": 17.6, "pixel_pitch_um": 5.86, "aperture_angle_deg": 35.452}, 3003.41, 3003.41),
+        # an angle across and oblong pixels: one lens before both axes
+        ({"aperture_angle_deg": 35.452, "pixel_pitch_um": [5.86, 6.0]}, 3003.4, 2933.3),
+        ({"aperture_angle_deg": 35.452, "sensor_size_mm": [11.2512, 7.2]}, 3003.4, 2933.3),
+        ({"aperture_angle_deg": [35.452, 22.61], "pixel_pitch_um": 5.86}, 3003.4, 3001.4),
     ],
 )
 def test_any_consistent_pair_fixes_the_intrinsics(keys, fx, fy):
@@ -129,6 +225,10 @@ def test_any_consistent_pair_fixes_the_intrinsics(keys, fx, fy):
                 '"aperture_angle_deg": 50}'
             ),
             "leave one out",
+        ),
+        (
+            '{"width_px": 1920, "height_px": 1200, "pixel_pitch_um": 5.86, "aperture_angle_deg": [35.5, 35.5]}',
+            "focal length .mm. is 17.57.* and 10.98",
         ),
         ('{"Nu": 1920, "Nv": 1200, "cameraMatrix": [[0, 0, 960], [0, 0, 600], [0, 0, 1]]}', "singular"),
         ('{"Nu": 1920, "Nv": 1200, "cameraMatrix": [[2000, 5, 960], [0, 2000, 600], [0, 0, 1]]}', "skew"),
