@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -73,7 +73,7 @@ def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target
                 if not keypoint_at_depth(truth, k, depth)
                 and not (target is not None and keypoint_by_ray(truth, k, target))
             ]
-    if "flow" in layers and (np.isfinite(layers["flow"]).view(np.uint8).max(axis=2) > on).any():
+    if "flow" in layers and (_in_any_channel(np.isfinite(layers["flow"])) & ~on).any():
         wrong.append("there is optical flow off the mask")
     if "parts" in layers:
         parts = layers["parts"]
@@ -83,7 +83,8 @@ def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target
             wrong.append(f"part {parts.max()} has no name among {len(truth.parts)}")
     if "normals" in layers:
         # as bits less the sign: comparing half floats takes longer than all else here
-        there = (np.ascontiguousarray(layers["normals"], np.float16).view(np.uint16) & 0x7FFF).max(axis=2) > 0
+        bits = np.ascontiguousarray(layers["normals"], np.float16).view(np.uint16)
+        there = (_in_any_channel(bits) & 0x7FFF) > 0
         normals = layers["normals"][on].astype(float)
         if not np.array_equal(there, on):
             wrong.append("normals are not there exactly on the mask")
@@ -92,6 +93,14 @@ def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target
         else:
             wrong += _check_facing(truth, on, normals)
     return wrong
+
+
+def _in_any_channel(values: NDArray[Any]) -> NDArray[Any]:
+    """(H, W) of (H, W, C): bits or truths that are set in any channel; numpy is slow along short axes."""
+    found = values[..., 0].copy()
+    for k in range(1, values.shape[2]):
+        found |= values[..., k]
+    return found
 
 
 def _check_facing(truth: Truth, on: NDArray[np.bool_], n: FloatArray) -> list[str]:

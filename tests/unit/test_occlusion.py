@@ -1,5 +1,7 @@
 """Visibility of points by projection, against geometry that can be done by hand and against ray casting."""
 
+from functools import lru_cache
+
 import numpy as np
 import trimesh
 from hypothesis import given, settings
@@ -28,14 +30,22 @@ def test_sun_behind_a_face_shadows_its_centre():
     assert hidden_from_direction(MESH, centres, sun).tolist() == [False, True, False]
 
 
+@lru_cache(maxsize=1)
+def _tango():
+    """The model, its mesh, and a ray caster of it, whose tree takes longer to make than to use."""
+    target = load_target("tango")
+    mesh = Mesh.of(target)
+    solid = trimesh.Trimesh(mesh.positions_m, mesh.triangles, process=False)
+    return target, mesh, trimesh.ray.ray_triangle.RayMeshIntersector(solid)
+
+
 @settings(max_examples=25, deadline=None)
 @given(
     q=st.tuples(*[st.floats(-1, 1) for _ in range(4)]).filter(lambda q: np.linalg.norm(q) > 0.1),
     z=st.floats(3, 18),
 )
 def test_agrees_with_independent_ray_casting_on_tango(q, z):
-    target = load_target("tango")
-    mesh = Mesh.of(target)
+    target, mesh, caster = _tango()
     pose = Pose.of("camera", "target", q, (0.1, -0.2, z))
     R, t = pose.R, np.asarray(pose.t_m)
     points = np.array([k.position_m for k in target.keypoints])
@@ -44,11 +54,8 @@ def test_agrees_with_independent_ray_casting_on_tango(q, z):
     rays = eye - points
     length = np.linalg.norm(rays, axis=1)
     theirs = np.zeros(len(points), bool)
-    scene = trimesh.Trimesh(mesh.positions_m, mesh.triangles, process=False)
     directions = rays / length[:, None]
-    where, which, _ = trimesh.ray.ray_triangle.RayMeshIntersector(scene).intersects_location(
-        points + 1e-4 * directions, directions, multiple_hits=True
-    )
+    where, which, _ = caster.intersects_location(points + 1e-4 * directions, directions, multiple_hits=True)
     for k in range(len(points)):
         along = np.linalg.norm(where[which == k] - points[k], axis=1)
         # between 1.5 and 2.5 mm the tolerance decides: such hits may go either way
