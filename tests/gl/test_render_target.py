@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.render.passes.target import LATTICES
 from simulator.scene.bands import sun_irradiance_w_m2
 from simulator.targets.model import Material
 from simulator.world.rotation import matrix_from_quat
@@ -90,7 +89,8 @@ def test_a_third_of_the_bands_each_in_rgb(renderer, draw_kit):
 
 
 @pytest.mark.parametrize(
-    ("quality", "rms_px", "largest_px"), [("draft", 0.04, 0.17), ("default", 0.02, 0.1), ("high", 0.01, 0.05)]
+    ("quality", "rms_px", "largest_px"),
+    [("draft", 0.04, 0.17), ("default", 0.015, 0.08), ("high", 0.01, 0.05)],
 )
 def test_straight_edges(renderer, draw_kit, quality, rms_px, largest_px):
     # before any optics, over every slope
@@ -100,17 +100,6 @@ def test_straight_edges(renderer, draw_kit, quality, rms_px, largest_px):
     assert np.sqrt(np.mean(np.square(errors))) <= rms_px
     assert np.abs(errors).max() <= largest_px
     assert abs(np.mean(errors)) <= 0.005
-
-
-def test_straight_edges_of_a_target_that_fills_the_image(renderer, draw_kit, monkeypatch):
-    monkeypatch.setitem(LATTICES, "default", LATTICES["default"][1:])
-    errors = [
-        e
-        for angle in (0, 3, 10, 26.6, 45, 63.4, 84)
-        for e in _edge_errors(renderer, draw_kit, angle, "default")
-    ]
-    assert np.sqrt(np.mean(np.square(errors))) <= 0.015
-    assert np.abs(errors).max() <= 0.08
 
 
 def _edge_errors(renderer, draw_kit, angle_deg, quality):
@@ -147,7 +136,7 @@ def test_coverage_of_a_thin_rod_is_its_area(renderer, draw_kit):
         [(-width_m / 2, -0.5, 0), (-width_m / 2, 0.5, 0), (width_m / 2, 0.5, 0), (width_m / 2, -0.5, 0)],
     )
     target = draw_kit.target([rod], [draw_kit.white()])
-    for turn in (0.05, 0.4, 1.1):
+    for turn in (0.05, 0.4, 1.2):  # none along the lattice: docs/adr/0003
         scene = draw_kit.scene(target, rotvec_rad=(0, 0, turn))
         coverage = renderer.render(scene, target, labels=True).coverage
         corners = scene.camera.project(scene.camera_from_target.apply(rod.positions_m))

@@ -13,7 +13,7 @@ from simulator.render.block_values import lens_values
 from simulator.render.bounce import bounce_color
 from simulator.render.cover import CELL_PX, hulls_cover, whole
 from simulator.render.facing import FacingArray
-from simulator.render.lattice import NINE, SEVEN, Lattice, rotated
+from simulator.render.lattice import SEVEN, Lattice, rotated
 from simulator.render.light_box import LightWindow, SurfacePatches, light_window
 from simulator.render.mesh import VERTEX, upload
 from simulator.render.mesh_edges import find_edges
@@ -49,7 +49,7 @@ MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
 # lattices to try in order, and the largest buffer [samples] it may take
 LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
     "draft": ((rotated(2), np.inf),),
-    "default": ((NINE, 10e6), (SEVEN, 16e6), (rotated(2), np.inf)),
+    "default": ((SEVEN, 16e6), (rotated(2), np.inf)),
     "high": ((rotated(6), 9e6), (rotated(5, 2), 15e6), (rotated(4), 45e6), (rotated(3, 2), np.inf)),
 }
 DENSE_LATTICES = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
