@@ -89,6 +89,8 @@ def write_page(
             "mean &plusmn; standard deviation.</p>"
         ),
     ]
+    if plots:
+        parts.append("<h2>Errors and time</h2>")
     parts += [
         f"<figure><img src='{PLOT_FOLDER}/{name}.png' alt='{name}'><figcaption>{html.escape(CAPTIONS[name])}"
         "</figcaption></figure>"
@@ -115,15 +117,33 @@ def _share(value: float | None, interval: tuple[float, float] | None) -> str:
     return f"{100 * value:.1f} % <small>{100 * interval[0]:.1f}&ndash;{100 * interval[1]:.1f}</small>"
 
 
+# Where a unit's numbers grow long, the next one and how many of the first it holds.
+LARGER = {"mm": ("m", 1e3), "ms": ("s", 1e3)}
+
+
 def _number(value: float | None, unit: str, factor: float = 1.0) -> str:
-    return "&ndash;" if value is None else f"{value * factor:.3g} {unit}"
+    if value is None:
+        return "&ndash;"
+    x = value * factor
+    if unit in LARGER and abs(x) >= LARGER[unit][1]:
+        unit, many = LARGER[unit]
+        x /= many
+    return f"{_digits(x)} {unit}".strip()
+
+
+def _digits(x: float) -> str:
+    """Three digits, never with an exponent."""
+    return f"{x:.0f}" if abs(x) >= 100 else f"{x:.3g}"
 
 
 def _ranged(value: float | None, interval: tuple[float, float] | None, unit: str, factor: float = 1.0) -> str:
     text = _number(value, unit, factor)
-    if interval is None:
+    if value is None or interval is None:
         return text
-    return f"{text} <small>{interval[0] * factor:.3g}&ndash;{interval[1] * factor:.3g}</small>"
+    # in the unit of the value itself
+    if unit in LARGER and abs(value * factor) >= LARGER[unit][1]:
+        factor /= LARGER[unit][1]
+    return f"{text} <small>{_digits(interval[0] * factor)}&ndash;{_digits(interval[1] * factor)}</small>"
 
 
 def _axes(
@@ -134,8 +154,18 @@ def _axes(
 ) -> str:
     if middle is None or spread is None:
         return "&ndash;"
+    if unit in LARGER and max(map(abs, (*middle, *spread))) * factor >= LARGER[unit][1]:
+        unit, many = LARGER[unit]
+        factor /= many
     both = zip(middle, spread, strict=True)
-    return ", ".join(f"{m * factor:.2g} &plusmn; {s * factor:.2g}" for m, s in both) + f" {unit}"
+    return ", ".join(f"{_digits(m * factor)} &plusmn; {_digits(s * factor)}" for m, s in both) + f" {unit}"
+
+
+def _wrong(m: MethodMetrics) -> str:
+    if m.false_accept is None:
+        return "none accepted"
+    count = round(m.false_accept * m.n_accepted)
+    return f"{count} of {m.n_accepted}: {_share(m.false_accept, m.false_accept_wilson)}"
 
 
 def _methods_table(methods: Sequence[MethodMetrics]) -> str:
@@ -144,7 +174,7 @@ def _methods_table(methods: Sequence[MethodMetrics]) -> str:
         ("coarse success", lambda m: _share(m.coarse_success, m.coarse_success_wilson)),
         ("fine success", lambda m: _share(m.fine_success, m.fine_success_wilson)),
         ("availability", lambda m: _share(m.availability, m.availability_wilson)),
-        ("false accepts", lambda m: _share(m.false_accept, m.false_accept_wilson)),
+        ("accepted but not coarse", _wrong),
         ("median E_R", lambda m: _ranged(m.median_E_R_deg, m.median_E_R_deg_bootstrap, "deg")),
         ("median E_T", lambda m: _ranged(m.median_E_T_m, m.median_E_T_m_bootstrap, "mm", 1e3)),
         ("mean E_R", lambda m: _ranged(m.mean_E_R_deg, m.mean_E_R_deg_bootstrap, "deg")),

@@ -106,7 +106,8 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
     accepted = {m: [r.record for r in rows if r.record.accepted] for m, rows in by_method.items()}
     if not any(accepted.values()):
         return None
-    right = [r for records in accepted.values() for r in records if r.coarse]
+    every = [r for records in accepted.values() for r in records]
+    right = [r for r in every if r.coarse] or every
     figure, axes = _figure(2, 3, 5.6)
     for k, records in enumerate(accepted.values()):
         if not records:

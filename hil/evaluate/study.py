@@ -87,7 +87,10 @@ def table(rows: Sequence[tuple[str, MethodMetrics]]) -> str:
         return f"{100 * value:.0f} % ({100 * interval[0]:.0f}-{100 * interval[1]:.0f})"
 
     def number(value: float | None, factor: float = 1.0) -> str:
-        return "-" if value is None else f"{factor * value:.3g}"
+        if value is None:
+            return "-"
+        x = factor * value
+        return f"{x:.0f}" if abs(x) >= 100 else f"{x:.3g}"
 
     lines = [
         (
