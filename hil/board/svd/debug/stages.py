@@ -79,9 +79,6 @@ def stage_pictures(
         if grown is not None:
             cv2.rectangle(canvas, (int(grown.x0), int(grown.y0)), (int(grown.x1), int(grown.y1)), BLUE, 2)
         out["region"] = _whole(canvas, "regions of interest")
-    for glance in trace.get("glances", [])[:1]:
-        noise = max(noise_sigma(image, 255.0 if image.dtype == np.uint8 else float(image.max())), 0.1)
-        out["first_look"] = first_look_picture(image, glance, noise, model, camera, (WIDTH, HEIGHT))
     corner, scale = _window(image, regions)
     back = _view(image, top, corner, scale)
     for name, segments in _streams(trace).items():
@@ -101,6 +98,9 @@ def stage_pictures(
                 cv2.polylines(canvas, chains, kind == "closed_tetrad", GROUP_COLOURS[kind], 1, cv2.LINE_AA, 4)
         label(canvas, "perceptual groups: " + ", ".join(f"{len(p)} {k}" for k, p in groups.items() if len(p)))
         out["groups"] = canvas
+    for glance in trace.get("glances", [])[:1]:
+        noise = max(noise_sigma(image, 255.0 if image.dtype == np.uint8 else float(image.max())), 0.1)
+        out["first_look"] = first_look_picture(image, glance, noise, model, camera, (WIDTH, HEIGHT))
     drawn = trace.get("drawn")
     if drawn is not None:
         out["drawn"] = drawn_picture(drawn, (WIDTH, HEIGHT))
