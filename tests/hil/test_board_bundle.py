@@ -96,6 +96,7 @@ def debian_has_opencv() -> bool:
 
 @pytest.mark.slow
 @pytest.mark.gl
+@pytest.mark.timeout(900)
 def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Path) -> None:
     """Debian 12: Python 3.11 with numpy 1.24 and OpenCV 4.6, nothing of this project's environment."""
     if not debian_has_opencv():

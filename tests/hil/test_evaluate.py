@@ -99,4 +99,4 @@ def test_estimate_answers_in_the_machine_read_form(dataset, capsys):
     names = [p.name[3:-4] for p in sorted((dataset / "stages").iterdir())]
     stages = ["gradient", "histogram", "thresholded", "filtered", "region", "wge_stream", "sh_stream"]
     assert names[:7] == stages
-    assert names[-4:] == ["merged", "groups", "overlay", "camera_in_map"]
+    assert names[-6:] == ["merged", "groups", "first_look", "drawn", "overlay", "camera_in_map"]
