@@ -158,6 +158,13 @@ def stars(renderer: fa.Renderer) -> np.ndarray:
     return film(light, 2e-4)
 
 
+def ice(renderer: fa.Renderer) -> np.ndarray:
+    """The North Atlantic in March."""
+    world = Environment(clouds=False)
+    scene = above("2026-03-20T12:00:00Z", (56.0, -20.0, 30000.0), 24.0, environment=world)
+    return exposed(radiance(renderer, scene), 0.98)
+
+
 def seasons(renderer: fa.Renderer) -> np.ndarray:
     """Europe at noon in January, April, July and October."""
     tiles = []
@@ -212,6 +219,7 @@ PICTURES: tuple[tuple[str, Picture, str], ...] = (
     ("moon", moonrise, "The Moon over the limb"),
     ("stars", stars, "Orion rises: stars in calibrated flux and colour, moved to the date"),
     ("seasons", seasons, "Central Europe without clouds: January, April, July, October"),
+    ("ice", ice, "Snow and the sea's ice of March from 30,000 km, without clouds"),
     ("earthrise", earthrise, "The Earth from 110 km above the Moon"),
 )
 

@@ -17,6 +17,7 @@ LAYERS: tuple[tuple[str, str], ...] = (
     ("earth", "Earth"),
     ("clouds", "Clouds"),
     ("ocean_glint", "Ocean glint"),
+    ("sea_ice", "Sea ice"),
     ("night_lights", "Night lights"),
     ("atmosphere", "Atmosphere"),
     ("stars", "Stars"),

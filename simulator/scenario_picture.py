@@ -71,6 +71,7 @@ class EnvironmentSection(Section, frozen=True, kw_only=True):
     planets: bool = True
     seasons: bool = True
     relief: bool = True
+    sea_ice: bool = True
     undifferentiated: bool = False
     atmosphere_thickness_km: Annotated[float, Meta(ge=5, le=200)] = 100.0
 

@@ -21,13 +21,18 @@
 #else
 #define LIFT vec4(v_lift, at.xy)
 #endif
+#if ICE
+#define ICE_SHARE AT(ice)
+#else
+#define ICE_SHARE 0.0
+#endif
 
 // What a pixel sees of the ground; x: from the cell's middle, in half cells.
 GroundPoint ground_at(vec2 x) {
     vec4 at = AT(uv_plane), sun = AT(sun); // sun: toward, sharp, glint
     vec4 lift = LIFT;
     return GroundPoint(
-        at.xy, at.zw, lift.xy, lift.zw, sun.xy, sun.z, 0.0, AT(rough), AT(tone), sun.w, AT(light), AT(lamps), AT(haze)
+        at.xy, at.zw, lift.xy, lift.zw, sun.xy, sun.z, 0.0, AT(rough), ICE_SHARE, AT(tone), sun.w, AT(light), AT(lamps), AT(haze)
     );
 }
 #endif

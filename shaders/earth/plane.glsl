@@ -12,4 +12,7 @@ FOR_EACH_VALUE(DECLARE)
 #if !HIGH
 flat STAGE vec2 v_lift; // the same all over the cell
 #endif
+#if ICE
+flat STAGE float v_ice[3];
+#endif
 flat STAGE vec3 v_middle; // of the cell, in gl_FragCoord's sense [px]; two over the cell's side [px-1]

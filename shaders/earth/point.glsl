@@ -31,6 +31,9 @@ float sun_glint(vec3 n, vec3 v, vec3 l, float n_v, float n_l) {
 uniform sampler2D t_before;  // the land's reflectance over August's in the two nearest months; simulator/render/seasons.py
 uniform sampler2D t_after;
 uniform float u_season;      // share of the second
+#if ICE
+uniform sampler2D t_ice;     // share of the sea under ice; simulator/render/sea_ice.py
+#endif
 uniform sampler2D t_relief;  // slopes to the east and to the north, roughness
 
 #if AIR && BANDS == 3
@@ -47,6 +50,7 @@ struct GroundPoint {
     float sharp;    // one over the pixel's footprint [km-1]
     float mu;       // cosine of the Sun's zenith angle
     float rough;    // of the land, 0..1
+    float ice;      // ICE: share of the sea under it
     color tone;     // of the land: its reflectance over the map's, by season and by the slope to the Sun
     float glint;    // Sun glint of a calm patch of sea over irradiance, times pi [1]
     color light;    // radiance at the camera of a white ground in the light there [W m-2 sr-1]
@@ -102,6 +106,11 @@ GroundPoint ground_point(EarthRay ray) {
     g.rough = RELIEF * (0.15 + 0.85 * relief.z);
     color gain = mix(BAND(textureLod(t_before, g.uv, coarse - 1.0)), BAND(textureLod(t_after, g.uv, coarse - 1.0)), u_season);
     g.tone = exp2((gain - 128.0 / 255.0) * (OCTAVES * 255.0 / 127.0)) * clamp(1.0 - RELIEF * uphill / slant, 0.35, 1.7);
+#if ICE
+    g.ice = textureLod(t_ice, g.uv, 0.0).x;
+#else
+    g.ice = 0.0;
+#endif
     g.glint = 0.0;
     // clouds, leaves and stones shine back towards the Sun more than to the sides: mean 1 over the directions
     float back = 0.5 - 0.5 * dot(ray.direction, sun);

@@ -25,6 +25,7 @@ const vec3 SEA = vec3(0.006, 0.020, 0.048);
 #endif
 const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
 const float CLOUD = 0.84;     // reflectance of thick cloud
+const float FLOE = 0.62;      // reflectance of snow on ice, between winter's and that of melting (Perovich et al. 2002)
 const float WARP_KM = 12.0;   // HIGH: twice the largest displacement of the land's map
 const float RELIEF_KM = 0.9;  // height of a puff of full contrast, for its own shading
 
@@ -78,6 +79,14 @@ color surface_radiance(GroundPoint g, vec4 map) {
     color sea = SEA * (0.85 + 0.3 * under.x); // plankton and wind
 #if GLINT
     sea += color(g.glint * (0.9 + 0.2 * under.x)); // cat's paws
+#endif
+#if ICE
+    // floes and leads: the detail, whose histogram is even, is cut where just that share remains
+    float floes = clamp((g.ice - under.x) * 7.0 + 0.5, 0.0, 1.0) * min(g.ice * 20.0, 1.0);
+#if !SMOOTH
+    floes = mix(floes, g.ice, clamp(-0.2 * log2(g.sharp) - 0.2, 0.0, 1.0));
+#endif
+    sea = mix(sea, color(FLOE * (0.9 + 0.2 * under.w)), floes);
 #endif
     color ground = mix(sea, reflectance, land);
 #if CLOUDS

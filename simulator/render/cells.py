@@ -25,6 +25,7 @@ _SMOOTH_DISC = (
 _LARGEST_GROUND = 0.015  # of a cell on the ground [radii]: light and air are even enough over 100 km
 _POLE_SINE = 0.995  # the maps' longitude bends too fast nearer to the poles
 _LEVEL_STEP = 0.5  # of the levels of detail: a smooth cell has one for all its pixels
+_ICE_SINE = 0.73  # of the latitude (47 degrees): the sea is open nearer to the equator
 _NIGHT_MU = 0.03  # cosine of the Sun's zenith angle: city lights are out where it is higher
 
 
@@ -35,12 +36,14 @@ class CellKind:
     Parameters
     ----------
     smooth : all ground, away from limb and poles. covered : the target may be in front.
-    night : some of it is dark enough for city lights. level : log2 of a pixel's footprint [km], smooth cells only.
+    night : some of it is dark enough for city lights. icy : some of it is far enough from the equator for ice.
+    level : log2 of a pixel's footprint [km], smooth cells only.
     """
 
     smooth: bool
     covered: bool
     night: bool
+    icy: bool
     level: float
 
 
@@ -113,11 +116,14 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
         )[:, None]
     sun = earth.camera @ earth.sun + distance * (d @ earth.sun)
     night = ~(_all_corners(sun > _NIGHT_MU) & smooth)
+    # a cell seen from far away, or over the limb, reaches beyond its corners
+    span = distance * size * pixel_rad / np.fmax(depth, 0.1)
+    icy = ~_all_corners(np.abs(earth.camera[2] + distance * d[..., 2]) + span < _ICE_SINE)
     # footprint: the mean of its two axes, as in shaders/earth/point.glsl
     footprint_km = distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(depth, 0.02))
     level = np.round(np.log2(np.fmax(footprint_km[:-1, :-1], 1e-6)) / _LEVEL_STEP)
     # one number per kind of cell
-    kind = (np.where(smooth, level, 0).astype(int) * 8 + smooth * 4 + covered * 2 + night)[touched]
+    kind = (np.where(smooth, level, 0).astype(int) * 16 + icy * 8 + smooth * 4 + covered * 2 + night)[touched]
 
     def middles(row: IntArray, column: IntArray) -> Float32Array:
         return np.stack([x[column], y[row]], axis=1).astype(np.float32) + np.float32(size / 2)
@@ -127,7 +133,9 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
         size,
         (size * (len(x) - 1), size * (len(y) - 1)),
         {
-            CellKind(bool(k & 4), bool(k & 2), bool(k & 1), (k >> 3) * _LEVEL_STEP): centers[kind == k]
+            CellKind(bool(k & 4), bool(k & 2), bool(k & 1), bool(k & 8), (k >> 4) * _LEVEL_STEP): centers[
+                kind == k
+            ]
             for k in map(int, np.unique(kind))
         },
         middles(*(~(touched & smooth) | covered).nonzero()),

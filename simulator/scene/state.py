@@ -28,7 +28,7 @@ class Environment:
 
     Parameters
     ----------
-    seasons : the land of the date, August's otherwise. relief : shading of mountains.
+    seasons : land and ice of the date, August's otherwise. relief : shading of mountains. sea_ice : as in most years.
     undifferentiated : land, sea and clouds reflect alike, as a plain globe does.
     atmosphere_thickness_km : height of the air's top.
     """
@@ -45,6 +45,7 @@ class Environment:
     planets: bool = True
     seasons: bool = True
     relief: bool = True
+    sea_ice: bool = True
     undifferentiated: bool = False
     atmosphere_thickness_km: float = 100.0
 

@@ -2,12 +2,15 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
 import simulator.render.passes.earth as passes
 from simulator.camera.model import Camera
+from simulator.render.maps import COAST, decode_map
+from simulator.render.sea_ice import EXTENT_NORTH, EXTENT_SOUTH, HEIGHT, WIDTH, extent_m2, sea_ice
 from simulator.render.seasons import ANCHORS, season
 from simulator.scene.bands import sun_irradiance_w_m2
 from simulator.scene.state import Environment, TargetRef
@@ -208,3 +211,31 @@ def test_limb_lies_where_the_ellipsoid_ends(renderer, draw_kit, speck, roll_deg)
     assert edge.sum() > 50
     assert abs((hidden - exact).sum() / edge.sum()) < 0.02
     assert np.sqrt(np.mean((hidden - exact)[edge] ** 2)) < 0.06
+
+
+def test_the_sea_ice_has_the_extent_that_was_measured():
+    coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH * 4, HEIGHT * 4))
+    sea = cv2.resize((coast < 128).astype(np.float32), (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+    for month in range(1, 13):
+        north, south = extent_m2(sea_ice(f"2026-{month:02d}-15T12:00:00Z") / 255, sea)
+        assert north == pytest.approx(EXTENT_NORTH[month - 1] * 1e12, rel=0.1)
+        assert south == pytest.approx(EXTENT_SOUTH[month - 1] * 1e12, rel=0.1)
+
+
+def test_ice_is_where_and_when_it_should_be(draw):
+    bare = replace(CLEAR, atmosphere=False)
+    view = {"off_nadir_deg": 20.0, "azimuth_deg": 180.0}
+
+    def gain(epoch, latitude, longitude, **more):
+        place = (latitude, longitude, 700.0)
+        light, dark = (draw(epoch, place, replace(bare, sea_ice=on), **view, **more) for on in (True, False))
+        return light.mean() / dark.mean()
+
+    for more in ({}, {"quality": "high"}, {"bands": "rgb"}):
+        assert gain("2026-04-15T12:00:00Z", 80.0, 0.0, **more) > 4  # north of Fram Strait, snow on ice
+    assert gain("2026-07-15T12:00:00Z", 70.0, 0.0) == 1.0  # the Norwegian Sea never freezes
+    assert gain("2026-04-15T20:00:00Z", 60.0, -85.0) > 4  # Hudson Bay in spring
+    assert gain("2026-09-10T20:00:00Z", 60.0, -85.0) < 1.05  # and in late summer
+    assert gain("2026-10-15T12:00:00Z", -62.0, 0.0) > 4  # the Weddell Sea
+    assert gain("2026-02-15T12:00:00Z", -62.0, 0.0) < 1.05
+    assert gain("2026-04-15T12:00:00Z", 30.0, -40.0) == 1.0

@@ -11,6 +11,9 @@ from simulator.render.earth_maps import AUGUST
 from simulator.render.levels import levelled, levelled_texture
 from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from simulator.render.passes.air import TABLE_DEFINES, AirPass
+from simulator.render.sea_ice import HEIGHT as ICE_HEIGHT
+from simulator.render.sea_ice import WIDTH as ICE_WIDTH
+from simulator.render.sea_ice import sea_ice
 from simulator.render.seasons import OCTAVES, month_gain, season
 from simulator.render.seasons import SLOPE_MAX as RELIEF_SLOPE_MAX
 
@@ -29,7 +32,7 @@ DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
 CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
 MAGNIFIED_LEVEL = -0.5  # of a cell: there the maps' texels are at least six pixels wide
-_OWN = ("t_coverage", "t_map", "t_detail", "t_relief", "t_before", "t_after")
+_OWN = ("t_coverage", "t_map", "t_detail", "t_relief", "t_before", "t_after", "t_ice")
 _SAMPLERS = {
     1: (*_OWN, "t_air"),
     3: (
@@ -72,6 +75,9 @@ class EarthPass:
         self._keep_air(begun.air.result())
         self._maps = [self._mapped(levels) for levels in begun.maps.result()]
         self._months = {k: self._mapped(levels.result()) for k, levels in begun.months.items()}
+        self._ice = context.texture((ICE_WIDTH, ICE_HEIGHT), 1, alignment=1)
+        self._ice.repeat_x, self._ice.repeat_y = True, False
+        self._ice_day = ""
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
 
     def air(self, thickness_km: float) -> Air:
@@ -105,6 +111,7 @@ class EarthPass:
             "CLOUDS": int(environment.clouds),
             "GLINT": int(environment.ocean_glint and not one),
             "NIGHT": int(environment.night_lights and kind.night),
+            "ICE": int(environment.sea_ice and kind.icy and not one),
             "SMOOTH": int(kind.smooth),
             "COVERED": int(kind.covered),
             "MOON": int(behind),
@@ -149,10 +156,15 @@ class EarthPass:
             images.fours_framebuffer.viewport = (0, 0, width // 2, height // 2)
         self._context.blend_func = self._context.ONE, self._context.ONE
         month = season(scene.epoch_utc) if environment.seasons else AUGUST
+        day = scene.epoch_utc[:10] if environment.seasons else "2004-08-15"
+        if day != self._ice_day:
+            self._ice.write(sea_ice(day).tobytes(), alignment=1)
+            self._ice_day = day
         textures = self._textures(images, self.air(environment.atmosphere_thickness_km).frame) | {
             "t_relief": self._relief,
             "t_before": self._month(month.before),
             "t_after": self._month(month.after),
+            "t_ice": self._ice,
         }
         for kind, centers in cells.centers_px.items():
             in_fours = fours and kind.smooth and not kind.covered
