@@ -46,7 +46,7 @@ SHIFTS_PX, SIZES = 1, (0.93, 1.0, 1.07)
 INDEPENDENT = 0.7
 
 # Weight of the explained share against the network's log-likelihood: of -log(1 - share).
-WEIGHT = 8.0
+WEIGHT = 6.0
 
 # Attitudes compared, the likeliest by the network.
 COMPARED = 1200
