@@ -84,3 +84,55 @@ def test_nothing_is_seen_of_edges_behind_the_camera():
     target = load_target("tango")
     mesh = Mesh.of(target)
     assert view_edges(CAMERA, Pose.of("camera", "target", (1.0, 0, 0, 0), (0, 0, -5.0)), target, mesh) == ()
+
+
+def test_what_looks_away_hides_nothing_that_the_rest_of_its_shell_does_not():
+    target = load_target("tango@low")
+    shells = Mesh.of(target)
+    assert shells.in_shell.all()
+    unknown = Mesh(shells.positions_m, shells.triangles)  # so that every triangle is asked
+    for q, t_m in (((0.3, 0.5, -0.2, 0.7), (0.1, 0.05, 9.0)), ((0.9, -0.1, 0.4, 0.1), (-0.4, 0.2, 2.5))):
+        pose = Pose.of("camera", "target", q, t_m)
+        assert len(shells.facing(np.append(pose.inverse().t_m, 1.0))) < 0.6 * len(shells.triangles)
+        ours, all_asked = (view_edges(CAMERA, pose, target, mesh) for mesh in (shells, unknown))
+        for view, wanted in zip(ours, all_asked, strict=True):
+            assert np.allclose(view.stretches, wanted.stretches, atol=1e-9)
+
+
+def test_lines_through_a_cloud_of_triangles_are_hidden_where_rays_are():
+    rng = np.random.default_rng(7)
+    middles = rng.uniform(-1, 1, (300, 1, 3)) * (1.0, 1.0, 0.5)
+    corners = (middles + rng.normal(size=(300, 3, 3)) * rng.choice([0.02, 0.3], (300, 1, 1))).reshape(-1, 3)
+    mesh = Mesh(corners, np.arange(900).reshape(-1, 3))
+    ends = rng.uniform(-1.2, 1.2, (40, 2, 3))
+    ends[:4, :, 1] = ends[:4, :1, 1]  # some of them level
+    lines = [Edge(name=str(k), a_m=tuple(a), b_m=tuple(b)) for k, (a, b) in enumerate(ends)]
+    pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 4.0))
+    seen_of_all = 0.0
+    for view, (a, b) in zip(view_edges(CAMERA, pose, _Model(lines), mesh), pose.apply(ends), strict=True):
+        bounds = np.array(view.stretches).ravel()
+        share = (np.arange(25) + 0.5) / 25
+        # shares of the projection are shares of the line over depth
+        along = share / b[2] / ((1 - share) / a[2] + share / b[2])
+        point = a + along[:, None] * (b - a)
+        first = _first_along(pose.apply(corners).reshape(-1, 3, 3), point)
+        clear = np.abs(first - 1) * np.linalg.norm(point, axis=1) > 0.01
+        clear &= np.abs(share[:, None] - bounds).min(axis=1, initial=1.0) > 1e-3
+        shown = np.searchsorted(bounds, share) % 2 == 1
+        assert np.array_equal(shown[clear], (first > 1)[clear])
+        seen_of_all += shown.mean() / len(lines)
+    assert 0.1 < seen_of_all < 0.9
+
+
+def _first_along(corners, points):
+    """Where rays from the origin through points (K, 3) first meet triangles (M, 3, 3), in lengths of the points."""
+    a, e1, e2 = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    matrix = np.stack([np.broadcast_to(p, a.shape) for p in points])  # each ray against each triangle
+    system = np.stack(
+        [matrix, np.broadcast_to(-e1, matrix.shape), np.broadcast_to(-e2, matrix.shape)], axis=-1
+    )
+    at, u, v = np.moveaxis(
+        np.linalg.solve(system, np.broadcast_to(a, matrix.shape)[..., None])[..., 0], -1, 0
+    )
+    met = (u >= 0) & (v >= 0) & (u + v <= 1) & (at > 0)
+    return np.where(met, at, np.inf).min(axis=1)
