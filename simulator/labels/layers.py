@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
 
 ON_CRAFT = frozenset({"depth", "parts", "normals", "flow"})
+STRIP_ROWS = 32
 AMODAL_REACH = 1.0  # how far beyond the image the amodal mask goes, in its larger side
 
 
@@ -160,23 +161,30 @@ def optical_flow(scene: SceneState, flow: FlowLabel, depth_m: Float32Array, mask
 
 def _pinhole_flow(
     camera: Camera, R: FloatArray, t: FloatArray, depth_m: Float32Array, window: tuple[slice, slice]
-) -> FloatArray:
+) -> Float32Array:
     """Flow (h, w, 2) of a window of the image by a camera whose lens does not bend; NaN where depth is.
 
     Parameters
     ----------
     R, t : where a point x of the camera frame is in the next frame's: R x + t.
     """
-    z = depth_m[window].astype(float)
     v, u = (np.arange(part.start, part.stop, dtype=float) for part in window)
     x, y = (u - camera.cx_px) / camera.fx_px, ((v - camera.cy_px) / camera.fy_px)[:, None]
-    # a ray's direction turned by R is a row's share plus a column's
-    moved_z = ((R[2, 0] * x + R[2, 2]) + R[2, 1] * y) * z + t[2]
-    moved_z[moved_z <= 1e-9] = np.nan
-    flow = np.empty((*z.shape, 2))
-    for k, (f, c, at) in enumerate(
-        ((camera.fx_px, camera.cx_px, u), (camera.fy_px, camera.cy_px, v[:, None]))
-    ):
-        moved = ((R[k, 0] * x + R[k, 2]) + R[k, 1] * y) * z + t[k]
-        flow[..., k] = moved / moved_z * f + (c - at)
+    # rows of the projection: pixel x, pixel y, depth. A ray turned by one is a row's share plus a column's
+    rows = [
+        f * R[k] + c * R[2] for k, f, c in ((0, camera.fx_px, camera.cx_px), (1, camera.fy_px, camera.cy_px))
+    ]
+    shifts = (camera.fx_px * t[0] + camera.cx_px * t[2], camera.fy_px * t[1] + camera.cy_px * t[2])
+    flow = np.empty((len(v), len(u), 2), np.float32)
+    for first in range(0, len(v), STRIP_ROWS):  # strips stay in the processor's cache
+        strip = slice(first, first + STRIP_ROWS)
+        z = depth_m[window][strip].astype(float)
+        moved_z = ((R[2, 0] * x + R[2, 2]) + R[2, 1] * y[strip]) * z + t[2]
+        moved_z[moved_z <= 1e-9] = np.nan
+        for k, at in enumerate((u, v[strip, None])):
+            moved = ((rows[k][0] * x + rows[k][2]) + rows[k][1] * y[strip]) * z
+            moved += shifts[k]
+            moved /= moved_z
+            moved -= at
+            flow[strip, :, k] = moved
     return flow
