@@ -115,7 +115,7 @@ class Camera:
 
     def half_angle_rad(self) -> float:
         """Largest angle from the boresight that the image shows [rad]."""
-        return float(np.arccos(self.rays(self.border())[:, 2].min()))
+        return _half_angle_rad(self)
 
     def pixel_angle_rad(self) -> float:
         """Largest angle that one pixel of the image spans [rad]; at a pinhole's principal point 1 / f."""
@@ -137,6 +137,11 @@ class Camera:
 
 
 @lru_cache(maxsize=256)
+def _half_angle_rad(camera: Camera) -> float:
+    return float(np.arccos(camera.rays(camera.border())[:, 2].min()))
+
+
+@lru_cache(maxsize=64)
 def _pixel_angle_rad(camera: Camera) -> float:
     x = np.linspace(-0.5, camera.width_px - 0.5, 17)
     y = np.linspace(-0.5, camera.height_px - 0.5, 17)
