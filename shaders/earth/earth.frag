@@ -58,7 +58,8 @@ void main() {
         g.tone = middle.tone;
         g.lamps = middle.lamps;
 #if MAGNIFIED
-        out_radiance[k] = surface_radiance(g, map + side.x * map_x + side.y * map_y);
+        // where a texel begins, its neighbour's slope may lead below darkness
+        out_radiance[k] = surface_radiance(g, clamp(map + side.x * map_x + side.y * map_y, 0.0, 1.0));
 #else
         out_radiance[k] = surface_radiance(g, ground_map(g));
 #endif

@@ -99,6 +99,18 @@ def test_pixels_drawn_by_fours_are_those_drawn_one_by_one(renderer, draw_kit, of
     assert fours.radiance.mean() == pytest.approx(singles.radiance.mean(), rel=1e-3)
 
 
+def test_no_light_is_negative_by_night(renderer, draw_kit):
+    # the map's slope is carried on from texel to texel, also past dark countries' ends
+    tango = load_target("tango")
+    scene = draw_kit.scene(
+        tango, t_m=(0.4, 0.1, 12.0), latitude_deg=45, sun_camera=(0.3, -0.2, 1), environment=Environment()
+    )
+    drawn = renderer.render(scene, tango)
+    assert "earth.fours" in drawn.stage_ms
+    assert drawn.radiance.min() >= 0
+    assert drawn.radiance.max() > 0
+
+
 def test_a_cover_holds_what_its_hulls_touch_and_little_more():
     rect = PixelRect(40, 24, 203, 180)  # ends at the image's edge, not at a cell's
     needle = np.array([[30.0, 20.0], [31.0, 20.0], [300.0, 170.0]])
