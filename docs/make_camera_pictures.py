@@ -40,7 +40,7 @@ def backlit(scene: SceneState) -> SceneState:
     return replace(scene, r_sun_eci_m=vec3(r_sun))
 
 
-def tile(image: np.ndarray, bits: int, words: str) -> np.ndarray:
+def tile(image: np.ndarray, bits: float, words: str) -> np.ndarray:
     """One picture of the montage: 8 bits, its words below."""
     values = (np.clip(image.astype(float) / (2**bits - 1), 0, 1) ** 0.6 * 255).astype(np.uint8)
     if values.ndim == 2:
@@ -85,19 +85,30 @@ def main() -> None:
                 detector(hot_pixel_share=0.01, hot_pixel_e_s=1e8, dead_pixel_share=0.01),
                 1.0,
             ),
+            (
+                "dark current 30 000 e/s, 0.1 s, uneven by 0.3",
+                detector(shot_noise=True, dark_current_e_s=3e4 * 0.1 / 4.5e-5, dark_nonuniformity=0.3),
+                1.0,
+            ),
+            ("full well, 1.8 times the light", detector(), 1.8),
             ("blooming, 1.8 times the light", detector(blooming=0.3), 1.8),
+            ("20 digital numbers for all the light", detector(gain_e_per_dn=1000.0, black_level_dn=0.0), 1.0),
             ("cosmic rays, a thick detector", detector(cosmic_rays_cm2_s=8e7, layer_m=6e-4), 1.0),
             ("preset speed", sensor_preset("speed"), 1.0),
             ("preset thesis", sensor_preset("thesis"), 1.0),
             ("preset imx174", sensor_preset("imx174"), 1.0),
+            ("preset cmv4000", sensor_preset("cmv4000"), 1.0),
         ]
         tiles = []
         y, x = slice(715, 865), slice(740, 940)
         for words, sensor, light in terms:
             t = exposure * light if sensor.detector is not None else 9e-4
             one = replace(scene, sensor=sensor, exposure_s=t, optics=Optics(f_number=2.8))
-            tiles.append(tile(digitise_scene(one, expose_scene(one, radiance))[y, x], sensor.bits, words))
-        cv2.imwrite(str(folder / "camera_noise.jpg"), grid(tiles, 4), [cv2.IMWRITE_JPEG_QUALITY, 58])
+            image = digitise_scene(one, expose_scene(one, radiance))[y, x]
+            # few digital numbers are shown over the range that they fill
+            bits = float(np.log2(21)) if words.startswith("20 digital") else sensor.bits
+            tiles.append(tile(image, bits, words))
+        cv2.imwrite(str(folder / "camera_noise.jpg"), grid(tiles, 4), [cv2.IMWRITE_JPEG_QUALITY, 43])
         ideal = replace(sensor_preset("ideal"), full_scale_j_m2_sr=0.08, bits=16)
         sun = plan_flight(load_scenario("tango-limb"), times=(0.0,))
         lenses: list[tuple[str, str, Optics]] = [

@@ -30,6 +30,7 @@ _ROW_KEY, _COLUMN_KEY = 0x726F77, 0x636F6C
 JOINED_FROM_E = 2.0
 """Read noise from which the sum's law is drawn: its skewness is below 0.2, its comb of electrons below 1e-30."""
 _BRIM_SIGMAS = 6.0
+_LOOKED_EVERY = 8
 _COARSE_BELOW_DN = 25.0  # a wider noise shows the steps of two-byte deviates in a histogram of 1e5 pixels
 
 
@@ -246,10 +247,13 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
         return
     height, width = charge.shape
     moved, taken = np.empty(width, np.float32), np.empty(width, np.float32)
-    for order in (range(int(rows[0]), height), range(int(rows[-1]), -1, -1)):
+    first, last = int(rows[0]), int(rows[-1])
+    for order in (range(first, height), range(last, -1, -1)):
         # what is carried on is what waits in a queue: Lindley (1952), The theory of queues with a single server
         waiting = np.zeros(width, np.float32)
         for row in order:
+            if row % _LOOKED_EVERY == 0 and not first <= row <= last and not waiting.any():
+                break
             here = room[row]
             np.minimum(waiting, here, out=taken)
             here -= taken

@@ -5,8 +5,9 @@ from __future__ import annotations
 import warnings
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import cv2
 import msgspec
 import numpy as np
 from msgspec import Meta
@@ -15,6 +16,9 @@ from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Detector, Sensor
 from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 _Share = Annotated[float, Meta(ge=0, le=1)]
 _Electrons = Annotated[float, Meta(ge=0, le=1e9)]
@@ -62,7 +66,8 @@ class DetectorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
 class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Section `[optics]`: the lens besides its distortion, each key as in `simulator.camera.optics.Optics`.
 
-    ``kernel_file`` names a measured PSF beside the scenario: a .npy, or text with one row of numbers a line.
+    ``kernel_file`` names a measured PSF beside the scenario: a .npy, text with one row of numbers a line, or a grey
+    picture (.png, .tif) with its black level taken off, which is divided by its sum.
     """
 
     f_number: Annotated[float, Meta(ge=0.5, le=64)] = 4.0
@@ -100,13 +105,7 @@ class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
             return self
         path = folder / self.kernel_file
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # an empty file is told of below
-                table = (
-                    np.load(path)
-                    if path.suffix == ".npy"
-                    else np.loadtxt(path, delimiter=_delimiter(path), ndmin=2)
-                )
+            table = _read_kernel(path)
             if table.dtype.kind not in "fiu":
                 raise ValueError(f"it holds values of type {table.dtype}")
         except (OSError, ValueError) as error:
@@ -116,6 +115,22 @@ class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         if table.ndim != 2:
             raise UserError(f"{where}: key optics.kernel_file: {path} has {table.ndim} axes, a PSF has two")
         return msgspec.structs.replace(self, kernel=table.astype(float).tolist(), kernel_file="")
+
+
+def _read_kernel(path: Path) -> NDArray[Any]:
+    """The numbers of a kernel's file; those of a picture over their sum, as a picture cannot hold a sum of one."""
+    if path.suffix == ".npy":
+        return np.asarray(np.load(path))
+    if path.suffix in {".png", ".tif", ".tiff"}:
+        picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+        if picture is None:
+            raise ValueError("it is no picture")
+        if picture.ndim == 2 and picture.max() == 0:
+            raise ValueError("it is black all over")
+        return picture / picture.sum(dtype=float)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # an empty file is told of by its shape
+        return np.loadtxt(path, delimiter=_delimiter(path), ndmin=2)
 
 
 def _delimiter(path: Path) -> str | None:

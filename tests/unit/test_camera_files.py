@@ -16,6 +16,7 @@ from simulator.camera.files_foreign import FORMATS, written
 from simulator.camera.files_native import CameraFile, DistortionSection
 from simulator.camera.optics import Optics
 from simulator.camera.presets import sensor_preset
+from simulator.camera.sections import OpticsSection
 from simulator.errors import UserError
 from simulator.scenario_load import load_scenario
 
@@ -301,3 +302,21 @@ def test_detectors_that_cannot_be_are_refused(changes, says):
     sensor = sensor_preset("imx174")
     assert sensor_problem(sensor) is None
     assert says in sensor_problem(replace(sensor, detector=replace(sensor.detector, **changes)))
+
+
+def test_a_measured_psf_is_read_from_numbers_text_and_pictures(tmp_path):
+    kernel = np.array([[1.0, 2.0, 1.0], [2.0, 8.0, 3.0], [1.0, 2.0, 0.0]]) / 20
+    np.save(tmp_path / "k.npy", kernel)
+    np.savetxt(tmp_path / "k.txt", kernel)
+    np.savetxt(tmp_path / "k.csv", kernel, delimiter=",")
+    cv2.imwrite(str(tmp_path / "k.png"), np.round(kernel * 60_000).astype(np.uint16))
+    for name in ("k.npy", "k.txt", "k.csv", "k.png"):
+        section = OpticsSection(psf="kernel", kernel_file=name).with_kernel(tmp_path, "x")
+        assert np.array(section.kernel) == pytest.approx(kernel, abs=1e-12)
+        assert optics_problem(section.optics()) is None
+    cv2.imwrite(str(tmp_path / "colour.png"), np.ones((3, 3, 3), np.uint8))
+    cv2.imwrite(str(tmp_path / "black.png"), np.zeros((3, 3), np.uint8))
+    (tmp_path / "text.png").write_text("no picture")
+    for name, says in (("colour.png", "3 axes"), ("black.png", "black all over"), ("text.png", "no picture")):
+        with pytest.raises(UserError, match=says):
+            OpticsSection(psf="kernel", kernel_file=name).with_kernel(tmp_path, "x")
