@@ -35,9 +35,14 @@ FINALISTS, TWIN_SHARE = 3, 0.6
 # How many go to the end, and with what share of the best score.
 FINALS, FINAL_LEAD = 2, 0.85
 
+# An end that moved by more is aligned once more, with shadows as they fall there [rad].
+MOVED_RAD, NO_WORSE = float(np.radians(0.7)), 0.003
+
 # Longest side of the pictures they are compared on, far and close up, and of the one for the final alignment [px];
 # the blurs of each.
 FIRST_PX, FIRST_BLURS = 72, (2.0, 2.0, 1.2, 1.2)
+# Against a texture wide blurs pull poses towards the clutter.
+TEXTURED_PX, TEXTURED_BLURS = 120, (1.2, 1.2, 0.8)
 SMALL_PX, SMALL_BLURS = 120, (1.2, 1.2, 0.6)
 FINAL_PX, FINAL_BLURS = 230, (2.0, 1.2, 0.8, 0.4, 0.0, 0.0, 0.0)
 
@@ -73,12 +78,13 @@ def choose_by_picture(
         own = [c for c in found if c.region == region][:LOOKED_AT]
         margin = LOOK_MARGIN if region.source == "look" else MARGIN
         height, width = frame.image.shape
-        small = make_canvas(
-            craft, frame, pinhole_box(craft.camera, region.grown(margin, width, height)), FIRST_PX
-        )
+        textured = region.source == "look" and frame.background < 0
+        longest, blurs = (TEXTURED_PX, TEXTURED_BLURS) if textured else (FIRST_PX, FIRST_BLURS)
+        box = pinhole_box(craft.camera, region.grown(margin, width, height))
+        small = make_canvas(craft, frame, box, longest)
         looks = [_score(craft, small, c.q, c.t) + LIKELY_WEIGHT * c.likely for c in own]
         leaders = spread_out([own[k] for k in np.argsort(looks)[::-1]], LEADERS)
-        ranked += _judge(craft, small, leaders, FIRST_BLURS)
+        ranked += _judge(craft, small, leaders, blurs)
     judged = len(ranked)
     ranked.sort(key=lambda r: -r.score)
     frame.mark("picture")
@@ -87,7 +93,8 @@ def choose_by_picture(
     close = make_canvas(craft, frame, craft_box(craft, c.q, c.t), SMALL_PX)
     q, t = twins(craft, [c])
     others = [r.candidate() for r in ranked[1:] if r.start.region == c.region][:FINALISTS]
-    enough = TWIN_SHARE * _score(craft, close, c.q, c.t)
+    # against a texture a few degrees cost a pose most of its score: there every twin is aligned
+    enough = TWIN_SHARE * _score(craft, close, c.q, c.t) if frame.background >= 0 else -1.0
     others += [
         Candidate(q[k], t[k], c.support, c.field, c.region, c.likely)
         for k in range(len(q))
@@ -100,7 +107,7 @@ def choose_by_picture(
     frame.mark("twins")
     # near poses may be one and the same, half-way there: the end decides
     ends = [r for r in ranked[:FINALS] if r.score > FINAL_LEAD * ranked[0].score or r is ranked[0]]
-    finals = [_finish(craft, frame, close, r) for r in ends]
+    finals = [_finish(craft, frame, close, r.fit) for r in ends]
     best_end = max(range(len(ends)), key=lambda k: finals[k][1])
     fit, score = finals[best_end]
     frame.mark("refine")
@@ -114,10 +121,12 @@ def choose_by_picture(
     return best, fit, evidence, alternatives(poses, fit.q, fit.t)
 
 
-def _finish(craft: Craft, frame: Frame, close: Canvas, ranked: Ranked) -> Tuple[PhotoFit, float]:
+def _finish(
+    craft: Craft, frame: Frame, close: Canvas, start: PhotoFit, *, again: bool = True
+) -> Tuple[PhotoFit, float]:
     """A pose aligned to the end, with the shadows the craft casts on itself, and its score."""
     faces, camera = _faces(craft), craft.camera.pinhole
-    q, t = ranked.fit.q, ranked.fit.t
+    q, t = start.q, start.t
     sun = None
     if craft.suns is not None:
         R = quat.matrix(q)
