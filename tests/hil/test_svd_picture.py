@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -12,10 +14,11 @@ import pytest
 from hil.board.svd import BoardModelError, CameraIntrinsics
 from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import make_canvas, straightened
+from hil.board.svd.confidence import Evidence, decide
 from hil.board.svd.frame import Frame
 from hil.board.svd.levels import blurred, shade
 from hil.board.svd.motion import motion_images
-from hil.board.svd.photometric import RELAX, photo_align, photo_score
+from hil.board.svd.photometric import RELAX, photo_align, photo_likeness, photo_score
 from hil.board.svd.pnp import undistorted_rays
 from hil.board.svd.shade import Canvas, Faces, draw_faces
 from hil.board.svd.sunlight import Sunlight, SunTable, rays_to_faces
@@ -245,3 +248,32 @@ def test_a_region_of_any_shape_keeps_the_size_of_what_it_shows() -> None:
     wide = CAMERA.fx_px * (u[-1] - u[0]) * len(u) / (len(u) - 1)
     high = CAMERA.fy_px * (v[-1] - v[0]) * len(v) / (len(v) - 1)
     np.testing.assert_allclose((wide, high), (151.0, 103.0), rtol=1e-9)
+
+
+def test_likeness_tells_the_craft_from_clutter_beside_it(faces: Faces) -> None:
+    q = quat.from_matrix(FROM_THE_SIDE)
+    empty = canvas(np.zeros((160, 200), np.float32), 1.0)
+    seen = draw_faces(faces, faces.order(-FROM_THE_SIDE.T @ T_M), CAMERA, FROM_THE_SIDE, T_M, empty)
+    level = np.concatenate([[20.0], 60.0 + 30.0 * (np.arange(faces.groups) % 6)])[
+        np.concatenate([[0], faces.group + 1])
+    ]
+    gray = cv2.resize(level[seen].astype(np.float32), (200, 160), interpolation=cv2.INTER_AREA)
+    gray = cv2.GaussianBlur(gray, (0, 0), 1.0)
+    gray[:20] = 255.0
+    shown = replace(canvas(gray, 1.0), plain=np.full(gray.shape, 20.0, np.float32))
+    turned = quat.normalise(quat.multiply(quat.from_rotvec(np.array([0.9, 0.5, 0.0])), q))
+    right, wrong = (photo_likeness(a, T_M, faces, shown, CAMERA) for a in (q, turned))
+    assert right[0] > 0.98
+    assert right[1] > 0.6
+    assert wrong[0] < right[0] - 0.05
+    assert wrong[1] < right[1] - 0.3
+
+
+def test_a_craft_that_looks_right_is_accepted_before_clutter_and_one_that_does_not_is_not() -> None:
+    told = Evidence(0.5, 0.5, 0.0, 0.05, 0.5, 0.5, 0.0, 0.01, 0.01, 100, 300.0, False, 0.2, 0.96, 0.6)
+    assert decide(told) == ""
+    assert decide(replace(told, likeness=0.9)) != ""
+    assert decide(replace(told, margin=0.01)) != ""
+    sure = replace(told, margin=0.3, score=0.6, drawn=0.9)
+    assert decide(replace(sure, likeness=0.88)) == ""
+    assert decide(replace(sure, likeness=0.8)) != ""

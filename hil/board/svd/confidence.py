@@ -17,6 +17,14 @@ PICTURE_WEIGHTS = (1.64, 0.43, 0.67, 3.05, -0.5, -0.48, 0.97, 0.6)
 # Score of the picture below which a pose is a guess, whatever its margin: right ones have 0.34 and more.
 LEAST_SCORE = 0.25
 
+# Likeness of the drawn craft below which a pose is wrong: right ones have 0.86 and more.
+LEAST_LIKENESS = 0.82
+
+# From which likeness, share explained where the craft covers the picture, and margin a pose in front of a texture is
+# accepted for what the craft itself looks like, and how sure that is. Wrong ones had 0.93 at most where they explained
+# as much (128 development frames).
+LIKE, LIKE_COVERED, LIKE_MARGIN, LIKE_CONFIDENCE = 0.94, 0.4, 0.025, 0.9
+
 # Below this size a speck fits any pose [px].
 SMALLEST_PX = 70.0
 
@@ -35,7 +43,7 @@ class Evidence:
     edges : number of edge samples used. size_px : diameter of the craft's sphere on the picture.
     empty : whether the background is empty space.
     score : how well the drawn craft explains the picture, see photometric.photo_score; None where
-        it was not judged so.
+        it was not judged so. likeness, covered : see photometric.photo_likeness.
     """
 
     drawn: float
@@ -51,6 +59,20 @@ class Evidence:
     size_px: float
     empty: bool
     score: Optional[float] = None
+    likeness: Optional[float] = None
+    covered: float = 0.0
+
+    @property
+    def alike(self) -> bool:
+        """Whether the craft itself looks so much like the picture that the clutter beside it need not agree."""
+        if self.empty or self.likeness is None:
+            return False
+        return self.likeness >= LIKE and self.covered >= LIKE_COVERED and self.margin >= LIKE_MARGIN
+
+    @property
+    def unlike(self) -> bool:
+        """Whether the drawn craft does not look like the picture."""
+        return self.likeness is not None and self.likeness < LEAST_LIKENESS
 
 
 def confidence(e: Evidence) -> float:
@@ -60,7 +82,8 @@ def confidence(e: Evidence) -> float:
     explained) bounds the decision instead.
     """
     if e.score is not None:
-        return picture_confidence(e, e.score)
+        sure = picture_confidence(e, e.score)
+        return max(sure, LIKE_CONFIDENCE) if e.alike else min(sure, 0.5) if e.unlike else sure
     z = -2.3 + 38.0 * min(e.margin, 0.15) + 6.8 * e.tight
     z -= 22.0 * min(e.sigma_rad, 1.0) + 95.0 * min(e.sigma_share, 1.0) + 84.0 * min(e.outside, 0.3)
     # few samples can agree by chance
@@ -98,7 +121,7 @@ def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
         return "target too small in the picture"
     if e.score is None and (e.drawn < (0.35 if e.empty else 0.5) or e.found < 0.3):
         return "too little of the model is supported by edges"
-    if e.score is not None and e.score < LEAST_SCORE:
+    if e.score is not None and e.score < LEAST_SCORE and not e.alike:
         return "too little of the picture is explained"
     if e.margin < 0.015:
         return "ambiguous: another pose explains the picture as well"

@@ -172,6 +172,34 @@ def photo_score(q: Array, t: Array, faces: Faces, canvas: Canvas, camera: Camera
     return 1.0 - float(_bounded(e) / max(_bounded(none), 1e-9))
 
 
+def photo_likeness(
+    q: Array, t: Array, faces: Faces, canvas: Canvas, camera: CameraIntrinsics
+) -> Tuple[float, float]:
+    """How the drawn craft looks like the picture where it covers it, clutter beside it left out.
+
+    Returns
+    -------
+    Correlation of the two there, -1..1, and how much better the drawn craft explains these pixels than the
+    background alone, 1 at most. Both are zero where next to nothing is covered.
+    """
+    R = quat.matrix(q)
+    seen = draw_faces(faces, faces.order(-R.T @ t), camera, R, t, canvas)
+    picture = shade(faces, seen, canvas).picture
+    h, w = canvas.gray.shape
+    cover = cv2.resize((seen > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    on = blurred(cover, 1.0) > COVERED
+    drawn = blurred(picture, float(np.hypot(SCORE_BLUR_PX, OPTICS_PX / canvas.factor)))
+    drawn = np.minimum(drawn, canvas.full)[on].astype(float)
+    gray = blurred(canvas.gray, SCORE_BLUR_PX)
+    noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
+    none = ((gray - canvas.plain) / noise)[on]
+    gray = gray[on].astype(float)
+    if len(gray) < 30 or not gray.std() * drawn.std() > 0:
+        return 0.0, 0.0
+    covered = 1.0 - _bounded((gray - drawn) / noise) / max(_bounded(none), 1e-9)
+    return float(np.corrcoef(gray, drawn)[0, 1]), covered
+
+
 def _bounded(e: Array) -> float:
     # the noise itself costs one everywhere: it is nobody's fault
     return float(np.maximum(np.minimum(e * e, BOUND**2) - 1.5, 0.0).sum())

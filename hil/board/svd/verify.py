@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import List, Tuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from hil.board.svd.confidence import Evidence
 from hil.board.svd.distinct import alternatives, differs
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
 from hil.board.svd.levels import shade
-from hil.board.svd.photometric import JOINT_AT_END, PhotoFit, photo_align, photo_score
+from hil.board.svd.photometric import JOINT_AT_END, PhotoFit, photo_align, photo_likeness, photo_score
 from hil.board.svd.score import support
 from hil.board.svd.search import MARGIN, twins
 from hil.board.svd.shade import Canvas, Faces, draw_faces
@@ -41,8 +41,8 @@ MOVED_RAD, NO_WORSE = float(np.radians(0.7)), 0.003
 # Longest side of the pictures they are compared on, far and close up, and of the one for the final alignment [px];
 # the blurs of each.
 FIRST_PX, FIRST_BLURS = 72, (2.0, 2.0, 1.2, 1.2)
-# Against a texture wide blurs pull poses towards the clutter.
-TEXTURED_PX, TEXTURED_BLURS = 120, (1.2, 1.2, 0.8)
+# Against a texture clutter outweighs what few pixels of the craft can say.
+TEXTURED_PX, TEXTURED_BLURS = 120, (2.0, 1.2, 1.2, 0.8)
 SMALL_PX, SMALL_BLURS = 120, (1.2, 1.2, 0.6)
 FINAL_PX, FINAL_BLURS = 230, (2.0, 1.2, 0.8, 0.4, 0.0, 0.0, 0.0)
 
@@ -117,6 +117,8 @@ def choose_by_picture(
     poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
     rival = max((r[2] for r in poses if differs(r[0], r[1], fit.q, fit.t)), default=0.0)
     evidence = picture_evidence(craft, best, fit, score, ends[best_end].score - max(rival, 0.0))
+    likeness, covered = photo_likeness(fit.q, fit.t, _faces(craft), close, craft.camera.pinhole)
+    evidence = replace(evidence, likeness=likeness, covered=covered)
     frame.mark("verify")
     return best, fit, evidence, alternatives(poses, fit.q, fit.t)
 
@@ -134,7 +136,11 @@ def _finish(
         sun = craft.suns.find(faces, shading, close, camera, R, t)
     canvas = make_canvas(craft, frame, craft_box(craft, q, t), FINAL_PX)
     fit = photo_align(q, t, faces, canvas, camera, craft.radius_m, FINAL_BLURS, sun, joint=JOINT_AT_END)
-    return fit, _score(craft, close, fit.q, fit.t)
+    score = _score(craft, close, fit.q, fit.t)
+    if again and quat.angle_rad(q, fit.q) > MOVED_RAD:
+        second = _finish(craft, frame, close, fit, again=False)
+        return second if second[1] > score - NO_WORSE else (fit, score)
+    return fit, score
 
 
 def _faces(craft: Craft) -> Faces:
