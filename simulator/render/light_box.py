@@ -99,6 +99,7 @@ def light_window(
     light_from_target: FloatArray,
     *,
     closed: bool,
+    widest: float = 0.0,
 ) -> LightWindow:
     """The window that holds every surface that the image may show.
 
@@ -109,6 +110,8 @@ def light_window(
     ----------
     camera_from_target, light_from_target : (4, 4); the second to the clip coordinates of the whole box.
     closed : surfaces that look away from the camera do not show.
+    widest : least width of the window over the greatest height of a blocker over a surface that shows; the filter
+        looks at so many texels, and those of a smaller window would not hold its penumbra.
     """
     points = patches.corners_m @ camera_from_target[:3, :3].T + camera_from_target[:3, 3]
     z = np.maximum(points[..., 2:], 1e-3)
@@ -125,12 +128,17 @@ def light_window(
         seen &= patches.facing(-R.T @ camera_from_target[:3, 3])
     if not seen.any():
         return LightWindow()
-    light = patches.corners_m[seen] @ light_from_target[:2, :3].T + light_from_target[:2, 3]
-    low, high = light.min(axis=(0, 1)), light.max(axis=(0, 1))
-    needed = float((high - low).max()) / 2 * _MARGIN
+    light = patches.corners_m @ light_from_target[:3, :3].T + light_from_target[:3, 3]
+    shown = light[seen].reshape(-1, 3)
+    (*low, _), (*high, deepest) = shown.min(axis=0), shown.max(axis=0)
+    extent = np.subtract(high, low)
+    needed = float(extent.max()) / 2 * _MARGIN
+    middle = np.add(low, high) / 2
+    over = np.all(np.abs(light[..., :2].mean(axis=1) - middle) < needed + _PATCH, axis=1)
+    needed = max(needed, widest * float(deepest - light[over, :, 2].min()) / 2)
     half = float(_STEP ** np.ceil(np.log(needed) / np.log(_STEP)))
     if half >= _LARGEST:
         return LightWindow()
     grid = 2 * half / _GRID
-    x, y = np.round((low + high) / 2 / grid) * grid
+    x, y = np.round(middle / grid) * grid
     return LightWindow(float(x), float(y), half)

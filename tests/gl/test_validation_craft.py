@@ -27,6 +27,7 @@ def test_edges_of_every_slope(renderer):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)  # two path-traced pictures; a busy machine takes ten minutes
 def test_tango_is_lit_as_mitsuba_lights_it(renderer):
     try:
         mitsuba_craft.load()

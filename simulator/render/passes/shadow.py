@@ -34,6 +34,7 @@ class ShadowChoice:
 # the coarse map where its texel is at most a pixel wide, else a fine one, close up a finer
 _COARSE, _FINE, _FINER = ShadowChoice(512, 4), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
 _BEST = ShadowChoice(2048, 10, 0.75)
+_SLACK = 1.3  # for the softness of the disc's own edge
 _SAWN = 2.5  # pixels: texels that are wider than this show as steps
 
 
@@ -49,6 +50,17 @@ def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoic
     if quality == "draft" or box_m / _COARSE.size_px < 1.1 * pixel_m:
         return _COARSE
     return _FINE if box_m / _FINE.size_px < _SAWN * pixel_m else _FINER
+
+
+def widest_penumbra(sun_sine: float) -> float:
+    """Width of the map over the height of a blocker whose penumbra fills the window of the preset `high`.
+
+    Parameters
+    ----------
+    sun_sine : of the Sun's angular radius.
+    """
+    reach = _BEST.window / 2 - 0.5
+    return _SLACK * sun_sine * _BEST.size_px / reach
 
 
 class ShadowPass:

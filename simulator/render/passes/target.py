@@ -22,7 +22,7 @@ from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
 from simulator.render.passes.shade import ShadePass
-from simulator.render.passes.shadow import ShadowPass, choose_shadow
+from simulator.render.passes.shadow import ShadowPass, choose_shadow, widest_penumbra
 from simulator.render.passes.textured import TexturedGBufferPass
 from simulator.render.projection import PixelRect, clip_from_camera, lens_bounds_px
 from simulator.render.textures import Textures
@@ -155,7 +155,7 @@ class TargetPasses:
         return self._shadows[size]
 
     def _light_window(
-        self, sha256: str, place: Placement, camera: Camera, light_from_target: FloatArray
+        self, sha256: str, place: Placement, camera: Camera, light_from_target: FloatArray, widest: float
     ) -> LightWindow:
         """What of the shadow map this view needs: all of it while the image holds the target."""
         inside = [*(place.bounds_px[:2] >= 0), *(place.bounds_px[2:] <= [camera.width_px, camera.height_px])]
@@ -172,6 +172,7 @@ class TargetPasses:
             place.camera_from_target,
             light_from_target,
             closed=mesh.is_closed,
+            widest=widest,
         )
 
     def sample(self, scene: SceneState, view: View, target: Target, clock: StageClock) -> Sampled | None:
@@ -187,7 +188,9 @@ class TargetPasses:
         bent = self._programs.lens  # edges are curves then, and not weighted
         box_m = 2 * mesh.radius_m * 1.02
         light_from_target = ShadowPass.light_from_target(mesh, view)
-        window = self._light_window(target.sha256, place, camera, light_from_target)
+        # by default no penumbra is wider than three texels
+        widest = widest_penumbra(view.sun_sine) if scene.quality == "high" else 0.0
+        window = self._light_window(target.sha256, place, camera, light_from_target, widest)
         light_from_target = window.matrix @ light_from_target
         width_m = box_m * window.half
         pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
