@@ -209,6 +209,7 @@ _BARE = Environment(
     earth=False,
     clouds=False,
     ocean_glint=False,
+    sea_ice=False,
     night_lights=False,
     atmosphere=False,
     stars=False,

@@ -24,6 +24,7 @@ DARK = Environment(
     earth=False,
     clouds=False,
     ocean_glint=False,
+    sea_ice=False,
     night_lights=False,
     atmosphere=False,
     moon=False,

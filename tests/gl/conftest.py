@@ -20,6 +20,7 @@ NOTHING = Environment(
     earth=False,
     clouds=False,
     ocean_glint=False,
+    sea_ice=False,
     night_lights=False,
     atmosphere=False,
     stars=False,
