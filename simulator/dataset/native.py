@@ -58,13 +58,15 @@ def read_png(path: Path) -> NDArray[np.unsignedinteger]:
     Raises
     ------
     UserError
-        If the file is missing or not an image.
+        If the file is missing, not an image, or not of 8 or 16 bits.
     """
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
     if image is None:
         raise UserError(f"cannot read image {path}; it is missing or not a PNG")
-    dtype = np.uint8 if image.dtype == np.uint8 else np.uint16
-    return np.ascontiguousarray(image if image.ndim == 2 else image[..., ::-1], dtype)
+    dtype = image.dtype.type
+    if dtype not in (np.uint8, np.uint16):
+        raise UserError(f"image {path} holds {image.dtype} pixels; save it with 8 or 16 bits")
+    return np.ascontiguousarray(image if image.ndim == 2 else image[..., ::-1])
 
 
 def layer_path(folder: Path, stem: str, name: str) -> Path:

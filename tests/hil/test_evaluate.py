@@ -4,6 +4,7 @@ import csv
 import json
 import re
 
+import cv2
 import jsonschema
 import numpy as np
 import pytest
@@ -100,3 +101,13 @@ def test_estimate_answers_in_the_machine_read_form(dataset, capsys):
     stages = ["gradient", "histogram", "thresholded", "filtered", "region", "wge_stream", "sh_stream"]
     assert names[:7] == stages
     assert names[-6:] == ["merged", "groups", "first_look", "drawn", "overlay", "camera_in_map"]
+
+
+def test_an_image_of_real_numbers_is_refused_in_one_sentence(dataset, tmp_path, capsys):
+    image = tmp_path / "nan.tiff"
+    assert cv2.imwrite(str(image), np.full((40, 60), np.nan, np.float32))
+    truth = json.loads((dataset / "images" / "000000.json").read_text())
+    camera = tmp_path / "camera.json"
+    camera.write_text(json.dumps(truth["camera"]))
+    assert run(["estimate", str(image), "--target", "tango", "--camera", str(camera)]) == 2
+    assert "float32" in capsys.readouterr().err

@@ -24,6 +24,11 @@ def test_a_wrong_model_is_wrong_by_what_was_asked_and_stays_joined() -> None:
         same = np.linalg.norm(before - before[k], axis=1) < 1e-6
         assert np.ptp(shift[same], axis=0).max() == 0
     assert wrong.sha256 != model.sha256
+    # the drawn faces bend with the wireframe, and still look outwards
+    assert model.faces is not None
+    assert wrong.faces is not None
+    assert np.std(wrong.faces.corners - model.faces.corners) == pytest.approx(0.005, rel=0.35)
+    assert np.median((wrong.faces.normals * model.faces.normals).sum(axis=1)) > 0.9
     assert np.array_equal(wrong_model(model, 0.005).vertices_m, wrong.vertices_m)
 
 

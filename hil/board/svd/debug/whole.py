@@ -63,11 +63,11 @@ def drawn_picture(drawn: Drawn, size: Tuple[int, int]) -> Array:
     named = [
         (grey(drawn.picture, top), "the picture"),
         (grey(drawn.plain, top), "drawn, no shadows"),
-        (_left(drawn.picture - drawn.plain, drawn.noise), "left, no shadows"),
+        (_left(drawn.picture - drawn.plain, drawn.noise), "what is left, no shadows"),
     ]
     if drawn.shadowed is not None:
         named.insert(2, (grey(best, top), "drawn, with shadows"))
-        named.append((_left(drawn.picture - best, drawn.noise), "left, with shadows"))
+        named.append((_left(drawn.picture - best, drawn.noise), "what is left, with shadows"))
         named.insert(3, (_compass(drawn.sun, named[0][0].shape), "the Sun, seen from the camera"))
     tiles = []
     for picture, text in named:
