@@ -61,6 +61,14 @@ def evaluate_dataset(
     if not frames:
         raise UserError(f"data set {folder} has no whole frame; capture some first")
     known = model or board_model(load_target(card.target.name))
+    if model is None and known.sha256 != card.target.sha256:
+        log.warning(
+            "data set %s was drawn with another version of target %s (%s) than the estimators are given (%s)",
+            folder,
+            card.target.name,
+            card.target.sha256[:12],
+            known.sha256[:12],
+        )
     labels = tuple(c.label for c in methods)
     header = RunHeader(f"{card.scenario_name} {card.seed}", card.target.sha256, labels, known.sha256)
     path = report / ROWS
