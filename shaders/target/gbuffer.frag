@@ -4,7 +4,8 @@
 // counter-clockwise stays the outside (see simulator/render/lattice.py, projection.py).
 #include "target/pack.glsl"
 flat in int v_material_word;
-layout(location = 0) out uint out_surface;
+in vec2 v_chart;
+layout(location = 0) out uvec2 out_surface; // see pack.glsl
 #ifdef TEXTURED
 in vec3 v_normal;
 flat in uint v_material;
@@ -12,15 +13,17 @@ flat in uint v_material;
 void main() {
     vec3 n = normalize(gl_FrontFacing ? v_normal : -v_normal);
     write_texel(n);
-    out_surface = pack_surface(v_material_word, normal_steps(n));
+    out_surface = uvec2(pack_surface(v_material_word, normal_steps(n)), gl_FrontFacing ? pack_chart(v_chart) : NO_CHART);
 }
 #else
 in vec2 v_steps;
 void main() {
 #ifdef CLOSED
-    out_surface = pack_surface(v_material_word, v_steps);
+    out_surface = uvec2(pack_surface(v_material_word, v_steps), pack_chart(v_chart));
 #else
-    out_surface = pack_surface(v_material_word, gl_FrontFacing ? v_steps : opposite_steps(v_steps));
+    out_surface = uvec2(
+        pack_surface(v_material_word, gl_FrontFacing ? v_steps : opposite_steps(v_steps)),
+        gl_FrontFacing ? pack_chart(v_chart) : NO_CHART);
 #endif
 }
 #endif

@@ -4,6 +4,8 @@
 in vec3 in_position_m;
 in vec3 in_normal;
 in float in_material;
+in vec2 in_chart;
+out vec2 v_chart;
 flat out int v_material_word;
 #ifdef TEXTURED
 in vec2 in_uv;
@@ -17,6 +19,7 @@ out vec2 v_steps;
 void main() {
     gl_Position = raster_position(u_lattice_clip_from_target, in_position_m);
     vec3 n = mat3(u_camera_from_target) * in_normal;
+    v_chart = in_chart;
     v_material_word = material_word(in_material);
 #ifdef TEXTURED
     v_normal = n;

@@ -8,8 +8,10 @@
 #include "target/lamp.glsl"
 #endif
 
-// Visibility of the sky around the craft, a + b . w over directions w; simulator/render/occlusion.py.
-uniform sampler3D t_occlusion;
+// Baked on the atlas of charts, simulator/render/transfer.py: visibility of the sky, a + b . w over directions w, and
+// irradiance from the craft's other parts, per band [W m-2].
+uniform sampler2D t_open;
+uniform sampler2D t_returned;
 
 // Irradiance of the sky on a plate of normal n, camera frame [W m-2]; simulator/render/skylight.py.
 color sky_irradiance(vec3 n) {
@@ -41,7 +43,8 @@ float sun_alpha(float roughness) {
 
 // Share of the light from around direction m that reaches a face of normal n, over what an open plate gets [1].
 float open_towards(vec4 visibility, vec3 n, vec3 m) {
-    return clamp((visibility.w + 0.667 * dot(visibility.xyz, m)) / (0.5 + 0.5 * max(dot(n, m), -0.8)), 0.0, 1.0);
+    // 1.008: eight bits hold the visibility, and an open face must not lose by their rounding
+    return clamp(1.008 * (visibility.w + 0.667 * dot(visibility.xyz, m)) / (0.5 + 0.5 * max(dot(n, m), -0.8)), 0.0, 1.0);
 }
 
 // What one direction of light meets of a surface: its normal and view, colours and lobe.
@@ -80,10 +83,11 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
 // Radiance that leaves one surface towards the camera [W m-2 sr-1].
 // base: reflectance per band, metallic; surface: roughness, clear coat, its roughness, crinkle; p_m: camera frame [m].
 // geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
+// chart: place in the atlas of charts; share: of the pixel's area that the surface fills.
 // grain: direction of the brushing, target frame; w: how much it stretches the lobe, 0..1, negative around the axis.
-color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m) {
+color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m, vec2 chart, float share) {
     vec3 v = -normalize(p_m);
-    float lit = sun_visibility(p_m, geometric);
+    float lit = sun_visibility(p_m, geometric, share);
 #ifdef CRINKLE
     if (surface.w > 0.0) n = crinkled(n, p_m, surface.w);
 #endif
@@ -126,23 +130,24 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     }
 #endif
 
-    // the sky: what the craft leaves open of it, and what the craft's own lit parts give in its place
+    // the sky: what the craft leaves open of it, and what the craft's other parts give in its place
     mat3 R = mat3(u_camera_from_target);
     vec3 n_target = geometric * R, r = reflect(-v, n);
-    vec3 place = (p_m - u_camera_from_target[3].xyz) * R;
-    // a step off the face: no node of the grid behind it has a share
-    vec4 visibility = textureLod(t_occlusion, (place - u_occlusion_low.xyz + n_target * u_occlusion_step.xyz) * u_occlusion_scale.xyz, 0.0);
-    visibility.xyz = (visibility.xyz - 0.5) * (2.0 * u_occlusion_step.w);
-    float open = open_towards(visibility, n_target, n_target);
+    vec4 visibility = textureLod(t_open, chart, 0.0);
+    visibility.xyz = (visibility.xyz - 0.5) * (2.0 * LARGEST_SLOPE);
+    color returned = BAND(textureLod(t_returned, chart, 0.0));
+#ifndef CLOSED
+    if (min(chart.x, chart.y) > 0.9999) { // the back of an open shell: nothing is baked there
+        visibility = vec4(0.75 * n_target, 0.5);
+        returned = color(0.0);
+    }
+#endif
     vec3 m = normalize(n_target + u_nadir_direction.w * (u_nadir_direction.xyz * R));
-    // what hides the sky looks back: away from the direction in which it lies, and never down into the face
-    vec3 hidden = R * (0.75 * n_target - visibility.xyz);
-    vec3 facing = normalize(0.707 * geometric - hidden * inversesqrt(max(dot(hidden, hidden), 1e-4)) + 1e-3 * v);
-    color around = BAND(u_mean_albedo) * (sky_irradiance(facing)
-        + BAND(u_sun_irradiance) * (max(dot(facing, l), 0.0) * open));
-    color ambient = sky_irradiance(n) * open_towards(visibility, n_target, m) + around * (1.0 - open);
+    color ambient = sky_irradiance(n) * open_towards(visibility, n_target, m) + returned;
+    // the mean radiance of what hides the sky, where the mirror meets it
+    float hidden = max(1.0 - open_towards(visibility, n_target, n_target), 0.05);
     float mirrored = open_towards(visibility, n_target, r * R);
-    color own = around * ((1.0 - mirrored) / PI), earth = earth_radiance(r) * mirrored;
+    color own = returned * (min((1.0 - mirrored) / hidden, 2.0) / PI), earth = earth_radiance(r) * mirrored;
     float rim = dot(r, u_earth_rim.xyz) - u_earth_rim.w;
     float blur = surface.x * surface.x + 0.02;
     color gloss = (f0 * e.x + e.y) * again;

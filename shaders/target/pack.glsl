@@ -32,6 +32,17 @@ uint pack_surface(int material_word, vec2 steps) {
 
 int material_word(float number) { return int(number + 0.5) << (2 * NORMAL_BITS); }
 
+// Place in the atlas of charts, 0..1, in the second word of a sample.
+uint pack_chart(vec2 chart) {
+    ivec2 q = ivec2(chart * 65535.0 + 0.5);
+    return uint((q.x << 16) | q.y);
+}
+
+// What the back of an open shell has in its place: light is baked on fronts.
+const uint NO_CHART = 0xffffffffu;
+
+vec2 chart_of(uint word) { return vec2(word >> 16, word & 0xffffu) / 65535.0; }
+
 uint material_of(uint word) { return word >> uint(2 * NORMAL_BITS); }
 
 // The two coordinates as whole numbers; sums of them may be averaged.

@@ -90,7 +90,7 @@ void main() {
         surface.x = detail.w / float(members);
         n = normalize(detail.xyz);
 #endif
-        sum += shade(base, surface, GRAIN(material), geometric, n, p_m) * weight;
+        sum += shade(base, surface, GRAIN(material), geometric, n, p_m, chart_of(texelFetch(t_surface, origin + at, 0).y), float(members) / float(SAMPLES)) * weight;
         ++group;
     } while (group < MAX_SURFACES && left > 0);
     out_radiance = OUT(sum / float(SAMPLES));

@@ -7,8 +7,8 @@ uniform sampler2D t_shadow; // depth along the sunlight, 0..1 of the box around 
 // nearer to the Sun than the receiver's own plane are blockers; their mean distance times the Sun's angular radius is
 // the radius of the penumbra's kernel, a disc like the Sun. The plane's depth is followed from texel to texel, so that
 // a slanted face does not shade itself.
-// p_m: camera frame [m]; n: unit geometric normal.
-float sun_visibility(vec3 p_m, vec3 n) {
+// p_m: camera frame [m]; n: unit geometric normal; share: of the pixel's area that the surface fills.
+float sun_visibility(vec3 p_m, vec3 n, float share) {
     float n_l = dot(n, u_sun_direction.xyz);
     // nearer to the Sun than its surface by a part of a texel along the normal, more at grazing light: what facets differ
     // from their smooth normal. Along the light, so that no shadow's edge moves.
@@ -31,23 +31,37 @@ float sun_visibility(vec3 p_m, vec3 n) {
     vec4 x##k = vec4(float(i), float(i) + 1.0, float(i) + 1.0, float(i)) - f.x; \
     vec4 y##k = vec4(float(j) + 1.0, float(j) + 1.0, float(j), float(j)) - f.y; \
     vec4 d##k = (q.z + g.x * x##k + g.y * y##k) - textureGather(t_shadow, corner + vec2(i, j) * u_shadow.z); \
-    x##k = x##k * x##k + y##k * y##k; \
-    y##k = clamp(0.5 + (REACH2 - x##k) * (0.5 / REACH), 0.0, 1.0) * step(0.0, d##k); \
-    blocked += dot(y##k, vec4(1.0)); \
-    depth_sum += dot(y##k, d##k);
+    { vec4 near = clamp(0.5 + (REACH2 - x##k * x##k - y##k * y##k) * (0.5 / REACH), 0.0, 1.0) * step(0.0, d##k); \
+    blocked += dot(near, vec4(1.0)); \
+    depth_sum += dot(near, d##k); }
     FOR_EACH_SHADOW_BLOCK(SHADOW_BLOCK)
     float penumbra = depth_sum / max(blocked, 1e-3) * u_sun_direction.w / u_shadow.y;
-    float radius2 = min(penumbra * penumbra + u_shadow.w * u_shadow.w, REACH2);
-    float sharpness = 0.5 * inversesqrt(radius2);
+    // What the pixel holds of the receiver's plane, as the Sun sees it: by how many texels half a pixel to the right, and
+    // half a pixel down, move the point. The filter is the ellipse of the two, wider by the sharpest edge's radius and
+    // the penumbra's: widths add in squares.
+    vec3 v = -normalize(p_m), l = u_sun_direction.xyz;
+    float n_v = max(dot(n, v), 0.05);
+    vec2 half_px = (0.5 * sqrt(share) * size * p_m.z / n_v) / u_intrinsics.xy;
+    vec2 right = (mat3(u_light_from_camera) * (vec3(n_v, 0.0, 0.0) - n.x * v)).xy * half_px.x;
+    vec2 down = (mat3(u_light_from_camera) * (vec3(0.0, n_v, 0.0) - n.y * v)).xy * half_px.y;
+    vec3 area = vec3(right * right + down * down, right.x * right.y + down.x * down.y); // xx, yy, xy
+    float sharpest2 = u_shadow.w * u_shadow.w;
+    float round2 = min(penumbra * penumbra + sharpest2, REACH2);
+    area *= min(1.0, (REACH2 - round2) / max(area.x + area.y, 1e-6)); // no wider than the window
+    float spread2 = 0.5 * (area.x + area.y) + sharpest2;
+    area.xy += round2;
+    float size2 = area.x * area.y - area.z * area.z;
+    float sharpness = 0.5 * sqrt(2.0 * size2 / (area.x + area.y));
+    area *= sharpness / size2;
+    float inside = 0.5 + sharpness;
     // The filter spreads over the receiver's plane, but the camera does not see all of that: a blocker hides the plane
     // under itself, and with it most of its shadow where Sun and camera stand alike. Its texel counts by the share of
     // the filter's width by which its shadow is seen beside it: cells 1 mm proud of a panel do not blacken their gaps.
-    vec3 v = -normalize(p_m), l = u_sun_direction.xyz;
-    float seen = length(l - v * (n_l / max(dot(n, v), 0.05)));
-    float relief = seen / (u_shadow.w * u_shadow.y);
+    float seen = length(l - v * (n_l / n_v));
+    float relief = seen * inversesqrt(spread2) / u_shadow.y;
     float total = 0.0, dark = 0.0;
 #define SHADOW_FILTER(k, i, j) \
-    x##k = clamp(0.5 + (radius2 - x##k) * sharpness, 0.0, 1.0); \
+    x##k = clamp(inside - (area.y * x##k * x##k + area.x * y##k * y##k - 2.0 * area.z * x##k * y##k), 0.0, 1.0); \
     y##k = clamp(d##k * relief, 0.0, 1.0); \
     total += dot(x##k, y##k + step(d##k, vec4(0.0))); \
     dark += dot(x##k, y##k);

@@ -45,10 +45,6 @@ TARGET = (
     Field("mat4", "u_lattice_clip_from_target"),
     Field("mat4", "u_camera_from_target"),
     Field("mat4", "u_light_from_camera"),  # to shadow-map texture coordinates and depth, 0..1
-    Field("vec4", "u_occlusion_low"),  # corner of the grid's box, target frame [m]
-    Field("vec4", "u_occlusion_step"),  # xyz: of the grid [m]; w: the slope that 1 stands for
-    Field("vec4", "u_occlusion_scale"),  # one over the size of the box [m-1]
-    Field("vec4", "u_mean_albedo"),  # of the surfaces that light other parts, per band
     Field("vec4", "u_lattice"),  # s0, t0; near, far [m]
     # texel [m], the same over the depth of the box, 1 / size, radius of the sharpest edge's filter [texels]
     Field("vec4", "u_shadow"),

@@ -11,11 +11,13 @@ from scipy.spatial import ConvexHull, QhullError
 
 from simulator.errors import UserError
 from simulator.render.blocks import MAX_MATERIALS
+from simulator.render.charts import TEXEL, make_charts
 from simulator.render.patches import EDGE_SHARE, PatchArray, cut
 from simulator.targets.shells import is_closed
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray, IntArray
+    from simulator.render.charts import Charts
     from simulator.targets.model import Material, Target
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
@@ -47,6 +49,8 @@ class Mesh:
     hull_parts : where in ``hull_m`` the second part's points begin, the third's and so on.
     center_m, radius_m : bounding sphere, target frame.
     order : which of the target's parts lie in the buffers first, second and so on.
+    charts : how its faces are laid out in an atlas, by the borders of which the mesh is cut.
+    at_chart : the vertices' places in the atlas.
     is_closed : every part is a set of closed shells facing outwards.
     triangles : (T, 3) what ``indices`` holds. planes : (T, 4) of each: unit normal, and its distance from the origin
         with the sign turned [m].
@@ -63,6 +67,8 @@ class Mesh:
     is_closed: bool
     triangles: np.typing.NDArray[np.uint32]
     planes: Float32Array
+    charts: Charts
+    at_chart: moderngl.Buffer
     uv: moderngl.Buffer | None = None
     draws: tuple[Draw, ...] = ()
     order: tuple[int, ...] = ()
@@ -84,6 +90,8 @@ class Mesh:
             (self.vertices, VERTEX_FORMAT, *ATTRIBUTES),
             *more,
         ]
+        if "in_chart" in program:
+            content.append((self.at_chart, "2f", "in_chart"))
         if self.uv is not None and "in_uv" in program:
             content.append((self.uv, "2f", "in_uv"))
         if (program.extra or {}).get("patches"):
@@ -115,6 +123,7 @@ class Mesh:
         """Free the buffers."""
         self.vertices.release()
         self.indices.release()
+        self.at_chart.release()
         if self.uv is not None:
             self.uv.release()
 
@@ -162,11 +171,19 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
             first += len(indices[-1])
     if not sum(len(block) for block in indices):
         raise UserError(f"target {target.name} has no triangles; give it at least one part with faces")
-    merged = np.concatenate(vertices)
+    whole = np.concatenate(vertices)
     hulls = [_hull(part.positions_m.astype(float)) for part in target.parts if len(part.positions_m)]
     hull = np.concatenate(hulls)
     center = (hull.min(axis=0) + hull.max(axis=0)) / 2
-    triangles = np.concatenate(indices).reshape(-1, 3)
+    radius = float(np.linalg.norm(hull - center, axis=1).max())
+    charts = make_charts(
+        whole["position_m"].astype(float),
+        whole["normal"].astype(float),
+        whole["material"],
+        np.concatenate(indices).reshape(-1, 3).astype(int),
+        TEXEL * radius,
+    )
+    merged, triangles = whole[charts.origin], charts.triangles
     return Mesh(
         vertices=context.buffer(merged.tobytes()),
         indices=context.buffer(triangles.tobytes()),
@@ -174,11 +191,15 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
         hull_m=hull,
         hull_parts=np.cumsum([len(h) for h in hulls[:-1]]),
         center_m=center,
-        radius_m=float(np.linalg.norm(hull - center, axis=1).max()),
+        radius_m=radius,
         is_closed=all(is_closed(part) for part in target.parts),
         triangles=triangles,
         planes=_planes(merged["position_m"].astype(float)[triangles]),
-        uv=context.buffer(np.concatenate(uv).astype(np.float32).tobytes()) if textured else None,
+        charts=charts,
+        at_chart=context.buffer(charts.uv.tobytes()),
+        uv=context.buffer(np.concatenate(uv).astype(np.float32)[charts.origin].tobytes())
+        if textured
+        else None,
         draws=tuple(draws),
         order=tuple(order),
     )

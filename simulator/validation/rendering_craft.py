@@ -41,8 +41,8 @@ and one row in a thousand is up to 0.16 px off (docs/adr/0003).
 Tango against Mitsuba: path traced to six bounces with the same mesh, glTF materials written again from their
 specification, the Sun's disc as 32 points and an even sky; the pixels compared are wholly on the target, one pixel from
 its silhouette, and above 2 % of the brightest. FLIP is HDR-FLIP (Andersson et al. 2021) over the whole picture at 67
-pixels a degree; its goal is ours. Our picture has one bounce, from a mean of the surfaces that parts see of each other,
-and occlusion on a grid of 64 places a side: what it lacks is inside cavities, behind open brackets and in crevices.
+pixels a degree; its goal is ours. Our picture's light between parts is baked on nodes 2.5 cm apart
+(docs/adr/0009): what it lacks is in crevices finer than that, on struts, and in the 1.4 mm gaps between cells.
 """
 
 

@@ -2,7 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+
+from simulator.render.skylight import no_light, uniform_light
+from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.world.rotation import quat_from_matrix
 
 pytestmark = pytest.mark.gl
 
@@ -46,14 +51,52 @@ def test_gaps_between_cells_are_as_bright_from_afar_as_from_near(renderer, draw_
     assert mean(1) == pytest.approx(mean(10), rel=0.06)
 
 
-def test_parts_give_each_other_the_light_of_what_they_see_of_each_other(renderer, draw_kit):
-    floor = draw_kit.quad("floor", "dark", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
-    wall = draw_kit.quad("wall", "dark", [(0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1)])
-    outside = draw_kit.quad("back", "bright", [(0, 0, -0.1), (0, 1, -0.1), (1, 1, -0.1), (1, 0, -0.1)])
-    dark = draw_kit.white(name="dark", base_color=(0.1, 0.1, 0.1))
-    target = draw_kit.target(
-        [floor, wall, outside], [dark, replace(dark, name="bright", base_color=(0.9, 0.9, 0.9))]
-    )
-    # into the corner the dark walls shine, never the bright back
-    color = renderer._target_passes()._load(target).bounce_color
-    assert color == pytest.approx([0.1] * 3, abs=0.04)
+def corner(draw_kit, floor="white", wall="white"):
+    """A floor and a wall of one metre that meet at a right angle, both seen from within it."""
+    parts = [
+        draw_kit.quad("floor", floor, [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]),
+        draw_kit.quad("wall", wall, [(0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1)]),
+    ]
+    white = draw_kit.white()
+    black = replace(white, name="black", base_color=(0.0, 0.0, 0.0))
+    return draw_kit.target(parts, [white, black])
+
+
+def wall_light(renderer, draw_kit, target, heights_m, sky=None):
+    """Radiance of the wall half way along it, at some heights; under a sky instead of the Sun where one is given."""
+    sun = float(sky is None)
+    # the camera looks along -x from a place before the wall: image x is the target's y, down is -z
+    R = np.array([[0, 1.0, 0], [0, 0, -1.0], [-1.0, 0, 0]])
+    t = -R @ np.array([6.0, 0.5, 0.5])
+    scene = draw_kit.scene(target, t_m=t, sun_camera=R @ np.array([0.0, 0.0, 1.0]))
+    scene = replace(scene, q_camera_from_target_wxyz=quat_from_matrix(R), sun_visible_fraction=sun)
+    seen = renderer.render(scene, target, sky=sky or no_light(1)).radiance
+    pixels = [draw_kit.camera.project(R @ np.array([0.0, 0.5, h]) + t) for h in heights_m]
+    return np.array([seen[round(float(y)), round(float(x))] for x, y in pixels], float), scene
+
+
+def test_a_wall_is_lit_by_a_sunlit_floor_as_form_factors_say(renderer, draw_kit):
+    heights = np.array([0.12, 0.3, 0.6])
+    lit, scene = wall_light(renderer, draw_kit, corner(draw_kit), heights)
+    # every piece of the floor by itself
+    x, y = np.meshgrid((np.arange(200) + 0.5) / 200, (np.arange(200) + 0.5) / 200 - 0.5)
+    factor = np.array([(x * h / (np.pi * (x * x + y * y + h * h) ** 2)).sum() / x.size for h in heights])
+    sun = sun_irradiance_w_m2("mono", float(np.linalg.norm(scene.r_sun_eci_m)))[0]
+    # the floor returns by paint and gloss; of the wall the camera sees the paint, its gloss mirrors the empty sky
+    share = (0.5 + 0.5 * (0.04 + 0.96 / 21)) * 0.5 * 0.95
+    assert lit == pytest.approx(share * sun * factor / np.pi, rel=0.15)
+
+
+def test_a_black_floor_gives_its_wall_next_to_nothing(renderer, draw_kit):
+    white, _ = wall_light(renderer, draw_kit, corner(draw_kit), [0.2])
+    black, _ = wall_light(renderer, draw_kit, corner(draw_kit, floor="black"), [0.2])
+    assert black[0] < 0.2 * white[0]
+
+
+def test_an_open_corner_sees_half_of_an_even_sky(renderer, draw_kit):
+    target = corner(draw_kit, floor="black")
+    sky = uniform_light(np.array([10.0]))
+    open_wall = draw_kit.target([target.parts[1]], target.materials)
+    low, _ = wall_light(renderer, draw_kit, target, [0.03], sky=sky)
+    alone, _ = wall_light(renderer, draw_kit, open_wall, [0.03], sky=sky)
+    assert low[0] / alone[0] == pytest.approx(0.55, abs=0.07)

@@ -5,8 +5,8 @@ import pytest
 
 from simulator.render.facing import facing
 from simulator.render.light_box import SurfacePatches, light_window
+from simulator.render.light_view import light_matrix
 from simulator.render.mesh import VERTEX, upload
-from simulator.render.occlusion import light_matrix
 from simulator.targets.library import load_target
 from simulator.targets.model import Material
 from simulator.world.rotation import matrix_from_quat

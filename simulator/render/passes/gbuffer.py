@@ -1,4 +1,4 @@
-"""Geometry pass: which surface each lattice sample sees. Reads the mesh; writes material, normal and depth."""
+"""Geometry pass: which surface each lattice sample sees. Reads the mesh; writes material, normal, chart and depth."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def normal_bits(mesh: Mesh) -> int:
 
 
 class SampleImages:
-    """One 32-bit word (material, normal) and a depth per sample, and what textured meshes add to them.
+    """One 32-bit word (material, normal), a place in the charts' atlas and a depth per sample, and what textures add.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class SampleImages:
 
     def __init__(self, context: moderngl.Context, width: int, height: int, *, texels: bool = False) -> None:
         self._context = context
-        self.surface = context.texture((width, height), 1, dtype="u4")
+        self.surface = context.texture((width, height), 2, dtype="u4")
         self.depth = context.depth_texture((width, height))
         self.depth.compare_func = ""
         self.texels = [context.texture((width, height), 4, dtype="f2") for _ in range(2 * texels)]

@@ -9,6 +9,7 @@ import numpy as np
 from simulator.render.cover import CELL_PX
 from simulator.render.lattice import lattice_defines
 from simulator.render.passes.gbuffer import normal_bits
+from simulator.render.transfer import LARGEST_SLOPE
 from simulator.scene.lamp import Profile
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ MAX_SURFACES = 4  # distinct (material, normal) groups shaded per pixel; the res
 class ShadePass:
     """Reads g-buffer and shadow map, writes the frame's radiance (premultiplied) and the target's coverage."""
 
-    SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_occlusion")
+    SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_open", "t_returned")
     TEXTURED = ("t_texel", "t_detail")
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
@@ -44,6 +45,7 @@ class ShadePass:
             "TEXTURED": mesh.uv is not None,
             "CRINKLE": any(m.crinkle > 0 for m in mesh.materials),
             "CLEARCOAT": any(m.clearcoat > 0 for m in mesh.materials),
+            "CLOSED": mesh.is_closed,
             "BRUSHED": any(m.anisotropy > 0 for m in mesh.materials),
         }
         defines: dict[str, object] = {
@@ -51,6 +53,7 @@ class ShadePass:
             "MAX_SURFACES": MAX_SURFACES,
             "NORMAL_BITS": normal_bits(mesh),
             "CELL_PX": CELL_PX,
+            "LARGEST_SLOPE": LARGEST_SLOPE,
             **{name: "" for name, on in switches.items() if on},
             **lattice_defines(lattice),
             **_shadow_defines(shadow_window),
@@ -69,7 +72,7 @@ class ShadePass:
         rect: PixelRect,
         cells_px: FloatArray,
         program: Program,
-        textures: dict[str, moderngl.Texture | moderngl.Texture3D],
+        textures: dict[str, moderngl.Texture],
     ) -> None:
         """Shade the pixels of ``rect`` that the target may touch.
 

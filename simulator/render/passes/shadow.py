@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.occlusion import light_matrix
+from simulator.render.light_view import light_matrix
 
 if TYPE_CHECKING:
     import moderngl

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.block_values import lens_values
-from simulator.render.bounce import bounce_color
 from simulator.render.cover import CELL_PX, hulls_cover, whole
 from simulator.render.facing import FacingArray
 from simulator.render.lattice import SEVEN, Lattice, rotated
 from simulator.render.light_box import LightWindow, SurfacePatches, light_window
+from simulator.render.light_view import WIDER
 from simulator.render.mesh import VERTEX, upload
 from simulator.render.mesh_edges import find_edges
-from simulator.render.occlusion import LARGEST_SLOPE, baked_occlusion, occlusion_grid, occlusion_texture
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
@@ -25,6 +24,7 @@ from simulator.render.passes.shade import ShadePass
 from simulator.render.passes.shadow import ShadowPass, choose_shadow, widest_penumbra
 from simulator.render.passes.textured import TexturedGBufferPass
 from simulator.render.projection import PixelRect, clip_from_camera, lens_bounds_px
+from simulator.render.returned_light import ReturnedLight
 from simulator.render.textures import Textures
 from simulator.scene.bands import bands_of, reflectance
 
@@ -60,19 +60,13 @@ TINY_LATTICE = rotated(8)  # 65 samples per pixel
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A target on the GPU with a vertex array per program.
-
-    Parameters
-    ----------
-    bounce_color : (3,) reflectance of the surfaces that light other parts, linear RGB.
-    """
+    """A target on the GPU with a vertex array per program."""
 
     mesh: Mesh
     shadow: FacingArray
     gbuffer: FacingArray
     edges: EdgeBuffers
-    occlusion: moderngl.Texture3D
-    bounce_color: FloatArray
+    returned: ReturnedLight
     textures: Textures | None = None
 
 
@@ -107,7 +101,7 @@ class Sampled:
     rect: PixelRect
     cells_px: FloatArray
     program: Program
-    textures: dict[str, moderngl.Texture | moderngl.Texture3D]
+    textures: dict[str, moderngl.Texture]
 
 
 class TargetPasses:
@@ -133,20 +127,15 @@ class TargetPasses:
                 self._textured = self._textured or TexturedGBufferPass(context, self._programs)
                 textures = Textures(context, target)
             gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
-            whole = mesh.vertex_array(context, shadow.program.gl)
-            grid = baked_occlusion(context, shadow.program, mesh, whole)
-            corner_m, extent_m, _ = occlusion_grid(mesh)
             self._loaded[target.sha256] = Loaded(
                 mesh,
                 FacingArray(context, mesh, shadow.program.gl),
                 # textures are bound by stretches of the index buffer
                 FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
                 EdgeBuffers(context, find_edges(target.parts, is_closed=mesh.is_closed)),
-                occlusion_texture(context, grid),
-                bounce_color(target, grid, corner_m, extent_m),
+                ReturnedLight(context, self._programs, mesh),
                 textures,
             )
-            whole.release()
         return self._loaded[target.sha256]
 
     def _shadow_pass(self, size: int) -> ShadowPass:
@@ -186,7 +175,7 @@ class TargetPasses:
         if place is None:
             return None
         bent = self._programs.lens  # edges are curves then, and not weighted
-        box_m = 2 * mesh.radius_m * 1.02
+        box_m = 2 * mesh.radius_m * WIDER
         light_from_target = ShadowPass.light_from_target(mesh, view)
         # by default no penumbra is wider than three texels
         widest = widest_penumbra(view.sun_sine) if scene.quality == "high" else 0.0
@@ -213,27 +202,18 @@ class TargetPasses:
         half = np.diag([0.5, 0.5, 0.5, 1.0])
         half[:3, 3] = 0.5
         texel_m = width_m / shadow.size_px
-        corner_m, extent_m, steps = occlusion_grid(mesh)
         self._blocks.target.write(
             {
                 "u_lattice_clip_from_target": lattice_clip @ place.camera_from_target,
                 "u_camera_from_target": place.camera_from_target,
                 "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
-                "u_occlusion_low": [*corner_m, 0.0],
-                "u_occlusion_step": [*(extent_m / steps), LARGEST_SLOPE],
-                "u_occlusion_scale": [*(1 / extent_m), 0.0],
-                "u_mean_albedo": _four(reflectance(scene.bands, loaded.bounce_color)),
                 "u_lattice": [*origin, *place.near_far_m],
-                # the sharpest shadow: a texel wide, and half a pixel of the image where that is more
-                "u_shadow": [
-                    texel_m,
-                    texel_m / box_m,  # a texel's width as a depth
-                    1 / shadow.size_px,
-                    max(0.5 * pixel_m / texel_m, choice.sharpest),
-                ],
+                # a texel in metres and as a depth, its share of the map, and the radius of the sharpest shadow
+                "u_shadow": [texel_m, texel_m / box_m, 1 / shadow.size_px, choice.sharpest],
             }
         )
         self._blocks.materials.write(_material_values(mesh.materials, scene.bands))
+        light = loaded.returned.update(scene.bands, view)
         clock.lap("target.setup")
         texels: dict[str, moderngl.Texture] = {}
         if self._textured is None or loaded.textures is None:
@@ -255,7 +235,8 @@ class TargetPasses:
                 "t_depth": samples.depth,
                 "t_shadow": shadow.map,
                 "t_slope": slope,
-                "t_occlusion": loaded.occlusion,
+                "t_open": light.visibility,
+                "t_returned": light.returned,
                 **texels,
             },
         )
@@ -313,7 +294,7 @@ class TargetPasses:
             loaded.shadow.release()
             loaded.gbuffer.release()
             loaded.edges.release()
-            loaded.occlusion.release()
+            loaded.returned.release()
             if loaded.textures is not None:
                 loaded.textures.release()
         self._loaded.clear()

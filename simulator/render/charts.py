@@ -1,0 +1,211 @@
+"""Charts of a mesh: every flat face laid out in one atlas of texels, for light that is baked on surfaces.
+
+A chart is what of a part lies in one plane. It is a rectangle of nodes from border to border, so that nothing of its
+neighbour in the atlas is ever blended in; a face smaller than half a texel is one node.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+if TYPE_CHECKING:
+    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
+
+TEXEL = 0.032  # of the craft's radius
+_COPLANAR = 0.9998  # cosine between neighbours of one chart
+_FLAT = 0.9999  # cosine of a corner's normal with the face's
+_MARGIN = 0.1  # of a texel: nodes at a border are sampled so far inside
+
+
+@dataclass(frozen=True, eq=False)
+class Charts:
+    """A mesh cut along the borders of its charts, and the nodes of its atlas.
+
+    Parameters
+    ----------
+    origin : (V,) vertex of the mesh before that each vertex is. triangles : (T, 3). uv : (V, 2) in the atlas, 0..1.
+    size_px : width and height of the atlas. of_triangle : (T,) chart.
+    axes : (C, 2, 3) unit vectors along a chart's nodes. low_m, step_m : (C, 2) of its nodes along them.
+    counts : (C, 2) nodes along each axis. first : (C,) first node; the others follow, row by row.
+    chart : (N,) of each node. at : (N,) its index in the atlas, row by row. places_m, normals : (N, 3).
+    face_normals : (C, 3). triangle : (N,) that a node lies on.
+    """
+
+    origin: IntArray
+    triangles: np.typing.NDArray[np.uint32]
+    uv: Float32Array
+    size_px: tuple[int, int]
+    of_triangle: IntArray
+    axes: FloatArray
+    low_m: FloatArray
+    step_m: FloatArray
+    counts: IntArray
+    first: IntArray
+    chart: IntArray
+    at: IntArray
+    places_m: FloatArray
+    normals: FloatArray
+    face_normals: FloatArray
+    triangle: IntArray
+
+    def node_at(self, triangles: IntArray, places_m: FloatArray) -> IntArray:
+        """(K,) nodes nearest to places (K, 3) on triangles (K,)."""
+        chart = self.of_triangle[triangles]
+        along = np.einsum("kac,kc->ka", self.axes[chart], places_m) - self.low_m[chart]
+        step = np.rint(along / self.step_m[chart]).astype(int)
+        i, j = np.clip(step, 0, self.counts[chart] - 1).T
+        return np.asarray(self.first[chart] + j * self.counts[chart, 0] + i)
+
+
+def make_charts(
+    positions_m: FloatArray, normals: FloatArray, groups: FloatArray, triangles: IntArray, texel_m: float
+) -> Charts:
+    """Cut a mesh into charts.
+
+    Parameters
+    ----------
+    positions_m, normals : (V, 3). groups : (V,) numbers that one chart does not mix. texel_m : between nodes, at most.
+    """
+    corners = positions_m[triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(across, axis=1)
+    normal = across / np.maximum(area, 1e-30)[:, None]
+    chart, border = _coplanar(positions_m, groups, triangles, normal)
+    count = int(chart.max()) + 1
+    face = np.zeros((count, 3))
+    np.add.at(face, chart, across)
+    bare = np.linalg.norm(face, axis=1) < 1e-20  # slivers
+    np.add.at(face, chart[bare[chart]], normals[triangles[bare[chart], 0]])
+    face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
+    axes = _axes(corners, border, chart, face)
+    flat = np.ones(count, bool)
+    np.logical_and.at(
+        flat, chart, np.all(np.einsum("tkc,tc->tk", normals[triangles], face[chart]) > _FLAT, axis=1)
+    )
+    xy = np.einsum("tac,tkc->tka", axes[chart], corners)
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    np.minimum.at(low, chart, xy.min(axis=1))
+    np.maximum.at(high, chart, xy.max(axis=1))
+    extent = high - low
+    least = np.where(flat, 0.5, 0.15)[:, None] * texel_m
+    counts = np.where(extent > least, np.ceil(extent / texel_m).astype(int) + 1, 1)
+    step = np.where(counts > 1, extent / np.maximum(counts - 1, 1), np.maximum(extent, 1e-9))
+    size_px, corner = _packed(counts)
+    pairs, which = np.unique(triangles.astype(np.int64) * count + chart[:, None], return_inverse=True)
+    origin, owner = pairs // count, pairs % count
+    along = np.einsum("vac,vc->va", axes[owner], positions_m[origin]) - low[owner]
+    node = np.where(counts[owner] > 1, along / step[owner], 0.0)
+    nodes = counts.prod(axis=1)
+    first = np.concatenate([[0], np.cumsum(nodes)[:-1]])
+    of_node = np.repeat(np.arange(count), nodes)
+    index = np.arange(nodes.sum()) - first[of_node]
+    i, j = index % counts[of_node, 0], index // counts[of_node, 0]
+    at = (corner[of_node, 1] + j) * size_px[0] + corner[of_node, 0] + i
+    inside = np.minimum(_MARGIN * texel_m, 0.25 * extent)[of_node]
+    steps = np.stack([i, j], axis=1)
+    wanted = np.where(counts[of_node] > 1, steps * step[of_node], 0.5 * extent[of_node])
+    wanted = low[of_node] + np.clip(wanted, inside, np.maximum(extent[of_node] - inside, inside))
+    triangle, shares = _located(wanted, xy, chart, first, nodes, area)
+    smooth = np.einsum("nk,nkc->nc", shares, normals[triangles[triangle]])
+    return Charts(
+        origin=origin,
+        triangles=which.reshape(triangles.shape).astype(np.uint32),
+        uv=((corner[owner] + 0.5 + node) / size_px).astype(np.float32),
+        size_px=size_px,
+        of_triangle=chart,
+        axes=axes,
+        low_m=low,
+        step_m=step,
+        counts=counts,
+        first=first,
+        chart=of_node,
+        at=at,
+        places_m=np.einsum("nk,nkc->nc", shares, corners[triangle]),
+        normals=smooth / np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-9),
+        face_normals=face,
+        triangle=triangle,
+    )
+
+
+def _coplanar(
+    positions_m: FloatArray, groups: FloatArray, triangles: IntArray, normal: FloatArray
+) -> tuple[IntArray, BoolArray]:
+    """(T,) sets of triangles that hang together by edges, in one plane and one group, and (T, 3) edges between sets."""
+    keys = np.column_stack([np.round(positions_m, 6), groups])
+    _, place = np.unique(keys, axis=0, return_inverse=True)
+    corners = place.ravel()[triangles].astype(np.int64)
+    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    key = edges[:, 0] * len(positions_m) + edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    owner = order // 3
+    same = key[order][1:] == key[order][:-1]
+    i, j = owner[:-1][same], owner[1:][same]
+    joined = np.einsum("kc,kc->k", normal[i], normal[j]) > _COPLANAR
+    graph = coo_matrix((np.ones(joined.sum()), (i[joined], j[joined])), shape=(len(triangles),) * 2)
+    border = np.ones(3 * len(triangles), bool)
+    border[order[:-1][same][joined]] = border[order[1:][same][joined]] = False
+    return np.asarray(connected_components(graph, directed=False)[1]), border.reshape(-1, 3)
+
+
+def _axes(corners_m: FloatArray, border: BoolArray, chart: IntArray, face: FloatArray) -> FloatArray:
+    """(C, 2, 3) axes of each chart, the first along the longest edge of its border."""
+    edges = np.roll(corners_m, -1, axis=1) - corners_m
+    length = np.linalg.norm(edges, axis=2) * border
+    longest = np.argmax(length, axis=1)
+    rows = np.arange(len(corners_m))
+    order = np.lexsort((length[rows, longest], chart))
+    last = np.searchsorted(chart[order], np.arange(len(face)), side="right") - 1
+    first = edges[rows, longest][order[last]]
+    first = first - np.einsum("cx,cx->c", first, face)[:, None] * face
+    first += 1e-12 * np.roll(face, 1, axis=1)
+    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-30)
+    return np.stack([first, np.cross(face, first)], axis=1)
+
+
+def _packed(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
+    """Size of the atlas and (C, 2) corners of rectangles laid on shelves, the highest first."""
+    width = max(64, int(counts[:, 0].max()), int(np.sqrt(1.05 * counts.prod(axis=1).sum())))
+    width = -(-width // 16) * 16
+    corner = np.zeros_like(counts)
+    x = y = shelf = 0
+    for k in np.lexsort((-counts[:, 0], -counts[:, 1])):
+        across, down = counts[k]
+        if x + across > width:
+            x, y = 0, y + shelf
+            shelf = 0
+        corner[k] = x, y
+        x, shelf = x + across, max(shelf, int(down))
+    return (width, y + shelf), corner
+
+
+def _located(
+    wanted: FloatArray, xy: FloatArray, chart: IntArray, first: IntArray, nodes: IntArray, area: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Triangle (N,) and barycentric shares (N, 3) of the place on its chart that is nearest to each node."""
+    order = np.lexsort((-area, chart))
+    start = np.searchsorted(chart[order], np.arange(len(nodes) + 1))
+    # of small faces the middle of the largest triangle
+    triangle, shares = np.repeat(order[start[:-1]], nodes), np.full((len(wanted), 3), 1 / 3)
+    for c in np.flatnonzero(nodes > 1):
+        mine = order[start[c] : start[c + 1]]
+        mine = mine[area[mine] > 1e-14]
+        if not len(mine):
+            continue
+        a, b, d = xy[mine, 0], xy[mine, 1], xy[mine, 2]
+        p = wanted[first[c] : first[c] + nodes[c], None]
+        whole = _turn(b - a, d - a)
+        w = np.stack([_turn(d - b, p - b), _turn(a - d, p - d), _turn(b - a, p - a)], axis=2) / whole[:, None]
+        best = np.argmax(w.min(axis=2), axis=1)
+        w = np.clip(w[np.arange(len(best)), best], 0, None)
+        span = slice(first[c], first[c] + nodes[c])
+        triangle[span], shares[span] = mine[best], w / w.sum(axis=1, keepdims=True)
+    return triangle, shares
+
+
+def _turn(p: FloatArray, q: FloatArray) -> FloatArray:
+    return np.asarray(p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0])

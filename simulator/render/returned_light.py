@@ -1,0 +1,130 @@
+"""The light that a craft's parts give each other in one frame, as textures on the atlas of its charts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.skylight import spiral
+from simulator.render.transfer import RETURNED_STEP, baked_transfer, harmonics
+from simulator.scene.bands import reflectance
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import moderngl
+
+    from simulator.arrays import FloatArray, IntArray
+    from simulator.render.mesh import Mesh
+    from simulator.render.programs import ProgramLibrary
+    from simulator.render.skylight import SkyLight
+    from simulator.render.transfer import Transfer
+    from simulator.render.view import View
+    from simulator.scene.state import Bands
+    from simulator.targets.model import Material
+
+_NEIGHBOURS = 5  # directions between which the Sun's is interpolated
+_SKY_SAMPLES = 64
+
+
+class AtlasTextures:
+    """What `transfer` baked, on the GPU: visibility, and the light returned in the frame at hand."""
+
+    def __init__(self, context: moderngl.Context, mesh: Mesh, made: Transfer) -> None:
+        self._made = made
+        size = mesh.charts.size_px
+        bands = len(made.returned)
+        self._image = np.zeros((size[0] * size[1], bands), np.float16)
+        self.visibility = context.texture(size, 4, made.visibility.tobytes(), alignment=1)
+        self.returned = context.texture(size, bands, dtype="f2", alignment=1)
+        for texture in (self.visibility, self.returned):
+            texture.filter = (context.LINEAR, context.LINEAR)
+            texture.repeat_x = texture.repeat_y = False
+        self._last: bytes = b""
+
+    def update(self, view: View) -> None:
+        """Make ``returned`` [W m-2] that of a frame."""
+        R = view.R_camera_from_target
+        weights = _between(self._made.directions, R.T @ view.sun_direction)
+        sun = view.sun_irradiance_w_m2 * view.sun_share
+        sky = sky_harmonics(view.sky, R)
+        state = b"".join(np.asarray(x).tobytes() for x in (*weights, sun, sky))
+        if state == self._last:
+            return
+        self._last = state
+        rows, shares = weights
+        for band, (table, even) in enumerate(zip(self._made.returned, self._made.returned_sky, strict=True)):
+            light = sky[band].astype(np.float32) @ even
+            if sun[band] > 0:
+                for row, share in zip(rows, sun[band] * RETURNED_STEP * shares, strict=True):
+                    light += np.float32(share) * table[row]
+            self._image[:, band] = np.maximum(light, 0)
+        self.returned.write(self._image.tobytes(), alignment=1)
+
+    def release(self) -> None:
+        """Free the textures."""
+        self.visibility.release()
+        self.returned.release()
+
+
+class ReturnedLight:
+    """Textures of one craft, made when its light is first asked for in some bands."""
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, mesh: Mesh) -> None:
+        self._context, self._programs, self._mesh = context, programs, mesh
+        self._kept: dict[Bands, AtlasTextures] = {}
+
+    def update(self, bands: Bands, view: View) -> AtlasTextures:
+        """The textures of a frame."""
+        if bands not in self._kept:
+            made = baked_transfer(
+                self._context,
+                self._programs,
+                self._mesh,
+                self._mesh.charts,
+                _returned_share(self._mesh.materials, bands),
+            )
+            self._kept[bands] = AtlasTextures(self._context, self._mesh, made)
+        self._kept[bands].update(view)
+        return self._kept[bands]
+
+    def release(self) -> None:
+        """Free the textures."""
+        for textures in self._kept.values():
+            textures.release()
+        self._kept.clear()
+
+
+def _returned_share(materials: Sequence[Material], bands: Bands) -> FloatArray:
+    """(M, n) share of the light from everywhere that each material returns, gloss included."""
+    base = np.asarray([reflectance(bands, np.asarray(m.base_color)) for m in materials], float)
+    metallic, coat = (np.array([[getattr(m, name)] for m in materials]) for name in ("metallic", "clearcoat"))
+    f0 = 0.04 + (base - 0.04) * metallic
+    gloss = f0 + (1 - f0) / 21  # Schlick's reflectance in the mean over a hemisphere
+    under = gloss + (1 - gloss) * base * (1 - metallic)
+    film = coat * (0.04 + 0.96 / 21)
+    return np.asarray(film + (1 - film) * under)
+
+
+def _between(directions: FloatArray, towards: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Rows and weights (K,) of the directions around one: each fades out where the next farther one would come in."""
+    cosine = directions @ towards
+    rows = np.argsort(-cosine)[: _NEIGHBOURS + 1]
+    angle = np.arccos(np.clip(cosine[rows], -1, 1))
+    weight = (1 - angle[:-1] / angle[-1]) ** 2
+    return np.asarray(rows[:-1], int), np.asarray(weight / weight.sum())
+
+
+def sky_harmonics(sky: SkyLight, R_camera_from_target: FloatArray) -> FloatArray:
+    """(n, 9) coefficients of the sky's radiance in `transfer.harmonics`, target frame."""
+    lowest = max(sky.disc_cosine, -1.0)
+    cap = spiral(_SKY_SAMPLES, lowest)
+    z = np.asarray(sky.axis, float)
+    x = np.cross(z, [0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0])
+    x /= np.linalg.norm(x)
+    d = cap @ np.stack([x, np.cross(z, x), z])
+    linear = sky.radiance_w_m2_sr
+    radiance = np.clip(d @ linear[:, :3].T + linear[:, 3], 0, None)
+    solid_angle = 2 * np.pi * max(1 - lowest, 0.0) / _SKY_SAMPLES
+    return np.asarray(radiance.T @ harmonics(d @ R_camera_from_target) * solid_angle)

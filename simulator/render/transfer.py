@@ -1,0 +1,220 @@
+"""Light that a craft's parts give each other and keep from each other, baked on the nodes of its charts.
+
+Each node has the visibility of the sky as a constant and a linear term over directions, V(w) = a + b . w; and the
+irradiance that other parts return to it of sunlight from many directions, shadows and further bounces included. Parts
+return light evenly (radiosity): Goral et al. (1984), Modeling the interaction of light between diffuse surfaces,
+SIGGRAPH 18. Light of the sky is a sum over the same directions, kept as spherical harmonics: Sloan, Kautz & Snyder
+(2002), Precomputed radiance transfer, SIGGRAPH 29.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from scipy.sparse import coo_matrix
+
+from simulator.render.cache import cached_array
+from simulator.render.mesh import VERTEX
+from simulator.render.peel import HIT_AXES, OPEN_DIRECTIONS, Peeler
+from simulator.render.skylight import spiral
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+    from simulator.render.charts import Charts
+    from simulator.render.mesh import Mesh
+    from simulator.render.peel import Seen
+    from simulator.render.programs import ProgramLibrary
+
+_T = TypeVar("_T", bound=np.generic)
+VERSION = 10  # of what follows; part of the cache's key
+LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.75
+BOUNCES = 4
+RETURNED_STEP = 2.0**-16  # parts can return no more than the sunlight
+_CONVEX = 0.985  # of the sky: what is missing is the maps' rounding
+_GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet that stands for a round face
+_PATCH = 4  # nodes along each side of a patch that returns light as one
+_INSIDE = 0.3  # of what a node sees; more from within another part is no place to stand
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """Baked light of one craft in some bands.
+
+    Parameters
+    ----------
+    visibility : (A, 4) b, coded by ``LARGEST_SLOPE``, and a, of each texel of the atlas, row by row.
+    returned : (n, D, A) irradiance from other parts over that of sunlight from each of ``directions``, in steps of
+        ``RETURNED_STEP``.
+    returned_sky : (n, 9, A) irradiance over the coefficients of the sky's radiance in `harmonics`.
+    """
+
+    visibility: ByteArray
+    returned: np.typing.NDArray[np.uint16]
+    returned_sky: FloatArray
+    directions: FloatArray
+
+
+def harmonics(directions: FloatArray) -> FloatArray:
+    """(..., 9) real spherical harmonics to the second degree, orthonormal; Ramamoorthi & Hanrahan (2001), eq. 3."""
+    x, y, z = np.moveaxis(np.asarray(directions, float), -1, 0)
+    one = np.ones_like(x)
+    return np.stack(
+        [
+            0.282095 * one,
+            *(0.488603 * v for v in (y, z, x)),
+            *(1.092548 * v for v in (x * y, y * z, x * z)),
+            0.315392 * (3 * z * z - 1),
+            0.546274 * (x * x - y * y),
+        ],
+        axis=-1,
+    )
+
+
+def baked_transfer(
+    context: moderngl.Context, programs: ProgramLibrary, mesh: Mesh, charts: Charts, reflectance: FloatArray
+) -> Transfer:
+    """Light between the parts of a mesh; looked around for once a geometry, and kept in the cache with the result.
+
+    Parameters
+    ----------
+    reflectance : (M, n) of each material, per band.
+    """
+    vertices = np.frombuffer(mesh.vertices.read(), VERTEX)
+    shape = hashlib.sha256(vertices.tobytes() + mesh.indices.read() + charts.uv.tobytes())
+    shape.update(np.round(reflectance, 6).tobytes())
+    key = f"transfer-{VERSION}-{OPEN_DIRECTIONS}-{HIT_AXES}-{shape.hexdigest()[:24]}"
+    materials = np.rint(vertices["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
+    made: list[tuple[ByteArray, np.typing.NDArray[np.uint16]]] = []
+
+    def bake() -> tuple[ByteArray, np.typing.NDArray[np.uint16]]:
+        if not made:
+            peeler = Peeler(context, programs, mesh, charts.places_m, charts.normals)
+            seen = peeler.look_around()
+            peeler.release()
+            made.append(
+                solve(charts, mesh.planes[:, :3], seen, reflectance[materials], closed=mesh.is_closed)
+            )
+        return made[0]
+
+    visibility = np.asarray(cached_array(f"{key}-sky", lambda: bake()[0]))
+    returned = np.asarray(cached_array(key, lambda: bake()[1]))
+    directions = spiral(OPEN_DIRECTIONS)
+    basis = (harmonics(directions) * (RETURNED_STEP * 4 * np.pi / len(directions))).astype(np.float32)
+    sky = np.stack([basis.T @ band.astype(np.float32) for band in returned])
+    return Transfer(visibility, returned, sky, directions)
+
+
+def solve(
+    charts: Charts, planes: Float32Array, seen: Seen, reflectance: FloatArray, *, closed: bool
+) -> tuple[ByteArray, np.typing.NDArray[np.uint16]]:
+    """Visibility and returned light of `Transfer`.
+
+    Parameters
+    ----------
+    planes : (T, 3) normals of the triangles. reflectance : (N, n) of each node, per band.
+    closed : a face met from behind means that the place is inside a part.
+    """
+    face = charts.face_normals[charts.chart]
+    falling = _cosines(charts.normals, face, seen.open_directions)
+    looking = _cosines(charts.normals, face, seen.hit_directions)
+    met = seen.triangles >= 0
+    outward = np.einsum("ndc,dc->nd", planes[np.maximum(seen.triangles, 0)], seen.hit_directions)
+    behind = met & (outward > 0)
+    within = behind & closed
+    whole = np.maximum(looking.sum(axis=1), 1e-9)
+    good = (looking * within).sum(axis=1) < _INSIDE * whole
+    visibility = _visibility(charts, falling, seen, good)
+    # who gives to whom: nodes from patches
+    patch, count = _patches(charts)
+    # light is known of fronts: the back of an open shell hides, and returns nothing
+    node, k = np.nonzero(met & ~behind & (looking > 0))
+    ray = charts.places_m[node] + seen.hit_directions[k] * seen.distances_m[node, k, None]
+    giver = patch[charts.node_at(seen.triangles[node, k].astype(int), ray)]
+    share = looking[node, k] / np.maximum((looking * ~within).sum(axis=1), 1e-9)[node]
+    given = coo_matrix((share, (node, giver)), shape=(len(patch), count)).tocsr()
+    size = np.bincount(patch, weights=good, minlength=count)
+    mean = coo_matrix(
+        (good / np.maximum(size, 1)[patch], (patch, np.arange(len(patch)))), shape=(count, len(patch))
+    ).tocsr()
+    between = mean @ given
+    direct = mean @ (falling * seen.is_open).astype(np.float32)
+    bands = []
+    for band in reflectance.T:
+        paint = (mean @ band)[:, None].astype(np.float32)
+        leaving = paint * direct
+        for _ in range(BOUNCES - 1):
+            leaving = paint * (direct + between @ leaving)
+        steps = _spread(charts, good, np.asarray(given @ leaving, np.float32)) / RETURNED_STEP
+        bands.append(_in_atlas(charts, np.asarray(np.clip(steps, 0, 65535), np.uint16)).T)
+    return _in_atlas(charts, visibility), np.ascontiguousarray(bands)
+
+
+def _cosines(normals: FloatArray, face: FloatArray, directions: FloatArray) -> Float32Array:
+    """(N, D) cosines of directions with normals, zero for those that graze the face or come from behind it."""
+    cosine = np.clip(normals @ directions.T, 0, None)
+    return np.asarray(cosine * (face @ directions.T > _GRAZING), np.float32)
+
+
+def _visibility(charts: Charts, falling: Float32Array, seen: Seen, good: BoolArray) -> ByteArray:
+    """(N, 4) the code of V, such that an open plate has 1 and the light of an even sky is exact."""
+    directions = seen.open_directions
+    above = falling > 0
+    count = np.maximum(above.sum(axis=1), 1)[:, None]
+    free = above & seen.is_open
+    b = 1.5 * (free @ directions) / count
+    # the directions' own lack of balance: what an open face would have, against what it must
+    b -= (1.5 * (above @ directions) / count - 0.75 * charts.normals) * (free.sum(axis=1)[:, None] / count)
+    share = (falling * free).sum(axis=1) / np.maximum(falling.sum(axis=1), 1e-9)
+    a = share - 2 / 3 * np.einsum("nc,nc->n", b, charts.normals)
+    convex = share > _CONVEX
+    a[convex], b[convex] = 0.5, 0.75 * charts.normals[convex]
+    coded = np.column_stack([b / (2 * LARGEST_SLOPE) + 0.5, a])
+    coded = _spread(charts, good, np.asarray(coded, np.float32))
+    return np.asarray(np.clip(coded * 255 + 0.5, 0, 255), np.uint8)
+
+
+def _in_atlas(charts: Charts, values: np.typing.NDArray[_T]) -> np.typing.NDArray[_T]:
+    """(A, n) values (N, n) of the nodes in the order of the atlas's texels."""
+    image = np.zeros((charts.size_px[0] * charts.size_px[1], values.shape[1]), values.dtype)
+    image[charts.at] = values
+    return image
+
+
+def _patches(charts: Charts) -> tuple[IntArray, int]:
+    """(N,) patch of each node and their number: squares of nodes of one chart."""
+    index = np.arange(len(charts.chart)) - charts.first[charts.chart]
+    across = charts.counts[charts.chart, 0]
+    i, j = index % across // _PATCH, index // across // _PATCH
+    _, patch = np.unique(np.column_stack([charts.chart, i, j]), axis=0, return_inverse=True)
+    return patch.ravel(), int(patch.max()) + 1
+
+
+def _spread(charts: Charts, good: BoolArray, values: FloatArray) -> FloatArray:
+    """Values (N, n); nodes that are not good take the mean of neighbours of their chart that are."""
+    width, height = charts.size_px
+    owner = np.full((height + 2) * (width + 2), -1)
+    node = np.zeros_like(owner)
+    y, x = np.divmod(charts.at, width)
+    at = (y + 1) * (width + 2) + x + 1
+    owner[at], node[at] = charts.chart, np.arange(len(at))
+    known, out = good.copy(), values.copy()
+    steps = [
+        (dy * (width + 2) + dx, (2 - abs(dy)) * (2 - abs(dx)) / 4) for dy in (-1, 0, 1) for dx in (-1, 0, 1)
+    ]
+    for _ in range(4):
+        total, weight = np.zeros_like(values), np.zeros(len(at), np.float32)
+        for step, w in steps:
+            near = node[at + step]
+            use = (owner[at + step] == charts.chart) & known[near]
+            total += (w * use)[:, None] * out[near]
+            weight += w * use
+        new = weight > 0
+        change = new & ~known
+        out[change] = total[change] / weight[change, None]
+        known = known | new
+    return out
