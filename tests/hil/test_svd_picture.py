@@ -16,7 +16,7 @@ from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import make_canvas, straightened
 from hil.board.svd.confidence import Evidence, decide
 from hil.board.svd.frame import Frame
-from hil.board.svd.levels import blurred, shade
+from hil.board.svd.levels import blurred, coverage, shade
 from hil.board.svd.motion import motion_images
 from hil.board.svd.photometric import RELAX, photo_align, photo_likeness, photo_score
 from hil.board.svd.pnp import undistorted_rays
@@ -126,6 +126,44 @@ def test_faces_hide_each_other_as_rays_say(faces: Faces, seed: int) -> None:
     assert (group[seen[y, x]] == group[truth]).mean() > 0.97
 
 
+def test_order_is_that_of_a_walk_through_the_tree(faces: Faces) -> None:
+    def walk(node: int, C: np.ndarray) -> list[int]:
+        if node < 0:
+            return []
+        near, far = faces.children[node] if side(node, C) else faces.children[node][::-1]
+        return [*walk(far, C), node, *walk(near, C)]
+
+    def side(node: int, C: np.ndarray) -> bool:
+        return bool(faces.plane[node, :3] @ C > faces.plane[node, 3])
+
+    of = np.empty(len(faces.corners), int)
+    for node, members in enumerate(faces.members):
+        of[members] = node
+    rng = np.random.default_rng(2)
+    for C in rng.normal(size=(8, 3)) * 3:
+        order, place = faces.order(C), np.argsort(walk(0, C))
+        assert sorted(order) == sorted(np.flatnonzero(faces.normals @ C > faces.offset))
+        assert np.all(np.diff(place[of[order]]) >= 0)
+
+
+@pytest.mark.parametrize("blur", [0.0, 0.3, 1.2])
+def test_coverage_is_the_share_of_each_pixel(faces: Faces, blur: float) -> None:
+    R = quat.matrix(quat.normalise(np.array([0.7, 0.3, -0.5, 0.2])))
+    c = canvas(np.full((160, 200), 50, np.float32))
+    s = shade(faces, draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c), c)
+    rows = np.arange(5, 160 * 200, 3)
+    got = np.zeros((9, len(rows)), np.float32)
+    n = coverage(s, c, 8, blur, rows, got)
+    groups = np.unique(s.group)
+    assert n == len(groups)
+    shares = [(s.group == g).reshape(160, 3, 200, 3).mean(axis=(1, 3)).astype(np.float32) for g in groups]
+    want = np.array([blurred(share, blur).ravel()[rows] for share in shares])
+    # the largest first, after the background
+    order = [0, *(1 + np.argsort(-want[1:].sum(axis=1)))]
+    assert np.abs(got[:n] - want[order]).max() < 1e-3
+    assert np.allclose(got[:n].sum(axis=0), 1.0, atol=1e-3)
+
+
 def test_derivative_is_what_a_small_motion_does(faces: Faces) -> None:
     q = quat.normalise(np.array([0.7, 0.3, -0.5, 0.2]))
     R = quat.matrix(q)
@@ -143,7 +181,7 @@ def test_derivative_is_what_a_small_motion_does(faces: Faces) -> None:
             drawn = np.concatenate([[s.level[0]], s.level[1 + faces.group]])[seen]
             moved.append(blurred(drawn.reshape(160, 3, 200, 3).mean(axis=(1, 3)).astype(np.float32), 2.0))
         change = (moved[0] - moved[1]) / (2 * step)
-        predicted = blurred(D[..., k], 2.0)
+        predicted = blurred(D[k], 2.0)
         assert np.corrcoef(change.ravel(), predicted.ravel())[0, 1] > 0.95
         assert np.vdot(change, predicted) / np.vdot(predicted, predicted) == pytest.approx(1.0, abs=0.12)
 

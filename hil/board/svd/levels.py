@@ -64,7 +64,7 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     """
     f, (h, w) = canvas.fine, canvas.gray.shape
     of = np.concatenate([[0], faces.group + 1]).astype(np.int32)
-    group = np.take(of, seen)
+    group = np.take(of, seen, mode="clip")
     n = faces.groups + 1
     if dark is not None:
         group += faces.groups * dark.astype(np.int32)
@@ -89,8 +89,9 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
             spread = np.bincount(flat, weight * away, n) / total
             weight = trust * (away < 2.5 * spread[flat] + canvas.sigma)
     area = np.bincount(flat[inner], minlength=n)
-    _thin_levels(level, group, area < 3, canvas)
-    picture = cv2.resize(np.take(level.astype(np.float32), group), (w, h), interpolation=cv2.INTER_AREA)
+    fine = np.take(level.astype(np.float32), group, mode="clip")
+    picture = cv2.resize(fine, (w, h), interpolation=cv2.INTER_AREA)
+    _thin_levels(level, picture, group, area < 3, canvas)
     for k in 1 + np.argsort(-area[1:])[:SATURATED]:
         if area[k] >= 60 and level[k] > 0.97 * canvas.full:
             part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
@@ -107,20 +108,55 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     return Shading(seen, group, level, picture, centre, area, behind)
 
 
-def coverage(shading: Shading, canvas: Canvas, most: int) -> Array:
-    """(h, w, K) float32 share of each pixel that the background and each of the ``most`` largest groups cover."""
+def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: Array, out: Array) -> int:
+    """Share of each pixel that the background and each of the ``most`` largest groups cover, blurred.
+
+    Parameters
+    ----------
+    blur_px : standard deviation. rows : (N,) flat indices of the pixels that are asked for, ascending.
+    out : (most + 1 or more, N) float32, zero; receives the shares.
+
+    Returns
+    -------
+    Number of groups filled in.
+
+    Notes
+    -----
+    Most groups are small: each is looked at within its own box.
+    """
     h, w = shading.centre.shape
+    f = canvas.fine
     # thin ones too: their brightness is known least of all
     count = np.bincount(shading.centre.ravel(), minlength=len(shading.level))
     order = 1 + np.argsort(-count[1:])[:most]
     chosen = np.concatenate([[0], order[count[order] > 3]])
-    n = len(chosen)
-    slot = np.full(len(shading.level), n)
-    slot[chosen] = np.arange(n)
-    index = np.take(slot, shading.group)
-    index += canvas.cells * (n + 1)
-    total = np.bincount(index.ravel(), minlength=h * w * (n + 1)).reshape(h, w, n + 1)
-    return np.asarray(total[..., :n] / np.float32(canvas.fine**2), np.float32)
+    slot = np.full(len(shading.level), 255, np.uint8)
+    slot[chosen] = np.arange(len(chosen))
+    slots = np.take(slot, shading.group, mode="clip")
+    # one more than the blur reaches: what it mirrors at the box's edge is empty then
+    reach = _radius(blur_px) + 1
+    plane = np.zeros((h, w), np.float32)
+    for k in range(len(chosen)):
+        mask = cv2.inRange(slots, k, k)
+        x, y, wide, high = cv2.boundingRect(mask)
+        if not wide:
+            continue
+        x0, x1 = max(x // f - reach, 0), min((x + wide - 1) // f + 1 + reach, w)
+        y0, y1 = max(y // f - reach, 0), min((y + high - 1) // f + 1 + reach, h)
+        # a mean of 0 and f^2 over f x f pixels is a whole number
+        count = np.bitwise_and(mask[y0 * f : y1 * f, x0 * f : x1 * f], np.uint8(f * f))
+        share = cv2.resize(count, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA).astype(np.float32)
+        plane[y0:y1, x0:x1] = blurred(share, blur_px)
+        a, b = np.searchsorted(rows, (y0 * w, y1 * w))
+        np.take(plane.ravel(), rows[a:b], out=out[k, a:b], mode="clip")
+        plane[y0:y1, x0:x1] = 0.0
+    out[: len(chosen)] *= np.float32(1.0 / (f * f))
+    return len(chosen)
+
+
+def _radius(sigma: float) -> int:
+    """How far OpenCV's Gaussian of this width reaches in a float picture."""
+    return (int(np.rint(8 * sigma + 1)) | 1) // 2 if sigma > 0.2 else 0
 
 
 def _wide_mean(value: Array, weight: Array) -> Array:
@@ -134,10 +170,15 @@ def _wide_mean(value: Array, weight: Array) -> Array:
     return cv2.resize(num / (den + 0.02), (w, h), interpolation=cv2.INTER_LINEAR)
 
 
-def _thin_levels(level: Array, group: Array, thin: Array, canvas: Canvas) -> None:
-    """Brightness of groups that fill no pixel: what is left of the picture there, over what they cover."""
+def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, canvas: Canvas) -> None:
+    """Brightness of groups that fill no pixel: what is left of the picture there, over what they cover.
+
+    Parameters
+    ----------
+    level : (G + 1,) and picture : (h, w) drawn with it, both changed in place.
+    """
     f, (h, w) = canvas.fine, canvas.gray.shape
-    where = np.flatnonzero(np.take(thin, group))
+    where = np.flatnonzero(np.take(thin, group, mode="clip"))
     if not len(where):
         return
     own = group.ravel()[where]
@@ -145,11 +186,14 @@ def _thin_levels(level: Array, group: Array, thin: Array, canvas: Canvas) -> Non
     cover = np.bincount(cell, minlength=h * w)[cell] / float(f * f)
     n = len(level)
     covered = np.maximum(np.bincount(own, cover, n) + 2.0, 1e-9)
+    gray = canvas.gray.ravel()[cell]
+    drawn = picture.ravel()
     for _ in range(2):
-        drawn = cv2.resize(np.take(level.astype(np.float32), group), (w, h), interpolation=cv2.INTER_AREA)
-        left = (canvas.gray - drawn).ravel()[cell]
-        step = np.bincount(own, left, n) / covered
-        level[:] = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * canvas.full)
+        step = np.bincount(own, gray - drawn[cell], n) / covered
+        after = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * canvas.full)
+        change = np.bincount(cell, (after - level)[own], h * w) / (f * f)
+        drawn += change.astype(np.float32)
+        level[:] = after
 
 
 def _overexposed(picture: Array, part: Array, canvas: Canvas) -> float:

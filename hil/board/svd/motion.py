@@ -14,7 +14,7 @@ Array = np.ndarray
 def motion_images(
     shading: Shading, faces: Faces, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Array:
-    """(h, w, 6) float32 derivative of the drawn picture by (turn about the target's origin, shift), camera axes.
+    """(6, h, w) float32 derivative of the drawn picture by (turn about the target's origin, shift), camera axes.
 
     Where two groups meet, the nearer face's point carries the border with it.
 
@@ -26,46 +26,45 @@ def motion_images(
     f = canvas.fine
     wide = w * f
     g, ids = shading.group, shading.seen
-    right = np.flatnonzero(_padded(g[:, 1:] != g[:, :-1], 1))
+    borders = np.zeros(g.shape, bool)
+    np.not_equal(g[:, 1:], g[:, :-1], out=borders[:, :-1])
+    right = np.flatnonzero(borders)
     down = np.flatnonzero(g[1:] != g[:-1])
     if not len(right) + len(down):
-        return np.zeros((h, w, 6), np.float32)
+        return np.zeros((6, h, w), np.float32)
     here = np.concatenate([right, down])
     there = np.concatenate([right + 1, down + wide])
     across = np.arange(len(here)) < len(right)
     u, v = canvas.rays(camera)
     y, x = np.divmod(here, wide)
     step_u, step_v = u[1] - u[0], v[1] - v[0]
-    rx = u[x] + 0.5 * step_u * across
-    ry = v[y] + 0.5 * step_v * ~across
+    rx = (u[x] + 0.5 * step_u * across).astype(np.float32)
+    ry = (v[y] + 0.5 * step_v * ~across).astype(np.float32)
     # inverse depth of a plane n.X = d along a ray is n.ray / d; the background has none
     n_c = faces.normals @ R.T
-    near = np.zeros((len(n_c) + 1, 3))
+    near = np.zeros((3, len(n_c) + 1), np.float32)
     d_c = faces.offset + n_c @ t
-    near[1:] = n_c / np.where(np.abs(d_c) > 1e-6, d_c, np.inf)[:, None]
-    na, nb = near[ids.ravel()[here]], near[ids.ravel()[there]]
-    inverse = np.maximum(na[:, 0] * rx + na[:, 1] * ry + na[:, 2], nb[:, 0] * rx + nb[:, 1] * ry + nb[:, 2])
+    near[:, 1:] = n_c.T / np.where(np.abs(d_c) > 1e-6, d_c, np.inf)
+    flat_ids = ids.ravel()
+    na, nb = (np.take(near, np.take(flat_ids, at), axis=1, mode="clip") for at in (here, there))
+    inverse = np.maximum(na[0] * rx + na[1] * ry + na[2], nb[0] * rx + nb[1] * ry + nb[2])
     # faces seen from the edge have no depth that can be trusted
     ok = (inverse > 0.2 / t[2]) & (inverse < 5.0 / t[2])
-    inverse = np.where(ok, inverse, 1.0 / t[2])
-    X, Y, Z = rx / inverse - t[0], ry / inverse - t[1], 1.0 / inverse - t[2]
+    inverse = np.where(ok, inverse, np.float32(1.0 / t[2]))
+    tx, ty, tz = (np.float32(c) for c in t)
+    X, Y, Z = rx / inverse - tx, ry / inverse - ty, 1 / inverse - tz
     flat_g = g.ravel()
     cell = (y // f) * w + x // f
     change = shading.brightness(flat_g[here], cell) - shading.brightness(flat_g[there], cell)
-    k = change * ok * inverse / f * np.where(across, 1.0 / step_u, 1.0 / step_v) / f
+    k = (change * ok * inverse * np.where(across, 1.0 / (step_u * f * f), 1.0 / (step_v * f * f))).astype(
+        np.float32
+    )
     # slope of the picture's coordinate by the point: (1, 0, -rx) across, (0, 1, -ry) down, over the depth
-    J = np.empty((len(here), 6))
-    a = across
-    J[:, 0] = np.where(a, -rx * Y, -ry * Y - Z)
-    J[:, 1] = np.where(a, Z + rx * X, ry * X)
-    J[:, 2] = np.where(a, -Y, X)
-    J[:, 3], J[:, 4] = a, ~a
-    J[:, 5] = -np.where(a, rx, ry)
-    J *= k[:, None]
-    index = cell[:, None] * 6 + np.arange(6)
-    total = np.bincount(index.ravel(), J.ravel(), h * w * 6)
-    return np.asarray(total.reshape(h, w, 6).astype(np.float32))
-
-
-def _padded(border: Array, right: int) -> Array:
-    return np.pad(border, ((0, 0), (0, right)))
+    n, own = len(right), np.where(across, rx, ry)
+    turn_x, turn_y = -own * Y, own * X
+    turn_x[n:] -= Z[n:]
+    turn_y[:n] += Z[:n]
+    out = np.empty((6, h * w), np.float32)
+    for j, slope in enumerate((turn_x, turn_y, np.where(across, -Y, X), across, ~across, -own)):
+        out[j] = np.bincount(cell, slope * k, h * w)
+    return out.reshape(6, h, w)

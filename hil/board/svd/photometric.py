@@ -88,20 +88,21 @@ def photo_align(
         shading = shade(faces, seen, canvas, dark)
         optics = float(np.hypot(blur, OPTICS_PX / canvas.factor))
         drawn = blurred(np.minimum(blurred(shading.picture, OPTICS_PX / canvas.factor), canvas.full), blur)
-        e = blurred(canvas.gray, blur) - drawn
-        D = blurred(motion_images(shading, faces, canvas, camera, R, t[0]), optics)
-        use = np.abs(D[..., :3]).max(axis=2) > 1e-6
+        e = canvas.blurred(blur) - drawn
+        D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t[0])]
+        use = np.maximum(np.maximum(np.abs(D[0]), np.abs(D[1])), np.abs(D[2])) > 1e-6
         noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
         weight = _weights(e, drawn, use, shading.centre > 0, noise, blur)
         rows = np.flatnonzero(weight)
         if len(rows) < 30:
             break
-        M = blurred(coverage(shading, canvas, joint), optics)
-        A = np.concatenate(
-            [x.reshape(e.size, -1)[rows] for x in (M, D, e.astype(np.float32)[..., None])], axis=1
-        )
+        A = np.zeros((joint + 8, len(rows)), np.float32)
+        k = coverage(shading, canvas, joint, optics, rows, A)
+        for j, x in enumerate((*D, e)):
+            A[k + j] = x.ravel()[rows]
+        A = A[: k + 7]
         w = weight.ravel()[rows]
-        A *= np.sqrt(w)[:, None]
+        A *= np.sqrt(w)
         H, g, cost = normal_equations(A)
         scale = parameter_scale(float(t[0, 2]), radius_m)
         step = (relax if blur > 0 else 1.0) * damped_step(H, g, scale, 1e-5)
@@ -135,10 +136,10 @@ def normal_equations(A: Array) -> Tuple[Array, Array, float]:
 
     Parameters
     ----------
-    A : (N, K + 7) rows of K levels' derivatives, six of the pose and the residual, times the root of their weight.
+    A : (K + 7, N) of K levels' derivatives, six of the pose and the residual, times the root of their weight.
     """
-    G = (A.T @ A).astype(float)
-    k = A.shape[1] - 7
+    G = (A @ A.T).astype(float)
+    k = len(A) - 7
     L = G[:k, :k] + (1e-6 * np.trace(G[:k, :k]) / max(k, 1) + 1e-12) * np.eye(k)
     left = G[k:, k:] - G[k:, :k] @ np.linalg.solve(L, G[:k, k:])
     return left[:6, :6], left[:6, 6], max(float(left[6, 6]), 0.0)
@@ -160,7 +161,7 @@ def photo_score(q: Array, t: Array, faces: Faces, canvas: Canvas, camera: Camera
     seen = draw_faces(faces, faces.order(-R.T @ t), camera, R, t, canvas)
     shading = shade(faces, seen, canvas)
     drawn = np.minimum(blurred(shading.picture, OPTICS_PX / canvas.factor), canvas.full)
-    gray = blurred(canvas.gray, SCORE_BLUR_PX)
+    gray = canvas.blurred(SCORE_BLUR_PX)
     noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     e = (gray - blurred(drawn, SCORE_BLUR_PX)) / noise
     none = (gray - canvas.plain) / noise
@@ -190,7 +191,7 @@ def photo_likeness(
     on = blurred(cover, 1.0) > COVERED
     drawn = blurred(picture, float(np.hypot(SCORE_BLUR_PX, OPTICS_PX / canvas.factor)))
     drawn = np.minimum(drawn, canvas.full)[on].astype(float)
-    gray = blurred(canvas.gray, SCORE_BLUR_PX)
+    gray = canvas.blurred(SCORE_BLUR_PX)
     noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     none = ((gray - canvas.plain) / noise)[on]
     gray = gray[on].astype(float)

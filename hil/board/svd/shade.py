@@ -11,7 +11,7 @@ import base64
 import zlib
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Dict, List, Tuple, Union
+from typing import TYPE_CHECKING, Any, Dict, Tuple, Union
 
 import cv2
 import numpy as np
@@ -106,34 +106,44 @@ class Faces:
         return out
 
     @cached_property
-    def _links(self) -> List[Tuple[int, int]]:
-        # plain numbers: looking up one element of an array costs ten times as much
-        return [(int(a), int(b)) for a, b in self.children]
+    def _places(self) -> Tuple[Array, Array, Array, Array]:
+        """Place of each node in the order, far to near: ``gain`` (N, N) times its sides plus ``base`` (N,).
+
+        A node comes after its far subtree, and everything in its near one after both: how many that are depends
+        on the side of each node above it alone, so that the whole tree is walked by one product of a matrix.
+        Then the faces of all nodes, and the node of each.
+        """
+        n = len(self.children)
+        size, above = np.ones(n), np.full(n, -1)
+        for node in range(n - 1, -1, -1):
+            # children come after their parents in the list
+            for child in self.children[node]:
+                if child >= 0:
+                    size[node] += size[child]
+                    above[child] = node
+        sizes = np.append(size, 0.0)[self.children]
+        gain, base = np.zeros((n, n), np.float32), np.zeros(n, np.float32)
+        for node in range(n):
+            parent = above[node]
+            if parent >= 0:
+                gain[node], base[node] = gain[parent], base[parent]
+                in_front = self.children[parent, 0] == node
+                # the parent's own share: what its far subtree holds
+                gain[node, parent] = sizes[parent, 1] + 1 if in_front else -sizes[parent, 0] - 1
+                base[node] += (0 if in_front else sizes[parent, 0] + 1) - sizes[parent, 0]
+            gain[node, node] = sizes[node, 1] - sizes[node, 0]
+            base[node] += sizes[node, 0]
+        reached = np.flatnonzero((above >= 0) | (np.arange(n) == 0))
+        ids = np.concatenate([self.members[k] for k in reached])
+        owner = np.repeat(reached, [len(self.members[k]) for k in reached])
+        return gain, base, ids, owner
 
     def order(self, C_m: Array) -> Array:
         """Faces that look at the camera centre ``C_m`` (3,), the farthest first."""
-        front = self.normals @ C_m > self.offset
-        side = (self.plane[:, :3] @ C_m > self.plane[:, 3]).tolist()
-        links, visited = self._links, []
-        stack = [0]
-        while stack:
-            node = stack.pop()
-            if node < 0:
-                # its far side is done: ~node itself
-                visited.append(~node)
-                continue
-            a, b = links[node]
-            near, far = (a, b) if side[node] else (b, a)
-            if near >= 0:
-                stack.append(near)
-            stack.append(~node)
-            if far >= 0:
-                stack.append(far)
-        members = [self.members[n] for n in visited]
-        ids = np.concatenate(members)
-        rank = np.repeat(np.arange(len(visited)), [len(m) for m in members])
-        keep = front[ids]
-        ids, rank = ids[keep], rank[keep]
+        gain, base, ids, node = self._places
+        side = (self.plane[:, :3] @ C_m > self.plane[:, 3]).astype(np.float32)
+        keep = (self.normals @ C_m > self.offset)[ids]
+        ids, rank = ids[keep], (gain @ side + base)[node[keep]]
         middle = self._middles[ids] - C_m
         far_first = -np.einsum("ij,ij->i", middle, middle)
         # within a leaf by distance; faces on the plane of a node lie beside each other
@@ -173,11 +183,16 @@ class Canvas:
         return self.fine / self.factor, self.fine / (self.factor * self.tall)
 
     @cached_property
-    def cells(self) -> Array:
-        """(h * fine, w * fine) flat index of the canvas pixel of each drawn pixel."""
-        h, w = self.gray.shape
-        cell = np.arange(h * w).reshape(h, w)
-        return np.repeat(np.repeat(cell, self.fine, axis=0), self.fine, axis=1)
+    def _blurred(self) -> Dict[float, Array]:
+        return {}
+
+    def blurred(self, sigma_px: float) -> Array:
+        """(h, w) the region through a Gaussian, kept for the next pose; hardly any blur is none."""
+        if sigma_px <= 0.2:
+            return self.gray
+        if sigma_px not in self._blurred:
+            self._blurred[sigma_px] = cv2.GaussianBlur(self.gray, (0, 0), sigma_px)
+        return self._blurred[sigma_px]
 
     def rays(self, camera: CameraIntrinsics) -> Tuple[Array, Array]:
         """Normalised coordinates of the drawn pixels' columns and rows; the canvas shows a pinhole's picture."""
