@@ -189,7 +189,7 @@ class Renderer:
         behind = self._prepare_sky(scene, view, hidden, clock)
         images.clear(behind.added_to if behind.fills else PixelRect(0, 0, *images.size))
         if sampled is not None:
-            passes.shade(sampled, images)
+            passes.shade(sampled, view, scene.bands, images)
             clock.lap("target.shading")
         images.mark_covered(hidden)
         fours = self._draw_sky(scene, view, images, behind, clock)

@@ -95,13 +95,15 @@ class Sampled:
     Parameters
     ----------
     rect : pixels that the target may cover. cells_px : (K, 2) centres of the cells of those.
-    program, textures : of the shading.
+    program, textures : of the shading. returned : light from other parts; that of the frame is worked out last, when
+        what comes from Earth and Moon is known.
     """
 
     rect: PixelRect
     cells_px: FloatArray
     program: Program
     textures: dict[str, moderngl.Texture]
+    returned: ReturnedLight
 
 
 class TargetPasses:
@@ -213,7 +215,6 @@ class TargetPasses:
             }
         )
         self._blocks.materials.write(_material_values(mesh.materials, scene.bands))
-        light = loaded.returned.update(scene.bands, view)
         clock.lap("target.setup")
         texels: dict[str, moderngl.Texture] = {}
         if self._textured is None or loaded.textures is None:
@@ -235,17 +236,16 @@ class TargetPasses:
                 "t_depth": samples.depth,
                 "t_shadow": shadow.map,
                 "t_slope": slope,
-                "t_open": light.visibility,
-                "t_returned": light.returned,
                 **texels,
             },
+            loaded.returned,
         )
 
-    def shade(self, sampled: Sampled, images: Images) -> None:
-        """Draw the target's radiance and coverage into ``images``."""
-        self._shade.run(
-            images.target_framebuffer, sampled.rect, sampled.cells_px, sampled.program, sampled.textures
-        )
+    def shade(self, sampled: Sampled, view: View, bands: Bands, images: Images) -> None:
+        """Draw the target's radiance and coverage into ``images``, in the light of ``view``."""
+        light = sampled.returned.update(bands, view)
+        textures = {**sampled.textures, "t_open": light.visibility, "t_returned": light.returned}
+        self._shade.run(images.target_framebuffer, sampled.rect, sampled.cells_px, sampled.program, textures)
 
     def begin_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
         """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""
