@@ -1,11 +1,9 @@
 """The sea's ice through the year: a climatology, because the maps show open water in every month.
 
-Edges of the ice at its largest and smallest, read to about two degrees off the median edges of 1981-2010, and between
-them as the month's extent says. What the sea is like on a given day nobody can know from the date.
-
-References
-----------
-Fetterer et al. (2017), Sea Ice Index, version 3, NSIDC: median edges and monthly extents of 1981-2010.
+Edges of the ice at its largest and smallest, drawn by hand in steps of 15 degrees so that the area within them comes to
+the month's extent; between them by that extent. The extents are those of 1981-2010 as commonly quoted from NSIDC's Sea
+Ice Index (Fetterer et al. 2017), rounded, not read from its files. What the sea is like on a given day nobody can know
+from the date.
 """
 
 from __future__ import annotations

@@ -213,7 +213,7 @@ def test_limb_lies_where_the_ellipsoid_ends(renderer, draw_kit, speck, roll_deg)
     assert np.sqrt(np.mean((hidden - exact)[edge] ** 2)) < 0.06
 
 
-def test_the_sea_ice_has_the_extent_that_was_measured():
+def test_the_edges_of_the_sea_ice_enclose_the_extent_of_the_month():
     coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH * 4, HEIGHT * 4))
     sea = cv2.resize((coast < 128).astype(np.float32), (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
     for month in range(1, 13):

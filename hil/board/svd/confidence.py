@@ -22,7 +22,7 @@ LEAST_LIKENESS = 0.82
 
 # From which likeness, share explained where the craft covers the picture, and margin a pose in front of a texture is
 # accepted for what the craft itself looks like, and how sure that is. Wrong ones had 0.93 at most where they explained
-# as much (128 development frames).
+# as much (64 development frames).
 LIKE, LIKE_COVERED, LIKE_MARGIN, LIKE_CONFIDENCE = 0.94, 0.4, 0.025, 0.9
 
 # Below this size a speck fits any pose [px].
