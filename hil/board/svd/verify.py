@@ -38,6 +38,9 @@ FINALS, FINAL_LEAD = 2, 0.85
 # An end that moved by more is aligned once more, with shadows as they fall there [rad].
 MOVED_RAD, NO_WORSE = float(np.radians(0.7)), 0.003
 
+# Poses nearer than this to a better one end where it does: 30 of 30 pairs within 0.4 deg, 20 mm [rad, share of range].
+SAME_RAD, SAME_SHARE = float(np.radians(1.0)), 0.03
+
 # Longest side of the pictures they are compared on, far and close up, and of the one for the final alignment [px];
 # the blurs of each.
 FIRST_PX, FIRST_BLURS = 72, (2.0, 2.0, 1.2, 1.2)
@@ -92,21 +95,23 @@ def choose_by_picture(
     c = ranked[0].candidate()
     close = make_canvas(craft, frame, craft_box(craft, c.q, c.t), SMALL_PX)
     q, t = twins(craft, [c])
-    others = [r.candidate() for r in ranked[1:] if r.start.region == c.region][:FINALISTS]
+    others = [r.candidate() for r in apart(ranked) if r.start.region == c.region and r is not ranked[0]]
+    others = others[:FINALISTS]
     # against a texture a few degrees cost a pose most of its score: there every twin is aligned
-    enough = TWIN_SHARE * _score(craft, close, c.q, c.t) if frame.background >= 0 else -1.0
+    empty = frame.background >= 0
+    enough = TWIN_SHARE * _score(craft, close, c.q, c.t) if empty else 0.0
     others += [
         Candidate(q[k], t[k], c.support, c.field, c.region, c.likely)
         for k in range(len(q))
         if all(quat.angle_rad(q[k], r.fit.q) > SPREAD_RAD for r in ranked)
-        and _score(craft, close, q[k], t[k]) > enough
+        and (not empty or _score(craft, close, q[k], t[k]) > enough)
     ]
     ranked = _judge(craft, close, [c, *others], SMALL_BLURS)
     frame.keep("ranked", ranked)
     frame.count("judged", judged + len(ranked))
     frame.mark("twins")
-    # near poses may be one and the same, half-way there: the end decides
-    ends = [r for r in ranked[:FINALS] if r.score > FINAL_LEAD * ranked[0].score or r is ranked[0]]
+    # poses half-way there rank by chance: the end decides
+    ends = [r for r in apart(ranked[:FINALS]) if r.score > FINAL_LEAD * ranked[0].score or r is ranked[0]]
     finals = [_finish(craft, frame, close, r.fit) for r in ends]
     best_end = max(range(len(ends)), key=lambda k: finals[k][1])
     fit, score = finals[best_end]
@@ -141,6 +146,19 @@ def _finish(
         second = _finish(craft, frame, close, fit, again=False)
         return second if second[1] > score - NO_WORSE else (fit, score)
     return fit, score
+
+
+def apart(ranked: List[Ranked]) -> List[Ranked]:
+    """Poses without those that are nearly one that comes before."""
+    out: List[Ranked] = []
+    for r in ranked:
+        if all(
+            quat.angle_rad(r.fit.q, o.fit.q) > SAME_RAD
+            or np.linalg.norm(r.fit.t - o.fit.t) > SAME_SHARE * np.linalg.norm(o.fit.t)
+            for o in out
+        ):
+            out.append(r)
+    return out
 
 
 def _faces(craft: Craft) -> Faces:
