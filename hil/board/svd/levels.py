@@ -63,11 +63,12 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     seen : drawn by ``draw_faces``. dark : (H, W) drawn pixels on which another face casts its shadow.
     """
     f, (h, w) = canvas.fine, canvas.gray.shape
-    of = np.concatenate([[0], faces.group + 1]).astype(np.int32)
+    # numbers of the kind that numpy indexes with: it would convert others at each look-up
+    of = np.concatenate([[0], faces.group + 1]).astype(np.intp)
     group = np.take(of, seen, mode="clip")
     n = faces.groups + 1
     if dark is not None:
-        group += faces.groups * dark.astype(np.int32)
+        group[dark] += faces.groups
         n += faces.groups
     g = group.reshape(h, f, w, f)
     centre = np.ascontiguousarray(g[:, f // 2, :, f // 2])
@@ -77,17 +78,17 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     # pixels beside a border show how far the pose is off, not how bright the face is
     core = cv2.erode((solid & ~_borders(centre)).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     where = np.flatnonzero(solid | (centre > 0))
-    flat, value = centre.ravel()[where].astype(np.intp), gray.ravel()[where].astype(float)
-    inner = core.ravel()[where]
-    trust = inner + BESIDE * solid.ravel()[where] + 1e-3
+    flat, value = centre.ravel().take(where), gray.ravel().take(where).astype(float)
+    inner = core.ravel().take(where)
+    trust = inner + BESIDE * solid.ravel().take(where) + 1e-3
     weight, level = trust, np.zeros(n)
     for last in (False, False, True):
         total = np.maximum(np.bincount(flat, weight, n), 1e-9)
         level = np.bincount(flat, weight * value, n) / total
         if not last:
-            away = np.abs(value - level[flat])
+            away = np.abs(value - level.take(flat))
             spread = np.bincount(flat, weight * away, n) / total
-            weight = trust * (away < 2.5 * spread[flat] + canvas.sigma)
+            weight = trust * (away < (2.5 * spread + canvas.sigma).take(flat))
     area = np.bincount(flat[inner], minlength=n)
     fine = np.take(level.astype(np.float32), group, mode="clip")
     picture = cv2.resize(fine, (w, h), interpolation=cv2.INTER_AREA)
@@ -137,14 +138,14 @@ def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: 
     reach = _radius(blur_px) + 1
     plane = np.zeros((h, w), np.float32)
     for k in range(len(chosen)):
-        mask = cv2.inRange(slots, k, k)
+        mask = (slots == k).view(np.uint8)
         x, y, wide, high = cv2.boundingRect(mask)
         if not wide:
             continue
         x0, x1 = max(x // f - reach, 0), min((x + wide - 1) // f + 1 + reach, w)
         y0, y1 = max(y // f - reach, 0), min((y + high - 1) // f + 1 + reach, h)
         # a mean of 0 and f^2 over f x f pixels is a whole number
-        count = np.bitwise_and(mask[y0 * f : y1 * f, x0 * f : x1 * f], np.uint8(f * f))
+        count = mask[y0 * f : y1 * f, x0 * f : x1 * f] * np.uint8(f * f)
         share = cv2.resize(count, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA).astype(np.float32)
         plane[y0:y1, x0:x1] = blurred(share, blur_px)
         a, b = np.searchsorted(rows, (y0 * w, y1 * w))

@@ -238,20 +238,20 @@ def fill_faces(p: Array, order: Array, shape: Tuple[int, int], least_px: float) 
 
 def inset(p: Array) -> Array:
     """(P, 4, 2) convex polygons made smaller by what OpenCV adds to them: it fills the border's pixels too."""
-    edge = np.roll(p, -1, axis=1) - p
-    three = np.einsum("ij,ij->i", edge[:, 2], edge[:, 2]) < 1e-12
+    x, y = p[..., 0], p[..., 1]
+    ex, ey = x[:, [1, 2, 3, 0]] - x, y[:, [1, 2, 3, 0]] - y
+    squared = ex * ex + ey * ey
+    length = np.sqrt(squared)
+    # unit normals to the left of each side, and of the side before it
+    scale = 1.0 / np.maximum(length, 1e-9)
+    ax, ay = -ey * scale, ex * scale
+    bx, by = ax[:, [3, 0, 1, 2]], ay[:, [3, 0, 1, 2]]
+    three = np.flatnonzero(squared[:, 2] < 1e-12)
     # a triangle's last corner is there twice: its two sides are the ones before and after both
-    after, before = edge.copy(), np.roll(edge, 1, axis=1)
-    after[three, 2], before[three, 3] = edge[three, 3], edge[three, 1]
-    length = np.sqrt(np.einsum("ijk,ijk->ij", edge, edge)).sum(axis=1)
+    bx[three, 3], by[three, 3] = ax[three, 1], ay[three, 1]
+    ax[three, 2], ay[three, 2] = ax[three, 3], ay[three, 3]
     d1, d2 = p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]
     twice = d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]
-    far = np.sign(twice) * np.minimum(BORDER_PX, 0.4 * np.abs(twice) / np.maximum(length, 1e-9))
-    na, nb = _left(after), _left(before)
-    out = (na + nb) / np.maximum(1 + np.einsum("ijk,ijk->ij", na, nb), 0.3)[..., None]
-    return np.asarray(p + out * far[:, None, None])
-
-
-def _left(v: Array) -> Array:
-    n = np.stack([-v[..., 1], v[..., 0]], axis=-1)
-    return n / np.maximum(np.sqrt(np.einsum("ijk,ijk->ij", n, n)), 1e-9)[..., None]
+    far = np.sign(twice) * np.minimum(BORDER_PX, 0.4 * np.abs(twice) / np.maximum(length.sum(axis=1), 1e-9))
+    share = far[:, None] / np.maximum(1 + ax * bx + ay * by, 0.3)
+    return np.stack([x + (ax + bx) * share, y + (ay + by) * share], axis=-1)
