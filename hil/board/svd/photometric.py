@@ -81,8 +81,7 @@ def photo_align(
     R = quat.matrix(q)[0]
     order = faces.order(-R.T @ t[0])
     H, cost = np.eye(6), 9.9
-    rows = A = w = np.zeros(0)
-    for k, blur in enumerate(blurs_px):
+    for blur in blurs_px:
         R = quat.matrix(q)[0]
         seen = draw_faces(faces, order, camera, R, t[0], canvas)
         dark = None if sun is None else sun.shadows(faces, seen, canvas, camera, R, t[0])
@@ -90,24 +89,20 @@ def photo_align(
         optics = float(np.hypot(blur, OPTICS_PX / canvas.factor))
         drawn = blurred(np.minimum(blurred(shading.picture, OPTICS_PX / canvas.factor), canvas.full), blur)
         e = canvas.blurred(blur) - drawn
+        D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t[0])]
+        use = np.maximum(np.maximum(np.abs(D[0]), np.abs(D[1])), np.abs(D[2])) > 1e-6
         noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
-        if k and max(blurs_px[k - 1 : k + 1]) <= 0:
-            # some hundredths of a degree from the end derivatives and weights are what they were
-            A[-1] = e.ravel()[rows] * np.sqrt(w)
-        else:
-            D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t[0])]
-            use = np.maximum(np.maximum(np.abs(D[0]), np.abs(D[1])), np.abs(D[2])) > 1e-6
-            weight = _weights(e, drawn, use, shading.centre > 0, noise, blur)
-            rows = np.flatnonzero(weight)
-            if len(rows) < 30:
-                break
-            w = weight.ravel()[rows]
-            A = np.zeros((joint + 8, len(rows)), np.float32)
-            n = coverage(shading, canvas, joint, optics, rows, A)
-            for j, x in enumerate((*D, e)):
-                A[n + j] = x.ravel()[rows]
-            A = A[: n + 7]
-            A *= np.sqrt(w)
+        weight = _weights(e, drawn, use, shading.centre > 0, noise, blur)
+        rows = np.flatnonzero(weight)
+        if len(rows) < 30:
+            break
+        A = np.zeros((joint + 8, len(rows)), np.float32)
+        k = coverage(shading, canvas, joint, optics, rows, A)
+        for j, x in enumerate((*D, e)):
+            A[k + j] = x.ravel()[rows]
+        A = A[: k + 7]
+        w = weight.ravel()[rows]
+        A *= np.sqrt(w)
         H, g, cost = normal_equations(A)
         scale = parameter_scale(float(t[0, 2]), radius_m)
         step = (relax if blur > 0 else 1.0) * damped_step(H, g, scale, 1e-5)

@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import craft_box, make_canvas, pinhole_box
-from hil.board.svd.confidence import Evidence
+from hil.board.svd.confidence import LEAST_SCORE, Evidence
 from hil.board.svd.distinct import alternatives, differs
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
 from hil.board.svd.levels import shade
@@ -40,6 +40,7 @@ MOVED_RAD, NO_WORSE = float(np.radians(0.7)), 0.003
 
 # Poses nearer than this to a better one end where it does: 30 of 30 pairs within 0.4 deg, 20 mm [rad, share of range].
 SAME_RAD, SAME_SHARE = float(np.radians(1.0)), 0.03
+SURE_SCORE = LEAST_SCORE + 0.02
 
 # Longest side of the pictures they are compared on, far and close up, and of the one for the final alignment [px];
 # the blurs of each.
@@ -111,8 +112,16 @@ def choose_by_picture(
     frame.count("judged", judged + len(ranked))
     frame.mark("twins")
     # poses half-way there rank by chance: the end decides
-    ends = [r for r in apart(ranked[:FINALS]) if r.score > FINAL_LEAD * ranked[0].score or r is ranked[0]]
-    finals = [_finish(craft, frame, close, r.fit) for r in ends]
+    ends: List[Ranked] = []
+    finals: List[Tuple[PhotoFit, float]] = []
+    for r in ranked[:FINALS]:
+        if r.score <= FINAL_LEAD * ranked[0].score and r is not ranked[0]:
+            continue
+        # a pose that nearly is another ends where that does: asked only where acceptance hangs on a hundredth
+        if ends and len(apart([*ends, r])) == len(ends) and finals[0][1] > SURE_SCORE:
+            continue
+        ends.append(r)
+        finals.append(_finish(craft, frame, close, r.fit))
     best_end = max(range(len(ends)), key=lambda k: finals[k][1])
     fit, score = finals[best_end]
     frame.mark("refine")
