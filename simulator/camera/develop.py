@@ -1,29 +1,25 @@
 """From radiance to digital numbers: exposure, PSF, noise, quantisation. Seeded per frame.
 
-Frame k's noise depends on (seed, k) alone, never on the frames before it nor on the number of threads:
-the image is cut into fixed bands of rows and each has a source of random bits of its own.
+Frame k's noise depends on (seed, k) alone, never on the frames before it nor on the number of threads.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from simulator.camera.detector import detect, detector_sigma, electrons_per_radiance
-from simulator.camera.deviates import (
-    add_normal,
-    bit_source,
-    for_each_band,
-    multiply_uniform,
-    normal_tables,
-)
+from simulator.camera.deviates import bit_source, multiply_uniform
 from simulator.camera.optics import Optics
 from simulator.camera.psf import blur, defocus_px
+from simulator.camera.recipe_noise import arithmetic_of, noise_field
 from simulator.camera.shading import veiling_glare, vignetting
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike, NDArray
 
     from simulator.arrays import Float32Array, FloatArray
@@ -31,8 +27,8 @@ if TYPE_CHECKING:
     from simulator.camera.sensor import Sensor
 
 _PERFECT_LENS = Optics()
-MIN_SHIFT = 4
-"""Fewer steps than 16 a digital number are not fine enough: then the arithmetic is in floating point."""
+_STRIP_VALUES = 1 << 17
+_SPECKLE_KEY = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +116,7 @@ def digitise(
     frame_index: int,
     exposure_s: float = 0.0,
     band_gain: ArrayLike = 1.0,
+    noise: Callable[[], NDArray[Any]] | None = None,
 ) -> NDArray[np.unsignedinteger]:
     """Digital numbers of an exposed signal: by the detector, or clip, speckle, Gaussian noise, clip, quantise.
 
@@ -132,6 +129,7 @@ def digitise(
     sensor : noise recipe and bit depth.
     seed, frame_index : key of this frame's random numbers.
     exposure_s, band_gain : for a detector in electrons: dark current, and white balance of a colour image.
+    noise : what `begin_noise` gave for this sensor, seed, frame and shape; drawn here without it.
 
     Returns
     -------
@@ -139,32 +137,25 @@ def digitise(
     """
     if sensor.detector is not None:
         return detect(signal, sensor, seed, frame_index, exposure_s, band_gain)
-    height = signal.shape[0]
-    flat = signal.reshape(height, -1)
-    full = 2**sensor.bits - 1
-    sigma_dn = full * float(np.sqrt(sensor.gaussian_variance))
-    speckle_half_width = float(np.sqrt(3 * sensor.speckle_variance))
+    arithmetic = arithmetic_of(sensor)
+    full, steps_per_dn = arithmetic.full_dn, arithmetic.steps_per_dn
+    field = noise() if noise is not None else noise_field(signal.shape, sensor, seed, frame_index)
+    flat = signal.reshape(signal.shape[0], -1)
     out = np.empty(flat.shape, np.uint8 if sensor.bits <= 8 else np.uint16)
-    # steps per digital number: as many as sixteen bits hold with 4.3 sigma to spare
-    shift = int(np.log2(32767 / (full * (1 + np.sqrt(3 * sensor.speckle_variance)) + 4.3 * sigma_dn + 1)))
-    fixed_point = shift >= MIN_SHIFT
-    scale = 2**shift if fixed_point else 1
-    tables = normal_tables(sigma_dn * scale, np.dtype(np.int16 if fixed_point else np.float32))
-
-    def develop_band(k: int, rows: slice) -> None:
-        source = bit_source(seed, frame_index, k)
+    speckle_half_width = float(np.sqrt(3 * sensor.speckle_variance))
+    source = bit_source(seed, frame_index, _SPECKLE_KEY)
+    # strips that a processor's own memory holds, one after the other: two threads would wait for Python's lock
+    strip = max(_STRIP_VALUES // max(flat.shape[1], 1), 1)
+    for top in range(0, flat.shape[0], strip):
+        rows = slice(top, top + strip)
         values = np.clip(flat[rows], 0.0, 1.0)
-        values *= np.float32(full * scale)
+        values *= np.float32(full * steps_per_dn)
         if speckle_half_width > 0:
             multiply_uniform(values, speckle_half_width, source)
-        values += np.float32(0.5 * scale)  # what comes after cuts the fraction off
-        steps = values.astype(np.int16) if fixed_point else values
-        if sensor.gaussian_variance > 0:
-            add_normal(steps, tables, source)
-        if fixed_point:
-            np.right_shift(steps, shift, out=steps)
+        steps: NDArray[Any] = values.astype(arithmetic.dtype, copy=False)
+        steps += field[rows] if len(field) > 1 else field
+        if arithmetic.fixed_point:
+            np.right_shift(steps, arithmetic.shift, out=steps)
         np.clip(steps, 0, full, out=steps)
         out[rows] = steps
-
-    for_each_band(height, develop_band)
     return out.reshape(signal.shape)

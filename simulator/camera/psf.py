@@ -14,7 +14,6 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.special import j1
 
-from simulator.camera.deviates import for_each_band
 from simulator.camera.pyramid import Pyramid, fit_kernel, fit_pyramid
 
 if TYPE_CHECKING:
@@ -231,27 +230,10 @@ def blur(image: Float32Array, optics: Optics, sensor: Sensor, disc_px: float, ga
 
 
 def gaussian_blur(image: Float32Array, sigma_px: float, gain: float) -> Float32Array:
-    """A Gaussian blur times ``gain``, band of rows by band of rows."""
+    """A Gaussian blur times ``gain``; OpenCV shares the rows out to its own threads."""
     taps = gaussian_taps(sigma_px)
-    reach = taps.size // 2
     scaled = (taps * np.float32(gain)).astype(np.float32)
-    out = np.empty(image.shape, np.float32)
-    height = image.shape[0]
-
-    def blur_band(_: int, rows: slice) -> None:
-        # the rows that the taps reach into belong to the neighbouring bands
-        above, below = min(reach, rows.start), min(reach, height - rows.stop)
-        wide = cv2.sepFilter2D(
-            image[rows.start - above : rows.stop + below],
-            cv2.CV_32F,
-            taps,
-            scaled,
-            borderType=cv2.BORDER_REPLICATE,
-        )
-        out[rows] = wide[above : above + rows.stop - rows.start]
-
-    for_each_band(height, blur_band)
-    return out
+    return np.asarray(cv2.sepFilter2D(image, cv2.CV_32F, taps, scaled, borderType=cv2.BORDER_REPLICATE))
 
 
 def defocus_px(camera: Camera, optics: Optics, sensor: Sensor, distance_m: float) -> float:

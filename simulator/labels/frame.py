@@ -30,7 +30,7 @@ from simulator.labels.occlusion import mesh_of
 from simulator.labels.request import LabelRequest
 from simulator.labels.truth import Box, InfeasibleReason, RowPose, Software, Truth, WireLabel
 from simulator.labels.wireframe import view_edges
-from simulator.scene.develop import digitise_scene, expose_scene
+from simulator.scene.develop import begin_scene_noise, digitise_scene, expose_scene
 from simulator.scene.motion import scene_at
 
 if TYPE_CHECKING:
@@ -82,10 +82,11 @@ def take_frame(
     labels : whether to label, or which layers to give beyond truth and mask.
     """
     start = time.perf_counter()
+    noise = begin_scene_noise(scene)
     exposed = integrate(renderer, scene, target)
     drawn = time.perf_counter()
     signal = expose_scene(scene, exposed.radiance)
-    image = digitise_scene(scene, signal)
+    image = digitise_scene(scene, signal, noise=noise)
     developed = time.perf_counter()
     stage_ms = {"render": (drawn - start) * 1e3, "sensor": (developed - drawn) * 1e3}
     stage_ms.update({f"render.{name}": ms for name, ms in exposed.stage_ms.items()})

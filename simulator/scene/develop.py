@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from simulator.camera.develop import Surroundings, digitise, expose
-from simulator.scene.bands import sun_irradiance_w_m2, sunlight_balance
+from simulator.camera.recipe_noise import begin_noise
+from simulator.scene.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from simulator.arrays import Float32Array, FloatArray
@@ -35,14 +38,25 @@ def expose_scene(scene: SceneState, radiance_w_m2_sr: Float32Array) -> Float32Ar
     )
 
 
+def begin_scene_noise(scene: SceneState) -> Callable[[], NDArray[Any]]:
+    """Have the additive noise of a scene's picture drawn by another thread, for `digitise_scene`."""
+    bands = len(bands_of(scene.bands))
+    size = (scene.camera.height_px, scene.camera.width_px)
+    return begin_noise(size if bands == 1 else (*size, bands), scene.sensor, scene.seed, scene.frame_index)
+
+
 def digitise_scene(
-    scene: SceneState, signal: Float32Array, sensor: Sensor | None = None
+    scene: SceneState,
+    signal: Float32Array,
+    sensor: Sensor | None = None,
+    noise: Callable[[], NDArray[Any]] | None = None,
 ) -> NDArray[np.unsignedinteger]:
     """Digital numbers of an exposed scene.
 
     Parameters
     ----------
     signal : what `expose_scene` gives. sensor : instead of the scene's, for example its noiseless twin.
+    noise : what `begin_scene_noise` gave, of the scene's own sensor.
     """
     return digitise(
         signal,
@@ -51,6 +65,7 @@ def digitise_scene(
         scene.frame_index,
         scene.exposure_s,
         sunlight_balance(scene.bands),
+        noise,
     )
 
 

@@ -1,0 +1,30 @@
+"""The additive noise that is drawn ahead is the noise of the picture."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from simulator.camera.develop import digitise
+from simulator.camera.presets import sensor_preset
+from simulator.camera.recipe_noise import LEAST_AHEAD, begin_noise
+
+
+@pytest.mark.parametrize("shape", [(300, 512), (200, 300, 3), (40, 50)])
+@pytest.mark.parametrize("bits", [8, 12])
+def test_noise_drawn_ahead_changes_no_byte(shape: tuple[int, ...], bits: int) -> None:
+    sensor = replace(sensor_preset("speed"), bits=bits)
+    signal = np.random.default_rng(1).random(shape, np.float32)
+    ahead = begin_noise(shape, sensor, 5, 9)
+    begin_noise(shape, sensor, 5, 10)()  # another frame's, between the two
+    assert np.array_equal(digitise(signal, sensor, 5, 9, noise=ahead), digitise(signal, sensor, 5, 9))
+
+
+def test_rows_and_frames_share_no_noise() -> None:
+    size = (512, LEAST_AHEAD // 256)
+    sensor = sensor_preset("speed")
+    grey = np.full(size, 0.5, np.float32)
+    first, second = (digitise(grey, sensor, 1, k).astype(float) - 127.5 for k in (0, 1))
+    for a, b in ((first, second), (first[:-1], first[1:]), (first[:, :-1], first[:, 1:])):
+        # of independent values: one over the root of their number
+        assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 4 / np.sqrt(a.size)
