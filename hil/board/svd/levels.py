@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Optional
+from typing import Optional, Tuple
 
 import cv2
 import numpy as np
@@ -11,6 +11,9 @@ import numpy as np
 from hil.board.svd.shade import Canvas, Faces
 
 Array = np.ndarray
+
+# Labels that a byte holds.
+LABELS = 255
 
 # Blur of the optics [picture px], reach of the background's local brightness [canvas px].
 OPTICS_PX, LOCAL_PX = 1.0, 8.0
@@ -31,8 +34,8 @@ class Shading:
 
     Parameters
     ----------
-    seen : (H, W) face + 1 per drawn pixel. group : (H, W) brightness group + 1; where shadows are cast, groups in
-        shadow follow those in light.
+    seen : (H, W) face + 1 per drawn pixel. group : (H, W) brightness group + 1; where shadows are cast, groups
+        that are seen are numbered anew, and those in shadow follow those in light.
     level : (G + 1,) brightness of each group, the background first.
     picture : (h, w) what it looks like on the canvas, not blurred.
     centre : (h, w) group at a pixel's middle. area : (G + 1,) pixels well inside each group.
@@ -63,35 +66,19 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     seen : drawn by ``draw_faces``. dark : (H, W) drawn pixels on which another face casts its shadow.
     """
     f, (h, w) = canvas.fine, canvas.gray.shape
-    # numbers of the kind that numpy indexes with: it would convert others at each look-up
-    of = np.concatenate([[0], faces.group + 1]).astype(np.intp)
-    group = np.take(of, seen, mode="clip")
     n = faces.groups + 1
+    group = np.take(faces.labels, seen, mode="clip")
     if dark is not None:
-        group[dark] += faces.groups
-        n += faces.groups
+        group, n = _divided(group, dark, n)
     g = group.reshape(h, f, w, f)
     centre = np.ascontiguousarray(g[:, f // 2, :, f // 2])
     solid = (g[:, 0, :, 0] == centre) & (g[:, -1, :, -1] == centre)
     solid &= (g[:, 0, :, -1] == centre) & (g[:, -1, :, 0] == centre)
     gray = canvas.gray
     # pixels beside a border show how far the pose is off, not how bright the face is
-    core = cv2.erode((solid & ~_borders(centre)).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    where = np.flatnonzero(solid | (centre > 0))
-    flat, value = centre.ravel().take(where), gray.ravel().take(where).astype(float)
-    inner = core.ravel().take(where)
-    trust = inner + BESIDE * solid.ravel().take(where) + 1e-3
-    weight, level = trust, np.zeros(n)
-    for last in (False, False, True):
-        total = np.maximum(np.bincount(flat, weight, n), 1e-9)
-        level = np.bincount(flat, weight * value, n) / total
-        if not last:
-            away = np.abs(value - level.take(flat))
-            spread = np.bincount(flat, weight * away, n) / total
-            weight = trust * (away < (2.5 * spread + canvas.sigma).take(flat))
-    area = np.bincount(flat[inner], minlength=n)
-    fine = np.take(level.astype(np.float32), group, mode="clip")
-    picture = cv2.resize(fine, (w, h), interpolation=cv2.INTER_AREA)
+    core = cv2.erode((solid & ~_borders(centre)).view(np.uint8), np.ones((3, 3), np.uint8)).view(bool)
+    level, area = _levels(centre, solid, core, canvas, n)
+    picture = cv2.resize(look_up(level, group), (w, h), interpolation=cv2.INTER_AREA)
     _thin_levels(level, picture, group, area < 3, canvas)
     for k in 1 + np.argsort(-area[1:])[:SATURATED]:
         if area[k] >= 60 and level[k] > 0.97 * canvas.full:
@@ -107,6 +94,65 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
         part = cv2.resize((group == 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
         picture = picture + part * behind
     return Shading(seen, group, level, picture, centre, area, behind)
+
+
+def look_up(table: Array, labels: Array) -> Array:
+    """float32 value of ``table`` (N,) at each label."""
+    if labels.dtype != np.uint8:
+        return np.asarray(np.take(table.astype(np.float32), labels, mode="clip"))
+    whole = np.zeros(256, np.float32)
+    whole[: len(table)] = table[:256]
+    return np.asarray(cv2.LUT(labels, whole))
+
+
+def _divided(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
+    """Groups numbered anew, their parts in shadow after those in light, and how many there are.
+
+    Those that are not seen get no number: one byte is enough for what is, and bytes are the fastest to compare.
+    """
+    if group.dtype == np.uint8:
+        shadow = dark.view(np.uint8)
+        lit = np.flatnonzero(cv2.calcHist([group], [0], 1 - shadow, [256], [0, 256]))
+        shaded = np.flatnonzero(cv2.calcHist([group], [0], shadow, [256], [0, 256]))
+        lit = lit[lit > 0]
+        if 1 + len(lit) + len(shaded) <= LABELS:
+            to = np.zeros((2, 256), np.uint8)
+            to[0, lit] = 1 + np.arange(len(lit))
+            to[1, shaded] = 1 + len(lit) + np.arange(len(shaded))
+            out = cv2.LUT(group, to[0])
+            cv2.copyTo(cv2.LUT(group, to[1]), shadow, out)
+            return np.asarray(out), 1 + len(lit) + len(shaded)
+    group = group.astype(np.uint16)
+    group[dark] += np.uint16(n - 1)
+    return group, 2 * n - 1
+
+
+def _levels(centre: Array, solid: Array, core: Array, canvas: Canvas, n: int) -> Tuple[Array, Array]:
+    """Brightness (n,) of each group, a mean without what lies far off it, and its pixels (n,) in ``core``."""
+    where = np.flatnonzero(solid | (centre > 0))
+    label = centre.ravel().take(where)
+    # group by group: sums over stretches cost less than sums by label
+    where = where[np.argsort(label, kind="stable")]
+    number = np.bincount(label, minlength=n)
+    some = np.flatnonzero(number)
+    level, area = np.zeros(n), np.zeros(n, np.intp)
+    if not len(some):
+        return level, area
+    number = number[some]
+    first = np.cumsum(number) - number
+    value = canvas.gray.ravel().take(where).astype(float)
+    inner = core.ravel().take(where)
+    trust = inner + BESIDE * solid.ravel().take(where) + 1e-3
+    weight, mean = trust, np.zeros(len(some))
+    for last in (False, False, True):
+        total = np.maximum(np.add.reduceat(weight, first), 1e-9)
+        mean = np.add.reduceat(weight * value, first) / total
+        if not last:
+            away = np.abs(value - np.repeat(mean, number))
+            spread = np.add.reduceat(weight * away, first) / total
+            weight = trust * (away < np.repeat(2.5 * spread + canvas.sigma, number))
+    level[some], area[some] = mean, np.add.reduceat(inner, first, dtype=np.intp)
+    return level, area
 
 
 def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: Array, out: Array) -> int:
@@ -129,30 +175,57 @@ def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: 
     f = canvas.fine
     # thin ones too: their brightness is known least of all
     count = np.bincount(shading.centre.ravel(), minlength=len(shading.level))
-    order = 1 + np.argsort(-count[1:])[:most]
+    order = 1 + np.argsort(-count[1:])[: min(most, 62)]
     chosen = np.concatenate([[0], order[count[order] > 3]])
-    slot = np.full(len(shading.level), 255, np.uint8)
+    slot = np.full(max(len(shading.level), 256), 255, np.uint8)
     slot[chosen] = np.arange(len(chosen))
-    slots = np.take(slot, shading.group, mode="clip")
+    byte = shading.group.dtype == np.uint8
+    slots = cv2.LUT(shading.group, slot[:256]) if byte else np.take(slot, shading.group, mode="clip")
     # one more than the blur reaches: what it mirrors at the box's edge is empty then
     reach = _radius(blur_px) + 1
+    x0, y0, x1, y1 = _boxes(slots, len(chosen)) // f
+    x0, y0 = np.maximum(x0 - reach, 0), np.maximum(y0 - reach, 0)
+    x1, y1 = np.minimum(x1 + 1 + reach, w), np.minimum(y1 + 1 + reach, h)
+    first, last = np.searchsorted(rows, y0 * w).tolist(), np.searchsorted(rows, y1 * w).tolist()
     plane = np.zeros((h, w), np.float32)
-    for k in range(len(chosen)):
-        mask = (slots == k).view(np.uint8)
-        x, y, wide, high = cv2.boundingRect(mask)
-        if not wide:
+    flat = plane.ravel()
+    for k, (left, top, right, bottom) in enumerate(zip(x0.tolist(), y0.tolist(), x1.tolist(), y1.tolist())):  # noqa: B905 - 3.9
+        a, b = first[k], last[k]
+        if left >= right or a >= b:
             continue
-        x0, x1 = max(x // f - reach, 0), min((x + wide - 1) // f + 1 + reach, w)
-        y0, y1 = max(y // f - reach, 0), min((y + high - 1) // f + 1 + reach, h)
+        mask = (slots[top * f : bottom * f, left * f : right * f] == k).view(np.uint8)
         # a mean of 0 and f^2 over f x f pixels is a whole number
-        count = mask[y0 * f : y1 * f, x0 * f : x1 * f] * np.uint8(f * f)
-        share = cv2.resize(count, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA).astype(np.float32)
-        plane[y0:y1, x0:x1] = blurred(share, blur_px)
-        a, b = np.searchsorted(rows, (y0 * w, y1 * w))
-        np.take(plane.ravel(), rows[a:b], out=out[k, a:b], mode="clip")
-        plane[y0:y1, x0:x1] = 0.0
+        share = cv2.resize(mask * np.uint8(f * f), (right - left, bottom - top), interpolation=cv2.INTER_AREA)
+        own = plane[top:bottom, left:right]
+        own[:] = blurred(share.astype(np.float32), blur_px)
+        np.take(flat, rows[a:b], out=out[k, a:b], mode="clip")
+        own[:] = 0.0
     out[: len(chosen)] *= np.float32(1.0 / (f * f))
     return len(chosen)
+
+
+def _boxes(slots: Array, n: int) -> Array:
+    """(4, n) first and last column and row of each of the labels 0 .. n - 1; the first beyond the last where none is.
+
+    All at once: a label is a bit, and a row or column holds the bits of what is in it.
+    """
+    kind = np.uint32 if n <= 32 else np.uint64
+    place = np.arange(n, dtype=kind)
+    bit = np.zeros(256, kind)
+    bit[:n] = np.left_shift(kind(1), place)
+    bits = np.take(bit, slots)
+    out = []
+    for axis in (0, 1):
+        there = np.bitwise_or.reduce(bits, axis=axis)
+        on = np.right_shift(there, place[:, None]) & kind(1) > 0
+        some, size = on.any(axis=1), on.shape[1]
+        out.append(
+            (
+                np.where(some, on.argmax(axis=1), 10 * size),
+                np.where(some, size - 1 - on[:, ::-1].argmax(axis=1), -10 * size),
+            )
+        )
+    return np.stack([out[0][0], out[1][0], out[0][1], out[1][1]])
 
 
 def _radius(sigma: float) -> int:
@@ -179,22 +252,33 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, canvas
     level : (G + 1,) and picture : (h, w) drawn with it, both changed in place.
     """
     f, (h, w) = canvas.fine, canvas.gray.shape
-    where = np.flatnonzero(np.take(thin, group, mode="clip"))
+    if group.dtype == np.uint8:
+        marked = np.zeros(256, np.uint8)
+        marked[: len(thin)] = thin
+        where = np.flatnonzero(cv2.LUT(group, marked).view(bool))
+    else:
+        where = np.flatnonzero(np.take(thin, group, mode="clip"))
     if not len(where):
         return
     own = group.ravel()[where]
     cell = (where // (w * f * f)) * w + (where % (w * f)) // f
-    cover = np.bincount(cell, minlength=h * w)[cell] / float(f * f)
+    number = np.bincount(cell, minlength=h * w)
+    # few pixels hold any: only those are looked at from here on
+    cells = np.flatnonzero(number)
+    place = np.empty(h * w, np.intp)
+    place[cells] = np.arange(len(cells))
+    at = place[cell]
     n = len(level)
-    covered = np.maximum(np.bincount(own, cover, n) + 2.0, 1e-9)
-    gray = canvas.gray.ravel()[cell]
-    drawn = picture.ravel()
+    covered = np.maximum(np.bincount(own, number[cell] / float(f * f), n) + 2.0, 1e-9)
+    gray = canvas.gray.ravel()[cells]
+    drawn = picture.ravel()[cells]
     for _ in range(2):
-        step = np.bincount(own, gray - drawn[cell], n) / covered
+        step = np.bincount(own, (gray - drawn)[at], n) / covered
         after = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * canvas.full)
-        change = np.bincount(cell, (after - level)[own], h * w) / (f * f)
+        change = np.bincount(at, (after - level)[own], len(cells)) / (f * f)
         drawn += change.astype(np.float32)
         level[:] = after
+    picture.ravel()[cells] = drawn
 
 
 def _overexposed(picture: Array, part: Array, canvas: Canvas) -> float:

@@ -12,7 +12,7 @@ from hil.board.svd import quaternion as quat
 from hil.board.svd.levels import OPTICS_PX, blurred, coverage, shade
 from hil.board.svd.model import CameraIntrinsics
 from hil.board.svd.motion import motion_images
-from hil.board.svd.refine import apply_step, limit_step, parameter_scale
+from hil.board.svd.refine import limit_step, parameter_scale
 from hil.board.svd.shade import Canvas, Faces, draw_faces
 from hil.board.svd.sunlight import Sunlight
 
@@ -77,55 +77,61 @@ def photo_align(
         first, to reach far. sun : casts shadows; None draws none. relax : how much longer
         steps on blurred pictures are made. joint : groups whose brightness is found together with the pose.
     """
-    q, t = q[None].copy(), t[None].copy()
-    R = quat.matrix(q)[0]
-    order = faces.order(-R.T @ t[0])
+    R = quat.matrix(q)
+    order = faces.order(-R.T @ t)
     H, cost = np.eye(6), 9.9
     for blur in blurs_px:
-        R = quat.matrix(q)[0]
-        seen = draw_faces(faces, order, camera, R, t[0], canvas)
-        dark = None if sun is None else sun.shadows(faces, seen, canvas, camera, R, t[0])
+        R = quat.matrix(q)
+        seen = draw_faces(faces, order, camera, R, t, canvas)
+        dark = None if sun is None else sun.shadows(faces, seen, canvas, camera, R, t)
         shading = shade(faces, seen, canvas, dark)
         optics = float(np.hypot(blur, OPTICS_PX / canvas.factor))
         drawn = blurred(np.minimum(blurred(shading.picture, OPTICS_PX / canvas.factor), canvas.full), blur)
         e = canvas.blurred(blur) - drawn
-        D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t[0])]
+        D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t)]
         use = np.maximum(np.maximum(np.abs(D[0]), np.abs(D[1])), np.abs(D[2])) > 1e-6
         noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
-        weight = _weights(e, drawn, use, shading.centre > 0, noise, blur)
-        rows = np.flatnonzero(weight)
+        rows, w = _weights(e, drawn, use, shading.centre > 0, noise, blur)
         if len(rows) < 30:
             break
         A = np.zeros((joint + 8, len(rows)), np.float32)
         k = coverage(shading, canvas, joint, optics, rows, A)
         for j, x in enumerate((*D, e)):
-            A[k + j] = x.ravel()[rows]
+            x.ravel().take(rows, out=A[k + j], mode="clip")
         A = A[: k + 7]
-        w = weight.ravel()[rows]
         A *= np.sqrt(w)
         H, g, cost = normal_equations(A)
-        scale = parameter_scale(float(t[0, 2]), radius_m)
+        scale = parameter_scale(float(t[2]), radius_m)
         step = (relax if blur > 0 else 1.0) * damped_step(H, g, scale, 1e-5)
-        q, t = apply_step(q, t, limit_step(step[None], t, radius_m))
+        step = limit_step(step[None], t[None], radius_m)[0]
+        q, t = quat.turned(q, step[:3]), t + step[3:]
         cost = float(np.sqrt(cost / max(float(w.sum()), 1e-12))) / noise
-    return PhotoFit(q[0], t[0], cost, INFLATION * np.linalg.pinv(H))
+    return PhotoFit(q, t, cost, INFLATION * np.linalg.pinv(H))
 
 
-def _weights(e: Array, drawn: Array, use: Array, craft: Array, noise: float, blur: float) -> Array:
-    """(h, w) float32 weight of each residual: its noise, how far borders may still be off, Tukey's bound."""
+def _weights(
+    e: Array, drawn: Array, use: Array, craft: Array, noise: float, blur: float
+) -> Tuple[Array, Array]:
+    """Residuals that count, as flat indices (N,), and the weight (N,) float32 of each.
+
+    From its noise, how far borders may still be off, and Tukey's bound.
+    """
     gx = cv2.Sobel(drawn, cv2.CV_32F, 1, 0, scale=0.125)
     gy = cv2.Sobel(drawn, cv2.CV_32F, 0, 1, scale=0.125)
+    rows = np.flatnonzero(use)
+    craft = craft.ravel().take(rows)
+    gx, gy, e = (a.ravel().take(rows) for a in (gx, gy, e))
     slope = np.float32((FLOOR_PX + SLACK * blur) ** 2) * (gx * gx + gy * gy)
-    flat = use & (slope < noise**2)
-    weight = np.zeros(e.shape, np.float32)
-    for part in (craft, ~craft):
-        m = part & use
+    flat = slope < noise**2
+    spread = []
+    for part in (~craft, craft):
         sample = np.abs(e[part & flat])[::2]
         middle = float(np.partition(sample, len(sample) // 2)[len(sample) // 2]) if len(sample) else 0.0
-        spread = max(1.4826 * middle, noise)
-        variance = np.float32(spread**2) + slope[m]
-        weight[m] = np.clip(1 - e[m] ** 2 / (np.float32(TUKEY**2) * variance), 0, None) ** 2 / variance
-    return weight
+        spread.append(max(1.4826 * middle, noise) ** 2)
+    variance = np.array(spread, np.float32).take(craft.view(np.uint8)) + slope
+    weight = np.clip(1 - e * e / (np.float32(TUKEY**2) * variance), 0, None) ** 2 / variance
+    counts = np.flatnonzero(weight)
+    return rows.take(counts), weight.take(counts)
 
 
 def normal_equations(A: Array) -> Tuple[Array, Array, float]:

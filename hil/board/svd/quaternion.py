@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 Array = np.ndarray
@@ -31,12 +33,16 @@ def normalise(q: Array) -> Array:
 
 def matrix(q: Array) -> Array:
     """Rotation matrices (..., 3, 3) of unit quaternions: ``x_a = R @ x_b`` for ``q_a_from_b``."""
-    w, x, y, z = np.moveaxis(np.asarray(q, float), -1, 0)
+    q = np.asarray(q, float)
+    # of one alone numbers cost a tenth of what arrays do
+    w, x, y, z = q.tolist() if q.ndim == 1 else np.moveaxis(q, -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
+    if q.ndim == 1:
+        return np.array(rows)
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
@@ -72,3 +78,22 @@ def angle_rad(p: Array, q: Array) -> Array:
     """Angle between attitudes, broadcast over leading axes [rad]."""
     dot = np.abs(np.sum(np.asarray(p, float) * np.asarray(q, float), axis=-1))
     return np.asarray(2 * np.arccos(np.minimum(1.0, dot)))
+
+
+def turned(q: Array, v: Array) -> Array:
+    """One attitude (4,) turned by the rotation vector ``v`` (3,) [rad]: what is left of it are a few numbers."""
+    w, x, y, z = q.tolist()
+    vx, vy, vz = v.tolist()
+    angle = math.sqrt(vx * vx + vy * vy + vz * vz)
+    half = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
+    c, a, b, d = math.cos(0.5 * angle), half * vx, half * vy, half * vz
+    return normalise(
+        np.array(
+            [
+                c * w - a * x - b * y - d * z,
+                c * x + a * w + b * z - d * y,
+                c * y - a * z + b * w + d * x,
+                c * z + a * y - b * x + d * w,
+            ]
+        )
+    )

@@ -86,6 +86,11 @@ class Faces:
         return Faces(corners, n, offset, group.ravel(), len(unique), material, plane, children, members)
 
     @cached_property
+    def labels(self) -> Array:
+        """(T + 1,) group + 1 of each face, zero first: what no face covers."""
+        return np.concatenate([[0], self.group + 1]).astype(np.uint8 if self.groups < 255 else np.uint16)
+
+    @cached_property
     def area_m2(self) -> Array:
         """(T,) area of each face [m^2]."""
         c = self.corners
@@ -231,8 +236,9 @@ def fill_faces(p: Array, order: Array, shape: Tuple[int, int], least_px: float) 
     p, order = inset(p[worth]), order[worth]
     seen = np.zeros(shape, np.int32)
     polygons = np.rint(np.clip(p, -3000, 3000) * 16).astype(np.int32)
+    fill, line = cv2.fillConvexPoly, cv2.LINE_8
     for polygon, number in zip(polygons, (order + 1).tolist()):  # noqa: B905 - Python 3.9 has no strict=
-        cv2.fillConvexPoly(seen, polygon, number, cv2.LINE_8, 4)
+        fill(seen, polygon, number, line, 4)
     return seen
 
 
