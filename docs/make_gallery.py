@@ -58,49 +58,61 @@ def radiance(renderer: fa.Renderer, scene: fa.SceneState, target: str = "tango")
     return renderer.render(scene, fa.load_target(target)).radiance * sunlight_balance("rgb")
 
 
-def film(light: np.ndarray, brightest: float) -> np.ndarray:
-    """An sRGB picture: straight up to four fifths, then a shoulder."""
+def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndarray:
+    """An sRGB picture as cameras develop it: paler, a shoulder from four fifths on, a toe, a little grain.
+
+    Parameters
+    ----------
+    contrast : share of the curve that is steep in the middle.
+    """
     y = light * (0.8 / brightest)
     y = np.where(y < 0.8, y, 0.8 + 0.2 * (1 - np.exp(-(y - 0.8) / 0.2)))
-    y = np.clip(y, 0, 1)
-    return np.asarray(
-        np.where(y < 0.0031308, 12.92 * y, 1.055 * y ** (1 / 2.4) - 0.055) * 255 + 0.5, np.uint8
-    )
+    y = np.clip(0.9 * y + 0.1 * y.mean(axis=2, keepdims=True), 0, 1)
+    v = np.where(y < 0.0031308, 12.92 * y, 1.055 * y ** (1 / 2.4) - 0.055)
+    v += contrast * (v * v * (3 - 2 * v) - v)
+    grain = np.random.default_rng(7).standard_normal(v.shape) * 1.1
+    return np.asarray(np.clip(v * 255 + 0.5 + grain, 0, 255), np.uint8)
 
 
-def exposed(light: np.ndarray, share: float) -> np.ndarray:
-    """A picture whose given share lies below the shoulder."""
-    return film(light, float(np.quantile(light[light > 0], share)))
+def exposed(light: np.ndarray, share: float, stops: float = 0.0) -> np.ndarray:
+    """A picture whose given share lies below the shoulder, or some stops brighter."""
+    return film(light, float(np.quantile(light[light > 0], share)) * 2.0**-stops)
 
 
 def glare(light: np.ndarray) -> np.ndarray:
-    """A good lens at full aperture: a core of 0.7 pixels, and a hundredth of the light in a wide halo."""
-    core, halo = (cv2.GaussianBlur(light, (0, 0), sigma) for sigma in (0.7, 12.0))
-    return np.asarray(0.97 * core + 0.03 * halo)
+    """A good lens at full aperture: a core of 0.7 pixels, and a twentieth of the light in ever wider halos."""
+    shares = {0.7: 0.95, 4.0: 0.03, 16.0: 0.014, 64.0: 0.006}
+    return np.asarray(sum(w * cv2.GaussianBlur(light, (0, 0), s) for s, w in shares.items()))
 
 
 def noon(renderer: fa.Renderer) -> np.ndarray:
     """Over Egypt."""
     scene = above("2026-03-20T09:30:00Z", (27.0, 34.0, 420.0), 60.0, azimuth_deg=340.0, off_nadir_deg=42.0)
-    return exposed(radiance(renderer, scene), 0.98)
+    return exposed(radiance(renderer, scene), 0.98, -0.4)
 
 
 def terminator(renderer: fa.Renderer) -> np.ndarray:
-    """The Sun sets over the South Atlantic."""
-    scene = above("2026-03-20T17:50:00Z", (-12.0, -3.0, 420.0), 60.0, azimuth_deg=285.0, off_nadir_deg=62.0)
+    """The Sun sets over the North Atlantic."""
+    scene = above("2026-03-20T19:41:00Z", (48.0, -35.0, 420.0), 55.0, azimuth_deg=265.0, off_nadir_deg=61.0)
     return exposed(radiance(renderer, scene), 0.995)
 
 
 def night(renderer: fa.Renderer) -> np.ndarray:
     """Italy and the Alps."""
     scene = above("2026-11-15T22:00:00Z", (42.0, 6.0, 420.0), 60.0, azimuth_deg=60.0, off_nadir_deg=52.0)
-    return film(glare(radiance(renderer, scene)), 0.004)
+    return film(glare(radiance(renderer, scene)), 0.0022)
 
 
 def glint(renderer: fa.Renderer) -> np.ndarray:
-    """The Gulf of Sidra."""
-    scene = above("2026-07-10T14:00:00Z", (34.0, 24.0, 420.0), 60.0, azimuth_deg=255.0, off_nadir_deg=50.0)
-    return exposed(radiance(renderer, scene), 0.99)
+    """The Aegean."""
+    scene = above("2026-06-20T15:10:00Z", (37.5, 29.0, 420.0), 55.0, azimuth_deg=275.0, off_nadir_deg=56.0)
+    return exposed(radiance(renderer, scene), 0.97)
+
+
+def shallows(renderer: fa.Renderer) -> np.ndarray:
+    """The Great Bahama Bank."""
+    scene = above("2026-04-10T16:00:00Z", (22.3, -78.3, 420.0), 60.0, azimuth_deg=20.0, off_nadir_deg=30.0)
+    return exposed(radiance(renderer, scene), 0.985)
 
 
 def limb(renderer: fa.Renderer) -> np.ndarray:
@@ -130,8 +142,9 @@ def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
     scene = scene_with_pose(scene, target, Pose.of("camera", "target", turn, np.array([-0.7, 0.25, 5.6])), 0)
     light = radiance(renderer, scene)
     white = float(np.quantile(light, 0.985))
-    # the Sun's disc is ten thousand times as bright as the limb: its pixels bleed as a full well does, no further
-    return film(glare(np.minimum(light, 40 * white)), white)
+    # the Sun's disc is a hundred thousand times as bright as the limb; the lens spreads what the wells can hold of it
+    well = 2000 * white / np.maximum(light.max(axis=2, keepdims=True), 2000 * white)
+    return film(glare(light * well), white)
 
 
 def moonrise(renderer: fa.Renderer) -> np.ndarray:
@@ -154,8 +167,7 @@ def moonrise(renderer: fa.Renderer) -> np.ndarray:
 def stars(renderer: fa.Renderer) -> np.ndarray:
     """Orion from the night side."""
     scene = above("2026-11-15T20:20:00Z", (8.0, -4.0, 420.0), 45.0, azimuth_deg=94.0, off_nadir_deg=88.0)
-    light = cv2.GaussianBlur(radiance(renderer, scene), (0, 0), 0.8)
-    return film(light, 2e-4)
+    return film(glare(radiance(renderer, scene)), 1.5e-4, contrast=0.0)
 
 
 def ice(renderer: fa.Renderer) -> np.ndarray:
@@ -190,6 +202,9 @@ def earthrise(renderer: fa.Renderer) -> np.ndarray:
     # up is towards the Sun's side; the Earth stands 3 degrees above the Moon's horizon, 19.9 below the level
     up = up - (up @ to_earth) * to_earth
     up /= np.linalg.norm(up)
+    # where the Sun is low, so that the craters have shadows
+    turn = np.radians(72.0)
+    up = np.cos(turn) * up + np.sin(turn) * np.cross(to_earth, up)
     tilt = np.radians(-16.5)
     zenith = np.cos(tilt) * up + np.sin(tilt) * to_earth
     r = moon + 1_847_400.0 * zenith
@@ -211,9 +226,10 @@ def earthrise(renderer: fa.Renderer) -> np.ndarray:
 
 PICTURES: tuple[tuple[str, Picture, str], ...] = (
     ("noon", noon, "Noon over Egypt: the Nile, Sinai and the Red Sea from 420 km, 20 March"),
-    ("terminator", terminator, "The Sun's glint and long shadows near the terminator, South Atlantic"),
+    ("terminator", terminator, "The Sun's glint and the clouds near the terminator, North Atlantic"),
     ("night", night, "City lights of Italy and the Alps"),
-    ("glint", glint, "Sun glint on the Gulf of Sidra, July"),
+    ("glint", glint, "Sun glint on the Aegean, an afternoon in June"),
+    ("shallows", shallows, "The Great Bahama Bank: white sand under a few metres of water"),
     ("limb", limb, "Layers of the limb through a long lens: clouds, haze, blue air, the dark"),
     ("eclipse-entry", eclipse_entry, "Tango before the limb in the last half minute of sunlight"),
     ("moon", moonrise, "The Moon over the limb"),
@@ -231,7 +247,7 @@ def main(names: list[str] | None = None) -> None:
     lines = [
         "# Gallery",
         "",
-        "Made by `python docs/make_gallery.py`: radiance in physical units through one tone curve, preset `high`.",
+        "Made by `python docs/make_gallery.py`: radiance in physical units, one tone curve and grain, preset `high`.",
     ]
     with fa.Renderer() as renderer:
         for name, picture, caption in PICTURES:

@@ -18,13 +18,10 @@
 #define AT(name) (v_##name[0] + x.x * v_##name[1] + x.y * v_##name[2])
 #if HIGH
 #define LIFT AT(lift)
+#define RIPPLE AT(ripple)
 #else
 #define LIFT vec4(v_lift, at.xy)
-#endif
-#if ICE
-#define ICE_SHARE AT(ice)
-#else
-#define ICE_SHARE 0.0
+#define RIPPLE 0.0
 #endif
 
 // What a pixel sees of the ground; x: from the cell's middle, in half cells.
@@ -32,7 +29,7 @@ GroundPoint ground_at(vec2 x) {
     vec4 at = AT(uv_plane), sun = AT(sun); // sun: toward, sharp, glint
     vec4 lift = LIFT;
     return GroundPoint(
-        at.xy, at.zw, lift.xy, lift.zw, sun.xy, sun.z, 0.0, AT(rough), ICE_SHARE, AT(tone), sun.w, AT(light), AT(lamps), AT(haze)
+        at.xy, at.zw, lift.xy, lift.zw, sun.xy, sun.z, 0.0, AT(rough), AT(tone), sun.w, RIPPLE, AT(light), AT(lamps), AT(haze)
     );
 }
 #endif

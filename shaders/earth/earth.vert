@@ -27,9 +27,6 @@ void main() {
 #if !HIGH
     v_lift = vec2(0.0);
 #endif
-#if ICE
-    START(float, ice)
-#endif
     for (int k = 0; k < 4; ++k) {
         vec2 corner = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
         GroundPoint g = ground_point(earth_ray(in_pixel + corner * (0.5 * u_cell_px)));
@@ -44,11 +41,9 @@ void main() {
         ADD(g.haze, haze)
         ADD(g.tone, tone)
         ADD(g.rough, rough)
-#if ICE
-        ADD(g.ice, ice)
-#endif
 #if HIGH
         ADD(vec4(g.lift, g.cloud_uv), lift)
+        ADD(g.ripple, ripple)
 #else
         v_lift += 0.25 * g.lift;
 #endif

@@ -2,7 +2,7 @@
 // each slope per half a cell. STAGE: out in the vertex shader, in in the fragment shader.
 #if HIGH
 #define FOR_EACH_VALUE(F) F(vec4, uv_plane) F(vec4, sun) F(color, light) F(color, lamps) F(color, haze) \
-    F(color, tone) F(float, rough) F(vec4, lift)
+    F(color, tone) F(float, rough) F(vec4, lift) F(float, ripple)
 #else
 #define FOR_EACH_VALUE(F) F(vec4, uv_plane) F(vec4, sun) F(color, light) F(color, lamps) F(color, haze) \
     F(color, tone) F(float, rough)
@@ -11,8 +11,5 @@
 FOR_EACH_VALUE(DECLARE)
 #if !HIGH
 flat STAGE vec2 v_lift; // the same all over the cell
-#endif
-#if ICE
-flat STAGE float v_ice[3];
 #endif
 flat STAGE vec3 v_middle; // of the cell, in gl_FragCoord's sense [px]; two over the cell's side [px-1]

@@ -17,23 +17,21 @@ vec2 detail_vector(vec3 p, vec3 w) {
 // Sea surface: unpolarised Fresnel reflectance of water, n = 1.34 (Schlick).
 float water_fresnel(float c) { return 0.0211 + 0.9789 * pow(1.0 - c, 5.0); }
 
-// Sun glint over irradiance [sr-1]. Cox & Munk (1954), isotropic slopes, mean square slope 0.003 + 0.00512 U, U = 6 m/s.
-float sun_glint(vec3 n, vec3 v, vec3 l, float n_v, float n_l) {
+// Sun glint over irradiance [sr-1], and by how many per cent it changes for each of the slopes' variance.
+// Cox & Munk (1954), isotropic slopes, mean square slope 0.003 + 0.00512 U, U = 6 m/s.
+vec2 sun_glint(vec3 n, vec3 v, vec3 l, float n_v, float n_l) {
     const float variance = 0.0337;
     vec3 h = normalize(v + l);
     float c2 = max(dot(n, h), 1e-3);
     c2 *= c2;
     float slope2 = 1.0 / c2 - 1.0;
     float p = exp(-slope2 / variance) / (PI * variance);
-    return water_fresnel(clamp(dot(v, h), 0.0, 1.0)) * p / (4.0 * n_v * c2 * c2);
+    return vec2(water_fresnel(clamp(dot(v, h), 0.0, 1.0)) * p / (4.0 * n_v * c2 * c2), slope2 / variance - 1.0);
 }
 
 uniform sampler2D t_before;  // the land's reflectance over August's in the two nearest months; simulator/render/seasons.py
 uniform sampler2D t_after;
 uniform float u_season;      // share of the second
-#if ICE
-uniform sampler2D t_ice;     // share of the sea under ice; simulator/render/sea_ice.py
-#endif
 uniform sampler2D t_relief;  // slopes to the east and to the north, roughness
 
 #if AIR && BANDS == 3
@@ -50,9 +48,9 @@ struct GroundPoint {
     float sharp;    // one over the pixel's footprint [km-1]
     float mu;       // cosine of the Sun's zenith angle
     float rough;    // of the land, 0..1
-    float ice;      // ICE: share of the sea under it
     color tone;     // of the land: its reflectance over the map's, by season and by the slope to the Sun
-    float glint;    // Sun glint of a calm patch of sea over irradiance, times pi [1]
+    float glint;    // Sun glint over irradiance, times pi [1]
+    float ripple;   // HIGH: change of its logarithm with that of the slopes' variance [1]
     color light;    // radiance at the camera of a white ground in the light there [W m-2 sr-1]
     color lamps;    // radiance at the camera of a city's brightest texels [W m-2 sr-1]
     color haze;     // radiance of the air in between [W m-2 sr-1]
@@ -106,18 +104,15 @@ GroundPoint ground_point(EarthRay ray) {
     g.rough = RELIEF * (0.15 + 0.85 * relief.z);
     color gain = mix(BAND(textureLod(t_before, g.uv, coarse - 1.0)), BAND(textureLod(t_after, g.uv, coarse - 1.0)), u_season);
     g.tone = exp2((gain - 128.0 / 255.0) * (OCTAVES * 255.0 / 127.0)) * clamp(1.0 - RELIEF * uphill / slant, 0.35, 1.7);
-#if ICE
-    g.ice = textureLod(t_ice, g.uv, 0.0).x;
-#else
-    g.ice = 0.0;
-#endif
-    g.glint = 0.0;
+    g.glint = g.ripple = 0.0;
     // clouds, leaves and stones shine back towards the Sun more than to the sides: mean 1 over the directions
     float back = 0.5 - 0.5 * dot(ray.direction, sun);
     back *= back;
     float shine = 0.78 + 1.03 * back * back;
 #if GLINT
-    if (g.mu > 0.0) g.glint = PI * sun_glint(n, -ray.direction, sun, c_view, g.mu) / (max(g.mu, 0.05) * shine);
+    vec2 glint = sun_glint(n, -ray.direction, sun, c_view, g.mu);
+    if (g.mu > 0.0) g.glint = PI * glint.x / (max(g.mu, 0.05) * shine);
+    g.ripple = min(glint.y, 4.0); // 4: a fiftieth of the light that the middle has
 #endif
     color through = color(1.0);
 #if AIR

@@ -1,5 +1,5 @@
 // The Earth's surface under its air: land, ocean, clouds and night lights, each with its own optics.
-// Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT; SMOOTH: one level of detail for all pixels; HIGH: every
+// Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT, ICE, SHOALS; SMOOTH: one level of detail for all pixels; HIGH: every
 // layer looked up at its own place; ONE_OPTICS: land, sea and cloud reflect alike (the counter-example).
 
 uniform sampler2D t_map;    // square roots of land reflectance and cloud opacity, night lights, distance to the coast
@@ -7,6 +7,12 @@ uniform sampler2D t_map;    // square roots of land reflectance and cloud opacit
 uniform sampler2D t_colour; // square root of land reflectance per band
 #endif
 uniform sampler2D t_detail; // simulator/render/noise.py
+#if ICE
+uniform sampler2D t_ice;    // share of the sea under ice; simulator/render/sea_ice.py
+#endif
+#if SHOALS
+uniform sampler2D t_shoals; // square root of what shallow water reflects more than deep; simulator/render/shoals.py
+#endif
 
 // llvmpipe samples a whole row of pixels at once when they share a level, and one texel quad at a time when not.
 #if SMOOTH
@@ -76,17 +82,31 @@ color surface_radiance(GroundPoint g, vec4 map) {
     // snow is white whatever grows under it
     reflectance = mix(reflectance, vec3(dot(reflectance, vec3(1.0 / 3.0))), clamp(0.5 * g.tone.y - 1.0, 0.0, 1.0));
 #endif
-    color sea = SEA * (0.85 + 0.3 * under.x); // plankton and wind
+    color sea = SEA;
+#if SHOALS
+    color shoal = BAND(textureLod(t_shoals, g.uv, MAP_LEVEL - 1.0));
+    sea += SHOAL_SCALE * shoal * shoal;
+#endif
+    sea *= 0.85 + 0.3 * under.x; // plankton and wind
 #if GLINT
+#if HIGH
+    // wind in gusts, and slicks: calm water shines more in the middle of the glint, less around it
+    float gusts = textureLod(t_detail, mat2(0.9, 0.7, -0.2, 0.25) * g.plane, DETAIL_LEVEL).x;
+    sea += color(g.glint * exp((0.7 * gusts + 0.3 * under.x - 0.5) * g.ripple));
+#else
     sea += color(g.glint * (0.9 + 0.2 * under.x)); // cat's paws
+#endif
 #endif
 #if ICE
     // floes and leads: the detail, whose histogram is even, is cut where just that share remains
-    float floes = clamp((g.ice - under.x) * 7.0 + 0.5, 0.0, 1.0) * min(g.ice * 20.0, 1.0);
+    float ice = textureLod(t_ice, g.uv, MAP_LEVEL - ICE_LEVEL).x;
+    float floes = clamp((ice - under.x) * 7.0 + 0.5, 0.0, 1.0) * min(ice * 20.0, 1.0);
 #if !SMOOTH
-    floes = mix(floes, g.ice, clamp(-0.2 * log2(g.sharp) - 0.2, 0.0, 1.0));
+    // from far away the detail is averaged before it is cut
+    floes = mix(floes, ice, clamp(-0.3 * log2(g.sharp) - 0.2, 0.0, 1.0));
 #endif
-    sea = mix(sea, color(FLOE * (0.9 + 0.2 * under.w)), floes);
+    // where they drift apart they are young, thin or wet
+    sea = mix(sea, color(FLOE * (0.62 + 0.34 * ice + 0.16 * under.w)), floes);
 #endif
     color ground = mix(sea, reflectance, land);
 #if CLOUDS
@@ -125,6 +145,8 @@ color surface_radiance(GroundPoint g, vec4 map) {
 #endif
     color radiance = ground * g.light + g.haze;
 #if NIGHT
+    color lamp_tint = color(1.0);
+    float lit = map.z * map.z; // the map's levels are nearly logarithms of the light: its fourth power is drawn
     // streets along the valleys, bright crossings, dark blocks between them; nearly one on average
     float street = clamp(1.7 * under.w - 0.35, 0.0, 1.0);
     street *= street * street;
@@ -134,12 +156,18 @@ color surface_radiance(GroundPoint g, vec4 map) {
     vec2 block = textureLod(t_detail, mat2(4.8, 3.6, -3.6, 4.8) * g.plane, DETAIL_LEVEL + 2.585).xw;
     float bright = clamp(1.6 * block.y - 0.25, 0.0, 1.0);
     streets = mix(streets, 0.5 + 0.5 * streets, 0.5) * bright * bright * (1.6 + 3.4 * block.x * block.x);
+    // the middles of cities are built up
+    streets = mix(streets, 1.0 + 0.6 * (block.x - 0.5), 0.8 * lit * lit * lit);
+#if BANDS == 3
+    // districts have lamps of their own: sodium here, white there
+    lamp_tint = mix(vec3(1.05, 0.97, 0.8), vec3(0.75, 1.05, 2.3), smoothstep(0.45, 0.95, block.y));
 #endif
-    color lamps = g.lamps * (map.z * map.z * map.z * streets);
+#endif
+    color lamps = g.lamps * (lit * lit * streets);
 #if CLOUDS
     lamps *= 1.0 - 0.8 * cloud;
 #endif
-    radiance += lamps;
+    radiance += lamps * lamp_tint;
 #endif
     return radiance;
 }

@@ -21,7 +21,8 @@ vec2 crater_vector(vec3 p, vec3 w) { return w.xy - p.xy * (sign(p.z) * w.z / (1.
 
 // Reflected over incident light, times pi: Lommel-Seeliger with the phase function of the whole disc.
 float reflected(float mu_sun, float mu_view, float cosine) {
-    float lit = max(mu_sun, 0.0);
+    // where the Sun grazes it, some of it is in the shade of what is smaller than the pixel
+    float lit = mu_sun * clamp(mu_sun * 20.0, 0.0, 1.0);
     float phase = textureLod(t_phase, vec2(acos(clamp(cosine, -1.0, 1.0)) * (1.0 / PI), 0.5), 0.0).x;
     return 2.0 * lit / (lit + max(mu_view, 0.02)) * phase; // 0.02: a facet seen edge-on
 }

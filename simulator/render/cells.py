@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.projection import PixelRect, directions
+from simulator.render.shoals import near_shoals
 from simulator.render.view import EQUATOR_M
 
 if TYPE_CHECKING:
@@ -26,6 +27,9 @@ _LARGEST_GROUND = 0.015  # of a cell on the ground [radii]: light and air are ev
 _POLE_SINE = 0.995  # the maps' longitude bends too fast nearer to the poles
 _LEVEL_STEP = 0.5  # of the levels of detail: a smooth cell has one for all its pixels
 _ICE_SINE = 0.73  # of the latitude (47 degrees): the sea is open nearer to the equator
+_LARGEST_OPEN = (
+    0.017  # of a cell on the ground [radii]: one degree; larger ones may hold shoals between their corners
+)
 _NIGHT_MU = 0.03  # cosine of the Sun's zenith angle: city lights are out where it is higher
 
 
@@ -36,14 +40,15 @@ class CellKind:
     Parameters
     ----------
     smooth : all ground, away from limb and poles. covered : the target may be in front.
-    night : some of it is dark enough for city lights. icy : some of it is far enough from the equator for ice.
+    night : some of it is dark enough for city lights. waters : some of it is far enough from the equator for ice, or
+        near water that is shallow or turbid.
     level : log2 of a pixel's footprint [km], smooth cells only.
     """
 
     smooth: bool
     covered: bool
     night: bool
-    icy: bool
+    waters: bool
     level: float
 
 
@@ -118,12 +123,16 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     night = ~(_all_corners(sun > _NIGHT_MU) & smooth)
     # a cell seen from far away, or over the limb, reaches beyond its corners
     span = distance * size * pixel_rad / np.fmax(depth, 0.1)
-    icy = ~_all_corners(np.abs(earth.camera[2] + distance * d[..., 2]) + span < _ICE_SINE)
+    ground = [earth.camera[k] + distance * d[..., k] for k in range(3)]
+    open_sea = (np.abs(ground[2]) + span < _ICE_SINE) & ~(span > _LARGEST_OPEN)
+    waters = ~_all_corners(open_sea & ~near_shoals(ground[2], np.arctan2(ground[1], ground[0])))
     # footprint: the mean of its two axes, as in shaders/earth/point.glsl
     footprint_km = distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(depth, 0.02))
     level = np.round(np.log2(np.fmax(footprint_km[:-1, :-1], 1e-6)) / _LEVEL_STEP)
     # one number per kind of cell
-    kind = (np.where(smooth, level, 0).astype(int) * 16 + icy * 8 + smooth * 4 + covered * 2 + night)[touched]
+    kind = (np.where(smooth, level, 0).astype(int) * 16 + waters * 8 + smooth * 4 + covered * 2 + night)[
+        touched
+    ]
 
     def middles(row: IntArray, column: IntArray) -> Float32Array:
         return np.stack([x[column], y[row]], axis=1).astype(np.float32) + np.float32(size / 2)

@@ -9,9 +9,11 @@ from scipy.interpolate import PchipInterpolator
 
 import simulator.render.passes.earth as passes
 from simulator.camera.model import Camera
+from simulator.render import cells
 from simulator.render.maps import COAST, decode_map
 from simulator.render.sea_ice import EXTENT_NORTH, EXTENT_SOUTH, HEIGHT, WIDTH, extent_m2, sea_ice
 from simulator.render.seasons import ANCHORS, season
+from simulator.render.shoals import WHERE, make_where
 from simulator.scene.bands import sun_irradiance_w_m2
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import EQUATOR_M, POLE_M, scene_above
@@ -214,7 +216,7 @@ def test_limb_lies_where_the_ellipsoid_ends(renderer, draw_kit, speck, roll_deg)
 
 
 def test_the_edges_of_the_sea_ice_enclose_the_extent_of_the_month():
-    coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH * 4, HEIGHT * 4))
+    coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH * 2, HEIGHT * 2))
     sea = cv2.resize((coast < 128).astype(np.float32), (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
     for month in range(1, 13):
         north, south = extent_m2(sea_ice(f"2026-{month:02d}-15T12:00:00Z") / 255, sea)
@@ -239,3 +241,42 @@ def test_ice_is_where_and_when_it_should_be(draw):
     assert gain("2026-10-15T12:00:00Z", -62.0, 0.0) > 4  # the Weddell Sea
     assert gain("2026-02-15T12:00:00Z", -62.0, 0.0) < 1.05
     assert gain("2026-04-15T12:00:00Z", 30.0, -40.0) == 1.0
+
+
+def test_the_edge_of_the_ice_is_no_line_and_its_day_no_draw(draw):
+    ice = sea_ice("2026-03-10T12:00:00Z")
+    assert np.array_equal(ice, sea_ice("2031-03-10T00:00:00Z"))
+    # the latitude of the first ice, each quarter of a degree from 20 to 60 W: rough at small scales and large
+    first = HEIGHT - 1 - np.argmax((ice[: HEIGHT // 2] > 40)[::-1], axis=0)[480:640] - HEIGHT // 2
+    for step in (2, 8):
+        assert 0.2 < np.abs(first[step:] - first[:-step]).mean() / 4 < 4
+
+
+@pytest.mark.parametrize(("bands", "quality"), [("mono", "default"), ("rgb", "default"), ("rgb", "high")])
+def test_shallow_water_shines(draw, bands, quality):
+    bare = replace(CLEAR, atmosphere=False, ocean_glint=False)
+    small = Camera(width_px=32, height_px=32, fx_px=200.0, fy_px=200.0, cx_px=15.5, cy_px=15.5)
+
+    def sea(latitude, longitude):
+        place = (latitude, longitude, 500.0)
+        view = {"camera": small, "bands": bands, "quality": quality}
+        return np.median(draw("2026-06-10T17:00:00Z", place, bare, **view).reshape(1024, -1), axis=0)
+
+    bank, ocean = sea(24.1, -78.6), sea(26.5, -68.0)  # the Great Bahama Bank
+    assert 2.5 < bank.mean() / ocean.mean() < 8  # white sand under some metres of clear water
+    if bands == "rgb":
+        assert bank[1] > 3 * ocean[1]  # it is green that comes back
+        assert bank[0] < bank[1] / 2
+
+
+def test_cells_that_do_not_look_for_shallow_water_would_find_none(draw, monkeypatch):
+    assert np.array_equal(make_where(), decode_map(WHERE, cv2.IMREAD_GRAYSCALE, None))
+    bare = replace(CLEAR, atmosphere=False, ocean_glint=False)
+    wide = Camera(width_px=192, height_px=128, fx_px=140.0, fy_px=140.0, cx_px=95.5, cy_px=63.5)
+    for place in ((27.0, -72.0, 700.0), (5.0, -47.0, 700.0)):  # beside banks, and a river's plume
+        view = (f"2026-06-10T{17 if place[0] > 20 else 15}:00:00Z", place, bare)
+        some = draw(*view, camera=wide)
+        monkeypatch.setattr(cells, "near_shoals", lambda z, _: np.full(z.shape, fill_value=True))
+        all_cells = draw(*view, camera=wide)
+        monkeypatch.undo()
+        assert np.abs(some / all_cells - 1).max() < 0.01

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from simulator.render.earth_maps import AUGUST
 from simulator.render.levels import levelled, levelled_texture
+from simulator.render.maps import WIDTH as MAP_WIDTH
 from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from simulator.render.passes.air import TABLE_DEFINES, AirPass
 from simulator.render.sea_ice import HEIGHT as ICE_HEIGHT
@@ -16,6 +17,8 @@ from simulator.render.sea_ice import WIDTH as ICE_WIDTH
 from simulator.render.sea_ice import sea_ice
 from simulator.render.seasons import OCTAVES, month_gain, season
 from simulator.render.seasons import SLOPE_MAX as RELIEF_SLOPE_MAX
+from simulator.render.shoals import SCALE as SHOAL_SCALE
+from simulator.render.shoals import shoals
 
 if TYPE_CHECKING:
     import moderngl
@@ -32,7 +35,7 @@ DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
 CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
 MAGNIFIED_LEVEL = -0.5  # of a cell: there the maps' texels are at least six pixels wide
-_OWN = ("t_coverage", "t_map", "t_detail", "t_relief", "t_before", "t_after", "t_ice")
+_OWN = ("t_coverage", "t_map", "t_detail", "t_relief", "t_before", "t_after", "t_ice", "t_shoals")
 _SAMPLERS = {
     1: (*_OWN, "t_air"),
     3: (
@@ -78,6 +81,7 @@ class EarthPass:
         self._ice = context.texture((ICE_WIDTH, ICE_HEIGHT), 1, alignment=1)
         self._ice.repeat_x, self._ice.repeat_y = True, False
         self._ice_day = ""
+        self._shoals: moderngl.Texture | None = None
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
 
     def air(self, thickness_km: float) -> Air:
@@ -111,7 +115,10 @@ class EarthPass:
             "CLOUDS": int(environment.clouds),
             "GLINT": int(environment.ocean_glint and not one),
             "NIGHT": int(environment.night_lights and kind.night),
-            "ICE": int(environment.sea_ice and kind.icy and not one),
+            "ICE": int(environment.sea_ice and kind.waters and not one),
+            "ICE_LEVEL": math.log2(MAP_WIDTH / ICE_WIDTH),
+            "SHOALS": int(kind.waters and not one),
+            "SHOAL_SCALE": SHOAL_SCALE,
             "SMOOTH": int(kind.smooth),
             "COVERED": int(kind.covered),
             "MOON": int(behind),
@@ -156,16 +163,13 @@ class EarthPass:
             images.fours_framebuffer.viewport = (0, 0, width // 2, height // 2)
         self._context.blend_func = self._context.ONE, self._context.ONE
         month = season(scene.epoch_utc) if environment.seasons else AUGUST
-        day = scene.epoch_utc[:10] if environment.seasons else "2004-08-15"
-        if day != self._ice_day:
-            self._ice.write(sea_ice(day).tobytes(), alignment=1)
-            self._ice_day = day
         textures = self._textures(images, self.air(environment.atmosphere_thickness_km).frame) | {
             "t_relief": self._relief,
             "t_before": self._month(month.before),
             "t_after": self._month(month.after),
-            "t_ice": self._ice,
         }
+        if any(kind.waters for kind in cells.centers_px):
+            textures |= self._waters(scene.epoch_utc[:10] if environment.seasons else "2004-08-15")
         for kind, centers in cells.centers_px.items():
             in_fours = fours and kind.smooth and not kind.covered
             (images.fours_framebuffer if in_fours else images.sky_framebuffer).use()
@@ -195,6 +199,17 @@ class EarthPass:
             buffer.orphan(centers.nbytes)
             buffer.write(centers)
             array.render(vertices=len(centers))
+
+    def _waters(self, day: str) -> dict[str, moderngl.Texture]:
+        """The sea's ice of a day, and its shallows: uploaded when such water is first in view."""
+        if self._shoals is None:
+            self._shoals = self._mapped(levelled(shoals(self.bands)))
+        if day != self._ice_day:
+            self._ice.write(sea_ice(day).tobytes(), alignment=1)
+            self._ice.build_mipmaps()
+            self._ice.filter = (self._context.LINEAR_MIPMAP_LINEAR, self._context.LINEAR)
+            self._ice_day = day
+        return {"t_ice": self._ice, "t_shoals": self._shoals}
 
     def _textures(self, images: Images, air: AirPass) -> dict[str, moderngl.Texture]:
         textures = {"t_coverage": images.coverage, "t_map": self._maps[0], "t_detail": self._detail}

@@ -1,0 +1,105 @@
+"""Shallow and turbid water: what the day map shows of the sea beyond the open ocean's blue.
+
+Banks, reefs, rivers' plumes, lakes full of silt. `python -m simulator.render.shoals` makes the small picture of where
+they are, ``assets/earth/shoals_360x180.png``, again: a cell of the screen that is not near one does not look for them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.render.cache import cached_array
+from simulator.render.maps import COAST, DAY, PAN_WEIGHTS, asset_size, decode_map
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.arrays import ByteArray, Float32Array, FloatArray
+
+WIDTH, HEIGHT = 4032, 2016
+WHERE = "shoals_360x180.png"
+SCALE = 0.35  # reflectance of a map's texel that is as blue as can be: clear shallows over white sand (Maritorena 1994)
+_POWER = 1.2  # of the map's 8 bits: nearly straight, where the land's darker values are pressed together
+_DEEP = (2.0, 5.0, 20.0)  # what the map paints the open ocean with: red, green, blue
+_NOTHING = 2.5  # counts over it that are only the picture's compression
+_ICE = 60.0  # counts in every channel: floating ice, not water
+_OFFSHORE = 24  # counts of the coast's distance (7 km): nearer texels are mixtures with land
+_ASHORE = 7  # texels over which what is offshore is carried to the shore
+_NOTICED = 0.006  # reflectance for which a cell of the screen looks
+_VERSION = 1
+
+
+def shoals(bands: int) -> ByteArray:
+    """(2016, 4032) or (2016, 4032, 4): square root of the reflectance over the open ocean's, over ``SCALE``."""
+    sizes = [asset_size(name) for name in (DAY, COAST, WHERE)]
+    key = hashlib.sha256(f"{_VERSION} {bands} {SCALE} {sizes}".encode()).hexdigest()[:16]
+    return cached_array(f"shoals-{bands}-{key}", lambda: _make(bands))
+
+
+def _make(bands: int) -> ByteArray:
+    # nothing is left where no cell looks
+    core = cv2.erode(_where().astype(np.float32), np.ones((3, 3)))
+    share = cv2.resize(core, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR)[..., None]
+    over = _over_the_ocean() * share
+    if bands == 1:
+        return _bytes(np.sqrt(over @ np.array(PAN_WEIGHTS, np.float32)))
+    return np.dstack([_bytes(np.sqrt(over)), np.full((HEIGHT, WIDTH), 255, np.uint8)])
+
+
+def _over_the_ocean() -> Float32Array:
+    """(2016, 4032, 3) reflectance over the open ocean's, over ``SCALE``."""
+    day = decode_map(DAY, cv2.IMREAD_COLOR, (WIDTH, HEIGHT))[..., ::-1].astype(np.float32)
+    coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH, HEIGHT))
+    over = np.clip(day - np.array(_DEEP, np.float32) - _NOTHING, 0, None) / (255 - _NOTHING)
+    sea = ((coast < 128 - _OFFSHORE) & (day.min(axis=2) < _ICE)).astype(np.uint8)
+    # beside the shore, and under ice, the water is as it is further out
+    around = (_ASHORE, _ASHORE)
+    known = cv2.blur(sea.astype(np.float32), around)
+    carried = cv2.blur(over * sea[..., None], around) / np.maximum(known, 1e-3)[..., None]
+    over = np.where(sea[..., None] > 0, over, carried * (known[..., None] > 0)) ** np.float32(_POWER)
+    return np.asarray(over, np.float32)
+
+
+def _bytes(values: NDArray[np.float32]) -> ByteArray:
+    return np.round(np.clip(values, 0, 1) * 255).astype(np.uint8)
+
+
+@lru_cache(maxsize=1)
+def _where() -> NDArray[np.bool_]:
+    return decode_map(WHERE, cv2.IMREAD_GRAYSCALE, None) > 0
+
+
+def near_shoals(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
+    """Whether there is such water within a degree or two.
+
+    Parameters
+    ----------
+    z : sine of the latitude. longitude : [rad]; of the same shape as z. NaN gives False.
+    """
+    known = np.isfinite(z) & np.isfinite(longitude)
+    row = np.clip(90 - np.degrees(np.arcsin(np.clip(np.where(known, z, 0), -1, 1))), 0, 179).astype(int)
+    column = (np.degrees(np.where(known, longitude, 0)) + 180).astype(int) % 360
+    return np.asarray(_where()[row, column] & known)
+
+
+def make_where() -> ByteArray:
+    """(180, 360) 255 where the water is noticeably brighter than the open ocean, and a degree around it."""
+    coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH, HEIGHT))
+    bright = SCALE * _over_the_ocean().max(axis=2) > _NOTICED
+    # rows and columns do not divide by whole texels: each cell of a degree takes what touches it
+    found = np.zeros((180, 360), np.uint8)
+    row, column = np.nonzero(bright & (coast < 128 - _OFFSHORE))
+    found[row * 180 // HEIGHT, column * 360 // WIDTH] = 255
+    wrapped = np.pad(found, ((1, 1), (1, 1)), mode="wrap")
+    return np.asarray(cv2.dilate(wrapped, np.ones((3, 3), np.uint8))[1:-1, 1:-1], np.uint8)
+
+
+if __name__ == "__main__":
+    path = Path(__file__).parents[2] / "assets" / "earth" / WHERE
+    path.write_bytes(cv2.imencode(".png", make_where(), [cv2.IMWRITE_PNG_BILEVEL, 1])[1].tobytes())
