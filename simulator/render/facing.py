@@ -1,10 +1,12 @@
-"""A closed mesh without the triangles that look away: those show nowhere, and cost as much as the others."""
+"""The triangles of a mesh that can show from a place, the nearest first: the others cost as much and show nowhere."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from simulator.render.occluders import hidden
 
 if TYPE_CHECKING:
     import moderngl
@@ -18,12 +20,12 @@ turn a small one round."""
 
 
 class FacingArray:
-    """A vertex array of a mesh; of closed shells it draws the triangles that face a place, of others all.
+    """A vertex array of a mesh that draws what can show: nothing behind large bodies; of closed shells what faces.
 
     Parameters
     ----------
     program : what draws it. more : further buffers with a value per vertex, as in `Mesh.vertex_array`.
-    whole : draw all triangles of closed shells too.
+    whole : draw all triangles, in the mesh's order.
     """
 
     def __init__(
@@ -36,12 +38,12 @@ class FacingArray:
     ) -> None:
         self._mesh = mesh
         self._indices: moderngl.Buffer | None = None
-        if mesh.is_closed and not whole and not (program.extra or {}).get("patches"):
+        if not whole and not (program.extra or {}).get("patches"):
             self._indices = context.buffer(reserve=mesh.indices.size, dynamic=True)
         self.array = mesh.vertex_array(context, program, *more, indices=self._indices)
 
     def render(self, place: FloatArray) -> None:
-        """Draw what faces a place.
+        """Draw what can show from a place.
 
         Parameters
         ----------
@@ -63,7 +65,17 @@ class FacingArray:
 
 
 def facing(mesh: Mesh, place: FloatArray) -> np.typing.NDArray[np.uint32]:
-    """(K, 3) triangles of a mesh that face a place, or hardly look away; ``place`` as in `FacingArray.render`."""
-    unit = np.asarray(place / np.linalg.norm(place[:3]), np.float32)
+    """(K, 3) triangles of a mesh that may show from a place, those in the nearest boxes first.
+
+    Of closed shells those that face it, or hardly look away; ``place`` as in `FacingArray.render`.
+    """
+    boxes = mesh.boxes
+    show = ~hidden(mesh.shells, boxes, place, mesh.radius_m)
+    kept = show.take(boxes.of)
+    if mesh.is_closed:
+        unit = np.asarray(place / np.linalg.norm(place[:3]), np.float32)
+        kept &= mesh.planes @ unit > -GRAZING
     # by their numbers: a mask over rows takes numpy twice as long
-    return mesh.triangles.take(np.flatnonzero(mesh.planes @ unit > -GRAZING), axis=0)
+    numbers = np.flatnonzero(kept)
+    order = np.argsort(boxes.ranks(place).take(boxes.of.take(numbers)), kind="stable")
+    return mesh.triangles.take(numbers.take(order), axis=0)

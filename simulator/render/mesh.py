@@ -12,12 +12,14 @@ from scipy.spatial import ConvexHull, QhullError
 from simulator.errors import UserError
 from simulator.render.blocks import MAX_MATERIALS
 from simulator.render.charts import TEXEL, make_charts
+from simulator.render.occluders import BOX, Boxes, find_shells
 from simulator.render.patches import EDGE_SHARE, PatchArray, cut
 from simulator.targets.shells import is_closed
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.render.charts import Charts
+    from simulator.render.occluders import ConvexShell
     from simulator.targets.model import Material, Target
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
@@ -53,7 +55,7 @@ class Mesh:
     at_chart : the vertices' places in the atlas.
     is_closed : every part is a set of closed shells facing outwards.
     triangles : (T, 3) what ``indices`` holds. planes : (T, 4) of each: unit normal, and its distance from the origin
-        with the sign turned [m].
+        with the sign turned [m]. boxes : about triangles that lie together. shells : large bodies that hide others.
     uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
     """
 
@@ -67,6 +69,8 @@ class Mesh:
     is_closed: bool
     triangles: np.typing.NDArray[np.uint32]
     planes: Float32Array
+    boxes: Boxes
+    shells: tuple[ConvexShell, ...]
     charts: Charts
     at_chart: moderngl.Buffer
     uv: moderngl.Buffer | None = None
@@ -184,6 +188,7 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
         TEXEL * radius,
     )
     merged, triangles = whole[charts.origin], charts.triangles
+    corners = merged["position_m"].astype(float)[triangles]
     return Mesh(
         vertices=context.buffer(merged.tobytes()),
         indices=context.buffer(triangles.tobytes()),
@@ -194,7 +199,9 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
         radius_m=radius,
         is_closed=all(is_closed(part) for part in target.parts),
         triangles=triangles,
-        planes=_planes(merged["position_m"].astype(float)[triangles]),
+        planes=_planes(corners),
+        boxes=Boxes.about(corners, BOX * radius),
+        shells=find_shells(target.parts, radius),
         charts=charts,
         at_chart=context.buffer(charts.uv.tobytes()),
         uv=context.buffer(np.concatenate(uv).astype(np.float32)[charts.origin].tobytes())

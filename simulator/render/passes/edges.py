@@ -9,6 +9,7 @@ import numpy as np
 
 from simulator.render.context import release
 from simulator.render.lattice import lattice_defines
+from simulator.render.occluders import BOX, Boxes, hidden
 from simulator.render.size_classes import SizeClasses
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from simulator.arrays import FloatArray, IntArray
     from simulator.camera.model import Camera
     from simulator.render.lattice import Lattice
+    from simulator.render.mesh import Mesh
     from simulator.render.mesh_edges import MeshEdges
     from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
@@ -26,10 +28,16 @@ _PATTERN = np.array([0, 1, 2, 2, 1, 3], np.uint32)
 
 
 class EdgeBuffers:
-    """The edges of one mesh on the GPU, and the list of those that this frame draws."""
+    """The edges of one mesh on the GPU, and the list of those that this frame draws.
 
-    def __init__(self, context: moderngl.Context, edges: MeshEdges) -> None:
-        self.edges = edges
+    Parameters
+    ----------
+    mesh : its large bodies hide edges.
+    """
+
+    def __init__(self, context: moderngl.Context, edges: MeshEdges, mesh: Mesh) -> None:
+        self.edges, self.mesh = edges, mesh
+        self.boxes = Boxes.about(edges.vertices_m[edges.ends], BOX * mesh.radius_m)
         self.vertices = context.buffer(edges.quads().tobytes() or b"\0")
         self.indices = context.buffer(reserve=max(4 * 6 * len(edges.ends), 4), dynamic=True)
 
@@ -85,7 +93,7 @@ class EdgePass:
         image.framebuffer.clear()
         seen = np.zeros(0, int)
         if buffers is not None:
-            seen = _drawn(buffers.edges, camera, rect, near_m, camera_from_target)
+            seen = _drawn(buffers, camera, rect, near_m, camera_from_target)
         return EdgeList(image, rect, buffers, seen)
 
     def run(self, edges: EdgeList, lattice: Lattice, lattice_size: tuple[int, int]) -> moderngl.Texture:
@@ -120,11 +128,15 @@ class EdgePass:
 
 
 def _drawn(
-    edges: MeshEdges, camera: Camera, rect: PixelRect, near_m: float, camera_from_target: FloatArray
+    buffers: EdgeBuffers, camera: Camera, rect: PixelRect, near_m: float, camera_from_target: FloatArray
 ) -> IntArray:
-    """Edges that face the camera, lie in front of it, touch the window and are long enough to matter."""
+    """Edges that can show and face the camera, lie in front of it, touch the window and are long enough to matter."""
+    edges, mesh = buffers.edges, buffers.mesh
     R, t = camera_from_target[:3, :3], camera_from_target[:3, 3]
-    seen = edges.seen_from(-R.T @ t)
+    place = -R.T @ t
+    seen = edges.seen_from(place)
+    behind = hidden(mesh.shells, buffers.boxes, np.append(place, 1.0), mesh.radius_m)
+    seen = seen[~behind.take(buffers.boxes.of.take(seen))]
     x, y, z = R @ edges.vertices_m.T + t[:, None]
     # comparisons with NaN are false: an edge behind the camera drops out
     scale = 1 / np.where(z > near_m, z, np.nan)

@@ -134,7 +134,7 @@ class TargetPasses:
                 FacingArray(context, mesh, shadow.program.gl),
                 # textures are bound by stretches of the index buffer
                 FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
-                EdgeBuffers(context, find_edges(target.parts, is_closed=mesh.is_closed)),
+                EdgeBuffers(context, find_edges(target.parts, is_closed=mesh.is_closed), mesh),
                 ReturnedLight(context, self._programs, mesh),
                 textures,
             )

@@ -1,0 +1,235 @@
+"""What of a craft its large convex bodies hide from a place: found by planes before anything is drawn.
+
+A craft's box or panel is a convex shell. From a place outside, the region that it hides is convex too: inside of its
+faces that look at the place, and inside of the planes through the place and its silhouette. Boxes of triangles or edges
+that lie in the region as a whole need not be drawn; the picture is the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from simulator.targets.model import Part
+
+MARGIN = 2e-4
+"""Of the radius, by which what is hidden lies inside the region: more than a raster's rounding of corners."""
+CLOSEST_M = 0.15
+"""A shell nearer to the camera hides nothing: the near plane (0.01 m along the axis) may open it."""
+BOX = 0.07
+"""Of the radius: size of a box of triangles or edges."""
+_PLACE = 2e-6  # of the radius: corners nearer than this are one
+_MOST = 4  # shells of one craft: each takes time, and the largest hide most
+_LEAST_SHARE = 0.1  # of the largest shell's area
+_APART = 0.05  # of the radius: a shell that stands out of a larger one by less hides little more
+_MOST_TRIANGLES = 256  # a round shell has a plane for each face of its silhouette
+_MOST_BODIES = 16  # of a part that are looked at
+_BULGE = 1e-5  # of the radius, by which corners may stand out of a convex shell's planes
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexShell:
+    """A closed convex surface, target frame.
+
+    Parameters
+    ----------
+    planes : (F, 4) of its flat faces: unit normal outwards, and its distance from the origin with the sign turned [m].
+    ends_m : (E, 2, 3) of the edges between them. faces : (E, 2) rows of ``planes`` on the left and right of each edge.
+    turns : (E, 3, 4) that take a homogeneous place to the normal of the plane through it and the edge: the product of
+        the edge's vector and the one from its start to the place.
+    area_m2 : of the surface.
+    """
+
+    planes: FloatArray
+    ends_m: FloatArray
+    faces: IntArray
+    turns: FloatArray
+    area_m2: float
+
+    def hides(self, place: FloatArray) -> FloatArray | None:
+        """(P, 4) planes of the region hidden from a place; ``None`` where nothing is, or too near to tell.
+
+        Parameters
+        ----------
+        place : (4,) homogeneous, target frame: a point (x, y, z, 1) [m] or the direction (x, y, z, 0) of one far away.
+        """
+        beyond = self.planes @ place
+        if beyond.max() <= (CLOSEST_M if place[3] else 0.0):
+            return None
+        front = beyond > 0
+        left, right = front.take(self.faces.T)
+        edges = np.flatnonzero(left != right)
+        normals = self.turns.take(edges, axis=0) @ place
+        # of the two faces the one on the left has the shell on the inner side of that plane when it looks at the place
+        lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
+        normals *= (np.where(left.take(edges), 1.0, -1.0) / np.maximum(lengths, 1e-12))[:, None]
+        distances = np.einsum("ij,ij->i", normals, self.ends_m[:, 0].take(edges, axis=0))
+        return np.concatenate([self.planes[front], np.column_stack([normals, -distances])])
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """Boxes along the target's axes about some triangles or edges each.
+
+    Parameters
+    ----------
+    extents_m : (6, B) float32: middles, and halves of the sides. of : (K,) the box of each triangle or edge.
+    """
+
+    extents_m: Float32Array
+    of: IntArray
+
+    @staticmethod
+    def about(corners_m: FloatArray, size_m: float) -> Boxes:
+        """Boxes of things (K, N, 3), N corners each, that lie together; one longer than the size has its own.
+
+        Parameters
+        ----------
+        size_m : about that of a box.
+        """
+        low, high = corners_m.min(axis=1), corners_m.max(axis=1)
+        cell = np.floor((low + high) / (2 * size_m)).astype(np.int64)
+        cell -= cell.min(axis=0, initial=0)
+        span = cell.max(axis=0, initial=0) + 1
+        key = (cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2]
+        long = (high - low).max(axis=1) > size_m
+        key[long] = -1 - np.arange(np.count_nonzero(long))
+        _, of = np.unique(key, return_inverse=True)
+        order = np.argsort(of, kind="stable")
+        starts = np.flatnonzero(np.diff(of[order], prepend=-1))
+        if len(starts):
+            low = np.minimum.reduceat(low[order], starts)
+            high = np.maximum.reduceat(high[order], starts)
+        extents = np.concatenate([(low + high) / 2, (high - low) / 2], axis=1)
+        return Boxes(np.ascontiguousarray(extents.T, np.float32), of)
+
+    def ranks(self, place: FloatArray) -> IntArray:
+        """(B,) order of the boxes by their farthest points, 0 the nearest; ``place`` as in `ConvexShell.hides`.
+
+        So small boxes come before the large faces that they stand on, and a depth test drops what they hide of those.
+        """
+        middle, half = self.extents_m[:3], self.extents_m[3:]
+        if place[3]:
+            away = np.linalg.norm(middle - place[:3, None].astype(np.float32), axis=0)
+            away += np.linalg.norm(half, axis=0)
+        else:
+            towards = (place[:3] / np.linalg.norm(place[:3])).astype(np.float32)
+            away = np.abs(towards) @ half - towards @ middle
+        ranks = np.empty(len(away), np.min_scalar_type(len(away)))
+        ranks[np.argsort(away, kind="stable")] = np.arange(len(away))
+        return ranks
+
+    def inside(self, planes: FloatArray, margin_m: float) -> BoolArray:
+        """(B,) whether a box as a whole lies inside of all planes (P, 4), by more than a margin."""
+        n = planes[:, :3]
+        outermost = np.concatenate([n, np.abs(n)], axis=1).astype(np.float32) @ self.extents_m
+        outermost += (planes[:, 3:] + margin_m).astype(np.float32)
+        return np.asarray(outermost.max(axis=0) < 0)
+
+
+def hidden(shells: Sequence[ConvexShell], boxes: Boxes, place: FloatArray, radius_m: float) -> BoolArray:
+    """(B,) boxes that some convex shell hides from a place; ``place`` as in `ConvexShell.hides`."""
+    found = np.zeros(boxes.extents_m.shape[1], bool)
+    for shell in shells:
+        planes = shell.hides(place)
+        if planes is not None:
+            found |= boxes.inside(planes, MARGIN * radius_m)
+    return found
+
+
+def find_shells(parts: Sequence[Part], radius_m: float) -> tuple[ConvexShell, ...]:
+    """The largest convex shells among the bodies of some parts, none of them close about another.
+
+    Parameters
+    ----------
+    radius_m : of the craft's bounding sphere.
+    """
+    corners = [part.positions_m.astype(float)[np.asarray(part.triangles)] for part in parts]
+    normals = [np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) / 2 for c in corners]
+    areas = [float(np.linalg.norm(n, axis=1).sum()) for n in normals]
+    shells: list[ConvexShell] = []
+    for k in sorted(range(len(areas)), key=lambda k: -areas[k]):
+        if shells and areas[k] < _LEAST_SHARE * shells[0].area_m2:
+            break
+        for body in _bodies(corners[k], _PLACE * radius_m):
+            shell = _convex(body, radius_m)
+            if shell is not None:
+                shells.append(shell)
+        shells.sort(key=lambda shell: -shell.area_m2)
+    kept: list[ConvexShell] = []
+    for shell in shells:
+        small = shell.area_m2 < _LEAST_SHARE * shells[0].area_m2
+        if len(kept) < _MOST and not small and all(_stands_out(shell, of) > _APART * radius_m for of in kept):
+            kept.append(shell)
+    return tuple(kept)
+
+
+def _stands_out(shell: ConvexShell, of: ConvexShell) -> float:
+    """How far a shell stands out of another one's planes [m]."""
+    corners = shell.ends_m.reshape(-1, 3)
+    return float((corners @ of.planes[:, :3].T + of.planes[:, 3]).max())
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """Triangles (T, 3, 3) that hang together, and the numbers (T, 3) of their corners' places."""
+
+    corners_m: FloatArray
+    places: IntArray
+
+
+def _bodies(corners_m: FloatArray, step_m: float) -> list[_Body]:
+    """The largest bodies of a part's triangles (T, 3, 3) that have few of them; corners a step apart are one."""
+    cell = np.rint(corners_m.reshape(-1, 3) / step_m).astype(np.int64)
+    cell -= cell.min(axis=0, initial=0)
+    span = cell.max(axis=0, initial=0) + 1
+    _, places = np.unique((cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2], return_inverse=True)
+    places = places.reshape(-1, 3)
+    n = int(places.max(initial=0)) + 1
+    start, end = places[:, :2].ravel(), places[:, 1:].ravel()
+    _, label = connected_components(coo_matrix((np.ones(len(start), bool), (start, end)), shape=(n, n)))
+    body = label[places[:, 0]].astype(np.int64)
+    normal = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    area = np.bincount(body, np.linalg.norm(normal, axis=1))
+    area[np.bincount(body) > _MOST_TRIANGLES] = 0
+    largest = np.argsort(-area, kind="stable")[:_MOST_BODIES]
+    members = [np.flatnonzero(body == k) for k in largest if area[k] > 0]
+    return [_Body(corners_m[of], places[of]) for of in members]
+
+
+def _convex(body: _Body, radius_m: float) -> ConvexShell | None:
+    """A body as a convex shell, if it is closed and convex."""
+    corners, places = body.corners_m, body.places
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    double = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= np.maximum(double, 1e-30)
+    planes = np.column_stack([normals, -np.einsum("ij,ij->i", normals, corners[:, 0])])
+    points = corners.reshape(-1, 3)
+    if (points @ normals.T + planes[:, 3]).max() > _BULGE * radius_m:
+        return None
+    # each side of a triangle has a twin that runs the other way
+    n = int(places.max()) + 1
+    start, end = places.ravel(), np.roll(places, -1, axis=1).ravel()
+    ours, theirs = start * n + end, end * n + start
+    first, second = np.argsort(ours), np.argsort(theirs)
+    if not np.array_equal(ours[first], theirs[second]) or np.any(np.diff(ours[first]) == 0):
+        return None
+    # triangles of one flat face share a plane
+    steps = planes / [1e-6, 1e-6, 1e-6, _BULGE * radius_m]
+    _, row, flat = np.unique(np.rint(steps), axis=0, return_index=True, return_inverse=True)
+    faces = flat.ravel()[np.stack([first // 3, second // 3], axis=1)]
+    real = (start < end)[first] & (faces[:, 0] != faces[:, 1])
+    ends = np.stack([points, np.roll(corners, -1, axis=1).reshape(-1, 3)], axis=1)[first][real]
+    along = ends[:, 1] - ends[:, 0]
+    turns = np.concatenate(
+        [np.cross(along[:, None], np.eye(3)).swapaxes(1, 2), -np.cross(along, ends[:, 0])[..., None]], axis=2
+    )
+    return ConvexShell(planes[row], ends, faces[real], turns, float(double.sum() / 2))
