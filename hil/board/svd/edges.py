@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Optional, Tuple
 
 import cv2
@@ -18,18 +18,29 @@ LIKELY = 0.08
 
 
 @dataclass(frozen=True, eq=False)
+class NearestEdges:
+    """Where the nearest edge of one direction is.
+
+    Parameters
+    ----------
+    distance : (h, w) float32 [field px]. label : (h, w) number of that edge; place : (N + 1, 2) its column and row.
+    """
+
+    distance: Array
+    label: Array
+    place: Array
+
+
+@dataclass(frozen=True, eq=False)
 class EdgeField:
     """Directional nearest-edge tables of one region at one scale.
 
     Parameters
     ----------
     x0, y0 : the region's corner, full-resolution pixels; factor : full-resolution pixels per field pixel.
-    mask : (h, w) thin edges. angle : (h, w) direction of the gradient, 0..pi.
-    distance : (K, h, w) float32 distance to the nearest edge of about that direction [field px].
-    nearest : (K, h, w, 2) float32 where that edge is [field px].
+    mask : (h, w) thin edges. gx, gy : (h, w) gradient.
     strength : (h, w) gradient magnitude in units of its noise.
     lit : (h, w) whether anything within two pixels is brighter than the empty background.
-    direction : (h, w) direction of the gradient, -pi..pi, towards the brighter side.
     empty : whether the background is empty space.
     core : (h, w) what is brighter than empty background less the rim that blur lit; none when
         it is not empty.
@@ -39,14 +50,46 @@ class EdgeField:
     y0: float
     factor: float
     mask: Array
-    angle: Array
-    distance: Array
-    nearest: Array
+    gx: Array
+    gy: Array
     strength: Array
     lit: Array
     core: Array
-    direction: Array
     empty: bool
+
+    @cached_property
+    def direction(self) -> Array:
+        """(h, w) direction of the gradient, -pi..pi, towards the brighter side."""
+        return np.arctan2(self.gy, self.gx)
+
+    @cached_property
+    def angle(self) -> Array:
+        """(h, w) the same without the side, 0..pi."""
+        return np.mod(self.direction, np.pi).astype(np.float32)
+
+    @cached_property
+    def tables(self) -> Tuple[NearestEdges, ...]:
+        """Of each of K directions; made when asked for: of most places that are looked at nobody does."""
+        return nearest_edges(self.mask, self.angle)
+
+    @cached_property
+    def distance(self) -> Array:
+        """(K, h, w) float32 distance to the nearest edge of about that direction [field px]."""
+        return np.stack([t.distance for t in self.tables])
+
+    @cached_property
+    def nearest(self) -> Array:
+        """(K, h, w, 2) float32 where that edge is [field px]."""
+        return np.stack([np.take(t.place, t.label, axis=0) for t in self.tables])
+
+    def nearest_at(self, flat: Array) -> Array:
+        """(N, 2) the same at few places, indices (N,) as ``lookup`` gives them."""
+        channel, at = np.divmod(flat, self.mask.size)
+        out = np.zeros((len(flat), 2), np.float32)
+        for k, t in enumerate(self.tables):
+            own = channel == k
+            out[own] = t.place[t.label.ravel()[at[own]]]
+        return out
 
     @property
     def size(self) -> Tuple[int, int]:
@@ -144,9 +187,6 @@ def edge_field(
     if likely is not None:
         mask &= _about(likely, box, image.shape, mask.shape)
     mask = drop_specks(mask, 5)
-    direction = np.arctan2(gy, gx)
-    angle = np.mod(direction, np.pi).astype(np.float32)
-    distance, nearest = tables(mask, angle)
     lit, core = np.ones(mask.shape, bool), np.zeros(mask.shape, bool)
     if background >= 0:
         # a Gaussian of b pixels averages 4 pi b^2 of them
@@ -160,13 +200,11 @@ def edge_field(
         y0=float(y0),
         factor=factor,
         mask=mask,
-        angle=angle,
-        distance=distance,
-        nearest=nearest,
+        gx=gx,
+        gy=gy,
         strength=magnitude / sigma,
         lit=lit,
         core=core,
-        direction=direction,
         empty=background >= 0,
     )
 
@@ -193,26 +231,26 @@ def drop_specks(mask: Array, smallest: int) -> Array:
     return np.asarray(keep[labels])
 
 
-def tables(mask: Array, angle: Array) -> Tuple[Array, Array]:
-    """Directional distance transforms (K, h, w) and nearest edges (K, h, w, 2)."""
+def nearest_edges(mask: Array, angle: Array) -> Tuple[NearestEdges, ...]:
+    """Distance and way to the nearest edge of each of K directions."""
     h, w = mask.shape
-    distance = np.full((CHANNELS, h, w), 1e4, np.float32)
-    nearest = np.zeros((CHANNELS, h, w, 2), np.float32)
     step = np.pi / CHANNELS
-    ys, xs = np.nonzero(mask)
-    theta = angle[ys, xs]
+    at = np.flatnonzero(mask)
+    theta = angle.ravel()[at]
+    out = []
     for k in range(CHANNELS):
         off = np.abs(np.mod(theta - k * step + np.pi / 2, np.pi) - np.pi / 2)
-        near = off < 1.2 * step
-        if not near.any():
+        near = at[off < 1.2 * step]
+        if not len(near):
+            far = np.full((h, w), 1e4, np.float32)
+            out.append(NearestEdges(far, np.zeros((h, w), np.int32), np.zeros((1, 2), np.float32)))
             continue
-        zero = np.full((h, w), 255, np.uint8)
-        zero[ys[near], xs[near]] = 0
-        d, labels = cv2.distanceTransformWithLabels(
-            zero, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+        zero = np.full(h * w, 255, np.uint8)
+        zero[near] = 0
+        distance, label = cv2.distanceTransformWithLabels(
+            zero.reshape(h, w), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
         )
-        distance[k] = d
-        where = np.zeros((int(labels.max()) + 1, 2), np.float32)
-        where[labels[ys[near], xs[near]]] = np.stack([xs[near], ys[near]], axis=-1)
-        nearest[k] = where[labels]
-    return distance, nearest
+        place = np.zeros((len(near) + 1, 2), np.float32)
+        place[label.ravel()[near]] = np.stack(np.divmod(near, w)[::-1], axis=-1)
+        out.append(NearestEdges(distance, label, place))
+    return tuple(out)

@@ -23,6 +23,10 @@ REDUCTION = 4
 # Shortest segment that makes a window [px of the reduced picture].
 LONG_PX = 8.0
 
+# Edges nearer than these are one group [px of the reduced picture]; those of other things than the craft are farther.
+APART = 31
+JOINS = (13, APART, 7)
+
 # Share of the edges on the craft from which the background is empty space.
 OWN_EDGES = 0.8
 
@@ -79,19 +83,20 @@ def cdf_region(strong: Array, low: float = 0.025, high: float = 0.975) -> Region
 def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
     """Boxes (x0, y0, x1, y1, edge pixels) of the groups of edges closer than ``join_px``, largest first."""
     size = 2 * (join_px // 2) + 1
-    joined = cv2.dilate(mask.astype(np.uint8), np.ones((size, size), np.uint8))
-    count, labels = cv2.connectedComponents(joined, connectivity=8)
-    labels = np.where(mask, labels, 0)
-    ys, xs = np.nonzero(labels)
-    which = labels[ys, xs]
-    out = []
-    for k in np.unique(which):
-        on = which == k
-        out.append(
-            (int(xs[on].min()), int(ys[on].min()), int(xs[on].max()), int(ys[on].max()), int(on.sum()))
-        )
-        if count > 400 and len(out) >= 400:
-            break
+    joined = cv2.dilate(mask.view(np.uint8), np.ones((size, size), np.uint8))
+    labels = cv2.connectedComponents(joined, connectivity=8)[1]
+    at = np.flatnonzero(mask)
+    which = labels.ravel()[at]
+    # group by group
+    at = at[np.argsort(which, kind="stable")]
+    number = np.bincount(which)
+    number = number[number > 0]
+    if not len(number):
+        return []
+    first = np.cumsum(number) - number
+    ys, xs = np.divmod(at, mask.shape[1])
+    ends = [f.reduceat(v, first).tolist() for f in (np.minimum, np.maximum) for v in (xs, ys)]
+    out = list(zip(*ends, number.tolist()))  # noqa: B905 - Python 3.9 has no strict=
     return sorted(out, key=lambda c: -c[4])
 
 
@@ -117,7 +122,8 @@ def propose_regions(
     mask = drop_specks(mask, 4)
     regions: List[Region] = []
     likely: Optional[Array] = None
-    busy = max(float(_busy_share(mask)), _elsewhere(mask))
+    grouped = {join: clusters(mask, join) for join in JOINS}
+    busy = max(float(_busy_share(mask)), _elsewhere(grouped[APART], int(mask.sum())))
 
     def add(x0: float, y0: float, x1: float, y1: float, source: str) -> None:
         f = REDUCTION
@@ -126,8 +132,7 @@ def propose_regions(
             return
         regions.append(r)
 
-    for join in (13, 31, 7):
-        groups = clusters(mask, join)
+    for join, groups in grouped.items():
         if not groups:
             continue
         x0, y0, x1, y1, _ = groups[0]
@@ -187,34 +192,35 @@ def straight_windows(
     # the limb of the Earth is one very long line; no edge of the craft outweighs it by length alone
     weight = np.minimum(length, 60.0) ** 2
     d = (ends[:, 1] - ends[:, 0]) / length[:, None]
-    at = np.clip(np.rint(middle).astype(int), 0, [w - 1, h - 1])
-    heat = np.zeros((3, h, w), np.float32)
-    for layer, value in enumerate(
-        (weight, weight * (d[:, 0] ** 2 - d[:, 1] ** 2), weight * 2 * d[:, 0] * d[:, 1])
-    ):
-        np.add.at(heat[layer], (at[:, 1], at[:, 0]), value)
+    # a window's place need not be finer than two pixels
+    h, w = (h + 1) // 2, (w + 1) // 2
+    x, y = np.clip((0.5 * middle + 0.25).astype(int), 0, [w - 1, h - 1]).T
+    turned = (weight, weight * (d[:, 0] ** 2 - d[:, 1] ** 2), weight * 2 * d[:, 0] * d[:, 1])
+    heat = [np.bincount(y * w + x, t, h * w).reshape(h, w).astype(np.float32) for t in turned]
+    mean = 0.25 * float(heat[0].mean())
     found: List[Tuple[float, Tuple[float, float, float, float]]] = []
     for side in (44, 72, 116, 190, 290):
+        half = side // 2
         total, c, s = (
-            cv2.boxFilter(layer, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
+            cv2.boxFilter(layer, -1, (half, half), normalize=False, borderType=cv2.BORDER_CONSTANT)
             for layer in heat
         )
         # a square window of texture holds as many segments as it has area: the craft holds more, and across
         # each other, where waves and limbs run one way
-        crossed = 1.0 - np.hypot(c, s) / np.maximum(total, 1e-6)
-        score = (total - float(heat[0].mean()) * side * side) * crossed / side
-        half = side // 2
+        crossed = 1.0 - cv2.magnitude(c, s) / np.maximum(total, 1e-6)
+        score = (total - mean * side * side) * crossed / side
+        own = half // 2
         for _ in range(2):
             row, col = (int(v) for v in np.unravel_index(int(np.argmax(score)), score.shape))
             if score[row, col] <= 0:
                 break
-            here = np.array([col, row], float)
+            here = 2.0 * np.array([col, row]) + 0.5
             inside = np.all(np.abs(middle - here) <= 0.5 * side, axis=1)
             # segments that leave the window belong to it no more than halfway
             p = np.clip(ends[inside].reshape(-1, 2), here - 0.6 * side, here + 0.6 * side)
             (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)
             found.append((float(score[row, col]), (float(x0), float(y0), float(x1), float(y1))))
-            score[max(0, row - half) : row + half, max(0, col - half) : col + half] = -1.0
+            score[max(0, row - own) : row + own, max(0, col - own) : col + own] = -1.0
     found.sort(key=lambda f: -f[0])
     return [box for _, box in found[: 2 * count]]
 
@@ -227,10 +233,8 @@ def _on_craft(mask: Array, likely: Array) -> float:
     return float(cell[near].sum() / max(float(cell.sum()), 1e-9))
 
 
-def _elsewhere(mask: Array) -> float:
-    """Share of the edges that lie outside the main group of them, when it is not a few specks."""
-    groups = clusters(mask, 31)
-    total = int(mask.sum())
+def _elsewhere(groups: List[Tuple[int, int, int, int, int]], total: int) -> float:
+    """Share of ``total`` edges that lie outside the main group of them, when it is not a few specks."""
     if len(groups) < 2 or total < 200:
         return 0.0
     x0, y0, x1, y1, count = groups[0]

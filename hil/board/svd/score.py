@@ -101,7 +101,7 @@ def support(
     if field.empty:
         # against empty space the craft is the brighter side: an edge of the other kind is another edge
         inward = inward_sign(shape, uv, pr.normals[0])
-        e = np.clip(np.rint(field.nearest.reshape(-1, 2)[flat]), 0, np.array(field.size) - 1).astype(np.intp)
+        e = np.clip(np.rint(field.nearest_at(flat)), 0, np.array(field.size) - 1).astype(np.intp)
         to = field.direction[e[:, 1], e[:, 0]]
         agree = inward * (np.cos(to) * pr.normals[0][:, 0] + np.sin(to) * pr.normals[0][:, 1])
         s = np.where(agree < 0, 0.0, s)

@@ -75,14 +75,17 @@ def measures(small: Array, noise: float, segments: Optional[Array] = None) -> Ar
         _straightness(gx, gy, sigma, w, h),
         *_segments(straight_segments(small) if segments is None else segments, w, h),
     ]
-    out = []
+    out = np.empty((len(layers) * (1 + len(REACHES)) + len(REACHES), h, w), np.float32)
+    k = 0
     for layer in layers:
-        out.append(layer)
-        out += [cv2.blur(layer, (r, r)) for r in REACHES]
-    for r in REACHES:
-        mean = cv2.blur(layers[0], (r, r))
-        out.append(np.sqrt(np.maximum(cv2.blur(layers[0] ** 2, (r, r)) - mean * mean, 0.0)))
-    return np.stack(out, axis=-1).astype(np.float32)
+        out[k] = layer
+        for j, r in enumerate(REACHES):
+            cv2.blur(out[k], (r, r), dst=out[k + 1 + j])
+        k += 1 + len(REACHES)
+    for j, r in enumerate(REACHES):
+        mean = out[1 + j]
+        out[k + j] = np.sqrt(np.maximum(cv2.blur(layers[0] ** 2, (r, r)) - mean * mean, 0.0))
+    return np.moveaxis(out, 0, -1)
 
 
 def _cells(layer: Array, w: int, h: int) -> Array:
@@ -120,25 +123,27 @@ def _segments(segments: Array, w: int, h: int) -> List[Array]:
     x = np.clip(np.rint(p[:, 0]).astype(int), 0, w - 1)
     y = np.clip(np.rint(p[:, 1]).astype(int), 0, h - 1)
     size = length[which]
+    at, cells = y * w + x, h * w
     for k, part in enumerate((size < 6, (size >= 6) & (size < 14), size >= 14)):
-        np.add.at(out[k], (y[part], x[part]), 1.0)
+        out[k] += np.bincount(at[part], minlength=cells).reshape(h, w)
     weight = np.minimum(size, 20.0)
-    np.add.at(out[3], (y, x), weight * (d[which, 0] ** 2 - d[which, 1] ** 2))
-    np.add.at(out[4], (y, x), weight * 2 * d[which, 0] * d[which, 1])
-    total = np.zeros((h, w), np.float32)
-    np.add.at(total, (y, x), weight)
+    u, v = d[which, 0], d[which, 1]
+    turned = (weight, weight * (u * u - v * v), weight * 2 * u * v)
+    total, out[3], out[4] = (np.bincount(at, t, cells).reshape(h, w).astype(np.float32) for t in turned)
     about, c, s = (cv2.blur(v, (11, 11)) for v in (total, out[3], out[4]))
     return [*out[:3], about - np.hypot(c, s)]
 
 
 def target_map(small: Array, noise: float, weights: Weights, segments: Optional[Array] = None) -> Array:
     """(h, w) probability that a cell shows the craft; ``segments`` as in ``measures``."""
-    m = (measures(small, noise, segments) - weights.mean) / weights.scale
-    hidden = np.maximum(
-        m.reshape(-1, m.shape[-1]).astype(np.float32) @ weights.first + weights.first_bias, 0.0
-    )
-    z = hidden @ weights.second + weights.second_bias
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30)))).reshape(m.shape[:2])
+    m = measures(small, noise, segments)
+    h, w, n = m.shape
+    # measures less their mean over their scale, taken into the weights
+    first = (weights.first / weights.scale[:, None]).astype(np.float32)
+    bias = (weights.first_bias - (weights.mean / weights.scale) @ weights.first).astype(np.float32)
+    hidden = np.maximum(first.T @ np.moveaxis(m, -1, 0).reshape(n, -1) + bias[:, None], 0.0)
+    z = weights.second @ hidden + weights.second_bias
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30)))).reshape(h, w)
 
 
 def boxes(probability: Array, most: int = 4) -> List[Tuple[float, float, float, float]]:
