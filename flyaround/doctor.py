@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulator.errors import UserError
+from simulator.render.first_hits import embree_is_here
 from simulator.render.renderer import Renderer
 
 
@@ -28,7 +29,7 @@ class Finding:
 
 def examine() -> tuple[Finding, ...]:
     """Look at Python, OpenGL, the screen and the optional parts."""
-    return (_python(), _opengl(), _screen(), *_optional())
+    return (_python(), _opengl(), _rays(), _screen(), *_optional())
 
 
 def _python() -> Finding:
@@ -44,6 +45,13 @@ def _opengl() -> Finding:
         return Finding("OpenGL by EGL", False, True, "none", str(error))
     kind = "software" if info.is_software else "hardware"
     return Finding("OpenGL by EGL", True, True, f"{info.renderer}, {info.version} ({kind})", "")
+
+
+def _rays() -> Finding:
+    there = embree_is_here()
+    found = "Embree" if there else "a grid in numpy"
+    advice = "the first picture of a new target takes a minute longer, once: pip install embreex"
+    return Finding("rays for baked light", there, False, found, "" if there else advice)
 
 
 def _screen() -> Finding:

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.targets.plane_grid import PlaneGrid
+
 if TYPE_CHECKING:
     from simulator.arrays import BoolArray, FloatArray, IntArray
     from simulator.labels.occlusion import Mesh
@@ -24,10 +26,8 @@ if TYPE_CHECKING:
 NEAR_M = 1e-3  # a triangle that reaches closer to the lens's plane, or behind it, has no projection
 # Triangles seen edge-on hide nothing: twice their area on the plane z = 1, and seen from a far light [m2].
 FLAT, FLAT_M2 = 1e-15, 1e-12
-TRIANGLES_PER_CELL = 20
 FEW = 12  # for so few points no grid is made
 SHORTEST = 1e-6  # a stretch shorter than this share of its edge is rounding where two triangles meet
-MOST_CELLS = 64  # to a side: cells are numbered in 16 bits, which sort fastest
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,8 @@ class Screen:
         return _planes(self.x, self.y, self.near, self.flat)
 
     @cached_property
-    def _grid(self) -> _Grid:
-        return _Grid.over(self._bounds)
+    def _grid(self) -> PlaneGrid:
+        return PlaneGrid.over(self._bounds)
 
     def hides(self, points: FloatArray, near: FloatArray) -> BoolArray:
         """Whether some triangle covers each point (K, 2) and is nearer than (K,) there."""
@@ -127,77 +127,6 @@ class Screen:
         return edge[may], triangle[may]
 
 
-@dataclass(frozen=True, eq=False)
-class _Grid:
-    """Cells that list the triangles whose bounds touch them.
-
-    Parameters
-    ----------
-    low, per_cell : (2,) corner of the grid, and cells to a unit of x and of y. side : cells in a row and in a column.
-    first : (side^2 + 1,) where the triangles of each cell begin in ``listed``, row by row. listed : their numbers.
-    """
-
-    low: FloatArray
-    per_cell: FloatArray
-    side: int
-    first: IntArray
-    listed: IntArray
-
-    @staticmethod
-    def over(bounds: FloatArray) -> _Grid:
-        """A grid over boxes (4, M): low x, low y, high x, high y."""
-        n = bounds.shape[1]
-        side = int(np.clip(np.sqrt(n / TRIANGLES_PER_CELL), 1, MOST_CELLS))
-        low, span = np.zeros(2), np.ones(2)
-        if n:
-            low = bounds[:2].min(axis=1)
-            span = bounds[2:].max(axis=1) - low
-        per_cell = side / np.maximum(span, 1e-12)
-        left, top, right, bottom = _cells(
-            (bounds - np.tile(low, 2)[:, None]) * np.tile(per_cell, 2)[:, None], side
-        )
-        wide = right - left + 1
-        count = wide * (bottom - top + 1)
-        triangle = np.repeat(np.arange(n), count)
-        within = _stretches(np.zeros(n, np.int64), count, triangle)
-        cell = (top * side + left)[triangle] + within // wide[triangle] * side + within % wide[triangle]
-        order = np.argsort(cell.astype(np.uint16), kind="stable")
-        first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=side * side))])
-        return _Grid(low, per_cell, side, first, triangle[order])
-
-    def at(self, points: FloatArray) -> tuple[IntArray, IntArray]:
-        """Pairs of a point (K, 2) and a triangle that touches its cell."""
-        column, row = _cells((points - self.low) * self.per_cell, self.side).T
-        cell = row * self.side + column
-        return self._pairs(self.first[cell], self.first[cell + 1] - self.first[cell])
-
-    def along(self, ends: FloatArray) -> tuple[IntArray, IntArray]:
-        """Pairs of an edge and a triangle (N,) that share a cell, by edge; ``ends`` are (E, 2, 2)."""
-        a, b = np.moveaxis((ends - self.low) * self.per_cell, 1, 0)[..., None]
-        row = np.arange(self.side)
-        rise = b[:, 1] - a[:, 1]
-        level = np.abs(rise) < 1e-9
-        with np.errstate(divide="ignore", invalid="ignore"):
-            enters, leaves = (np.clip((row + k - a[:, 1]) / rise, 0, 1) for k in (0, 1))
-        enters, leaves = np.where(level, 0.0, enters), np.where(level, 1.0, leaves)
-        x = [a[:, 0] + share * (b[:, 0] - a[:, 0]) for share in (enters, leaves)]
-        slack = 1e-6  # of a cell: rounding must not lose what begins where a row ends
-        left, right = _cells(np.minimum(*x) - slack, self.side), _cells(np.maximum(*x) + slack, self.side)
-        below = _cells(np.minimum(a[:, 1], b[:, 1]) - slack, self.side)
-        above = _cells(np.maximum(a[:, 1], b[:, 1]) + slack, self.side)
-        # the cells that an edge meets in a row follow each other, and so do their triangles
-        start = self.first[row * self.side + left].ravel()
-        stop = self.first[row * self.side + right + 1].ravel()
-        count = np.where(((row >= below) & (row <= above)).ravel(), stop - start, 0)
-        met, triangle = self._pairs(start, count)
-        return met // self.side, triangle
-
-    def _pairs(self, start: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
-        """Which of some stretches of ``listed`` each triangle there is from, and the triangles."""
-        whose = np.repeat(np.arange(len(count)), count)
-        return whose, self.listed[_stretches(start, count, whose)]
-
-
 @lru_cache(maxsize=2)
 def seen_from_camera(mesh: Mesh, camera_from_target: Pose) -> Screen:
     """A mesh on the plane z = 1 before a pinhole at the camera's origin; nearness is the inverse of depth [m-1].
@@ -240,16 +169,6 @@ def _least(corners: FloatArray) -> FloatArray:
 
 def _most(corners: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(np.maximum(corners[0], corners[1]), corners[2]))
-
-
-def _cells(places: FloatArray, side: int) -> IntArray:
-    """Columns, or rows, that places in units of cells lie in; those beyond the grid count to its border."""
-    return np.asarray(np.clip(places, 0, side - 1)).astype(np.int64)
-
-
-def _stretches(start: IntArray, count: IntArray, whose: IntArray) -> IntArray:
-    """start[0], start[0] + 1, ... start[1], ...: ``count`` numbers from each start; ``whose`` each is."""
-    return np.asarray(np.arange(len(whose)) + (start - np.cumsum(count) + count)[whose])
 
 
 def _planes(x: FloatArray, y: FloatArray, near: FloatArray, flat: float) -> FloatArray:

@@ -7,6 +7,7 @@ neighbour in the atlas is ever blended in; a face smaller than half a texel is o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,13 +54,24 @@ class Charts:
     face_normals: FloatArray
     triangle: IntArray
 
-    def node_at(self, triangles: IntArray, places_m: FloatArray) -> IntArray:
+    def node_at(self, triangles: np.typing.NDArray[np.integer], places_m: FloatArray) -> IntArray:
         """(K,) nodes nearest to places (K, 3) on triangles (K,)."""
         chart = self.of_triangle[triangles]
-        along = np.einsum("kac,kc->ka", self.axes[chart], places_m) - self.low_m[chart]
-        step = np.rint(along / self.step_m[chart]).astype(int)
-        i, j = np.clip(step, 0, self.counts[chart] - 1).T
-        return np.asarray(self.first[chart] + j * self.counts[chart, 0] + i)
+        steps = self._steps.take(chart, axis=0)
+        x, y, z = np.asarray(places_m, np.float32).T
+        i, j = (
+            np.rint(steps[:, k] * x + steps[:, k + 1] * y + steps[:, k + 2] * z + steps[:, k + 3])
+            for k in (0, 4)
+        )
+        most = (self.counts - 1).astype(np.float32).take(chart, axis=0)
+        i, j = np.clip(i, 0, most[:, 0]), np.clip(j, 0, most[:, 1])
+        return self.first[chart] + (j * (most[:, 0] + 1) + i).astype(np.int64)
+
+    @cached_property
+    def _steps(self) -> Float32Array:
+        """(C, 8) of each axis of a chart: its vector over the step, and what is added to a place's share in steps."""
+        whole = np.concatenate([self.axes, -self.low_m[..., None]], axis=2) / self.step_m[..., None]
+        return whole.reshape(-1, 8).astype(np.float32)
 
 
 def make_charts(

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from simulator.arrays import FloatArray, IntArray
     from simulator.render.mesh import Mesh
-    from simulator.render.programs import ProgramLibrary
     from simulator.render.skylight import SkyLight
     from simulator.render.transfer import Transfer
     from simulator.render.view import View
@@ -71,20 +70,14 @@ class AtlasTextures:
 class ReturnedLight:
     """Textures of one craft, made when its light is first asked for in some bands."""
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, mesh: Mesh) -> None:
-        self._context, self._programs, self._mesh = context, programs, mesh
+    def __init__(self, context: moderngl.Context, mesh: Mesh) -> None:
+        self._context, self._mesh = context, mesh
         self._kept: dict[Bands, AtlasTextures] = {}
 
     def update(self, bands: Bands, view: View) -> AtlasTextures:
         """The textures of a frame."""
         if bands not in self._kept:
-            made = baked_transfer(
-                self._context,
-                self._programs,
-                self._mesh,
-                self._mesh.charts,
-                _returned_share(self._mesh.materials, bands),
-            )
+            made = baked_transfer(self._mesh, _returned_share(self._mesh.materials, bands))
             self._kept[bands] = AtlasTextures(self._context, self._mesh, made)
         self._kept[bands].update(view)
         return self._kept[bands]

@@ -17,26 +17,23 @@ import numpy as np
 from scipy.sparse import coo_matrix
 
 from simulator.render.cache import cached_array
+from simulator.render.first_hits import make_tracer
 from simulator.render.mesh import VERTEX
-from simulator.render.peel import HIT_AXES, OPEN_DIRECTIONS, Peeler
+from simulator.render.sight import look_around
 from simulator.render.skylight import spiral
 
 if TYPE_CHECKING:
-    import moderngl
-
-    from simulator.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+    from simulator.arrays import BoolArray, ByteArray, FloatArray, IntArray
     from simulator.render.charts import Charts
     from simulator.render.mesh import Mesh
-    from simulator.render.peel import Seen
-    from simulator.render.programs import ProgramLibrary
+    from simulator.render.sight import Seen
 
 _T = TypeVar("_T", bound=np.generic)
-VERSION = 10  # of what follows; part of the cache's key
+VERSION = 12  # of what follows; part of the cache's key
+DIRECTIONS = 128  # that are looked along, and that the Sun's light is known from
 LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.75
 BOUNCES = 4
 RETURNED_STEP = 2.0**-16  # parts can return no more than the sunlight
-_CONVEX = 0.985  # of the sky: what is missing is the maps' rounding
-_GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet that stands for a round face
 _PATCH = 4  # nodes along each side of a patch that returns light as one
 _INSIDE = 0.3  # of what a node sees; more from within another part is no place to stand
 
@@ -75,74 +72,65 @@ def harmonics(directions: FloatArray) -> FloatArray:
     )
 
 
-def baked_transfer(
-    context: moderngl.Context, programs: ProgramLibrary, mesh: Mesh, charts: Charts, reflectance: FloatArray
-) -> Transfer:
+def baked_transfer(mesh: Mesh, reflectance: FloatArray) -> Transfer:
     """Light between the parts of a mesh; looked around for once a geometry, and kept in the cache with the result.
 
     Parameters
     ----------
     reflectance : (M, n) of each material, per band.
     """
+    charts = mesh.charts
     vertices = np.frombuffer(mesh.vertices.read(), VERTEX)
-    shape = hashlib.sha256(vertices.tobytes() + mesh.indices.read() + charts.uv.tobytes())
+    shape = hashlib.sha256(vertices.tobytes() + mesh.triangles.tobytes() + charts.uv.tobytes())
     shape.update(np.round(reflectance, 6).tobytes())
-    key = f"transfer-{VERSION}-{OPEN_DIRECTIONS}-{HIT_AXES}-{shape.hexdigest()[:24]}"
+    key = f"transfer-{VERSION}-{DIRECTIONS}-{shape.hexdigest()[:24]}"
     materials = np.rint(vertices["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
+    directions = spiral(DIRECTIONS)
     made: list[tuple[ByteArray, np.typing.NDArray[np.uint16]]] = []
 
     def bake() -> tuple[ByteArray, np.typing.NDArray[np.uint16]]:
         if not made:
-            peeler = Peeler(context, programs, mesh, charts.places_m, charts.normals)
-            seen = peeler.look_around()
-            peeler.release()
-            made.append(
-                solve(charts, mesh.planes[:, :3], seen, reflectance[materials], closed=mesh.is_closed)
-            )
+            tracer = make_tracer(vertices["position_m"][mesh.triangles])
+            seen = look_around(charts, mesh.planes[:, :3], tracer, directions, mesh.radius_m)
+            made.append(solve(charts, seen, reflectance[materials], closed=mesh.is_closed))
         return made[0]
 
     visibility = np.asarray(cached_array(f"{key}-sky", lambda: bake()[0]))
     returned = np.asarray(cached_array(key, lambda: bake()[1]))
-    directions = spiral(OPEN_DIRECTIONS)
-    basis = (harmonics(directions) * (RETURNED_STEP * 4 * np.pi / len(directions))).astype(np.float32)
+    basis = (harmonics(directions) * (RETURNED_STEP * 4 * np.pi / DIRECTIONS)).astype(np.float32)
     sky = np.stack([basis.T @ band.astype(np.float32) for band in returned])
     return Transfer(visibility, returned, sky, directions)
 
 
 def solve(
-    charts: Charts, planes: Float32Array, seen: Seen, reflectance: FloatArray, *, closed: bool
+    charts: Charts, seen: Seen, reflectance: FloatArray, *, closed: bool
 ) -> tuple[ByteArray, np.typing.NDArray[np.uint16]]:
     """Visibility and returned light of `Transfer`.
 
     Parameters
     ----------
-    planes : (T, 3) normals of the triangles. reflectance : (N, n) of each node, per band.
+    reflectance : (N, n) of each node, per band.
     closed : a face met from behind means that the place is inside a part.
     """
-    face = charts.face_normals[charts.chart]
-    falling = _cosines(charts.normals, face, seen.open_directions)
-    looking = _cosines(charts.normals, face, seen.hit_directions)
-    met = seen.triangles >= 0
-    outward = np.einsum("ndc,dc->nd", planes[np.maximum(seen.triangles, 0)], seen.hit_directions)
-    behind = met & (outward > 0)
-    within = behind & closed
-    whole = np.maximum(looking.sum(axis=1), 1e-9)
-    good = (looking * within).sum(axis=1) < _INSIDE * whole
-    visibility = _visibility(charts, falling, seen, good)
+    n = len(charts.chart)
+    looking = seen.cosines[seen.node, seen.direction]
+    within = np.bincount(seen.node, weights=looking * (seen.from_behind & closed), minlength=n)
+    whole = np.maximum(seen.cosines.sum(axis=1), 1e-9)
+    good = within < _INSIDE * whole
+    visibility = _visibility(charts, seen, good)
     # who gives to whom: nodes from patches
     patch, count = _patches(charts)
     # light is known of fronts: the back of an open shell hides, and returns nothing
-    node, k = np.nonzero(met & ~behind & (looking > 0))
-    ray = charts.places_m[node] + seen.hit_directions[k] * seen.distances_m[node, k, None]
-    giver = patch[charts.node_at(seen.triangles[node, k].astype(int), ray)]
-    share = looking[node, k] / np.maximum((looking * ~within).sum(axis=1), 1e-9)[node]
-    given = coo_matrix((share, (node, giver)), shape=(len(patch), count)).tocsr()
+    front = np.flatnonzero(~seen.from_behind)
+    node = seen.node[front]
+    share = (looking[front] / np.maximum(whole - within, 1e-9)[node]).astype(np.float32)
+    given = coo_matrix((share, (node, patch[seen.met[front]])), shape=(len(patch), count)).tocsr()
     size = np.bincount(patch, weights=good, minlength=count)
     mean = coo_matrix(
         (good / np.maximum(size, 1)[patch], (patch, np.arange(len(patch)))), shape=(count, len(patch))
     ).tocsr()
     between = mean @ given
-    direct = mean @ (falling * seen.is_open).astype(np.float32)
+    direct = mean @ (seen.cosines * seen.is_open)
     bands = []
     for band in reflectance.T:
         paint = (mean @ band)[:, None].astype(np.float32)
@@ -154,25 +142,17 @@ def solve(
     return _in_atlas(charts, visibility), np.ascontiguousarray(bands)
 
 
-def _cosines(normals: FloatArray, face: FloatArray, directions: FloatArray) -> Float32Array:
-    """(N, D) cosines of directions with normals, zero for those that graze the face or come from behind it."""
-    cosine = np.clip(normals @ directions.T, 0, None)
-    return np.asarray(cosine * (face @ directions.T > _GRAZING), np.float32)
-
-
-def _visibility(charts: Charts, falling: Float32Array, seen: Seen, good: BoolArray) -> ByteArray:
+def _visibility(charts: Charts, seen: Seen, good: BoolArray) -> ByteArray:
     """(N, 4) the code of V, such that an open plate has 1 and the light of an even sky is exact."""
-    directions = seen.open_directions
-    above = falling > 0
+    directions = seen.directions.astype(np.float32)
+    above = (seen.cosines > 0).astype(np.float32)
     count = np.maximum(above.sum(axis=1), 1)[:, None]
-    free = above & seen.is_open
+    free = seen.is_open.astype(np.float32)
     b = 1.5 * (free @ directions) / count
     # the directions' own lack of balance: what an open face would have, against what it must
     b -= (1.5 * (above @ directions) / count - 0.75 * charts.normals) * (free.sum(axis=1)[:, None] / count)
-    share = (falling * free).sum(axis=1) / np.maximum(falling.sum(axis=1), 1e-9)
+    share = (seen.cosines * free).sum(axis=1) / np.maximum(seen.cosines.sum(axis=1), 1e-9)
     a = share - 2 / 3 * np.einsum("nc,nc->n", b, charts.normals)
-    convex = share > _CONVEX
-    a[convex], b[convex] = 0.5, 0.75 * charts.normals[convex]
     coded = np.column_stack([b / (2 * LARGEST_SLOPE) + 0.5, a])
     coded = _spread(charts, good, np.asarray(coded, np.float32))
     return np.asarray(np.clip(coded * 255 + 0.5, 0, 255), np.uint8)
@@ -207,14 +187,17 @@ def _spread(charts: Charts, good: BoolArray, values: FloatArray) -> FloatArray:
         (dy * (width + 2) + dx, (2 - abs(dy)) * (2 - abs(dx)) / 4) for dy in (-1, 0, 1) for dx in (-1, 0, 1)
     ]
     for _ in range(4):
-        total, weight = np.zeros_like(values), np.zeros(len(at), np.float32)
+        lacking = np.flatnonzero(~known)
+        total, weight = (
+            np.zeros((len(lacking), values.shape[1]), np.float32),
+            np.zeros(len(lacking), np.float32),
+        )
         for step, w in steps:
-            near = node[at + step]
-            use = (owner[at + step] == charts.chart) & known[near]
-            total += (w * use)[:, None] * out[near]
-            weight += w * use
+            near = node[at[lacking] + step]
+            use = (owner[at[lacking] + step] == charts.chart[lacking]) & known[near]
+            total += (w * use).astype(np.float32)[:, None] * out[near]
+            weight += (w * use).astype(np.float32)
         new = weight > 0
-        change = new & ~known
-        out[change] = total[change] / weight[change, None]
-        known = known | new
+        out[lacking[new]] = total[new] / weight[new, None]
+        known[lacking[new]] = True
     return out

@@ -135,7 +135,7 @@ class TargetPasses:
                 # textures are bound by stretches of the index buffer
                 FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
                 EdgeBuffers(context, find_edges(target.parts, is_closed=mesh.is_closed), mesh),
-                ReturnedLight(context, self._programs, mesh),
+                ReturnedLight(context, mesh),
                 textures,
             )
         return self._loaded[target.sha256]

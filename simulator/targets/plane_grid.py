@@ -1,0 +1,108 @@
+"""A uniform grid over a plane: which triangles' projections may cover a point or cross an edge.
+
+References
+----------
+Franklin (1980), A linear time exact hidden surface algorithm: the uniform grid on the screen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray, IntArray
+
+TRIANGLES_PER_CELL = 20
+MOST_CELLS = 64  # to a side: cells are numbered in 16 bits, which sort fastest
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneGrid:
+    """Cells that list the triangles whose bounds touch them.
+
+    Parameters
+    ----------
+    low, per_cell : (2,) corner of the grid, and cells to a unit of x and of y. side : cells in a row and in a column.
+    first : (side^2 + 1,) where the triangles of each cell begin in ``listed``, row by row. listed : their numbers.
+    """
+
+    low: FloatArray
+    per_cell: FloatArray
+    side: int
+    first: IntArray
+    listed: IntArray
+
+    @staticmethod
+    def over(bounds: FloatArray) -> PlaneGrid:
+        """A grid over boxes (4, M): low x, low y, high x, high y."""
+        n = bounds.shape[1]
+        side = int(np.clip(np.sqrt(n / TRIANGLES_PER_CELL), 1, MOST_CELLS))
+        low, span = np.zeros(2), np.ones(2)
+        if n:
+            low = bounds[:2].min(axis=1)
+            span = bounds[2:].max(axis=1) - low
+        per_cell = side / np.maximum(span, 1e-12)
+        left, top, right, bottom = _cells(
+            (bounds - np.tile(low, 2)[:, None]) * np.tile(per_cell, 2)[:, None], side
+        )
+        wide = right - left + 1
+        count = wide * (bottom - top + 1)
+        triangle = np.repeat(np.arange(n), count)
+        within = _stretches(np.zeros(n, np.int64), count, triangle)
+        cell = (top * side + left)[triangle] + within // wide[triangle] * side + within % wide[triangle]
+        order = np.argsort(cell.astype(np.uint16), kind="stable")
+        first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=side * side))])
+        return PlaneGrid(low, per_cell, side, first, triangle[order])
+
+    def counts(self, points: FloatArray) -> IntArray:
+        """How many triangles touch the cell of each point (K, 2)."""
+        cell = self._cell(points)
+        return np.asarray(self.first[cell + 1] - self.first[cell])
+
+    def at(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+        """Pairs of a point (K, 2) and a triangle that touches its cell."""
+        cell = self._cell(points)
+        return self._pairs(self.first[cell], self.first[cell + 1] - self.first[cell])
+
+    def _cell(self, points: FloatArray) -> IntArray:
+        column, row = _cells((points - self.low) * self.per_cell, self.side).T
+        return np.asarray(row * self.side + column)
+
+    def along(self, ends: FloatArray) -> tuple[IntArray, IntArray]:
+        """Pairs of an edge and a triangle (N,) that share a cell, by edge; ``ends`` are (E, 2, 2)."""
+        a, b = np.moveaxis((ends - self.low) * self.per_cell, 1, 0)[..., None]
+        row = np.arange(self.side)
+        rise = b[:, 1] - a[:, 1]
+        level = np.abs(rise) < 1e-9
+        with np.errstate(divide="ignore", invalid="ignore"):
+            enters, leaves = (np.clip((row + k - a[:, 1]) / rise, 0, 1) for k in (0, 1))
+        enters, leaves = np.where(level, 0.0, enters), np.where(level, 1.0, leaves)
+        x = [a[:, 0] + share * (b[:, 0] - a[:, 0]) for share in (enters, leaves)]
+        slack = 1e-6  # of a cell: rounding must not lose what begins where a row ends
+        left, right = _cells(np.minimum(*x) - slack, self.side), _cells(np.maximum(*x) + slack, self.side)
+        below = _cells(np.minimum(a[:, 1], b[:, 1]) - slack, self.side)
+        above = _cells(np.maximum(a[:, 1], b[:, 1]) + slack, self.side)
+        # the cells that an edge meets in a row follow each other, and so do their triangles
+        start = self.first[row * self.side + left].ravel()
+        stop = self.first[row * self.side + right + 1].ravel()
+        count = np.where(((row >= below) & (row <= above)).ravel(), stop - start, 0)
+        met, triangle = self._pairs(start, count)
+        return met // self.side, triangle
+
+    def _pairs(self, start: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
+        """Which of some stretches of ``listed`` each triangle there is from, and the triangles."""
+        whose = np.repeat(np.arange(len(count)), count)
+        return whose, self.listed[_stretches(start, count, whose)]
+
+
+def _cells(places: FloatArray, side: int) -> IntArray:
+    """Columns, or rows, that places in units of cells lie in; those beyond the grid count to its border."""
+    return np.asarray(np.clip(places, 0, side - 1)).astype(np.int64)
+
+
+def _stretches(start: IntArray, count: IntArray, whose: IntArray) -> IntArray:
+    """start[0], start[0] + 1, ... start[1], ...: ``count`` numbers from each start; ``whose`` each is."""
+    return np.asarray(np.arange(len(whose)) + (start - np.cumsum(count) + count)[whose])
