@@ -1,7 +1,7 @@
 // The Earth and its air behind the target: radiance to add [W m-2 sr-1].
 // Space: Earth-fixed axes, the polar one stretched so that the WGS84 ellipsoid is the unit sphere.
 // SMOOTH: the cell is all ground, away from limb and poles. COVERED: the target may be in front. MOON: the Moon may.
-// FOURS: a fragment is two by two pixels of a smooth cell with nothing in front; MAGNIFIED: the map's texels are wider
+// FOURS: a fragment is two by two pixels of a smooth cell; MAGNIFIED: the map's texels are wider
 // than six pixels, so that the map is a plane over the four.
 #include "atmosphere/air.glsl"
 #include "earth/geometry.glsl"
@@ -38,6 +38,12 @@ layout(location = 0) out vec4 out_radiance; // FOURS: of the upper left, upper r
 
 #if FOURS
 void main() {
+#if COVERED
+    ivec2 first = 2 * ivec2(gl_FragCoord.xy);
+#define OPEN(i, j) (1.0 - texelFetch(t_coverage, first + ivec2(i, j), 0).x)
+    vec4 open = vec4(OPEN(0, 0), OPEN(1, 0), OPEN(0, 1), OPEN(1, 1));
+    if (max(max(open.x, open.y), max(open.z, open.w)) <= 0.0) discard;
+#endif
     vec2 x = (2.0 * gl_FragCoord.xy - v_middle.xy) * v_middle.z;
     float step_x = 0.5 * v_middle.z; // from the middle of the four to the middle of one
     GroundPoint middle = ground_at(x);
@@ -61,6 +67,9 @@ void main() {
         out_radiance[k] = surface_radiance(g, ground_map(g));
 #endif
     }
+#if COVERED
+    out_radiance *= open;
+#endif
 }
 #else
 void main() {

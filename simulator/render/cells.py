@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.cover import CELL_PX
 from simulator.render.projection import PixelRect, directions
 from simulator.render.shoals import near_shoals
 from simulator.render.view import EQUATOR_M
@@ -60,7 +62,7 @@ class Cells:
     ----------
     size_px : side of a cell. centers_px : (K, 2) float32 middles of each kind's cells; pixel edges lie at .5.
     extent_px : width and height of all cells together, from the image's corner to beyond its end.
-    others_px : (L, 2) of all the image's cells but the smooth ones that nothing covers.
+    others_px : (L, 2) of all the image's cells but the smooth ones.
     """
 
     size_px: int
@@ -69,13 +71,19 @@ class Cells:
     others_px: Float32Array
 
     @property
-    def open_share(self) -> float:
-        """Share of the image's cells that are smooth and that nothing covers."""
+    def smooth_share(self) -> float:
+        """Share of the image's cells that are smooth."""
         width, height = self.extent_px
         return 1 - len(self.others_px) * self.size_px**2 / (width * height)
 
+    @property
+    def covered_px(self) -> Float32Array:
+        """(K, 2) middles of the smooth cells that the target may be in front of."""
+        found = [centers for kind, centers in self.centers_px.items() if kind.covered and kind.smooth]
+        return np.concatenate(found) if found else np.empty((0, 2), np.float32)
+
     def covered(self) -> PixelRect | None:
-        """Pixels of the cells that the target may be in front of."""
+        """Pixels that hold the cells that the target may be in front of."""
         found = [centers for kind, centers in self.centers_px.items() if kind.covered]
         if not found:
             return None
@@ -84,12 +92,12 @@ class Cells:
         return PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
 
 
-def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> Cells:
+def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None) -> Cells:
     """Cut the image into cells and sort them.
 
     Parameters
     ----------
-    target : pixels that the target may cover, ``None`` without target.
+    target_px : (K, 2) centres of the cells (`cover`) that the target may touch, ``None`` without target.
     """
     pixel_rad = camera.pixel_angle_rad()
     # a multiple of four: derivatives are taken between neighbours of two by two texels of two by two pixels
@@ -115,10 +123,14 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
     touched_corner = (along < reach) & (np.sqrt(perigee2) < np.sqrt(earth.top2) + reach)
     touched = ~_all_corners(~touched_corner)
     covered = np.zeros_like(smooth)
-    if target is not None:
-        covered = ((x[:-1] < target.x1) & (x[1:] > target.x0 - 1))[None, :] & (
-            (y[:-1] < target.y1) & (y[1:] > target.y0 - 1)
-        )[:, None]
+    if target_px is not None:
+        # a cell of the target's is no larger than one of these: it lies in those of its corners
+        low, high = (
+            ((target_px + reach) // size).astype(int) for reach in (-(CELL_PX - 1) / 2, (CELL_PX - 1) / 2)
+        )
+        last = (len(x) - 2, len(y) - 2)
+        for column, row in itertools.product((low[:, 0], high[:, 0]), (low[:, 1], high[:, 1])):
+            covered[np.minimum(row, last[1]), np.minimum(column, last[0])] = True
     sun = earth.camera @ earth.sun + distance * (d @ earth.sun)
     night = ~(_all_corners(sun > _NIGHT_MU) & smooth)
     # a cell seen from far away, or over the limb, reaches beyond its corners
@@ -147,7 +159,7 @@ def earth_cells(earth: EarthView, camera: Camera, target: PixelRect | None) -> C
             ]
             for k in map(int, np.unique(kind))
         },
-        middles(*(~(touched & smooth) | covered).nonzero()),
+        middles(*(~(touched & smooth)).nonzero()),
     )
 
 

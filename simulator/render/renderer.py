@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     import moderngl
 
-    from simulator.arrays import Float32Array
+    from simulator.arrays import Float32Array, FloatArray
     from simulator.render.cells import Cells
     from simulator.render.context import GlInfo
     from simulator.render.earth_maps import EarthMaps
@@ -174,19 +174,23 @@ class Renderer:
         passes = self._prepare(scene)
         if scene.environment.earth and scene.bands not in self._earths and scene.bands not in self._begun:
             self._begun[scene.bands] = begin_earth_maps(scene)
-        # the first frame's target is drawn while the maps that light it are still being decoded
-        awaited = self._begun.get(scene.bands) if sky is None else None
-        view = build_view(scene, sky if awaited is None else no_light(len(bands_of(scene.bands))))
+        bands = len(bands_of(scene.bands))
+        # what Earth and Moon light is worked out while the driver draws the samples, which need none of it; in the
+        # first frame the maps that it depends on are still being decoded
+        view = build_view(scene, no_light(bands) if sky is None else sky)
         self._blocks.frame.write(frame_values(scene, view))
         clock.lap("setup")
         sampled = passes.sample(scene, view, target, clock)
-        if awaited is not None:
-            awaited.albedo.result()
+        if sampled is not None and sky is None:
+            awaited = self._begun.get(scene.bands)
+            if awaited is not None:
+                awaited.albedo.result()
             view = replace(view, sky=sky_light(scene))
             self._blocks.frame.write(frame_values(scene, view))
+        clock.lap("skylight")
         hidden = None if sampled is None else sampled.rect
         images = self._images_for(scene)
-        behind = self._prepare_sky(scene, view, hidden, clock)
+        behind = self._prepare_sky(scene, view, None if sampled is None else sampled.cells_px, clock)
         images.clear(behind.added_to if behind.fills else PixelRect(0, 0, *images.size))
         if sampled is not None:
             passes.shade(sampled, view, scene.bands, images)
@@ -244,7 +248,9 @@ class Renderer:
             self._rays.of(scene.camera).use(RAYS_UNIT)
         return self._target_passes()
 
-    def _prepare_sky(self, scene: SceneState, view: View, hidden: PixelRect | None, clock: StageClock) -> Sky:
+    def _prepare_sky(
+        self, scene: SceneState, view: View, hidden_px: FloatArray | None, clock: StageClock
+    ) -> Sky:
         """What of Earth, air and Moon is in view, their blocks, and this frame's air; draws nothing into the images."""
         environment = scene.environment
         moon = moon_view(scene) if environment.moon else None
@@ -259,7 +265,7 @@ class Renderer:
         if earth.rect is None:
             clock.lap("earth.setup")
             return Sky(moon=moon, earth=earth, air=air)
-        cells = earth_cells(earth, scene.camera, hidden)
+        cells = earth_cells(earth, scene.camera, hidden_px)
         clock.lap("earth.setup")
         if air is not None:
             in_use.frame.run(earth)
@@ -276,8 +282,13 @@ class Renderer:
         environment, earth, moon = scene.environment, sky.earth, sky.moon
         behind = moon is not None and moon.in_front
         fours = (
-            images.have_fours and not behind and sky.cells is not None and sky.cells.open_share > LEAST_SHARE
+            images.have_fours
+            and not behind
+            and sky.cells is not None
+            and sky.cells.smooth_share > LEAST_SHARE
         )
+        if fours and sky.cells is not None:
+            self._fours.run(images, sky.cells, sky.cells.covered_px)
         if sky.cells is not None:
             self._earth_pass(scene.bands).run(images, sky.cells, scene, behind=behind, fours=fours)
             clock.lap("earth.surface")
@@ -295,7 +306,7 @@ class Renderer:
             self._sun.run(images, view, scene.camera, earth=earth is not None, air=sky.tables, moon=hides)
             clock.lap("sun")
         if fours and sky.cells is not None:
-            self._fours.run(images, sky.cells)
+            self._fours.run(images, sky.cells, sky.cells.others_px)
             clock.lap("earth.fours")
         return fours
 

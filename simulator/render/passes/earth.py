@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
@@ -148,7 +149,8 @@ class EarthPass:
         Parameters
         ----------
         behind : the Moon is nearer, and may hide it.
-        fours : draw smooth cells that nothing covers four pixels to a texel, and not into the image itself.
+        fours : draw smooth cells four pixels to a texel, and not into the image itself; those that the target may
+            cover are added to what is there.
         """
         environment, quality = scene.environment, scene.quality
         # half of a trilinear fetch's cost is its second level, and a cell has one level anyway
@@ -170,8 +172,9 @@ class EarthPass:
         }
         if any(kind.waters for kind in cells.centers_px):
             textures |= self._waters(scene.epoch_utc[:10] if environment.seasons else "2004-08-15")
-        for kind, centers in cells.centers_px.items():
-            in_fours = fours and kind.smooth and not kind.covered
+        # what goes into one image comes together: a driver that changes images finishes the first
+        for kind, centers in sorted(cells.centers_px.items(), key=itemgetter(0)):
+            in_fours = fours and kind.smooth
             (images.fours_framebuffer if in_fours else images.sky_framebuffer).use()
             program = self._program(environment, kind, behind=behind, high=quality == "high", fours=in_fours)
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import moderngl
 
+    from simulator.arrays import Float32Array
     from simulator.render.cells import Cells
     from simulator.render.images import Images
     from simulator.render.programs import ProgramLibrary
@@ -16,7 +17,7 @@ LEAST_SHARE = 0.4
 
 
 class FoursPass:
-    """Copies the image's cells that were drawn pixel by pixel to the texels of four."""
+    """Copies cells of the image that were drawn pixel by pixel to the texels of four."""
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context = context
@@ -26,9 +27,13 @@ class FoursPass:
             self._program.gl, [(self._cells, "2f", "in_pixel")], mode=context.POINTS
         )
 
-    def run(self, images: Images, cells: Cells) -> None:
-        """Copy the cells that are not smooth or that something covers."""
-        centers = cells.others_px
+    def run(self, images: Images, cells: Cells, centers: Float32Array) -> None:
+        """Copy cells.
+
+        Parameters
+        ----------
+        centers : (K, 2) middles of some of ``cells``.
+        """
         if not len(centers):
             return
         width, height = cells.extent_px
