@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from hil.board.svd import quaternion as quat
-from hil.board.svd.levels import OPTICS_PX, blurred, coverage, shade
+from hil.board.svd.levels import OPTICS_PX, Shading, blurred, coverage, shade
 from hil.board.svd.model import CameraIntrinsics
 from hil.board.svd.motion import motion_images
 from hil.board.svd.refine import limit_step, parameter_scale
@@ -77,36 +77,65 @@ def photo_align(
         first, to reach far. sun : casts shadows; None draws none. relax : how much longer
         steps on blurred pictures are made. joint : groups whose brightness is found together with the pose.
     """
-    R = quat.matrix(q)
-    order = faces.order(-R.T @ t)
-    H, cost = np.eye(6), 9.9
+    fit = PhotoFit(q, t, 9.9, INFLATION * np.eye(6))
     for blur in blurs_px:
-        R = quat.matrix(q)
-        seen = draw_faces(faces, order, camera, R, t, canvas)
-        dark = None if sun is None else sun.shadows(faces, seen, canvas, camera, R, t)
-        shading = shade(faces, seen, canvas, dark)
-        optics = float(np.hypot(blur, OPTICS_PX / canvas.factor))
-        drawn = blurred(np.minimum(blurred(shading.picture, OPTICS_PX / canvas.factor), canvas.full), blur)
-        e = canvas.blurred(blur) - drawn
-        D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t)]
-        use = np.maximum(np.maximum(np.abs(D[0]), np.abs(D[1])), np.abs(D[2])) > 1e-6
-        noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
-        rows, w = _weights(e, drawn, use, shading.centre > 0, noise, blur)
-        if len(rows) < 30:
+        shading = photo_draw(fit.q, fit.t, faces, canvas, camera, sun)
+        step = photo_step(fit, shading, faces, canvas, camera, radius_m, blur, relax, joint)
+        if step is None:
             break
-        A = np.zeros((joint + 8, len(rows)), np.float32)
-        k = coverage(shading, canvas, joint, optics, rows, A)
-        for j, x in enumerate((*D, e)):
-            x.ravel().take(rows, out=A[k + j], mode="clip")
-        A = A[: k + 7]
-        A *= np.sqrt(w)
-        H, g, cost = normal_equations(A)
-        scale = parameter_scale(float(t[2]), radius_m)
-        step = (relax if blur > 0 else 1.0) * damped_step(H, g, scale, 1e-5)
-        step = limit_step(step[None], t[None], radius_m)[0]
-        q, t = quat.turned(q, step[:3]), t + step[3:]
-        cost = float(np.sqrt(cost / max(float(w.sum()), 1e-12))) / noise
-    return PhotoFit(q, t, cost, INFLATION * np.linalg.pinv(H))
+        fit = step
+    return fit
+
+
+def photo_draw(
+    q: Array, t: Array, faces: Faces, canvas: Canvas, camera: CameraIntrinsics, sun: Optional[Sunlight] = None
+) -> Shading:
+    """The craft drawn at a pose, as bright as the picture says; parameters as in ``photo_align``."""
+    R = quat.matrix(q)
+    seen = draw_faces(faces, faces.order(-R.T @ t), camera, R, t, canvas)
+    dark = None if sun is None else sun.shadows(faces, seen, canvas, camera, R, t)
+    return shade(faces, seen, canvas, dark)
+
+
+def photo_step(
+    fit: PhotoFit,
+    shading: Shading,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    radius_m: float,
+    blur: float,
+    relax: float = RELAX,
+    joint: int = JOINT,
+) -> Optional[PhotoFit]:
+    """One step from the pose that ``shading`` was drawn at; None where the picture says nothing.
+
+    Parameters
+    ----------
+    others as in ``photo_align``.
+    """
+    R, t = quat.matrix(fit.q), fit.t
+    optics = float(np.hypot(blur, OPTICS_PX / canvas.factor))
+    drawn = blurred(np.minimum(blurred(shading.picture, OPTICS_PX / canvas.factor), canvas.full), blur)
+    e = canvas.blurred(blur) - drawn
+    D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t)]
+    use = np.maximum(np.maximum(np.abs(D[0]), np.abs(D[1])), np.abs(D[2])) > 1e-6
+    noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
+    rows, w = _weights(e, drawn, use, shading.centre > 0, noise, blur)
+    if len(rows) < 30:
+        return None
+    A = np.zeros((joint + 8, len(rows)), np.float32)
+    k = coverage(shading, canvas, joint, optics, rows, A)
+    for j, x in enumerate((*D, e)):
+        x.ravel().take(rows, out=A[k + j], mode="clip")
+    A = A[: k + 7]
+    A *= np.sqrt(w)
+    H, g, cost = normal_equations(A)
+    scale = parameter_scale(float(t[2]), radius_m)
+    step = (relax if blur > 0 else 1.0) * damped_step(H, g, scale, 1e-5)
+    step = limit_step(step[None], t[None], radius_m)[0]
+    cost = float(np.sqrt(cost / max(float(w.sum()), 1e-12))) / noise
+    return PhotoFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, INFLATION * np.linalg.pinv(H))
 
 
 def _weights(
@@ -163,9 +192,11 @@ def photo_score(q: Array, t: Array, faces: Faces, canvas: Canvas, camera: Camera
 
     Residuals are bounded: a shadow that is not drawn costs its area, not its depth.
     """
-    R = quat.matrix(q)
-    seen = draw_faces(faces, faces.order(-R.T @ t), camera, R, t, canvas)
-    shading = shade(faces, seen, canvas)
+    return explained(photo_draw(q, t, faces, canvas, camera), canvas)
+
+
+def explained(shading: Shading, canvas: Canvas) -> float:
+    """The same of a craft that is drawn already, without shadows."""
     drawn = np.minimum(blurred(shading.picture, OPTICS_PX / canvas.factor), canvas.full)
     gray = canvas.blurred(SCORE_BLUR_PX)
     noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
@@ -174,7 +205,7 @@ def photo_score(q: Array, t: Array, faces: Faces, canvas: Canvas, camera: Camera
     if np.ndim(canvas.plain):
         # clutter beside the craft is no pose's merit or fault
         h, w = gray.shape
-        cover = cv2.resize((seen > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+        cover = cv2.resize((shading.group > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
         e = np.where(blurred(cover, 1.0) > COVERED, e, none)
     return 1.0 - float(_bounded(e) / max(_bounded(none), 1e-9))
 

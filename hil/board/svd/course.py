@@ -1,0 +1,149 @@
+"""Poses aligned side by side on the picture: those that fall behind or become another one are left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import List, Tuple
+
+import numpy as np
+
+from hil.board.svd import quaternion as quat
+from hil.board.svd.frame import Candidate, Craft
+from hil.board.svd.levels import Shading
+from hil.board.svd.photometric import PhotoFit, explained, photo_draw, photo_step
+from hil.board.svd.shade import Canvas, Faces
+
+# How far apart poses are that are compared [rad].
+SPREAD_RAD = float(np.radians(6.0))
+
+# An alignment that leaves the size it started from by more has gone astray: logarithm of the range.
+ASTRAY = 0.3
+
+# Poses nearer than this to a better one end where it does: 30 of 30 pairs within 0.4 deg, 20 mm [rad, share of range].
+SAME_RAD, SAME_SHARE = float(np.radians(1.0)), 0.03
+
+# What of a score is noise where all are low.
+SLACK = 0.04
+
+
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """A pose aligned on the picture, its score, and where it started."""
+
+    score: float
+    fit: PhotoFit
+    start: Candidate
+
+    def candidate(self) -> Candidate:
+        """The aligned pose with the evidence of its start."""
+        return Candidate(self.fit.q, self.fit.t, self.start.support, self.start.field, self.start.region)
+
+
+@dataclass(frozen=True)
+class Left:
+    """Which of the poses that are aligned side by side go on.
+
+    Parameters
+    ----------
+    share : of the best score that the others must have. apart_rad : how far from every better one they must be.
+    """
+
+    share: float
+    apart_rad: float
+
+    def of(self, courses: List[Course]) -> Tuple[List[Course], List[Course]]:
+        """Those that go on, the best first, and those whose score says enough; what nearly is a better one is gone."""
+        going: List[Course] = []
+        stay: List[Course] = []
+        for c in sorted(courses, key=lambda c: -c.score):
+            if going and c.score < self.share * going[0].score - SLACK:
+                stay.append(c)
+            elif all(
+                quat.angle_rad(c.fit.q, o.fit.q) > self.apart_rad
+                or np.linalg.norm(c.fit.t - o.fit.t) > SAME_SHARE * np.linalg.norm(o.fit.t)
+                for o in going
+            ):
+                going.append(c)
+        return going, stay
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A pose on its way to where the picture wants it, drawn where it is now.
+
+    Parameters
+    ----------
+    start : where it began. fit : where it is. shading, score : the craft drawn there, and how well it explains
+        the picture.
+    """
+
+    start: Candidate
+    fit: PhotoFit
+    shading: Shading
+    score: float
+
+
+def faces_of(craft: Craft) -> Faces:
+    """Faces of a target that has them."""
+    faces = craft.model.faces
+    assert faces is not None  # noqa: S101 - the caller asked
+    return faces
+
+
+def begin(craft: Craft, canvas: Canvas, c: Candidate) -> Course:
+    """A candidate drawn where it is."""
+    shading = photo_draw(c.q, c.t, faces_of(craft), canvas, craft.camera.pinhole)
+    return Course(c, PhotoFit(c.q, c.t, 9.9, np.eye(6)), shading, explained(shading, canvas))
+
+
+def align_together(
+    craft: Craft, canvas: Canvas, courses: List[Course], blurs: Tuple[float, ...], left: Tuple[Left, ...]
+) -> List[Ranked]:
+    """Poses aligned side by side on a canvas and scored by it, the best first.
+
+    Parameters
+    ----------
+    blurs : of each step. left : who goes on with it; the others stay where they are, with the score they have.
+    """
+    faces, camera, radius = faces_of(craft), craft.camera.pinhole, craft.radius_m
+    done: List[Course] = []
+    for blur, keep in zip(blurs, left):  # noqa: B905 - Python 3.9 has no strict=
+        going, stay = keep.of(courses)
+        done += stay
+        courses = []
+        for c in going:
+            fit = photo_step(c.fit, c.shading, faces, canvas, camera, radius, blur)
+            if fit is None:
+                done.append(c)
+                continue
+            shading = photo_draw(fit.q, fit.t, faces, canvas, camera)
+            courses.append(Course(c.start, fit, shading, explained(shading, canvas)))
+    out = []
+    for c in (*courses, *done):
+        astray = abs(np.log(max(c.fit.t[2], 1e-3) / max(c.start.t[2], 1e-3))) > ASTRAY
+        out.append(Ranked(0.5 * c.score if astray else c.score, c.fit, c.start))
+    return sorted(out, key=lambda r: -r.score)
+
+
+def apart(ranked: List[Ranked]) -> List[Ranked]:
+    """Poses without those that are nearly one that comes before."""
+    out: List[Ranked] = []
+    for r in ranked:
+        if all(
+            quat.angle_rad(r.fit.q, o.fit.q) > SAME_RAD
+            or np.linalg.norm(r.fit.t - o.fit.t) > SAME_SHARE * np.linalg.norm(o.fit.t)
+            for o in out
+        ):
+            out.append(r)
+    return out
+
+
+def spread_out(pool: List[Course], keep: int) -> List[Course]:
+    """The first that differ from each other in attitude."""
+    out: List[Course] = []
+    for c in pool:
+        if len(out) >= keep:
+            break
+        if all(quat.angle_rad(c.fit.q, o.fit.q) > SPREAD_RAD for o in out):
+            out.append(c)
+    return out
