@@ -74,7 +74,8 @@ color surface_radiance(GroundPoint g, vec4 map) {
 #if BANDS == 1
     float patchy = GRAIN - clamp(2.2 * reflectance - 0.27, 0.0, 0.45);
 #else
-    float patchy = GRAIN - clamp(2.2 * reflectance.x - 0.27, 0.0, 0.45);
+    // what is brighter is yellower: fields beside woods
+    vec3 patchy = (GRAIN - clamp(2.2 * reflectance.x - 0.27, 0.0, 0.45)) * vec3(1.25, 1.0, 0.7);
 #endif
     reflectance *= g.tone * (1.0 + patchy * (under.w - 0.5) - clamp(2.2 * hill * g.rough, -0.6, 0.6));
     reflectance = min(reflectance, color(0.75)); // fresh snow

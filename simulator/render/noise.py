@@ -20,6 +20,7 @@ SLOPE_PER_KM = 1.1  # the slope channels hold plus and minus this
 GRAIN = 0.7  # the land channel holds plus and minus half of this share of the reflectance
 _BROAD, _FINE = 512, 1024  # texels of the two fields: one over the whole tile, one repeated twice each way
 _BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
+_OPEN = 0.66  # share of the land without woods
 _SEED = 20040800
 
 
@@ -69,7 +70,12 @@ def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Ar
         field = _fractal(rng, size, 1.9, 4.0 * scale * 2**k)
         creases += 0.65**k * np.sqrt(np.abs(field / field.std()))
     patches = _fractal(rng, size, 1.1, 3.0 * scale)
-    land = _soften(_even(creases / creases.std() + 0.6 * patches / patches.std()))
+    # fields of their own brightness, and woods with edges
+    own = np.random.default_rng([_SEED, size])
+    fields = _mosaic(own, size, 110 * scale) - 0.5
+    woods = _even(_fractal(own, size, 1.6, 8.0 * scale)) > _OPEN
+    mixed = creases / creases.std() + 0.6 * patches / patches.std() + 1.1 * fields - 1.6 * woods
+    land = _soften(_even(np.asarray(mixed, np.float32)))
     return cloud, land
 
 
@@ -107,6 +113,20 @@ def _cellular(rng: np.random.Generator, size: int, count: int) -> Float32Array:
     wrapped = np.pad(away, pad, mode="wrap")
     distance = cv2.distanceTransform(wrapped, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.asarray(distance[pad:-pad, pad:-pad] / np.float32(spacing), np.float32)
+
+
+def _mosaic(rng: np.random.Generator, size: int, count: int) -> Float32Array:
+    """A number 0..1 for each of ``count^2`` cells of jittered points, periodic."""
+    pad, spacing = 32, size / count
+    cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)
+    x, y = np.moveaxis(((cell + rng.random((count, count, 2))) * spacing).astype(int), -1, 0)
+    away = np.ones((size, size), np.uint8)
+    away[y, x] = 0
+    value = rng.random((size, size)).astype(np.float32)
+    wrapped = np.pad(away, pad, mode="wrap")
+    _, nearest = cv2.distanceTransformWithLabels(wrapped, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    of_label = np.append(0, np.pad(value, pad, mode="wrap")[wrapped == 0]).astype(np.float32)
+    return of_label[nearest][pad:-pad, pad:-pad]
 
 
 def _even(image: Float32Array) -> Float32Array:

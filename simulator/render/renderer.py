@@ -343,6 +343,8 @@ class Renderer:
             passes.release()
         self._rays.release()
         if self._owns_context:
+            # EGL keeps a context, and all its textures, for as long as it is a thread's current one
+            self._gl.__exit__(None, None, None)  # type: ignore[no-untyped-call]
             self._gl.release()
 
     def __enter__(self) -> Self:

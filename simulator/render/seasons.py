@@ -56,7 +56,7 @@ def month_gain(month: int, bands: int) -> ByteArray:
     """(1024, 2048) or (1024, 2048, 4): log2 of a month's reflectance over August's, ``OCTAVES`` either side of 128."""
     names = [_name(month), _name(_MAP_MONTH)]
     key = hashlib.sha256(
-        f"{_VERSION} {bands} {[asset_size(n) for n in names]} {to_reflectance()[100]}".encode()
+        f"{_VERSION} {bands} {[asset_size(n) for n in names]} {to_reflectance()[[0, 100]]}".encode()
     ).hexdigest()[:16]
     return cached_array(f"season-{month:02d}-{key}", lambda: _make_gain(month, bands))
 

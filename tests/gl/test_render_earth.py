@@ -280,3 +280,15 @@ def test_cells_that_do_not_look_for_shallow_water_would_find_none(draw, monkeypa
         all_cells = draw(*view, camera=wide)
         monkeypatch.undo()
         assert np.abs(some / all_cells - 1).max() < 0.01
+
+
+def test_forests_are_as_dark_as_canopies_are_and_no_darker(draw):
+    bare = replace(CLEAR, atmosphere=False)
+    small = Camera(width_px=32, height_px=32, fx_px=200.0, fy_px=200.0, cx_px=15.5, cy_px=15.5)
+    # the Amazon with the Sun at the zenith; the ground is up to 1.8 times as bright towards the Sun
+    light = draw("2026-09-20T16:15:00Z", (-3.0, -66.0, 500.0), bare, camera=small, bands="rgb").mean((0, 1))
+    red, green, blue = np.pi * light / sun_irradiance_w_m2("rgb", 1.505e11) / 1.8
+    # canopies in the visible (Asner 1998, Remote Sensing of Environment 64, 234): 0.02-0.04, 0.03-0.07, 0.01-0.03
+    assert 0.02 < red < 0.04
+    assert 0.03 < green < 0.07
+    assert 0.01 < blue < 0.03

@@ -77,7 +77,9 @@ class EarthPass:
         self._detail = levelled_texture(context, begun.detail.result())
         self._relief = self._mapped(begun.relief.result())
         self._keep_air(begun.air.result())
-        self._maps = [self._mapped(levels) for levels in begun.maps.result()]
+        # one at a time: what is uploaded need not stay in memory until the next is
+        waiting = begun.maps.result()
+        self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
         self._months = {k: self._mapped(levels.result()) for k, levels in begun.months.items()}
         self._ice = context.texture((ICE_WIDTH, ICE_HEIGHT), 1, alignment=1)
         self._ice.repeat_x, self._ice.repeat_y = True, False
