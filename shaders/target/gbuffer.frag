@@ -13,7 +13,7 @@ flat in uint v_material;
 void main() {
     vec3 n = normalize(gl_FrontFacing ? v_normal : -v_normal);
     write_texel(n);
-    out_surface = uvec2(pack_surface(v_material_word, normal_steps(n)), gl_FrontFacing ? pack_chart(v_chart) : NO_CHART);
+    out_surface = uvec2(pack_surface(v_material_word, normal_steps(n)), gl_FrontFacing ? pack_chart(v_chart) : no_chart());
 }
 #else
 in vec2 v_steps;
@@ -23,7 +23,7 @@ void main() {
 #else
     out_surface = uvec2(
         pack_surface(v_material_word, gl_FrontFacing ? v_steps : opposite_steps(v_steps)),
-        gl_FrontFacing ? pack_chart(v_chart) : NO_CHART);
+        gl_FrontFacing ? pack_chart(v_chart) : no_chart());
 #endif
 }
 #endif

@@ -1,4 +1,4 @@
-// A surface sample in 32 bits: material number above, the normal's two stereographic coordinates below it.
+// A surface sample's first word of 32 bits: material number above, the normal's two stereographic coordinates below it.
 //
 // Stereographic coordinates of a unit normal, seen from the pole that looks away from the camera (z > 0): they are
 // smooth over everything that can be visible (0 facing the camera, length 1 at the silhouette), so a triangle
@@ -32,16 +32,25 @@ uint pack_surface(int material_word, vec2 steps) {
 
 int material_word(float number) { return int(number + 0.5) << (2 * NORMAL_BITS); }
 
-// Place in the atlas of charts, 0..1, in the second word of a sample.
+// The second word of a sample: the frame's stamp above, a place in the atlas of charts, 0..1, below it. Samples with
+// another stamp are of earlier frames and hold nothing: so the image need not be cleared each time.
+const int CHART_BITS = 14;
+const uint CHART_MASK = (1u << uint(CHART_BITS)) - 1u;
+uniform uint u_stamp; // in its place
 uint pack_chart(vec2 chart) {
-    ivec2 q = ivec2(chart * 65535.0 + 0.5);
-    return uint((q.x << 16) | q.y);
+    ivec2 q = ivec2(chart * float(CHART_MASK) + 0.5);
+    return u_stamp | uint((q.x << CHART_BITS) | q.y);
 }
 
-// What the back of an open shell has in its place: light is baked on fronts.
-const uint NO_CHART = 0xffffffffu;
+// What the back of an open shell has in place of a chart: light is baked on fronts.
+uint no_chart() { return u_stamp | (CHART_MASK << uint(CHART_BITS)) | CHART_MASK; }
 
-vec2 chart_of(uint word) { return vec2(word >> 16, word & 0xffffu) / 65535.0; }
+// The first word, 0 where the frame drew nothing.
+uint surface_of(uvec2 words) { return words.y >> uint(2 * CHART_BITS) == u_stamp >> uint(2 * CHART_BITS) ? words.x : 0u; }
+
+vec2 chart_of(uint word) {
+    return vec2((word >> uint(CHART_BITS)) & CHART_MASK, word & CHART_MASK) / float(CHART_MASK);
+}
 
 uint material_of(uint word) { return word >> uint(2 * NORMAL_BITS); }
 

@@ -27,7 +27,7 @@ const int SAME_NORMAL = int(0.085 * CODE_SCALE);
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     ivec2 origin = pixel_index(pixel);
-#define FETCH(k, i, j) uint g##k = texelFetch(t_surface, origin + ivec2(i, j), 0).x;
+#define FETCH(k, i, j) uint g##k = surface_of(texelFetch(t_surface, origin + ivec2(i, j), 0).xy);
     FOR_EACH_SAMPLE(FETCH)
     int covered = 0;
     uint differs = 0u;

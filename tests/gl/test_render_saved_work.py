@@ -16,6 +16,7 @@ from simulator.render.cover import CELL_PX, hulls_cover
 from simulator.render.earthview import earth_view
 from simulator.render.levels import levelled, levelled_texture, opengl
 from simulator.render.passes import target as target_passes
+from simulator.render.passes.gbuffer import MOST_STAMPS
 from simulator.render.projection import PixelRect
 from simulator.render.view import build_view
 from simulator.scene.atmosphere import earth_atmosphere
@@ -60,6 +61,22 @@ def test_triangles_and_cells_left_out_change_no_pixel(renderer, draw_kit, t_m, r
         outside[round(y) : round(y) + CELL_PX, round(x) : round(x) + CELL_PX] = 0
     assert everywhere.coverage.max() == 1
     assert outside.max() == 0
+
+
+def test_samples_of_earlier_frames_never_show(renderer, draw_kit):
+    # the samples' image is not cleared: a stamp tells its frames apart, until all stamps are used
+    tango = load_target("tango")
+    camera = Camera(width_px=96, height_px=80, fx_px=200.0, fy_px=200.0, cx_px=47.5, cy_px=39.5)
+    turns = [(0.4 * k, 0.3 * k, 0.2) for k in range(MOST_STAMPS + 4)]
+    scenes = [draw_kit.scene(tango, t_m=(0.0, 0.0, 5.0), rotvec_rad=turn, camera=camera) for turn in turns]
+    first = [renderer.render(scene, tango, labels=True) for scene in scenes]
+    for k in reversed(range(len(scenes))):
+        again = renderer.render(scenes[k], tango, labels=True)
+        assert np.array_equal(again.radiance, first[k].radiance)
+        # where the craft's surface lies at the pixel's centre and nowhere far from it
+        near = cv2.dilate(np.isfinite(again.depth_m).astype(np.uint8), np.ones((3, 3), np.uint8))
+        assert again.coverage[near == 0].max() < 0.5
+        assert again.coverage.max() == 1
 
 
 @pytest.mark.parametrize("off_nadir_deg", [20.0, 62.0])

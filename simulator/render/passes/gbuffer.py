@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from simulator.render.programs import Program, ProgramLibrary
 
 
+STAMP_SHIFT = 28
+MOST_STAMPS = 15  # of the four bits; 0 is of a cleared image
+
+
 def normal_bits(mesh: Mesh) -> int:
     """Bits of each of the normal's two coordinates: what the material's number leaves of 32."""
     return 13 if len(mesh.materials) < 1 << 6 else 12
@@ -40,6 +44,28 @@ class SampleImages:
         for texture in (self.surface, self.depth, *self.texels):
             texture.filter = (context.NEAREST, context.NEAREST)
         self.framebuffer = context.framebuffer([self.surface, *self.texels], self.depth)
+        self._stamp = 0
+
+    @property
+    def stamp(self) -> int:
+        """What marks the samples of the frame being drawn, as ``u_stamp`` of shaders/target/pack.glsl."""
+        return self._stamp << STAMP_SHIFT
+
+    def begin(self) -> None:
+        """Make the images current and empty: of depth, and of samples by a new stamp.
+
+        Clearing takes a software driver as long as drawing a fifth of the samples.
+        """
+        self._stamp = self._stamp % MOST_STAMPS + 1
+        self._mask_colors(shown=self._stamp == 1)
+        self.framebuffer.clear()
+        self._mask_colors(shown=True)
+        self.framebuffer.use()
+
+    def _mask_colors(self, *, shown: bool) -> None:
+        mask = (shown,) * 4
+        # moderngl wants one mask for one image, and a tuple for several
+        self.framebuffer.color_mask = mask if not self.texels else (mask,) * (1 + len(self.texels))  # type: ignore[assignment]
 
     def release(self) -> None:
         """Free the images."""
@@ -68,23 +94,24 @@ class GBufferPass:
         return self._programs.get("target/gbuffer.vert", "target/gbuffer.frag", defines, self.SAMPLERS)
 
     def run(
-        self, array: FacingArray, size: tuple[int, int], camera_m: FloatArray, *, closed: bool
+        self, mesh: Mesh, array: FacingArray, size: tuple[int, int], camera_m: FloatArray
     ) -> SampleImages:
         """Draw the samples of one lattice window.
 
         Parameters
         ----------
-        camera_m : (3,) place of the camera, target frame.
-        closed : the mesh is made of closed shells, whose back faces are never seen and need not be drawn.
+        array : of ``mesh``. camera_m : (3,) place of the camera, target frame.
         """
-        images = self._begin(size, closed=closed)
+        images = self._begin(mesh, size)
         array.render(np.append(camera_m, 1.0))
         return images
 
-    def _begin(self, size: tuple[int, int], *, closed: bool) -> SampleImages:
+    def _begin(self, mesh: Mesh, size: tuple[int, int]) -> SampleImages:
         images = self._images.at_least(*size)
-        images.framebuffer.use()
-        images.framebuffer.clear()
-        self._context.enable_only(self._context.DEPTH_TEST | (self._context.CULL_FACE if closed else 0))
+        images.begin()
+        self.program(mesh).set("u_stamp", images.stamp)
+        # back faces of closed shells are never seen and need not be drawn
+        culled = self._context.CULL_FACE if mesh.is_closed else 0
+        self._context.enable_only(self._context.DEPTH_TEST | culled)
         images.framebuffer.viewport = (0, 0, *size)
         return images

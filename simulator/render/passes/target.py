@@ -95,14 +95,16 @@ class Sampled:
     Parameters
     ----------
     rect : pixels that the target may cover. cells_px : (K, 2) centres of the cells of those.
-    program, textures : of the shading. returned : light from other parts; that of the frame is worked out last, when
-        what comes from Earth and Moon is known.
+    program, textures : of the shading. stamp : of the samples' image.
+    returned : light from other parts; that of the frame is worked out last, when what comes from Earth and Moon is
+        known.
     """
 
     rect: PixelRect
     cells_px: FloatArray
     program: Program
     textures: dict[str, moderngl.Texture]
+    stamp: int
     returned: ReturnedLight
 
 
@@ -218,7 +220,7 @@ class TargetPasses:
         clock.lap("target.setup")
         texels: dict[str, moderngl.Texture] = {}
         if self._textured is None or loaded.textures is None:
-            samples = self._gbuffer.run(loaded.gbuffer, size, place.camera_target_m, closed=mesh.is_closed)
+            samples = self._gbuffer.run(mesh, loaded.gbuffer, size, place.camera_target_m)
         else:
             samples = self._textured.run_textured(
                 loaded.gbuffer.array, size, mesh, loaded.textures, scene.bands
@@ -238,6 +240,7 @@ class TargetPasses:
                 "t_slope": slope,
                 **texels,
             },
+            samples.stamp,
             loaded.returned,
         )
 
@@ -245,6 +248,7 @@ class TargetPasses:
         """Draw the target's radiance and coverage into ``images``, in the light of ``view``."""
         light = sampled.returned.update(bands, view)
         textures = {**sampled.textures, "t_open": light.visibility, "t_returned": light.returned}
+        sampled.program.set("u_stamp", sampled.stamp)
         self._shade.run(images.target_framebuffer, sampled.rect, sampled.cells_px, sampled.program, textures)
 
     def begin_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:

@@ -34,7 +34,7 @@ class TexturedGBufferPass(GBufferPass):
         bands: Bands,
     ) -> SampleImages:
         """Draw the samples of one lattice window, one set of textures after the other."""
-        images = self._begin(size, closed=mesh.is_closed)
+        images = self._begin(mesh, size)
         program = self.program(mesh)
         program.set("u_band_from_rgb", _band_from_rgb(bands))
         for draw in mesh.draws:
