@@ -47,6 +47,7 @@ void main() {
     vec2 x = (2.0 * gl_FragCoord.xy - v_middle.xy) * v_middle.z;
     float step_x = 0.5 * v_middle.z; // from the middle of the four to the middle of one
     GroundPoint middle = ground_at(x);
+    Waters waters = waters_at(middle);
 #if MAGNIFIED
     // neighbours share their slope, so that the map goes on without a step
     vec4 map = ground_map(middle), map_x = 0.25 * dFdx(map), map_y = 0.25 * dFdy(map);
@@ -62,9 +63,9 @@ void main() {
         g.lamps = middle.lamps;
 #if MAGNIFIED
         // where a texel begins, its neighbour's slope may lead below darkness
-        out_radiance[k] = surface_radiance(g, clamp(map + side.x * map_x + side.y * map_y, 0.0, 1.0));
+        out_radiance[k] = surface_radiance(g, clamp(map + side.x * map_x + side.y * map_y, 0.0, 1.0), waters);
 #else
-        out_radiance[k] = surface_radiance(g, ground_map(g));
+        out_radiance[k] = surface_radiance(g, ground_map(g), waters);
 #endif
     }
 #if COVERED
@@ -84,7 +85,7 @@ void main() {
 #if SMOOTH
     vec2 x = (gl_FragCoord.xy - v_middle.xy) * v_middle.z;
     GroundPoint g = ground_at(x);
-    color radiance = surface_radiance(g, ground_map(g));
+    color radiance = surface_radiance(g, ground_map(g), waters_at(g));
 #else
     EarthRay ray = earth_ray(gl_FragCoord.xy - 0.5);
     if (ray.away || ray.perigee2 > u_earth_limits.y) discard;
@@ -92,7 +93,7 @@ void main() {
     color radiance = color(0.0);
     if (share > 0.0) {
         GroundPoint g = ground_point(ray);
-        radiance = share * surface_radiance(g, ground_map(g));
+        radiance = share * surface_radiance(g, ground_map(g), waters_at(g));
     }
     if (share < 1.0) radiance += (1.0 - share) * air_radiance(ray);
 #endif

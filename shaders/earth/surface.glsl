@@ -35,10 +35,27 @@ const float FLOE = 0.62;      // reflectance of snow on ice, between winter's an
 const float WARP_KM = 12.0;   // HIGH: twice the largest displacement of the land's map
 const float RELIEF_KM = 0.9;  // height of a puff of full contrast, for its own shading
 
+// What makes the sea brighter than deep open water; it hardly changes within two by two pixels.
+struct Waters {
+    color shoal; // reflectance of shallow or turbid water over that of deep water
+    float ice;   // share of the sea under ice
+};
+Waters waters_at(GroundPoint g) {
+    Waters w = Waters(color(0.0), 0.0);
+#if SHOALS
+    color root = BAND(textureLod(t_shoals, g.uv, MAP_LEVEL - 1.0));
+    w.shoal = SHOAL_SCALE * root * root;
+#endif
+#if ICE
+    w.ice = textureLod(t_ice, g.uv, MAP_LEVEL - ICE_LEVEL).x;
+#endif
+    return w;
+}
+
 vec4 ground_map(GroundPoint g) { return textureLod(t_map, g.uv, MAP_LEVEL); }
 
 // Radiance that a ground point sends to the camera [W m-2 sr-1]; map: of t_map there.
-color surface_radiance(GroundPoint g, vec4 map) {
+color surface_radiance(GroundPoint g, vec4 map, Waters waters) {
 #if HIGH
     vec4 detail = textureLod(t_detail, g.plane + g.lift, DETAIL_LEVEL);
     vec4 under = textureLod(t_detail, g.plane, DETAIL_LEVEL);
@@ -85,8 +102,7 @@ color surface_radiance(GroundPoint g, vec4 map) {
 #endif
     color sea = SEA;
 #if SHOALS
-    color shoal = BAND(textureLod(t_shoals, g.uv, MAP_LEVEL - 1.0));
-    sea += SHOAL_SCALE * shoal * shoal;
+    sea += waters.shoal;
 #endif
     sea *= 0.85 + 0.3 * under.x; // plankton and wind
 #if GLINT
@@ -100,14 +116,13 @@ color surface_radiance(GroundPoint g, vec4 map) {
 #endif
 #if ICE
     // floes and leads: the detail, whose histogram is even, is cut where just that share remains
-    float ice = textureLod(t_ice, g.uv, MAP_LEVEL - ICE_LEVEL).x;
-    float floes = clamp((ice - under.x) * 7.0 + 0.5, 0.0, 1.0) * min(ice * 20.0, 1.0);
+    float floes = clamp((waters.ice - under.x) * 7.0 + 0.5, 0.0, 1.0) * min(waters.ice * 20.0, 1.0);
 #if !SMOOTH
     // from far away the detail is averaged before it is cut
-    floes = mix(floes, ice, clamp(-0.3 * log2(g.sharp) - 0.2, 0.0, 1.0));
+    floes = mix(floes, waters.ice, clamp(-0.3 * log2(g.sharp) - 0.2, 0.0, 1.0));
 #endif
     // where they drift apart they are young, thin or wet
-    sea = mix(sea, color(FLOE * (0.62 + 0.34 * ice + 0.16 * under.w)), floes);
+    sea = mix(sea, color(FLOE * (0.62 + 0.34 * waters.ice + 0.16 * under.w)), floes);
 #endif
     color ground = mix(sea, reflectance, land);
 #if CLOUDS

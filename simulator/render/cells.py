@@ -42,15 +42,16 @@ class CellKind:
     Parameters
     ----------
     smooth : all ground, away from limb and poles. covered : the target may be in front.
-    night : some of it is dark enough for city lights. waters : some of it is far enough from the equator for ice, or
-        near water that is shallow or turbid.
+    night : some of it is dark enough for city lights. icy : some of it is far enough from the equator for ice.
+    shoal : some of it is near water that is shallow or turbid.
     level : log2 of a pixel's footprint [km], smooth cells only.
     """
 
     smooth: bool
     covered: bool
     night: bool
-    waters: bool
+    icy: bool
+    shoal: bool
     level: float
 
 
@@ -136,15 +137,15 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None) 
     # a cell seen from far away, or over the limb, reaches beyond its corners
     span = distance * size * pixel_rad / np.fmax(depth, 0.1)
     ground = [earth.camera[k] + distance * d[..., k] for k in range(3)]
-    open_sea = (np.abs(ground[2]) + span < _ICE_SINE) & ~(span > _LARGEST_OPEN)
-    waters = ~_all_corners(open_sea & ~near_shoals(ground[2], np.arctan2(ground[1], ground[0])))
+    icy = ~_all_corners(np.abs(ground[2]) + span < _ICE_SINE)
+    deep = ~near_shoals(ground[2], np.arctan2(ground[1], ground[0])) & ~(span > _LARGEST_OPEN)
+    shoal = ~_all_corners(deep)
     # footprint: the mean of its two axes, as in shaders/earth/point.glsl
     footprint_km = distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(depth, 0.02))
     level = np.round(np.log2(np.fmax(footprint_km[:-1, :-1], 1e-6)) / _LEVEL_STEP)
     # one number per kind of cell
-    kind = (np.where(smooth, level, 0).astype(int) * 16 + waters * 8 + smooth * 4 + covered * 2 + night)[
-        touched
-    ]
+    kind = np.where(smooth, level, 0).astype(int) * 32 + shoal * 16 + icy * 8 + smooth * 4
+    kind = (kind + covered * 2 + night)[touched]
 
     def middles(row: IntArray, column: IntArray) -> Float32Array:
         return np.stack([x[column], y[row]], axis=1).astype(np.float32) + np.float32(size / 2)
@@ -153,13 +154,19 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None) 
     return Cells(
         size,
         (size * (len(x) - 1), size * (len(y) - 1)),
-        {
-            CellKind(bool(k & 4), bool(k & 2), bool(k & 1), bool(k & 8), (k >> 4) * _LEVEL_STEP): centers[
-                kind == k
-            ]
-            for k in map(int, np.unique(kind))
-        },
+        {_kind(k): centers[kind == k] for k in map(int, np.unique(kind))},
         middles(*(~(touched & smooth)).nonzero()),
+    )
+
+
+def _kind(code: int) -> CellKind:
+    return CellKind(
+        smooth=bool(code & 4),
+        covered=bool(code & 2),
+        night=bool(code & 1),
+        icy=bool(code & 8),
+        shoal=bool(code & 16),
+        level=(code >> 5) * _LEVEL_STEP,
     )
 
 

@@ -118,9 +118,9 @@ class EarthPass:
             "CLOUDS": int(environment.clouds),
             "GLINT": int(environment.ocean_glint and not one),
             "NIGHT": int(environment.night_lights and kind.night),
-            "ICE": int(environment.sea_ice and kind.waters and not one),
+            "ICE": int(environment.sea_ice and kind.icy and not one),
             "ICE_LEVEL": math.log2(MAP_WIDTH / ICE_WIDTH),
-            "SHOALS": int(kind.waters and not one),
+            "SHOALS": int(kind.shoal and not one),
             "SHOAL_SCALE": SHOAL_SCALE,
             "SMOOTH": int(kind.smooth),
             "COVERED": int(kind.covered),
@@ -172,7 +172,7 @@ class EarthPass:
             "t_before": self._month(month.before),
             "t_after": self._month(month.after),
         }
-        if any(kind.waters for kind in cells.centers_px):
+        if any(kind.icy or kind.shoal for kind in cells.centers_px):
             textures |= self._waters(scene.epoch_utc[:10] if environment.seasons else "2004-08-15")
         # what goes into one image comes together: a driver that changes images finishes the first
         for kind, centers in sorted(cells.centers_px.items(), key=itemgetter(0)):
