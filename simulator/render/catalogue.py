@@ -45,11 +45,13 @@ class StarField:
     cells: FloatArray
     first: np.typing.NDArray[np.intp]
 
-    def near(self, axis: FloatArray, angle_rad: float) -> np.typing.NDArray[np.intp]:
-        """Numbers of the stars within an angle of a unit direction, and of some just beyond."""
+    def near(self, axis: FloatArray, angle_rad: float) -> tuple[FloatArray, FloatArray]:
+        """Directions (K, 3) and irradiance (K, n) of the stars within an angle of a unit direction, and some beyond."""
         cosine = self.cells @ axis
         hit = np.flatnonzero(cosine > np.cos(min(angle_rad + CELL_RADIUS_RAD, np.pi)))
-        return np.concatenate([np.arange(self.first[k], self.first[k + 1]) for k in hit] or [np.arange(0)])
+        spans = [slice(self.first[k], self.first[k + 1]) for k in hit.tolist()] or [slice(0, 0)]
+        directions = np.concatenate([self.directions[span] for span in spans])
+        return directions, np.concatenate([self.irradiance_w_m2[span] for span in spans])
 
 
 @functools.cache

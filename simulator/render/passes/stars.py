@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from simulator.scene.state import SceneState
 
 _MAX_STARS = 80_000
+_SLACK = 1e-3  # of a cosine: aberration changes lengths by a ten-thousandth
 
 
 class StarPass:
@@ -85,23 +86,27 @@ def stars_in_view(
     directions, light = [], []
     if environment.stars:
         field = stars(scene.epoch_utc, scene.bands)
-        near = field.near(view.R_camera_from_eci[2], camera.half_angle_rad())
-        directions.append(field.directions[near])
-        light.append(field.irradiance_w_m2[near])
+        near, irradiance = field.near(view.R_camera_from_eci[2], camera.half_angle_rad())
+        directions.append(near)
+        light.append(irradiance)
     if environment.planets:
         points = planets(scene.epoch_utc, np.asarray(scene.r_camera_eci_m))
         directions.append(points.directions)
         light.append(star_irradiance_w_m2(points.v_mag + HP_MINUS_V, points.b_minus_v, scene.bands))
     # aberration by the motion of the Earth and of the camera about it
     beta = earth_velocity_c(scene.epoch_utc) + np.asarray(scene.v_camera_eci_m_s) / LIGHT_M_S
-    apparent = np.concatenate(directions) + beta
-    apparent /= np.linalg.norm(apparent, axis=1, keepdims=True)
-    d, irradiance = apparent @ view.R_camera_from_eci.T, np.concatenate(light)
+    R = view.R_camera_from_eci
+    # what is added to a unit vector shifts its direction; its length is mended where it matters
+    d, irradiance = np.concatenate(directions) @ R.T + R @ beta, np.concatenate(light)
+    inside = d[:, 2] > np.cos(camera.half_angle_rad()) - _SLACK
+    d, irradiance = d[inside], irradiance[inside]
     pixels = camera.project(d)
     keep = camera.contains(pixels)
-    if moon is not None:
-        keep &= ~moon.hides(d)
     d, irradiance, pixels = d[keep], irradiance[keep], pixels[keep]
+    d /= _length(d)
+    if moon is not None:
+        seen = ~moon.hides(d)
+        d, irradiance, pixels = d[seen], irradiance[seen], pixels[seen]
     if earth is not None:
         visible, share = _past_the_earth(d, earth, air)
         d, pixels, irradiance = d[visible], pixels[visible], (irradiance * share)[visible]
@@ -110,16 +115,22 @@ def stars_in_view(
 
 def _past_the_earth(
     d_camera: FloatArray, earth: EarthView, air: Atmosphere | None
-) -> tuple[np.typing.NDArray[np.bool_], FloatArray | float]:
+) -> tuple[np.typing.NDArray[np.bool_], FloatArray]:
     """Which directions miss the ground, and what the air on the way leaves of their light."""
     d = d_camera @ earth.earth_from_camera.T
-    d /= np.linalg.norm(d, axis=1, keepdims=True)
-    along, perigee2 = d @ earth.camera, (np.cross(earth.camera, d) ** 2).sum(axis=1)
+    d /= _length(d)
+    along = d @ earth.camera
+    perigee2 = float(earth.camera @ earth.camera) - along**2
     visible = (along >= 0) | (perigee2 >= 1)
-    if air is None:
-        return visible, 1.0
-    depth = np.zeros((len(d), len(air.rayleigh_m)))
     through = visible & (along < 0) & (perigee2 < earth.top2)
+    if air is None or not through.any():
+        return visible, np.ones((len(d), 1))
+    depth = np.zeros((len(d), len(air.rayleigh_m)))
     radius = np.sqrt(perigee2[through]) * air.radius_m
     depth[through] = 2 * optical_depth_to_top(air, radius, np.zeros_like(radius), steps=32)
     return visible, np.exp(-depth)
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    """(K, 1) of vectors (K, 3)."""
+    return np.asarray(np.sqrt(np.einsum("kc,kc->k", vectors, vectors))[:, None])
