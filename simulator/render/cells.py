@@ -125,13 +125,13 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None) 
     touched = ~_all_corners(~touched_corner)
     covered = np.zeros_like(smooth)
     if target_px is not None:
-        # a cell of the target's is no larger than one of these: it lies in those of its corners
-        low, high = (
-            ((target_px + reach) // size).astype(int) for reach in (-(CELL_PX - 1) / 2, (CELL_PX - 1) / 2)
-        )
+        # a cell of the target's is no larger than one of these: it lies in those of its corners, mostly in one
+        first_px = (target_px - (CELL_PX - 1) / 2).astype(np.int32)
+        low, high = first_px // size, (first_px + CELL_PX - 1) // size
         last = (len(x) - 2, len(y) - 2)
-        for column, row in itertools.product((low[:, 0], high[:, 0]), (low[:, 1], high[:, 1])):
-            covered[np.minimum(row, last[1]), np.minimum(column, last[0])] = True
+        ends = (low,) if np.array_equal(low, high) else (low, high)
+        for column, row in itertools.product(ends, ends):
+            covered[np.minimum(row[:, 1], last[1]), np.minimum(column[:, 0], last[0])] = True
     sun = earth.camera @ earth.sun + distance * (d @ earth.sun)
     night = ~(_all_corners(sun > _NIGHT_MU) & smooth)
     # a cell seen from far away, or over the limb, reaches beyond its corners

@@ -86,6 +86,7 @@ class EarthPass:
         self._ice_day = ""
         self._shoals: moderngl.Texture | None = None
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
+        self._kept: dict[tuple[object, ...], Program] = {}
 
     def air(self, thickness_km: float) -> Air:
         """The air up to a height, made at first use."""
@@ -111,8 +112,19 @@ class EarthPass:
     def _program(
         self, environment: Environment, kind: CellKind, *, behind: bool, high: bool, fours: bool
     ) -> Program:
+        key = (environment, kind, behind, high, fours, self._programs.lens)
+        if key not in self._kept:
+            defines = self._defines(environment, kind, behind=behind, high=high, fours=fours)
+            self._kept[key] = self._programs.get(
+                "earth/earth.vert", "earth/earth.frag", defines, _SAMPLERS[self.bands]
+            )
+        return self._kept[key]
+
+    def _defines(
+        self, environment: Environment, kind: CellKind, *, behind: bool, high: bool, fours: bool
+    ) -> dict[str, object]:
         one = environment.undifferentiated
-        defines: dict[str, object] = {
+        return {
             "BANDS": self.bands,
             "AIR": int(environment.atmosphere),
             "CLOUDS": int(environment.clouds),
@@ -141,7 +153,6 @@ class EarthPass:
             "GROUND_SAMPLES": GROUND_SAMPLES,
             **TABLE_DEFINES,
         }
-        return self._programs.get("earth/earth.vert", "earth/earth.frag", defines, _SAMPLERS[self.bands])
 
     def run(
         self, images: Images, cells: Cells, scene: SceneState, *, behind: bool, fours: bool = False
