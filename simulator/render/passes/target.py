@@ -171,7 +171,8 @@ class TargetPasses:
     def sample(self, scene: SceneState, view: View, target: Target, clock: StageClock) -> Sampled | None:
         """Draw what the samples of the target's pixels see, and its shadows; nothing where it touches no pixel.
 
-        The order keeps a software driver's threads busy: they draw one thing while the next is being prepared.
+        The order keeps a software driver's threads busy: they draw one thing while the next is being prepared. The
+        samples come first, which take longest.
         """
         loaded = self._load(target)
         mesh, camera = loaded.mesh, scene.camera
@@ -189,12 +190,6 @@ class TargetPasses:
         pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
         choice = choose_shadow(scene.quality, width_m, pixel_m)
         shadow = self._shadow_pass(choice.size_px)
-        if view.sun_visible_fraction > 0:
-            shadow.run(loaded.shadow, view, light_from_target)
-        clock.lap("target.shadow")
-        edges = self._edges.begin(
-            None if bent else loaded.edges, camera, place.rect, place.near_far_m[0], place.camera_from_target
-        )
         cells = find_cover(mesh, place, camera)
         if not len(cells):
             return None
@@ -227,6 +222,12 @@ class TargetPasses:
             )
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
         clock.lap("target.geometry")
+        if view.sun_visible_fraction > 0:
+            shadow.run(loaded.shadow, view, light_from_target)
+        clock.lap("target.shadow")
+        edges = self._edges.begin(
+            None if bent else loaded.edges, camera, place.rect, place.near_far_m[0], place.camera_from_target
+        )
         slope = self._edges.run(edges, lattice, size)
         clock.lap("target.edges")
         return Sampled(
