@@ -57,6 +57,7 @@ class ProgramLibrary:
         self._context = context
         self._blocks = tuple(blocks)
         self._built: dict[tuple[object, ...], Program] = {}
+        self._asked: dict[tuple[object, ...], Program] = {}  # the same, by what was asked for word by word
         self.lens = False
 
     def get(
@@ -69,6 +70,11 @@ class ProgramLibrary:
         defines : preprocessor constants. Value ``""`` defines the bare name.
         samplers : names of the samplers; sampler ``k`` reads texture unit ``k``.
         """
+        # passes ask in every frame: in the same words they are answered without sorting and printing them
+        values = tuple(defines.values())  # 1 and 1.0 are equal, and other words
+        asked = (vertex, fragment, tuple(defines), values, tuple(map(type, values)), samplers, self.lens)
+        if asked in self._asked:
+            return self._asked[asked]
         key = (vertex, fragment, tuple(sorted((k, str(v)) for k, v in defines.items())), samplers, self.lens)
         if key not in self._built:
             head = (
@@ -97,6 +103,7 @@ class ProgramLibrary:
             )
             for block in self._blocks:
                 block.attach(self._built[key].gl)
+        self._asked[asked] = self._built[key]
         return self._built[key]
 
 
