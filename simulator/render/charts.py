@@ -11,15 +11,19 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from simulator.render.chart_cut import cut_charts
+from simulator.targets.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
     from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 TEXEL = 0.032  # of the craft's radius
-_COPLANAR = 0.9998  # cosine between neighbours of one chart
+MOST_NODES = 250_000  # 64 MB of baked light a band; a mesh that needs more has fewer to a metre
 _FLAT = 0.9999  # cosine of a corner's normal with the face's
+_NEAREST = 8  # triangles that a place off all of them may be nearest to
+_PAIRS = 4_000_000  # of a node and a triangle that are looked at together
 _MARGIN = 0.1  # of a texel: nodes at a border are sampled so far inside
 
 
@@ -87,25 +91,15 @@ def make_charts(
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(across, axis=1)
     normal = across / np.maximum(area, 1e-30)[:, None]
-    chart, border = _coplanar(positions_m, groups, triangles, normal)
-    count = int(chart.max()) + 1
-    face = np.zeros((count, 3))
-    np.add.at(face, chart, across)
-    bare = np.linalg.norm(face, axis=1) < 1e-20  # slivers
-    np.add.at(face, chart[bare[chart]], normals[triangles[bare[chart], 0]])
-    face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
-    axes = _axes(corners, border, chart, face)
-    flat = np.ones(count, bool)
-    np.logical_and.at(
-        flat, chart, np.all(np.einsum("tkc,tc->tk", normals[triangles], face[chart]) > _FLAT, axis=1)
-    )
-    xy = np.einsum("tac,tkc->tka", axes[chart], corners)
-    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
-    np.minimum.at(low, chart, xy.min(axis=1))
-    np.maximum.at(high, chart, xy.max(axis=1))
-    extent = high - low
-    least = np.where(flat, 0.5, 0.15)[:, None] * texel_m
-    counts = np.where(extent > least, np.ceil(extent / texel_m).astype(int) + 1, 1)
+    for attempt in range(20):
+        chart, border = cut_charts(positions_m, groups, triangles, normal, texel_m, touching=attempt == 0)
+        face, axes, low, extent, counts = _laid_out(
+            corners, normals[triangles], chart, border, across, texel_m
+        )
+        if int(counts.prod(axis=1).sum()) <= MOST_NODES:
+            break
+        texel_m *= 1.0 if attempt == 0 else 1.4
+    count = len(counts)
     step = np.where(counts > 1, extent / np.maximum(counts - 1, 1), np.maximum(extent, 1e-9))
     size_px, corner = _packed(counts)
     pairs, which = np.unique(triangles.astype(np.int64) * count + chart[:, None], return_inverse=True)
@@ -122,7 +116,10 @@ def make_charts(
     steps = np.stack([i, j], axis=1)
     wanted = np.where(counts[of_node] > 1, steps * step[of_node], 0.5 * extent[of_node])
     wanted = low[of_node] + np.clip(wanted, inside, np.maximum(extent[of_node] - inside, inside))
-    triangle, shares = _located(wanted, xy, chart, first, nodes, area)
+    # a plane on which no chart lies over another
+    shift = corner * texel_m - low
+    xy = np.einsum("tac,tkc->tka", axes[chart], corners) + shift[chart, None]
+    triangle, shares = _located(wanted + shift[of_node], of_node, xy, chart, nodes, area)
     smooth = np.einsum("nk,nkc->nc", shares, normals[triangles[triangle]])
     return Charts(
         origin=origin,
@@ -144,24 +141,35 @@ def make_charts(
     )
 
 
-def _coplanar(
-    positions_m: FloatArray, groups: FloatArray, triangles: IntArray, normal: FloatArray
-) -> tuple[IntArray, BoolArray]:
-    """(T,) sets of triangles that hang together by edges, in one plane and one group, and (T, 3) edges between sets."""
-    keys = np.column_stack([np.round(positions_m, 6), groups])
-    _, place = np.unique(keys, axis=0, return_inverse=True)
-    corners = place.ravel()[triangles].astype(np.int64)
-    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-    key = edges[:, 0] * len(positions_m) + edges[:, 1]
-    order = np.argsort(key, kind="stable")
-    owner = order // 3
-    same = key[order][1:] == key[order][:-1]
-    i, j = owner[:-1][same], owner[1:][same]
-    joined = np.einsum("kc,kc->k", normal[i], normal[j]) > _COPLANAR
-    graph = coo_matrix((np.ones(joined.sum()), (i[joined], j[joined])), shape=(len(triangles),) * 2)
-    border = np.ones(3 * len(triangles), bool)
-    border[order[:-1][same][joined]] = border[order[1:][same][joined]] = False
-    return np.asarray(connected_components(graph, directed=False)[1]), border.reshape(-1, 3)
+def _laid_out(
+    corners_m: FloatArray,
+    corner_normals: FloatArray,
+    chart: IntArray,
+    border: BoolArray,
+    across: FloatArray,
+    texel_m: float,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
+    """Normal (C, 3), axes (C, 2, 3), lowest place along them (C, 2), extent (C, 2) and nodes (C, 2) of each chart.
+
+    Parameters
+    ----------
+    corners_m, corner_normals : (T, 3, 3). across : (T, 3) normals as long as twice the triangles' areas.
+    """
+    count = int(chart.max()) + 1
+    face: FloatArray = np.stack([np.bincount(chart, v, count) for v in across.T], axis=1).astype(float)
+    bare = np.linalg.norm(face, axis=1) < 1e-20  # slivers
+    np.add.at(face, chart[bare[chart]], corner_normals[bare[chart], 0])
+    face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
+    axes = _axes(corners_m, border, chart, face)
+    bent = np.any(np.einsum("tkc,tc->tk", corner_normals, face[chart]) < _FLAT, axis=1)
+    xy = np.einsum("tac,tkc->tka", axes[chart], corners_m)
+    order = np.argsort(chart, kind="stable")
+    start = np.searchsorted(chart[order], np.arange(count))
+    low = np.minimum.reduceat(xy.min(axis=1)[order], start)
+    extent = np.maximum.reduceat(xy.max(axis=1)[order], start) - low
+    least = np.where(np.bincount(chart, bent, count) > 0, 0.15, 0.5)[:, None] * texel_m
+    counts = np.where(extent > least, np.ceil(extent / texel_m).astype(int) + 1, 1)
+    return face, axes, low, extent, counts
 
 
 def _axes(corners_m: FloatArray, border: BoolArray, chart: IntArray, face: FloatArray) -> FloatArray:
@@ -196,27 +204,57 @@ def _packed(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
 
 
 def _located(
-    wanted: FloatArray, xy: FloatArray, chart: IntArray, first: IntArray, nodes: IntArray, area: FloatArray
+    wanted: FloatArray, of_node: IntArray, xy: FloatArray, chart: IntArray, nodes: IntArray, area: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Triangle (N,) and barycentric shares (N, 3) of the place on its chart that is nearest to each node."""
+    """Triangle (N,) and barycentric shares (N, 3) of the place on its chart that is nearest to each node.
+
+    Parameters
+    ----------
+    wanted : (N, 2) places in a plane, of_node : (N,) their charts. xy : (T, 3, 2) corners of the triangles there.
+    nodes : (C,) of each chart. area : (T,) of the triangles.
+    """
     order = np.lexsort((-area, chart))
-    start = np.searchsorted(chart[order], np.arange(len(nodes) + 1))
+    largest = order[np.searchsorted(chart[order], np.arange(len(nodes)))]
     # of small faces the middle of the largest triangle
-    triangle, shares = np.repeat(order[start[:-1]], nodes), np.full((len(wanted), 3), 1 / 3)
-    for c in np.flatnonzero(nodes > 1):
-        mine = order[start[c] : start[c + 1]]
-        mine = mine[area[mine] > 1e-14]
-        if not len(mine):
-            continue
-        a, b, d = xy[mine, 0], xy[mine, 1], xy[mine, 2]
-        p = wanted[first[c] : first[c] + nodes[c], None]
-        whole = _turn(b - a, d - a)
-        w = np.stack([_turn(d - b, p - b), _turn(a - d, p - d), _turn(b - a, p - a)], axis=2) / whole[:, None]
-        best = np.argmax(w.min(axis=2), axis=1)
-        w = np.clip(w[np.arange(len(best)), best], 0, None)
-        span = slice(first[c], first[c] + nodes[c])
-        triangle[span], shares[span] = mine[best], w / w.sum(axis=1, keepdims=True)
+    triangle, shares = largest[of_node], np.full((len(wanted), 3), 1 / 3)
+    candidates = np.flatnonzero((nodes[chart] > 1) & (area > 1e-14))
+    asking = np.flatnonzero((nodes > 1)[of_node] & (area[largest] > 1e-14)[of_node])
+    if not len(asking):
+        return triangle, shares
+    corners = xy[candidates]
+    grid = PlaneGrid.over(np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1).T)
+    pieces = np.searchsorted(np.cumsum(grid.counts(wanted[asking])), np.arange(1, 1000) * _PAIRS)
+    found = np.zeros(len(asking), bool)
+    for piece in np.split(np.arange(len(asking)), np.unique(pieces)):
+        node, met = grid.at(wanted[asking[piece]])
+        node = piece[node]
+        own = chart[candidates[met]] == of_node[asking[node]]
+        node, met = node[own], met[own]
+        w = _shares(wanted[asking[node]], corners[met])
+        inside = w.min(axis=1) >= 0
+        at = asking[node[inside]]
+        triangle[at], shares[at], found[node[inside]] = candidates[met[inside]], w[inside], True
+    # a rectangle's corners may lie off the face
+    off = asking[~found]
+    if len(off):
+        far = 1e3 * float(np.abs(xy).max())
+        middles = np.column_stack([corners.mean(axis=1), far * chart[candidates]])
+        _, near = cKDTree(middles).query(np.column_stack([wanted[off], far * of_node[off]]), k=_NEAREST)
+        near = np.minimum(near, len(candidates) - 1)
+        own = chart[candidates[near]] == of_node[off, None]
+        w = _shares(np.repeat(wanted[off], _NEAREST, axis=0), corners[near.ravel()]).reshape(-1, _NEAREST, 3)
+        best = np.argmax(np.where(own, w.min(axis=2), -np.inf), axis=1)
+        row = np.arange(len(off))
+        w = np.clip(w[row, best], 0, None)
+        triangle[off], shares[off] = candidates[near[row, best]], w / w.sum(axis=1, keepdims=True)
     return triangle, shares
+
+
+def _shares(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """(K, 3) barycentric coordinates of points (K, 2) in triangles (K, 3, 2)."""
+    a, b, c = (corners[:, k] - points for k in range(3))
+    w = np.stack([_turn(b, c), _turn(c, a), _turn(a, b)], axis=1)
+    return np.asarray(w / w.sum(axis=1, keepdims=True))
 
 
 def _turn(p: FloatArray, q: FloatArray) -> FloatArray:

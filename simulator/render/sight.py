@@ -58,7 +58,9 @@ def look_around(
     ----------
     planes : (T, 3) normals of the triangles. directions : (D, 3) unit vectors. radius_m : of the craft.
     """
-    face = charts.face_normals[charts.chart]
+    face = planes[charts.triangle].astype(float)
+    sliver = np.abs(face).max(axis=1) < 0.5
+    face[sliver] = charts.face_normals[charts.chart[sliver]]
     cosines = np.maximum(charts.normals.astype(np.float32) @ directions.T.astype(np.float32), 0)
     cosines *= (face @ directions.T) > GRAZING
     covered = _covered(charts.places_m, face, cosines, tracer, directions, radius_m)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from simulator.render.sight import Seen
 
 _T = TypeVar("_T", bound=np.generic)
-VERSION = 12  # of what follows; part of the cache's key
+VERSION = 13  # of what follows; part of the cache's key
 DIRECTIONS = 128  # that are looked along, and that the Sun's light is known from
 LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.75
 BOUNCES = 4

@@ -1,0 +1,145 @@
+"""Which triangles of a mesh make one chart: faces in one plane, and of finely meshed round faces small patches."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+if TYPE_CHECKING:
+    from simulator.arrays import BoolArray, FloatArray, IntArray
+
+_COPLANAR = 0.9998  # cosine between neighbours in one plane
+_SAME = 1 - 1e-6  # the same of a quad's halves on a finely meshed round face
+_BENT = 0.9995  # cosine with the mean normal of a set of such neighbours that bends on and on
+_PATCH_TEXELS = 3  # along each side of a patch of a round face
+# to a unit of each component of a normal: those of a patch differ by some 10 degrees; by some 20 where it is in pieces
+_NORMAL_BINS, _FEWER_BINS = 6, 3
+
+
+def cut_charts(
+    positions_m: FloatArray,
+    groups: FloatArray,
+    triangles: IntArray,
+    normal: FloatArray,
+    texel_m: float,
+    *,
+    touching: bool = True,
+) -> tuple[IntArray, BoolArray]:
+    """(T,) chart of each triangle, and (T, 3) whether each of its edges is a border of it.
+
+    Parameters
+    ----------
+    positions_m : (V, 3). groups : (V,) numbers that one chart does not mix. normal : (T, 3) of the triangles.
+    texel_m : a set of triangles smaller than this may join others of nearly its normal.
+    touching : they must hang together by edges; without, there are fewer charts of what is in many pieces.
+    """
+    corners = positions_m[triangles]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    edge, other = _shared_edges(positions_m, groups, triangles)
+    i, j = edge // 3, other // 3
+    cosine = np.einsum("kc,kc->k", normal[i], normal[j])
+    plain = cosine > _COPLANAR
+    plane = _hanging_together(len(triangles), i[plain], j[plain])
+    bent = _bends(plane, normal, area)[plane]
+    if bent.any():
+        plain &= ~bent[i] | (cosine > _SAME)
+        plane = _hanging_together(len(triangles), i[plain], j[plain])
+    key, small = _patch_keys(
+        corners,
+        normal,
+        area,
+        groups[triangles[:, 0]],
+        plane,
+        bent,
+        texel_m,
+        _NORMAL_BINS if touching else _FEWER_BINS,
+    )
+    patch = small[i] & small[j] & (key[i] == key[j])
+    joined = np.where(small[i] | small[j], patch, plain)
+    if touching:
+        chart = _hanging_together(len(triangles), i[joined], j[joined])
+    else:
+        whole = _hanging_together(
+            len(triangles), i[plain & ~small[i] & ~small[j]], j[plain & ~small[i] & ~small[j]]
+        )
+        _, chart = np.unique(np.where(small, -1 - key, whole), return_inverse=True)
+    border = np.ones(3 * len(triangles), bool)
+    border[edge[joined]] = border[other[joined]] = False
+    return np.asarray(chart), border.reshape(-1, 3)
+
+
+def _shared_edges(
+    positions_m: FloatArray, groups: FloatArray, triangles: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Pairs (K,) of edges in the same place, numbered 3 t, 3 t + 1, 3 t + 2 of triangle t."""
+    whole = np.column_stack([np.rint(positions_m * 1e6), groups])
+    order = np.lexsort(whole.T)
+    new = np.any(whole[order[1:]] != whole[order[:-1]], axis=1)
+    place = np.empty(len(order), np.int64)
+    place[order] = np.concatenate([[0], np.cumsum(new)])
+    corners = place[triangles]
+    ends = np.stack([corners, np.roll(corners, -1, axis=1)])
+    key = (ends.min(axis=0) * len(positions_m) + ends.max(axis=0)).ravel()
+    order = np.argsort(key, kind="stable")
+    same = key[order[1:]] == key[order[:-1]]
+    return order[:-1][same], order[1:][same]
+
+
+def _hanging_together(count: int, i: IntArray, j: IntArray) -> IntArray:
+    graph = coo_matrix((np.ones(len(i), bool), (i, j)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+
+
+def _means(sets: IntArray, values: FloatArray, weight: FloatArray) -> FloatArray:
+    """(S, 3) weighted means of values (T, 3) over sets (T,)."""
+    total = np.bincount(sets, weight)
+    return np.stack([np.bincount(sets, weight * v) for v in values.T], axis=1) / total[:, None]
+
+
+def _bends(sets: IntArray, normal: FloatArray, area: FloatArray) -> BoolArray:
+    """(S,) whether some triangle of a set looks elsewhere than its mean."""
+    mean = _means(sets, normal, np.maximum(area, 1e-30))
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
+    # nothing is known of a sliver's normal
+    off = (np.einsum("tc,tc->t", normal, mean[sets]) < _BENT) & (area > 1e-14)
+    return np.bincount(sets, off) > 0
+
+
+def _patch_keys(
+    corners_m: FloatArray,
+    normal: FloatArray,
+    area: FloatArray,
+    group: FloatArray,
+    plane: IntArray,
+    bent: BoolArray,
+    texel_m: float,
+    normal_bins: int,
+) -> tuple[IntArray, BoolArray]:
+    """(T,) numbers that are the same for triangles of one group, place and normal, and whether each may join others.
+
+    Parameters
+    ----------
+    plane : (T,) sets of neighbours of nearly the same normal: a flat one has one key, and so is not torn apart.
+    bent : (T,) on a round face, whatever its size.
+    """
+    weight = np.maximum(area, 1e-30)
+    alone = _bends(plane, normal, area)[plane]
+    middle = corners_m.mean(axis=1)
+    at = np.where(alone[:, None], middle, _means(plane, middle, weight)[plane])
+    facing = np.where(alone[:, None], normal, _means(plane, normal, weight)[plane])
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-30)
+    order = np.argsort(plane, kind="stable")
+    first = np.searchsorted(plane[order], np.arange(int(plane.max()) + 1))
+    low = np.minimum.reduceat(corners_m.min(axis=1)[order], first)
+    high = np.maximum.reduceat(corners_m.max(axis=1)[order], first)
+    small = bent | (np.linalg.norm(high - low, axis=1) < texel_m)[plane]
+    columns = [*np.floor(at / (_PATCH_TEXELS * texel_m)).T, *np.rint(facing * normal_bins).T]
+    key = np.unique(group, return_inverse=True)[1].astype(np.int64)
+    for column in columns:
+        values = column.astype(np.int64)
+        values -= values.min()
+        key = key * (int(values.max()) + 1) + values
+    return key, small
