@@ -136,12 +136,16 @@ def _section(folder: Path, k: int, pair: Pair) -> list[str]:
             folder,
             f"{k:03d}_edges_{air.replace(' ', '')}",
             _black_on_white(edges),
-            f"ours, air {air}: {100 * edges.mean():.2f} % edges",
+            f"{_under(air) if len(pair.edges) > 1 else 'ours'}: {100 * edges.mean():.2f} % edges",
         )
         for air, edges in pair.edges.items()
     ]
     rows.append(f"<div class=row>{''.join(tiles)}</div>")
     return rows
+
+
+def _under(air: str) -> str:
+    return "ours, no air" if air == "none" else f"ours, {air} of air"
 
 
 def _edge_note(side: str, look: Look) -> str:
@@ -177,7 +181,7 @@ def _figure(folder: Path, stem: str, image: ByteArray, caption: str) -> str:
 
 def _plot(shares: FloatArray, largest: float, colour: str, caption: str) -> str:
     """A histogram on a logarithmic axis as SVG."""
-    width, height, left, bottom = *PLOT, 34, 22
+    width, height, left, bottom = *PLOT, 44, 22
     x = left + np.arange(len(shares)) / len(shares) * (width - left - 8)
     share = np.log10(np.clip(shares, 10.0**-DECADES, 1.0))
     y = 8 - share / DECADES * (height - bottom - 8)
@@ -185,11 +189,13 @@ def _plot(shares: FloatArray, largest: float, colour: str, caption: str) -> str:
     area = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
     ticks = "".join(
         f"<line x1={left} x2={width - 8} y1={8 + d / DECADES * (base - 8):.0f} y2={8 + d / DECADES * (base - 8):.0f} "
-        f"stroke=#e4e7eb /><text x={left - 4} y={12 + d / DECADES * (base - 8):.0f} text-anchor=end>1e-{d}</text>"
+        f"stroke=#e4e7eb /><text x={left - 4} y={12 + d / DECADES * (base - 8):.0f} text-anchor=end>{10.0**-d:.{d}f}</text>"
         for d in range(DECADES + 1)
     )
     marks = "".join(
-        f"<text x={left + f * (width - left - 8):.0f} y={height - 6} text-anchor=middle>{f * largest:.0f}</text>"
+        # the last number ends where the axis does
+        f"<text x={left + f * (width - left - 8):.0f} y={height - 6} "
+        f"text-anchor={'end' if f == 1 else 'middle'}>{f * largest:.0f}</text>"
         for f in (0, 0.25, 0.5, 0.75, 1)
     )
     return (
