@@ -94,7 +94,7 @@ def noon(renderer: fa.Renderer) -> np.ndarray:
 def terminator(renderer: fa.Renderer) -> np.ndarray:
     """The Sun sets over the North Atlantic."""
     scene = above("2026-03-20T19:41:00Z", (48.0, -35.0, 420.0), 55.0, azimuth_deg=265.0, off_nadir_deg=61.0)
-    return exposed(radiance(renderer, scene), 0.995)
+    return exposed(radiance(renderer, scene), 0.995, 0.9)
 
 
 def night(renderer: fa.Renderer) -> np.ndarray:
@@ -118,7 +118,7 @@ def shallows(renderer: fa.Renderer) -> np.ndarray:
 def limb(renderer: fa.Renderer) -> np.ndarray:
     """A long lens at the horizon."""
     scene = above("2026-06-20T15:00:00Z", (10.0, -30.0, 420.0), 7.0, azimuth_deg=300.0, off_nadir_deg=69.4)
-    return exposed(radiance(renderer, scene), 0.95)
+    return exposed(radiance(renderer, scene), 0.95, -0.7)
 
 
 def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
@@ -161,7 +161,7 @@ def moonrise(renderer: fa.Renderer) -> np.ndarray:
         rising = enu[0] @ to_moon > 0  # in the afternoon, before it is full
         if rising and abs(height + 18.9) < best:
             best, place = abs(height + 18.9), (15.0, float(longitude), 420.0)
-    return exposed(radiance(renderer, above(epoch, place, 4.5, look_at="moon")), 0.95)
+    return exposed(radiance(renderer, above(epoch, place, 4.5, look_at="moon")), 0.95, -0.3)
 
 
 def stars(renderer: fa.Renderer) -> np.ndarray:
@@ -184,7 +184,7 @@ def seasons(renderer: fa.Renderer) -> np.ndarray:
     for month in ("01", "04", "07", "10"):
         world = Environment(clouds=False)
         scene = above(f"2026-{month}-15T11:00:00Z", (49.0, 14.0, 2500.0), 42.0, half, environment=world)
-        tiles.append(exposed(radiance(renderer, scene), 0.985))
+        tiles.append(exposed(radiance(renderer, scene), 0.985, -0.9))
     return np.vstack([np.hstack(tiles[:2]), np.hstack(tiles[2:])])
 
 

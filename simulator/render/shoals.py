@@ -1,7 +1,7 @@
 """Shallow and turbid water: what the day map shows of the sea beyond the open ocean's blue.
 
 Banks, reefs, rivers' plumes, lakes full of silt. `python -m simulator.render.shoals` makes the small picture of where
-they are, ``assets/earth/shoals_360x180.png``, again: a cell of the screen that is not near one does not look for them.
+they are, ``assets/earth/shoals_720x360.png``, again: a cell of the screen that is not near one does not look for them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from simulator.arrays import ByteArray, Float32Array, FloatArray
 
 WIDTH, HEIGHT = 4032, 2016
-WHERE = "shoals_360x180.png"
+WHERE = "shoals_720x360.png"
 SCALE = 0.35  # reflectance of a map's texel that is as blue as can be: clear shallows over white sand (Maritorena 1994)
 _POWER = 1.2  # of the map's 8 bits: nearly straight, where the land's darker values are pressed together
 _DEEP = (2.0, 5.0, 20.0)  # what the map paints the open ocean with: red, green, blue
@@ -31,7 +31,7 @@ _NOTHING = 2.5  # counts over it that are only the picture's compression
 _ICE = 60.0  # counts in every channel: floating ice, not water
 _OFFSHORE = 24  # counts of the coast's distance (7 km): nearer texels are mixtures with land
 _ASHORE = 7  # texels over which what is offshore is carried to the shore
-_NOTICED = 0.006  # reflectance for which a cell of the screen looks
+_NOTICED = 0.01  # reflectance for which a cell of the screen looks
 _VERSION = 1
 
 
@@ -76,26 +76,26 @@ def _where() -> NDArray[np.bool_]:
 
 
 def near_shoals(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
-    """Whether there is such water within a degree or two.
+    """Whether there is such water within half a degree or a degree.
 
     Parameters
     ----------
     z : sine of the latitude. longitude : [rad]; of the same shape as z. NaN gives False.
     """
     known = np.isfinite(z) & np.isfinite(longitude)
-    row = np.clip(90 - np.degrees(np.arcsin(np.clip(np.where(known, z, 0), -1, 1))), 0, 179).astype(int)
-    column = (np.degrees(np.where(known, longitude, 0)) + 180).astype(int) % 360
+    row = np.clip(180 - 2 * np.degrees(np.arcsin(np.clip(np.where(known, z, 0), -1, 1))), 0, 359).astype(int)
+    column = (2 * np.degrees(np.where(known, longitude, 0)) + 360).astype(int) % 720
     return np.asarray(_where()[row, column] & known)
 
 
 def make_where() -> ByteArray:
-    """(180, 360) 255 where the water is noticeably brighter than the open ocean, and a degree around it."""
+    """(360, 720) 255 where the water is noticeably brighter than the open ocean, and half a degree around it."""
     coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH, HEIGHT))
     bright = SCALE * _over_the_ocean().max(axis=2) > _NOTICED
-    # rows and columns do not divide by whole texels: each cell of a degree takes what touches it
-    found = np.zeros((180, 360), np.uint8)
+    # rows and columns do not divide by whole texels: each half degree takes what touches it
+    found = np.zeros((360, 720), np.uint8)
     row, column = np.nonzero(bright & (coast < 128 - _OFFSHORE))
-    found[row * 180 // HEIGHT, column * 360 // WIDTH] = 255
+    found[row * 360 // HEIGHT, column * 720 // WIDTH] = 255
     wrapped = np.pad(found, ((1, 1), (1, 1)), mode="wrap")
     return np.asarray(cv2.dilate(wrapped, np.ones((3, 3), np.uint8))[1:-1, 1:-1], np.uint8)
 

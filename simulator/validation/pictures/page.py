@@ -188,9 +188,9 @@ def _plot(shares: FloatArray, largest: float, colour: str, caption: str) -> str:
     base = height - bottom
     area = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
     ticks = "".join(
-        f"<line x1={left} x2={width - 8} y1={8 + d / DECADES * (base - 8):.0f} y2={8 + d / DECADES * (base - 8):.0f} "
-        f"stroke=#e4e7eb /><text x={left - 4} y={12 + d / DECADES * (base - 8):.0f} text-anchor=end>{10.0**-d:.{d}f}</text>"
-        for d in range(DECADES + 1)
+        f"<line x1={left} x2={width - 8} y1={8 + at:.0f} y2={8 + at:.0f} stroke=#e4e7eb />"
+        f"<text x={left - 4} y={12 + at:.0f} text-anchor=end>{10.0**-d:.{d}f}</text>"
+        for d, at in enumerate(np.linspace(0, base - 8, DECADES + 1))
     )
     marks = "".join(
         # the last number ends where the axis does
