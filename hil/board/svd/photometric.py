@@ -80,7 +80,8 @@ def photo_align(
     fit = PhotoFit(q, t, 9.9, INFLATION * np.eye(6))
     for blur in blurs_px:
         shading = photo_draw(fit.q, fit.t, faces, canvas, camera, sun)
-        step = photo_step(fit, shading, faces, canvas, camera, radius_m, blur, relax, joint)
+        longer = relax if blur > 0 else 1.0
+        step = photo_step(fit, shading, faces, canvas, camera, radius_m, blur, longer, joint)
         if step is None:
             break
         fit = step
@@ -132,7 +133,7 @@ def photo_step(
     A *= np.sqrt(w)
     H, g, cost = normal_equations(A)
     scale = parameter_scale(float(t[2]), radius_m)
-    step = (relax if blur > 0 else 1.0) * damped_step(H, g, scale, 1e-5)
+    step = relax * damped_step(H, g, scale, 1e-5)
     step = limit_step(step[None], t[None], radius_m)[0]
     cost = float(np.sqrt(cost / max(float(w.sum()), 1e-12))) / noise
     return PhotoFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, INFLATION * np.linalg.pinv(H))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import List, Tuple
+from typing import List, Optional, Tuple
 
 import numpy as np
 
@@ -13,11 +13,18 @@ from hil.board.svd.confidence import LEAST_SCORE, Evidence
 from hil.board.svd.course import SPREAD_RAD, Left, Ranked, align_together, apart, begin, faces_of, spread_out
 from hil.board.svd.distinct import alternatives, differs
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
-from hil.board.svd.levels import shade
-from hil.board.svd.photometric import JOINT_AT_END, PhotoFit, photo_align, photo_likeness, photo_score
+from hil.board.svd.photometric import (
+    JOINT_AT_END,
+    PhotoFit,
+    photo_draw,
+    photo_likeness,
+    photo_score,
+    photo_step,
+)
 from hil.board.svd.score import support
 from hil.board.svd.search import MARGIN, twins
-from hil.board.svd.shade import Canvas, draw_faces
+from hil.board.svd.shade import Canvas
+from hil.board.svd.sunlight import Sunlight
 
 Array = np.ndarray
 
@@ -33,8 +40,9 @@ FINALISTS, TWIN_SHARE = 3, 0.6
 # How many go to the end, and with what share of the best score.
 FINALS, FINAL_LEAD = 2, 0.85
 
-# An end that moved by more is aligned once more, with shadows as they fall there [rad].
-MOVED_RAD, NO_WORSE = float(np.radians(0.7)), 0.003
+# An end that moved by more is aligned again, with shadows as they fall there, so many times in all [rad]; a score
+# that is lower by more is a worse one.
+MOVED_RAD, ROUNDS, NO_WORSE = float(np.radians(0.5)), 2, 0.003
 
 # Score from which no other near pose is asked.
 SURE_SCORE = LEAST_SCORE + 0.02
@@ -45,7 +53,7 @@ FIRST_PX, FIRST_BLURS = 72, (2.0, 2.0, 1.2, 1.2)
 # Against a texture clutter outweighs what few pixels of the craft can say.
 TEXTURED_PX, TEXTURED_BLURS = 120, (2.0, 1.2, 1.2, 0.8)
 SMALL_PX, SMALL_BLURS = 120, (1.2, 1.2, 0.6)
-FINAL_PX, FINAL_BLURS = 230, (2.0, 1.2, 0.8, 0.4, 0.0, 0.0, 0.0)
+FINAL_PX, FINAL_BLURS = 230, (2.0, 1.2, 0.8, 0.3, 0.0)
 
 # Who goes on with each step: share of the best score, and least distance from a better one [rad]. On 76 development
 # frames the winner had 0.6 of the best after two steps far off, 0.78 at once close up, and of poses within these angles
@@ -127,24 +135,44 @@ def choose_by_picture(
     return best, fit, evidence, alternatives(poses, fit.q, fit.t)
 
 
-def _finish(
-    craft: Craft, frame: Frame, close: Canvas, start: PhotoFit, *, again: bool = True
-) -> Tuple[PhotoFit, float]:
+def _finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> Tuple[PhotoFit, float]:
     """A pose aligned to the end, with the shadows the craft casts on itself, and its score."""
-    faces, camera = faces_of(craft), craft.camera.pinhole
-    q, t = start.q, start.t
-    sun = None
-    if craft.suns is not None:
-        R = quat.matrix(q)
-        shading = shade(faces, draw_faces(faces, faces.order(-R.T @ t), camera, R, t, close), close)
-        sun = craft.suns.find(faces, shading, close, camera, R, t)
-    canvas = make_canvas(craft, frame, craft_box(craft, q, t), FINAL_PX)
-    fit = photo_align(q, t, faces, canvas, camera, craft.radius_m, FINAL_BLURS, sun, joint=JOINT_AT_END)
-    score = _score(craft, close, fit.q, fit.t)
-    if again and quat.angle_rad(q, fit.q) > MOVED_RAD:
-        second = _finish(craft, frame, close, fit, again=False)
-        return second if second[1] > score - NO_WORSE else (fit, score)
+    canvas = make_canvas(craft, frame, craft_box(craft, start.q, start.t), FINAL_PX)
+    fit, score = start, -np.inf
+    for _ in range(ROUNDS):
+        before = fit
+        end = _stepped(craft, canvas, before, _sun(craft, close, before), FINAL_BLURS)
+        after = _score(craft, close, end.q, end.t)
+        if after < score - NO_WORSE:
+            break
+        fit, score = end, after
+        # shadows fall as they did where it began
+        if quat.angle_rad(before.q, fit.q) < MOVED_RAD:
+            break
     return fit, score
+
+
+def _sun(craft: Craft, canvas: Canvas, fit: PhotoFit) -> Optional[Sunlight]:
+    """Where the Sun stands by the shadows on the picture, if the craft stands there."""
+    if craft.suns is None:
+        return None
+    faces, camera = faces_of(craft), craft.camera.pinhole
+    shading = photo_draw(fit.q, fit.t, faces, canvas, camera)
+    return craft.suns.find(faces, shading, canvas, camera, quat.matrix(fit.q), fit.t)
+
+
+def _stepped(
+    craft: Craft, canvas: Canvas, fit: PhotoFit, sun: Optional[Sunlight], blurs: Tuple[float, ...]
+) -> PhotoFit:
+    """The pose some steps on, with many brightnesses found beside it."""
+    faces, camera = faces_of(craft), craft.camera.pinhole
+    for blur in blurs:
+        shading = photo_draw(fit.q, fit.t, faces, canvas, camera, sun)
+        step = photo_step(fit, shading, faces, canvas, camera, craft.radius_m, blur, joint=JOINT_AT_END)
+        if step is None:
+            break
+        fit = step
+    return fit
 
 
 def _score(craft: Craft, canvas: Canvas, q: Array, t: Array) -> float:
