@@ -82,7 +82,7 @@ class PoseEstimator(Estimator):
         frame.keep("regions", regions)
         frame.mark("roi")
         regions = [r for r in regions if r.diagonal_px >= SMALLEST_PX]
-        glances = self._glances(frame, regions)
+        glances = self._glances(frame, regions, small)
         found = [c for g in glances for c in self._candidates(frame, g)]
         frame.keep("glances", glances)
         frame.mark("first_look")
@@ -107,12 +107,12 @@ class PoseEstimator(Estimator):
             False, "no target found", None, None, 0.0, frame.stages_ms, frame.counts, method=self.method
         )
 
-    def _glances(self, frame: Frame, regions: List[Region]) -> List[Glance]:
+    def _glances(self, frame: Frame, regions: List[Region], reduced: Array) -> List[Glance]:
         """What the first look says of the likeliest places; nothing where the target has none."""
         if self.first is None:
             return []
         keep = LOOKS if frame.background < 0 else EMPTY_LOOKS
-        return self.first.glances(frame.image, frame.noise, regions[:GLANCES], keep)
+        return self.first.glances(frame.image, frame.noise, regions[:GLANCES], keep, reduced)
 
     def _candidates(self, frame: Frame, glance: Glance) -> List[Candidate]:
         """Poses of a glance, the likeliest first, and the edges of its place for who wants to ask them."""

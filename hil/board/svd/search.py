@@ -30,6 +30,9 @@ COARSE_PX, FINE_PX = 170, 360
 # Poses kept of the templates and of the perceptual groups for the first alignment.
 TEMPLATE_POSES, GROUP_POSES = 240, 160
 
+# Poses judged with exact visibility, where edges decide in the end and where the picture looks at half as many.
+EDGES_DECIDE, PICTURE_DECIDES = 48, 30
+
 # Turns [deg, camera axes] and scales of the range at which alignment is started again.
 NEIGHBOURS = (
     ((10.0, 0.0, 0.0), 1.0),
@@ -71,7 +74,8 @@ def search_region(craft: Craft, frame: Frame, region: Region) -> List[Candidate]
     q, t = _align(craft, q, t, table, coarse, (9.0, 7.0, 6.0), 2)
     q, t = distinct(q, t, _cost(craft, q, t, table, coarse, 6.0), 50)
     q, t = _align(craft, q, t, table, fine, (10.0, 8.0, 6.0, 5.0))
-    q, t = distinct(q, t, _cost(craft, q, t, table, fine, 6.0), 48)
+    keep = EDGES_DECIDE if craft.model.faces is None else PICTURE_DECIDES
+    q, t = distinct(q, t, _cost(craft, q, t, table, fine, 6.0), keep)
     frame.mark("align")
     out = _judge(craft, q, t, fine, region)
     frame.mark("score")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Sequence
+from typing import Optional, Sequence
 
 import cv2
 import numpy as np
@@ -64,12 +64,20 @@ class Gaze:
         return np.array([[1 - x * x * c, -x * y * c, x], [-x * y * c, 1 - y * y * c, y], [-x, -y, z]])
 
 
-def seen_through(image: Array, camera: CameraIntrinsics, gaze: Gaze, side_px: int, sphere_px: float) -> Array:
+def seen_through(
+    image: Array,
+    camera: CameraIntrinsics,
+    gaze: Gaze,
+    side_px: int,
+    sphere_px: float,
+    reduced: Optional[Array] = None,
+) -> Array:
     """(side, side) float32 the picture by a small camera along a gaze, averaged over what each pixel covers.
 
     Parameters
     ----------
-    image : (H, W). sphere_px : diameter of the craft's sphere there.
+    image : (H, W). sphere_px : diameter of the craft's sphere there. reduced : the whole picture reduced by area
+        averaging, which a small camera that takes in much is shown instead.
     """
     f = 0.5 * (camera.fx_px + camera.fy_px)
     # picture pixels per pixel of the small one
@@ -77,6 +85,11 @@ def seen_through(image: Array, camera: CameraIntrinsics, gaze: Gaze, side_px: in
     step = (np.arange(side_px) - 0.5 * (side_px - 1)) * factor / f
     x, y = np.meshgrid(step, step)
     at = camera.pixels(np.stack([x, y, np.ones_like(x)], axis=-1) @ gaze.swing().T)
+    if reduced is not None:
+        scale = np.array([image.shape[1] / reduced.shape[1], image.shape[0] / reduced.shape[0]])
+        if factor > 2.0 * scale.max():
+            # its pixels are averages of averages then
+            image, at, factor = reduced, (at + 0.5) / scale - 0.5, factor / float(scale.max())
     h, w = image.shape
     x0, y0 = (int(np.clip(np.floor(at[..., k].min()) - factor, 0, size - 2)) for k, size in ((0, w), (1, h)))
     x1, y1 = (
@@ -93,13 +106,19 @@ def seen_through(image: Array, camera: CameraIntrinsics, gaze: Gaze, side_px: in
     return np.asarray(cv2.remap(part, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
-def look(image: Array, noise: float, camera: CameraIntrinsics, gazes: Sequence[Gaze]) -> Array:
+def look(
+    image: Array,
+    noise: float,
+    camera: CameraIntrinsics,
+    gazes: Sequence[Gaze],
+    reduced: Optional[Array] = None,
+) -> Array:
     """(B, 64, 64, 2) float32 what the network is shown along each gaze.
 
     Parameters
     ----------
-    image : (H, W). noise : its standard deviation.
+    image : (H, W). noise : its standard deviation. reduced : see ``seen_through``.
     """
     sphere = FILLED * LOOK_PX
-    pictures = np.stack([seen_through(image, camera, g, LOOK_PX, sphere) for g in gazes])
+    pictures = np.stack([seen_through(image, camera, g, LOOK_PX, sphere, reduced) for g in gazes])
     return contrast(pictures, np.array([noise / max(g.diameter_px / sphere, 1.0) for g in gazes]))

@@ -117,12 +117,20 @@ class FirstLook:
             return None
         return FirstLook(net, _views(_Drawn(model.sha256, model)), camera, model.centre_m, model.radius_m)
 
-    def glances(self, image: Array, noise: float, regions: Sequence[Region], keep: int) -> List[Glance]:
+    def glances(
+        self,
+        image: Array,
+        noise: float,
+        regions: Sequence[Region],
+        keep: int,
+        reduced: Optional[Array] = None,
+    ) -> List[Glance]:
         """The likeliest places with their poses, the surest of a craft first.
 
         Parameters
         ----------
-        image : (H, W). noise : its standard deviation. regions : proposals. keep : places at most.
+        image : (H, W). noise : its standard deviation. regions : proposals. keep : places at most. reduced : the
+            picture reduced by area averaging, where it is at hand.
         """
         if not regions:
             return []
@@ -137,28 +145,30 @@ class FirstLook:
             Gaze.at(camera, 0.5 * (r.x0 + r.x1), 0.5 * (r.y0 + r.y1), size * r.diagonal_px)
             for r, size in starts
         ]
-        _, craft, gazes = self._glance(image, noise, gazes)
+        _, craft, gazes = self._glance(image, noise, gazes, reduced)
         # the first glance corrects a start, the second says how sure it is of a craft there
         better = [int(k) for k in np.argsort(-craft)[:SECOND]]
         starts, gazes = [starts[k] for k in better], [gazes[k] for k in better]
-        _, craft, gazes = self._glance(image, noise, gazes)
+        _, craft, gazes = self._glance(image, noise, gazes, reduced)
         chosen: List[int] = []
         for k in np.argsort(-craft):
             if len(chosen) < keep and all(_apart(gazes[k], gazes[j], f) for j in chosen):
                 chosen.append(int(k))
-        looked = [(starts[k][0], *self._from_four_sides(image, noise, gazes[k])) for k in chosen]
+        looked = [(starts[k][0], *self._from_four_sides(image, noise, gazes[k], reduced)) for k in chosen]
         surest = max(craft for _, _, craft, _ in looked)
         out = []
         for source, coefficients, sure, gaze in sorted(looked, key=lambda g: -g[2]):
             if sure < surest - DOUBT:
                 break
-            q, move, score = self.views.rank(image, camera, gaze, coefficients, ATTITUDES, APART_RAD)
+            q, move, score = self.views.rank(image, camera, gaze, coefficients, ATTITUDES, APART_RAD, reduced)
             near = score > score[0] - LESS
             Q, t = self._placed(gaze, q[near], move[near])
             out.append(Glance(source, gaze, Q, t, score[near], sure))
         return out
 
-    def _from_four_sides(self, image: Array, noise: float, gaze: Gaze) -> Tuple[Array, float, Gaze]:
+    def _from_four_sides(
+        self, image: Array, noise: float, gaze: Gaze, reduced: Optional[Array]
+    ) -> Tuple[Array, float, Gaze]:
         """Coefficients (ROUNDS, 4, J) of looks turned by quarters, logit of a craft, corrected gaze.
 
         The network was trained on crafts turned at will: four views of one look err differently, their mean less.
@@ -166,7 +176,7 @@ class FirstLook:
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         coefficients, sure = [], 0.0
         for _ in range(ROUNDS):
-            one = look(image, noise, self.camera, [gaze])[0]
+            one = look(image, noise, self.camera, [gaze], reduced)[0]
             said, rest = self.net(np.stack([np.rot90(one, k) for k in range(QUARTERS)]))
             x, y = rest[:, 0], rest[:, 1]
             # what is right in a look turned by a quarter is below in the first, and so on
@@ -177,9 +187,11 @@ class FirstLook:
             sure = float(rest[:, 3].mean())
         return np.stack(coefficients), sure, gaze
 
-    def _glance(self, image: Array, noise: float, gazes: List[Gaze]) -> Tuple[Array, Array, List[Gaze]]:
+    def _glance(
+        self, image: Array, noise: float, gazes: List[Gaze], reduced: Optional[Array]
+    ) -> Tuple[Array, Array, List[Gaze]]:
         """Attitude coefficients (B, J), logits of a craft (B,), corrected gazes."""
-        coefficients, rest = self.net(look(image, noise, self.camera, gazes))
+        coefficients, rest = self.net(look(image, noise, self.camera, gazes, reduced))
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         moved = [
             g.moved(f, np.clip(r[:2], -SHIFT, SHIFT), float(np.clip(r[2], -SIZE, SIZE)))

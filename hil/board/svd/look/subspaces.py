@@ -12,7 +12,7 @@ Scharf & Friedlander (1994), Matched subspace detectors, IEEE Trans. Signal Proc
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, Tuple
+from typing import List, Optional, Tuple
 
 import cv2
 import numpy as np
@@ -48,8 +48,8 @@ INDEPENDENT = 0.7
 # Weight of the explained share against the network's log-likelihood: of -log(1 - share).
 WEIGHT = 6.0
 
-# Attitudes compared, the likeliest by the network.
-COMPARED = 1200
+# Attitudes compared, the likeliest by the network: what is handed on was the same of 300 (119 development frames).
+COMPARED = 400
 
 # The attitudes about a chosen one that are averaged with it [rad], and the difference of likelihood at which one of
 # them counts e times less [log].
@@ -117,13 +117,14 @@ class Subspaces:
         coefficients: Array,
         keep: int,
         apart_rad: float,
+        reduced: Optional[Array] = None,
     ) -> Tuple[Array, Array, Array]:
         """Attitudes q (K, 4), corrections (K, 3) of shift [half sides of a look] and log size, score (K,), best first.
 
         Parameters
         ----------
         coefficients : (R, 4, ANCHORS) of the network, for looks turned by none, one, two, and three quarters, R times.
-        apart_rad : attitudes nearer to a better one are dropped.
+        apart_rad : attitudes nearer to a better one are dropped. reduced : see ``crop.seen_through``.
 
         Notes
         -----
@@ -132,7 +133,7 @@ class Subspaces:
         """
         likely = self.likelihood(coefficients)
         chosen = np.argpartition(-likely, COMPARED)[:COMPARED]
-        share, move = self._explained(image, camera, gaze, chosen)
+        share, move = self._explained(image, camera, gaze, chosen, reduced)
         likely = likely[chosen] - WEIGHT * np.log(1 - share)
         q = self.q[chosen]
         best: List[int] = []
@@ -162,11 +163,16 @@ class Subspaces:
         return np.asarray(np.mean(turned, axis=0)).ravel()
 
     def _explained(
-        self, image: Array, camera: CameraIntrinsics, gaze: Gaze, chosen: Array
+        self,
+        image: Array,
+        camera: CameraIntrinsics,
+        gaze: Gaze,
+        chosen: Array,
+        reduced: Optional[Array],
     ) -> Tuple[Array, Array]:
         """Share (C,) that each chosen attitude explains at its best place and size, and that place and size (C, 3)."""
         side = 2 * SIDE_PX + 8
-        picture = seen_through(image, camera, gaze, side, FILLED * 2 * SIDE_PX)
+        picture = seen_through(image, camera, gaze, side, FILLED * 2 * SIDE_PX, reduced)
         picture = cv2.blur(picture, (2, 2), anchor=(0, 0))
         view, turn = chosen // TURNS, chosen % TURNS
         share = np.zeros(len(chosen))
