@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.camera.detector import detect, detector_sigma, electrons_per_radiance
-from simulator.camera.deviates import bit_source, multiply_uniform
 from simulator.camera.optics import Optics
 from simulator.camera.psf import blur, defocus_px
-from simulator.camera.recipe_noise import arithmetic_of, noise_field
+from simulator.camera.recipe_noise import arithmetic_of, draw_noise
 from simulator.camera.shading import veiling_glare, vignetting
 
 if TYPE_CHECKING:
@@ -24,11 +23,11 @@ if TYPE_CHECKING:
 
     from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
+    from simulator.camera.recipe_noise import RecipeNoise
     from simulator.camera.sensor import Sensor
 
 _PERFECT_LENS = Optics()
-_STRIP_VALUES = 1 << 17
-_SPECKLE_KEY = 1
+_STRIP_VALUES = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +115,7 @@ def digitise(
     frame_index: int,
     exposure_s: float = 0.0,
     band_gain: ArrayLike = 1.0,
-    noise: Callable[[], NDArray[Any]] | None = None,
+    noise: Callable[[], RecipeNoise] | None = None,
 ) -> NDArray[np.unsignedinteger]:
     """Digital numbers of an exposed signal: by the detector, or clip, speckle, Gaussian noise, clip, quantise.
 
@@ -139,21 +138,19 @@ def digitise(
         return detect(signal, sensor, seed, frame_index, exposure_s, band_gain)
     arithmetic = arithmetic_of(sensor)
     full, steps_per_dn = arithmetic.full_dn, arithmetic.steps_per_dn
-    field = noise() if noise is not None else noise_field(signal.shape, sensor, seed, frame_index)
+    random = noise() if noise is not None else draw_noise(signal.shape, sensor, seed, frame_index)
     flat = signal.reshape(signal.shape[0], -1)
     out = np.empty(flat.shape, np.uint8 if sensor.bits <= 8 else np.uint16)
-    speckle_half_width = float(np.sqrt(3 * sensor.speckle_variance))
-    source = bit_source(seed, frame_index, _SPECKLE_KEY)
-    # strips that a processor's own memory holds, one after the other: two threads would wait for Python's lock
+    # one strip after the other: two threads would wait for Python's lock
     strip = max(_STRIP_VALUES // max(flat.shape[1], 1), 1)
     for top in range(0, flat.shape[0], strip):
         rows = slice(top, top + strip)
         values = np.clip(flat[rows], 0.0, 1.0)
         values *= np.float32(full * steps_per_dn)
-        if speckle_half_width > 0:
-            multiply_uniform(values, speckle_half_width, source)
+        if random.factors is not None:
+            values *= random.factors[rows]
         steps: NDArray[Any] = values.astype(arithmetic.dtype, copy=False)
-        steps += field[rows] if len(field) > 1 else field
+        steps += random.steps[rows] if len(random.steps) > 1 else random.steps
         if arithmetic.fixed_point:
             np.right_shift(steps, arithmetic.shift, out=steps)
         np.clip(steps, 0, full, out=steps)

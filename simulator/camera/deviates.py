@@ -107,11 +107,11 @@ def add_normal(values: NDArray[Any], tables: tuple[NDArray[Any], ...], source: n
         values += scratch
 
 
-def multiply_uniform(values: Float32Array, half_width: float, source: np.random.SFC64) -> None:
-    """Multiply each value by 1 + n, n even between -``half_width`` and ``half_width``, in place."""
-    words = random_bytes(source, (*values.shape[:-1], values.shape[-1] * 2)).view(np.uint16)
+def uniform_factors(shape: tuple[int, ...], half_width: float, source: np.random.SFC64) -> Float32Array:
+    """Factors 1 + n, n even between -``half_width`` and ``half_width``."""
+    words = random_bytes(source, (*shape[:-1], shape[-1] * 2)).view(np.uint16)
     factor = words.astype(np.float32)
     step = np.float32(2 * half_width / 65536)
     factor *= step
     factor += np.float32(1 - half_width) + step / 2
-    values *= factor
+    return factor

@@ -1,6 +1,6 @@
-"""Additive noise of a recipe on a 0..1 image: a field of its own, so that it can be drawn before the picture is there.
+"""Noise of a recipe on a 0..1 image: fields of their own, so that they can be drawn before the picture is there.
 
-A field depends on (seed, frame, size, recipe) alone. It is a few long calls that leave Python's lock alone, so that a
+They depend on (seed, frame, size, recipe) alone. They are a few long calls that leave Python's lock alone, so that a
 thread draws it while the renderer's first commands keep one processor busy.
 """
 
@@ -15,20 +15,21 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.camera.deviates import bit_source, normal_tables, random_bytes
+from simulator.camera.deviates import bit_source, normal_tables, random_bytes, uniform_factors
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
+    from simulator.arrays import Float32Array
     from simulator.camera.sensor import Sensor
 
 MIN_SHIFT = 4
 """Fewer steps than 16 a digital number are not fine enough: then the arithmetic is in floating point."""
 LEAST_AHEAD = 1 << 17
 """Values of a field that is worth a thread: waking one takes as long as to draw a smaller one."""
-_ADDITIVE_KEY = 0
+_ADDITIVE_KEY, _SPECKLE_KEY = 0, 1
 
 
 @dataclass(frozen=True)
@@ -69,18 +70,33 @@ def arithmetic_of(sensor: Sensor) -> Arithmetic:
     return Arithmetic(full, 2**shift if shift >= MIN_SHIFT else 1, sigma_dn)
 
 
+@dataclass(frozen=True, eq=False)
+class RecipeNoise:
+    """The random part of one picture.
+
+    Parameters
+    ----------
+    steps : (H, W times bands) noise plus half a digital number, for what cuts the fraction off; of a recipe without
+        additive noise (1, 1), the half alone.
+    factors : (H, W times bands) of the speckle, ``None`` without.
+    """
+
+    steps: NDArray[Any]
+    factors: Float32Array | None
+
+
 def begin_noise(
     shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int
-) -> Callable[[], NDArray[Any]]:
-    """Have a frame's field drawn by another thread; the result, called once, waits for it.
+) -> Callable[[], RecipeNoise]:
+    """Have a frame's noise drawn by another thread; the result, called once, waits for it.
 
     Parameters
     ----------
     shape : (H, W) or (H, W, bands) of the picture.
     """
     if sensor.detector is not None or int(np.prod(shape)) < LEAST_AHEAD:
-        return lambda: noise_field(shape, sensor, seed, frame_index)
-    return _thread(os.getpid()).submit(noise_field, shape, sensor, seed, frame_index).result
+        return lambda: draw_noise(shape, sensor, seed, frame_index)
+    return _thread(os.getpid()).submit(draw_noise, shape, sensor, seed, frame_index).result
 
 
 @lru_cache(maxsize=1)
@@ -89,20 +105,19 @@ def _thread(_process: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, thread_name_prefix="flyaround-noise")
 
 
-def noise_field(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int) -> NDArray[Any]:
-    """(H, W times bands) noise plus half a digital number, for what cuts the fraction off, in steps.
-
-    Of a recipe without additive noise it is (1, 1), the half alone. A detector in electrons has no field: (0, 0).
-    """
+def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int) -> RecipeNoise:
+    """The noise of one picture, of a recipe and not of a detector in electrons."""
+    size = shape[0], int(np.prod(shape[1:]))
+    factors = None
+    if sensor.speckle_variance > 0:
+        half_width = float(np.sqrt(3 * sensor.speckle_variance))
+        factors = uniform_factors(size, half_width, bit_source(seed, frame_index, _SPECKLE_KEY))
     arithmetic = arithmetic_of(sensor)
     half = 0.5 * arithmetic.steps_per_dn
-    if sensor.detector is not None:
-        return np.empty((0, 0), arithmetic.dtype)
     if sensor.gaussian_variance <= 0:
-        return np.full((1, 1), half, arithmetic.dtype)
-    rows, columns = shape[0], int(np.prod(shape[1:]))
+        return RecipeNoise(np.full((1, 1), half, arithmetic.dtype), factors)
     first, second = normal_tables(arithmetic.sigma_dn * arithmetic.steps_per_dn, arithmetic.dtype)
-    drawn = random_bytes(bit_source(seed, frame_index, _ADDITIVE_KEY), (2, rows, columns))
-    field = cv2.LUT(drawn[0], first + first.dtype.type(half))
-    field += cv2.LUT(drawn[1], second)
-    return field
+    drawn = random_bytes(bit_source(seed, frame_index, _ADDITIVE_KEY), (2, *size))
+    steps = cv2.LUT(drawn[0], first + first.dtype.type(half))
+    steps += cv2.LUT(drawn[1], second)
+    return RecipeNoise(steps, factors)

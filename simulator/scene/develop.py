@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from simulator.arrays import Float32Array, FloatArray
+    from simulator.camera.recipe_noise import RecipeNoise
     from simulator.camera.sensor import Sensor
     from simulator.scene.state import SceneState
 
@@ -38,7 +39,7 @@ def expose_scene(scene: SceneState, radiance_w_m2_sr: Float32Array) -> Float32Ar
     )
 
 
-def begin_scene_noise(scene: SceneState) -> Callable[[], NDArray[Any]]:
+def begin_scene_noise(scene: SceneState) -> Callable[[], RecipeNoise]:
     """Have the additive noise of a scene's picture drawn by another thread, for `digitise_scene`."""
     bands = len(bands_of(scene.bands))
     size = (scene.camera.height_px, scene.camera.width_px)
@@ -49,7 +50,7 @@ def digitise_scene(
     scene: SceneState,
     signal: Float32Array,
     sensor: Sensor | None = None,
-    noise: Callable[[], NDArray[Any]] | None = None,
+    noise: Callable[[], RecipeNoise] | None = None,
 ) -> NDArray[np.unsignedinteger]:
     """Digital numbers of an exposed scene.
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from simulator.camera.deviates import add_normal, bit_source, for_each_band, multiply_uniform, normal_tables
+from simulator.camera.deviates import add_normal, bit_source, for_each_band, normal_tables, uniform_factors
 
 
 def _normal(count, *, seed=1, sigma=1.0, dtype=np.float32):
@@ -44,8 +44,7 @@ def test_whole_number_deviates_keep_their_standard_deviation():
 
 
 def test_uniform_factor_has_its_variance_and_bounds():
-    values = np.ones((1000, 1000), np.float32)
-    multiply_uniform(values, 0.3, bit_source(4))
+    values = uniform_factors((1000, 1000), 0.3, bit_source(4))
     assert values.min() >= 0.7
     assert values.max() <= 1.3
     assert values.mean() == pytest.approx(1, abs=5e-4)

@@ -11,9 +11,9 @@ from simulator.camera.recipe_noise import LEAST_AHEAD, begin_noise
 
 
 @pytest.mark.parametrize("shape", [(300, 512), (200, 300, 3), (40, 50)])
-@pytest.mark.parametrize("bits", [8, 12])
-def test_noise_drawn_ahead_changes_no_byte(shape: tuple[int, ...], bits: int) -> None:
-    sensor = replace(sensor_preset("speed"), bits=bits)
+@pytest.mark.parametrize(("preset", "bits"), [("speed", 8), ("speed", 12), ("thesis", 8)])
+def test_noise_drawn_ahead_changes_no_byte(shape: tuple[int, ...], preset: str, bits: int) -> None:
+    sensor = replace(sensor_preset(preset), bits=bits)
     signal = np.random.default_rng(1).random(shape, np.float32)
     ahead = begin_noise(shape, sensor, 5, 9)
     begin_noise(shape, sensor, 5, 10)()  # another frame's, between the two
