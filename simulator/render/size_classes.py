@@ -1,7 +1,8 @@
-"""Off-screen buffers by size class: a frame's window takes the class that just holds it, and clears all of it.
+"""Off-screen buffers by size class: a frame's window takes the class that just holds it, or one at hand a bit larger.
 
 A driver clears a whole framebuffer many times faster than a part of it (llvmpipe draws a quad for a part), so buffers
-are not simply kept at their largest size; the few classes used last are kept.
+are not simply kept at their largest size. But to make one takes longer than to draw into it: a craft that turns and
+comes nearer would ask for another class every few frames.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ if TYPE_CHECKING:
 
 GRAIN_PX = 128
 KEPT = 3
+LARGER = (
+    1.25  # area of a buffer at hand over that of the class: so much more to clear is cheaper than a new one
+)
 
 
 class Buffers(Protocol):
@@ -40,7 +44,18 @@ class SizeClasses(Generic[B]):
     def at_least(self, width: int, height: int) -> B:
         """Buffers that hold a window of this size."""
         size = (-(-width // GRAIN_PX) * GRAIN_PX, -(-height // GRAIN_PX) * GRAIN_PX)
-        buffers = self._kept.pop(size, None)
+        most = LARGER * size[0] * size[1]
+        # those that would hold the window if they were a little larger here or there
+        near = [(max(w, size[0]), max(h, size[1]), (w, h)) for w, h in self._kept]
+        near = [found for found in near if found[0] * found[1] <= most]
+        buffers = None
+        if near:
+            *larger, at_hand = min(near, key=lambda found: found[0] * found[1])
+            size = (larger[0], larger[1])
+            buffers = self._kept.pop(at_hand)
+            if at_hand != size:
+                buffers.release()
+                buffers = None
         if buffers is None:
             while len(self._kept) >= KEPT:
                 self._kept.pop(next(iter(self._kept))).release()

@@ -1,0 +1,33 @@
+"""Buffers by size class: few are made, none is much too large."""
+
+from simulator.render.size_classes import GRAIN_PX, LARGER, SizeClasses
+
+
+class Counted:
+    """Buffers that only count themselves."""
+
+    made = 0
+    freed = 0
+
+    def __init__(self, width, height):
+        self.size = (width, height)
+        Counted.made += 1
+
+    def release(self):
+        Counted.freed += 1
+
+
+def test_windows_about_a_step_of_the_classes_share_a_buffer():
+    Counted.made = Counted.freed = 0
+    classes = SizeClasses(Counted)
+    # a craft that turns: its window's sides pass the steps of both classes to and fro
+    for k in range(40):
+        width, height = 18 * GRAIN_PX + 5 * (k % 3 - 1), 29 * GRAIN_PX + 4 * (k % 5 - 2)
+        buffers = classes.at_least(width, height)
+        assert buffers.size[0] >= width
+        assert buffers.size[1] >= height
+    assert Counted.made <= 4
+    assert Counted.made - Counted.freed == 1
+    # one much smaller is not drawn into the large buffer, which takes long to clear
+    small = classes.at_least(3 * GRAIN_PX - 1, 3 * GRAIN_PX)
+    assert small.size[0] * small.size[1] <= LARGER * 9 * GRAIN_PX**2
