@@ -118,7 +118,7 @@ def shallows(renderer: fa.Renderer) -> np.ndarray:
 def limb(renderer: fa.Renderer) -> np.ndarray:
     """A long lens at the horizon."""
     scene = above("2026-06-20T15:00:00Z", (10.0, -30.0, 420.0), 7.0, azimuth_deg=300.0, off_nadir_deg=69.4)
-    return exposed(radiance(renderer, scene), 0.95, -0.7)
+    return exposed(radiance(renderer, scene), 0.95, -0.4)
 
 
 def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:

@@ -17,7 +17,7 @@ vec2 detail_vector(vec3 p, vec3 w) {
 // Sea surface: unpolarised Fresnel reflectance of water, n = 1.34 (Schlick).
 float water_fresnel(float c) { return 0.0211 + 0.9789 * pow(1.0 - c, 5.0); }
 
-// Sun glint over irradiance [sr-1], and by how many per cent it changes for each of the slopes' variance.
+// Sun glint over irradiance [sr-1], and the change of its logarithm with that of the slopes' variance [1].
 // Cox & Munk (1954), isotropic slopes, mean square slope 0.003 + 0.00512 U, U = 6 m/s.
 vec2 sun_glint(vec3 n, vec3 v, vec3 l, float n_v, float n_l) {
     const float variance = 0.0337;

@@ -109,7 +109,8 @@ color surface_radiance(GroundPoint g, vec4 map, Waters waters) {
 #if HIGH
     // wind in gusts, and slicks: calm water shines more in the middle of the glint, less around it
     float gusts = textureLod(t_detail, mat2(0.9, 0.7, -0.2, 0.25) * g.plane, DETAIL_LEVEL).x;
-    sea += color(g.glint * exp((0.7 * gusts + 0.3 * under.x - 0.5) * g.ripple));
+    float calm = 1.2 * gusts + 0.4 * under.x - 0.8; // less of the variance's logarithm
+    sea += color(g.glint * exp(calm + (g.ripple + 1.0) * (1.0 - exp(calm))));
 #else
     sea += color(g.glint * (0.9 + 0.2 * under.x)); // cat's paws
 #endif
