@@ -22,7 +22,7 @@ from hil.board.svd.model import BoardModel, CameraIntrinsics
 from hil.board.svd.noise import noise_sigma
 from hil.board.svd.pnp import plane_poses, solve_points, undistorted_rays
 from hil.board.svd.refine import align_to_field
-from hil.board.svd.roi import propose_regions
+from hil.board.svd.roi import propose_regions, straight_windows
 from hil.board.svd.samples import jacobian, project, sample_edges
 from hil.board.svd.templates import build_views, sphere_directions
 from hil.board.svd.visibility import hidden, occluders, visible_samples
@@ -149,6 +149,16 @@ def test_region_holds_a_dim_part_beside_a_bright_one() -> None:
     assert busy < 0.05
     r = regions[0]
     assert (r.x0, r.y0, r.x1, r.y1) == pytest.approx((800, 400, 1200, 560), abs=16)
+
+
+@pytest.mark.parametrize("seed", [416, 688, 872])
+def test_windows_of_straight_lines_hold_what_made_them(seed: int) -> None:
+    # a cross whose middle lies beside the pixel that it is counted at must be found from there
+    middle = np.random.default_rng(seed).uniform([0, 0], [160, 100], (1, 2)).repeat(2, axis=0)
+    half = np.array([[6.0, 0.0], [0.0, 6.0]])
+    cross = np.concatenate([middle - half, middle + half], axis=1)
+    boxes = straight_windows(np.zeros((100, 160), np.float32), cross)
+    assert any(np.allclose(box, (*(middle[0] - 6), *(middle[0] + 6))) for box in boxes)
 
 
 def test_nearest_edges_are_told_apart_by_direction() -> None:

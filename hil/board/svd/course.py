@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, Tuple
+from typing import List, Sequence, Tuple
 
 import numpy as np
 
@@ -21,6 +21,9 @@ ASTRAY = 0.3
 
 # Poses nearer than this to a better one end where it does: 30 of 30 pairs within 0.4 deg, 20 mm [rad, share of range].
 SAME_RAD, SAME_SHARE = float(np.radians(1.0)), 0.03
+
+# Poses about another that lean to another side, and how far [rad].
+LEANING, LEANING_RAD = 6, float(np.radians(12.0))
 
 # What of a score is noise where all are low.
 SLACK = 0.04
@@ -138,12 +141,28 @@ def apart(ranked: List[Ranked]) -> List[Ranked]:
     return out
 
 
-def spread_out(pool: List[Course], keep: int) -> List[Course]:
-    """The first that differ from each other in attitude."""
+def leaning(craft: Craft, c: Candidate) -> List[Candidate]:
+    """Poses tilted against one to every side, about axes across the line of sight; the centre stays in its place."""
+    centre = quat.matrix(c.q) @ craft.centre_m + c.t
+    sight = centre / np.linalg.norm(centre)
+    across = np.cross(sight, np.eye(3)[int(np.argmin(np.abs(sight)))])
+    across /= np.linalg.norm(across)
+    out = []
+    for angle in 2 * np.pi * np.arange(LEANING) / LEANING:
+        axis = np.cos(angle) * across + np.sin(angle) * np.cross(sight, across)
+        q = quat.normalise(quat.multiply(quat.from_rotvec(LEANING_RAD * axis), c.q))
+        t = centre - quat.matrix(q) @ craft.centre_m
+        out.append(Candidate(q, t, c.support, c.field, c.region, c.likely))
+    return out
+
+
+def spread_out(pool: List[Course], keep: int, before: Sequence[Candidate] = ()) -> List[Course]:
+    """The first that differ in attitude from each other and from where those ``before`` began."""
     out: List[Course] = []
     for c in pool:
         if len(out) >= keep:
             break
-        if all(quat.angle_rad(c.fit.q, o.fit.q) > SPREAD_RAD for o in out):
+        taken = [b.q for b in before] + [o.fit.q for o in out]
+        if all(quat.angle_rad(c.fit.q, q) > SPREAD_RAD for q in taken):
             out.append(c)
     return out

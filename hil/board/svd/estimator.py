@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from typing import List
+from typing import List, Tuple, Union
 
 import numpy as np
 
-from hil.board.svd import quaternion as quat
 from hil.board.svd.base import Estimator
-from hil.board.svd.confidence import ACCEPT_AT, confidence, decide
+from hil.board.svd.confidence import ACCEPT_AT, Evidence, confidence, decide
 from hil.board.svd.drawn import draw_at
 from hil.board.svd.edges import edge_field, shrink
 from hil.board.svd.finish import choose
-from hil.board.svd.frame import UNASKED, Candidate, Craft, Frame, PoseResult
+from hil.board.svd.frame import UNASKED, Alternative, Candidate, Craft, Frame, PoseResult
 from hil.board.svd.gradient import eliminate_weak_gradients
 from hil.board.svd.look.first import FirstLook, Glance
 from hil.board.svd.model import BoardModel, CameraIntrinsics
 from hil.board.svd.noise import noise_sigma
+from hil.board.svd.photometric import PhotoFit
+from hil.board.svd.refine import FineFit
 from hil.board.svd.roi import REDUCTION, Region, propose_regions
 from hil.board.svd.score import support
 from hil.board.svd.search import search_region
-from hil.board.svd.verify import choose_by_picture
+from hil.board.svd.verify import ALL_LEADERS, LEADERS, align_leaders, choose_by_picture
 
 Array = np.ndarray
+Chosen = Tuple[Candidate, Union[FineFit, PhotoFit], Evidence, Tuple[Alternative, ...]]
 
 # Share of the frame's tiles with edges above which the background is not empty space.
 BUSY = 0.25
@@ -30,11 +32,8 @@ BUSY = 0.25
 # Regions glanced at by the first look, and places it hands on with a texture behind and with nothing.
 GLANCES, LOOKS, EMPTY_LOOKS = 5, 2, 1
 
-# Logit of there being a craft from which only that place is searched.
+# Logit of there being a craft from which its edges are not searched: what the picture cannot settle, they cannot.
 SURE = 2.0
-
-# Score of the picture above which searching edges as well changes nothing: 0 of 8 development frames.
-POOR = 0.25
 
 # Longest side of the edges that its poses are supported by [px].
 LOOK_FIELD_PX = 200
@@ -87,18 +86,14 @@ class PoseEstimator(Estimator):
         frame.keep("glances", glances)
         frame.mark("first_look")
         looked = self._chosen(frame, found) if found else None
-        if looked is not None and (looked.accepted or _explained(looked) > POOR):
+        if looked is not None and (looked.accepted or any(g.craft > SURE for g in glances)):
             if frame.shows_all and regions:
                 search_region(self.craft, frame, regions[0])
             return looked
         frame.count("searched", 1)
         found = [self._asked(c) for c in found]
-        sure = [g for g in glances if g.craft > SURE]
-        for glance in sure:
-            found += self._searched(frame, glance)
-        if not sure:
-            for region in regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]:
-                found += search_region(self.craft, frame, region)
+        for region in regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]:
+            found += search_region(self.craft, frame, region)
         if found:
             searched = self._chosen(frame, found)
             # among more poses the right one may be ranked away before it is looked at closely
@@ -140,22 +135,26 @@ class PoseEstimator(Estimator):
         s = support(c.q, c.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m)
         return Candidate(c.q, c.t, s, c.field, c.region, c.likely)
 
-    def _searched(self, frame: Frame, glance: Glance) -> List[Candidate]:
-        """Poses by edges where the first look surely saw a craft: those of that place and size, compared there."""
-        craft, region = self.craft, glance.region(self.craft.camera)
-        out = []
-        for c in search_region(craft, frame, glance.source):
-            centre = quat.matrix(c.q) @ craft.centre_m + c.t
-            if glance.gaze.holds(craft.camera, centre, craft.radius_m):
-                out.append(Candidate(c.q, c.t, c.support, c.field, region))
-        return out
-
     def _chosen(self, frame: Frame, found: List[Candidate]) -> PoseResult:
         """The best of the candidates, and whether it is to be accepted."""
         found.sort(key=lambda c: -c.support.total)
         frame.keep("found", found)
-        decide_between = choose if self.model.faces is None else choose_by_picture
-        best, fit, evidence, alternatives = decide_between(self.craft, frame, found)
+        if self.model.faces is None:
+            return self._told(frame, choose(self.craft, frame, found))
+        leaders = align_leaders(self.craft, frame, found, LEADERS)
+        result = self._told(frame, choose_by_picture(self.craft, frame, leaders))
+        if result.accepted:
+            return result
+        # what looks best before it is aligned need not be best after
+        frame.count("again", 1)
+        leaders += align_leaders(self.craft, frame, found, ALL_LEADERS, leaders)
+        leaders.sort(key=lambda r: -r.score)
+        again = self._told(frame, choose_by_picture(self.craft, frame, leaders, thorough=True))
+        return again if _explained(again) >= _explained(result) else result
+
+    def _told(self, frame: Frame, chosen: Chosen) -> PoseResult:
+        """The result of a choice, and whether it is to be accepted."""
+        best, fit, evidence, alternatives = chosen
         frame.count("edges", evidence.edges)
         frame.keep("field", best.field)
         if frame.shows_all:

@@ -215,7 +215,8 @@ def straight_windows(
             if score[row, col] <= 0:
                 break
             here = 2.0 * np.array([col, row]) + 0.5
-            inside = np.all(np.abs(middle - here) <= 0.5 * side, axis=1)
+            # by the pixel that was counted: a middle just outside would leave the window empty
+            inside = (np.abs(x - col) <= own) & (np.abs(y - row) <= own)
             # segments that leave the window belong to it no more than halfway
             p = np.clip(ends[inside].reshape(-1, 2), here - 0.6 * side, here + 0.6 * side)
             (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import List, Optional, Tuple
+from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import craft_box, make_canvas, pinhole_box
 from hil.board.svd.confidence import LEAST_SCORE, Evidence
-from hil.board.svd.course import SPREAD_RAD, Left, Ranked, align_together, apart, begin, faces_of, spread_out
+from hil.board.svd.course import (
+    SPREAD_RAD,
+    Left,
+    Ranked,
+    align_together,
+    apart,
+    begin,
+    faces_of,
+    leaning,
+    spread_out,
+)
 from hil.board.svd.distinct import alternatives, differs
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
 from hil.board.svd.photometric import (
@@ -30,6 +40,9 @@ Array = np.ndarray
 
 # Candidates of a region looked at, and poses compared of them.
 LOOKED_AT, LEADERS = 24, 4
+
+# The same where those did not settle it, with how many go to the end: all that were found.
+ALL_LEADERS, ALL_FINALISTS, ALL_FINALS, ALL_FINAL_LEAD = 16, 5, 4, 0.75
 
 # What a unit of the first look's log-likelihood counts against the score.
 LIKELY_WEIGHT = 0.01
@@ -61,18 +74,23 @@ FINAL_PX, FINAL_BLURS = 230, (2.0, 1.2, 0.8, 0.3, 0.0)
 FIRST_LEFT = (Left(-9.0, 0.0), Left(-9.0, 0.03), Left(0.5, 0.1), Left(0.6, 0.1))
 SMALL_LEFT = (Left(0.3, 0.07), Left(0.6, 0.07), Left(0.7, 0.07))
 
+# Poses that lean to another side start far off: the tilt of what is nearly flat has near minima.
+LEANING_BLURS = (2.0, 2.0, 2.0, 1.2, 1.2, 0.6)
+LEANING_LEFT = (Left(-9.0, 0.0), Left(-9.0, 0.03), Left(-9.0, 0.05), *SMALL_LEFT)
+
 # Margin round a place of the first look, which holds all of the craft.
 LOOK_MARGIN = 0.1
 
 
-def choose_by_picture(
-    craft: Craft, frame: Frame, found: List[Candidate]
-) -> Tuple[Candidate, PhotoFit, Evidence, Tuple[Alternative, ...]]:
-    """Distinct leaders aligned and judged by the whole picture, then the winner's twins, the best to the end.
+def align_leaders(
+    craft: Craft, frame: Frame, found: List[Candidate], keep: int, known: Sequence[Ranked] = ()
+) -> List[Ranked]:
+    """The candidates of each region that look best, aligned on a small picture of it; the best first.
 
     Parameters
     ----------
-    found : candidates of every region, best first, at least one.
+    found : candidates of every region, best first. keep : aligned of each region at most.
+    known : what an earlier call returned; candidates near where those started are not aligned again.
     """
     ranked: List[Ranked] = []
     # edges of one region say nothing of another's: each sends its own leaders
@@ -86,34 +104,54 @@ def choose_by_picture(
         small = make_canvas(craft, frame, box, longest)
         courses = [begin(craft, small, c) for c in own]
         courses.sort(key=lambda c: -c.score - LIKELY_WEIGHT * c.start.likely)
-        ranked += align_together(craft, small, spread_out(courses, LEADERS), blurs, FIRST_LEFT)
-    judged = len(ranked)
-    ranked.sort(key=lambda r: -r.score)
+        before = [r.start for r in known if r.start.region == region]
+        ranked += align_together(craft, small, spread_out(courses, keep, before), blurs, FIRST_LEFT)
+    frame.count("judged", len(ranked))
     frame.mark("picture")
-    # once more close up: the winner, who came after it, and its near-symmetries, who must have their chance
-    c = ranked[0].candidate()
+    return sorted(ranked, key=lambda r: -r.score)
+
+
+def choose_by_picture(
+    craft: Craft, frame: Frame, leaders: List[Ranked], *, thorough: bool = False
+) -> Tuple[Candidate, PhotoFit, Evidence, Tuple[Alternative, ...]]:
+    """The best leaders and the winner's twins judged close up, the best of them aligned to the end.
+
+    Parameters
+    ----------
+    leaders : of ``align_leaders``, the best first, at least one.
+    thorough : ask more leaders, every twin, and poses leaning about the winner: a near minimum may have held it.
+    """
+    c = leaders[0].candidate()
     close = make_canvas(craft, frame, craft_box(craft, c.q, c.t), SMALL_PX)
-    q, t = twins(craft, [c])
-    others = [r.candidate() for r in apart(ranked) if r.start.region == c.region and r is not ranked[0]]
+    others = [r.candidate() for r in apart(leaders) if r.start.region == c.region and r is not leaders[0]]
+    others = others[: ALL_FINALISTS if thorough else FINALISTS]
     first = begin(craft, close, c)
-    courses = [first, *(begin(craft, close, o) for o in others[:FINALISTS])]
+    courses = [first, *(begin(craft, close, o) for o in others)]
+    q, t = twins(craft, [c])
     around = [
         begin(craft, close, Candidate(q[k], t[k], c.support, c.field, c.region, c.likely))
         for k in range(len(q))
-        if all(quat.angle_rad(q[k], r.fit.q) > SPREAD_RAD for r in ranked)
+        if all(quat.angle_rad(q[k], r.fit.q) > SPREAD_RAD for r in leaders)
     ]
     # against a texture a few degrees cost a pose most of its score: there every twin is aligned
-    empty = frame.background >= 0
-    courses += [o for o in around if not empty or o.score > TWIN_SHARE * first.score]
+    every = thorough or frame.background < 0
+    courses += [o for o in around if every or o.score > TWIN_SHARE * first.score]
     ranked = align_together(craft, close, courses, SMALL_BLURS, SMALL_LEFT)
+    judged = len(ranked)
+    if thorough:
+        about = [begin(craft, close, lean) for lean in leaning(craft, ranked[0].candidate())]
+        ranked += align_together(craft, close, about, LEANING_BLURS, LEANING_LEFT)
+        judged = len(ranked)
+        ranked = apart(sorted(ranked, key=lambda r: -r.score))
     frame.keep("ranked", ranked)
-    frame.count("judged", judged + len(ranked))
+    frame.count("judged", judged)
     frame.mark("twins")
     # poses half-way there rank by chance: the end decides
     ends: List[Ranked] = []
     finals: List[Tuple[PhotoFit, float]] = []
-    for r in ranked[:FINALS]:
-        if r.score <= FINAL_LEAD * ranked[0].score and r is not ranked[0]:
+    most, lead = (ALL_FINALS, ALL_FINAL_LEAD) if thorough else (FINALS, FINAL_LEAD)
+    for r in ranked[:most]:
+        if r.score <= lead * ranked[0].score and r is not ranked[0]:
             continue
         # a pose that nearly is another ends where that does: asked only where acceptance hangs on a hundredth
         if ends and len(apart([*ends, r])) == len(ends) and finals[0][1] > SURE_SCORE:

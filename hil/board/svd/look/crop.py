@@ -13,9 +13,6 @@ from hil.board.svd.model import CameraIntrinsics
 
 Array = np.ndarray
 
-# How far from a gaze's direction the craft it sees may be [diameters], and how much larger or smaller.
-SAME_PLACE, SAME_SIZE = 0.35, 1.5
-
 
 @dataclass(frozen=True, eq=False)
 class Gaze:
@@ -46,16 +43,6 @@ class Gaze:
         half = 0.5 * self.diameter_px / (FILLED * f_px)
         d = self.swing() @ np.array([half * shift[0], half * shift[1], 1.0])
         return Gaze(d / np.linalg.norm(d), self.diameter_px * float(np.exp(log_size)))
-
-    def holds(self, camera: CameraIntrinsics, centre_m: Array, radius_m: float) -> bool:
-        """Whether a craft whose sphere is there may be what this gaze sees: near its place, and of about its size."""
-        f = 0.5 * (camera.fx_px + camera.fy_px)
-        distance = float(np.linalg.norm(centre_m))
-        size = 2 * f * radius_m / max(float(np.sqrt(max(distance**2 - radius_m**2, 0.0))), 1e-9)
-        away = f * float(np.linalg.norm(centre_m / distance - self.direction))
-        return bool(
-            away < SAME_PLACE * self.diameter_px and abs(np.log(size / self.diameter_px)) < np.log(SAME_SIZE)
-        )
 
     def swing(self) -> Array:
         """(3, 3) the shortest turn of the boresight to this direction."""
