@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import craft_box, make_canvas, pinhole_box
-from hil.board.svd.confidence import LEAST_SCORE, Evidence
+from hil.board.svd.confidence import Evidence
 from hil.board.svd.course import (
     SPREAD_RAD,
     Left,
@@ -57,8 +57,11 @@ FINALS, FINAL_LEAD = 2, 0.85
 # that is lower by more is a worse one.
 MOVED_RAD, ROUNDS, NO_WORSE = float(np.radians(0.5)), 2, 0.003
 
+# Ends farther apart than this are two [rad].
+OTHER_END_RAD = float(np.radians(5.0))
+
 # Score from which no other near pose is asked.
-SURE_SCORE = LEAST_SCORE + 0.02
+SURE_SCORE = 0.27
 
 # Longest side of the pictures they are compared on, far and close up, and of the one for the final alignment [px];
 # the blurs of each.
@@ -166,7 +169,12 @@ def choose_by_picture(
     best = Candidate(fit.q, fit.t, s, c.field, c.region, c.likely)
     poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
     rival = max((r[2] for r in poses if differs(r[0], r[1], fit.q, fit.t)), default=0.0)
-    evidence = picture_evidence(craft, best, fit, score, ends[best_end].score - max(rival, 0.0))
+    margin = ends[best_end].score - max(rival, 0.0)
+    # two that were followed to their ends need not be far apart to be two answers
+    for end, its_score in finals:
+        if quat.angle_rad(end.q, fit.q) > OTHER_END_RAD:
+            margin = min(margin, score - its_score)
+    evidence = picture_evidence(craft, best, fit, score, margin)
     likeness, covered = photo_likeness(fit.q, fit.t, faces_of(craft), close, craft.camera.pinhole)
     evidence = replace(evidence, likeness=likeness, covered=covered)
     frame.mark("verify")
