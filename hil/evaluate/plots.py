@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from hil.evaluate.decision import reliability, trade_off
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
@@ -30,6 +32,8 @@ CAPTIONS = {
     "axes": "Estimated less true, accepted frames, along the camera's own axes; band: the middle 90 %; "
     "triangles: beyond the axis.",
     "histograms": "Feasible frames with a pose; the dark part is accepted. Right-most bin: everything beyond.",
+    "decision": "Left: every threshold of the confidence, all frames; the mark: what was accepted. Right: how many "
+    "were right of those that were so sure (Wilson 95 %); on the dashed line a confidence is a probability.",
     "stages": "Median time of each stage in the order they run, one frame, this machine.",
 }
 
@@ -56,6 +60,7 @@ def draw_plots(rows: Sequence[EvaluatedFrame], labels: Sequence[str], folder: Pa
         ("range", _against_range(by_method)),
         ("axes", _along_axes(by_method)),
         ("histograms", _histograms(by_method)),
+        ("decision", decision_figure(by_method)),
         ("stages", _stages(by_method)),
     ):
         if figure is not None:
@@ -168,6 +173,31 @@ def _histograms(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
                 f"{method}: median {np.median(values):.3g}, mean {values.mean():.3g}, {beyond} beyond {top:g}"
             )
             ax.set_title(title, loc="left", fontsize=10, color=INK)
+    return figure
+
+
+def decision_figure(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
+    """Availability against false accepts, and the worth of a confidence; None where nothing was told apart."""
+    methods = {m: rows for m, rows in by_method.items() if len({r.confidence for r in rows}) > 1}
+    if not methods:
+        return None
+    figure, (left, right) = _figure(1, 2, 4.2)
+    for k, (method, rows) in enumerate(methods.items()):
+        colour = COLOURS[k % len(COLOURS)]
+        curve = trade_off(rows)
+        left.plot(100 * curve.false_accept, 100 * curve.availability, color=colour, lw=1.5, label=method)
+        accepted = [r.record for r in rows if r.record.accepted]
+        feasible = max(sum(r.record.feasible for r in rows), 1)
+        wrong = sum(not r.coarse for r in accepted) / max(len(accepted), 1)
+        left.plot(100 * wrong, 100 * sum(r.feasible for r in accepted) / feasible, "o", color=colour)
+        bins = reliability(rows)
+        x, y = (np.array([getattr(b, name) for b in bins]) for name in ("confidence", "right"))
+        away = np.array([[b.right - b.low, b.high - b.right] for b in bins]).T
+        right.errorbar(x, y, np.maximum(away, 0), fmt="o", color=colour, lw=1.2, capsize=2)
+    left.set(xlabel="wrong of accepted [%]", ylabel="accepted of feasible [%]", xlim=(0, 10), ylim=(40, 101))
+    left.legend(frameon=False, fontsize=9)
+    right.plot((0, 1), (0, 1), "--", color=DIM, lw=1)
+    right.set(xlabel="confidence", ylabel="share that is coarse", ylim=(-0.02, 1.02))
     return figure
 
 

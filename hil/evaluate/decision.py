@@ -1,0 +1,81 @@
+"""The decision of an estimator, measured: availability against false accepts, and what a confidence is worth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.evaluate.metrics import wilson_interval
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.evaluate.frames import EvaluatedFrame
+
+# Borders of the bins in which confidence is compared with how many were right.
+BINS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 0.98, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class TradeOff:
+    """What each threshold of the confidence would accept, the strictest first.
+
+    Parameters
+    ----------
+    threshold : (N,). availability : (N,) share of the feasible frames. false_accept : (N,) share of wrong poses
+        among what is accepted, infeasible frames too.
+    """
+
+    threshold: NDArray[np.float64]
+    availability: NDArray[np.float64]
+    false_accept: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """One bin of confidences.
+
+    Parameters
+    ----------
+    confidence : their mean. right : share of poses that are coarse; low, high : its Wilson 95 % interval. n : frames.
+    """
+
+    confidence: float
+    right: float
+    low: float
+    high: float
+    n: int
+
+
+def trade_off(rows: Sequence[EvaluatedFrame]) -> TradeOff:
+    """Availability and false accepts at every threshold; other reasons to decline are left out of account."""
+    told = np.array([r.confidence for r in rows])
+    order = np.argsort(-told, kind="stable")
+    feasible = np.array([r.record.feasible for r in rows], bool)[order]
+    wrong = ~np.array([r.record.coarse for r in rows], bool)[order]
+    accepted = np.arange(1, len(rows) + 1)
+    # frames of one confidence are accepted together
+    last = np.append(np.diff(told[order]) != 0, True)
+    return TradeOff(
+        told[order][last],
+        (np.cumsum(feasible) / max(int(feasible.sum()), 1))[last],
+        (np.cumsum(wrong) / accepted)[last],
+    )
+
+
+def reliability(rows: Sequence[EvaluatedFrame]) -> list[Reliability]:
+    """How many were right of those that were so sure; bins without frames are left out."""
+    told = np.array([r.confidence for r in rows])
+    right = np.array([r.record.coarse for r in rows], bool)
+    out = []
+    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+        inside = (told >= low) & ((told < high) | (high == BINS[-1]))
+        n, k = int(inside.sum()), int(right[inside].sum())
+        interval = wilson_interval(k, n)
+        if interval is not None:
+            out.append(Reliability(float(told[inside].mean()), k / n, *interval, n))
+    return out
