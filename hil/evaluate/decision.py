@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,7 +73,7 @@ def reliability(rows: Sequence[EvaluatedFrame]) -> list[Reliability]:
     told = np.array([r.confidence for r in rows])
     right = np.array([r.record.coarse for r in rows], bool)
     out = []
-    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+    for low, high in pairwise(BINS):
         inside = (told >= low) & ((told < high) | (high == BINS[-1]))
         n, k = int(inside.sum()), int(right[inside].sum())
         interval = wilson_interval(k, n)
