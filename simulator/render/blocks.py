@@ -44,8 +44,12 @@ LENS = (
 TARGET = (
     Field("mat4", "u_lattice_clip_from_target"),
     Field("mat4", "u_camera_from_target"),
-    Field("mat4", "u_light_from_camera"),  # to shadow-map texture coordinates and depth, 0..1
     Field("vec4", "u_lattice"),  # s0, t0; near, far [m]
+)
+
+# worked out while the samples are drawn, which do not need it
+SHADOW = (
+    Field("mat4", "u_light_from_camera"),  # to shadow-map texture coordinates and depth, 0..1
     # texel [m], the same over the depth of the box, 1 / size, radius of the sharpest edge's filter [texels]
     Field("vec4", "u_shadow"),
 )
@@ -103,6 +107,7 @@ class Blocks:
     earth: UniformBlock
     moon: UniformBlock
     lens: UniformBlock
+    shadow: UniformBlock
 
     @staticmethod
     def create(context: moderngl.Context) -> Blocks:
@@ -114,8 +119,9 @@ class Blocks:
             UniformBlock(context, "Earth", 3, EARTH),
             UniformBlock(context, "Moon", 4, MOON),
             UniformBlock(context, "Lens", 5, LENS),
+            UniformBlock(context, "Shadow", 6, SHADOW),
         )
 
     def all(self) -> tuple[UniformBlock, ...]:
         """The blocks in order of their binding."""
-        return (self.frame, self.target, self.materials, self.earth, self.moon, self.lens)
+        return (self.frame, self.target, self.materials, self.earth, self.moon, self.lens, self.shadow)

@@ -21,7 +21,7 @@ from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
 from simulator.render.passes.shade import ShadePass
-from simulator.render.passes.shadow import ShadowPass, choose_shadow, widest_penumbra
+from simulator.render.passes.shadow import ShadowChoice, ShadowPass, choose_shadow, widest_penumbra
 from simulator.render.passes.textured import TexturedGBufferPass
 from simulator.render.projection import PixelRect, clip_from_camera, lens_bounds_px
 from simulator.render.returned_light import ReturnedLight
@@ -168,6 +168,35 @@ class TargetPasses:
             widest=widest,
         )
 
+    def _draw_shadow(
+        self, scene: SceneState, view: View, target: Target, place: Placement
+    ) -> tuple[moderngl.Texture, ShadowChoice]:
+        """Draw the shadow map and say what the shading needs to know of it; the map in shade is an old one."""
+        loaded, camera = self._loaded[target.sha256], scene.camera
+        box_m = 2 * loaded.mesh.radius_m * WIDER
+        light_from_target = ShadowPass.light_from_target(loaded.mesh, view)
+        # by default no penumbra is wider than three texels
+        widest = widest_penumbra(view.sun_sine) if scene.quality == "high" else 0.0
+        window = self._light_window(target.sha256, place, camera, light_from_target, widest)
+        light_from_target = window.matrix @ light_from_target
+        width_m = box_m * window.half
+        pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
+        choice = choose_shadow(scene.quality, width_m, pixel_m)
+        shadow = self._shadow_pass(choice.size_px)
+        if view.sun_visible_fraction > 0:
+            shadow.run(loaded.shadow, view, light_from_target)
+        half = np.diag([0.5, 0.5, 0.5, 1.0])
+        half[:3, 3] = 0.5
+        texel_m = width_m / shadow.size_px
+        self._blocks.shadow.write(
+            {
+                "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
+                # a texel in metres and as a depth, its share of the map, and the radius of the sharpest shadow
+                "u_shadow": [texel_m, texel_m / box_m, 1 / shadow.size_px, choice.sharpest],
+            }
+        )
+        return shadow.map, choice
+
     def sample(self, scene: SceneState, view: View, target: Target, clock: StageClock) -> Sampled | None:
         """Draw what the samples of the target's pixels see, and its shadows; nothing where it touches no pixel.
 
@@ -180,16 +209,6 @@ class TargetPasses:
         if place is None:
             return None
         bent = self._programs.lens  # edges are curves then, and not weighted
-        box_m = 2 * mesh.radius_m * WIDER
-        light_from_target = ShadowPass.light_from_target(mesh, view)
-        # by default no penumbra is wider than three texels
-        widest = widest_penumbra(view.sun_sine) if scene.quality == "high" else 0.0
-        window = self._light_window(target.sha256, place, camera, light_from_target, widest)
-        light_from_target = window.matrix @ light_from_target
-        width_m = box_m * window.half
-        pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
-        choice = choose_shadow(scene.quality, width_m, pixel_m)
-        shadow = self._shadow_pass(choice.size_px)
         cells = find_cover(mesh, place, camera)
         if not len(cells):
             return None
@@ -198,17 +217,11 @@ class TargetPasses:
         lattice_clip = clip_from_camera(camera, *place.near_far_m, lattice.buffer_from_pixel(origin), size)
         if bent:
             self._blocks.lens.write(lens_values(camera, lattice_clip, place.camera_from_target))
-        half = np.diag([0.5, 0.5, 0.5, 1.0])
-        half[:3, 3] = 0.5
-        texel_m = width_m / shadow.size_px
         self._blocks.target.write(
             {
                 "u_lattice_clip_from_target": lattice_clip @ place.camera_from_target,
                 "u_camera_from_target": place.camera_from_target,
-                "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
                 "u_lattice": [*origin, *place.near_far_m],
-                # a texel in metres and as a depth, its share of the map, and the radius of the sharpest shadow
-                "u_shadow": [texel_m, texel_m / box_m, 1 / shadow.size_px, choice.sharpest],
             }
         )
         self._blocks.materials.write(_material_values(mesh.materials, scene.bands))
@@ -222,8 +235,7 @@ class TargetPasses:
             )
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
         clock.lap("target.geometry")
-        if view.sun_visible_fraction > 0:
-            shadow.run(loaded.shadow, view, light_from_target)
+        shadow_map, choice = self._draw_shadow(scene, view, target, place)
         clock.lap("target.shadow")
         edges = self._edges.begin(
             None if bent else loaded.edges, camera, place.rect, place.near_far_m[0], place.camera_from_target
@@ -237,7 +249,7 @@ class TargetPasses:
             {
                 "t_surface": samples.surface,
                 "t_depth": samples.depth,
-                "t_shadow": shadow.map,
+                "t_shadow": shadow_map,
                 "t_slope": slope,
                 **texels,
             },
