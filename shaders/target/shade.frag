@@ -27,7 +27,7 @@ const int SAME_NORMAL = int(0.085 * CODE_SCALE);
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     ivec2 origin = pixel_index(pixel);
-#define FETCH(k, i, j) uint g##k = surface_of(texelFetch(t_surface, origin + ivec2(i, j), 0).xy);
+#define FETCH(k, i, j) uvec2 words##k = texelFetch(t_surface, origin + ivec2(i, j), 0).xy; uint g##k = surface_of(words##k);
     FOR_EACH_SAMPLE(FETCH)
     int covered = 0;
     uint differs = 0u;
@@ -54,8 +54,9 @@ void main() {
     do {
         // the first sample left, which is the one nearest to the pixel's centre, leads the group
         uint leader = 0u;
+        uint chart = 0u;
         ivec2 at = ivec2(0);
-#define LEAD(k, i, j) if (leader == 0u && g##k != 0u) { leader = g##k; at = ivec2(i, j); }
+#define LEAD(k, i, j) if (leader == 0u && g##k != 0u) { leader = g##k; chart = words##k.y; at = ivec2(i, j); }
         FOR_EACH_SAMPLE(LEAD)
         uint material = material_of(leader);
         ivec2 code = normal_code(leader);
@@ -90,7 +91,7 @@ void main() {
         surface.x = detail.w / float(members);
         n = normalize(detail.xyz);
 #endif
-        sum += shade(base, surface, GRAIN(material), geometric, n, p_m, chart_of(texelFetch(t_surface, origin + at, 0).y), float(members) / float(SAMPLES)) * weight;
+        sum += shade(base, surface, GRAIN(material), geometric, n, p_m, chart_of(chart), float(members) / float(SAMPLES)) * weight;
         ++group;
     } while (group < MAX_SURFACES && left > 0);
     out_radiance = OUT(sum / float(SAMPLES));
