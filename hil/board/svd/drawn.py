@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Optional
 
-import cv2
 import numpy as np
 
 from hil.board.svd import quaternion as quat
@@ -49,10 +48,10 @@ def draw_at(craft: Craft, frame: Frame, q: Array, t: Array) -> Optional[Drawn]:
     seen = draw_faces(faces, faces.order(-R.T @ t), camera, R, t, canvas)
     shading = shade(faces, seen, canvas)
     optics = OPTICS_PX / canvas.factor
-    plain = np.minimum(blurred(shading.picture, optics), canvas.full)
+    plain = canvas.response.of(blurred(shading.picture, optics))[0]
     sun = None if craft.suns is None else craft.suns.find(faces, shading, canvas, camera, R, t)
     if sun is None:
         return Drawn(canvas.gray, plain, None, None, canvas.full, canvas.sigma)
     dark = shade(faces, seen, canvas, sun.shadows(faces, seen, canvas, camera, R, t))
-    shadowed = np.minimum(cv2.GaussianBlur(dark.picture, (0, 0), max(optics, 0.2)), canvas.full)
+    shadowed = canvas.response.of(blurred(dark.picture, optics))[0]
     return Drawn(canvas.gray, plain, shadowed, R @ sun.direction, canvas.full, canvas.sigma)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from hil.board.svd.confidence import Evidence
 from hil.board.svd.edges import EdgeField
 from hil.board.svd.groups import Chains, model_triads
 from hil.board.svd.model import BoardModel, CameraIntrinsics
+from hil.board.svd.noise import clipped_noise
 from hil.board.svd.roi import Region
 from hil.board.svd.rounded import is_round, with_outlines
 from hil.board.svd.samples import EdgeSamples, sample_edges
@@ -150,6 +152,12 @@ class Frame:
         self.stages_ms: Dict[str, float] = {}
         self.counts: Dict[str, int] = {}
         self._last = time.perf_counter()
+
+    @cached_property
+    def clipped(self) -> float:
+        """Standard deviation of noise that is cut off at zero, 0 where none is."""
+        # a limb or a coast with zeros beside it is no noise
+        return min(clipped_noise(self.image), 1.25 * self.noise)
 
     def mark(self, stage: str) -> None:
         """Add the time since the last mark to ``stage``."""

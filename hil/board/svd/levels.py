@@ -78,6 +78,8 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     # pixels beside a border show how far the pose is off, not how bright the face is
     core = cv2.erode((solid & ~_borders(centre)).view(np.uint8), np.ones((3, 3), np.uint8)).view(bool)
     level, area = _levels(centre, solid, core, canvas, n)
+    shown = float(level[0])
+    level = canvas.response.brightness(level)
     picture = cv2.resize(look_up(level, group), (w, h), interpolation=cv2.INTER_AREA)
     _thin_levels(level, picture, group, area < 3, canvas)
     for k in 1 + np.argsort(-area[1:])[:SATURATED]:
@@ -89,7 +91,9 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     behind = None
     if np.ndim(canvas.plain):
         own = (core & (centre == 0)).astype(np.float32)
-        behind = _wide_mean(own * (gray - np.float32(level[0])), own)
+        behind = _wide_mean(own * (gray - np.float32(shown)), own)
+        if canvas.clipped > 0:
+            behind = canvas.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
         # the background's share of each pixel, of which the border pixels have a part
         part = cv2.resize((group == 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
         picture = picture + part * behind
@@ -273,7 +277,7 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, canvas
     gray = canvas.gray.ravel()[cells]
     drawn = picture.ravel()[cells]
     for _ in range(2):
-        step = np.bincount(own, (gray - drawn)[at], n) / covered
+        step = np.bincount(own, (gray - canvas.response.of(drawn)[0])[at], n) / covered
         after = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * canvas.full)
         change = np.bincount(at, (after - level)[own], len(cells)) / (f * f)
         drawn += change.astype(np.float32)
@@ -290,7 +294,8 @@ def _overexposed(picture: Array, part: Array, canvas: Canvas) -> float:
         return 0.0
     base, own, gray = base[ring], own[ring], canvas.gray[ring]
     costs = [
-        float(np.abs(np.minimum(base + over * own, canvas.full) - gray).sum()) for over in OVER * canvas.full
+        float(np.abs(canvas.response.of(base + np.float32(over) * own)[0] - gray).sum())
+        for over in OVER * canvas.full
     ]
     return float(OVER[int(np.argmin(costs))] * canvas.full)
 

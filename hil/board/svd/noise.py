@@ -6,6 +6,12 @@ import numpy as np
 
 Array = np.ndarray
 
+# What the mask leaves of the deviation of zero-mean normal noise that is cut off at zero.
+HALVED = 0.58
+
+# Zeros among three by three pixels that are dark, what the mask leaves there, and the least share of such pixels.
+ZEROS, HALVED_AT_ZEROS, LEAST_DARK = 4, 0.512, 0.02
+
 # Values up to this are counted.
 SMALL = 1 << 14
 
@@ -32,9 +38,32 @@ def noise_sigma(image: Array, full_scale: float) -> float:
     if np.count_nonzero(inside) > 300:
         overall = max(overall, _median(absolute[inside]) / 6.0 * 1.4826)
     elif overall > 0:
-        # a zero-mean normal clipped at zero keeps 0.58 of its deviation
-        overall /= 0.58
+        overall /= HALVED
     return overall
+
+
+def clipped_noise(image: Array) -> float:
+    """Standard deviation of the noise of darkness before it is cut off at zero; 0 where nothing is cut off.
+
+    A camera with an offset shows all of its noise: nothing there is zero. Of zero-mean noise half is: what is left
+    around such pixels tells how strong it was.
+    """
+    step = max(1, min(image.shape) // 100)
+    rows = [image[y : y + 3] for y in range(0, image.shape[0] - 2, 3 * step)]
+    if not rows or image.shape[1] < 3:
+        return 0.0
+    a = np.stack(rows)
+    zeros = (a == 0).sum(axis=1)
+    dark = zeros[:, :-2] + zeros[:, 1:-1] + zeros[:, 2:] >= ZEROS
+    if float(dark.mean()) < LEAST_DARK:
+        return 0.0
+    b = a.astype(np.float32)
+    col = b[:, 0] - 2 * b[:, 1] + b[:, 2]
+    lap = np.abs((col[:, :-2] - 2 * col[:, 1:-1] + col[:, 2:])[dark]) / 6.0
+    # the numbers are whole: the middle fifth of them has a mean that is not
+    n = len(lap)
+    middle = np.partition(lap, (2 * n // 5, 3 * n // 5))[2 * n // 5 : 3 * n // 5 + 1]
+    return float(middle.mean()) * 1.4826 / HALVED_AT_ZEROS
 
 
 def _median(values: Array) -> float:

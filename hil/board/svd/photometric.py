@@ -117,7 +117,8 @@ def photo_step(
     """
     R, t = quat.matrix(fit.q), fit.t
     optics = float(np.hypot(blur, OPTICS_PX / canvas.factor))
-    drawn = blurred(np.minimum(blurred(shading.picture, OPTICS_PX / canvas.factor), canvas.full), blur)
+    shown, slope = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))
+    drawn = blurred(shown, blur)
     e = canvas.blurred(blur) - drawn
     D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t)]
     use = np.maximum(np.maximum(np.abs(D[0]), np.abs(D[1])), np.abs(D[2])) > 1e-6
@@ -130,6 +131,8 @@ def photo_step(
     for j, x in enumerate((*D, e)):
         x.ravel().take(rows, out=A[k + j], mode="clip")
     A = A[: k + 7]
+    if slope is not None:
+        A[:-1] *= blurred(slope, blur).ravel().take(rows)
     A *= np.sqrt(w)
     H, g, cost = normal_equations(A)
     scale = parameter_scale(float(t[2]), radius_m)
@@ -198,7 +201,7 @@ def photo_score(q: Array, t: Array, faces: Faces, canvas: Canvas, camera: Camera
 
 def explained(shading: Shading, canvas: Canvas) -> float:
     """The same of a craft that is drawn already, without shadows."""
-    drawn = np.minimum(blurred(shading.picture, OPTICS_PX / canvas.factor), canvas.full)
+    drawn = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))[0]
     gray = canvas.blurred(SCORE_BLUR_PX)
     noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     e = (gray - blurred(drawn, SCORE_BLUR_PX)) / noise
@@ -228,7 +231,7 @@ def photo_likeness(
     cover = cv2.resize((seen > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
     on = blurred(cover, 1.0) > COVERED
     drawn = blurred(picture, float(np.hypot(SCORE_BLUR_PX, OPTICS_PX / canvas.factor)))
-    drawn = np.minimum(drawn, canvas.full)[on].astype(float)
+    drawn = canvas.response.of(drawn)[0][on].astype(float)
     gray = canvas.blurred(SCORE_BLUR_PX)
     noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     none = ((gray - canvas.plain) / noise)[on]

@@ -19,6 +19,8 @@ import numpy as np
 if TYPE_CHECKING:
     from hil.board.svd.model import CameraIntrinsics
 
+from hil.board.svd.response import Response
+
 Array = np.ndarray
 
 # What OpenCV's polygon filling adds on every side [px]: with it the drawn area is the true one.
@@ -184,6 +186,13 @@ class Canvas:
     full: float = 255.0
     plain: Union[float, Array] = 0.0
     tall: float = 1.0
+    clipped: float = 0.0
+    exact: bool = False
+
+    @property
+    def response(self) -> Response:
+        """What the picture shows of a brightness."""
+        return Response(self.clipped, self.full)
 
     @property
     def scale(self) -> Tuple[float, float]:
@@ -229,14 +238,21 @@ def draw_faces(
     h, w = canvas.gray.shape
     p = camera.pixels(faces.corners[order] @ R.T + t)
     p = (p - (canvas.x0, canvas.y0) + 0.5) * canvas.scale - 0.5
-    return fill_faces(p, order, (h * canvas.fine, w * canvas.fine), least_px)
+    return fill_faces(p, order, (h * canvas.fine, w * canvas.fine), least_px, exact=canvas.exact)
 
 
-def fill_faces(p: Array, order: Array, shape: Tuple[int, int], least_px: float) -> Array:
-    """Convex polygons ``p`` (P, 4, 2) filled one over the other with their number in ``order`` + 1."""
+def fill_faces(
+    p: Array, order: Array, shape: Tuple[int, int], least_px: float, *, exact: bool = False
+) -> Array:
+    """Convex polygons ``p`` (P, 4, 2) filled one over the other with their number in ``order`` + 1.
+
+    Parameters
+    ----------
+    exact : whether those narrower than a pixel get their true area.
+    """
     d1, d2 = p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]
     worth = np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]) > 2.0 * least_px
-    p, order = inset(shortened(p[worth])), order[worth]
+    p, order = inset(shortened(p[worth]) if exact else p[worth]), order[worth]
     seen = np.zeros(shape, np.int32)
     polygons = np.rint(np.clip(p, -3000, 3000) * 16).astype(np.int32)
     fill, line = cv2.fillConvexPoly, cv2.LINE_8

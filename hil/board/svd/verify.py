@@ -69,7 +69,7 @@ FIRST_PX, FIRST_BLURS = 72, (2.0, 2.0, 1.2, 1.2)
 # Against a texture clutter outweighs what few pixels of the craft can say.
 TEXTURED_PX, TEXTURED_BLURS = 120, (2.0, 1.2, 1.2, 0.8)
 SMALL_PX, SMALL_BLURS = 120, (1.2, 1.2, 0.6)
-FINAL_PX, FINAL_BLURS = 230, (2.0, 1.2, 0.8, 0.3, 0.0)
+FINAL_PX, FINAL_BLURS, LAST_BLURS = 230, (2.0, 1.2, 0.8), (0.3, 0.0)
 
 # Who goes on with each step: share of the best score, and least distance from a better one [rad]. On 76 development
 # frames the winner had 0.6 of the best after two steps far off, 0.78 at once close up, and of poses within these angles
@@ -184,10 +184,14 @@ def choose_by_picture(
 def _finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> Tuple[PhotoFit, float]:
     """A pose aligned to the end, with the shadows the craft casts on itself, and its score."""
     canvas = make_canvas(craft, frame, craft_box(craft, start.q, start.t), FINAL_PX)
+    # drawn as large as it is only once it is there: from afar what is thin and bright attracts more as it was
+    exact = replace(canvas, clipped=frame.clipped, exact=True)
     fit, score = start, -np.inf
     for _ in range(ROUNDS):
         before = fit
-        end = _stepped(craft, canvas, before, _sun(craft, close, before), FINAL_BLURS)
+        sun = _sun(craft, close, before)
+        near = _stepped(craft, canvas, before, sun, FINAL_BLURS)
+        end = _stepped(craft, exact, near, sun, LAST_BLURS)
         after = _score(craft, close, end.q, end.t)
         if after < score - NO_WORSE:
             break

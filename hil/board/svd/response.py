@@ -1,0 +1,70 @@
+"""What a picture shows on average of a brightness: noise is cut off where the scale ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import erf, exp, pi, sqrt
+from typing import Optional, Tuple
+
+import numpy as np
+
+Array = np.ndarray
+
+# Where the tables end, and their steps for each standard deviation of the noise.
+REACH, STEPS = 4, 64
+
+
+@dataclass(frozen=True)
+class Response:
+    """Mean of ``clip(x + n, 0, full)`` for normal noise n, as a function of x.
+
+    Noise cut off at zero lifts what is dark and leaves what is bright: an edge before empty space seems to lie
+    further in than it does. Without noise all that is left is the end of the scale.
+
+    Parameters
+    ----------
+    sigma : standard deviation of the noise before it is cut off; 0 where the scale cuts nothing off.
+    full : where the scale ends.
+    """
+
+    sigma: float
+    full: float
+
+    def of(self, x: Array) -> Tuple[Array, Optional[Array]]:
+        """Mean value at each brightness, and its derivative; None stands for one everywhere."""
+        if self.sigma <= 0:
+            return np.minimum(x, np.float32(self.full)), None
+        lift, share = _tables()
+        step = np.float32(STEPS / self.sigma)
+        low = np.rint(x * step + np.float32(REACH * STEPS)).astype(np.intp)
+        high = low - round(self.full * STEPS / self.sigma)
+        mean = np.take(lift, low, mode="clip") - np.take(lift, high, mode="clip")
+        mean *= np.float32(self.sigma)
+        mean += np.clip(x, 0.0, np.float32(self.full))
+        return mean, np.take(share, low, mode="clip") - np.take(share, high, mode="clip")
+
+    def brightness(self, mean: Array) -> Array:
+        """Brightness that has this mean; at most ``full``, and no further below zero than the noise reaches."""
+        if self.sigma <= 0:
+            return mean
+        x = self.sigma * np.linspace(-1.0, REACH, REACH * STEPS)
+        below = self.sigma * np.array([_mean(float(u)) for u in x / self.sigma])
+        out = np.where(mean < below[-1], np.interp(mean, below, x), mean)
+        top = self.full - below[-1]
+        return np.asarray(np.where(mean > top, self.full - np.interp(self.full - mean, below, x), out))
+
+
+def _mean(u: float) -> float:
+    """Mean of max(u + n, 0) for normal noise n of unit variance."""
+    return 0.5 * u * (1.0 + erf(u / sqrt(2.0))) + exp(-0.5 * u * u) / sqrt(2.0 * pi)
+
+
+@lru_cache(maxsize=1)
+def _tables() -> Tuple[Array, Array]:
+    """What cutting off below zero adds to max(u, 0), and the share above zero, for u = -REACH .. REACH."""
+    u = np.linspace(-REACH, REACH, 2 * REACH * STEPS + 1)
+    lift = np.array([_mean(float(v)) - max(float(v), 0.0) for v in u], np.float32)
+    share = np.array([0.5 * (1.0 + erf(float(v) / sqrt(2.0))) for v in u], np.float32)
+    lift[[0, -1]], share[[0, -1]] = 0.0, (0.0, 1.0)
+    return lift, share
