@@ -96,7 +96,12 @@ class Craft:
         )
 
     def picture(
-        self, q: np.ndarray, t: np.ndarray, to_sun: np.ndarray, rng: np.random.Generator
+        self,
+        q: np.ndarray,
+        t: np.ndarray,
+        to_sun: np.ndarray,
+        rng: np.random.Generator,
+        noise_dn: float = NOISE_DN,
     ) -> np.ndarray:
         """uint8 picture: z-buffered flat faces, Lambert, 1 px blur, additive noise."""
         R = quat.matrix(q)
@@ -123,7 +128,7 @@ class Craft:
             near = (mask > 0) & (z < depth[y0:y1, x0:x1])
             depth[y0:y1, x0:x1][near] = z[near]
             image[y0:y1, x0:x1][near] = 330 * albedo * max(0.0, float(n @ to_sun)) + 2
-        noisy = cv2.GaussianBlur(image, (0, 0), 1.0) + rng.normal(0, NOISE_DN, (h, w))
+        noisy = cv2.GaussianBlur(image, (0, 0), 1.0) + rng.normal(0, noise_dn, (h, w))
         return np.clip(noisy + 0.5, 0, 255).astype(np.uint8)
 
 
