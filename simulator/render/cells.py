@@ -10,6 +10,7 @@ import numpy as np
 
 from simulator.render.cover import CELL_PX
 from simulator.render.projection import PixelRect, directions
+from simulator.render.sea_ice import near_ice
 from simulator.render.shoals import near_shoals
 from simulator.render.view import EQUATOR_M
 
@@ -42,7 +43,7 @@ class CellKind:
     Parameters
     ----------
     smooth : all ground, away from limb and poles. covered : the target may be in front.
-    night : some of it is dark enough for city lights. icy : some of it is far enough from the equator for ice.
+    night : some of it is dark enough for city lights. icy : some of it is near sea ice, or may be.
     shoal : some of it is near water that is shallow or turbid.
     level : log2 of a pixel's footprint [km], smooth cells only.
     """
@@ -93,12 +94,13 @@ class Cells:
         return PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
 
 
-def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None) -> Cells:
+def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None, day: str) -> Cells:
     """Cut the image into cells and sort them.
 
     Parameters
     ----------
     target_px : (K, 2) centres of the cells (`cover`) that the target may touch, ``None`` without target.
+    day : ISO 8601, whose sea ice is drawn.
     """
     pixel_rad = camera.pixel_angle_rad()
     # a multiple of four: derivatives are taken between neighbours of two by two texels of two by two pixels
@@ -137,8 +139,10 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None) 
     # a cell seen from far away, or over the limb, reaches beyond its corners
     span = distance * size * pixel_rad / np.fmax(depth, 0.1)
     ground = [earth.camera[k] + distance * d[..., k] for k in range(3)]
-    icy = ~_all_corners(np.abs(ground[2]) + span < _ICE_SINE)
-    deep = ~near_shoals(ground[2], np.arctan2(ground[1], ground[0])) & ~(span > _LARGEST_OPEN)
+    longitude, narrow = np.arctan2(ground[1], ground[0]), ~(span > _LARGEST_OPEN)
+    no_ice = (np.abs(ground[2]) + span < _ICE_SINE) | (~near_ice(ground[2], longitude, day) & narrow)
+    icy = ~_all_corners(no_ice)
+    deep = ~near_shoals(ground[2], longitude) & narrow
     shoal = ~_all_corners(deep)
     # footprint: the mean of its two axes, as in shaders/earth/point.glsl
     footprint_km = distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(depth, 0.02))

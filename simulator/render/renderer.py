@@ -14,7 +14,7 @@ from simulator.render.earth_maps import begin_earth_maps
 from simulator.render.earthview import earth_view
 from simulator.render.images import Images
 from simulator.render.moonview import moon_view
-from simulator.render.passes.earth import EarthPass
+from simulator.render.passes.earth import EarthPass, ice_day
 from simulator.render.passes.fours import LEAST_SHARE, FoursPass
 from simulator.render.passes.moon import MoonPass
 from simulator.render.passes.stars import StarPass
@@ -265,7 +265,7 @@ class Renderer:
         if earth.rect is None:
             clock.lap("earth.setup")
             return Sky(moon=moon, earth=earth, air=air)
-        cells = earth_cells(earth, scene.camera, hidden_px)
+        cells = earth_cells(earth, scene.camera, hidden_px, ice_day(scene))
         clock.lap("earth.setup")
         if air is not None:
             in_use.frame.run(earth)

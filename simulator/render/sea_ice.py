@@ -16,6 +16,8 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from simulator.arrays import ByteArray, Float32Array, FloatArray
 
 WIDTH, HEIGHT = 1440, 720
@@ -46,6 +48,7 @@ EXTENT_SOUTH = (5.0, 3.1, 4.0, 7.0, 10.4, 13.6, 16.2, 17.8, 18.5, 18.1, 16.0, 10
 # fmt: on
 _FARTHEST_DEG = 40.0  # there is no ice nearer to the equator
 _SEED = 1893
+_POLAR_SINE = 0.94  # of the latitude (70 degrees): nearer to the poles a degree of longitude is narrow
 
 
 def sea_ice(epoch_utc: str) -> ByteArray:
@@ -82,6 +85,28 @@ def _of_day(day: int) -> ByteArray:
         else:
             share[-rows:] = near[::-1]
     return share
+
+
+def near_ice(z: FloatArray, longitude: FloatArray, epoch_utc: str) -> NDArray[np.bool_]:
+    """Whether there is ice on a day within a degree, or may be: near the poles it is not looked for.
+
+    Parameters
+    ----------
+    z : sine of the latitude. longitude : [rad]; of the same shape as z. NaN gives True.
+    """
+    sought = np.abs(z) < _POLAR_SINE  # of NaN false
+    row = (90 - np.degrees(np.arcsin(np.where(sought, z, 0)))).astype(int)
+    column = (np.degrees(np.where(sought, longitude, 0)) + 180).astype(int) % 360
+    where = _where(datetime.fromisoformat(epoch_utc).timetuple().tm_yday)
+    return np.asarray(where[row, column] | ~sought)
+
+
+@lru_cache(maxsize=4)
+def _where(day: int) -> NDArray[np.bool_]:
+    """(180, 360) cells of a degree with ice in them, in a neighbour, or in one next but one to the east or west."""
+    cells = _of_day(day).reshape(180, HEIGHT // 180, 360, WIDTH // 360).max(axis=(1, 3))
+    wrapped = np.pad(cells, ((1, 1), (2, 2)), mode="wrap")
+    return np.asarray(cv2.dilate(wrapped, np.ones((3, 5), np.uint8))[1:-1, 2:-2] > 0)
 
 
 def _polar_rows() -> int:

@@ -11,7 +11,7 @@ import simulator.render.passes.earth as passes
 from simulator.camera.model import Camera
 from simulator.render import cells
 from simulator.render.maps import COAST, decode_map
-from simulator.render.sea_ice import EXTENT_NORTH, EXTENT_SOUTH, HEIGHT, WIDTH, extent_m2, sea_ice
+from simulator.render.sea_ice import EXTENT_NORTH, EXTENT_SOUTH, HEIGHT, WIDTH, extent_m2, near_ice, sea_ice
 from simulator.render.seasons import ANCHORS, season
 from simulator.render.shoals import WHERE, make_where
 from simulator.scene.bands import sun_irradiance_w_m2
@@ -213,6 +213,19 @@ def test_limb_lies_where_the_ellipsoid_ends(renderer, draw_kit, speck, roll_deg)
     assert edge.sum() > 50
     assert abs((hidden - exact).sum() / edge.sum()) < 0.02
     assert np.sqrt(np.mean((hidden - exact)[edge] ** 2)) < 0.06
+
+
+@pytest.mark.parametrize("day", ["2026-03-01", "2026-06-21", "2026-09-15"])
+def test_ice_is_looked_for_where_it_is_and_little_further(day):
+    latitude = np.radians(90 - (np.arange(HEIGHT) + 0.5) * 180 / HEIGHT)[:, None]
+    longitude = np.radians((np.arange(WIDTH) + 0.5) * 360 / WIDTH - 180)[None]
+    near = near_ice(*np.broadcast_arrays(np.sin(latitude), longitude), day)
+    ice = sea_ice(day) > 0
+    assert not np.any(ice & ~near)
+    # also half a degree to any side: the texture is filtered, and a cell is known by its corners
+    for shift, axis in ((2, 0), (-2, 0), (2, 1), (-2, 1)):
+        assert not np.any((np.roll(ice, shift, axis) & ~near)[2:-2])
+    assert near.mean() < ice.mean() + 0.06
 
 
 def test_the_edges_of_the_sea_ice_enclose_the_extent_of_the_month():

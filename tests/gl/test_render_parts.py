@@ -116,7 +116,7 @@ def test_cells_cover_what_the_earth_touches_once(draw_kit):
     for off_nadir, full in ((0.0, True), (68.0, False), (180.0, False)):
         view = build_view(draw_kit.scene(target, camera=camera, off_nadir_deg=off_nadir))
         earth = earth_view(view, camera, earth_atmosphere("mono"))
-        cut = cells.earth_cells(earth, camera, whole(PixelRect(50, 50, 60, 60)))
+        cut = cells.earth_cells(earth, camera, whole(PixelRect(50, 50, 60, 60)), "2026-03-20")
         seen = np.zeros((150, 200), int)
         for x, y in np.concatenate([*cut.centers_px.values(), np.zeros((0, 2))]) + 0.5 - cut.size_px / 2:
             seen[round(y) : round(y) + cut.size_px, round(x) : round(x) + cut.size_px] += 1

@@ -99,7 +99,7 @@ def test_pixels_drawn_by_fours_are_those_drawn_one_by_one(renderer, draw_kit, of
     assert "earth.fours" not in singles.stage_ms
     view = build_view(scene)
     earth = earth_view(view, camera, earth_atmosphere("mono"))
-    cells = earth_cells(earth, camera, None)
+    cells = earth_cells(earth, camera, None, scene.epoch_utc)
     copied = np.zeros((160, 192), bool)
     for x, y in cells.others_px + 0.5 - cells.size_px / 2:
         copied[round(y) : round(y) + cells.size_px, round(x) : round(x) + cells.size_px] = True

@@ -50,6 +50,11 @@ _SAMPLERS = {
 }
 
 
+def ice_day(scene: SceneState) -> str:
+    """The day whose sea ice is drawn: the maps' own without seasons."""
+    return scene.epoch_utc[:10] if scene.environment.seasons else "2004-08-15"
+
+
 @dataclass(frozen=True, eq=False)
 class Air:
     """One atmosphere: its static tables and the pass that makes each frame's."""
@@ -184,7 +189,7 @@ class EarthPass:
             "t_after": self._month(month.after),
         }
         if any(kind.icy or kind.shoal for kind in cells.centers_px):
-            textures |= self._waters(scene.epoch_utc[:10] if environment.seasons else "2004-08-15")
+            textures |= self._waters(ice_day(scene))
         # what goes into one image comes together: a driver that changes images finishes the first
         for kind, centers in sorted(cells.centers_px.items(), key=itemgetter(0)):
             in_fours = fours and kind.smooth
