@@ -7,6 +7,7 @@ they are, ``assets/earth/shoals_720x360.png``, again: a cell of the screen that 
 from __future__ import annotations
 
 import hashlib
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,6 +34,12 @@ _OFFSHORE = 24  # counts of the coast's distance (7 km): nearer texels are mixtu
 _ASHORE = 7  # texels over which what is offshore is carried to the shore
 _NOTICED = 0.01  # reflectance for which a cell of the screen looks
 _VERSION = 1
+# most of the sea is deep
+_TILES = [
+    (slice(row, row + 72), slice(column, column + 144))
+    for row in range(0, HEIGHT, 72)
+    for column in range(0, WIDTH, 144)
+]
 
 
 def shoals(bands: int) -> ByteArray:
@@ -45,25 +52,54 @@ def shoals(bands: int) -> ByteArray:
 def _make(bands: int) -> ByteArray:
     # nothing is left where no cell looks
     core = cv2.erode(_where().astype(np.float32), np.ones((3, 3)))
-    share = cv2.resize(core, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR)[..., None]
-    over = _over_the_ocean() * share
-    if bands == 1:
-        return _bytes(np.sqrt(over @ np.array(PAN_WEIGHTS, np.float32)))
-    return np.dstack([_bytes(np.sqrt(over)), np.full((HEIGHT, WIDTH), 255, np.uint8)])
+    share = cv2.resize(core, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR)
+    day, coast = _day_and_coast()
+    out = np.zeros((HEIGHT, WIDTH) if bands == 1 else (HEIGHT, WIDTH, 4), np.uint8)
+    if bands != 1:
+        out[..., 3] = 255
+
+    def fill(tile: tuple[slice, slice]) -> None:
+        if not share[tile].any():
+            return
+        over = _over_the_ocean(day, coast, *tile) * share[tile][..., None]
+        if bands == 1:
+            out[tile] = _bytes(np.sqrt(over @ np.array(PAN_WEIGHTS, np.float32)))
+        else:
+            out[(*tile, slice(0, 3))] = _bytes(np.sqrt(over))
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(fill, _TILES))
+    return out
 
 
-def _over_the_ocean() -> Float32Array:
-    """(2016, 4032, 3) reflectance over the open ocean's, over ``SCALE``."""
-    day = decode_map(DAY, cv2.IMREAD_COLOR, (WIDTH, HEIGHT))[..., ::-1].astype(np.float32)
-    coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH, HEIGHT))
-    over = np.clip(day - np.array(_DEEP, np.float32) - _NOTHING, 0, None) / (255 - _NOTHING)
-    sea = ((coast < 128 - _OFFSHORE) & (day.min(axis=2) < _ICE)).astype(np.uint8)
+def _day_and_coast() -> tuple[ByteArray, ByteArray]:
+    """(2016, 4032, 3) red, green, blue and (2016, 4032) distance to the coast, of the maps."""
+    with ThreadPoolExecutor(2) as pool:
+        day = pool.submit(decode_map, DAY, cv2.IMREAD_COLOR, (WIDTH, HEIGHT))
+        coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH, HEIGHT))
+        return day.result()[..., ::-1], coast
+
+
+def _over_the_ocean(day: ByteArray, coast: ByteArray, rows: slice, columns: slice) -> Float32Array:
+    """(R, C, 3) reflectance over the open ocean's in some rows and columns, over ``SCALE``."""
+    # what lies around a texel is looked at beyond the tile
+    ranges = [
+        (max(x.start - _ASHORE, 0), min(x.stop + _ASHORE, size), x)
+        for x, size in ((rows, HEIGHT), (columns, WIDTH))
+    ]
+    around = tuple(slice(low, high) for low, high, _ in ranges)
+    within = tuple(slice(x.start - low, x.stop - low) for low, _, x in ranges)
+    bright = day[around].astype(np.float32)
+    over = np.clip(bright - (np.array(_DEEP, np.float32) + np.float32(_NOTHING)), 0, None)
+    over *= np.float32(1 / (255 - _NOTHING))
+    red, green, blue = cv2.split(bright)
+    sea = ((coast[around] < 128 - _OFFSHORE) & (cv2.min(cv2.min(red, green), blue) < _ICE)).astype(np.float32)
     # beside the shore, and under ice, the water is as it is further out
-    around = (_ASHORE, _ASHORE)
-    known = cv2.blur(sea.astype(np.float32), around)
-    carried = cv2.blur(over * sea[..., None], around) / np.maximum(known, 1e-3)[..., None]
-    over = np.where(sea[..., None] > 0, over, carried * (known[..., None] > 0)) ** np.float32(_POWER)
-    return np.asarray(over, np.float32)
+    known = cv2.blur(sea, (_ASHORE, _ASHORE))[within]
+    carried = cv2.blur(over * sea[..., None], (_ASHORE, _ASHORE))[within]
+    carried *= ((known > 0) / np.maximum(known, 1e-3))[..., None].astype(np.float32)
+    over = np.where(sea[within][..., None] > 0, over[within], carried)
+    return np.asarray(cv2.pow(over, _POWER), np.float32)
 
 
 def _bytes(values: NDArray[np.float32]) -> ByteArray:
@@ -90,8 +126,8 @@ def near_shoals(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
 
 def make_where() -> ByteArray:
     """(360, 720) 255 where the water is noticeably brighter than the open ocean, and half a degree around it."""
-    coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH, HEIGHT))
-    bright = SCALE * _over_the_ocean().max(axis=2) > _NOTICED
+    day, coast = _day_and_coast()
+    bright = SCALE * _over_the_ocean(day, coast, slice(0, HEIGHT), slice(0, WIDTH)).max(axis=2) > _NOTICED
     # rows and columns do not divide by whole texels: each half degree takes what touches it
     found = np.zeros((360, 720), np.uint8)
     row, column = np.nonzero(bright & (coast < 128 - _OFFSHORE))
