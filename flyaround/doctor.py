@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulator.errors import UserError
+from simulator.render.cache import cache_bytes, cache_folder
 from simulator.render.first_hits import embree_is_here
 from simulator.render.renderer import Renderer
 
@@ -29,7 +30,7 @@ class Finding:
 
 def examine() -> tuple[Finding, ...]:
     """Look at Python, OpenGL, the screen and the optional parts."""
-    return (_python(), _opengl(), _rays(), _screen(), *_optional())
+    return (_python(), _opengl(), _rays(), _cache(), _screen(), *_optional())
 
 
 def _python() -> Finding:
@@ -52,6 +53,11 @@ def _rays() -> Finding:
     found = "Embree" if there else "a grid in numpy"
     advice = "the first picture of a new target takes a minute longer, once: pip install embreex"
     return Finding("rays for baked light", there, False, found, "" if there else advice)
+
+
+def _cache() -> Finding:
+    found = f"{cache_folder()}, {cache_bytes() / 1e6:.0f} MB"
+    return Finding("cache", True, False, found, "")
 
 
 def _screen() -> Finding:
