@@ -23,7 +23,7 @@ TEXEL = 0.032  # of the craft's radius
 MOST_NODES = 250_000  # 64 MB of baked light a band; a mesh that needs more has fewer to a metre
 _FLAT = 0.9999  # cosine of a corner's normal with the face's
 _NEAREST = 8  # triangles that a place off all of them may be nearest to
-_PAIRS = 4_000_000  # of a node and a triangle that are looked at together
+_PAIRS = 500_000  # of a node and a triangle that are looked at together: 0.1 GB
 _MARGIN = 0.1  # of a texel: nodes at a border are sampled so far inside
 
 
