@@ -95,7 +95,8 @@ class PoseEstimator(Estimator):
         for region in regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]:
             found += search_region(self.craft, frame, region)
         if found:
-            searched = self._chosen(frame, found)
+            # what a look proposed has been sought twice by now
+            searched = self._chosen(frame, found, once=looked is not None)
             # among more poses the right one may be ranked away before it is looked at closely
             return searched if looked is None or _explained(searched) >= _explained(looked) else looked
         return PoseResult(
@@ -135,15 +136,15 @@ class PoseEstimator(Estimator):
         s = support(c.q, c.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m)
         return Candidate(c.q, c.t, s, c.field, c.region, c.likely)
 
-    def _chosen(self, frame: Frame, found: List[Candidate]) -> PoseResult:
-        """The best of the candidates, and whether it is to be accepted."""
+    def _chosen(self, frame: Frame, found: List[Candidate], *, once: bool = False) -> PoseResult:
+        """The best of the candidates, and whether it is to be accepted; if not, sought again unless ``once``."""
         found.sort(key=lambda c: -c.support.total)
         frame.keep("found", found)
         if self.model.faces is None:
             return self._told(frame, choose(self.craft, frame, found))
         leaders = align_leaders(self.craft, frame, found, LEADERS)
         result = self._told(frame, choose_by_picture(self.craft, frame, leaders))
-        if result.accepted:
+        if result.accepted or once:
             return result
         # what looks best before it is aligned need not be best after
         frame.count("again", 1)
