@@ -3,12 +3,20 @@
 // Samples place an edge only as well as they are dense. But where an edge crosses a pixel is known from the mesh, and so
 // is the pixel's area on either side. Weights 1 + slope . x, for samples at x (pixels from the pixel's centre), keep
 // their sum, and give the samples below the edge its area when slope = n (N area - count) / sum of n . x over them.
-// A pixel that several edges cross or pass by keeps equal weights, which are right on the average for bodies thinner
-// than a pixel. A hidden edge does nothing: both its sides show one surface.
+// A hidden edge does nothing: both its sides show one surface.
+// A pixel that several edges cross or pass by (a gap between cells, a strut) keeps equal weights, which are right on the
+// average for bodies thinner than a pixel. But what the samples miss of each edge's area adds up: where all of the edges
+// end parts of one material, that material's share of the pixel is known, and so is what it leaves to others.
 #include "target/lattice.glsl"
+#include "target/twofold.glsl"
 flat in vec2 v_across;
 noperspective in float v_distance;
-layout(location = 0) out vec4 out_slope; // slope [px-1]; 0; 1: how many edges cross the pixel or pass by it
+flat in float v_material;
+uniform int u_outlines; // triangles drawn, the first ones, of edges where parts end
+// Sums over edges, two in a number (twofold): slope.x [px-1] and the samples that are missing to the area of parts that end
+// here whose material's number leaves 0 when divided by four; slope.y and those of 1; those of 2 and of 3; and how many
+// edges cross the pixel or pass by it.
+layout(location = 0) out vec4 out_slope;
 
 const float STEEPEST = 4.0; // beyond, weights turn negative far from the edge; only slivers ask for it
 
@@ -29,6 +37,10 @@ void main() {
         float below = float(at < d); count += below; moment += below * at; }
     FOR_EACH_SAMPLE(BELOW)
     // without samples on one side there is nothing to weigh
-    float slope = abs(moment) > 1e-3 ? (area_below(n, d) * float(SAMPLES) - count) / moment : 0.0;
-    out_slope = vec4(n * clamp(slope, -STEEPEST, STEEPEST), 0.0, 1.0);
+    float area = area_below(n, d), missed = area * float(SAMPLES) - count;
+    float slope = abs(moment) > 1e-3 ? missed / moment : 0.0;
+    float ends = gl_PrimitiveID < u_outlines ? sign(v_material) * missed : 0.0;
+    vec4 of_part = ends * vec4(equal(ivec4(int(abs(v_material) + 0.5) & 3), ivec4(0, 1, 2, 3)));
+    vec2 steep = n * clamp(slope, -STEEPEST, STEEPEST);
+    out_slope = vec4(twofold(vec3(steep, of_part.z), of_part.xyw), 1.0);
 }

@@ -84,10 +84,12 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
 // base: reflectance per band, metallic; surface: roughness, clear coat, its roughness, crinkle; p_m: camera frame [m].
 // geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
 // chart: place in the atlas of charts; share: of the pixel's area that the surface fills.
+// bent: 0 where the face is flat, see sun_visibility.
 // grain: direction of the brushing, target frame; w: how much it stretches the lobe, 0..1, negative around the axis.
-color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m, vec2 chart, float share) {
+color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m, vec2 chart, float share,
+            float bent) {
     vec3 v = -normalize(p_m);
-    float lit = sun_visibility(p_m, geometric, share);
+    float lit = sun_visibility(p_m, geometric, share, bent);
 #ifdef CRINKLE
     if (surface.w > 0.0) n = crinkled(n, p_m, surface.w);
 #endif

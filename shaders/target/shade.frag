@@ -3,6 +3,7 @@
 #include "target/lattice.glsl"
 #include "target/lighting.glsl"
 #include "target/pack.glsl"
+#include "target/twofold.glsl"
 #ifdef BRUSHED
 #define GRAIN(k) u_material_grain[k]
 #else
@@ -23,6 +24,8 @@ layout(location = 1) out float out_coverage;
 
 // Samples whose normals differ by less than this many steps of the code (5 to 10 degrees) are one surface.
 const int SAME_NORMAL = int(0.085 * CODE_SCALE);
+// Normals of a flat face differ by no more than the interpolation's rounding.
+const int FLAT_STEPS = 2;
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
@@ -32,13 +35,28 @@ void main() {
     int covered = 0;
     uint differs = 0u;
     vec4 edge = texelFetch(t_slope, pixel - ivec2(u_window.xy), 0);
-    vec2 slope = edge.w < 1.5 ? edge.xy : vec2(0.0);
+    vec3 steep, even;
+    split_twofold(edge.xyz, steep, even);
+    vec2 slope = edge.w < 1.5 ? steep.xy : vec2(0.0);
     float weight_covered = 0.0;
 #define WEIGHT(i, j) (1.0 + dot(slope, sample_offset(ivec2(i, j))))
 #define COUNT(k, i, j) if (g##k != 0u) { ++covered; weight_covered += WEIGHT(i, j); } differs |= g##k ^ g0;
     FOR_EACH_SAMPLE(COUNT)
     if (covered == 0) discard;
     weight_covered = clamp(weight_covered, 0.0, float(SAMPLES));
+    // Where several edges end parts, their materials' areas are known: samples stand for more or less. What the parts gain
+    // is lost by the surfaces that do not end here, which they stand on, or by all alike.
+    vec4 missing = vec4(even.xy, steep.z, even.z), owned = vec4(0.0);
+#define MATERIAL_CLASS(g) vec4(equal(ivec4(int(material_of(g)) & 3), ivec4(0, 1, 2, 3)))
+#define OWNED(k, i, j) owned += MATERIAL_CLASS(g##k);
+    FOR_EACH_SAMPLE(OWNED)
+    missing *= step(0.5, owned);
+    vec4 under = owned * vec4(equal(missing, vec4(0.0)));
+    under = dot(under, vec4(1.0)) > 0.5 ? under : owned;
+    missing -= under * (dot(missing, vec4(1.0)) / max(dot(under, vec4(1.0)), 1.0));
+    // a silhouette against the background keeps its samples: hidden edges could move it
+    missing *= edge.w > 1.5 && covered == SAMPLES ? 1.0 : 0.0;
+    vec4 scale = max(1.0 + missing / max(owned, vec4(1.0)), 0.0);
 #ifdef TEXTURED
     differs = 1u; // texels differ where the surface does not
 #define ADD_TEXEL(i, j) texel += texelFetch(t_texel, origin + ivec2(i, j), 0); \
@@ -65,7 +83,7 @@ void main() {
         vec4 texel = vec4(0.0);
         vec4 detail = vec4(0.0);
 #endif
-        int members = left;
+        int members = left, spread = 0;
         float weight = weight_left;
         if (differs != 0u) {
             ivec2 total = ivec2(0);
@@ -73,10 +91,11 @@ void main() {
             weight = 0.0;
 #define GATHER(k, i, j) { ivec2 c = normal_code(g##k); ivec2 d = abs(c - code); \
             if (material_of(g##k) == material && max(d.x, d.y) < SAME_NORMAL) \
-            { ++members; weight += WEIGHT(i, j); total += c; g##k = 0u; ADD_TEXEL(i, j) } }
+            { ++members; weight += WEIGHT(i, j); total += c; spread = max(spread, max(d.x, d.y)); g##k = 0u; ADD_TEXEL(i, j) } }
             FOR_EACH_SAMPLE(GATHER)
             mean_code = vec2(total) / float(members);
         }
+        weight *= dot(scale, MATERIAL_CLASS(leader));
         left -= members;
         weight = clamp(weight, 0.0, weight_left);
         float z = camera_z(texelFetch(t_depth, origin + at, 0).x);
@@ -91,7 +110,7 @@ void main() {
         surface.x = detail.w / float(members);
         n = normalize(detail.xyz);
 #endif
-        sum += shade(base, surface, GRAIN(material), geometric, n, p_m, chart_of(chart), float(members) / float(SAMPLES)) * weight;
+        sum += shade(base, surface, GRAIN(material), geometric, n, p_m, chart_of(chart), float(members) / float(SAMPLES), spread > FLAT_STEPS ? 1.0 : 0.0) * weight;
         ++group;
     } while (group < MAX_SURFACES && left > 0);
     out_radiance = OUT(sum / float(SAMPLES));

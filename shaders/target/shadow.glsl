@@ -1,6 +1,14 @@
 // Share of the Sun's disc that a point of the target sees past the target itself.
 uniform sampler2D t_shadow; // depth along the sunlight, 0..1 of the box around the target
 
+// Of a texel along the normal: relief so low on a flat face throws no shadow. The map's own rounding needs a hundredth; but
+// where texels are wider than gaps between solar cells, whether one falls into a gap is chance.
+#if SHADOW_WINDOW > 4
+const float FLAT_BIAS = 0.06;
+#else
+const float FLAT_BIAS = 0.3;
+#endif
+
 // Visibility of the Sun, 0..1.
 //
 // Percentage-closer soft shadows (Fernando 2005, SIGGRAPH sketches) over one window of SHADOW_WINDOW^2 texels: those
@@ -8,13 +16,14 @@ uniform sampler2D t_shadow; // depth along the sunlight, 0..1 of the box around 
 // the radius of the penumbra's kernel, a disc like the Sun. The plane's depth is followed from texel to texel, so that
 // a slanted face does not shade itself.
 // p_m: camera frame [m]; n: unit geometric normal; share: of the pixel's area that the surface fills.
-float sun_visibility(vec3 p_m, vec3 n, float share) {
+// bent: 1 where normals differ within the pixel, so that facets stand for something round; 0 where n is the face's own.
+float sun_visibility(vec3 p_m, vec3 n, float share, float bent) {
     float n_l = dot(n, u_sun_direction.xyz);
     // nearer to the Sun than its surface by a part of a texel along the normal, more at grazing light: what facets differ
     // from their smooth normal. Along the light, so that no shadow's edge moves.
     float slope = sqrt(max(1.0 - n_l * n_l, 0.0));
     vec3 q = (u_light_from_camera * vec4(p_m, 1.0)).xyz;
-    q.z -= u_shadow.y * (0.25 + 0.75 * slope) / max(n_l, 0.15);
+    q.z -= u_shadow.y * mix(FLAT_BIAS, 0.25 + 0.75 * slope, bent) / max(n_l, 0.15);
     vec3 m = mat3(u_light_from_camera) * n;
     float size = 1.0 / u_shadow.z;
     vec2 at = q.xy * size - 0.5;
@@ -54,10 +63,38 @@ float sun_visibility(vec3 p_m, vec3 n, float share) {
     float sharpness = 0.5 * sqrt(2.0 * size2 / (area.x + area.y));
     area *= sharpness / size2;
     float inside = 0.5 + sharpness;
+#if SHADOW_WINDOW > 4
+    // The filter spreads over the receiver's plane, but the camera does not see all of that. A blocker d above the plane
+    // hides the plane under itself; its shadow shows where the camera's ray from it, which passes at `beside` times d from
+    // there across the light, meets no blocker. Low ones show a strip of that width along the edges that look that way;
+    // high ones all of their shadow.
+    vec3 beside = v * (n_l / n_v) - l;
+    vec2 strip = (mat3(u_light_from_camera) * beside).xy * (size * u_shadow.x / u_shadow.y);
+    vec2 strips = abs(strip);
+    float relief = length(strip) * inversesqrt(spread2);
+    float lit = 0.0, dark = 0.0;
+#define SHADOW_FILTER(k, i, j) \
+    x##k = clamp(inside - (area.y * x##k * x##k + area.x * y##k * y##k - 2.0 * area.z * x##k * y##k), 0.0, 1.0); \
+    { vec4 above = step(1e-9, d##k), high = clamp(d##k * relief, 0.0, 1.0), under = 1.0 - above; \
+    lit += dot(x##k, under); \
+    float top = max(max(d##k.x, d##k.y), max(d##k.z, d##k.w)); \
+    vec2 left = above.wx * under.zy, right = under.wx * above.zy; \
+    vec2 low = above.wz * under.xy, upper = under.wz * above.xy; \
+    vec2 a = strip.x > 0.0 ? left : right, b = strip.y > 0.0 ? low : upper; \
+    float mean = dot(x##k, vec4(0.25)), edge = 2.0 * mean * top * (strips.x * (a.x + a.y) + strips.y * (b.x + b.y)); \
+    float h = clamp(top * relief, 0.0, 1.0); \
+    dark += dot(x##k, high * high) + (1.0 - h) * edge; \
+    any_dark += dot(x##k, above); }
+    float any_dark = 0.0;
+    FOR_EACH_SHADOW_BLOCK(SHADOW_FILTER)
+    float visible = lit > 0.0 ? lit / (lit + dark) : 1.0 - step(1e-4, any_dark);
+#else
     // The filter spreads over the receiver's plane, but the camera does not see all of that: a blocker hides the plane
     // under itself, and with it most of its shadow where Sun and camera stand alike. Its texel counts by the share of
     // the filter's width by which its shadow is seen beside it: cells 1 mm proud of a panel do not blacken their gaps.
-    float seen = length(l - v * (n_l / n_v));
+    // Both widths are measured across the light.
+    vec3 beside = l - v * (n_l / n_v);
+    float seen = length(beside - l * dot(l, beside));
     float relief = seen * inversesqrt(spread2) / u_shadow.y;
     float total = 0.0, dark = 0.0;
 #define SHADOW_FILTER(k, i, j) \
@@ -66,5 +103,7 @@ float sun_visibility(vec3 p_m, vec3 n, float share) {
     total += dot(x##k, y##k + step(d##k, vec4(0.0))); \
     dark += dot(x##k, y##k);
     FOR_EACH_SHADOW_BLOCK(SHADOW_FILTER)
-    return n_l > 0.0 ? 1.0 - dark / max(total, 1e-4) : 0.0;
+    float visible = 1.0 - dark / max(total, 1e-4);
+#endif
+    return n_l > 0.0 ? visible : 0.0;
 }

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array, FloatArray, IntArray
+    from collections.abc import Mapping
+
+    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.targets.model import Part
 
 SMOOTH_COSINE = np.cos(np.radians(5.0))  # shading normals that differ by less across an edge hide it
@@ -25,6 +27,8 @@ class MeshEdges:
     vertices_m : (V, 3) places, target frame. ends : (E, 2) places of each edge.
     faces : (E, 2) rows of ``planes``. is_crease : (E,) seen whenever one of its faces is.
     planes : (F, 4) of each face: unit normal, and its distance from the origin with the sign turned [m].
+    materials : (E,) number of the part's material; negative where the first face lies to the right of the edge, seen
+        from outside.
     is_closed : back faces are never seen, so that only edges of front faces are.
     """
 
@@ -33,30 +37,47 @@ class MeshEdges:
     faces: IntArray
     is_crease: np.typing.NDArray[np.bool_]
     planes: FloatArray
+    materials: IntArray
     is_closed: bool
 
-    def seen_from(self, camera_m: FloatArray) -> IntArray:
-        """Numbers of the edges that can be seen from a place in the target frame, hidden ones among them."""
+    def seen_from(self, camera_m: FloatArray) -> tuple[IntArray, IntArray]:
+        """Numbers of the edges that can be seen from a place in the target frame, hidden ones among them.
+
+        Returns
+        -------
+        first those where their part ends, then creases inside it.
+        """
         front = self.planes[:, :3] @ camera_m + self.planes[:, 3] > 0
         first, second = front.take(self.faces.T)
+        ends = (first != second) | (first & (self.faces[:, 0] == self.faces[:, 1]))
         faces_camera = (first | second) if self.is_closed else np.ones_like(first)
-        return np.flatnonzero((first != second) | (self.is_crease & faces_camera))
+        return np.flatnonzero(ends), np.flatnonzero(self.is_crease & faces_camera & ~ends)
 
     def quads(self) -> Float32Array:
-        """(E, 4, 7) vertices: both ends, and the corner's number 0..3 (end = number // 2, side = number % 2)."""
-        out = np.empty((len(self.ends), 4, 7), np.float32)
+        """(E, 4, 11) vertices: both ends, the corner's number 0..3 (end = number // 2, side = number % 2), and
+        of the edge its first face's normal and its entry in `materials`.
+        """
+        out = np.empty((len(self.ends), 4, 11), np.float32)
         out[..., :3] = self.vertices_m[self.ends[:, 0], None]
         out[..., 3:6] = self.vertices_m[self.ends[:, 1], None]
         out[..., 6] = np.arange(4)
+        out[..., 7:10] = self.planes[self.faces[:, 0], None, :3]
+        out[..., 10] = self.materials[:, None]
         return out
 
 
-def find_edges(parts: tuple[Part, ...], *, is_closed: bool) -> MeshEdges:
-    """Every edge of a mesh that can show."""
-    vertices, ends, faces, creases, planes = [], [], [], [], []
+def find_edges(parts: tuple[Part, ...], numbers: Mapping[str, int], *, is_closed: bool) -> MeshEdges:
+    """Every edge of a mesh that can show.
+
+    Parameters
+    ----------
+    numbers : of the materials, from 1.
+    """
+    vertices, ends, faces, creases, planes, materials = [], [], [], [], [], []
     first_vertex = first_face = 0
     for part in parts:
-        places, edge, face, crease, plane = _of_part(part)
+        places, edge, face, crease, plane, left = _of_part(part)
+        materials.append(np.where(left, 1, -1) * numbers[part.material])
         vertices.append(places)
         ends.append(edge + first_vertex)
         faces.append(face + first_face)
@@ -70,11 +91,12 @@ def find_edges(parts: tuple[Part, ...], *, is_closed: bool) -> MeshEdges:
         np.concatenate(faces),
         np.concatenate(creases),
         np.concatenate(planes),
+        np.concatenate(materials),
         is_closed,
     )
 
 
-def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, np.typing.NDArray[np.bool_], FloatArray]:
+def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArray, FloatArray, BoolArray]:
     positions = part.positions_m.astype(float)
     triangles = np.asarray(part.triangles)
     _, first, place = np.unique(
@@ -91,9 +113,9 @@ def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, np.typing.NDAr
     start, end = np.where(swap, end, start), np.where(swap, start, end)
     face = np.repeat(np.arange(len(triangles)), 3)
     real = place[start] != place[end]
-    start, end, face = start[real], end[real], face[real]
+    start, end, face, left = start[real], end[real], face[real], ~swap[real]
     order = np.lexsort((face, place[end], place[start]))
-    start, end, face = start[order], end[order], face[order]
+    start, end, face, left = start[order], end[order], face[order], left[order]
     key = np.stack([place[start], place[end]], axis=1)
     new = np.append(True, np.any(key[1:] != key[:-1], axis=1))
     head = np.flatnonzero(new)
@@ -109,4 +131,5 @@ def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, np.typing.NDAr
     flat = np.einsum("ij,ij->i", normal[face[head]], normal[face[mate]]) > FLAT_COSINE
     keep = crease | ~flat
     head, mate, crease = head[keep], mate[keep], crease[keep]
-    return positions[first], key[head], np.stack([face[head], face[mate]], axis=1), crease, planes
+    faces = np.stack([face[head], face[mate]], axis=1)
+    return positions[first], key[head], faces, crease, planes, left[head]

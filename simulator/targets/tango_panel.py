@@ -17,9 +17,9 @@ GAP_M = 0.0014
 CLIP_M = 0.0105
 SUBSTRATE_M = 0.0020
 """The substrate lies this far below the frame's face."""
-CELL_M = 0.0010
-"""Cells stand this far proud of the substrate and 1 mm below the frame."""
-TAB_M = 0.0006
+CELL_M = 0.0004
+"""Cells stand this far proud of the substrate: 0.15 mm of wafer, 0.15 of cover glass, the rest adhesive."""
+TAB_M = 0.0002
 TAB_INSET_M = 0.0006
 """Free space between an interconnect and the cells beside it."""
 

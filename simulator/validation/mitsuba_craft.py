@@ -255,10 +255,6 @@ def _register(mi: Any) -> None:  # noqa: ANN401
             f0 = 0.04 + (self.base - 0.04) * self.metallic
             under = ((1 - 5 * f0**0.5) / (5 - f0**0.5)) ** 2
             self.f0 = f0 + (under - f0) * self.coat
-            # samples where the light goes: a third for the lobes' own spread, the rest by reflectance
-            matt = self.base * (1 - self.metallic)
-            gloss, coat = max(self.f0, 0.08), 0.08 * self.coat
-            self.shares = tuple(float(x) / (matt + gloss + coat) for x in (matt, gloss, coat))
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             self.m_components = [flags]
             self.m_flags = flags
@@ -280,10 +276,23 @@ def _register(mi: Any) -> None:  # noqa: ANN401
                 value = value * (1 - fc * self.coat) + self.coat * fc * coat
             return dr.select((wi.z > 1e-4) & (wo.z > 1e-4), value * wo.z, 0)
 
+        def _shares(self, wi: Any) -> Any:  # noqa: ANN401
+            """Samples of the matt, glossy and coat lobes, where the light goes: by their reflectance for this view."""
+            fifth = dr.clip(1 - wi.z, 0, 1) ** 5
+            gloss, coat = self.f0 + (1 - self.f0) * fifth, self.coat * (0.04 + 0.96 * fifth)
+            # a rough lobe meets flatter facets than the mean one, so that it is never left out
+            parts = [
+                self.base * (1 - self.metallic) * (1 - gloss) * (1 - coat),
+                (gloss + 0.003) * (1 - coat),
+                coat,
+            ]
+            return [part / (parts[0] + parts[1] + parts[2]) for part in parts]
+
         def _density(self, wi: Any, wo: Any) -> Any:  # noqa: ANN401
             h = dr.normalize(wi + wo)
-            total = self.shares[0] * wo.z / dr.pi
-            for share, alpha in zip(self.shares[1:], (self.alpha, self.coat_alpha), strict=True):
+            matt, *lobes = self._shares(wi)
+            total = matt * wo.z / dr.pi
+            for share, alpha in zip(lobes, (self.alpha, self.coat_alpha), strict=True):
                 d = alpha**2 / (dr.pi * dr.square(h.z * h.z * (alpha**2 - 1) + 1))
                 total += share * d * h.z / (4 * dr.maximum(dr.dot(wi, h), 1e-6))
             return dr.select((wi.z > 1e-4) & (wo.z > 1e-4), total, 0)
@@ -297,7 +306,8 @@ def _register(mi: Any) -> None:  # noqa: ANN401
                 h = mi.Vector3f(s * dr.cos(turn), s * dr.sin(turn), c)
                 return 2 * dr.dot(si.wi, h) * h - si.wi
 
-            first, second = self.shares[0], self.shares[0] + self.shares[1]
+            first, gloss, _ = self._shares(si.wi)
+            second = first + gloss
             wo = dr.select(
                 sample1 < first,
                 flat,

@@ -48,11 +48,11 @@ class EdgeBuffers:
 
 
 class SlopeImage:
-    """Slope of the samples' weights per pixel [px-1], and how many edges were met."""
+    """Slope of the samples' weights per pixel [px-1], samples missing to an area, and which edges were met."""
 
     def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
         self._context = context
-        self.slope = context.texture((width, height), 4, dtype="f2")
+        self.slope = context.texture((width, height), 4, dtype="f4")
         self.slope.filter = (context.NEAREST, context.NEAREST)
         self.framebuffer = context.framebuffer([self.slope])
 
@@ -63,12 +63,16 @@ class SlopeImage:
 
 @dataclass(frozen=True, eq=False)
 class EdgeList:
-    """The edges ``seen`` that a frame draws over the pixels of ``rect``, and what they are drawn into."""
+    """The edges ``seen`` that a frame draws over the pixels of ``rect``, and what they are drawn into.
+
+    At the first ``outlines`` of them their part ends.
+    """
 
     image: SlopeImage
     rect: PixelRect
     buffers: EdgeBuffers | None
     seen: IntArray
+    outlines: int
 
 
 class EdgePass:
@@ -91,10 +95,10 @@ class EdgePass:
         image = self._images.at_least(rect.width, rect.height)
         image.framebuffer.use()
         image.framebuffer.clear()
-        seen = np.zeros(0, int)
+        seen, outlines = np.zeros(0, int), 0
         if buffers is not None:
-            seen = _drawn(buffers, camera, rect, near_m, camera_from_target)
-        return EdgeList(image, rect, buffers, seen)
+            seen, outlines = _drawn(buffers, camera, rect, near_m, camera_from_target)
+        return EdgeList(image, rect, buffers, seen, outlines)
 
     def run(self, edges: EdgeList, lattice: Lattice, lattice_size: tuple[int, int]) -> moderngl.Texture:
         """Slopes of the samples' weights in the pixels of the list's rectangle, its first pixel at (0, 0).
@@ -113,11 +117,18 @@ class EdgePass:
         program = self._programs.get("target/edge.vert", "target/edge.frag", lattice_defines(lattice))
         program.set("u_window", rect.viewport)
         program.set("u_lattice_px", lattice_size)
+        program.set("u_outlines", 2 * edges.outlines)
         key = (buffers, program)
         if key not in self._arrays:
             self._arrays[key] = self._context.vertex_array(
                 program.gl,
-                [(buffers.vertices, "3f 3f 1f", "in_start_m", "in_end_m", "in_corner")],
+                [
+                    (
+                        buffers.vertices,
+                        "3f 3f 1f 3f 1f",
+                        *("in_start_m", "in_end_m", "in_corner", "in_normal", "in_material"),
+                    )
+                ],
                 buffers.indices,
             )
         indices = (np.asarray(seen, np.uint32)[:, None] * np.uint32(4) + _PATTERN).ravel()
@@ -129,25 +140,31 @@ class EdgePass:
 
 def _drawn(
     buffers: EdgeBuffers, camera: Camera, rect: PixelRect, near_m: float, camera_from_target: FloatArray
-) -> IntArray:
-    """Edges that can show and face the camera, lie in front of it, touch the window and are long enough to matter."""
+) -> tuple[IntArray, int]:
+    """Edges that can show and face the camera, lie in front of it, touch the window and are long enough to matter.
+
+    Returns
+    -------
+    their numbers, and how many of them, the first, end their part.
+    """
     edges, mesh = buffers.edges, buffers.mesh
     R, t = camera_from_target[:3, :3], camera_from_target[:3, 3]
     place = -R.T @ t
-    seen = edges.seen_from(place)
+    outlines, creases = edges.seen_from(place)
+    seen = np.concatenate([outlines, creases])
     behind = hidden(mesh.shells, buffers.boxes, np.append(place, 1.0), mesh.radius_m)
-    seen = seen[~behind.take(buffers.boxes.of.take(seen))]
+    keep = ~behind.take(buffers.boxes.of.take(seen))
     x, y, z = R @ edges.vertices_m.T + t[:, None]
     # comparisons with NaN are false: an edge behind the camera drops out
     scale = 1 / np.where(z > near_m, z, np.nan)
     first, second = edges.ends.take(seen, axis=0).T
-    keep = np.zeros(len(seen), bool)
-    touches = np.ones(len(seen), bool)
+    long = np.zeros(len(seen), bool)
     for u, low, high in (
         (x * scale * camera.fx_px + camera.cx_px, rect.x0 - 1, rect.x1),
         (y * scale * camera.fy_px + camera.cy_px, rect.y0 - 1, rect.y1),
     ):
         a, b = u[first], u[second]
-        keep |= np.abs(a - b) > _SHORTEST_PX
-        touches &= (np.minimum(a, b) < high) & (np.maximum(a, b) > low)
-    return seen[keep & touches]
+        long |= np.abs(a - b) > _SHORTEST_PX
+        keep &= (np.minimum(a, b) < high) & (np.maximum(a, b) > low)
+    keep &= long
+    return seen[keep], int(np.count_nonzero(keep[: len(outlines)]))

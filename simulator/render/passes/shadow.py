@@ -32,8 +32,8 @@ class ShadowChoice:
 
 
 # the coarse map where its texel is at most a pixel wide, else a fine one, close up a finer
-_COARSE, _FINE, _FINER = ShadowChoice(512, 4), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
-_BEST = ShadowChoice(2048, 10, 0.75)
+_COARSE, _FINE, _FINER = ShadowChoice(512, 4, 0.6), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
+_BEST = ShadowChoice(2048, 10, 0.6)
 _SLACK = 1.3  # for the softness of the disc's own edge
 _SAWN = 2.5  # pixels: texels that are wider than this show as steps
 

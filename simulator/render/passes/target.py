@@ -130,13 +130,14 @@ class TargetPasses:
             if mesh.uv is not None:
                 self._textured = self._textured or TexturedGBufferPass(context, self._programs)
                 textures = Textures(context, target)
+            numbers = {material.name: k for k, material in enumerate(mesh.materials, start=1)}
             gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
             self._loaded[target.sha256] = Loaded(
                 mesh,
                 FacingArray(context, mesh, shadow.program.gl),
                 # textures are bound by stretches of the index buffer
                 FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
-                EdgeBuffers(context, find_edges(target.parts, is_closed=mesh.is_closed), mesh),
+                EdgeBuffers(context, find_edges(target.parts, numbers, is_closed=mesh.is_closed), mesh),
                 ReturnedLight(context, mesh),
                 textures,
             )
