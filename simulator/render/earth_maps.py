@@ -11,7 +11,7 @@ from simulator.render.levels import levelled
 from simulator.render.maps import packed_maps
 from simulator.render.noise import detail_texture
 from simulator.render.seasons import Season, month_gain, relief, season
-from simulator.render.skylight import albedo_map
+from simulator.render.skylight import albedo_of_day
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -49,7 +49,9 @@ def begin_earth_maps(scene: SceneState) -> EarthMaps:
     # what takes longest first: the detail alone is as long as the maps
     with_maps, others = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
     maps = with_maps.submit(lambda: [levelled(image) for image in packed_maps(bands)])
-    albedo = with_maps.submit(albedo_map, clouds=environment.clouds)
+    albedo = with_maps.submit(
+        albedo_of_day, scene.epoch_utc, clouds=environment.clouds, ice=environment.sea_ice
+    )
     months = {month: with_maps.submit(_month, month, bands) for month in {dates.before, dates.after}}
     begun = EarthMaps(
         albedo,

@@ -9,7 +9,8 @@ and radiance of the Earth's disc as a linear function of direction, for reflecti
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from datetime import UTC, datetime, timedelta
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import cv2
@@ -17,6 +18,7 @@ import numpy as np
 
 from simulator.render.cache import cached_array
 from simulator.render.maps import CLOUDS, COAST, DAY, packed_maps
+from simulator.render.sea_ice import sea_ice
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 EARTH_RADIUS_M = 6_371_008.8
 EARTH_MEAN_ALBEDO = 0.30  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53
 SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55
+ICE_ALBEDO = 0.55  # of the pack, as it is drawn: floes, leads and ponds
 FULL_MOON_SHARE = 2.5e-6  # of the Sun's irradiance: magnitudes -12.73 and -26.74, Allen (2000)
 _MAP_SIZE = (128, 64)
 _SAMPLES = 256
@@ -169,21 +172,58 @@ def moon_irradiance(
     return _fitted(axis, np.outer(np.clip(_NORMALS @ (R_camera @ direction), 0, None), sun_w_m2 * share))
 
 
-@cache
 def albedo_map(*, clouds: bool) -> Float32Array:
-    """(64, 128) albedo of ground, air and clouds, from the maps that draw the Earth, its mean the Earth's."""
+    """(64, 128) albedo of ground, air and clouds over an open sea, from the maps that draw the Earth.
+
+    With clouds its mean is the Earth's.
+    """
+    return _reduced_maps(clouds)[0]
+
+
+def albedo_of_day(epoch_utc: str, *, clouds: bool, ice: bool) -> Float32Array:
+    """(64, 128) albedo as `albedo_map` has it, with the day's ice on the sea where ``ice`` asks for it."""
+    if not ice:
+        return albedo_map(clouds=clouds)
+    day = datetime.fromisoformat(epoch_utc)
+    return _with_ice(day.year, day.timetuple().tm_yday, clouds)
+
+
+@lru_cache(maxsize=4)
+def _with_ice(year: int, day: int, clouds: bool) -> Float32Array:  # noqa: FBT001 - a key of the cache
+    whole, sea = _reduced_maps(clouds)
+    epoch = datetime(year, 1, 1, tzinfo=UTC) + timedelta(days=day - 1)
+    ice = (
+        cv2.resize(sea_ice(epoch.isoformat()), _MAP_SIZE, interpolation=cv2.INTER_AREA).astype(np.float32)
+        / 255
+    )
+    iced = whole + sea * ice * (ICE_ALBEDO - SEA_ALBEDO)
+    return np.asarray(iced * (EARTH_MEAN_ALBEDO / _mean(iced) if clouds else 1.0), np.float32)
+
+
+@cache
+def _reduced_maps(clouds: bool) -> Float32Array:  # noqa: FBT001 - a key of the cache
     names = "-".join(name.split(".")[0] for name in (DAY, CLOUDS, COAST))
-    return np.asarray(cached_array(f"albedo-2-{int(clouds)}-{names}", lambda: _reduce_maps(clouds=clouds)))
+    return np.asarray(cached_array(f"albedo-3-{int(clouds)}-{names}", lambda: _reduce_maps(clouds=clouds)))
 
 
 def _reduce_maps(*, clouds: bool) -> Float32Array:
+    """(2, 64, 128) albedo, and by how much it grows with that of the sea."""
     packed = packed_maps(1)[0]
     # every fourth texel is plenty for cells of 3 degrees
     part = np.asarray(packed[::4, ::4], np.float32) / 255
-    ground = np.where(part[..., 3] > 0.5, part[..., 0] ** 2, SEA_ALBEDO)
-    cover = part[..., 1] ** 2 if clouds else np.zeros_like(ground)
-    albedo = AIR_ALBEDO + (1 - cover) * ground + cover * CLOUD_ALBEDO
-    cells = cv2.resize(albedo, _MAP_SIZE, interpolation=cv2.INTER_AREA)
-    weight = np.cos((np.arange(_MAP_SIZE[1]) + 0.5) / _MAP_SIZE[1] * np.pi - np.pi / 2)[:, None]
-    mean = float((cells * weight).sum() / (weight.sum() * _MAP_SIZE[0]))
-    return np.asarray(cells * (EARTH_MEAN_ALBEDO / mean if clouds else 1.0), np.float32)
+    land = part[..., 3] > 0.5
+    ground = np.where(land, part[..., 0] ** 2, SEA_ALBEDO)
+    clear = 1 - part[..., 1] ** 2 if clouds else np.ones_like(ground)
+    albedo = AIR_ALBEDO + clear * ground + (1 - clear) * CLOUD_ALBEDO
+    cells, sea = (
+        np.asarray(cv2.resize(x, _MAP_SIZE, interpolation=cv2.INTER_AREA), np.float32)
+        for x in (albedo, clear * ~land)
+    )
+    scale = EARTH_MEAN_ALBEDO / _mean(cells) if clouds else 1.0
+    return np.asarray([cells * scale, sea * scale], np.float32)
+
+
+def _mean(cells: FloatArray | Float32Array) -> float:
+    """Mean of an equirectangular map over the sphere."""
+    weight = np.cos((np.arange(len(cells)) + 0.5) / len(cells) * np.pi - np.pi / 2)[:, None]
+    return float((cells * weight).sum() / (weight.sum() * cells.shape[1]))

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.skylight import SkyLight, albedo_map, earth_light, moon_irradiance, no_light
+from simulator.render.skylight import (
+    SkyLight,
+    albedo_of_day,
+    earth_light,
+    moon_irradiance,
+    no_light,
+)
 from simulator.scene.bands import bands_of, sun_irradiance_w_m2
 from simulator.scene.refraction import sunlight_past_earth
 from simulator.world.constants import MOON_RADIUS_M
@@ -114,7 +120,8 @@ def sky_light(scene: SceneState) -> SkyLight:
     r_target, r_sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
     sun_eci = r_sun / np.linalg.norm(r_sun)
     sun_w_m2 = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun)))
-    albedo = albedo_map(clouds=scene.environment.clouds)
+    environment = scene.environment
+    albedo = albedo_of_day(scene.epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     earth = earth_light(R_ie @ r_target, R_ie @ sun_eci, R_ce @ R_ie.T, sun_w_m2, albedo)
     to_moon = np.asarray(scene.r_moon_eci_m) - r_target
     return replace(

@@ -293,7 +293,9 @@ def mitsuba_rows(renderer: Renderer, spp: int = MITSUBA_SPP) -> list[Row]:
             full = np.pad(coverage > 0.999, 1)
             inner = np.all([np.roll(full, s, axis=a) for a in (0, 1) for s in (-1, 0, 1)], axis=0)[1:-1, 1:-1]
             whole = inner & ~_beside_steps(np.asarray(seen.depth_m, float))
-            differences.append(tuple(difference(ours, traced.radiance, mask) for mask in (inner, whole)))
+            differences.append(
+                (difference(ours, traced.radiance, inner), difference(ours, traced.radiance, whole))
+            )
         noise.append(float(np.mean((traced.noise / traced.radiance)[inner])))
     against = f"Mitsuba 3, {spp} samples"
     out = [

@@ -5,6 +5,7 @@ import pytest
 
 from simulator.render.skylight import (
     albedo_map,
+    albedo_of_day,
     basis,
     earth_light,
     light_of_samples,
@@ -112,6 +113,21 @@ def test_earthshine_follows_the_lit_and_cloudy_part_of_the_earth():
     sahara, pacific = clear[22, 69], clear[36, 12]
     assert sahara > 2.5 * pacific
     assert clear[2:6].mean() > 2 * pacific or clear[-4:-1].mean() > 2 * pacific  # ice
+
+
+def test_earthshine_sees_the_ice_of_the_season():
+    march, september = (
+        albedo_of_day(f"2026-{day}T12:00:00Z", clouds=True, ice=True) for day in ("03-10", "09-15")
+    )
+    weddell, okhotsk = np.s_[54:56, 46:52], np.s_[11:13, 115:118]  # 62-67 S, 50-34 W; 53-59 N, 143-151 E
+    assert september[weddell].mean() > 1.15 * march[weddell].mean()
+    assert march[okhotsk].mean() > 1.1 * september[okhotsk].mean()
+    weight = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 129)[1::2])[:, None]
+    for albedo in (march, september):
+        assert (albedo * weight).sum() / weight.sum() / albedo.shape[1] == pytest.approx(0.3, abs=1e-3)
+    assert np.all(
+        albedo_of_day("2026-03-10T00:00:00Z", clouds=False, ice=True) >= albedo_map(clouds=False) - 1e-6
+    )
 
 
 def test_moonshine_of_a_full_moon_is_a_third_of_a_lux():
