@@ -11,8 +11,9 @@
 #include "target/twofold.glsl"
 flat in vec2 v_across;
 noperspective in float v_distance;
-flat in float v_material;
-uniform int u_outlines; // triangles drawn, the first ones, of edges where parts end
+flat in vec4 v_part; // one at the material's number modulo four, its sign that of the edge's first face
+// Of the triangles drawn so many end a part by their edge's first face, so many by its second.
+uniform ivec2 u_outlines;
 // Sums over edges, two in a number (twofold): slope.x [px-1] and the samples that are missing to the area of parts that end
 // here whose material's number leaves 0 when divided by four; slope.y and those of 1; those of 2 and of 3; and how many
 // edges cross the pixel or pass by it.
@@ -39,8 +40,9 @@ void main() {
     // without samples on one side there is nothing to weigh
     float area = area_below(n, d), missed = area * float(SAMPLES) - count;
     float slope = abs(moment) > 1e-3 ? missed / moment : 0.0;
-    float ends = gl_PrimitiveID < u_outlines ? sign(v_material) * missed : 0.0;
-    vec4 of_part = ends * vec4(equal(ivec4(int(abs(v_material) + 0.5) & 3), ivec4(0, 1, 2, 3)));
+    // image rows run downwards: what is left of an edge has the smaller coordinate across it
+    float side = gl_PrimitiveID < u_outlines.x ? 1.0 : gl_PrimitiveID < u_outlines.x + u_outlines.y ? -1.0 : 0.0;
+    vec4 of_part = v_part * (side * whole_steps(missed));
     vec2 steep = n * clamp(slope, -STEEPEST, STEEPEST);
-    out_slope = vec4(twofold(vec3(steep, of_part.z), of_part.xyw), 1.0);
+    out_slope = vec4(twofold(vec3(whole_steps(steep), of_part.z), of_part.xyw), 1.0);
 }

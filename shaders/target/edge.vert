@@ -2,15 +2,14 @@
 in vec3 in_start_m; // target frame
 in vec3 in_end_m;
 in float in_corner; // 0..3: end = number / 2, side = number mod 2
-in vec3 in_normal;    // of one face at the edge, target frame
-in float in_material; // of both; negative where that face lies to the right of start to end, seen from outside
+in float in_material; // negative where the first face at the edge lies to the right of start to end, seen from outside
 uniform vec4 u_window;    // pixels that hold the target: x0, y0, width, height
 uniform vec2 u_lattice_px; // size of the lattice's buffer
 flat out vec2 v_across;             // unit vector across the edge, in the image
-flat out float v_material; // negative where the part lies on the side that v_across points to
+flat out vec4 v_part;
 noperspective out float v_distance; // of the edge from the pixel's centre, along v_across [px]
 #include "target/lattice.glsl"
-const float REACH_PX = 1.2; // an edge so near to another may belong to one thin body with it
+const float REACH_PX = 0.75; // half a pixel's diagonal and the rounding: an edge farther away does not cross the pixel
 
 // Image position of a vertex in the window [px], rounded as the rasteriser rounds it: to 1/256 of a lattice step. So the
 // edge passes the samples on the same side as the faces that meet there.
@@ -28,9 +27,7 @@ void main() {
     vec2 along = end - start;
     along *= inversesqrt(max(dot(along, along), 1e-12));
     v_across = vec2(-along.y, along.x);
-    // image rows run downwards: what is left of the edge has the smaller coordinate across it
-    vec3 p_m = (u_camera_from_target * vec4(in_start_m, 1.0)).xyz;
-    v_material = dot(mat3(u_camera_from_target) * in_normal, p_m) < 0.0 ? in_material : -in_material;
+    v_part = sign(in_material) * vec4(equal(ivec4(int(abs(in_material) + 0.5) & 3), ivec4(0, 1, 2, 3)));
     v_distance = mod(in_corner, 2.0) > 0.5 ? -REACH_PX : REACH_PX;
     vec2 corner = (in_corner > 1.5 ? end : start) - v_across * v_distance;
     gl_Position = vec4((corner + 0.5) / u_window.zw * 2.0 - 1.0, 0.0, 1.0);

@@ -40,29 +40,29 @@ class MeshEdges:
     materials: IntArray
     is_closed: bool
 
-    def seen_from(self, camera_m: FloatArray) -> tuple[IntArray, IntArray]:
+    def seen_from(self, camera_m: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
         """Numbers of the edges that can be seen from a place in the target frame, hidden ones among them.
 
         Returns
         -------
-        first those where their part ends, then creases inside it.
+        those where their part ends that show their first face; those that show the second; creases inside parts.
         """
         front = self.planes[:, :3] @ camera_m + self.planes[:, 3] > 0
         first, second = front.take(self.faces.T)
         ends = (first != second) | (first & (self.faces[:, 0] == self.faces[:, 1]))
         faces_camera = (first | second) if self.is_closed else np.ones_like(first)
-        return np.flatnonzero(ends), np.flatnonzero(self.is_crease & faces_camera & ~ends)
+        creases = self.is_crease & faces_camera & ~ends
+        return np.flatnonzero(ends & first), np.flatnonzero(ends & ~first), np.flatnonzero(creases)
 
     def quads(self) -> Float32Array:
-        """(E, 4, 11) vertices: both ends, the corner's number 0..3 (end = number // 2, side = number % 2), and
-        of the edge its first face's normal and its entry in `materials`.
+        """(E, 4, 8) vertices: both ends, the corner's number 0..3 (end = number // 2, side = number % 2), and
+        the edge's entry in `materials`.
         """
-        out = np.empty((len(self.ends), 4, 11), np.float32)
+        out = np.empty((len(self.ends), 4, 8), np.float32)
         out[..., :3] = self.vertices_m[self.ends[:, 0], None]
         out[..., 3:6] = self.vertices_m[self.ends[:, 1], None]
         out[..., 6] = np.arange(4)
-        out[..., 7:10] = self.planes[self.faces[:, 0], None, :3]
-        out[..., 10] = self.materials[:, None]
+        out[..., 7] = self.materials[:, None]
         return out
 
 

@@ -65,14 +65,14 @@ class SlopeImage:
 class EdgeList:
     """The edges ``seen`` that a frame draws over the pixels of ``rect``, and what they are drawn into.
 
-    At the first ``outlines`` of them their part ends.
+    At the first ``outlines`` of them their part ends: at so many that show their first face, and so many the second.
     """
 
     image: SlopeImage
     rect: PixelRect
     buffers: EdgeBuffers | None
     seen: IntArray
-    outlines: int
+    outlines: tuple[int, int]
 
 
 class EdgePass:
@@ -95,7 +95,7 @@ class EdgePass:
         image = self._images.at_least(rect.width, rect.height)
         image.framebuffer.use()
         image.framebuffer.clear()
-        seen, outlines = np.zeros(0, int), 0
+        seen, outlines = np.zeros(0, int), (0, 0)
         if buffers is not None:
             seen, outlines = _drawn(buffers, camera, rect, near_m, camera_from_target)
         return EdgeList(image, rect, buffers, seen, outlines)
@@ -117,7 +117,7 @@ class EdgePass:
         program = self._programs.get("target/edge.vert", "target/edge.frag", lattice_defines(lattice))
         program.set("u_window", rect.viewport)
         program.set("u_lattice_px", lattice_size)
-        program.set("u_outlines", 2 * edges.outlines)
+        program.set("u_outlines", tuple(2 * n for n in edges.outlines))
         key = (buffers, program)
         if key not in self._arrays:
             self._arrays[key] = self._context.vertex_array(
@@ -125,8 +125,8 @@ class EdgePass:
                 [
                     (
                         buffers.vertices,
-                        "3f 3f 1f 3f 1f",
-                        *("in_start_m", "in_end_m", "in_corner", "in_normal", "in_material"),
+                        "3f 3f 1f 1f",
+                        *("in_start_m", "in_end_m", "in_corner", "in_material"),
                     )
                 ],
                 buffers.indices,
@@ -140,18 +140,18 @@ class EdgePass:
 
 def _drawn(
     buffers: EdgeBuffers, camera: Camera, rect: PixelRect, near_m: float, camera_from_target: FloatArray
-) -> tuple[IntArray, int]:
+) -> tuple[IntArray, tuple[int, int]]:
     """Edges that can show and face the camera, lie in front of it, touch the window and are long enough to matter.
 
     Returns
     -------
-    their numbers, and how many of them, the first, end their part.
+    their numbers, and how many of them, the first, are of each kind that ends its part.
     """
     edges, mesh = buffers.edges, buffers.mesh
     R, t = camera_from_target[:3, :3], camera_from_target[:3, 3]
     place = -R.T @ t
-    outlines, creases = edges.seen_from(place)
-    seen = np.concatenate([outlines, creases])
+    kinds = edges.seen_from(place)
+    seen = np.concatenate(kinds)
     behind = hidden(mesh.shells, buffers.boxes, np.append(place, 1.0), mesh.radius_m)
     keep = ~behind.take(buffers.boxes.of.take(seen))
     x, y, z = R @ edges.vertices_m.T + t[:, None]
@@ -167,4 +167,5 @@ def _drawn(
         long |= np.abs(a - b) > _SHORTEST_PX
         keep &= (np.minimum(a, b) < high) & (np.maximum(a, b) > low)
     keep &= long
-    return seen[keep], int(np.count_nonzero(keep[: len(outlines)]))
+    first, both = len(kinds[0]), len(kinds[0]) + len(kinds[1])
+    return seen[keep], (int(np.count_nonzero(keep[:first])), int(np.count_nonzero(keep[first:both])))
