@@ -124,6 +124,21 @@ def test_a_gaze_sees_a_point_where_the_camera_has_it_and_moves_onto_it() -> None
     assert moved.diameter_px == pytest.approx(1.5 * diameter)
 
 
+def test_a_wide_look_is_the_same_from_the_reduced_picture() -> None:
+    rng = np.random.default_rng(5)
+    picture = cv2.GaussianBlur(rng.uniform(0, 255, (300, 480)).astype(np.float32), (0, 0), 12.0)
+    picture = cv2.normalize(picture, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)  # type: ignore[call-overload]
+    reduced = cv2.resize(picture, (120, 75), interpolation=cv2.INTER_AREA).astype(np.float32)
+    wide = Gaze.at(CAMERA, 250.0, 140.0, 10.0 * 16)
+    whole, quick = (seen_through(picture, CAMERA, wide, 24, 16.0, r) for r in (None, reduced))
+    # a shift by half a pixel of the reduced picture would change it by four times as much
+    assert float(np.abs(whole - quick).mean()) < 0.03 * float(whole.std())
+    near = Gaze.at(CAMERA, 250.0, 140.0, 5.0 * 16)
+    assert np.array_equal(
+        seen_through(picture, CAMERA, near, 24, 16.0), seen_through(picture, CAMERA, near, 24, 16.0, reduced)
+    )
+
+
 def test_attitudes_are_even_and_bumps_peak_at_their_anchors() -> None:
     q = even_attitudes(ANCHORS)
     assert np.allclose(np.linalg.norm(q, axis=1), 1.0)

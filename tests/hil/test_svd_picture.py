@@ -15,6 +15,7 @@ from hil.board.svd import BoardModelError, CameraIntrinsics
 from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import make_canvas, straightened
 from hil.board.svd.confidence import Evidence, confidence, decide
+from hil.board.svd.course import Left
 from hil.board.svd.frame import Frame
 from hil.board.svd.levels import blurred, coverage, shade
 from hil.board.svd.motion import motion_images
@@ -374,3 +375,15 @@ def test_range_in_noise_cut_off_at_zero(faces: Faces, clipped: float, least: flo
     c = replace(canvas(mean), clipped=clipped)
     fit = photo_align(q, T_M, faces, c, CAMERA, 0.8, (0.8, 0.4, 0.0, 0.0))
     assert least < fit.t[2] / T_M[2] - 1 < most
+
+
+def test_of_poses_side_by_side_those_behind_stay_and_doubles_go() -> None:
+    def course(turn_deg: float, score: float) -> Any:
+        q = quat.from_rotvec(np.radians([turn_deg, 0.0, 0.0]))
+        return SimpleNamespace(fit=SimpleNamespace(q=q, t=T_M), score=score)
+
+    courses = [course(3.0, 0.5), course(0.0, 0.6), course(90.0, 0.2), course(40.0, 0.4)]
+    going, stay = Left(0.5, float(np.radians(5.0))).of(courses)
+    assert [c.score for c in going] == [0.6, 0.4]
+    assert [c.score for c in stay] == [0.2]
+    assert len(Left(-9.0, 0.0).of(courses)[0]) == 4

@@ -172,6 +172,21 @@ def test_nearest_edges_are_told_apart_by_direction() -> None:
     assert across == pytest.approx(9.5, abs=1.0)
     assert along > 1000
     assert gradient_noise(1.0) > gradient_noise(1.7) > 0
+    # few places are looked up without the whole table
+    everywhere, _ = field.lookup(np.random.default_rng(1).uniform(0, 119, (400, 2)), np.linspace(0, 3, 400))
+    near = field.distance.reshape(-1)[everywhere] < 1000
+    assert near.sum() > 50
+    whole = field.nearest.reshape(-1, 2)[everywhere]
+    assert np.array_equal(field.nearest_at(everywhere)[near], whole[near])
+
+
+def test_noise_of_a_picture_scales_with_it() -> None:
+    rng = np.random.default_rng(3)
+    picture = np.clip(rng.normal(90, 4, (480, 640)), 0, 255).astype(np.uint8)
+    few = noise_sigma(picture, 255.0)
+    # eight bits are counted, sixteen sorted
+    assert few == pytest.approx(4.0, rel=0.1)
+    assert noise_sigma(picture.astype(np.uint16) * 257, 65535.0) == pytest.approx(257 * few, rel=1e-9)
 
 
 def test_broken_and_doubled_segments_become_one_line() -> None:

@@ -70,6 +70,8 @@ FIRST_PX, FIRST_BLURS = 72, (2.0, 2.0, 1.2, 1.2)
 TEXTURED_PX, TEXTURED_BLURS = 120, (2.0, 1.2, 1.2, 0.8)
 SMALL_PX, SMALL_BLURS = 120, (1.2, 1.2, 0.6)
 FINAL_PX, FINAL_BLURS, LAST_BLURS = 230, (2.0, 1.2, 0.8), (0.3, 0.0)
+# The first ones of an alignment again after one that moved by less [rad].
+FAR_RAD, NEAR_BLURS = float(np.radians(1.0)), (0.8,)
 
 # Who goes on with each step: share of the best score, and least distance from a better one [rad]. On 76 development
 # frames the winner had 0.6 of the best after two steps far off, 0.78 at once close up, and of poses within these angles
@@ -160,7 +162,11 @@ def choose_by_picture(
         if ends and len(apart([*ends, r])) == len(ends) and finals[0][1] > SURE_SCORE:
             continue
         ends.append(r)
-        finals.append(_finish(craft, frame, close, r.fit))
+        # a second, thorough choice may come to the same again
+        known = (r.fit.q.tobytes(), r.fit.t.tobytes(), close.x0, close.y0, close.factor)
+        if known not in frame.ends:
+            frame.ends[known] = _finish(craft, frame, close, r.fit)
+        finals.append(frame.ends[known])
     best_end = max(range(len(ends)), key=lambda k: finals[k][1])
     fit, score = finals[best_end]
     frame.mark("refine")
@@ -187,18 +193,21 @@ def _finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> Tuple
     # drawn as large as it is only once it is there: from afar what is thin and bright attracts more as it was
     exact = replace(canvas, clipped=frame.clipped, exact=True)
     fit, score = start, -np.inf
+    blurs: Tuple[float, ...] = FINAL_BLURS
     for _ in range(ROUNDS):
         before = fit
         sun = _sun(craft, close, before)
-        near = _stepped(craft, canvas, before, sun, FINAL_BLURS)
+        near = _stepped(craft, canvas, before, sun, blurs)
         end = _stepped(craft, exact, near, sun, LAST_BLURS)
         after = _score(craft, close, end.q, end.t)
         if after < score - NO_WORSE:
             break
         fit, score = end, after
+        moved = quat.angle_rad(before.q, fit.q)
         # shadows fall as they did where it began
-        if quat.angle_rad(before.q, fit.q) < MOVED_RAD:
+        if moved < MOVED_RAD:
             break
+        blurs = FINAL_BLURS if moved > FAR_RAD else NEAR_BLURS
     return fit, score
 
 
