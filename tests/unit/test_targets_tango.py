@@ -130,10 +130,12 @@ def test_cells_lie_clear_of_substrate_and_frame(tango: Target) -> None:
     cells = parts["panel_cells"].positions_m
     substrate = parts["panel_substrate"].positions_m
     assert len(joined(parts["panel_cells"]).split()) == 2 * 4 * 17
-    assert cells[:, 2].max() - substrate[:, 2].max() >= 0.5e-3
+    # as thick as they are; depth tells 0.1 mm apart at 60 m
+    assert cells[:, 2].max() - substrate[:, 2].max() >= 0.35e-3
     assert parts["panel_frame"].positions_m[:, 2].max() - cells[:, 2].max() >= 0.5e-3
     tabs = parts["panel_interconnects"].positions_m
-    assert tabs[:, 2].max() - substrate[:, 2].max() >= 0.5e-3
+    assert tabs[:, 2].max() - substrate[:, 2].max() >= 0.15e-3
+    assert cells[:, 2].max() - tabs[:, 2].max() >= 0.15e-3
 
 
 def test_body_is_offset_from_the_panel(tango: Target) -> None:
