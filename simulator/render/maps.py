@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 8064, 4032
 DAY, CLOUDS = "day_2004-08_8064x4032.jpg", "clouds_8064x4032.jpg"
 NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
-VERSION = 8  # of the packing below; part of the cache's key
+VERSION = 9  # of the packing below; part of the cache's key
 
 # Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert, forest and snow to their
 # broadband reflectances (0.35, 0.03-0.05, 0.6-0.7; Liang 2001, Narrowband to broadband conversions). No leaf and no
 # soil is as black as the picture's dark colours: a canopy returns 0.02 of the blue and of the red
-_REFLECTANCE_SCALE, _REFLECTANCE_POWER, _DARKEST = 0.65, 1.7, 0.014
+_REFLECTANCE_SCALE, _REFLECTANCE_POWER, _DARKEST = 0.66, 1.7, 0.018
 PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/scene/bands.py
 _ICE_LATITUDE_DEG = 50.0  # there is none nearer to the equator
 _ICE_REFLECTANCE = 0.22  # water brighter than this is ice, drawn as land
@@ -95,7 +95,7 @@ def decode_map(name: str, flags: int, size_px: tuple[int, int] | None = (WIDTH, 
 def to_reflectance() -> Float32Array:
     """Lookup table of 256 reflectances."""
     v = np.arange(256, dtype=np.float32) / 255
-    return np.asarray(_DARKEST + (_REFLECTANCE_SCALE - _DARKEST) * v**_REFLECTANCE_POWER, np.float32)
+    return np.asarray(np.hypot(_REFLECTANCE_SCALE * v**_REFLECTANCE_POWER, _DARKEST), np.float32)
 
 
 def land_only(values: Float32Array, land: ByteArray) -> Float32Array:
