@@ -22,7 +22,6 @@ layout(location = 0) out vec4 out_slope;
 const float STEEPEST = 4.0; // beyond, weights turn negative far from the edge; only slivers ask for it
 
 // Area of the unit square around 0 where n . x < d, n a unit vector: a difference of triangles.
-// CPU twin: tests/gl/test_render_edges.py.
 float area_below(vec2 n, float d) {
     vec2 m = max(abs(n), 1e-4);
     float t = d + 0.5 * (m.x + m.y);

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.skylight import spiral
-from simulator.render.view import SUN_RADIUS_M
-from simulator.scene.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from simulator.scene.bands import sun_irradiance_w_m2
 from simulator.targets.model import Material
+from simulator.validation.lit_ball import draw_lit_ball
 from simulator.validation.rows import Row
-from simulator.validation.stage import ball, bare_target, flat_plate, square_camera, stage
+from simulator.validation.stage import bare_target, flat_plate, square_camera, stage
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
@@ -30,34 +30,17 @@ def rows(renderer: Renderer) -> list[Row]:
 
 def sphere_row(renderer: Renderer) -> Row:
     """Largest error over a brushed sphere's lit face, of the highest radiance; the Sun's disc is summed."""
-    target, camera = bare_target([ball(0.5)], [BRUSHED]), square_camera(96, 360.0)
-    scene = stage(target, camera, (0, 0, 5.0), sun_camera=(0.5, -0.3, -0.8), quality="high")
-    seen = renderer.render(scene, target, labels=True)
-    y, x = np.nonzero(np.asarray(seen.coverage) > 0.999)
-    rays = np.stack(
-        [(x - camera.cx_px) / camera.fx_px, (y - camera.cy_px) / camera.fy_px, np.ones(len(x))], axis=1
-    )
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    along = rays[:, 2] * 5.0
-    hit = rays * (along - np.sqrt(np.clip(0.25 - (25.0 - along**2), 0, None)))[:, None]
-    n = (hit - (0, 0, 5.0)) / 0.5
-    towards = np.asarray(scene.sun_direction_camera)
-    side = np.cross(towards, [0, 1.0, 0])
-    side /= np.linalg.norm(side)
-    cap = spiral(40, float(np.cos(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M)))
-    disc = cap @ np.stack([side, np.cross(towards, side), towards])
-    # away from the terminator and the limb, where facets and shadow texels decide
-    chosen = (n @ towards > 0.06) & (-(n * rays).sum(axis=1) > 0.15)
-    n, v = n[chosen], -rays[chosen]
+    drawn = draw_lit_ball(renderer, BRUSHED, 96, 40, quality="high")
+    n = drawn.normals
     across = np.cross(n, np.asarray(BRUSHED.grain))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     frame = np.stack([across, np.cross(n, across), n], axis=1)  # (K, 3, 3) to the face's own axes
-    view = np.einsum("kij,kj->ki", frame, v)
+    view = np.einsum("kij,kj->ki", frame, drawn.views)
     f0 = BRUSHED.base_color[0]
     again = 1 + f0 * (1 / _single_albedo(view) - 1)
-    exact = np.mean([_once(view, np.einsum("kij,j->ki", frame, d), f0) for d in disc], axis=0) * again
-    exact *= sun_irradiance_w_m2("mono", float(np.linalg.norm(scene.r_sun_eci_m)))[0]
-    error = np.abs(seen.radiance[y, x][chosen] - exact).max() / exact.max()
+    exact = np.mean([_once(view, np.einsum("kij,j->ki", frame, d), f0) for d in drawn.sun], axis=0) * again
+    exact *= drawn.irradiance_w_m2
+    error = np.abs(drawn.radiance - exact).max() / exact.max()
     return Row(
         what="Radiance of a brushed metal sphere under the Sun's disc",
         against="numeric integration",

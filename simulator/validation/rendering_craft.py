@@ -10,10 +10,11 @@ import numpy as np
 
 from simulator.render.skylight import basis, light_of_samples, spiral, uniform_light
 from simulator.render.view import SUN_RADIUS_M
-from simulator.scene.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from simulator.scene.bands import ASTRONOMICAL_UNIT_M
 from simulator.targets.library import load_target
 from simulator.targets.model import Material
 from simulator.validation import rendering_brushed, rendering_lamp
+from simulator.validation.lit_ball import draw_lit_ball
 from simulator.validation.mitsuba_craft import Difference, difference, path_trace
 from simulator.validation.rows import Row
 from simulator.validation.stage import ball, bare_target, flat_plate, square_camera, stage
@@ -79,27 +80,10 @@ def edge_rows(renderer: Renderer) -> list[Row]:
 
 def _sphere(renderer: Renderer, what: str, material: Material) -> Row:
     """Largest error over a sphere's lit face, of the highest radiance; the Sun's disc is summed point by point."""
-    target, camera = bare_target([ball(0.5)], [material]), square_camera(128, 480.0)
-    sun = np.array([0.5, -0.3, -0.8])
-    scene = stage(target, camera, (0, 0, 5.0), sun_camera=sun)
-    seen = renderer.render(scene, target, labels=True)
-    y, x = np.nonzero(np.asarray(seen.coverage) > 0.999)
-    rays = np.stack(
-        [(x - camera.cx_px) / camera.fx_px, (y - camera.cy_px) / camera.fy_px, np.ones(len(x))], axis=1
-    )
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    along = rays[:, 2] * 5.0
-    hit = rays * (along - np.sqrt(np.clip(0.25 - (25.0 - along**2), 0, None)))[:, None]
-    n = (hit - (0, 0, 5.0)) / 0.5
-    towards = np.asarray(scene.sun_direction_camera)
-    side = np.cross(towards, [0, 1.0, 0])
-    side /= np.linalg.norm(side)
-    disc = spiral(100, float(np.cos(SUN_RAD))) @ np.stack([side, np.cross(towards, side), towards])
-    exact = np.mean([_gltf(material, n, -rays, d) for d in disc], axis=0)
-    exact *= sun_irradiance_w_m2("mono", float(np.linalg.norm(scene.r_sun_eci_m)))[0]
-    # three degrees around the terminator the mesh's facets and the shadow's texels decide
-    chosen = (n @ towards > 0.06) & (-(n * rays).sum(axis=1) > 0.15)
-    error = np.abs(seen.radiance[y, x] - exact)[chosen].max() / exact[chosen].max()
+    drawn = draw_lit_ball(renderer, material, 128, 100)
+    exact = np.mean([_gltf(material, drawn.normals, drawn.views, d) for d in drawn.sun], axis=0)
+    exact *= drawn.irradiance_w_m2
+    error = np.abs(drawn.radiance - exact).max() / exact.max()
     return Row(
         what=f"Radiance of a {what}",
         against="numeric integration",
