@@ -35,6 +35,9 @@ LEAST_FOUND, LEAST_USED, WORST_RMS_PX, LEAST_CONFIDENCE = 0.3, 25, 2.5, 0.5
 # Below this confidence the whole picture is asked as well, on a drawing of this size with these blurs [px].
 SURE, PICTURE_PX, PICTURE_BLURS = 0.9, 120, (1.2, 0.6)
 
+# So many frames in a row may rest on edges alone: a drift of theirs looks sure, and is caught by the picture.
+ALONE = 5
+
 # 99.99 % of right innovations are shorter: chi squared of 6 degrees of freedom.
 GATE = 27.9
 
@@ -69,6 +72,7 @@ class TrackingEstimator(Estimator):
         self.at_s: Optional[float] = None
         self.polarity = np.zeros(len(self.craft.samples))
         self.missed = 0
+        self.alone = 0
         self.empty = False
 
     def estimate(
@@ -128,12 +132,14 @@ class TrackingEstimator(Estimator):
             return None
         sure = track_confidence(fit)
         q, t, covariance = fit.q, fit.t, fit.covariance
-        if sure < SURE and craft.model.faces is not None:
+        alone = self.alone + 1
+        if (sure < SURE or alone > ALONE) and craft.model.faces is not None:
             q, t, covariance = self._by_picture(frame, q, t, craft.model.faces)
+            alone = 0
         after, distance = update(state, q, t, covariance)
         if distance > GATE or sure < LEAST_CONFIDENCE:
             return None
-        self.state, self.polarity, self.missed = after, fit.polarity, 0
+        self.state, self.polarity, self.missed, self.alone = after, fit.polarity, 0, alone
         frame.count("edges", fit.used)
         frame.mark("update")
         return PoseResult(
@@ -151,7 +157,7 @@ class TrackingEstimator(Estimator):
         )
 
     def _by_picture(self, frame: Frame, q: Array, t: Array, faces: Faces) -> "tuple[Array, Array, Array]":
-        """A pose that few edges hold, aligned on the drawn craft: pose and covariance.
+        """A pose that edges do not hold well or have held for long, aligned on the drawn craft: pose and covariance.
 
         The edges of a craft that shows little else than one lit face let a pose drift, each frame a little, and agree.
         """
