@@ -30,9 +30,8 @@ _LARGEST_GROUND = 0.015  # of a cell on the ground [radii]: light and air are ev
 _POLE_SINE = 0.995  # the maps' longitude bends too fast nearer to the poles
 _LEVEL_STEP = 0.5  # of the levels of detail: a smooth cell has one for all its pixels
 _ICE_SINE = 0.73  # of the latitude (47 degrees): the sea is open nearer to the equator
-_LARGEST_OPEN = (
-    0.017  # of a cell on the ground [radii]: one degree; larger ones may hold shoals between their corners
-)
+# of a cell on the ground [radii]: one degree; larger ones may hold shoals between their corners
+_LARGEST_OPEN = 0.017
 _NIGHT_MU = 0.03  # cosine of the Sun's zenith angle: city lights are out where it is higher
 
 

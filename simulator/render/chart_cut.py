@@ -62,9 +62,8 @@ def cut_charts(
     if touching:
         chart = _hanging_together(len(triangles), i[joined], j[joined])
     else:
-        whole = _hanging_together(
-            len(triangles), i[plain & ~small[i] & ~small[j]], j[plain & ~small[i] & ~small[j]]
-        )
+        large = plain & ~small[i] & ~small[j]
+        whole = _hanging_together(len(triangles), i[large], j[large])
         _, chart = np.unique(np.where(small, -1 - key, whole), return_inverse=True)
     border = np.ones(3 * len(triangles), bool)
     border[edge[joined]] = border[other[joined]] = False

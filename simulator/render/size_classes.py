@@ -14,9 +14,8 @@ if TYPE_CHECKING:
 
 GRAIN_PX = 128
 KEPT = 3
-LARGER = (
-    1.25  # area of a buffer at hand over that of the class: so much more to clear is cheaper than a new one
-)
+# area of a buffer at hand over that of the class: so much more to clear is cheaper than a new one
+LARGER = 1.25
 
 
 class Buffers(Protocol):

@@ -61,11 +61,7 @@ class Left:
         for c in sorted(courses, key=lambda c: -c.score):
             if going and c.score < self.share * going[0].score - SLACK:
                 stay.append(c)
-            elif all(
-                quat.angle_rad(c.fit.q, o.fit.q) > self.apart_rad
-                or np.linalg.norm(c.fit.t - o.fit.t) > SAME_SHARE * np.linalg.norm(o.fit.t)
-                for o in going
-            ):
+            elif all(_differ(c.fit, o.fit, self.apart_rad) for o in going):
                 going.append(c)
         return going, stay
 
@@ -132,13 +128,15 @@ def apart(ranked: List[Ranked]) -> List[Ranked]:
     """Poses without those that are nearly one that comes before."""
     out: List[Ranked] = []
     for r in ranked:
-        if all(
-            quat.angle_rad(r.fit.q, o.fit.q) > SAME_RAD
-            or np.linalg.norm(r.fit.t - o.fit.t) > SAME_SHARE * np.linalg.norm(o.fit.t)
-            for o in out
-        ):
+        if all(_differ(r.fit, o.fit, SAME_RAD) for o in out):
             out.append(r)
     return out
+
+
+def _differ(fit: PhotoFit, better: PhotoFit, apart_rad: float) -> bool:
+    """Whether a pose is another one than a better one: turned by more, or elsewhere."""
+    elsewhere = np.linalg.norm(fit.t - better.t) > SAME_SHARE * np.linalg.norm(better.t)
+    return bool(elsewhere or quat.angle_rad(fit.q, better.q) > apart_rad)
 
 
 def leaning(craft: Craft, c: Candidate) -> List[Candidate]:

@@ -29,8 +29,7 @@ def noise_sigma(image: Array, full_scale: float) -> float:
         return 0.0
     # whole numbers: what is divided by is left to the end
     a: Array = np.stack(rows).astype(np.int16 if image.dtype == np.uint8 else np.int32)
-    col = a[:, 0] - 2 * a[:, 1] + a[:, 2]
-    absolute = np.abs(col[:, :-2] - 2 * col[:, 1:-1] + col[:, 2:])
+    absolute = _mask(a)
     total = a[:, 0] + a[:, 1] + a[:, 2]
     total = total[:, :-2] + total[:, 1:-1] + total[:, 2:]
     overall = _median(absolute) / 6.0 * 1.4826
@@ -57,13 +56,17 @@ def clipped_noise(image: Array) -> float:
     dark = zeros[:, :-2] + zeros[:, 1:-1] + zeros[:, 2:] >= ZEROS
     if float(dark.mean()) < LEAST_DARK:
         return 0.0
-    b = a.astype(np.float32)
-    col = b[:, 0] - 2 * b[:, 1] + b[:, 2]
-    lap = np.abs((col[:, :-2] - 2 * col[:, 1:-1] + col[:, 2:])[dark]) / 6.0
+    lap = _mask(a.astype(np.float32))[dark] / 6.0
     # the numbers are whole: the middle fifth of them has a mean that is not
     n = len(lap)
     middle = np.partition(lap, (2 * n // 5, 3 * n // 5))[2 * n // 5 : 3 * n // 5 + 1]
     return float(middle.mean()) * 1.4826 / HALVED_AT_ZEROS
+
+
+def _mask(a: Array) -> Array:
+    """(K, W - 2) size of Immerkaer's mask over strips (K, 3, W): six standard deviations of what is noise."""
+    col = a[:, 0] - 2 * a[:, 1] + a[:, 2]
+    return np.abs(col[:, :-2] - 2 * col[:, 1:-1] + col[:, 2:])
 
 
 def _median(values: Array) -> float:
