@@ -58,7 +58,10 @@ def check_version(context: moderngl.Context) -> None:
     """Raise ``UserError`` when the context is older than OpenGL 4.1."""
     if context.version_code < REQUIRED_VERSION:
         found = context.info["GL_VERSION"]
-        raise UserError(f"OpenGL 4.1 is needed and the driver has {found}; {HOW_TO_GET_EGL}")
+        raise UserError(
+            f"OpenGL 4.1 is needed and the driver has {found}; "
+            "update the GPU vendor's driver, or draw in software by Mesa's (20.3 or newer)"
+        )
 
 
 def describe(context: moderngl.Context) -> GlInfo:

@@ -184,6 +184,25 @@ def test_no_egl_says_how_to_get_it(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("found", ["3.3", "4.0"])
+def test_an_old_driver_says_what_is_needed_and_what_it_has(tmp_path, found):
+    # another process: the driver reads the variable once
+    picture = tmp_path / "x.png"
+    done = subprocess.run(
+        [sys.executable, "-m", "flyaround", "render", "tango-flyaround", "-o", str(picture)],
+        env={**os.environ, "MESA_GL_VERSION_OVERRIDE": found},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    error = " ".join(done.stderr.split())
+    assert done.returncode == 2, error
+    assert "Traceback" not in error
+    assert f"OpenGL 4.1 is needed and the driver has {found}" in error
+    assert "update" in error
+    assert not picture.exists()
+
+
 @pytest.mark.parametrize("command", ["scenarios", "targets", "cameras"])
 def test_lists_as_json(capsys, command):
     assert run([command, "--json"]) == 0

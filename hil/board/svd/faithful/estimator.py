@@ -45,6 +45,9 @@ LEAST_INLIERS, ERROR_RATIO = 0.5, 1.15
 # Corners met that a decision takes at least: four points are any plane figure's.
 LEAST_CORNERS = 7
 
+# Where the frame cuts a line is no corner: ends this near its border do not count [px].
+BORDER_PX = 2.5
+
 # error over its cap, q, t, covariance, share of the picture's corners met, their number
 Scored = Tuple[float, Array, Array, Array, float, float]
 
@@ -128,7 +131,7 @@ class FaithfulEstimator(Estimator):
         if len(q):
             ok = plausible(q, t, self.model, self.camera, region)
             q, t = q[ok], t[ok]
-        points = _picture_corners(figures, streams)
+        points = _picture_corners(figures, streams, image.shape)
         if not len(q) or not len(points):
             return
         image_corners = corner_map(points, region)
@@ -264,10 +267,12 @@ class FaithfulEstimator(Estimator):
         )
 
 
-def _picture_corners(figures: Figures, streams: Streams) -> Array:
-    """(N, 2) corners and line ends of the picture, near-duplicates dropped."""
+def _picture_corners(figures: Figures, streams: Streams, shape: Tuple[int, ...]) -> Array:
+    """(N, 2) corners and line ends inside a picture of ``shape``, near-duplicates dropped."""
     parts = [figures.of("proximity_pair")[:, 1], streams.lines.reshape(-1, 2), streams.corners]
     points = np.concatenate([np.zeros((0, 2)), *parts])
+    last = np.array([shape[1] - 1.0, shape[0] - 1.0])
+    points = points[((points >= BORDER_PX) & (points <= last - BORDER_PX)).all(axis=1)]
     kept: List[Array] = []
     for p in points:
         if all(np.abs(p - k).max() > 2.0 for k in kept):
