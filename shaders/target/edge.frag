@@ -5,18 +5,23 @@
 // their sum, and give the samples below the edge its area when slope = n (N area - count) / sum of n . x over them.
 // A hidden edge does nothing: both its sides show one surface.
 // A pixel that several edges cross or pass by (a gap between cells, a strut) keeps equal weights, which are right on the
-// average for bodies thinner than a pixel. But what the samples miss of each edge's area adds up: where all of the edges
-// end parts of one material, that material's share of the pixel is known, and so is what it leaves to others.
+// average for bodies thinner than a pixel. With EXACT_AREAS (preset `high`), what the samples miss of each edge's area
+// adds up: where all of the edges end parts of one material, that material's share of the pixel is known, and so is what
+// it leaves to others.
 #include "target/lattice.glsl"
-#include "target/twofold.glsl"
 flat in vec2 v_across;
 noperspective in float v_distance;
+#ifdef EXACT_AREAS
+#include "target/twofold.glsl"
 flat in vec4 v_part; // one at the material's number modulo four, its sign that of the edge's first face
 // Of the triangles drawn so many end a part by their edge's first face, so many by its second.
 uniform ivec2 u_outlines;
 // Sums over edges, two in a number (twofold): slope.x [px-1] and the samples that are missing to the area of parts that end
 // here whose material's number leaves 0 when divided by four; slope.y and those of 1; those of 2 and of 3; and how many
 // edges cross the pixel or pass by it.
+#else
+// Slope [px-1]; nothing; how many edges cross the pixel or pass by it.
+#endif
 layout(location = 0) out vec4 out_slope;
 
 const float STEEPEST = 4.0; // beyond, weights turn negative far from the edge; only slivers ask for it
@@ -39,9 +44,13 @@ void main() {
     // without samples on one side there is nothing to weigh
     float area = area_below(n, d), missed = area * float(SAMPLES) - count;
     float slope = abs(moment) > 1e-3 ? missed / moment : 0.0;
+    vec2 steep = n * clamp(slope, -STEEPEST, STEEPEST);
+#ifdef EXACT_AREAS
     // image rows run downwards: what is left of an edge has the smaller coordinate across it
     float side = gl_PrimitiveID < u_outlines.x ? 1.0 : gl_PrimitiveID < u_outlines.x + u_outlines.y ? -1.0 : 0.0;
     vec4 of_part = v_part * (side * whole_steps(missed));
-    vec2 steep = n * clamp(slope, -STEEPEST, STEEPEST);
     out_slope = vec4(twofold(vec3(whole_steps(steep), of_part.z), of_part.xyw), 1.0);
+#else
+    out_slope = vec4(steep, 0.0, 1.0);
+#endif
 }

@@ -2,11 +2,13 @@
 in vec3 in_start_m; // target frame
 in vec3 in_end_m;
 in float in_corner; // 0..3: end = number / 2, side = number mod 2
+#ifdef EXACT_AREAS
 in float in_material; // negative where the first face at the edge lies to the right of start to end, seen from outside
+flat out vec4 v_part;
+#endif
 uniform vec4 u_window;    // pixels that hold the target: x0, y0, width, height
 uniform vec2 u_lattice_px; // size of the lattice's buffer
 flat out vec2 v_across;             // unit vector across the edge, in the image
-flat out vec4 v_part;
 noperspective out float v_distance; // of the edge from the pixel's centre, along v_across [px]
 #include "target/lattice.glsl"
 const float REACH_PX = 1.2; // an edge so near to another may belong to one thin body with it
@@ -27,7 +29,9 @@ void main() {
     vec2 along = end - start;
     along *= inversesqrt(max(dot(along, along), 1e-12));
     v_across = vec2(-along.y, along.x);
+#ifdef EXACT_AREAS
     v_part = sign(in_material) * vec4(equal(ivec4(int(abs(in_material) + 0.5) & 3), ivec4(0, 1, 2, 3)));
+#endif
     v_distance = mod(in_corner, 2.0) > 0.5 ? -REACH_PX : REACH_PX;
     vec2 corner = (in_corner > 1.5 ? end : start) - v_across * v_distance;
     gl_Position = vec4((corner + 0.5) / u_window.zw * 2.0 - 1.0, 0.0, 1.0);

@@ -3,7 +3,9 @@
 #include "target/lattice.glsl"
 #include "target/lighting.glsl"
 #include "target/pack.glsl"
+#ifdef EXACT_AREAS
 #include "target/twofold.glsl"
+#endif
 #ifdef BRUSHED
 #define GRAIN(k) u_material_grain[k]
 #else
@@ -35,15 +37,19 @@ void main() {
     int covered = 0;
     uint differs = 0u;
     vec4 edge = texelFetch(t_slope, pixel - ivec2(u_window.xy), 0);
+#ifdef EXACT_AREAS
     vec3 steep, even;
     split_twofold(edge.xyz, steep, even);
-    vec2 slope = edge.w < 1.5 ? steep.xy : vec2(0.0);
+    edge.xy = steep.xy;
+#endif
+    vec2 slope = edge.w < 1.5 ? edge.xy : vec2(0.0);
     float weight_covered = 0.0;
 #define WEIGHT(i, j) (1.0 + dot(slope, sample_offset(ivec2(i, j))))
 #define COUNT(k, i, j) if (g##k != 0u) { ++covered; weight_covered += WEIGHT(i, j); } differs |= g##k ^ g0;
     FOR_EACH_SAMPLE(COUNT)
     if (covered == 0) discard;
     weight_covered = clamp(weight_covered, 0.0, float(SAMPLES));
+#ifdef EXACT_AREAS
     // Where several edges end parts, their materials' areas are known: samples stand for more or less. What the parts gain
     // is lost by the surfaces that do not end here, which they stand on, or by all alike.
     vec4 missing = vec4(even.xy, steep.z, even.z), owned = vec4(0.0);
@@ -57,6 +63,10 @@ void main() {
     // a silhouette against the background keeps its samples: hidden edges could move it
     missing *= edge.w > 1.5 && covered == SAMPLES ? 1.0 : 0.0;
     vec4 scale = max(1.0 + missing / max(owned, vec4(1.0)), 0.0);
+#define SPREAD(d) spread = max(spread, max(d.x, d.y))
+#else
+#define SPREAD(d)
+#endif
 #ifdef TEXTURED
     differs = 1u; // texels differ where the surface does not
 #define ADD_TEXEL(i, j) texel += texelFetch(t_texel, origin + ivec2(i, j), 0); \
@@ -91,11 +101,16 @@ void main() {
             weight = 0.0;
 #define GATHER(k, i, j) { ivec2 c = normal_code(g##k); ivec2 d = abs(c - code); \
             if (material_of(g##k) == material && max(d.x, d.y) < SAME_NORMAL) \
-            { ++members; weight += WEIGHT(i, j); total += c; spread = max(spread, max(d.x, d.y)); g##k = 0u; ADD_TEXEL(i, j) } }
+            { ++members; weight += WEIGHT(i, j); total += c; SPREAD(d); g##k = 0u; ADD_TEXEL(i, j) } }
             FOR_EACH_SAMPLE(GATHER)
             mean_code = vec2(total) / float(members);
         }
+#ifdef EXACT_AREAS
         weight *= dot(scale, MATERIAL_CLASS(leader));
+        float bent = spread > FLAT_STEPS ? 1.0 : 0.0;
+#else
+        const float bent = 1.0;
+#endif
         left -= members;
         weight = clamp(weight, 0.0, weight_left);
         float z = camera_z(texelFetch(t_depth, origin + at, 0).x);
@@ -110,7 +125,7 @@ void main() {
         surface.x = detail.w / float(members);
         n = normalize(detail.xyz);
 #endif
-        sum += shade(base, surface, GRAIN(material), geometric, n, p_m, chart_of(chart), float(members) / float(SAMPLES), spread > FLAT_STEPS ? 1.0 : 0.0) * weight;
+        sum += shade(base, surface, GRAIN(material), geometric, n, p_m, chart_of(chart), float(members) / float(SAMPLES), bent) * weight;
         ++group;
     } while (group < MAX_SURFACES && left > 0);
     out_radiance = OUT(sum / float(SAMPLES));

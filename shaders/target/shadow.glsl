@@ -1,13 +1,8 @@
 // Share of the Sun's disc that a point of the target sees past the target itself.
 uniform sampler2D t_shadow; // depth along the sunlight, 0..1 of the box around the target
 
-// Of a texel along the normal: relief so low on a flat face throws no shadow. The map's own rounding needs a hundredth; but
-// where texels are wider than gaps between solar cells, whether one falls into a gap is chance.
-#if SHADOW_WINDOW > 4
+// Of a texel along the normal: relief so low on a flat face throws no shadow. The map's own rounding needs a hundredth.
 const float FLAT_BIAS = 0.06;
-#else
-const float FLAT_BIAS = 0.3;
-#endif
 
 // Visibility of the Sun, 0..1.
 //

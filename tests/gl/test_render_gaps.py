@@ -27,7 +27,7 @@ def _panel():
 @pytest.mark.parametrize("turn", [0.1, 0.35, 0.7])
 def test_gaps_between_cells_have_their_area(renderer, turn):
     target, camera = _panel(), square_camera(SIZE_PX, FOCAL_PX)
-    scene = stage(target, camera, (0.0031, 0.0017, RANGE_M), (0, 0, turn))
+    scene = stage(target, camera, (0.0031, 0.0017, RANGE_M), (0, 0, turn), quality="high")
     image = renderer.render(scene, target).radiance.astype(float)
     # share of each pixel that is gap, by 32 x 32 points
     at = (np.arange(SIZE_PX * 32) + 0.5) / 32 - 0.5

@@ -24,7 +24,14 @@ if TYPE_CHECKING:
     from simulator.render.projection import PixelRect
 
 _SHORTEST_PX = 0.7
+EXACT_AREAS = "EXACT_AREAS"
+"""Define of the shaders: the areas of parts that several edges end in a pixel are summed too (preset `high`)."""
 _PATTERN = np.array([0, 1, 2, 2, 1, 3], np.uint32)
+
+
+def edge_defines(*, exact: bool) -> dict[str, object]:
+    """Defines of the shaders that write the slopes and read them."""
+    return {EXACT_AREAS: ""} if exact else {}
 
 
 class EdgeBuffers:
@@ -50,9 +57,9 @@ class EdgeBuffers:
 class SlopeImage:
     """Slope of the samples' weights per pixel [px-1], samples missing to an area, and which edges were met."""
 
-    def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
+    def __init__(self, context: moderngl.Context, width: int, height: int, *, exact: bool) -> None:
         self._context = context
-        self.slope = context.texture((width, height), 4, dtype="f4")
+        self.slope = context.texture((width, height), 4, dtype="f4" if exact else "f2")
         self.slope.filter = (context.NEAREST, context.NEAREST)
         self.framebuffer = context.framebuffer([self.slope])
 
@@ -73,6 +80,7 @@ class EdgeList:
     buffers: EdgeBuffers | None
     seen: IntArray
     outlines: tuple[int, int]
+    exact: bool
 
 
 class EdgePass:
@@ -81,7 +89,8 @@ class EdgePass:
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context, self._programs = context, programs
         self._arrays: dict[tuple[EdgeBuffers, Program], moderngl.VertexArray] = {}
-        self._images = SizeClasses(lambda w, h: SlopeImage(context, w, h))
+        self._images = SizeClasses(lambda w, h: SlopeImage(context, w, h, exact=False))
+        self._exact_images = SizeClasses(lambda w, h: SlopeImage(context, w, h, exact=True))
 
     def begin(
         self,
@@ -90,15 +99,22 @@ class EdgePass:
         rect: PixelRect,
         near_m: float,
         camera_from_target: FloatArray,
+        *,
+        exact: bool,
     ) -> EdgeList:
-        """Empty the slopes of the pixels of ``rect`` and find the edges to draw there; none without buffers."""
-        image = self._images.at_least(rect.width, rect.height)
+        """Empty the slopes of the pixels of ``rect`` and find the edges to draw there; none without buffers.
+
+        Parameters
+        ----------
+        exact : as `EXACT_AREAS`.
+        """
+        image = (self._exact_images if exact else self._images).at_least(rect.width, rect.height)
         image.framebuffer.use()
         image.framebuffer.clear()
         seen, outlines = np.zeros(0, int), (0, 0)
         if buffers is not None:
             seen, outlines = _drawn(buffers, camera, rect, near_m, camera_from_target)
-        return EdgeList(image, rect, buffers, seen, outlines)
+        return EdgeList(image, rect, buffers, seen, outlines, exact)
 
     def run(self, edges: EdgeList, lattice: Lattice, lattice_size: tuple[int, int]) -> moderngl.Texture:
         """Slopes of the samples' weights in the pixels of the list's rectangle, its first pixel at (0, 0).
@@ -114,22 +130,18 @@ class EdgePass:
         image.framebuffer.viewport = (0, 0, rect.width, rect.height)
         self._context.enable_only(self._context.BLEND)
         self._context.blend_func = self._context.ONE, self._context.ONE
-        program = self._programs.get("target/edge.vert", "target/edge.frag", lattice_defines(lattice))
+        defines = {**lattice_defines(lattice), **edge_defines(exact=edges.exact)}
+        program = self._programs.get("target/edge.vert", "target/edge.frag", defines)
         program.set("u_window", rect.viewport)
         program.set("u_lattice_px", lattice_size)
-        program.set("u_outlines", tuple(2 * n for n in edges.outlines))
+        layout, names = "3f 3f 1f 4x", ["in_start_m", "in_end_m", "in_corner"]
+        if edges.exact:
+            program.set("u_outlines", tuple(2 * n for n in edges.outlines))
+            layout, names = "3f 3f 1f 1f", [*names, "in_material"]
         key = (buffers, program)
         if key not in self._arrays:
             self._arrays[key] = self._context.vertex_array(
-                program.gl,
-                [
-                    (
-                        buffers.vertices,
-                        "3f 3f 1f 1f",
-                        *("in_start_m", "in_end_m", "in_corner", "in_material"),
-                    )
-                ],
-                buffers.indices,
+                program.gl, [(buffers.vertices, layout, *names)], buffers.indices
             )
         indices = (np.asarray(seen, np.uint32)[:, None] * np.uint32(4) + _PATTERN).ravel()
         buffers.indices.orphan()

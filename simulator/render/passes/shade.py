@@ -8,6 +8,7 @@ import numpy as np
 
 from simulator.render.cover import CELL_PX
 from simulator.render.lattice import lattice_defines
+from simulator.render.passes.edges import edge_defines
 from simulator.render.passes.gbuffer import normal_bits
 from simulator.render.transfer import LARGEST_SLOPE
 from simulator.scene.lamp import Profile
@@ -38,9 +39,21 @@ class ShadePass:
         self._cells = context.buffer(reserve=8, dynamic=True)
 
     def program(
-        self, lattice: Lattice, bands: int, mesh: Mesh, shadow_window: int, lamp: Lamp | None = None
+        self,
+        lattice: Lattice,
+        bands: int,
+        mesh: Mesh,
+        shadow_window: int,
+        lamp: Lamp | None = None,
+        *,
+        exact: bool,
     ) -> Program:
-        """The program of one lattice, number of bands and kind of mesh; what its materials lack is left out."""
+        """The program of one lattice, number of bands and kind of mesh; what its materials lack is left out.
+
+        Parameters
+        ----------
+        exact : the slopes are those of `EXACT_AREAS`.
+        """
         switches = {
             "TEXTURED": mesh.uv is not None,
             "CRINKLE": any(m.crinkle > 0 for m in mesh.materials),
@@ -57,6 +70,7 @@ class ShadePass:
             **{name: "" for name, on in switches.items() if on},
             **lattice_defines(lattice),
             **_shadow_defines(shadow_window),
+            **edge_defines(exact=exact),
             **({} if lamp is None else {"LAMP": 1 + get_args(Profile).index(lamp.profile)}),
         }
         return self._programs.get(

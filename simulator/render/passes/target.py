@@ -238,15 +238,23 @@ class TargetPasses:
         clock.lap("target.geometry")
         shadow_map, choice = self._draw_shadow(scene, view, target, place)
         clock.lap("target.shadow")
+        exact = scene.quality == "high"
         edges = self._edges.begin(
-            None if bent else loaded.edges, camera, place.rect, place.near_far_m[0], place.camera_from_target
+            None if bent else loaded.edges,
+            camera,
+            place.rect,
+            place.near_far_m[0],
+            place.camera_from_target,
+            exact=exact,
         )
         slope = self._edges.run(edges, lattice, size)
         clock.lap("target.edges")
         return Sampled(
             place.rect,
             cells,
-            self._shade.program(lattice, len(bands_of(scene.bands)), mesh, choice.window, scene.lamp),
+            self._shade.program(
+                lattice, len(bands_of(scene.bands)), mesh, choice.window, scene.lamp, exact=exact
+            ),
             {
                 "t_surface": samples.surface,
                 "t_depth": samples.depth,
