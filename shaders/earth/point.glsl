@@ -34,8 +34,17 @@ uniform sampler2D t_after;
 uniform float u_season;      // share of the second
 uniform sampler2D t_relief;  // slopes to the east and to the north, roughness
 
-#if AIR && BANDS == 3
+#if AIR && (BANDS == 3 || MOONLIT)
 uniform sampler2D t_ground; // irradiance on level ground over the Sun's, by the cosine of its zenith angle
+#endif
+
+#if AIR && (BANDS == 3 || MOONLIT)
+// Irradiance on level ground over that above the air, by the cosine of its source's zenith angle [1].
+color daylight(float mu) {
+    float x = clamp((mu - GROUND_MU_MIN) / (1.0 - GROUND_MU_MIN), 0.0, 1.0);
+    float column = (x * float(GROUND_SAMPLES - 1) + 0.5) / float(GROUND_SAMPLES);
+    return BAND(textureLod(t_ground, vec2(column, 0.5), 0.0));
+}
 #endif
 
 // A point of the ground as one pixel sees it.
@@ -90,9 +99,17 @@ GroundPoint ground_point(EarthRay ray) {
 #else
     g.cloud_uv = g.uv;
 #endif
+    float mu = g.mu, direct = 1.0;
+#if MOONLIT
+    // at the end of dusk, which has no shadows, those of the Moon take the place of the Sun's
+    float dusk = smoothstep(-0.06, -0.18, g.mu);
+    float mu_moon = dot(p, u_earth_moon.xyz);
+    if (dusk > 0.5) { sun = u_earth_moon.xyz; mu = mu_moon; }
+    direct = abs(2.0 * dusk - 1.0);
+#endif
     // shadows longer than eight heights are the terminator's own dusk
-    float slant = clamp(g.mu, 0.12, 1.0);
-    vec3 level_sun = sun - g.mu * p;
+    float slant = clamp(mu, 0.12, 1.0);
+    vec3 level_sun = (sun - mu * p) * direct;
     g.toward = detail_vector(p, level_sun) * (2.0 * SLOPE_PER_KM / slant);
     // the slopes of whole mountains, and the months; coarser when the pixel is
     float coarse = -log2(g.sharp * 9.95);
@@ -110,14 +127,14 @@ GroundPoint ground_point(EarthRay ray) {
     back *= back;
     float shine = 0.78 + 1.03 * back * back;
 #if GLINT
-    vec2 glint = sun_glint(n, -ray.direction, sun, c_view, g.mu);
-    if (g.mu > 0.0) g.glint = PI * glint.x / (max(g.mu, 0.05) * shine);
+    vec2 glint = sun_glint(n, -ray.direction, sun, c_view, mu);
+    if (mu > 0.0) g.glint = direct * PI * glint.x / (max(mu, 0.05) * shine);
     g.ripple = min(glint.y, 4.0); // 4: a fiftieth of the light that the middle has
 #endif
     color through = color(1.0);
 #if AIR
     vec2 table = table_uv(ray, true);
-    float c = dot(ray.direction, sun);
+    float c = dot(ray.direction, u_earth_sun.xyz);
     float pr = rayleigh_phase(c), pm = mie_phase(c, u_air_shape.z);
 #if BANDS == 1
     vec4 air = textureLod(t_air, table, 0.0);
@@ -127,12 +144,16 @@ GroundPoint ground_point(EarthRay ray) {
 #else
     g.haze = textureLod(t_air_rayleigh, table, 0.0).xyz * pr + textureLod(t_air_mie, table, 0.0).xyz * pm;
     through = textureLod(t_air_transmittance, table, 0.0).xyz;
-    float x = clamp((g.mu - GROUND_MU_MIN) / (1.0 - GROUND_MU_MIN), 0.0, 1.0);
-    float column = (x * float(GROUND_SAMPLES - 1) + 0.5) / float(GROUND_SAMPLES);
-    g.light = textureLod(t_ground, vec2(column, 0.5), 0.0).xyz;
+    g.light = daylight(g.mu);
+#endif
+#if MOONLIT
+    g.light += daylight(mu_moon) * (u_earth_moon.w * dusk);
 #endif
 #else
     g.light = color(max(g.mu, 0.0));
+#if MOONLIT
+    g.light += color(max(mu_moon, 0.0) * u_earth_moon.w * dusk);
+#endif
     g.haze = color(0.0);
 #endif
     g.light *= through * BAND(u_earth_irradiance) * (shine / PI);

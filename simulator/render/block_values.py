@@ -49,10 +49,12 @@ def earth_values(view: View, earth: EarthView, air: Atmosphere) -> dict[str, Arr
     radius = float(np.linalg.norm(earth.camera))
     mu = earth.sun_cosine
     longitude = float(np.arctan2(earth.camera[1], earth.camera[0]))
+    moon = view.moon_itrs * np.array([1.0, 1.0, EQUATOR_M / POLE_M])
     return {
         "u_earth_from_camera": matrix,
         "u_earth_camera": [*earth.camera, 1 / radius],
         "u_earth_sun": [*earth.sun, mu],
+        "u_earth_moon": [*(moon / np.linalg.norm(moon)), view.moon_share],
         "u_earth_irradiance": _four(view.sun_at_earth_w_m2),
         "u_earth_limits": [max(np.sqrt(max(1 - mu * mu, 0.0)), 1e-6), earth.top2, EQUATOR_M / POLE_M, 0.0],
         "u_earth_meridian": [np.cos(longitude), np.sin(longitude), longitude, 0.0],

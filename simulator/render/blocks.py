@@ -59,6 +59,7 @@ EARTH = (
     Field("mat4", "u_earth_from_camera"),
     Field("vec4", "u_earth_camera"),  # position [equatorial radii]; w: one over its length
     Field("vec4", "u_earth_sun"),  # unit vector; w: its cosine with the camera's zenith
+    Field("vec4", "u_earth_moon"),  # unit vector; w: its irradiance over the Sun's
     Field("vec4", "u_earth_irradiance"),  # of the Sun above the air, per band [W m-2]
     Field("vec4", "u_earth_limits"),  # sine of the Sun's angle from the zenith; top of the air^2; a / b; 0
     Field(

@@ -32,6 +32,7 @@ _LEVEL_STEP = 0.5  # of the levels of detail: a smooth cell has one for all its 
 _ICE_SINE = 0.73  # of the latitude (47 degrees): the sea is open nearer to the equator
 # of a cell on the ground [radii]: one degree; larger ones may hold shoals between their corners
 _LARGEST_OPEN = 0.017
+_MOONLIT_MU = -0.06  # of the same: there moonlight begins to count, shaders/earth/point.glsl
 _NIGHT_MU = 0.03  # cosine of the Sun's zenith angle: city lights are out where it is higher
 
 
@@ -63,6 +64,7 @@ class Cells:
     ----------
     size_px : side of a cell. centers_px : (K, 2) float32 middles of each kind's cells; pixel edges lie at .5.
     extent_px : width and height of all cells together, from the image's corner to beyond its end.
+    dark : some ground in view has no more light of the Sun than the Moon may give.
     others_px : (L, 2) of all the image's cells but the smooth ones.
     """
 
@@ -70,6 +72,7 @@ class Cells:
     extent_px: tuple[int, int]
     centers_px: dict[CellKind, Float32Array]
     others_px: Float32Array
+    dark: bool
 
     @property
     def smooth_share(self) -> float:
@@ -159,6 +162,7 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
         (size * (len(x) - 1), size * (len(y) - 1)),
         {_kind(k): centers[kind == k] for k in map(int, np.unique(kind))},
         middles(*(~(touched & smooth)).nonzero()),
+        bool(np.min(sun) < _MOONLIT_MU),
     )
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from simulator.render.cache import cached_array
 from simulator.render.maps import CLOUDS, COAST, DAY, packed_maps
 from simulator.render.sea_ice import sea_ice
+from simulator.scene.moonlight import moonlight_share
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray
@@ -27,7 +28,6 @@ EARTH_RADIUS_M = 6_371_008.8
 EARTH_MEAN_ALBEDO = 0.30  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53
 SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55
 ICE_ALBEDO = 0.55  # of the pack, as it is drawn: floes, leads and ponds
-FULL_MOON_SHARE = 2.5e-6  # of the Sun's irradiance: magnitudes -12.73 and -26.74, Allen (2000)
 _MAP_SIZE = (128, 64)
 _SAMPLES = 256
 _PLATES = 96
@@ -160,15 +160,9 @@ def moon_irradiance(
     ----------
     sun : unit vector to the Sun, the frame of ``r_moon_from_target_m``. R_camera : from that frame to the camera's.
     axis : of the field that these are added to, camera frame.
-
-    References
-    ----------
-    Phase law: Allen's Astrophysical Quantities (2000), section 12.4: 0.026 |a| + 4e-9 a^4 magnitudes, a in degrees.
     """
     direction = r_moon_from_target_m / np.linalg.norm(r_moon_from_target_m)
-    phase_deg = float(np.degrees(np.arccos(np.clip(-direction @ sun, -1, 1))))
-    share = FULL_MOON_SHARE * 10 ** (-0.4 * (0.026 * phase_deg + 4e-9 * phase_deg**4))
-    share = min(share * (384_400_000.0 / float(np.linalg.norm(r_moon_from_target_m))) ** 2, 1.0)
+    share = moonlight_share(r_moon_from_target_m, sun)
     return _fitted(axis, np.outer(np.clip(_NORMALS @ (R_camera @ direction), 0, None), sun_w_m2 * share))
 
 

@@ -15,6 +15,7 @@ from simulator.render.skylight import (
     no_light,
 )
 from simulator.scene.bands import bands_of, sun_irradiance_w_m2
+from simulator.scene.moonlight import moonlight_share
 from simulator.scene.refraction import sunlight_past_earth
 from simulator.world.constants import MOON_RADIUS_M
 from simulator.world.eclipse import sun_visible_fraction
@@ -37,7 +38,8 @@ class View:
     R_camera_from_target, t_camera_from_target_m : pose of the target.
     R_camera_from_itrs : orientation of the Earth. r_camera_itrs_m : camera, Earth-fixed.
     sun_direction : unit vector from the target to the Sun. sun_sine : sine of its angular radius.
-    sun_itrs : unit vector from the Earth to the Sun, Earth-fixed.
+    sun_itrs, moon_itrs : unit vectors from the Earth to the Sun and the Moon, Earth-fixed.
+    moon_share : irradiance of the Moon at the Earth over the Sun's; 0 where no Moon is drawn.
     sun_irradiance_w_m2 : per band, unobstructed, at the target.
     sun_share : per band, what Earth, air and Moon leave of it.
     sun_at_earth_w_m2 : per band, at the Earth.
@@ -53,6 +55,8 @@ class View:
     sun_direction: FloatArray
     sun_sine: float
     sun_itrs: FloatArray
+    moon_itrs: FloatArray
+    moon_share: float
     sun_irradiance_w_m2: FloatArray
     sun_at_earth_w_m2: FloatArray
     sun_visible_fraction: float
@@ -76,6 +80,7 @@ def build_view(scene: SceneState, sky: SkyLight | None = None) -> View:
     sun_distance = float(np.linalg.norm(to_sun))
     sun_unit = r_sun / np.linalg.norm(r_sun)
     sun_w_m2 = sun_irradiance_w_m2(scene.bands, sun_distance)
+    r_moon = np.asarray(scene.r_moon_eci_m)
     return View(
         R_camera_from_target=matrix_from_quat(scene.q_camera_from_target_wxyz),
         t_camera_from_target_m=np.asarray(scene.t_camera_from_target_m),
@@ -85,6 +90,8 @@ def build_view(scene: SceneState, sky: SkyLight | None = None) -> View:
         sun_direction=R_ce @ (to_sun / sun_distance),
         sun_sine=SUN_RADIUS_M / sun_distance,
         sun_itrs=R_ie @ sun_unit,
+        moon_itrs=R_ie @ (r_moon / np.linalg.norm(r_moon)),
+        moon_share=moonlight_share(r_moon, sun_unit) if scene.environment.moon else 0.0,
         sun_irradiance_w_m2=sun_w_m2,
         sun_at_earth_w_m2=sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun))),
         sun_visible_fraction=scene.sun_visible_fraction,

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from simulator.scene.state import Bands
 
 MOON_RADIUS_M = 1_737_400.0  # IAU 2015, mean
+FULL_MOON_SHARE = 2.5e-6  # of the Sun's irradiance: magnitudes -12.73 and -26.74, Allen (2000)
 # Geometric albedo of the near side per band: 0.12 in V (Allen's Astrophysical Quantities 2000, table 12.8), the other
 # bands by the Moon's colour B-V = 0.92, V-R = 0.62 against the Sun's 0.65 and 0.35 (the same table)
 _ALBEDO = {"panchromatic": 0.122, "red": 0.143, "green": 0.120, "blue": 0.096}
@@ -32,6 +33,18 @@ def disc_phase(angle_rad: FloatArray) -> FloatArray:
     """
     degrees = np.degrees(np.abs(np.asarray(angle_rad, float)))
     return np.asarray(10 ** (-0.4 * (0.026 * degrees + 4.0e-9 * degrees**4)))
+
+
+def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:
+    """Irradiance of the Moon's disc over the Sun's.
+
+    Parameters
+    ----------
+    r_moon_m : (3,) the Moon from where it shines. sun : (3,) unit vector to the Sun, the same frame.
+    """
+    distance = float(np.linalg.norm(r_moon_m))
+    phase = np.arccos(np.clip(-r_moon_m @ sun / distance, -1, 1))
+    return min(FULL_MOON_SHARE * float(disc_phase(phase)) * (384_400_000.0 / distance) ** 2, 1.0)
 
 
 def lommel_seeliger_disc(angle_rad: FloatArray) -> FloatArray:

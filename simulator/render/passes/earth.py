@@ -38,7 +38,7 @@ CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distan
 MAGNIFIED_LEVEL = -0.5  # of a cell: there the maps' texels are at least six pixels wide
 _OWN = ("t_coverage", "t_map", "t_detail", "t_relief", "t_before", "t_after", "t_ice", "t_shoals")
 _SAMPLERS = {
-    1: (*_OWN, "t_air"),
+    1: (*_OWN, "t_air", "t_ground"),
     3: (
         *_OWN,
         "t_colour",
@@ -115,18 +115,18 @@ class EarthPass:
         return self._months[month]
 
     def _program(
-        self, environment: Environment, kind: CellKind, *, behind: bool, high: bool, fours: bool
+        self, environment: Environment, kind: CellKind, *, behind: bool, high: bool, fours: bool, dark: bool
     ) -> Program:
-        key = (environment, kind, behind, high, fours, self._programs.lens)
+        key = (environment, kind, behind, high, fours, dark, self._programs.lens)
         if key not in self._kept:
-            defines = self._defines(environment, kind, behind=behind, high=high, fours=fours)
+            defines = self._defines(environment, kind, behind=behind, high=high, fours=fours, dark=dark)
             self._kept[key] = self._programs.get(
                 "earth/earth.vert", "earth/earth.frag", defines, _SAMPLERS[self.bands]
             )
         return self._kept[key]
 
     def _defines(
-        self, environment: Environment, kind: CellKind, *, behind: bool, high: bool, fours: bool
+        self, environment: Environment, kind: CellKind, *, behind: bool, high: bool, fours: bool, dark: bool
     ) -> dict[str, object]:
         one = environment.undifferentiated
         return {
@@ -135,6 +135,7 @@ class EarthPass:
             "CLOUDS": int(environment.clouds),
             "GLINT": int(environment.ocean_glint and not one),
             "NIGHT": int(environment.night_lights and kind.night),
+            "MOONLIT": int(environment.moon and dark),
             "ICE": int(environment.sea_ice and kind.icy and not one),
             "ICE_LEVEL": math.log2(MAP_WIDTH / ICE_WIDTH),
             "SHOALS": int(kind.shoal and not one),
@@ -194,7 +195,14 @@ class EarthPass:
         for kind, centers in sorted(cells.centers_px.items(), key=itemgetter(0)):
             in_fours = fours and kind.smooth
             (images.fours_framebuffer if in_fours else images.sky_framebuffer).use()
-            program = self._program(environment, kind, behind=behind, high=quality == "high", fours=in_fours)
+            program = self._program(
+                environment,
+                kind,
+                behind=behind,
+                high=quality == "high",
+                fours=in_fours,
+                dark=cells.dark and kind.night,
+            )
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
             blend = self._context.BLEND if kind.covered else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
@@ -235,7 +243,7 @@ class EarthPass:
     def _textures(self, images: Images, air: AirPass) -> dict[str, moderngl.Texture]:
         textures = {"t_coverage": images.coverage, "t_map": self._maps[0], "t_detail": self._detail}
         if self.bands == 1:
-            return textures | {"t_air": air.tables[0]}
+            return textures | {"t_air": air.tables[0], "t_ground": air.ground}
         return textures | {
             "t_colour": self._maps[1],
             "t_ground": air.ground,
