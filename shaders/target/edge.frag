@@ -9,6 +9,7 @@
 // adds up: where all of the edges end parts of one material, that material's share of the pixel is known, and so is what
 // it leaves to others.
 #include "target/lattice.glsl"
+#include "target/slope.glsl"
 flat in vec2 v_across;
 noperspective in float v_distance;
 #ifdef EXACT_AREAS
@@ -19,12 +20,10 @@ uniform ivec2 u_outlines;
 // Sums over edges, two in a number (twofold): slope.x [px-1] and the samples that are missing to the area of parts that end
 // here whose material's number leaves 0 when divided by four; slope.y and those of 1; those of 2 and of 3; and how many
 // edges cross the pixel or pass by it.
-#else
-// Slope [px-1]; nothing; how many edges cross the pixel or pass by it.
-#endif
 layout(location = 0) out vec4 out_slope;
-
-const float STEEPEST = 4.0; // beyond, weights turn negative far from the edge; only slivers ask for it
+#else
+layout(location = 0) out float out_slope; // packed_slope
+#endif
 
 // Area of the unit square around 0 where n . x < d, n a unit vector: a difference of triangles.
 float area_below(vec2 n, float d) {
@@ -51,6 +50,6 @@ void main() {
     vec4 of_part = v_part * (side * whole_steps(missed));
     out_slope = vec4(twofold(vec3(whole_steps(steep), of_part.z), of_part.xyw), 1.0);
 #else
-    out_slope = vec4(steep, 0.0, 1.0);
+    out_slope = packed_slope(steep);
 #endif
 }

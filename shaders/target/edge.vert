@@ -11,7 +11,6 @@ uniform vec2 u_lattice_px; // size of the lattice's buffer
 flat out vec2 v_across;             // unit vector across the edge, in the image
 noperspective out float v_distance; // of the edge from the pixel's centre, along v_across [px]
 #include "target/lattice.glsl"
-const float REACH_PX = 1.2; // an edge so near to another may belong to one thin body with it
 
 // Image position of a vertex in the window [px], rounded as the rasteriser rounds it: to 1/256 of a lattice step. So the
 // edge passes the samples on the same side as the faces that meet there.

@@ -5,6 +5,8 @@
 #include "target/pack.glsl"
 #ifdef EXACT_AREAS
 #include "target/twofold.glsl"
+#else
+#include "target/slope.glsl"
 #endif
 #ifdef BRUSHED
 #define GRAIN(k) u_material_grain[k]
@@ -40,9 +42,10 @@ void main() {
 #ifdef EXACT_AREAS
     vec3 steep, even;
     split_twofold(edge.xyz, steep, even);
-    edge.xy = steep.xy;
+    vec2 slope = edge.w < 1.5 ? steep.xy : vec2(0.0);
+#else
+    vec2 slope = lone_slope(edge.x);
 #endif
-    vec2 slope = edge.w < 1.5 ? edge.xy : vec2(0.0);
     float weight_covered = 0.0;
 #define WEIGHT(i, j) (1.0 + dot(slope, sample_offset(ivec2(i, j))))
 #define COUNT(k, i, j) if (g##k != 0u) { ++covered; weight_covered += WEIGHT(i, j); } differs |= g##k ^ g0;

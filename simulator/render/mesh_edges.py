@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,19 +40,15 @@ class MeshEdges:
     materials: IntArray
     is_closed: bool
 
-    def seen_from(self, camera_m: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
-        """Numbers of the edges that can be seen from a place in the target frame, hidden ones among them.
-
-        Returns
-        -------
-        those where their part ends that show their first face; those that show the second; creases inside parts.
-        """
-        front = self.planes[:, :3] @ camera_m + self.planes[:, 3] > 0
-        first, second = front.take(self.faces.T)
-        ends = (first != second) | (first & (self.faces[:, 0] == self.faces[:, 1]))
-        faces_camera = (first | second) if self.is_closed else np.ones_like(first)
-        creases = self.is_crease & faces_camera & ~ends
-        return np.flatnonzero(ends & first), np.flatnonzero(ends & ~first), np.flatnonzero(creases)
+    def take(self, order: IntArray) -> MeshEdges:
+        """Some of the edges, or all in another order."""
+        return replace(
+            self,
+            ends=self.ends[order],
+            faces=self.faces[order],
+            is_crease=self.is_crease[order],
+            materials=self.materials[order],
+        )
 
     def quads(self) -> Float32Array:
         """(E, 4, 8) vertices: both ends, the corner's number 0..3 (end = number // 2, side = number % 2), and

@@ -8,22 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.context import release
+from simulator.render.edges_seen import REACH_PX, SeenEdges
 from simulator.render.lattice import lattice_defines
-from simulator.render.occluders import BOX, Boxes, hidden
 from simulator.render.size_classes import SizeClasses
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import FloatArray, IntArray
-    from simulator.camera.model import Camera
+    from simulator.arrays import IntArray
+    from simulator.render.edges_seen import EdgeView
     from simulator.render.lattice import Lattice
     from simulator.render.mesh import Mesh
     from simulator.render.mesh_edges import MeshEdges
     from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
 
-_SHORTEST_PX = 0.7
 EXACT_AREAS = "EXACT_AREAS"
 """Define of the shaders: the areas of parts that several edges end in a pixel are summed too (preset `high`)."""
 _PATTERN = np.array([0, 1, 2, 2, 1, 3], np.uint32)
@@ -43,9 +42,8 @@ class EdgeBuffers:
     """
 
     def __init__(self, context: moderngl.Context, edges: MeshEdges, mesh: Mesh) -> None:
-        self.edges, self.mesh = edges, mesh
-        self.boxes = Boxes.about(edges.vertices_m[edges.ends], BOX * mesh.radius_m)
-        self.vertices = context.buffer(edges.quads().tobytes() or b"\0")
+        self.seen = SeenEdges(edges, mesh)
+        self.vertices = context.buffer(self.seen.edges.quads().tobytes() or b"\0")
         self.indices = context.buffer(reserve=max(4 * 6 * len(edges.ends), 4), dynamic=True)
 
     def release(self) -> None:
@@ -55,11 +53,11 @@ class EdgeBuffers:
 
 
 class SlopeImage:
-    """Slope of the samples' weights per pixel [px-1], samples missing to an area, and which edges were met."""
+    """Slope of the samples' weights per pixel [px-1], how many edges were met, and parts' areas where ``exact``."""
 
     def __init__(self, context: moderngl.Context, width: int, height: int, *, exact: bool) -> None:
         self._context = context
-        self.slope = context.texture((width, height), 4, dtype="f4" if exact else "f2")
+        self.slope = context.texture((width, height), 4 if exact else 1, dtype="f4")
         self.slope.filter = (context.NEAREST, context.NEAREST)
         self.framebuffer = context.framebuffer([self.slope])
 
@@ -95,26 +93,23 @@ class EdgePass:
     def begin(
         self,
         buffers: EdgeBuffers | None,
-        camera: Camera,
-        rect: PixelRect,
-        near_m: float,
-        camera_from_target: FloatArray,
+        view: EdgeView,
         *,
         exact: bool,
     ) -> EdgeList:
-        """Empty the slopes of the pixels of ``rect`` and find the edges to draw there; none without buffers.
+        """Empty the slopes of the view's pixels and find the edges to draw there; none without buffers.
 
         Parameters
         ----------
         exact : as `EXACT_AREAS`.
         """
-        image = (self._exact_images if exact else self._images).at_least(rect.width, rect.height)
+        image = (self._exact_images if exact else self._images).at_least(view.rect.width, view.rect.height)
         image.framebuffer.use()
         image.framebuffer.clear()
         seen, outlines = np.zeros(0, int), (0, 0)
         if buffers is not None:
-            seen, outlines = _drawn(buffers, camera, rect, near_m, camera_from_target)
-        return EdgeList(image, rect, buffers, seen, outlines, exact)
+            seen, outlines = buffers.seen.numbers(view, pairs=exact)
+        return EdgeList(image, view.rect, buffers, seen, outlines, exact)
 
     def run(self, edges: EdgeList, lattice: Lattice, lattice_size: tuple[int, int]) -> moderngl.Texture:
         """Slopes of the samples' weights in the pixels of the list's rectangle, its first pixel at (0, 0).
@@ -130,7 +125,7 @@ class EdgePass:
         image.framebuffer.viewport = (0, 0, rect.width, rect.height)
         self._context.enable_only(self._context.BLEND)
         self._context.blend_func = self._context.ONE, self._context.ONE
-        defines = {**lattice_defines(lattice), **edge_defines(exact=edges.exact)}
+        defines = {**lattice_defines(lattice), **edge_defines(exact=edges.exact), "REACH_PX": REACH_PX}
         program = self._programs.get("target/edge.vert", "target/edge.frag", defines)
         program.set("u_window", rect.viewport)
         program.set("u_lattice_px", lattice_size)
@@ -148,36 +143,3 @@ class EdgePass:
         buffers.indices.write(indices.tobytes())
         self._arrays[key].render(vertices=len(indices))
         return image.slope
-
-
-def _drawn(
-    buffers: EdgeBuffers, camera: Camera, rect: PixelRect, near_m: float, camera_from_target: FloatArray
-) -> tuple[IntArray, tuple[int, int]]:
-    """Edges that can show and face the camera, lie in front of it, touch the window and are long enough to matter.
-
-    Returns
-    -------
-    their numbers, and how many of them, the first, are of each kind that ends its part.
-    """
-    edges, mesh = buffers.edges, buffers.mesh
-    R, t = camera_from_target[:3, :3], camera_from_target[:3, 3]
-    place = -R.T @ t
-    kinds = edges.seen_from(place)
-    seen = np.concatenate(kinds)
-    behind = hidden(mesh.shells, buffers.boxes, np.append(place, 1.0), mesh.radius_m)
-    keep = ~behind.take(buffers.boxes.of.take(seen))
-    x, y, z = R @ edges.vertices_m.T + t[:, None]
-    # comparisons with NaN are false: an edge behind the camera drops out
-    scale = 1 / np.where(z > near_m, z, np.nan)
-    first, second = edges.ends.take(seen, axis=0).T
-    long = np.zeros(len(seen), bool)
-    for u, low, high in (
-        (x * scale * camera.fx_px + camera.cx_px, rect.x0 - 1, rect.x1),
-        (y * scale * camera.fy_px + camera.cy_px, rect.y0 - 1, rect.y1),
-    ):
-        a, b = u[first], u[second]
-        long |= np.abs(a - b) > _SHORTEST_PX
-        keep &= (np.minimum(a, b) < high) & (np.maximum(a, b) > low)
-    keep &= long
-    first, both = len(kinds[0]), len(kinds[0]) + len(kinds[1])
-    return seen[keep], (int(np.count_nonzero(keep[:first])), int(np.count_nonzero(keep[first:both])))

@@ -11,6 +11,7 @@ import numpy as np
 
 from simulator.render.block_values import lens_values
 from simulator.render.cover import CELL_PX, hulls_cover, whole
+from simulator.render.edges_seen import EdgeView
 from simulator.render.facing import FacingArray
 from simulator.render.lattice import SEVEN, Lattice, rotated
 from simulator.render.light_box import LightWindow, SurfacePatches, light_window
@@ -241,10 +242,7 @@ class TargetPasses:
         exact = scene.quality == "high"
         edges = self._edges.begin(
             None if bent else loaded.edges,
-            camera,
-            place.rect,
-            place.near_far_m[0],
-            place.camera_from_target,
+            EdgeView(camera, place.rect, place.near_far_m[0], place.camera_from_target),
             exact=exact,
         )
         slope = self._edges.run(edges, lattice, size)
