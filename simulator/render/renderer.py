@@ -299,7 +299,9 @@ class Renderer:
             if self._moon is None:
                 self._moon = MoonPass(self._gl, self._programs)
                 self.check("uploading the Moon's map")
-            self._moon.run(images, moon, earth=earth is not None, air=sky.tables)
+            self._moon.run(
+                images, moon, earth=earth is not None, air=sky.tables, fine=scene.quality == "high"
+            )
             clock.lap("moon")
         if environment.sun and not sky.fills:
             hides = moon is not None and moon.rect is not None

@@ -118,7 +118,9 @@ def test_earthrise_and_a_moon_behind_the_earth(renderer, draw_kit, speck):
     moon = renderer.render(replace(scene, environment=replace(world, earth=False)), speck).radiance
     assert (earth > 0).sum() > 5
     assert (moon > 0).sum() > 500
-    assert np.array_equal(image, earth + moon)
+    # exactly, but for moonlight on the Earth's night
+    assert np.allclose(image, earth + moon, rtol=0, atol=2.5e-6 * earth.max())
+    assert np.array_equal(image[moon > 0], (earth + moon)[moon > 0])
     # from low orbit with the Earth in between
     scene = _scene(
         draw_kit, speck, camera_eci=(-7e6, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0),
@@ -171,3 +173,29 @@ def test_switches_and_the_default_environment(renderer, draw_kit, speck):
     assert np.median(seen[..., 0]) > np.median(seen[..., 2]) * 1.1  # the Moon is warm
     without = replace(colours, environment=Environment(earth=False, moon=False))
     assert renderer.render(without, speck).radiance[40:56, 40:56].max() < 0.5
+
+
+def test_the_high_preset_draws_grazed_ground_as_its_pixels_show_it(renderer, draw_kit, speck):
+    q, _ = _facing(0.0)
+    # 110 km up, towards the limb, with the Sun low behind it
+    place = np.array([MOON_M - 1_847_400.0, 0, 0])
+
+    def at(size, quality):
+        return _scene(
+            draw_kit, speck, camera_eci=place, look_eci=(0.42, 0.9, 0), moon_eci=(MOON_M, 0, 0), size=size,
+            sun_eci=(MOON_M - 0.25 * AU_M, -AU_M, 0), environment=replace(draw_kit.nothing, moon=True),
+            q_moon_from_eci_wxyz=q, fov_rad=0.35, quality=quality,
+        )  # fmt: skip
+
+    plain, fine, small = (
+        renderer.render(at(size, quality), speck).radiance
+        for size, quality in ((64, "default"), (64, "high"), (768, "default"))
+    )
+    # a pixel shows what twelve by twelve of a camera with finer ones show together
+    true = small.reshape(64, 12, 64, 12).mean(axis=(1, 3))
+    seen = true > 0.2 * true.mean()
+    assert seen.mean() > 0.3
+    wrong_plain, wrong_fine = (np.abs(x - true)[seen].mean() / true[seen].mean() for x in (plain, fine))
+    # measured: 0.25 and 0.08
+    assert wrong_fine < 0.1
+    assert wrong_fine < 0.4 * wrong_plain

@@ -27,6 +27,7 @@ MAP = "albedo_4096x2048.jpg"
 MAP_SCALE = 2.5  # of the map's 8 bits, in means of the near side
 _MAP_VERSION = 3
 _PHASES = 512
+SAMPLES, STRIDE = 13, 5  # of a fine pixel; sample k lies in column k and row 5 k mod 13 of a grid of 13 by 13
 _AIR = {1: ("t_air",), 3: ("t_air_rayleigh", "t_air_mie", "t_air_transmittance")}
 _OWN = ("t_coverage", "t_moon", "t_broad", "t_fine", "t_phase", "t_umbra")
 
@@ -77,12 +78,21 @@ class MoonPass:
             texture.repeat_x = texture.repeat_y = False
         self._arrays: dict[Program, moderngl.VertexArray] = {}
 
-    def run(self, images: Images, moon: MoonView, *, earth: bool, air: list[moderngl.Texture] | None) -> None:
+    def run(
+        self,
+        images: Images,
+        moon: MoonView,
+        *,
+        earth: bool,
+        air: list[moderngl.Texture] | None,
+        fine: bool = False,
+    ) -> None:
         """Add the Moon.
 
         Parameters
         ----------
         earth : whether the Earth may hide it. air : this frame's air table, which dims it; ``None`` without air.
+        fine : several rays a pixel, so that shadows seen at a grazing angle end smoothly.
         """
         if moon.rect is None:
             return
@@ -98,6 +108,8 @@ class MoonPass:
                 "EARTH": int(behind),
                 "AIR": int(air is not None),
                 "SLOPE_MAX": SLOPE_MAX,
+                "SAMPLES": SAMPLES if fine else 1,
+                "STRIDE": STRIDE,
                 **TABLE_DEFINES,
             },
             samplers,
