@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from simulator.scenario import Scenario
     from simulator.scenario_load import list_scenarios, load_scenario
     from simulator.scene.state import Environment, SceneState
-    from simulator.targets.glb import load_glb, write_glb
+    from simulator.targets.glb import load_glb
+    from simulator.targets.glb_write import write_glb
     from simulator.targets.library import list_targets, load_target
     from simulator.targets.model import Target
     from simulator.world.pose import Pose
@@ -96,7 +97,7 @@ _HOMES = {
     "run_frames": "simulator.loop",
     "save_picture": "simulator.dataset.picture",
     "take_frame": "simulator.labels.frame",
-    "write_glb": "simulator.targets.glb",
+    "write_glb": "simulator.targets.glb_write",
 }
 
 

@@ -15,7 +15,7 @@ from flyaround.progress import progress_bar
 from simulator.errors import UserError
 from simulator.files import empty_folder
 from simulator.targets.board_file import write_board_model
-from simulator.targets.glb import write_glb
+from simulator.targets.glb_write import write_glb
 from simulator.targets.importing.add import ImportOptions, import_mesh
 from simulator.targets.importing.install import check_name, install, sheet_folder, user_targets
 from simulator.targets.importing.install import remove as remove_target

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from simulator.errors import UserError
 from simulator.targets.cache import cache_folder
 from simulator.targets.detail import DETAILS, Detail, level_name, split_level
-from simulator.targets.glb import load_glb, write_glb
+from simulator.targets.glb import load_glb
 from simulator.targets.importing.install import user_file, user_targets
 
 if TYPE_CHECKING:
@@ -136,6 +136,8 @@ def _built_in(entry: TargetEntry, detail: Detail) -> Target:
         except UserError as error:
             # a damaged cache is not the user's mistake: build again
             log.warning("rebuilding %s: %s", name, error)
+    from simulator.targets.glb_write import write_glb  # noqa: PLC0415 - slow to import, needed here alone
+
     built: Target = getattr(importlib.import_module(entry.module), entry.function)(detail)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

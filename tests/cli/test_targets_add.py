@@ -14,7 +14,7 @@ from hil.board.svd import BoardModel as BoardView
 from simulator.dataset.check import check_dataset
 from simulator.errors import UserError
 from simulator.targets.board_file import write_board_model
-from simulator.targets.glb import write_glb
+from simulator.targets.glb_write import write_glb
 from simulator.targets.library import list_targets, load_target
 
 SCENARIO = """

@@ -6,7 +6,8 @@ import pytest
 
 from simulator.errors import UserError
 from simulator.targets.check import check_grain
-from simulator.targets.glb import load_glb, write_glb
+from simulator.targets.glb import load_glb
+from simulator.targets.glb_write import write_glb
 from simulator.targets.importing.add import ImportOptions, import_mesh
 from simulator.targets.importing.grain import common_grain
 from simulator.targets.library import load_target

@@ -17,7 +17,8 @@ from simulator.arrays import FloatArray
 from simulator.errors import UserError
 from simulator.targets.convert import board_model
 from simulator.targets.detail import DETAILS, facets, level_name, split_level
-from simulator.targets.glb import load_glb, write_glb
+from simulator.targets.glb import load_glb
+from simulator.targets.glb_write import write_glb
 from simulator.targets.library import ENTRIES, load_target
 from simulator.targets.model import Part, Target
 from simulator.targets.tango import build_tango

@@ -9,7 +9,8 @@ import trimesh
 from PIL import Image
 
 from simulator.errors import UserError
-from simulator.targets.glb import load_glb, write_glb
+from simulator.targets.glb import load_glb
+from simulator.targets.glb_write import write_glb
 from simulator.targets.importing.add import ImportOptions, import_mesh
 from simulator.targets.importing.texture import decode_image
 

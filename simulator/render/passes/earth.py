@@ -13,7 +13,6 @@ from simulator.render.levels import levelled, levelled_texture
 from simulator.render.maps import WIDTH as MAP_WIDTH
 from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from simulator.render.passes.air import TABLE_DEFINES, AirPass
-from simulator.render.sea_ice import HEIGHT as ICE_HEIGHT
 from simulator.render.sea_ice import WIDTH as ICE_WIDTH
 from simulator.render.sea_ice import sea_ice
 from simulator.render.seasons import OCTAVES, month_gain, season
@@ -86,9 +85,7 @@ class EarthPass:
         waiting = begun.maps.result()
         self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
         self._months = {k: self._mapped(levels.result()) for k, levels in begun.months.items()}
-        self._ice = context.texture((ICE_WIDTH, ICE_HEIGHT), 1, alignment=1)
-        self._ice.repeat_x, self._ice.repeat_y = True, False
-        self._ice_day = ""
+        self._ice: tuple[str, moderngl.Texture] | None = None  # of a day
         self._shoals: moderngl.Texture | None = None
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
         self._kept: dict[tuple[object, ...], Program] = {}
@@ -233,12 +230,11 @@ class EarthPass:
         """The sea's ice of a day, and its shallows: uploaded when such water is first in view."""
         if self._shoals is None:
             self._shoals = self._mapped(levelled(shoals(self.bands)))
-        if day != self._ice_day:
-            self._ice.write(sea_ice(day).tobytes(), alignment=1)
-            self._ice.build_mipmaps()
-            self._ice.filter = (self._context.LINEAR_MIPMAP_LINEAR, self._context.LINEAR)
-            self._ice_day = day
-        return {"t_ice": self._ice, "t_shoals": self._shoals}
+        if self._ice is None or self._ice[0] != day:
+            if self._ice is not None:
+                self._ice[1].release()
+            self._ice = (day, self._mapped(levelled(sea_ice(day))))
+        return {"t_ice": self._ice[1], "t_shoals": self._shoals}
 
     def _textures(self, images: Images, air: AirPass) -> dict[str, moderngl.Texture]:
         textures = {"t_coverage": images.coverage, "t_map": self._maps[0], "t_detail": self._detail}

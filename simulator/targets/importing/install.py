@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import platformdirs
 
 from simulator.errors import UserError
-from simulator.targets.glb import load_glb, write_glb
+from simulator.targets.glb import load_glb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,6 +71,8 @@ def install(target: Target) -> Path:
     UserError
         If the folder cannot be written.
     """
+    from simulator.targets.glb_write import write_glb  # noqa: PLC0415 - slow to import, needed here alone
+
     path = user_file(target.name)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
