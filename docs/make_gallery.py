@@ -98,9 +98,9 @@ def terminator(renderer: fa.Renderer) -> np.ndarray:
 
 
 def night(renderer: fa.Renderer) -> np.ndarray:
-    """Italy and the Alps."""
-    scene = above("2026-11-15T22:00:00Z", (42.0, 6.0, 420.0), 60.0, azimuth_deg=60.0, off_nadir_deg=52.0)
-    return film(glare(radiance(renderer, scene)), 0.0022)
+    """Italy and the Alps, the Moon high and full."""
+    scene = above("2026-11-24T22:30:00Z", (42.0, 6.0, 420.0), 60.0, azimuth_deg=60.0, off_nadir_deg=56.0)
+    return film(glare(radiance(renderer, scene)), 0.0011)
 
 
 def glint(renderer: fa.Renderer) -> np.ndarray:
@@ -159,9 +159,9 @@ def moonrise(renderer: fa.Renderer) -> np.ndarray:
         to_moon = (moon - r) / np.linalg.norm(moon - r)
         height = np.degrees(np.arcsin(enu[2] @ to_moon))
         rising = enu[0] @ to_moon > 0  # in the afternoon, before it is full
-        if rising and abs(height + 18.9) < best:
-            best, place = abs(height + 18.9), (15.0, float(longitude), 420.0)
-    return exposed(radiance(renderer, above(epoch, place, 4.5, look_at="moon")), 0.95, -0.3)
+        if rising and abs(height + 19.15) < best:
+            best, place = abs(height + 19.15), (15.0, float(longitude), 420.0)
+    return exposed(radiance(renderer, above(epoch, place, 2.2, look_at="moon")), 0.97)
 
 
 def stars(renderer: fa.Renderer) -> np.ndarray:
@@ -227,7 +227,7 @@ def earthrise(renderer: fa.Renderer) -> np.ndarray:
 PICTURES: tuple[tuple[str, Picture, str], ...] = (
     ("noon", noon, "Noon over Egypt: the Nile, Sinai and the Red Sea from 420 km, 20 March"),
     ("terminator", terminator, "The Sun's glint and the clouds near the terminator, North Atlantic"),
-    ("night", night, "City lights of Italy and the Alps"),
+    ("night", night, "City lights of Italy, clouds over the Alps in the light of the full Moon"),
     ("glint", glint, "Sun glint on the Aegean, an afternoon in June"),
     ("shallows", shallows, "The Great Bahama Bank: white sand under a few metres of water"),
     ("limb", limb, "Layers of the limb through a long lens: clouds, haze, blue air, the dark"),

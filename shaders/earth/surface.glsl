@@ -33,6 +33,8 @@ const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 
 const float CLOUD = 0.84;     // reflectance of thick cloud
 const float FLOE = 0.62;      // reflectance of snow on ice, between winter's and that of melting (Perovich et al. 2002)
 const float WARP_KM = 12.0;   // HIGH: twice the largest displacement of the land's map
+const float SHARPEN = 0.55;   // HIGH: unsharp mask of the land's map
+const float ROCK = 1.1;       // HIGH: contrast of bare rock where land is as rough as can be
 const float RELIEF_KM = 0.9;  // height of a puff of full contrast, for its own shading
 
 // What makes the sea brighter than deep open water; it hardly changes within two by two pixels.
@@ -81,11 +83,17 @@ color surface_radiance(GroundPoint g, vec4 map, Waters waters) {
 #define LAND_UV g.uv
 #endif
 #if BANDS == 1
-    color reflectance = map.x * map.x;
+#define LAND_ROOT(level) textureLod(t_map, LAND_UV, level).x
+    color root = map.x;
 #else
-    color root = textureLod(t_colour, LAND_UV, MAP_LEVEL).xyz;
-    color reflectance = root * root;
+#define LAND_ROOT(level) textureLod(t_colour, LAND_UV, level).xyz
+    color root = LAND_ROOT(MAP_LEVEL);
 #endif
+#if HIGH
+    // the map's own contrast of 5 to 20 km, which its making and its magnification took
+    root = max(root + SHARPEN * (root - LAND_ROOT(max(MAP_LEVEL, 0.0) + 2.0)), 0.3 * root);
+#endif
+    color reflectance = root * root;
     // patches, and hills that turn to and from the Sun
     // deserts and snow are even: what grows patchily elsewhere does not grow there
 #if BANDS == 1
@@ -95,6 +103,13 @@ color surface_radiance(GroundPoint g, vec4 map, Waters waters) {
     vec3 patchy = (GRAIN - clamp(2.2 * reflectance.x - 0.27, 0.0, 0.45)) * vec3(1.25, 1.0, 0.7);
 #endif
     reflectance *= g.tone * (1.0 + patchy * (under.w - 0.5) - clamp(2.2 * hill * g.rough, -0.6, 0.6));
+#if HIGH
+    // bare rock and wadis, the finer half of the relief: as rough as the land is
+    const mat2 turn = mat2(1.84, 1.38, -1.38, 1.84);
+    vec4 rock = textureLod(t_detail, turn * g.plane, DETAIL_LEVEL + 1.2);
+    float bank = dot(turn * g.toward, rock.yz - 0.5) / 2.3;
+    reflectance *= 1.0 + g.rough * (ROCK * (rock.w - 0.5) - clamp(3.2 * bank, -0.6, 0.6));
+#endif
     reflectance = min(reflectance, color(0.75)); // fresh snow
 #if BANDS == 3
     // snow is white whatever grows under it

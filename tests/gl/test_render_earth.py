@@ -305,3 +305,15 @@ def test_forests_are_as_dark_as_canopies_are_and_no_darker(draw):
     assert 0.02 < red < 0.04
     assert 0.03 < green < 0.07
     assert 0.01 < blue < 0.03
+
+
+@pytest.mark.parametrize("bands", ["mono", "rgb"])
+def test_the_high_preset_draws_land_crisper_and_as_bright(draw, bands):
+    # the Nile's valley among the desert
+    plain, fine = (
+        draw("2026-03-20T09:30:00Z", (26.5, 31.5, 420.0), bands=bands, quality=quality)
+        for quality in ("default", "high")
+    )
+    steps = [np.abs(np.diff(image, axis=1)).mean() for image in (plain, fine)]
+    assert steps[1] > 1.2 * steps[0]
+    assert fine.mean() == pytest.approx(plain.mean(), rel=0.03)

@@ -204,7 +204,7 @@ class EarthPass:
             blend = self._context.BLEND if kind.covered else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
             # larger than life the maps have one level; a driver that need not ask is quicker
-            magnified = kind.smooth and kind.level <= LOG2_TEXEL_KM
+            magnified = quality != "high" and kind.smooth and kind.level <= LOG2_TEXEL_KM
             for texture in self._maps:
                 texture.filter = (
                     self._context.LINEAR if magnified else self._context.LINEAR_MIPMAP_LINEAR,
