@@ -11,7 +11,7 @@ from simulator.render.occluders import hidden
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import FloatArray
+    from simulator.arrays import BoolArray, FloatArray
     from simulator.render.mesh import Mesh
 
 GRAZING = 0.01
@@ -42,17 +42,18 @@ class FacingArray:
             self._indices = context.buffer(reserve=mesh.indices.size, dynamic=True)
         self.array = mesh.vertex_array(context, program, *more, indices=self._indices)
 
-    def render(self, place: FloatArray) -> None:
+    def render(self, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True) -> None:
         """Draw what can show from a place.
 
         Parameters
         ----------
         place : (4,) homogeneous, target frame: a point (x, y, z, 1) [m] or the direction (x, y, z, 0) of one far away.
+        without : (T,) triangles to leave out. ordered : the nearest first; where depth alone is drawn it gains nothing.
         """
         if self._indices is None:
             self.array.render()
             return
-        seen = facing(self._mesh, place)
+        seen = facing(self._mesh, place, without=without, ordered=ordered)
         self._indices.orphan()
         self._indices.write(seen)
         self.array.render(vertices=seen.size)
@@ -64,10 +65,12 @@ class FacingArray:
             self._indices.release()
 
 
-def facing(mesh: Mesh, place: FloatArray) -> np.typing.NDArray[np.uint32]:
-    """(K, 3) triangles of a mesh that may show from a place, those in the nearest boxes first.
+def facing(
+    mesh: Mesh, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True
+) -> np.typing.NDArray[np.uint32]:
+    """(K, 3) triangles of a mesh that may show from a place; where ``ordered`` those in the nearest boxes first.
 
-    Of closed shells those that face it, or hardly look away; ``place`` as in `FacingArray.render`.
+    Of closed shells those that face it, or hardly look away; parameters as in `FacingArray.render`.
     """
     boxes = mesh.boxes
     show = ~hidden(mesh.shells, boxes, place, mesh.radius_m)
@@ -75,7 +78,11 @@ def facing(mesh: Mesh, place: FloatArray) -> np.typing.NDArray[np.uint32]:
     if mesh.is_closed:
         unit = np.asarray(place / np.linalg.norm(place[:3]), np.float32)
         kept &= mesh.planes @ unit > -GRAZING
+    if without is not None:
+        kept &= ~without
     # by their numbers: a mask over rows takes numpy twice as long
     numbers = np.flatnonzero(kept)
+    if not ordered:
+        return mesh.triangles.take(numbers, axis=0)
     order = np.argsort(boxes.ranks(place).take(boxes.of.take(numbers)), kind="stable")
     return mesh.triangles.take(numbers.take(order), axis=0)

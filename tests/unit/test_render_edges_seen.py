@@ -9,35 +9,10 @@ from simulator.render.edge_pairs import distances_beside
 from simulator.render.edges_seen import EdgeView, SeenEdges
 from simulator.render.mesh_edges import find_edges
 from simulator.render.projection import PixelRect
-from simulator.targets.model import Part
 from simulator.validation.stage import square_camera
+from tests.harness.boxes import closed_box
 
 GAP_M, THICK_M = 2e-3, 2.3e-3
-
-
-def _box(name, low, high):
-    """A closed box with flat faces that share no vertices."""
-    positions, normals, triangles = [], [], []
-    for axis in range(3):
-        for side in (0, 1):
-            u, v = (axis + 1) % 3, (axis + 2) % 3
-            corner = np.tile(np.asarray(low, float), (4, 1))
-            corner[:, axis] = (low, high)[side][axis]
-            corner[[1, 2], u], corner[[2, 3], v] = high[u], high[v]
-            normal = np.zeros(3)
-            normal[axis] = 2 * side - 1
-            first = len(positions)
-            positions += [*corner]
-            normals += [normal] * 4
-            quad = [[0, 1, 2], [0, 2, 3]] if side else [[0, 2, 1], [0, 3, 2]]
-            triangles += [[first + k for k in t] for t in quad]
-    return Part(
-        name=name,
-        material="m",
-        positions_m=np.asarray(positions, np.float32),
-        normals=np.asarray(normals, np.float32),
-        triangles=np.asarray(triangles, np.uint32),
-    )
 
 
 @pytest.fixture
@@ -45,8 +20,8 @@ def edges(tmp_path, monkeypatch):
     """Of two plates in the plane z = 0, a gap apart in x."""
     monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
     plates = (
-        _box("left", (-0.4, -0.3, 0.0), (-GAP_M / 2, 0.3, THICK_M)),
-        _box("right", (GAP_M / 2, -0.3, 0.0), (0.4, 0.3, THICK_M)),
+        closed_box("left", (-0.4, -0.3, 0.0), (-GAP_M / 2, 0.3, THICK_M)),
+        closed_box("right", (GAP_M / 2, -0.3, 0.0), (0.4, 0.3, THICK_M)),
     )
     return find_edges(plates, {"m": 1}, is_closed=True)
 

@@ -12,7 +12,7 @@ from simulator.render.light_view import light_matrix
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import FloatArray
+    from simulator.arrays import BoolArray, FloatArray
     from simulator.render.facing import FacingArray
     from simulator.render.mesh import Mesh
     from simulator.render.programs import ProgramLibrary
@@ -34,6 +34,9 @@ class ShadowChoice:
 # the coarse map where its texel is at most a pixel wide, else a fine one, close up a finer
 _COARSE, _FINE, _FINER = ShadowChoice(512, 4, 0.6), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
 _BEST = ShadowChoice(2048, 10, 0.6)
+LOW_RELIEF = 0.3
+"""Of a texel: by default the shading looks for blockers at least so much above a face, 0.25 of the texel and more
+(shaders/target/shadow.glsl), and what lies flat on it and stands out by less throws no shadow."""
 _SLACK = 1.3  # for the softness of the disc's own edge
 _SAWN = 2.5  # pixels: texels that are wider than this show as steps
 
@@ -87,15 +90,22 @@ class ShadowPass:
         along = -(view.R_camera_from_target.T @ view.sun_direction)  # direction of travel of the light
         return light_matrix(mesh.center_m, mesh.radius_m, along)
 
-    def run(self, array: FacingArray, view: View, light_from_target: FloatArray) -> None:
+    def run(
+        self,
+        array: FacingArray,
+        view: View,
+        light_from_target: FloatArray,
+        without: BoolArray | None = None,
+    ) -> None:
         """Draw the map: of closed shells the lit sides, which are nearest to the Sun.
 
         Parameters
         ----------
-        light_from_target : (4, 4) as `light_from_target` gives it.
+        light_from_target : (4, 4) as `light_from_target` gives it. without : (T,) triangles that are left out.
         """
         self.program.set("u_light_clip_from_target", tuple(light_from_target.T.ravel().tolist()))
         self._framebuffer.use()
         self._framebuffer.clear()
         self._context.enable_only(self._context.DEPTH_TEST)
-        array.render(np.append(view.R_camera_from_target.T @ view.sun_direction, 0.0))
+        to_sun = np.append(view.R_camera_from_target.T @ view.sun_direction, 0.0)
+        array.render(to_sun, without=without, ordered=False)

@@ -22,9 +22,16 @@ from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
 from simulator.render.passes.shade import ShadePass
-from simulator.render.passes.shadow import ShadowChoice, ShadowPass, choose_shadow, widest_penumbra
+from simulator.render.passes.shadow import (
+    LOW_RELIEF,
+    ShadowChoice,
+    ShadowPass,
+    choose_shadow,
+    widest_penumbra,
+)
 from simulator.render.passes.textured import TexturedGBufferPass
 from simulator.render.projection import PixelRect, clip_from_camera, lens_bounds_px
+from simulator.render.relief import relief_heights
 from simulator.render.returned_light import ReturnedLight
 from simulator.render.textures import Textures
 from simulator.scene.bands import bands_of, reflectance
@@ -35,7 +42,7 @@ if TYPE_CHECKING:
     import moderngl
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray
+    from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
     from simulator.render.blocks import Blocks
     from simulator.render.images import Images
@@ -68,6 +75,7 @@ class Loaded:
     gbuffer: FacingArray
     edges: EdgeBuffers
     returned: ReturnedLight
+    relief_m: Float32Array
     textures: Textures | None = None
 
 
@@ -140,6 +148,7 @@ class TargetPasses:
                 FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
                 EdgeBuffers(context, find_edges(target.parts, numbers, is_closed=mesh.is_closed), mesh),
                 ReturnedLight(context, mesh),
+                relief_heights(_positions(mesh), mesh.triangles.astype(int), mesh.radius_m),
                 textures,
             )
         return self._loaded[target.sha256]
@@ -159,8 +168,7 @@ class TargetPasses:
             return LightWindow()
         mesh = self._loaded[sha256].mesh
         if sha256 not in self._patches:
-            positions = np.frombuffer(mesh.vertices.read(), VERTEX)["position_m"]
-            self._patches[sha256] = SurfacePatches.of(mesh, positions)
+            self._patches[sha256] = SurfacePatches.of(mesh, _positions(mesh))
         return light_window(
             self._patches[sha256],
             camera,
@@ -185,11 +193,12 @@ class TargetPasses:
         pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
         choice = choose_shadow(scene.quality, width_m, pixel_m)
         shadow = self._shadow_pass(choice.size_px)
+        texel_m = width_m / shadow.size_px
         if view.sun_visible_fraction > 0:
-            shadow.run(loaded.shadow, view, light_from_target)
+            flat = None if scene.quality == "high" else loaded.relief_m < LOW_RELIEF * texel_m
+            shadow.run(loaded.shadow, view, light_from_target, flat)
         half = np.diag([0.5, 0.5, 0.5, 1.0])
         half[:3, 3] = 0.5
-        texel_m = width_m / shadow.size_px
         self._blocks.shadow.write(
             {
                 "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
@@ -322,6 +331,11 @@ class TargetPasses:
             if loaded.textures is not None:
                 loaded.textures.release()
         self._loaded.clear()
+
+
+def _positions(mesh: Mesh) -> FloatArray:
+    """(K, 3) vertices of a mesh [m]."""
+    return np.frombuffer(mesh.vertices.read(), VERTEX)["position_m"].astype(float)
 
 
 def _matrix(R: FloatArray, t_m: ArrayLike) -> FloatArray:
