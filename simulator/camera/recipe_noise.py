@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.arrays import Float32Array
+    from simulator.arrays import ByteArray, Float32Array
     from simulator.camera.sensor import Sensor
 
 MIN_SHIFT = 4
@@ -30,6 +30,7 @@ MIN_SHIFT = 4
 LEAST_AHEAD = 1 << 17
 """Values of a field that is worth a thread: waking one takes as long as to draw a smaller one."""
 _ADDITIVE_KEY, _SPECKLE_KEY = 0, 1
+_STRIP_VALUES = 1 << 17  # OpenCV shares out what has twice as many
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,18 @@ def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: i
         return RecipeNoise(np.full((1, 1), half, arithmetic.dtype), factors)
     first, second = normal_tables(arithmetic.sigma_dn * arithmetic.steps_per_dn, arithmetic.dtype)
     drawn = random_bytes(bit_source(seed, frame_index, _ADDITIVE_KEY), (2, *size))
-    steps = cv2.LUT(drawn[0], first + first.dtype.type(half))
-    steps += cv2.LUT(drawn[1], second)
-    return RecipeNoise(steps, factors)
+    return RecipeNoise(_looked_up(drawn, first + first.dtype.type(half), second), factors)
+
+
+def _looked_up(drawn: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+    """Sums of two tables' entries for bytes (2, rows, columns); in strips that OpenCV keeps to this thread.
+
+    Its pool of threads spins while it waits, and takes the processors from the driver, which is drawing.
+    """
+    steps = np.empty(drawn.shape[1:], first.dtype)
+    rows = max(_STRIP_VALUES // max(drawn.shape[2], 1), 1)
+    for top in range(0, len(steps), rows):
+        strip = slice(top, top + rows)
+        cv2.LUT(drawn[0, strip], first, dst=steps[strip])
+        steps[strip] += cv2.LUT(drawn[1, strip], second)
+    return steps
