@@ -22,6 +22,8 @@ uniform sampler2D t_texel;     // reflectance per band and metalness of each sam
 uniform sampler2D t_detail;    // their normals and roughness
 #endif
 
+// One over the sizes of the samples' images and of the slopes'.
+uniform vec2 u_texel, u_slope_texel;
 uniform vec4 u_window; // x0, y0, width, height of the pixels that hold the target
 layout(location = 0) out vec4 out_radiance;
 layout(location = 1) out float out_coverage;
@@ -34,11 +36,14 @@ const int FLAT_STEPS = 2;
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     ivec2 origin = pixel_index(pixel);
-#define FETCH(k, i, j) uvec2 words##k = texelFetch(t_surface, origin + ivec2(i, j), 0).xy; uint g##k = surface_of(words##k);
+    // llvmpipe calls a function of 126 instructions for texelFetch, and looks up an unfiltered texture in a few
+    vec2 place = (vec2(origin) + 0.5) * u_texel;
+#define AT(i, j) (place + vec2(i, j) * u_texel)
+#define FETCH(k, i, j) uvec2 words##k = textureLod(t_surface, AT(i, j), 0.0).xy; uint g##k = surface_of(words##k);
     FOR_EACH_SAMPLE(FETCH)
     int covered = 0;
     uint differs = 0u;
-    vec4 edge = texelFetch(t_slope, pixel - ivec2(u_window.xy), 0);
+    vec4 edge = textureLod(t_slope, (gl_FragCoord.xy - u_window.xy) * u_slope_texel, 0.0);
 #ifdef EXACT_AREAS
     vec3 steep, even;
     split_twofold(edge.xyz, steep, even);
@@ -72,8 +77,8 @@ void main() {
 #endif
 #ifdef TEXTURED
     differs = 1u; // texels differ where the surface does not
-#define ADD_TEXEL(i, j) texel += texelFetch(t_texel, origin + ivec2(i, j), 0); \
-            detail += texelFetch(t_detail, origin + ivec2(i, j), 0);
+#define ADD_TEXEL(i, j) texel += textureLod(t_texel, AT(i, j), 0.0); \
+            detail += textureLod(t_detail, AT(i, j), 0.0);
 #else
 #define ADD_TEXEL(i, j)
 #endif
@@ -116,7 +121,7 @@ void main() {
 #endif
         left -= members;
         weight = clamp(weight, 0.0, weight_left);
-        float z = camera_z(texelFetch(t_depth, origin + at, 0).x);
+        float z = camera_z(textureLod(t_depth, AT(at.x, at.y), 0.0).x);
         vec3 p_m = camera_ray(vec2(pixel) + sample_offset(at)) * z;
         // the last group takes what is left over, so that no light is lost
         if (group == MAX_SURFACES - 1 || left == 0) weight = weight_left;

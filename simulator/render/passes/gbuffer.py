@@ -43,6 +43,7 @@ class SampleImages:
         self.texels = [context.texture((width, height), 4, dtype="f2") for _ in range(2 * texels)]
         for texture in (self.surface, self.depth, *self.texels):
             texture.filter = (context.NEAREST, context.NEAREST)
+            texture.repeat_x = texture.repeat_y = False
         self.framebuffer = context.framebuffer([self.surface, *self.texels], self.depth)
         self._stamp = 0
 

@@ -110,6 +110,9 @@ class ShadePass:
         self._cells.orphan(cells.nbytes)
         self._cells.write(cells)
         program.set("u_window", window)
+        for name, image in (("u_texel", "t_surface"), ("u_slope_texel", "t_slope")):
+            columns, rows = textures[image].size
+            program.set(name, (1 / columns, 1 / rows))
         self._arrays[program].render(vertices=len(cells))
 
 
