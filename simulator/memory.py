@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import sys
 
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h of the GNU C library
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # malloc.h of the GNU C library
 KEPT_BYTES = 256 << 20
 LARGEST_KEPT_BYTES = 32 << 20  # the most that the library takes
 
@@ -22,4 +22,10 @@ def keep_freed_memory() -> bool:
         mallopt = ctypes.CDLL(None).mallopt
     except (OSError, AttributeError):  # another C library
         return False
-    return bool(mallopt(_M_MMAP_THRESHOLD, LARGEST_KEPT_BYTES) and mallopt(_M_TRIM_THRESHOLD, KEPT_BYTES))
+    # one arena: threads of their own ones give strips of a map back to the system all the same
+    wanted = (
+        (_M_MMAP_THRESHOLD, LARGEST_KEPT_BYTES),
+        (_M_TRIM_THRESHOLD, KEPT_BYTES),
+        (_M_ARENA_MAX, 1),
+    )
+    return all(mallopt(*one) for one in wanted)

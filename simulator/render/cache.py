@@ -1,29 +1,34 @@
 """The user's cache folder: decoded maps and tables that are slow to make, written atomically.
 
-A file's name says what it was made from; two programs that make the same at once write the same bytes, and the
-later one stays. What no program has asked for in `KEPT_DAYS` goes when something new is stored.
+A file's name says what it was made from. Who needs what another thread or program is making waits for it. What no
+program has asked for in `KEPT_DAYS` goes when something new is stored.
 """
 
 from __future__ import annotations
 
 import logging
 import os
+import sys
 import tempfile
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import IO, TYPE_CHECKING, TypeVar
 
 import numpy as np
 import platformdirs
 
+if sys.platform != "win32":
+    import fcntl
+
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
 KEPT_DAYS = 90
 _DAY_S = 86400.0
+_LONGEST_WAIT_S, _LOOK_AGAIN_S = 120.0, 0.02  # for another that makes the same; it may have been stopped
 _T = TypeVar("_T", bound=np.generic)
 log = logging.getLogger(__name__)
 
@@ -50,17 +55,36 @@ def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
     ----------
     key : file name without suffix; it must change whenever ``make`` would give something else.
     """
-    path = cache_folder() / f"{key}.npy"
+    return cached_arrays((key,), lambda: (make(),))[0]
+
+
+def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]) -> list[NDArray[_T]]:
+    """`cached_array` of several that are made together."""
+    paths = [cache_folder() / f"{key}.npy" for key in keys]
+    kept: list[NDArray[_T]] | None = _read(paths, logging.DEBUG)
+    if kept is not None:
+        return kept
+    with _alone(paths[0].with_suffix(".lock")):
+        kept = _read(paths, logging.WARNING)
+        return [_stored(*pair) for pair in zip(paths, make(), strict=True)] if kept is None else kept
+
+
+def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:
     try:
         # mapped, not read: the driver copies it straight from the page cache
-        kept = np.load(path, mmap_mode="r", allow_pickle=False)
-        _mark_used(path)
-        return kept
+        kept = [np.load(path, mmap_mode="r", allow_pickle=False) for path in paths]
     except FileNotFoundError:
-        pass
+        return None
     except (OSError, ValueError) as error:
-        log.warning("cache file %s cannot be read (%s) and is made again", path, error)
-    array = make()
+        log.log(level, "cache file %s or one with it cannot be read (%s) and is made again", paths[0], error)
+        return None
+    for path in paths:
+        _mark_used(path)
+    return kept
+
+
+def _stored(path: Path, array: NDArray[_T]) -> NDArray[_T]:
+    """The array as it is in the cache now, or itself where it cannot be kept."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
@@ -75,6 +99,44 @@ def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
     return array
 
 
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """While nobody else makes what a lock file stands for.
+
+    The system frees the lock of a program that ends. Without locks, as on some network disks, two make the same bytes.
+    """
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        file = path.open("ab")
+    except OSError:  # `_stored` says so
+        yield
+        return
+    with file:
+        until = time.monotonic() + _LONGEST_WAIT_S
+        while not _lock(file) and time.monotonic() < until:
+            time.sleep(_LOOK_AGAIN_S)
+        try:
+            yield
+        finally:
+            # who waits has this file open still, and finds what was made
+            with suppress(OSError):
+                path.unlink()
+
+
+def _lock(file: IO[bytes]) -> bool:
+    """Whether the file is this program's and thread's now; also where it cannot be locked at all."""
+    if sys.platform == "win32":
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
 def _mark_used(path: Path) -> None:
     # once a day: a folder that may not be written to does not matter
     with suppress(OSError):
@@ -84,7 +146,7 @@ def _mark_used(path: Path) -> None:
 
 def _forget(folder: Path) -> None:
     """Remove what was not used for long, and what a program left that ended while it wrote."""
-    for path in (*folder.glob("*.npy"), *folder.glob("*.tmp")):
+    for path in (*folder.glob("*.npy"), *folder.glob("*.tmp"), *folder.glob("*.lock")):
         with suppress(OSError):  # another program may have removed it
             if time.time() - path.stat().st_mtime > KEPT_DAYS * _DAY_S:
                 path.unlink()

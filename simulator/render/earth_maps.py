@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from simulator.render.airtables import air_tables
 from simulator.render.levels import levelled
-from simulator.render.maps import packed_maps
+from simulator.render.maps import kept_decoder, packed_maps
 from simulator.render.noise import detail_texture
 from simulator.render.seasons import Season, month_gain, relief, season
+from simulator.render.shoals import shoals
 from simulator.render.skylight import albedo_of_day
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class EarthMaps:
     Parameters
     ----------
     albedo : that the Earth-shine looks up. maps : one for one band, two for three. months : by number.
-    air : of the scene's thickness.
+    shoals : uploaded only when such water is in view. air : of the scene's thickness.
     """
 
     albedo: Future[Float32Array]
@@ -39,6 +40,7 @@ class EarthMaps:
     detail: Future[Levelled]
     relief: Future[Levelled]
     months: dict[int, Future[Levelled]]
+    shoals: Future[Levelled]
     air: Future[AirTables]
 
 
@@ -48,7 +50,8 @@ def begin_earth_maps(scene: SceneState) -> EarthMaps:
     dates = season(scene.epoch_utc) if environment.seasons else AUGUST
     # what takes longest first: the detail alone is as long as the maps
     with_maps, others = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
-    maps = with_maps.submit(lambda: [levelled(image) for image in packed_maps(bands)])
+    decode = kept_decoder()
+    maps = with_maps.submit(lambda: [levelled(image) for image in packed_maps(bands, decode)])
     albedo = with_maps.submit(
         albedo_of_day, scene.epoch_utc, clouds=environment.clouds, ice=environment.sea_ice
     )
@@ -59,6 +62,7 @@ def begin_earth_maps(scene: SceneState) -> EarthMaps:
         others.submit(lambda: levelled(detail_texture())),
         others.submit(lambda: levelled(relief())),
         months,
+        with_maps.submit(lambda: levelled(shoals(bands, decode))),
         others.submit(air_tables, scene.bands, environment.atmosphere_thickness_km * 1e3),
     )
     for pool in (with_maps, others):

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     from simulator.arrays import ByteArray, Float32Array
 
+    Decoder = Callable[[str, int], ByteArray]
+
 WIDTH, HEIGHT = 8064, 4032
 DAY, CLOUDS = "day_2004-08_8064x4032.jpg", "clouds_8064x4032.jpg"
 NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
@@ -40,16 +42,26 @@ _ICE_REACH = 8  # texels beyond a strip that the blur of the ice looks at
 _STRIPS = [slice(row, row + 16) for row in range(0, HEIGHT, 16)]
 
 
-def packed_maps(bands: int) -> list[ByteArray]:
-    """One (H, W, 4) texture for one band, two for three; from the cache after the first call."""
+def kept_decoder() -> Decoder:
+    """`decode_file` that keeps the day's map and the coast's: what is made of them together decodes them once."""
+    return lru_cache(maxsize=2)(decode_file)
+
+
+def packed_maps(bands: int, decode: Decoder | None = None) -> list[ByteArray]:
+    """One (H, W, 4) texture for one band, two for three; from the cache after the first call.
+
+    Parameters
+    ----------
+    decode : `kept_decoder` of a caller who makes more of the same files.
+    """
+    decode = kept_decoder() if decode is None else decode
     key = hashlib.sha256(f"{VERSION} {_REFLECTANCE_SCALE} {_REFLECTANCE_POWER} {_ICE_REFLECTANCE}".encode())
     for name in (DAY, CLOUDS, NIGHT, COAST):
         key.update(f"{name} {asset_size(name)}".encode())
     stem = key.hexdigest()[:16]
-    day = lru_cache(maxsize=1)(lambda: decode_map(DAY, cv2.IMREAD_COLOR))
-    maps = [cached_array(f"earth-pan-{stem}", lambda: _pack_panchromatic(day))]
+    maps = [cached_array(f"earth-pan-{stem}", lambda: _pack_panchromatic(decode))]
     if bands == 3:
-        maps.append(cached_array(f"earth-rgb-{stem}", lambda: _pack_colour(day(), maps[0][..., 3])))
+        maps.append(cached_array(f"earth-rgb-{stem}", lambda: _pack_colour(day_map(decode), maps[0][..., 3])))
     return maps
 
 
@@ -74,8 +86,8 @@ def _missing(name: str) -> UserError:
     return UserError(f"the map assets/earth/{name} is missing; install Flyaround again")
 
 
-def decode_map(name: str, flags: int, size_px: tuple[int, int] | None = (WIDTH, HEIGHT)) -> ByteArray:
-    """A map of the Earth as an array, reduced or enlarged to a size (width, height); ``None``: as it is.
+def decode_file(name: str, flags: int) -> ByteArray:
+    """A map of the Earth as it is.
 
     Raises
     ------
@@ -85,11 +97,28 @@ def decode_map(name: str, flags: int, size_px: tuple[int, int] | None = (WIDTH, 
     image = cv2.imdecode(np.frombuffer(asset_bytes(name), np.uint8), flags)
     if image is None:
         raise UserError(f"the map assets/earth/{name} cannot be decoded; install Flyaround again")
+    return np.asarray(image, np.uint8)
+
+
+def decode_map(
+    name: str,
+    flags: int,
+    size_px: tuple[int, int] | None = (WIDTH, HEIGHT),
+    decode: Decoder = decode_file,
+) -> ByteArray:
+    """A map of the Earth as an array, reduced or enlarged to a size (width, height); ``None``: as it is."""
+    image = decode(name, flags)
     if size_px is not None and image.shape[1::-1] != size_px:
         # means over texels where there are several; a slight change of size is quicker between them, and as good
         halved = image.shape[1] >= 1.5 * size_px[0]
-        image = cv2.resize(image, size_px, interpolation=cv2.INTER_AREA if halved else cv2.INTER_LINEAR)
-    return np.asarray(image, np.uint8)
+        method = cv2.INTER_AREA if halved else cv2.INTER_LINEAR
+        image = np.asarray(cv2.resize(image, size_px, interpolation=method), np.uint8)
+    return image
+
+
+def day_map(decode: Decoder, size_px: tuple[int, int] = (WIDTH, HEIGHT)) -> ByteArray:
+    """The land and sea by day: blue, green, red."""
+    return decode_map(DAY, cv2.IMREAD_COLOR, size_px, decode)
 
 
 def to_reflectance() -> Float32Array:
@@ -133,12 +162,12 @@ def _spread(filled: Float32Array, share: Float32Array) -> Float32Array:
     return filled
 
 
-def _pack_panchromatic(day: Callable[[], ByteArray]) -> ByteArray:
+def _pack_panchromatic(decode: Decoder) -> ByteArray:
     with ThreadPoolExecutor(2) as pool:
-        colours = pool.submit(day)
-        coast, clouds, night = pool.map(
-            lambda name: decode_map(name, cv2.IMREAD_GRAYSCALE), (COAST, CLOUDS, NIGHT)
-        )
+        colours = pool.submit(day_map, decode)
+        shore = pool.submit(decode_map, COAST, cv2.IMREAD_GRAYSCALE, decode=decode)
+        clouds, night = pool.map(lambda name: decode_map(name, cv2.IMREAD_GRAYSCALE), (CLOUDS, NIGHT))
+        coast = shore.result()
         day_bgr = colours.result()
         # the picture of the clouds shows their light: thin ones cover more than they whiten
         thin = np.round(np.sqrt(np.arange(256) / 255) * 255).astype(np.uint8)

@@ -12,7 +12,7 @@ import numpy as np
 from simulator.render.cache import cached_array
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray, Float32Array
+    from simulator.arrays import ByteArray, Float32Array, FloatArray
 
 SIZE = 2048
 PERIOD_KM = 472.0  # of the tile: texels of 0.23 km, a pixel of a SPEED camera from 700 km
@@ -58,22 +58,24 @@ def make_detail() -> ByteArray:
 def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Array]:
     """Cloud and land detail, periodic, each with an even histogram 0..1."""
     scale = size // 512
+    f = _frequencies(size)
     # turrets: puffs of three sizes, brightest at their middles, on a turbulent field
     puffs = np.zeros((size, size), np.float32)
     for count, weight in ((22, 1.0), (53, 0.7), (120, 0.45)):
         puffs += weight * (1 - _cellular(rng, size, count * scale))
-    soft = _fractal(rng, size, 1.25, 3.0 * scale)
+    soft = _fractal(rng, f, f**-1.25, 3.0 * scale)
     cloud = _soften(_even(soft / soft.std() + 0.75 * (puffs - puffs.mean()) / puffs.std()))
     # valleys: creases of several sizes, as rivers cut them, and patches
     creases = np.zeros((size, size), np.float32)
+    steep = f**-1.9
     for k in range(4):
-        field = _fractal(rng, size, 1.9, 4.0 * scale * 2**k)
+        field = _fractal(rng, f, steep, 4.0 * scale * 2**k)
         creases += 0.65**k * np.sqrt(np.abs(field / field.std()))
-    patches = _fractal(rng, size, 1.1, 3.0 * scale)
+    patches = _fractal(rng, f, f**-1.1, 3.0 * scale)
     # fields of their own brightness, and woods with edges
     own = np.random.default_rng([_SEED, size])
     fields = _mosaic(own, size, 110 * scale) - 0.5
-    woods = _even(_fractal(own, size, 1.6, 8.0 * scale)) > _OPEN
+    woods = _even(_fractal(own, f, f**-1.6, 8.0 * scale)) > _OPEN
     mixed = creases / creases.std() + 0.6 * patches / patches.std() + 1.1 * fields - 1.6 * woods
     land = _soften(_even(np.asarray(mixed, np.float32)))
     return cloud, land
@@ -93,14 +95,23 @@ def _soften(image: Float32Array) -> Float32Array:
     return np.asarray(cv2.GaussianBlur(wrapped, (0, 0), 0.6), np.float32)[8:-8, 8:-8]
 
 
-def _fractal(rng: np.random.Generator, size: int, power: float, low: float) -> Float32Array:
-    """Gaussian noise of amplitude spectrum ``frequency^-power`` from ``low`` cycles per tile up, periodic."""
+def _fractal(
+    rng: np.random.Generator, frequencies: FloatArray, amplitudes: FloatArray, low: float
+) -> Float32Array:
+    """Gaussian noise of a spectrum's amplitudes from ``low`` cycles per tile up, periodic."""
+    size = len(frequencies)
+    noise = rng.standard_normal((size, size)).astype(np.float32)
+    # the lowest frequencies are the map's business, and would show the tile
+    shape = (amplitudes * (frequencies >= low / size)).astype(np.float32)
+    spectrum = np.fft.rfft2(noise) * shape
+    return np.asarray(np.fft.irfft2(spectrum, (size, size)), np.float32)
+
+
+def _frequencies(size: int) -> FloatArray:
+    """(size, size // 2 + 1) cycles per texel, 1 in place of 0."""
     f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
     f[0, 0] = 1
-    # the lowest frequencies are the map's business, and would show the tile
-    noise = rng.standard_normal((size, size)).astype(np.float32)
-    spectrum = np.fft.rfft2(noise) * (f**-power * (f >= low / size)).astype(np.float32)
-    return np.asarray(np.fft.irfft2(spectrum, (size, size)), np.float32)
+    return np.asarray(f)
 
 
 def _cellular(rng: np.random.Generator, size: int, count: int) -> Float32Array:

@@ -8,12 +8,16 @@ nobody can know from the date.
 
 from __future__ import annotations
 
+import hashlib
 from datetime import datetime
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
+
+from simulator.render.cache import cached_array
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -119,8 +123,14 @@ def _edge(points: tuple[tuple[float, float], ...], longitude: FloatArray) -> Flo
 
 
 @lru_cache(maxsize=2)
-def _noise(pole: int) -> tuple[Float32Array, Float32Array, Float32Array]:
-    """(rows, WIDTH) each, from the pole outwards: the edge's tongues, of deviation 1, the pack's leads, 0..1, tongues.
+def _noise(pole: int) -> Float32Array:
+    """(3, rows, WIDTH) from the pole outwards: the edge's tongues, of deviation 1, the pack's leads, 0..1, tongues."""
+    version = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
+    return cached_array(f"ice-{pole}-{version}", lambda: _make_noise(pole))
+
+
+def _make_noise(pole: int) -> Float32Array:
+    """`_noise`.
 
     Drawn on the plane of the azimuthal projection, where it is the same in every direction.
     """
@@ -138,10 +148,7 @@ def _noise(pole: int) -> tuple[Float32Array, Float32Array, Float32Array]:
     turn = (np.arange(WIDTH, dtype=np.float32)[None] + 0.5) * (2 * np.pi / WIDTH)
     scale = size / span_deg
     x, y = away * np.cos(turn) * scale + size / 2, away * np.sin(turn) * scale + size / 2
-    tongues, leads, aside = (
-        np.asarray(cv2.remap(p.astype(np.float32), x, y, cv2.INTER_LINEAR), np.float32) for p in planes
-    )
-    return tongues, leads, aside
+    return np.stack([cv2.remap(p.astype(np.float32), x, y, cv2.INTER_LINEAR) for p in planes])
 
 
 def extent_m2(share: FloatArray, sea: FloatArray) -> tuple[float, float]:

@@ -16,12 +16,13 @@ import cv2
 import numpy as np
 
 from simulator.render.cache import cached_array
-from simulator.render.maps import COAST, DAY, PAN_WEIGHTS, asset_size, decode_map
+from simulator.render.maps import COAST, DAY, PAN_WEIGHTS, asset_size, day_map, decode_map, kept_decoder
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from simulator.arrays import ByteArray, Float32Array, FloatArray
+    from simulator.render.maps import Decoder
 
 WIDTH, HEIGHT = 4032, 2016
 WHERE = "shoals_720x360.png"
@@ -42,18 +43,24 @@ _TILES = [
 ]
 
 
-def shoals(bands: int) -> ByteArray:
-    """(2016, 4032) or (2016, 4032, 4): square root of the reflectance over the open ocean's, over ``SCALE``."""
+def shoals(bands: int, decode: Decoder | None = None) -> ByteArray:
+    """(2016, 4032) or (2016, 4032, 4): square root of the reflectance over the open ocean's, over ``SCALE``.
+
+    Parameters
+    ----------
+    decode : `maps.kept_decoder` of a caller who makes more of the same files.
+    """
     sizes = [asset_size(name) for name in (DAY, COAST, WHERE)]
     key = hashlib.sha256(f"{_VERSION} {bands} {SCALE} {sizes}".encode()).hexdigest()[:16]
-    return cached_array(f"shoals-{bands}-{key}", lambda: _make(bands))
+    decode = kept_decoder() if decode is None else decode
+    return cached_array(f"shoals-{bands}-{key}", lambda: _make(bands, decode))
 
 
-def _make(bands: int) -> ByteArray:
+def _make(bands: int, decode: Decoder) -> ByteArray:
     # nothing is left where no cell looks
     core = cv2.erode(_where().astype(np.float32), np.ones((3, 3)))
     share = cv2.resize(core, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR)
-    day, coast = _day_and_coast()
+    day, coast = _day_and_coast(decode)
     out = np.zeros((HEIGHT, WIDTH) if bands == 1 else (HEIGHT, WIDTH, 4), np.uint8)
     if bands != 1:
         out[..., 3] = 255
@@ -72,11 +79,11 @@ def _make(bands: int) -> ByteArray:
     return out
 
 
-def _day_and_coast() -> tuple[ByteArray, ByteArray]:
+def _day_and_coast(decode: Decoder) -> tuple[ByteArray, ByteArray]:
     """(2016, 4032, 3) red, green, blue and (2016, 4032) distance to the coast, of the maps."""
     with ThreadPoolExecutor(2) as pool:
-        day = pool.submit(decode_map, DAY, cv2.IMREAD_COLOR, (WIDTH, HEIGHT))
-        coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH, HEIGHT))
+        day = pool.submit(day_map, decode, (WIDTH, HEIGHT))
+        coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH, HEIGHT), decode)
         return day.result()[..., ::-1], coast
 
 
@@ -126,7 +133,7 @@ def near_shoals(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
 
 def make_where() -> ByteArray:
     """(360, 720) 255 where the water is noticeably brighter than the open ocean, and half a degree around it."""
-    day, coast = _day_and_coast()
+    day, coast = _day_and_coast(kept_decoder())
     bright = SCALE * _over_the_ocean(day, coast, slice(0, HEIGHT), slice(0, WIDTH)).max(axis=2) > _NOTICED
     # rows and columns do not divide by whole texels: each half degree takes what touches it
     found = np.zeros((360, 720), np.uint8)

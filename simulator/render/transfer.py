@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from scipy.sparse import coo_matrix
 
-from simulator.render.cache import cached_array
+from simulator.render.cache import cached_arrays
 from simulator.render.first_hits import make_tracer
 from simulator.render.mesh import VERTEX
 from simulator.render.sight import look_around
@@ -86,17 +86,13 @@ def baked_transfer(mesh: Mesh, reflectance: FloatArray) -> Transfer:
     key = f"transfer-{VERSION}-{DIRECTIONS}-{shape.hexdigest()[:24]}"
     materials = np.rint(vertices["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
     directions = spiral(DIRECTIONS)
-    made: list[tuple[ByteArray, np.typing.NDArray[np.uint16]]] = []
 
-    def bake() -> tuple[ByteArray, np.typing.NDArray[np.uint16]]:
-        if not made:
-            tracer = make_tracer(vertices["position_m"][mesh.triangles])
-            seen = look_around(charts, mesh.planes[:, :3], tracer, directions, mesh.radius_m)
-            made.append(solve(charts, seen, reflectance[materials], closed=mesh.is_closed))
-        return made[0]
+    def bake() -> tuple[np.typing.NDArray[np.generic], np.typing.NDArray[np.generic]]:
+        tracer = make_tracer(vertices["position_m"][mesh.triangles])
+        seen = look_around(charts, mesh.planes[:, :3], tracer, directions, mesh.radius_m)
+        return solve(charts, seen, reflectance[materials], closed=mesh.is_closed)
 
-    visibility = np.asarray(cached_array(f"{key}-sky", lambda: bake()[0]))
-    returned = np.asarray(cached_array(key, lambda: bake()[1]))
+    visibility, returned = (np.asarray(array) for array in cached_arrays((f"{key}-sky", key), bake))
     basis = (harmonics(directions) * (RETURNED_STEP * 4 * np.pi / DIRECTIONS)).astype(np.float32)
     sky = np.stack([basis.T @ band.astype(np.float32) for band in returned])
     return Transfer(visibility, returned, sky, directions)

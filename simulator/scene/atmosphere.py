@@ -130,7 +130,8 @@ def optical_depth_to_top(
     edges = np.linspace(0, 1, steps + 1)
     x = 0.5 * (edges[1:] + edges[:-1])
     depth = np.zeros((*r.shape, len(air.rayleigh_m)))
-    for begin, end in ((low, np.zeros_like(low)), (low, length)):
+    down = ((low, np.zeros_like(low)),) if low.any() else ()  # to the lowest point, of rays that have one
+    for begin, end in (*down, (low, length)):
         # quadratic spacing away from the lowest point
         span = end - begin
         t = begin[..., None] + span[..., None] * x**2

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
+import moderngl
+
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from simulator.render.earth_maps import AUGUST
 from simulator.render.levels import levelled, levelled_texture
@@ -18,10 +20,9 @@ from simulator.render.sea_ice import sea_ice
 from simulator.render.seasons import OCTAVES, month_gain, season
 from simulator.render.seasons import SLOPE_MAX as RELIEF_SLOPE_MAX
 from simulator.render.shoals import SCALE as SHOAL_SCALE
-from simulator.render.shoals import shoals
 
 if TYPE_CHECKING:
-    import moderngl
+    from concurrent.futures import Future
 
     from simulator.render.airtables import AirTables
     from simulator.render.cells import CellKind, Cells
@@ -86,7 +87,7 @@ class EarthPass:
         self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
         self._months = {k: self._mapped(levels.result()) for k, levels in begun.months.items()}
         self._ice: tuple[str, moderngl.Texture] | None = None  # of a day
-        self._shoals: moderngl.Texture | None = None
+        self._shoals: Future[Levelled] | moderngl.Texture = begun.shoals
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
         self._kept: dict[tuple[object, ...], Program] = {}
 
@@ -228,8 +229,8 @@ class EarthPass:
 
     def _waters(self, day: str) -> dict[str, moderngl.Texture]:
         """The sea's ice of a day, and its shallows: uploaded when such water is first in view."""
-        if self._shoals is None:
-            self._shoals = self._mapped(levelled(shoals(self.bands)))
+        if not isinstance(self._shoals, moderngl.Texture):
+            self._shoals = self._mapped(self._shoals.result())
         if self._ice is None or self._ice[0] != day:
             if self._ice is not None:
                 self._ice[1].release()
