@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,6 +25,7 @@ from hil.board.svd.photometric import RELAX, photo_align, photo_likeness, photo_
 from hil.board.svd.pnp import undistorted_rays
 from hil.board.svd.response import Response
 from hil.board.svd.shade import Canvas, Faces, draw_faces, fill_faces
+from hil.board.svd.shadowed import shadowed
 from hil.board.svd.sunlight import Sunlight, SunTable, rays_to_faces
 from simulator.targets.board_faces import make_faces
 from simulator.targets.builders.solids import box
@@ -230,7 +232,9 @@ def test_shadows_fall_where_rays_to_the_sun_are_stopped(faces: Faces) -> None:
     assert (dark.ravel()[np.flatnonzero(seen)][some] == stopped).mean() > 0.97
 
 
-def test_the_sun_is_found_by_the_shadows_it_casts(faces: Faces) -> None:
+@pytest.fixture(scope="module")
+def in_the_sun(faces: Faces) -> tuple[Canvas, np.ndarray]:
+    """The craft in sunlight with the shadows that it casts on itself, and the Sun's direction."""
     R, level = FROM_THE_SIDE, np.array([60.0, 200.0, 140.0])[faces.material]
     c = canvas(np.zeros((160, 200), np.float32))
     seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c)
@@ -239,10 +243,34 @@ def test_the_sun_is_found_by_the_shadows_it_casts(faces: Faces) -> None:
     light = np.where(sun.shadows(faces, seen, c, CAMERA, R, T_M), 10.0, light).astype(np.float32)
     gray = light.reshape(160, 3, 200, 3).mean(axis=(1, 3))
     gray += np.random.default_rng(1).normal(0, 3.0, gray.shape).astype(np.float32)
-    c = canvas(gray, 3.0)
-    found = SunTable.of(faces).find(faces, shade(faces, seen, c), c, CAMERA, R, T_M)
-    assert found is not None
-    assert np.degrees(np.arccos(found.direction @ sun.direction)) < 20.0
+    return canvas(gray, 3.0), sun.direction
+
+
+def test_the_sun_is_found_by_the_shadows_it_casts(
+    faces: Faces, in_the_sun: tuple[Canvas, np.ndarray]
+) -> None:
+    c, sun = in_the_sun
+    R = FROM_THE_SIDE
+    seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c)
+    found = SunTable.of(faces).find(faces, shade(faces, seen, c), c, CAMERA, R, T_M, 3)
+    assert np.degrees(np.arccos(found[0] @ sun)) < 20.0
+    assert all(a @ b < np.cos(np.radians(15.0)) for a, b in combinations(found, 2))
+
+
+def test_its_shadows_speak_for_the_right_pose(faces: Faces, in_the_sun: tuple[Canvas, np.ndarray]) -> None:
+    c, _ = in_the_sun
+    craft: Any = SimpleNamespace(suns=SunTable.of(faces), camera=SimpleNamespace(pinhole=CAMERA))
+
+    def both(q: np.ndarray) -> tuple[float, float]:
+        return photo_score(q, T_M, faces, c, CAMERA), shadowed(craft, faces, c, q, T_M).score
+
+    plain, with_them = both(quat.from_matrix(FROM_THE_SIDE))
+    assert with_them > plain + 0.3
+    turns = [quat.from_rotvec(np.radians(12.0) * axis) for axis in np.eye(3)]
+    wrong = np.array([both(quat.multiply(turn, quat.from_matrix(FROM_THE_SIDE))) for turn in turns])
+    # the pose that is hardest to tell from it is told by half as much again
+    least_plain, least_with_them = (np.array([plain, with_them]) - wrong).min(axis=0)
+    assert least_with_them > 1.5 * max(least_plain, 0.03)
 
 
 def test_a_bent_picture_is_straightened() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, Sequence, Tuple
+from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from hil.board.svd.frame import Candidate, Craft
 from hil.board.svd.levels import Shading
 from hil.board.svd.photometric import PhotoFit, explained, photo_draw, photo_step
 from hil.board.svd.shade import Canvas, Faces
+from hil.board.svd.shadowed import shadowed
+from hil.board.svd.sunlight import Sunlight
 
 # How far apart poses are that are compared [rad].
 SPREAD_RAD = float(np.radians(6.0))
@@ -73,13 +75,14 @@ class Course:
     Parameters
     ----------
     start : where it began. fit : where it is. shading, score : the craft drawn there, and how well it explains
-        the picture.
+        the picture. sun : casts shadows; None draws none.
     """
 
     start: Candidate
     fit: PhotoFit
     shading: Shading
     score: float
+    sun: Optional[Sunlight] = None
 
 
 def faces_of(craft: Craft) -> Faces:
@@ -90,9 +93,16 @@ def faces_of(craft: Craft) -> Faces:
 
 
 def begin(craft: Craft, canvas: Canvas, c: Candidate) -> Course:
-    """A candidate drawn where it is."""
+    """A candidate drawn where it is, without shadows."""
     shading = photo_draw(c.q, c.t, faces_of(craft), canvas, craft.camera.pinhole)
     return Course(c, PhotoFit(c.q, c.t, 9.9, np.eye(6)), shading, explained(shading, canvas))
+
+
+def with_shadows(craft: Craft, canvas: Canvas, course: Course) -> Course:
+    """A course that has just begun, with the shadows that the picture wants there."""
+    q, t = course.fit.q, course.fit.t
+    drawn = shadowed(craft, faces_of(craft), canvas, q, t, course.shading, coarse=True)
+    return Course(course.start, course.fit, drawn.shading, drawn.score, drawn.sun)
 
 
 def align_together(
@@ -115,8 +125,8 @@ def align_together(
             if fit is None:
                 done.append(c)
                 continue
-            shading = photo_draw(fit.q, fit.t, faces, canvas, camera)
-            courses.append(Course(c.start, fit, shading, explained(shading, canvas)))
+            shading = photo_draw(fit.q, fit.t, faces, canvas, camera, c.sun)
+            courses.append(Course(c.start, fit, shading, explained(shading, canvas), c.sun))
     out = []
     for c in (*courses, *done):
         astray = abs(np.log(max(c.fit.t[2], 1e-3) / max(c.start.t[2], 1e-3))) > ASTRAY

@@ -10,8 +10,9 @@ import numpy as np
 from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import craft_box, make_canvas
 from hil.board.svd.frame import Craft, Frame
-from hil.board.svd.levels import OPTICS_PX, blurred, shade
-from hil.board.svd.shade import draw_faces
+from hil.board.svd.levels import OPTICS_PX, blurred
+from hil.board.svd.photometric import photo_draw
+from hil.board.svd.shadowed import shadowed
 
 Array = np.ndarray
 
@@ -44,14 +45,11 @@ def draw_at(craft: Craft, frame: Frame, q: Array, t: Array) -> Optional[Drawn]:
     if faces is None:
         return None
     canvas = make_canvas(craft, frame, craft_box(craft, q, t), LONGEST_PX)
-    camera, R = craft.camera.pinhole, quat.matrix(q)
-    seen = draw_faces(faces, faces.order(-R.T @ t), camera, R, t, canvas)
-    shading = shade(faces, seen, canvas)
+    plain = photo_draw(q, t, faces, canvas, craft.camera.pinhole).picture
+    best = shadowed(craft, faces, canvas, q, t)
     optics = OPTICS_PX / canvas.factor
-    plain = canvas.response.of(blurred(shading.picture, optics))[0]
-    sun = None if craft.suns is None else craft.suns.find(faces, shading, canvas, camera, R, t)
-    if sun is None:
+    plain, dark = (canvas.response.of(blurred(p, optics))[0] for p in (plain, best.shading.picture))
+    if best.sun is None:
         return Drawn(canvas.gray, plain, None, None, canvas.full, canvas.sigma)
-    dark = shade(faces, seen, canvas, sun.shadows(faces, seen, canvas, camera, R, t))
-    shadowed = canvas.response.of(blurred(dark.picture, optics))[0]
-    return Drawn(canvas.gray, plain, shadowed, R @ sun.direction, canvas.full, canvas.sigma)
+    sun = quat.matrix(q) @ best.sun.direction
+    return Drawn(canvas.gray, plain, dark, sun, canvas.full, canvas.sigma)

@@ -86,18 +86,19 @@ class PoseEstimator(Estimator):
         frame.keep("glances", glances)
         frame.mark("first_look")
         looked = self._chosen(frame, found) if found else None
-        if looked is not None and (looked.accepted or any(g.craft > SURE for g in glances)):
+        if looked is not None and looked.accepted:
             if frame.shows_all and regions:
                 search_region(self.craft, frame, regions[0])
             return looked
+        # what the look is sure of is where it is: there edges find the attitudes that it does not
+        sure = [g.source for g in glances if g.craft > SURE]
+        some = sure[:1] or regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
         frame.count("searched", 1)
         found = [self._asked(c) for c in found]
-        for region in regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]:
+        for region in some:
             found += search_region(self.craft, frame, region)
         if found:
-            # what a look proposed has been sought twice by now
-            searched = self._chosen(frame, found, once=looked is not None)
-            # among more poses the right one may be ranked away before it is looked at closely
+            searched = self._chosen(frame, found, thorough=True)
             return searched if looked is None or _explained(searched) >= _explained(looked) else looked
         return PoseResult(
             False, "no target found", None, None, 0.0, frame.stages_ms, frame.counts, method=self.method
@@ -136,22 +137,16 @@ class PoseEstimator(Estimator):
         s = support(c.q, c.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m)
         return Candidate(c.q, c.t, s, c.field, c.region, c.likely)
 
-    def _chosen(self, frame: Frame, found: List[Candidate], *, once: bool = False) -> PoseResult:
-        """The best of the candidates, and whether it is to be accepted; if not, sought again unless ``once``."""
+    def _chosen(self, frame: Frame, found: List[Candidate], *, thorough: bool = False) -> PoseResult:
+        """The best of the candidates, and whether it is to be accepted."""
         found.sort(key=lambda c: -c.support.total)
         frame.keep("found", found)
         if self.model.faces is None:
             return self._told(frame, choose(self.craft, frame, found))
-        leaders = align_leaders(self.craft, frame, found, LEADERS)
-        result = self._told(frame, choose_by_picture(self.craft, frame, leaders))
-        if result.accepted or once:
-            return result
-        # what looks best before it is aligned need not be best after
-        frame.count("again", 1)
-        leaders += align_leaders(self.craft, frame, found, ALL_LEADERS, leaders)
-        leaders.sort(key=lambda r: -r.score)
-        again = self._told(frame, choose_by_picture(self.craft, frame, leaders, thorough=True))
-        return again if _explained(again) >= _explained(result) else result
+        leaders = align_leaders(
+            self.craft, frame, found, ALL_LEADERS if thorough else LEADERS, shadows=thorough
+        )
+        return self._told(frame, choose_by_picture(self.craft, frame, leaders, thorough=thorough))
 
     def _told(self, frame: Frame, chosen: Chosen) -> PoseResult:
         """The result of a choice, and whether it is to be accepted."""

@@ -94,7 +94,20 @@ def photo_draw(
     """The craft drawn at a pose, as bright as the picture says; parameters as in ``photo_align``."""
     R = quat.matrix(q)
     seen = draw_faces(faces, faces.order(-R.T @ t), camera, R, t, canvas)
-    dark = None if sun is None else sun.shadows(faces, seen, canvas, camera, R, t)
+    return photo_shade(seen, q, t, faces, canvas, camera, sun)
+
+
+def photo_shade(
+    seen: Array,
+    q: Array,
+    t: Array,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    sun: Optional[Sunlight] = None,
+) -> Shading:
+    """The same where the faces ``seen`` at the pose are drawn already."""
+    dark = None if sun is None else sun.shadows(faces, seen, canvas, camera, quat.matrix(q), t)
     return shade(faces, seen, canvas, dark)
 
 
@@ -191,16 +204,27 @@ def damped_step(H: Array, g: Array, scale: Array, damping: float) -> Array:
     return np.asarray(np.linalg.solve(A, g * scale) * scale)
 
 
-def photo_score(q: Array, t: Array, faces: Faces, canvas: Canvas, camera: CameraIntrinsics) -> float:
+def photo_score(
+    q: Array,
+    t: Array,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    sun: Optional[Sunlight] = None,
+) -> float:
     """How much better the drawn craft explains the picture than the background alone, 0..1.
 
     Residuals are bounded: a shadow that is not drawn costs its area, not its depth.
+
+    Parameters
+    ----------
+    as in ``photo_align``.
     """
-    return explained(photo_draw(q, t, faces, canvas, camera), canvas)
+    return explained(photo_draw(q, t, faces, canvas, camera, sun), canvas)
 
 
 def explained(shading: Shading, canvas: Canvas) -> float:
-    """The same of a craft that is drawn already, without shadows."""
+    """The same of a craft that is drawn already."""
     drawn = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))[0]
     gray = canvas.blurred(SCORE_BLUR_PX)
     noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
@@ -215,7 +239,12 @@ def explained(shading: Shading, canvas: Canvas) -> float:
 
 
 def photo_likeness(
-    q: Array, t: Array, faces: Faces, canvas: Canvas, camera: CameraIntrinsics
+    q: Array,
+    t: Array,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    sun: Optional[Sunlight] = None,
 ) -> Tuple[float, float]:
     """How the drawn craft looks like the picture where it covers it, clutter beside it left out.
 
@@ -224,11 +253,10 @@ def photo_likeness(
     Correlation of the two there, -1..1, and how much better the drawn craft explains these pixels than the
     background alone, 1 at most. Both are zero where next to nothing is covered.
     """
-    R = quat.matrix(q)
-    seen = draw_faces(faces, faces.order(-R.T @ t), camera, R, t, canvas)
-    picture = shade(faces, seen, canvas).picture
+    shading = photo_draw(q, t, faces, canvas, camera, sun)
+    picture = shading.picture
     h, w = canvas.gray.shape
-    cover = cv2.resize((seen > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    cover = cv2.resize((shading.seen > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
     on = blurred(cover, 1.0) > COVERED
     drawn = blurred(picture, float(np.hypot(SCORE_BLUR_PX, OPTICS_PX / canvas.factor)))
     drawn = canvas.response.of(drawn)[0][on].astype(float)

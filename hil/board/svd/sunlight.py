@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Optional, Tuple
+from typing import TYPE_CHECKING, List, Tuple
 
 import numpy as np
 
@@ -33,8 +33,8 @@ SPREAD, BOUND = 0.15, 4.0
 # The Sun behind the craft lights nothing that is seen: least cosine between it and the way to the camera.
 BEHIND = -0.6
 
-# Shadows are drawn where they leave less than this share of what levels alone leave unexplained.
-WORTH = 0.9
+# Least angle between two directions that are both proposed: cosine.
+APART = float(np.cos(np.radians(15.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,24 +139,33 @@ class SunTable:
         )
 
     def find(
-        self, faces: Faces, shading: Shading, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
-    ) -> Optional[Sunlight]:
-        """The Sun whose shadows explain the picture best, None where they explain little.
+        self,
+        faces: Faces,
+        shading: Shading,
+        canvas: Canvas,
+        camera: CameraIntrinsics,
+        R: Array,
+        t: Array,
+        number: int = 1,
+        pixels: int = PIXELS,
+    ) -> List[Array]:
+        """Directions (3,) of the Sun, target frame, whose shadows explain the picture best, the best first.
 
         Each group of faces has one brightness in light and one in shadow, both from the picture, so nothing
         is asked of materials; what tells directions apart is the shape of the shadows alone.
 
         Parameters
         ----------
-        shading : drawn at the pose ``R``, ``t``. camera : a pinhole.
+        shading : drawn at the pose ``R``, ``t``. camera : a pinhole. number : directions at most; none where too
+            little of the craft is seen. pixels : looked at, at most.
         """
         f, wide = canvas.fine, shading.seen.shape[1]
         y, x = np.nonzero(shading.area[shading.centre] * (shading.centre > 0) > 0)
-        if len(y) > PIXELS:
-            some = np.linspace(0, len(y) - 1, PIXELS).astype(int)
+        if len(y) > pixels:
+            some = np.linspace(0, len(y) - 1, pixels).astype(int)
             y, x = y[some], x[some]
         if len(y) < 40:
-            return None
+            return []
         where = (y * f + f // 2) * wide + x * f + f // 2
         face, u, v, z = rays_to_faces(faces, shading.seen, where, canvas, camera, R, t)
         X = (np.stack([u * z, v * z, z], axis=-1) - t) @ R
@@ -167,11 +176,14 @@ class SunTable:
         dim = max(2.0 * canvas.full / 255.0, canvas.sigma)
         value = np.sqrt(np.maximum(canvas.gray[y, x] - float(np.min(canvas.gray)), 0.0) + dim)
         own = np.unique(faces.group[face], return_inverse=True)[1].ravel()
-        everywhere = _cost(value, own, np.concatenate([lit, np.ones((1, len(own)), bool)]))
-        best = int(np.argmin(everywhere[:-1]))
-        if everywhere[best] > WORTH * everywhere[-1]:
-            return None
-        return Sunlight.of(faces, self.directions[some[best]])
+        out: List[Array] = []
+        for k in np.argsort(_cost(value, own, lit)):
+            direction = self.directions[some[k]]
+            if all(direction @ better < APART for better in out):
+                out.append(direction)
+            if len(out) >= number:
+                break
+        return out
 
     def _lit(self, faces: Faces, face: Array, X: Array, some: Array) -> Array:
         """(S, P) bool: whether points ``X`` (P, 3) on faces (P,) are in the light of the directions ``some``."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import List, Optional, Sequence, Tuple
+from dataclasses import dataclass, replace
+from typing import List, Optional, Tuple
 
 import numpy as np
 
 from hil.board.svd import quaternion as quat
-from hil.board.svd.canvas import craft_box, make_canvas, pinhole_box
+from hil.board.svd.canvas import Box, craft_box, make_canvas, pinhole_box
 from hil.board.svd.confidence import Evidence
 from hil.board.svd.course import (
     SPREAD_RAD,
@@ -20,6 +20,7 @@ from hil.board.svd.course import (
     faces_of,
     leaning,
     spread_out,
+    with_shadows,
 )
 from hil.board.svd.distinct import alternatives, differs
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
@@ -34,6 +35,7 @@ from hil.board.svd.photometric import (
 from hil.board.svd.score import support
 from hil.board.svd.search import MARGIN, twins
 from hil.board.svd.shade import Canvas
+from hil.board.svd.shadowed import shadowed
 from hil.board.svd.sunlight import Sunlight
 
 Array = np.ndarray
@@ -42,7 +44,10 @@ Array = np.ndarray
 LOOKED_AT, LEADERS = 24, 4
 
 # The same where those did not settle it, with how many go to the end: all that were found.
-ALL_LEADERS, ALL_FINALISTS, ALL_FINALS, ALL_FINAL_LEAD = 16, 5, 4, 0.75
+ALL_LEADERS, ALL_FINALISTS, ALL_FINALS, ALL_FINAL_LEAD = 6, 4, 3, 0.75
+
+# Of a region's own edges so many are looked at with shadows; how much of a pose another one covers at the same place.
+LIT_OF_EDGES, SAME_PLACE = 8, 0.5
 
 # What a unit of the first look's log-likelihood counts against the score.
 LIKELY_WEIGHT = 0.01
@@ -87,30 +92,52 @@ LEANING_LEFT = (Left(-9.0, 0.0), Left(-9.0, 0.03), Left(-9.0, 0.05), *SMALL_LEFT
 LOOK_MARGIN = 0.1
 
 
+@dataclass(frozen=True, eq=False)
+class End:
+    """Where an alignment ends.
+
+    Parameters
+    ----------
+    fit : the pose. score : how well the craft drawn there explains the picture, with the shadows of ``sun``.
+    began : the same where the alignment began.
+    """
+
+    fit: PhotoFit
+    score: float
+    sun: Optional[Sunlight]
+    began: float
+
+
 def align_leaders(
-    craft: Craft, frame: Frame, found: List[Candidate], keep: int, known: Sequence[Ranked] = ()
+    craft: Craft, frame: Frame, found: List[Candidate], keep: int, *, shadows: bool = False
 ) -> List[Ranked]:
     """The candidates of each region that look best, aligned on a small picture of it; the best first.
 
     Parameters
     ----------
     found : candidates of every region, best first. keep : aligned of each region at most.
-    known : what an earlier call returned; candidates near where those started are not aligned again.
+    shadows : draw them with the shadows that the picture wants; of a region's own edges few are looked at then.
     """
     ranked: List[Ranked] = []
     # edges of one region say nothing of another's: each sends its own leaders
     for region in dict.fromkeys(c.region for c in found):
-        own = [c for c in found if c.region == region][:LOOKED_AT]
-        margin = LOOK_MARGIN if region.source == "look" else MARGIN
+        looked = region.source == "look"
+        own = [c for c in found if c.region == region]
+        own = own[: LIT_OF_EDGES if shadows and not looked else LOOKED_AT]
+        margin = LOOK_MARGIN if looked else MARGIN
         height, width = frame.image.shape
-        textured = region.source == "look" and frame.background < 0
+        textured = looked and frame.background < 0
         longest, blurs = (TEXTURED_PX, TEXTURED_BLURS) if textured else (FIRST_PX, FIRST_BLURS)
         box = pinhole_box(craft.camera, region.grown(margin, width, height))
         small = make_canvas(craft, frame, box, longest)
         courses = [begin(craft, small, c) for c in own]
+        if shadows:
+            courses = [with_shadows(craft, small, c) for c in courses]
         courses.sort(key=lambda c: -c.score - LIKELY_WEIGHT * c.start.likely)
-        before = [r.start for r in known if r.start.region == region]
-        ranked += align_together(craft, small, spread_out(courses, keep, before), blurs, FIRST_LEFT)
+        courses = spread_out(courses, keep)
+        if not shadows:
+            courses = [with_shadows(craft, small, c) for c in courses]
+        ranked += align_together(craft, small, courses, blurs, FIRST_LEFT)
     frame.count("judged", len(ranked))
     frame.mark("picture")
     return sorted(ranked, key=lambda r: -r.score)
@@ -124,14 +151,21 @@ def choose_by_picture(
     Parameters
     ----------
     leaders : of ``align_leaders``, the best first, at least one.
-    thorough : ask more leaders, every twin, and poses leaning about the winner: a near minimum may have held it.
+    thorough : ask more leaders, every twin, and poses leaning about the winner, all with their shadows: a near
+        minimum may have held it.
     """
     c = leaders[0].candidate()
-    close = make_canvas(craft, frame, craft_box(craft, c.q, c.t), SMALL_PX)
-    others = [r.candidate() for r in apart(leaders) if r.start.region == c.region and r is not leaders[0]]
-    others = others[: ALL_FINALISTS if thorough else FINALISTS]
-    first = begin(craft, close, c)
-    courses = [first, *(begin(craft, close, o) for o in others)]
+    box = craft_box(craft, c.q, c.t)
+    others = [r.candidate() for r in apart(leaders) if r is not leaders[0]]
+    if thorough:
+        others = [o for o in others if _overlap(box, craft_box(craft, o.q, o.t)) > SAME_PLACE][:ALL_FINALISTS]
+        boxes = np.array([box, *(craft_box(craft, o.q, o.t) for o in others)])
+        (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+        box = int(x0), int(y0), int(x1), int(y1)
+    else:
+        others = [o for o in others if o.region == c.region][:FINALISTS]
+    close = make_canvas(craft, frame, box, SMALL_PX)
+    courses = [begin(craft, close, o) for o in (c, *others)]
     q, t = twins(craft, [c])
     around = [
         begin(craft, close, Candidate(q[k], t[k], c.support, c.field, c.region, c.likely))
@@ -140,11 +174,13 @@ def choose_by_picture(
     ]
     # against a texture a few degrees cost a pose most of its score: there every twin is aligned
     every = thorough or frame.background < 0
-    courses += [o for o in around if every or o.score > TWIN_SHARE * first.score]
+    courses += [o for o in around if every or o.score > TWIN_SHARE * courses[0].score]
+    courses = [with_shadows(craft, close, o) for o in courses]
     ranked = align_together(craft, close, courses, SMALL_BLURS, SMALL_LEFT)
     judged = len(ranked)
     if thorough:
         about = [begin(craft, close, lean) for lean in leaning(craft, ranked[0].candidate())]
+        about = [with_shadows(craft, close, lean) for lean in about]
         ranked += align_together(craft, close, about, LEANING_BLURS, LEANING_LEFT)
         judged = len(ranked)
         ranked = apart(sorted(ranked, key=lambda r: -r.score))
@@ -152,72 +188,73 @@ def choose_by_picture(
     frame.count("judged", judged)
     frame.mark("twins")
     # poses half-way there rank by chance: the end decides
-    ends: List[Ranked] = []
-    finals: List[Tuple[PhotoFit, float]] = []
+    starts: List[Ranked] = []
+    ends: List[End] = []
     most, lead = (ALL_FINALS, ALL_FINAL_LEAD) if thorough else (FINALS, FINAL_LEAD)
     for r in ranked[:most]:
         if r.score <= lead * ranked[0].score and r is not ranked[0]:
             continue
         # a pose that nearly is another ends where that does: asked only where acceptance hangs on a hundredth
-        if ends and len(apart([*ends, r])) == len(ends) and finals[0][1] > SURE_SCORE:
+        if starts and len(apart([*starts, r])) == len(starts) and ends[0].score > SURE_SCORE:
             continue
-        ends.append(r)
-        # a second, thorough choice may come to the same again
-        known = (r.fit.q.tobytes(), r.fit.t.tobytes(), close.x0, close.y0, close.factor)
-        if known not in frame.ends:
-            frame.ends[known] = _finish(craft, frame, close, r.fit)
-        finals.append(frame.ends[known])
-    best_end = max(range(len(ends)), key=lambda k: finals[k][1])
-    fit, score = finals[best_end]
+        starts.append(r)
+        ends.append(_finish(craft, frame, close, r.fit))
+    winner = max(range(len(ends)), key=lambda k: ends[k].score)
+    end, fit = ends[winner], ends[winner].fit
     frame.mark("refine")
-    c = ends[best_end].start
+    c = starts[winner].start
     s = support(fit.q, fit.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m)
     best = Candidate(fit.q, fit.t, s, c.field, c.region, c.likely)
     poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
-    rival = max((r[2] for r in poses if differs(r[0], r[1], fit.q, fit.t)), default=0.0)
-    margin = ends[best_end].score - max(rival, 0.0)
+    rivals = [p for p in poses if differs(p[0], p[1], fit.q, fit.t)]
+    margin = end.began
+    if rivals:
+        rival = max(rivals, key=lambda p: p[2])
+        margin -= max(shadowed(craft, faces_of(craft), close, rival[0], rival[1]).score, 0.0)
     # two that were followed to their ends need not be far apart to be two answers
-    for end, its_score in finals:
-        if quat.angle_rad(end.q, fit.q) > OTHER_END_RAD:
-            margin = min(margin, score - its_score)
-    evidence = picture_evidence(craft, best, fit, score, margin)
-    likeness, covered = photo_likeness(fit.q, fit.t, faces_of(craft), close, craft.camera.pinhole)
+    for other in ends:
+        if quat.angle_rad(other.fit.q, fit.q) > OTHER_END_RAD:
+            margin = min(margin, end.score - other.score)
+    evidence = picture_evidence(craft, best, fit, end.score, margin)
+    faces, camera = faces_of(craft), craft.camera.pinhole
+    likeness, covered = photo_likeness(fit.q, fit.t, faces, close, camera, end.sun)
     evidence = replace(evidence, likeness=likeness, covered=covered)
     frame.mark("verify")
     return best, fit, evidence, alternatives(poses, fit.q, fit.t)
 
 
-def _finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> Tuple[PhotoFit, float]:
-    """A pose aligned to the end, with the shadows the craft casts on itself, and its score."""
+def _overlap(a: Box, b: Box) -> float:
+    """Area two boxes share over that of the smaller one."""
+    wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+    least = min((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (a, b))
+    return max(wide, 0) * max(high, 0) / max(least, 1)
+
+
+def _finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> End:
+    """A pose aligned to the end, with the shadows the craft casts on itself."""
     canvas = make_canvas(craft, frame, craft_box(craft, start.q, start.t), FINAL_PX)
     # drawn as large as it is only once it is there: from afar what is thin and bright attracts more as it was
     exact = replace(canvas, clipped=frame.clipped, exact=True)
-    fit, score = start, -np.inf
+    faces, camera = faces_of(craft), craft.camera.pinhole
+    best = None
     blurs: Tuple[float, ...] = FINAL_BLURS
+    before, began = start, 0.0
     for _ in range(ROUNDS):
-        before = fit
-        sun = _sun(craft, close, before)
-        near = _stepped(craft, canvas, before, sun, blurs)
-        end = _stepped(craft, exact, near, sun, LAST_BLURS)
-        after = _score(craft, close, end.q, end.t)
-        if after < score - NO_WORSE:
+        here = shadowed(craft, faces, close, before.q, before.t)
+        began = here.score if best is None else began
+        near = _stepped(craft, canvas, before, here.sun, blurs)
+        fit = _stepped(craft, exact, near, here.sun, LAST_BLURS)
+        score = photo_score(fit.q, fit.t, faces, close, camera, here.sun)
+        if best is not None and score < best.score - NO_WORSE:
             break
-        fit, score = end, after
+        best = End(fit, score, here.sun, began)
         moved = quat.angle_rad(before.q, fit.q)
         # shadows fall as they did where it began
         if moved < MOVED_RAD:
             break
-        blurs = FINAL_BLURS if moved > FAR_RAD else NEAR_BLURS
-    return fit, score
-
-
-def _sun(craft: Craft, canvas: Canvas, fit: PhotoFit) -> Optional[Sunlight]:
-    """Where the Sun stands by the shadows on the picture, if the craft stands there."""
-    if craft.suns is None:
-        return None
-    faces, camera = faces_of(craft), craft.camera.pinhole
-    shading = photo_draw(fit.q, fit.t, faces, canvas, camera)
-    return craft.suns.find(faces, shading, canvas, camera, quat.matrix(fit.q), fit.t)
+        before, blurs = fit, FINAL_BLURS if moved > FAR_RAD else NEAR_BLURS
+    assert best is not None  # noqa: S101 - the first round always ends somewhere
+    return best
 
 
 def _stepped(
@@ -232,10 +269,6 @@ def _stepped(
             break
         fit = step
     return fit
-
-
-def _score(craft: Craft, canvas: Canvas, q: Array, t: Array) -> float:
-    return photo_score(q, t, faces_of(craft), canvas, craft.camera.pinhole)
 
 
 def picture_evidence(craft: Craft, best: Candidate, fit: PhotoFit, score: float, margin: float) -> Evidence:
