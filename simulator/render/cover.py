@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 CELL_PX = 8
 _MASK_PX = 2  # of the picture that the hulls are filled into
+_FOUR_BYTES = np.uint32  # a cell's row there
 _SHIFT = 4  # bits of a corner's fraction there
 _FARTHEST = 1 << 14  # OpenCV's corners must fit in whole numbers with the fraction's bits to spare
 
@@ -41,7 +42,7 @@ def hulls_cover(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> Floa
     mask = np.zeros((rows * step + 2, columns * step + 2), np.uint8)
     # mask pixel (1, 1) is the mean of image pixels x0 and x0 + 1
     origin = np.array([rect.x0, rect.y0]) + 0.5 * (_MASK_PX - 1) - _MASK_PX
-    at = np.clip((points_px - origin) / _MASK_PX, -_FARTHEST, _FARTHEST)
+    at = np.minimum(np.maximum((points_px - origin) / _MASK_PX, -_FARTHEST), _FARTHEST)
     fixed = np.rint(at * (1 << _SHIFT)).astype(np.int32)
     ends = [0, *parts.tolist(), len(fixed)]
     for start, end in itertools.pairwise(ends):
@@ -49,10 +50,13 @@ def hulls_cover(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> Floa
     # a pixel whose corner is touched counts, and OpenCV's fill leaves out what it touches by less than half
     cv2.dilate(mask, np.ones((3, 3), np.uint8), dst=mask)
     inner = mask[1:-1, 1:-1].reshape(rows, step, -1).max(axis=1)  # one axis after the other is quicker
-    return _centers(inner.reshape(rows, columns, step).max(axis=2) > 0, rect)
+    return _centers(inner.view(_FOUR_BYTES) != 0, rect)
 
 
 def _centers(cells: BoolArray, rect: PixelRect) -> FloatArray:
     row, column = np.nonzero(cells)
     middle = (CELL_PX - 1) / 2
-    return np.stack([column, row], axis=1) * CELL_PX + [rect.x0 + middle, rect.y0 + middle]
+    centers = np.empty((len(row), 2))
+    centers[:, 0] = column * CELL_PX + (rect.x0 + middle)
+    centers[:, 1] = row * CELL_PX + (rect.y0 + middle)
+    return centers

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.skylight import spiral
+from simulator.render.skylight import axes_about, spiral
 from simulator.render.transfer import RETURNED_STEP, baked_transfer, harmonics
 from simulator.scene.bands import reflectance
 
@@ -34,9 +34,9 @@ class AtlasTextures:
         self._made = made
         size = mesh.charts.size_px
         bands = len(made.returned)
-        self._image = np.zeros((size[0] * size[1], bands), np.float16)
+        self._image = np.zeros((size[0] * size[1], bands), np.float32)
         self.visibility = context.texture(size, 4, made.visibility.tobytes(), alignment=1)
-        self.returned = context.texture(size, bands, dtype="f2", alignment=1)
+        self.returned = context.texture(size, bands, dtype="f4", alignment=1)
         for texture in (self.visibility, self.returned):
             texture.filter = (context.LINEAR, context.LINEAR)
             texture.repeat_x = texture.repeat_y = False
@@ -58,8 +58,8 @@ class AtlasTextures:
             if sun[band] > 0:
                 for row, share in zip(rows, sun[band] * RETURNED_STEP * shares, strict=True):
                     light += np.float32(share) * table[row]
-            self._image[:, band] = np.maximum(light, 0)
-        self.returned.write(self._image.tobytes(), alignment=1)
+            np.maximum(light, 0, out=self._image[:, band])
+        self.returned.write(self._image, alignment=1)
 
     def release(self) -> None:
         """Free the textures."""
@@ -113,11 +113,8 @@ def sky_harmonics(sky: SkyLight, R_camera_from_target: FloatArray) -> FloatArray
     """(n, 9) coefficients of the sky's radiance in `transfer.harmonics`, target frame."""
     lowest = max(sky.disc_cosine, -1.0)
     cap = spiral(_SKY_SAMPLES, lowest)
-    z = np.asarray(sky.axis, float)
-    x = np.cross(z, [0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0])
-    x /= np.linalg.norm(x)
-    d = cap @ np.stack([x, np.cross(z, x), z])
+    d = cap @ axes_about(sky.axis)
     linear = sky.radiance_w_m2_sr
-    radiance = np.clip(d @ linear[:, :3].T + linear[:, 3], 0, None)
+    radiance = np.maximum(d @ linear[:, :3].T + linear[:, 3], 0)
     solid_angle = 2 * np.pi * max(1 - lowest, 0.0) / _SKY_SAMPLES
     return np.asarray(radiance.T @ harmonics(d @ R_camera_from_target) * solid_angle)

@@ -31,6 +31,7 @@ ICE_ALBEDO = 0.55  # of the pack, as it is drawn: floes, leads and ponds
 _MAP_SIZE = (128, 64)
 _SAMPLES = 256
 _PLATES = 96
+_GRADIENT = np.arange(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,27 +57,54 @@ def basis(directions: FloatArray, axis: FloatArray) -> FloatArray:
     """(..., 10) the polynomials of `SkyLight.irradiance_w_m2`."""
     d = np.asarray(directions, float)
     x, y, z = np.moveaxis(d, -1, 0)
-    c2 = (d @ axis) ** 2
-    fourth = (35 * c2 * c2 - 30 * c2 + 3) / 8
     return np.stack(
-        [np.ones_like(x), x, y, z, x * y, y * z, z * x, 3 * z * z - 1, x * x - y * y, fourth], axis=-1
+        [np.ones_like(x), x, y, z, x * y, y * z, z * x, 3 * z * z - 1, x * x - y * y, _fourth(d @ axis)],
+        axis=-1,
     )
+
+
+def _fourth(cosine: FloatArray) -> FloatArray:
+    """Fourth Legendre polynomial."""
+    c2 = cosine * cosine
+    return np.asarray((35 * c2 * c2 - 30 * c2 + 3) / 8)
 
 
 def spiral(count: int, lowest_cosine: float = -1.0) -> FloatArray:
     """(count, 3) directions even in solid angle over a cap about +z."""
+    share, around = _turns(count)
+    c = 1 - share * (1 - lowest_cosine)
+    s = np.sqrt(np.maximum(1 - c * c, 0))
+    directions = np.empty((count, 3))
+    directions[:, 0], directions[:, 1], directions[:, 2] = s * around[0], s * around[1], c
+    return directions
+
+
+@lru_cache(maxsize=16)
+def _turns(count: int) -> tuple[FloatArray, FloatArray]:
+    """Of the points of a spiral: the share of the cap above each, and the cosine and sine of its turn."""
     k = np.arange(count) + 0.5
-    c = 1 - k / count * (1 - lowest_cosine)
-    s, turn = np.sqrt(np.clip(1 - c * c, 0, None)), k * np.pi * (3 - np.sqrt(5))
-    return np.stack([s * np.cos(turn), s * np.sin(turn), c], axis=1)
+    turn = k * np.pi * (3 - np.sqrt(5))
+    return k / count, np.stack([np.cos(turn), np.sin(turn)])
+
+
+def axes_about(z: FloatArray) -> FloatArray:
+    """(3, 3) rows: two unit vectors across a third one, which is the last."""
+    # by numbers: numpy takes longer for one cross product than for all else of a frame's light
+    a, b, c = (float(v) for v in z)
+    x, y, w = (b, -a, 0.0) if abs(c) < 0.9 else (0.0, c, -b)
+    length = (x * x + y * y + w * w) ** 0.5
+    x, y, w = x / length, y / length, w / length
+    return np.array([[x, y, w], [b * w - c * y, c * x - a * w, a * y - b * x], [a, b, c]])
 
 
 _NORMALS = spiral(_PLATES)
+_DESIGN = basis(_NORMALS, np.array([0.0, 0.0, 1.0]))  # its last column is the axis's
 
 
 def _fitted(axis: FloatArray, irradiance: FloatArray) -> FloatArray:
     """(10, n) coefficients, least squares, of the irradiance (P, n) of plates of the normals ``_NORMALS``."""
-    design = basis(_NORMALS, axis)
+    design = _DESIGN.copy()
+    design[:, 9] = _fourth(_NORMALS @ axis)
     return np.asarray(np.linalg.solve(design.T @ design, design.T @ irradiance), float)
 
 
@@ -104,10 +132,12 @@ def light_of_samples(
     ----------
     directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1].
     """
-    falling = np.clip(_NORMALS @ directions.T, 0, None) @ radiance * solid_angle_sr
-    design = np.column_stack([directions, np.ones(len(directions))])
+    falling = np.maximum(_NORMALS @ directions.T, 0) @ radiance * solid_angle_sr
+    design = np.ones((len(directions), 4))
+    design[:, :3] = directions
     # a little weight on the gradient: a small or evenly lit disc leaves it undetermined
-    normal_equations = design.T @ design + 1e-4 * len(directions) * np.diag([1, 1, 1, 0])
+    normal_equations = design.T @ design
+    normal_equations[_GRADIENT, _GRADIENT] += 1e-4 * len(directions)
     linear = np.linalg.solve(normal_equations, design.T @ radiance)
     return SkyLight(_fitted(axis, falling), np.asarray(linear.T, float), disc_cosine, axis)
 
@@ -130,17 +160,20 @@ def earth_light(
     sine = min(EARTH_RADIUS_M / distance, 1.0)
     rim = float(np.sqrt(1 - sine * sine))
     zenith = r_target_itrs_m / distance
-    east = np.cross(zenith, [0.0, 0.0, 1.0] if abs(zenith[2]) < 0.9 else [1.0, 0.0, 0.0])
-    east = east / np.linalg.norm(east)
     cap = spiral(_SAMPLES, rim)
-    rays = cap @ np.stack([east, np.cross(zenith, east), -zenith])
     c = cap[:, 2]
-    along = distance * c - np.sqrt(np.clip(EARTH_RADIUS_M**2 - distance**2 * (1 - c * c), 0, None))
-    ground = (r_target_itrs_m + along[:, None] * rays) / EARTH_RADIUS_M
+    # in Earth's radii
+    above = distance / EARTH_RADIUS_M
+    along = above * c - np.sqrt(np.maximum(1 - above**2 * (1 - c * c), 0))
+    axes = axes_about(zenith)
+    axes[2] = -zenith
+    rays = cap @ axes
+    ground = above * zenith + along[:, None] * rays
     height, width = albedo.shape
-    row = np.clip((0.5 - np.arcsin(np.clip(ground[:, 2], -1, 1)) / np.pi) * height, 0, height - 1).astype(int)
+    latitude = np.arcsin(np.minimum(np.maximum(ground[:, 2], -1), 1))
+    row = np.minimum((0.5 - latitude / np.pi) * height, height - 1).astype(int)
     column = ((np.arctan2(ground[:, 1], ground[:, 0]) / (2 * np.pi) + 0.5) * width).astype(int) % width
-    light = albedo[row, column] / np.pi * np.clip(ground @ sun_itrs, 0, None)
+    light = albedo[row, column] / np.pi * np.maximum(ground @ sun_itrs, 0)
     solid_angle = 2 * np.pi * (1 - rim) / _SAMPLES
     return light_of_samples(
         rays @ R_camera_from_itrs.T, light[:, None] * sun_w_m2, solid_angle, rim, -R_camera_from_itrs @ zenith
