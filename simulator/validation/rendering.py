@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from simulator.errors import UserError
 from simulator.files import write_atomic
 from simulator.render.renderer import Renderer
-from simulator.validation import rendering_craft, rendering_earth
+from simulator.validation import rendering_craft, rendering_earth, rendering_sky
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,6 +23,7 @@ PAGE = Path("docs/validation/rendering.md")
 Part = tuple[str, "Callable[[Renderer], list[Row]]", str]
 PARTS: tuple[Part, ...] = (
     ("Earth, air, Moon, Sun and stars", rendering_earth.rows, rendering_earth.NOTES),
+    ("Limb, star, penumbra, moonlight", rendering_sky.rows, rendering_sky.NOTES),
     ("The spacecraft", rendering_craft.rows, rendering_craft.NOTES),
 )
 
