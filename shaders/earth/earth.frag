@@ -2,7 +2,7 @@
 // Space: Earth-fixed axes, the polar one stretched so that the WGS84 ellipsoid is the unit sphere.
 // SMOOTH: the cell is all ground, away from limb and poles. COVERED: the target may be in front. MOON: the Moon may.
 // FOURS: a fragment is two by two pixels of a smooth cell; MAGNIFIED: the map's texels are wider
-// than six pixels, so that the map is a plane over the four.
+// than six pixels, so that what is read from it is a plane over the four.
 #include "atmosphere/air.glsl"
 #include "earth/geometry.glsl"
 #include "earth/aerial.glsl"
@@ -34,23 +34,30 @@ GroundPoint ground_at(vec2 x) {
 }
 #endif
 uniform sampler2D t_coverage;
+uniform sampler2D t_radiance; // FOURS, COVERED: what the target sends there
 layout(location = 0) out vec4 out_radiance; // FOURS: of the upper left, upper right, lower left, lower right pixel
 
 #if FOURS
+#define PIXEL(image, i, j) textureLod(image, (2.0 * gl_FragCoord.xy + vec2(i, j) - 0.5) / vec2(textureSize(image, 0)), 0.0).x
+#define FOUR(image) vec4(PIXEL(image, 0, 0), PIXEL(image, 1, 0), PIXEL(image, 0, 1), PIXEL(image, 1, 1))
+
 void main() {
-#if COVERED
-    ivec2 first = 2 * ivec2(gl_FragCoord.xy);
-#define OPEN(i, j) (1.0 - texelFetch(t_coverage, first + ivec2(i, j), 0).x)
-    vec4 open = vec4(OPEN(0, 0), OPEN(1, 0), OPEN(0, 1), OPEN(1, 1));
-    if (max(max(open.x, open.y), max(open.z, open.w)) <= 0.0) discard;
-#endif
     vec2 x = (2.0 * gl_FragCoord.xy - v_middle.xy) * v_middle.z;
     float step_x = 0.5 * v_middle.z; // from the middle of the four to the middle of one
     GroundPoint middle = ground_at(x);
     Waters waters = waters_at(middle);
-#if MAGNIFIED
-    // neighbours share their slope, so that the map goes on without a step
-    vec4 map = ground_map(middle), map_x = 0.25 * dFdx(map), map_y = 0.25 * dFdy(map);
+#if MAGNIFIED && !HIGH
+    vec4 map = ground_map(middle);
+    Surface surface = surface_at(middle, map, middle.uv, waters);
+    vec2 place = detail_place(middle, map);
+    // neighbours share their slopes, so that what changes goes on without a step
+#define SLOPE(type, value, name) type name##_x = 0.25 * dFdx(value), name##_y = 0.25 * dFdy(value);
+    SLOPE(vec2, place, place)
+    SLOPE(color, surface.land, land)
+    SLOPE(float, surface.shore, shore)
+    SLOPE(float, surface.cover, cover)
+    SLOPE(float, surface.lit, lit)
+#define ALONG(value, name) (value + side.x * name##_x + side.y * name##_y)
 #endif
     for (int k = 0; k < 4; ++k) {
         vec2 side = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
@@ -61,22 +68,27 @@ void main() {
         g.rough = middle.rough;
         g.tone = middle.tone;
         g.lamps = middle.lamps;
-#if MAGNIFIED
+#if MAGNIFIED && !HIGH
+        Surface s = surface;
         // where a texel begins, its neighbour's slope may lead below darkness
-        out_radiance[k] = surface_radiance(g, clamp(map + side.x * map_x + side.y * map_y, 0.0, 1.0), waters);
+        s.land = max(ALONG(surface.land, land), 0.0);
+        s.shore = ALONG(surface.shore, shore);
+        s.cover = max(ALONG(surface.cover, cover), 0.0);
+        s.lit = max(ALONG(surface.lit, lit), 0.0);
+        out_radiance[k] = surface_radiance(g, s, waters, detail_at(g, ALONG(place, place)));
 #else
-        out_radiance[k] = surface_radiance(g, ground_map(g), waters);
+        out_radiance[k] = ground_radiance(g, waters);
 #endif
     }
 #if COVERED
-    out_radiance *= open;
+    out_radiance = FOUR(t_radiance) + (1.0 - FOUR(t_coverage)) * out_radiance;
 #endif
 }
 #else
 void main() {
     float open = 1.0;
 #if COVERED
-    open -= texelFetch(t_coverage, ivec2(gl_FragCoord.xy), 0).x;
+    open -= textureLod(t_coverage, gl_FragCoord.xy / vec2(textureSize(t_coverage, 0)), 0.0).x;
     if (open <= 0.0) discard;
 #endif
 #if MOON
@@ -85,7 +97,7 @@ void main() {
 #if SMOOTH
     vec2 x = (gl_FragCoord.xy - v_middle.xy) * v_middle.z;
     GroundPoint g = ground_at(x);
-    color radiance = surface_radiance(g, ground_map(g), waters_at(g));
+    color radiance = ground_radiance(g, waters_at(g));
 #else
     EarthRay ray = earth_ray(gl_FragCoord.xy - 0.5);
     if (ray.away || ray.perigee2 > u_earth_limits.y) discard;
@@ -93,7 +105,7 @@ void main() {
     color radiance = color(0.0);
     if (share > 0.0) {
         GroundPoint g = ground_point(ray);
-        radiance = share * surface_radiance(g, ground_map(g), waters_at(g));
+        radiance = share * ground_radiance(g, waters_at(g));
     }
     if (share < 1.0) radiance += (1.0 - share) * air_radiance(ray);
 #endif

@@ -56,37 +56,37 @@ Waters waters_at(GroundPoint g) {
 
 vec4 ground_map(GroundPoint g) { return textureLod(t_map, g.uv, MAP_LEVEL); }
 
-// Radiance that a ground point sends to the camera [W m-2 sr-1]; map: of t_map there.
-color surface_radiance(GroundPoint g, vec4 map, Waters waters) {
-#if HIGH
-    vec4 detail = textureLod(t_detail, g.plane + g.lift, DETAIL_LEVEL);
-    vec4 under = textureLod(t_detail, g.plane, DETAIL_LEVEL);
-#else
-    // one look-up serves both: on the ground under a clear sky, at the clouds' height where they hide it
-    vec4 detail = textureLod(t_detail, g.plane + g.lift * (float(CLOUDS) * clamp(2.0 * map.y, 0.0, 1.0)), DETAIL_LEVEL);
-    vec4 under = detail;
-#endif
-    float puff = detail.x; // of cloud
-    float rise = dot(detail.yz - 0.5, g.toward); // of the puff towards the Sun, per km of height
+// The detail at the clouds' height and on the ground. HIGH looks up both; else one look-up serves for both: on the ground
+// under a clear sky, at the clouds' height where they hide it.
+struct Detail { vec4 cloud, ground; };
+vec2 detail_place(GroundPoint g, vec4 map) { return g.plane + g.lift * (float(CLOUDS) * clamp(2.0 * map.y, 0.0, 1.0)); }
+Detail detail_at(GroundPoint g, vec2 place) {
+    vec4 both = textureLod(t_detail, place, DETAIL_LEVEL);
+    return Detail(both, both);
+}
 
-    float hill = dot(under.yz - 0.5, g.toward);  // the same of the ground
+// What of a surface hardly changes within two by two pixels: how it follows the detail's channels.
+struct Surface {
+    color land;    // mean reflectance of the land
+    color patchy;  // change of the land's with the detail's last channel, over it
+    float hilly;   // and with the rise towards the Sun [km]
+    float shore;   // 0.5 plus the distance inland from the mean coast [px]
+    float wriggle; // change of that with the detail's first channel
+    color sea;     // reflectance of the open sea
+    color waves;   // its change with the detail's first channel
+    float cover;   // share of the ground under cloud
+    float scale;   // of clouds: one over half the width of their edges
+    float lit;     // root of the light of lamps over that of a city's brightest texels
+};
 
-    // land and sea; the coast wriggles below the map's texels
-    float coast_km = map.w * COAST_KM_PER_UNIT + (under.x * 3.0 - (1.5 + 128.0 / 255.0 * COAST_KM_PER_UNIT));
-    float land = clamp(coast_km * g.sharp + 0.5, 0.0, 1.0);
-#if HIGH
-    // fields, woods and towns end raggedly and not as the map's texels blur them: it is read up to WARP_KM aside
-    vec2 aside = (under.xw - 0.5) * WARP_KM * vec2(1.0 / max(sin(PI * g.uv.y), 0.05), 2.0) / (2.0 * PI * EARTH_KM);
-    map.xz = textureLod(t_map, g.uv + aside, MAP_LEVEL).xz;
-#define LAND_UV (g.uv + aside)
-#else
-#define LAND_UV g.uv
-#endif
+// map: of t_map at the ground point; land_uv: of the maps where the land is read.
+Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
+    Surface s;
 #if BANDS == 1
-#define LAND_ROOT(level) textureLod(t_map, LAND_UV, level).x
+#define LAND_ROOT(level) textureLod(t_map, land_uv, level).x
     color root = map.x;
 #else
-#define LAND_ROOT(level) textureLod(t_colour, LAND_UV, level).xyz
+#define LAND_ROOT(level) textureLod(t_colour, land_uv, level).xyz
     color root = LAND_ROOT(MAP_LEVEL);
 #endif
 #if HIGH
@@ -94,15 +94,43 @@ color surface_radiance(GroundPoint g, vec4 map, Waters waters) {
     root = max(root + SHARPEN * (root - LAND_ROOT(max(MAP_LEVEL, 0.0) + 2.0)), 0.3 * root);
 #endif
     color reflectance = root * root;
-    // patches, and hills that turn to and from the Sun
     // deserts and snow are even: what grows patchily elsewhere does not grow there
 #if BANDS == 1
-    float patchy = GRAIN - clamp(2.2 * reflectance - 0.27, 0.0, 0.45);
+    s.patchy = GRAIN - clamp(2.2 * reflectance - 0.27, 0.0, 0.45);
 #else
     // what is brighter is yellower: fields beside woods
-    vec3 patchy = (GRAIN - clamp(2.2 * reflectance.x - 0.27, 0.0, 0.45)) * vec3(1.25, 1.0, 0.7);
+    s.patchy = (GRAIN - clamp(2.2 * reflectance.x - 0.27, 0.0, 0.45)) * vec3(1.25, 1.0, 0.7);
 #endif
-    reflectance *= g.tone * (1.0 + patchy * (under.w - 0.5) - clamp(2.2 * hill * g.rough, -0.6, 0.6));
+    s.land = reflectance * g.tone;
+    s.hilly = 2.2 * g.rough;
+    // the coast wriggles below the map's texels
+    s.wriggle = 3.0 * g.sharp;
+    s.shore = (map.w * COAST_KM_PER_UNIT - (1.5 + 128.0 / 255.0 * COAST_KM_PER_UNIT)) * g.sharp + 0.5;
+    color sea = SEA;
+#if SHOALS
+    sea += waters.shoal;
+#endif
+    s.sea = 0.85 * sea;
+    s.waves = 0.3 * sea; // plankton and wind
+#if GLINT && !HIGH
+    s.sea += 0.9 * g.glint;
+    s.waves += 0.2 * g.glint; // cat's paws
+#endif
+    // the map is a cover: the detail, whose histogram is even, is cut where just that share remains
+    s.cover = clamp(map.y * 1.15 - 0.05, 0.0, 1.0);
+    s.scale = 1.0 / (0.14 + 0.30 * s.cover);
+    s.lit = map.z;
+    return s;
+}
+
+// Radiance that a ground point sends to the camera [W m-2 sr-1].
+color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
+    vec4 under = detail.ground;
+    float puff = detail.cloud.x;
+    // of the puff and of the ground towards the Sun, per km of height
+    float rise = dot(detail.cloud.yz - 0.5, g.toward), hill = dot(under.yz - 0.5, g.toward);
+    // land: patches, and hills that turn to and from the Sun
+    color reflectance = s.land * (1.0 + s.patchy * (under.w - 0.5) - clamp(hill * s.hilly, -0.6, 0.6));
 #if HIGH
     // bare rock and wadis, the finer half of the relief: as rough as the land is
     const mat2 turn = mat2(1.84, 1.38, -1.38, 1.84);
@@ -115,20 +143,12 @@ color surface_radiance(GroundPoint g, vec4 map, Waters waters) {
     // snow is white whatever grows under it
     reflectance = mix(reflectance, vec3(dot(reflectance, vec3(1.0 / 3.0))), clamp(0.5 * g.tone.y - 1.0, 0.0, 1.0));
 #endif
-    color sea = SEA;
-#if SHOALS
-    sea += waters.shoal;
-#endif
-    sea *= 0.85 + 0.3 * under.x; // plankton and wind
-#if GLINT
-#if HIGH
+    color sea = s.sea + s.waves * under.x;
+#if GLINT && HIGH
     // wind in gusts, and slicks: calm water shines more in the middle of the glint, less around it
     float gusts = textureLod(t_detail, mat2(0.9, 0.7, -0.2, 0.25) * g.plane, DETAIL_LEVEL).x;
     float calm = 1.2 * gusts + 0.4 * under.x - 0.8; // less of the variance's logarithm
     sea += color(g.glint * exp(calm + (g.ripple + 1.0) * (1.0 - exp(calm))));
-#else
-    sea += color(g.glint * (0.9 + 0.2 * under.x)); // cat's paws
-#endif
 #endif
 #if ICE
     // floes and leads: the detail, whose histogram is even, is cut where just that share remains
@@ -140,24 +160,18 @@ color surface_radiance(GroundPoint g, vec4 map, Waters waters) {
     // where they drift apart they are young, thin or wet
     sea = mix(sea, color(FLOE * (0.62 + 0.34 * waters.ice + 0.16 * under.w)), floes);
 #endif
-    color ground = mix(sea, reflectance, land);
+    color ground = mix(sea, reflectance, clamp(s.shore + s.wriggle * under.x, 0.0, 1.0));
 #if CLOUDS
-    // the map is a cover: the detail, whose histogram is even, is cut where just that share remains
-#if HIGH
-    map.y = textureLod(t_map, g.cloud_uv, MAP_LEVEL).y;
-#endif
-    float cover = clamp(map.y * 1.15 - 0.05, 0.0, 1.0);
-    float present = min(cover * 10.0, 1.0);
-    float scale = 1.0 / (0.14 + 0.30 * cover); // one over half the width of a cloud's edge
-    float over = (puff + cover) * scale + (1.0 - 1.06 * scale); // depth of the cloud, 0 at its edge
+    float present = min(s.cover * 10.0, 1.0);
+    float over = (puff + s.cover) * s.scale + (1.0 - 1.06 * s.scale); // depth of the cloud, 0 at its edge
     float depth = max(over, 0.0);
-    depth *= depth * 0.9 * present;             // optical depth times one minus its asymmetry
-    depth = max(depth, 1.2 * cover * cover);    // the veil between the puffs
-    float cloud = depth / (1.0 + depth);        // two-stream reflectance
+    depth *= depth * 0.9 * present;                 // optical depth times one minus its asymmetry
+    depth = max(depth, 1.2 * s.cover * s.cover);    // the veil between the puffs
+    float cloud = depth / (1.0 + depth);            // two-stream reflectance
 #if !SMOOTH
     // from far away the puffs are averaged before they are cut: their mean then is a curve of the cover
     float blurred = clamp(-0.2 * log2(g.sharp) - 0.2, 0.0, 1.0);
-    cloud = mix(cloud, cover * (0.698 + cover * (0.772 - 0.738 * cover)), blurred);
+    cloud = mix(cloud, s.cover * (0.698 + s.cover * (0.772 - 0.738 * s.cover)), blurred);
 #endif
     // shadow beside the cloud: the cover a cloud's height further towards the Sun, to first order
 #if HIGH
@@ -166,19 +180,19 @@ color surface_radiance(GroundPoint g, vec4 map, Waters waters) {
 #else
     float shading = clamp(rise * CLOUD_KM, -0.25, 0.25);
 #endif
-    float shadow = clamp(0.5 * (over + shading * scale), 0.0, 1.0) * present;
 #if ONE_OPTICS
-    ground = mix(ground, color(CLOUD), cover);
+    ground = mix(ground, color(CLOUD), s.cover);
 #else
-    ground -= ground * (0.55 * shadow);
+    float shadow = clamp(0.5 * (over + shading * s.scale), 0.0, 1.0);
+    ground -= ground * (shadow * (0.55 * present));
     float relief = clamp(1.0 - RELIEF_KM * rise, 0.45, 1.35);
-    ground = mix(ground, color(CLOUD * relief * (0.72 + 0.28 * puff)), cloud);
+    ground = mix(ground, color(relief * (CLOUD * 0.72 + CLOUD * 0.28 * puff)), cloud);
 #endif
 #endif
     color radiance = ground * g.light + g.haze;
 #if NIGHT
     color lamp_tint = color(1.0);
-    float lit = map.z * map.z; // the map's levels are nearly logarithms of the light: its fourth power is drawn
+    float lit = s.lit * s.lit; // the map's levels are nearly logarithms of the light: its fourth power is drawn
     // streets along the valleys, bright crossings, dark blocks between them; nearly one on average
     float street = clamp(1.7 * under.w - 0.35, 0.0, 1.0);
     street *= street * street;
@@ -202,4 +216,21 @@ color surface_radiance(GroundPoint g, vec4 map, Waters waters) {
     radiance += lamps * lamp_tint;
 #endif
     return radiance;
+}
+
+// The same where nothing is known of the surface yet.
+color ground_radiance(GroundPoint g, Waters waters) {
+    vec4 map = ground_map(g);
+    vec2 land_uv = g.uv;
+#if HIGH
+    Detail detail = Detail(textureLod(t_detail, g.plane + g.lift, DETAIL_LEVEL), textureLod(t_detail, g.plane, DETAIL_LEVEL));
+    // fields, woods and towns end raggedly and not as the map's texels blur them: it is read up to WARP_KM aside
+    vec2 aside = (detail.ground.xw - 0.5) * WARP_KM;
+    land_uv += aside * vec2(1.0 / max(sin(PI * g.uv.y), 0.05), 2.0) / (2.0 * PI * EARTH_KM);
+    map.xz = textureLod(t_map, land_uv, MAP_LEVEL).xz;
+    map.y = textureLod(t_map, g.cloud_uv, MAP_LEVEL).y;
+#else
+    Detail detail = detail_at(g, detail_place(g, map));
+#endif
+    return surface_radiance(g, surface_at(g, map, land_uv, waters), waters, detail);
 }

@@ -80,12 +80,6 @@ class Cells:
         width, height = self.extent_px
         return 1 - len(self.others_px) * self.size_px**2 / (width * height)
 
-    @property
-    def covered_px(self) -> Float32Array:
-        """(K, 2) middles of the smooth cells that the target may be in front of."""
-        found = [centers for kind, centers in self.centers_px.items() if kind.covered and kind.smooth]
-        return np.concatenate(found) if found else np.empty((0, 2), np.float32)
-
     def covered(self) -> PixelRect | None:
         """Pixels that hold the cells that the target may be in front of."""
         found = [centers for kind, centers in self.centers_px.items() if kind.covered]

@@ -73,6 +73,20 @@ def levelled_texture(context: moderngl.Context, levels: Levelled) -> moderngl.Te
     return texture
 
 
+def single_textures(context: moderngl.Context, levels: Levelled) -> list[moderngl.Texture]:
+    """Each level as a texture of its own, from the largest on: a driver that has no level to choose is quicker."""
+    height, width = levels.image.shape[:2]
+    components = levels.image.size // (width * height)
+    textures, at, flat = [], 0, np.ascontiguousarray(levels.smaller)
+    for level, (w, h) in enumerate([(width, height), *_sizes(width, height)]):
+        data = np.ascontiguousarray(levels.image) if level == 0 else flat[at : at + w * h * components]
+        at += data.size if level else 0
+        texture = context.texture((w, h), components, data, alignment=1)
+        texture.filter = (context.LINEAR, context.LINEAR)
+        textures.append(texture)
+    return textures
+
+
 def _sizes(width: int, height: int) -> list[tuple[int, int]]:
     """Of the levels from the second on, as OpenGL counts them."""
     sizes = []

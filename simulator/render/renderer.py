@@ -287,8 +287,6 @@ class Renderer:
             and sky.cells is not None
             and sky.cells.smooth_share > LEAST_SHARE
         )
-        if fours and sky.cells is not None:
-            self._fours.run(images, sky.cells, sky.cells.covered_px)
         if sky.cells is not None:
             self._earth_pass(scene.bands).run(images, sky.cells, scene, behind=behind, fours=fours)
             clock.lap("earth.surface")

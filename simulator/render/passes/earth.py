@@ -11,7 +11,7 @@ import moderngl
 
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from simulator.render.earth_maps import AUGUST
-from simulator.render.levels import levelled, levelled_texture
+from simulator.render.levels import levelled, levelled_texture, single_textures
 from simulator.render.maps import WIDTH as MAP_WIDTH
 from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from simulator.render.passes.air import TABLE_DEFINES, AirPass
@@ -36,7 +36,17 @@ DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
 CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
 MAGNIFIED_LEVEL = -0.5  # of a cell: there the maps' texels are at least six pixels wide
-_OWN = ("t_coverage", "t_map", "t_detail", "t_relief", "t_before", "t_after", "t_ice", "t_shoals")
+_OWN = (
+    "t_coverage",
+    "t_radiance",
+    "t_map",
+    "t_detail",
+    "t_relief",
+    "t_before",
+    "t_after",
+    "t_ice",
+    "t_shoals",
+)
 _SAMPLERS = {
     1: (*_OWN, "t_air", "t_ground"),
     3: (
@@ -79,7 +89,9 @@ class EarthPass:
         self._airs: dict[float, Air] = {}
         self._names: Bands = bands
         # in the order in which they are ready
-        self._detail = levelled_texture(context, begun.detail.result())
+        self._detail_levels = begun.detail.result()
+        self._details = single_textures(context, self._detail_levels)
+        self._detail: moderngl.Texture | None = None
         self._relief = self._mapped(begun.relief.result())
         self._keep_air(begun.air.result())
         # one at a time: what is uploaded need not stay in memory until the next is
@@ -170,11 +182,6 @@ class EarthPass:
             cover are added to what is there.
         """
         environment, quality = scene.environment, scene.quality
-        # half of a trilinear fetch's cost is its second level, and a cell has one level anyway
-        smallest = (
-            self._context.LINEAR_MIPMAP_LINEAR if quality == "high" else self._context.LINEAR_MIPMAP_NEAREST
-        )
-        self._detail.filter = (smallest, self._context.LINEAR)
         # beyond the image's end: a point is dropped when its middle is outside
         width, height = cells.extent_px
         images.sky_framebuffer.viewport = (0, 0, width, height)
@@ -202,7 +209,7 @@ class EarthPass:
                 dark=cells.dark and kind.night,
             )
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
-            blend = self._context.BLEND if kind.covered else self._context.NOTHING
+            blend = self._context.BLEND if kind.covered and not in_fours else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
             # larger than life the maps have one level; a driver that need not ask is quicker
             magnified = quality != "high" and kind.smooth and kind.level <= LOG2_TEXEL_KM
@@ -211,11 +218,12 @@ class EarthPass:
                     self._context.LINEAR if magnified else self._context.LINEAR_MIPMAP_LINEAR,
                     self._context.LINEAR,
                 )
-            program.bind_textures(**textures)
+            detail_level = kind.level - math.log2(DETAIL_TEXEL_KM)
+            program.bind_textures(**textures, t_detail=self._detail_of(kind, detail_level, quality))
             program.set("u_season", month.share)
             program.set("u_extent_px", cells.extent_px)
             program.set("u_cell_px", float(cells.size_px))
-            program.set("u_level", (kind.level - LOG2_TEXEL_KM, kind.level - math.log2(DETAIL_TEXEL_KM)))
+            program.set("u_level", (kind.level - LOG2_TEXEL_KM, detail_level))
             if program not in self._arrays:
                 buffer = self._context.buffer(reserve=centers.nbytes, dynamic=True)
                 array = self._context.vertex_array(
@@ -226,6 +234,21 @@ class EarthPass:
             buffer.orphan(centers.nbytes)
             buffer.write(centers)
             array.render(vertices=len(centers))
+
+    def _detail_of(self, kind: CellKind, level: float, quality: str) -> moderngl.Texture:
+        """The detail with all its levels, or the one level that a smooth cell needs: the driver then has no choice.
+
+        Half of a trilinear look-up's cost is its second level, which the eye of the default preset does not miss.
+        """
+        if kind.smooth and quality != "high":
+            return self._details[min(max(round(level), 0), len(self._details) - 1)]
+        if self._detail is None:
+            self._detail = levelled_texture(self._context, self._detail_levels)
+        smallest = (
+            self._context.LINEAR_MIPMAP_LINEAR if quality == "high" else self._context.LINEAR_MIPMAP_NEAREST
+        )
+        self._detail.filter = (smallest, self._context.LINEAR)
+        return self._detail
 
     def _waters(self, day: str) -> dict[str, moderngl.Texture]:
         """The sea's ice of a day, and its shallows: uploaded when such water is first in view."""
@@ -238,7 +261,11 @@ class EarthPass:
         return {"t_ice": self._ice[1], "t_shoals": self._shoals}
 
     def _textures(self, images: Images, air: AirPass) -> dict[str, moderngl.Texture]:
-        textures = {"t_coverage": images.coverage, "t_map": self._maps[0], "t_detail": self._detail}
+        textures = {
+            "t_coverage": images.coverage,
+            "t_radiance": images.radiance,
+            "t_map": self._maps[0],
+        }
         if self.bands == 1:
             return textures | {"t_air": air.tables[0], "t_ground": air.ground}
         return textures | {
