@@ -83,13 +83,10 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
 // Radiance that leaves one surface towards the camera [W m-2 sr-1].
 // base: reflectance per band, metallic; surface: roughness, clear coat, its roughness, crinkle; p_m: camera frame [m].
 // geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
-// chart: place in the atlas of charts; share: of the pixel's area that the surface fills.
-// bent: 0 where the face is flat, see sun_visibility.
+// chart: place in the atlas of charts; lit: share of the Sun's disc that it sees.
 // grain: direction of the brushing, target frame; w: how much it stretches the lobe, 0..1, negative around the axis.
-color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m, vec2 chart, float share,
-            float bent) {
+color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m, vec2 chart, float lit) {
     vec3 v = -normalize(p_m);
-    float lit = sun_visibility(p_m, geometric, share, bent);
 #ifdef CRINKLE
     if (surface.w > 0.0) n = crinkled(n, p_m, surface.w);
 #endif

@@ -82,6 +82,23 @@ void main() {
 #else
 #define ADD_TEXEL(i, j)
 #endif
+#ifdef EXACT_AREAS
+    // What fills a pixel and is lit evenly is shaded once. Else each quarter of the pixel is shaded apart: what is lit, and
+    // what is open to the sky, changes between them.
+    bool quarters = differs != 0u || edge.w > 0.5;
+#if !LENS
+    // One behind another in one direction is another surface too.
+#define CAMERA_Z(k, i, j) float z##k = camera_z(textureLod(t_depth, AT(i, j), 0.0).x);
+    FOR_EACH_SAMPLE(CAMERA_Z)
+    vec3 ray = camera_ray(vec2(pixel));
+#define ALONG(k, i, j) (z##k * (ray_n + dot(across, sample_offset(ivec2(i, j)))))
+#define IN_PLANE(k, i, j) && abs(ALONG(k, i, j) - along) < thin_m
+#define LEAD_PLANE(k, i, j) along = leads == k ? ALONG(k, i, j) : along;
+#else
+#define IN_PLANE(k, i, j)
+#endif
+#define QUARTER(i, j) (int(sample_offset(ivec2(i, j)).x > 0.0) + 2 * int(sample_offset(ivec2(i, j)).y > 0.0))
+#endif
     color sum = color(0.0);
     int left = covered;
     float weight_left = weight_covered;
@@ -93,7 +110,26 @@ void main() {
         uint chart = 0u;
         ivec2 at = ivec2(0);
 #define LEAD(k, i, j) if (leader == 0u && g##k != 0u) { leader = g##k; chart = words##k.y; at = ivec2(i, j); }
+#ifdef EXACT_AREAS
+        int quarter = 0, leads = 0;
+#define LEAD_QUARTER(k, i, j) if (leader == 0u && g##k != 0u) \
+            { leader = g##k; chart = words##k.y; at = ivec2(i, j); quarter = QUARTER(i, j); leads = k; }
+        FOR_EACH_SAMPLE_OF_QUARTERS(LEAD_QUARTER)
+#if !LENS
+        // of the leader's plane from the camera, and how far off it still is the same one: normals and places are rounded
+        vec3 facing = decode_normal(vec2(normal_code(leader)));
+        vec2 across = facing.xy / u_intrinsics.xy;
+        float ray_n = dot(facing, ray), along = 0.0;
+        FOR_EACH_SAMPLE(LEAD_PLANE)
+        float thin_m = along / min(ray_n, -0.02) / u_intrinsics.x * (0.2 + 0.1 / max(-ray_n, 0.05));
+#endif
+#define GATHERS(k, i, j) && QUARTER(i, j) == quarter IN_PLANE(k, i, j)
+        bool apart = quarters;
+#else
         FOR_EACH_SAMPLE(LEAD)
+#define GATHERS(k, i, j)
+        bool apart = differs != 0u;
+#endif
         uint material = material_of(leader);
         ivec2 code = normal_code(leader);
         vec2 mean_code = vec2(code);
@@ -103,12 +139,12 @@ void main() {
 #endif
         int members = left, spread = 0;
         float weight = weight_left;
-        if (differs != 0u) {
+        if (apart) {
             ivec2 total = ivec2(0);
             members = 0;
             weight = 0.0;
 #define GATHER(k, i, j) { ivec2 c = normal_code(g##k); ivec2 d = abs(c - code); \
-            if (material_of(g##k) == material && max(d.x, d.y) < SAME_NORMAL) \
+            if (material_of(g##k) == material && max(d.x, d.y) < SAME_NORMAL GATHERS(k, i, j)) \
             { ++members; weight += WEIGHT(i, j); total += c; SPREAD(d); g##k = 0u; ADD_TEXEL(i, j) } }
             FOR_EACH_SAMPLE(GATHER)
             mean_code = vec2(total) / float(members);
@@ -119,13 +155,10 @@ void main() {
 #else
         const float bent = 1.0;
 #endif
-        left -= members;
         weight = clamp(weight, 0.0, weight_left);
         float z = camera_z(textureLod(t_depth, AT(at.x, at.y), 0.0).x);
         vec3 p_m = camera_ray(vec2(pixel) + sample_offset(at)) * z;
-        // the last group takes what is left over, so that no light is lost
-        if (group == MAX_SURFACES - 1 || left == 0) weight = weight_left;
-        weight_left -= weight;
+        float share = float(members) / float(SAMPLES);
         vec4 base = u_material_color[material], surface = u_material_surface[material];
         vec3 geometric = decode_normal(mean_code), n = geometric;
 #ifdef TEXTURED
@@ -133,7 +166,19 @@ void main() {
         surface.x = detail.w / float(members);
         n = normalize(detail.xyz);
 #endif
-        sum += shade(base, surface, GRAIN(material), geometric, n, p_m, chart_of(chart), float(members) / float(SAMPLES), bent) * weight;
+        float lit = sun_visibility(p_m, geometric, share, bent);
+#ifdef EXACT_AREAS
+        if (!quarters && abs(lit - 0.5) < 0.498) { // in part in shadow: all again, by quarters
+            quarters = true;
+            members = 0;
+            weight = 0.0;
+        }
+#endif
+        left -= members;
+        // the last group takes what is left over, so that no light is lost
+        if (group == MAX_SURFACES - 1 || left == 0) weight = weight_left;
+        weight_left -= weight;
+        sum += shade(base, surface, GRAIN(material), geometric, n, p_m, chart_of(chart), lit) * weight;
         ++group;
     } while (group < MAX_SURFACES && left > 0);
     out_radiance = OUT(sum / float(SAMPLES));

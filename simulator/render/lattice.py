@@ -96,11 +96,17 @@ SEVEN = Lattice((1, 2), (3, -1))
 def lattice_defines(lattice: Lattice) -> Mapping[str, object]:
     """The lattice as GLSL: a macro that applies F to every sample, so that no loop indexes an array."""
     each = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in enumerate(lattice.offsets()))
+    # the same, beginning with those in the middle of the pixel's quarters
+    middle = sorted(
+        enumerate(lattice.offsets()), key=lambda p: np.hypot(abs(p[1][2]) - 0.25, abs(p[1][3]) - 0.25)
+    )
+    quarters = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in middle)
     defines: dict[str, object] = {
         "LATTICE_S": f"ivec2{lattice.s}",
         "LATTICE_T": f"ivec2{lattice.t}",
         "LATTICE_PHASE": lattice.phase,
         "SAMPLES": lattice.samples,
         "FOR_EACH_SAMPLE(F)": each,
+        "FOR_EACH_SAMPLE_OF_QUARTERS(F)": quarters,
     }
     return MappingProxyType(defines)

@@ -132,8 +132,12 @@ class Mesh:
             self.uv.release()
 
 
-def upload(context: moderngl.Context, target: Target) -> Mesh:
+def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> Mesh:
     """Merge the parts and upload them.
+
+    Parameters
+    ----------
+    texel : between nodes of baked light, of the mesh's radius.
 
     Raises
     ------
@@ -185,7 +189,7 @@ def upload(context: moderngl.Context, target: Target) -> Mesh:
         whole["normal"].astype(float),
         whole["material"],
         np.concatenate(indices).reshape(-1, 3).astype(int),
-        TEXEL * radius,
+        texel * radius,
     )
     merged, triangles = whole[charts.origin], charts.triangles
     corners = merged["position_m"].astype(float)[triangles]

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from simulator.render.projection import PixelRect
     from simulator.scene.lamp import Lamp
 
-MAX_SURFACES = 4  # distinct (material, normal) groups shaded per pixel; the rest joins the last
+# distinct (material, normal) groups shaded per pixel, with exact areas per quarter of it; the rest joins the last
+MAX_SURFACES, MAX_SURFACES_EXACT = 4, 17
 
 
 class ShadePass:
@@ -63,7 +64,7 @@ class ShadePass:
         }
         defines: dict[str, object] = {
             "BANDS": bands,
-            "MAX_SURFACES": MAX_SURFACES,
+            "MAX_SURFACES": MAX_SURFACES_EXACT if exact else MAX_SURFACES,
             "NORMAL_BITS": normal_bits(mesh),
             "CELL_PX": CELL_PX,
             "LARGEST_SLOPE": LARGEST_SLOPE,

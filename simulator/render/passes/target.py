@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.block_values import lens_values
+from simulator.render.charts import TEXEL
 from simulator.render.cover import CELL_PX, hulls_cover, whole
 from simulator.render.edges_seen import EdgeView
 from simulator.render.facing import FacingArray
@@ -58,9 +59,16 @@ MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
 LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
     "draft": ((rotated(2), np.inf),),
     "default": ((SEVEN, 16e6), (rotated(2), np.inf)),
-    "high": ((rotated(6), 9e6), (rotated(5, 2), 15e6), (rotated(4), 45e6), (rotated(3, 2), np.inf)),
+    "high": (
+        (rotated(8), 6e6),
+        (rotated(6), 9e6),
+        (rotated(5, 2), 15e6),
+        (rotated(4), 45e6),
+        (rotated(3, 2), np.inf),
+    ),
 }
 DENSE_LATTICES = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
+FINE_TEXEL = 0.012  # between nodes of baked light in the preset `high`, of the target's radius
 TINY_PX = 22  # a target no larger gets the finest lattice: its whole light is in few pixels
 CELL_REACH_PX = (CELL_PX - 1) / 2
 TINY_LATTICE = rotated(8)  # 65 samples per pixel
@@ -120,7 +128,10 @@ class Sampled:
 
 
 class TargetPasses:
-    """Shadow, geometry, shading and labels of the spacecraft; meshes are kept by the target's SHA-256."""
+    """Shadow, geometry, shading and labels of the spacecraft; meshes are kept by the target's SHA-256.
+
+    The preset `high` has its own, with nodes of baked light closer together. Labels are drawn from the other.
+    """
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: Blocks) -> None:
         self._context, self._programs, self._blocks = context, programs, blocks
@@ -130,12 +141,14 @@ class TargetPasses:
         self._edges = EdgePass(context, programs)
         self._shade = ShadePass(context, programs)
         self._labels = LabelPass(context, programs, blocks)
-        self._loaded: dict[str, Loaded] = {}
-        self._patches: dict[str, SurfacePatches] = {}  # of targets that were seen in part
+        self._loaded: dict[tuple[str, bool], Loaded] = {}
+        self._patches: dict[Mesh, SurfacePatches] = {}  # of targets that were seen in part
 
-    def _load(self, target: Target) -> Loaded:
-        if target.sha256 not in self._loaded:
-            mesh, context = upload(self._context, target), self._context
+    def _load(self, target: Target, *, fine: bool = False) -> Loaded:
+        key = target.sha256, fine
+        if key not in self._loaded:
+            context = self._context
+            mesh = upload(context, target, FINE_TEXEL if fine else TEXEL)
             shadow = self._shadow_pass(512)
             textures = None
             if mesh.uv is not None:
@@ -143,7 +156,7 @@ class TargetPasses:
                 textures = Textures(context, target)
             numbers = {material.name: k for k, material in enumerate(mesh.materials, start=1)}
             gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
-            self._loaded[target.sha256] = Loaded(
+            self._loaded[key] = Loaded(
                 mesh,
                 FacingArray(context, mesh, shadow.program.gl),
                 # textures are bound by stretches of the index buffer
@@ -153,7 +166,7 @@ class TargetPasses:
                 relief_heights(_positions(mesh), mesh.triangles.astype(int), mesh.radius_m),
                 textures,
             )
-        return self._loaded[target.sha256]
+        return self._loaded[key]
 
     def _shadow_pass(self, size: int) -> ShadowPass:
         if size not in self._shadows:
@@ -161,18 +174,17 @@ class TargetPasses:
         return self._shadows[size]
 
     def _light_window(
-        self, sha256: str, place: Placement, camera: Camera, light_from_target: FloatArray, widest: float
+        self, mesh: Mesh, place: Placement, camera: Camera, light_from_target: FloatArray, widest: float
     ) -> LightWindow:
         """What of the shadow map this view needs: all of it while the image holds the target."""
         inside = [*(place.bounds_px[:2] >= 0), *(place.bounds_px[2:] <= [camera.width_px, camera.height_px])]
         # a lens that bends sees around the edges of its image's pyramid
         if all(inside) or not camera.distortion.is_none:
             return LightWindow()
-        mesh = self._loaded[sha256].mesh
-        if sha256 not in self._patches:
-            self._patches[sha256] = SurfacePatches.of(mesh, _positions(mesh))
+        if mesh not in self._patches:
+            self._patches[mesh] = SurfacePatches.of(mesh, _positions(mesh))
         return light_window(
-            self._patches[sha256],
+            self._patches[mesh],
             camera,
             place.camera_from_target,
             light_from_target,
@@ -181,15 +193,15 @@ class TargetPasses:
         )
 
     def _draw_shadow(
-        self, scene: SceneState, view: View, target: Target, place: Placement
+        self, scene: SceneState, view: View, loaded: Loaded, place: Placement
     ) -> tuple[moderngl.Texture, ShadowChoice]:
         """Draw the shadow map and say what the shading needs to know of it; the map in shade is an old one."""
-        loaded, camera = self._loaded[target.sha256], scene.camera
+        camera = scene.camera
         box_m = 2 * loaded.mesh.radius_m * WIDER
         light_from_target = ShadowPass.light_from_target(loaded.mesh, view)
         # by default no penumbra is wider than three texels
         widest = widest_penumbra(view.sun_sine) if scene.quality == "high" else 0.0
-        window = self._light_window(target.sha256, place, camera, light_from_target, widest)
+        window = self._light_window(loaded.mesh, place, camera, light_from_target, widest)
         light_from_target = window.matrix @ light_from_target
         width_m = box_m * window.half
         pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
@@ -216,7 +228,7 @@ class TargetPasses:
         The order keeps a software driver's threads busy: they draw one thing while the next is being prepared. The
         samples come first, which take longest.
         """
-        loaded = self._load(target)
+        loaded = self._load(target, fine=scene.quality == "high")
         mesh, camera = loaded.mesh, scene.camera
         place = locate(mesh, _matrix(view.R_camera_from_target, view.t_camera_from_target_m), camera)
         if place is None:
@@ -248,7 +260,7 @@ class TargetPasses:
             )
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
         clock.lap("target.geometry")
-        shadow_map, choice = self._draw_shadow(scene, view, target, place)
+        shadow_map, choice = self._draw_shadow(scene, view, loaded, place)
         clock.lap("target.shadow")
         exact = scene.quality == "high"
         edges = self._edges.begin(
@@ -333,6 +345,7 @@ class TargetPasses:
             if loaded.textures is not None:
                 loaded.textures.release()
         self._loaded.clear()
+        self._patches.clear()
 
 
 def _positions(mesh: Mesh) -> FloatArray:
