@@ -34,9 +34,9 @@ class AtlasTextures:
         self._made = made
         size = mesh.charts.size_px
         bands = len(made.returned)
-        self._image = np.zeros((size[0] * size[1], bands), np.float32)
+        self._image = np.zeros((size[0] * size[1], bands), np.float16)
         self.visibility = context.texture(size, 4, made.visibility.tobytes(), alignment=1)
-        self.returned = context.texture(size, bands, dtype="f4", alignment=1)
+        self.returned = context.texture(size, bands, dtype="f2", alignment=1)
         for texture in (self.visibility, self.returned):
             texture.filter = (context.LINEAR, context.LINEAR)
             texture.repeat_x = texture.repeat_y = False
@@ -58,7 +58,7 @@ class AtlasTextures:
             if sun[band] > 0:
                 for row, share in zip(rows, sun[band] * RETURNED_STEP * shares, strict=True):
                     light += np.float32(share) * table[row]
-            np.maximum(light, 0, out=self._image[:, band])
+            self._image[:, band] = np.maximum(light, 0)
         self.returned.write(self._image, alignment=1)
 
     def release(self) -> None:
