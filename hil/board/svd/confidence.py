@@ -17,6 +17,9 @@ PICTURE_WEIGHTS = (1.73, -0.45, 7.65, 3.69, 2.29, -0.55, -1.16, -0.66)
 # Margins of which one cannot say that they are any: by edges, and by the picture.
 LEAST_MARGIN, LEAST_PICTURE_MARGIN = 0.015, 0.005
 
+# An accepted pose is held against its near minima where confidence, or margin over score, is below these.
+SURE, SURE_MARGIN = 0.97, 0.1
+
 # A share explained of what the craft covers below which that is what is wrong with a pose.
 LITTLE = 0.3
 
@@ -103,6 +106,11 @@ def picture_confidence(e: Evidence, score: float) -> float:
         )
     )
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
+
+
+def doubtful(e: Evidence) -> bool:
+    """Whether a pose that may be accepted is to be held against its near minima first."""
+    return confidence(e) < SURE or e.margin < SURE_MARGIN * (e.score or 0.0)
 
 
 def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:

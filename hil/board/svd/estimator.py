@@ -7,9 +7,10 @@ from typing import List, Tuple, Union
 import numpy as np
 
 from hil.board.svd.base import Estimator
-from hil.board.svd.confidence import ACCEPT_AT, Evidence, confidence, decide
+from hil.board.svd.confidence import ACCEPT_AT, Evidence, confidence, decide, doubtful
 from hil.board.svd.drawn import draw_at
 from hil.board.svd.edges import edge_field, shrink
+from hil.board.svd.ends import Choice
 from hil.board.svd.finish import choose
 from hil.board.svd.frame import UNASKED, Alternative, Candidate, Craft, Frame, PoseResult
 from hil.board.svd.gradient import eliminate_weak_gradients
@@ -21,7 +22,7 @@ from hil.board.svd.refine import FineFit
 from hil.board.svd.roi import REDUCTION, Region, propose_regions
 from hil.board.svd.score import support
 from hil.board.svd.search import search_region
-from hil.board.svd.verify import ALL_LEADERS, LEADERS, align_leaders, choose_by_picture
+from hil.board.svd.verify import ALL_LEADERS, LEADERS, align_leaders, check_leaning, choose_by_picture
 
 Array = np.ndarray
 Chosen = Tuple[Candidate, Union[FineFit, PhotoFit], Evidence, Tuple[Alternative, ...]]
@@ -146,7 +147,12 @@ class PoseEstimator(Estimator):
         leaders = align_leaders(
             self.craft, frame, found, ALL_LEADERS if thorough else LEADERS, shadows=thorough
         )
-        return self._told(frame, choose_by_picture(self.craft, frame, leaders, thorough=thorough))
+        choice = choose_by_picture(self.craft, frame, leaders, thorough=thorough)
+        result = self._told(frame, _all_of(choice))
+        if thorough or not result.accepted or not doubtful(choice.evidence):
+            return result
+        frame.count("checked", 1)
+        return self._told(frame, _all_of(check_leaning(self.craft, frame, choice)))
 
     def _told(self, frame: Frame, chosen: Chosen) -> PoseResult:
         """The result of a choice, and whether it is to be accepted."""
@@ -170,6 +176,11 @@ class PoseEstimator(Estimator):
             alternatives,
             self.method,
         )
+
+
+def _all_of(choice: Choice) -> Chosen:
+    """What is told of a choice."""
+    return choice.best, choice.end.fit, choice.evidence, choice.alternatives
 
 
 def _explained(result: PoseResult) -> float:

@@ -140,7 +140,6 @@ class Frame:
     image : (H, W). noise : standard deviation.
     background : level of empty space, negative when it is not empty.
     likely : (h, w) map of the craft against a textured background, see target_map; None where it was not needed.
-    ends : where poses led to that were aligned to the end: a pose and its score for each start and canvas.
     trace : receives what ``keep`` is given; None costs nothing.
     """
 
@@ -150,7 +149,6 @@ class Frame:
         self.noise = 0.0
         self.background = -1.0
         self.likely: Optional[Array] = None
-        self.ends: Dict[Tuple[Any, ...], Any] = {}
         self.stages_ms: Dict[str, float] = {}
         self.counts: Dict[str, int] = {}
         self._last = time.perf_counter()

@@ -30,8 +30,8 @@ COARSE_PX, FINE_PX = 170, 360
 # Poses kept of the templates and of the perceptual groups for the first alignment.
 TEMPLATE_POSES, GROUP_POSES = 240, 160
 
-# Poses judged with exact visibility, where edges decide in the end and where the picture looks at half as many.
-EDGES_DECIDE, PICTURE_DECIDES = 48, 30
+# Poses judged with exact visibility, where edges decide in the end and where the picture looks at eight.
+EDGES_DECIDE, PICTURE_DECIDES = 48, 14
 
 # Turns [deg, camera axes] and scales of the range at which alignment is started again.
 NEIGHBOURS = (

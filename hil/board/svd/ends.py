@@ -1,0 +1,174 @@
+"""Poses aligned to the end on the picture, with their shadows, and what is said of the best of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import List, Optional, Tuple
+
+import numpy as np
+
+from hil.board.svd import quaternion as quat
+from hil.board.svd.canvas import craft_box, make_canvas
+from hil.board.svd.confidence import Evidence
+from hil.board.svd.course import Ranked, faces_of
+from hil.board.svd.distinct import alternatives, differs
+from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
+from hil.board.svd.photometric import (
+    JOINT_AT_END,
+    PhotoFit,
+    photo_draw,
+    photo_likeness,
+    photo_score,
+    photo_step,
+)
+from hil.board.svd.score import support
+from hil.board.svd.shade import Canvas
+from hil.board.svd.shadowed import shadowed
+from hil.board.svd.sunlight import Sunlight
+
+Array = np.ndarray
+
+# An end that moved by more is aligned again, with shadows as they fall there, so many times in all [rad]; a score
+# that is lower by more is a worse one.
+MOVED_RAD, ROUNDS, NO_WORSE = float(np.radians(0.5)), 2, 0.003
+
+# Ends farther apart than this are two [rad].
+OTHER_END_RAD = float(np.radians(5.0))
+
+# Longest side of the picture for the final alignment [px], and its blurs.
+FINAL_PX, FINAL_BLURS, LAST_BLURS = 230, (1.2, 0.8), (0.3, 0.0)
+
+# The first ones of an alignment again after one that moved by less [rad].
+FAR_RAD, NEAR_BLURS = float(np.radians(1.0)), (0.8,)
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """Where an alignment ends.
+
+    Parameters
+    ----------
+    fit : the pose. score : how well the craft drawn there explains the picture, with the shadows of ``sun``.
+    began : the same where the alignment began.
+    """
+
+    fit: PhotoFit
+    score: float
+    sun: Optional[Sunlight]
+    began: float
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A pose chosen by the picture, and between what.
+
+    Parameters
+    ----------
+    best : the pose with its edges' support. end : where its alignment ended. evidence, alternatives : what is said of
+        it. close, ranked, starts, ends : as of ``conclude``.
+    """
+
+    best: Candidate
+    end: End
+    evidence: Evidence
+    alternatives: Tuple[Alternative, ...]
+    close: Canvas
+    ranked: List[Ranked]
+    starts: List[Ranked]
+    ends: List[End]
+
+
+def conclude(
+    craft: Craft, frame: Frame, close: Canvas, ranked: List[Ranked], starts: List[Ranked], ends: List[End]
+) -> Choice:
+    """The best of the ends, and what the decision on it is made from.
+
+    Parameters
+    ----------
+    close : canvas that all were judged on. ranked : every pose that was aligned there, the best first. starts, ends :
+        those that were aligned to the end, and where each led; at least one.
+    """
+    winner = max(range(len(ends)), key=lambda k: ends[k].score)
+    end, fit = ends[winner], ends[winner].fit
+    c = starts[winner].start
+    s = support(fit.q, fit.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m)
+    best = Candidate(fit.q, fit.t, s, c.field, c.region, c.likely)
+    poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
+    rivals = [p for p in poses if differs(p[0], p[1], fit.q, fit.t)]
+    margin = end.began
+    if rivals:
+        rival = max(rivals, key=lambda p: p[2])
+        margin -= max(shadowed(craft, faces_of(craft), close, rival[0], rival[1]).score, 0.0)
+    # two that were followed to their ends need not be far apart to be two answers
+    for other in ends:
+        if quat.angle_rad(other.fit.q, fit.q) > OTHER_END_RAD:
+            margin = min(margin, end.score - other.score)
+    evidence = picture_evidence(craft, best, fit, end.score, margin)
+    faces, camera = faces_of(craft), craft.camera.pinhole
+    likeness, covered = photo_likeness(fit.q, fit.t, faces, close, camera, end.sun)
+    evidence = replace(evidence, likeness=likeness, covered=covered)
+    frame.mark("verify")
+    told = alternatives(poses, fit.q, fit.t)
+    return Choice(best, end, evidence, told, close, ranked, starts, ends)
+
+
+def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> End:
+    """A pose aligned to the end, with the shadows the craft casts on itself."""
+    canvas = make_canvas(craft, frame, craft_box(craft, start.q, start.t), FINAL_PX)
+    # drawn as large as it is only once it is there: from afar what is thin and bright attracts more as it was
+    exact = replace(canvas, clipped=frame.clipped, exact=True)
+    faces, camera = faces_of(craft), craft.camera.pinhole
+    best = None
+    blurs: Tuple[float, ...] = FINAL_BLURS
+    before, began = start, 0.0
+    for _ in range(ROUNDS):
+        here = shadowed(craft, faces, close, before.q, before.t)
+        began = here.score if best is None else began
+        near = _stepped(craft, canvas, before, here.sun, blurs)
+        fit = _stepped(craft, exact, near, here.sun, LAST_BLURS)
+        score = photo_score(fit.q, fit.t, faces, close, camera, here.sun)
+        if best is not None and score < best.score - NO_WORSE:
+            break
+        best = End(fit, score, here.sun, began)
+        moved = quat.angle_rad(before.q, fit.q)
+        # shadows fall as they did where it began
+        if moved < MOVED_RAD:
+            break
+        before, blurs = fit, FINAL_BLURS if moved > FAR_RAD else NEAR_BLURS
+    assert best is not None  # noqa: S101 - the first round always ends somewhere
+    return best
+
+
+def _stepped(
+    craft: Craft, canvas: Canvas, fit: PhotoFit, sun: Optional[Sunlight], blurs: Tuple[float, ...]
+) -> PhotoFit:
+    """The pose some steps on, with many brightnesses found beside it."""
+    faces, camera = faces_of(craft), craft.camera.pinhole
+    for blur in blurs:
+        shading = photo_draw(fit.q, fit.t, faces, canvas, camera, sun)
+        step = photo_step(fit, shading, faces, canvas, camera, craft.radius_m, blur, joint=JOINT_AT_END)
+        if step is None:
+            break
+        fit = step
+    return fit
+
+
+def picture_evidence(craft: Craft, best: Candidate, fit: PhotoFit, score: float, margin: float) -> Evidence:
+    """What the decision on a pose is made from that was judged by the whole picture."""
+    turn = float(np.sqrt(np.max(np.linalg.eigvalsh(fit.covariance[:3, :3]))))
+    shift = float(np.sqrt(np.max(np.linalg.eigvalsh(fit.covariance[3:, 3:]))))
+    return Evidence(
+        drawn=best.support.drawn,
+        explained=best.support.explained,
+        outside=best.support.outside,
+        margin=margin,
+        found=best.support.drawn,
+        tight=best.support.drawn,
+        rms_px=0.0,
+        sigma_rad=turn,
+        sigma_share=shift / float(np.linalg.norm(fit.t)),
+        edges=len(best.support.visible),
+        size_px=2 * craft.radius_m * craft.camera.fx_px / max(float(fit.t[2]), 1e-3),
+        empty=best.field.empty,
+        score=score,
+    )
