@@ -354,6 +354,12 @@ def test_each_witness_alone_can_make_a_pose_doubtful() -> None:
         doubtful = replace(told, **doubt)
         assert decide(doubtful) != ""
         assert confidence(doubtful) < confidence(told) or "margin" in doubt
+    # weights of one craft say less of another: a narrow margin is none, and it must look better than that
+    other = replace(told, tried=False)
+    assert "confidence" in decide(other)
+    clear = replace(other, margin=0.1, likeness=0.995, drawn=0.6)
+    assert decide(clear) == ""
+    assert "ambiguous" in decide(replace(clear, margin=0.015))
     # neither the picture's scale nor the craft's size is evidence
     assert confidence(replace(told, size_px=900.0, edges=400)) == confidence(told)
 

@@ -17,6 +17,10 @@ PICTURE_WEIGHTS = (1.73, -0.45, 7.65, 3.69, 2.29, -0.55, -1.16, -0.66)
 # Margins of which one cannot say that they are any: by edges, and by the picture.
 LEAST_MARGIN, LEAST_PICTURE_MARGIN = 0.015, 0.005
 
+# The weights are those of one craft. Of another the margin must be this share of the score, and the logit that much
+# higher: half turns of round bodies differ by 4 % of the score, and the wrong one looked right to 0.98.
+UNTRIED_MARGIN, UNTRIED = 0.1, 2.0
+
 # An accepted pose is held against its near minima where confidence, or margin over score, is below these.
 SURE, SURE_MARGIN = 0.97, 0.1
 
@@ -42,6 +46,7 @@ class Evidence:
     empty : whether the background is empty space.
     score : how well the drawn craft explains the picture, see photometric.photo_score; None where
         it was not judged so. likeness, covered : see photometric.photo_likeness.
+    tried : whether confidences were fitted on pictures of this craft.
     """
 
     drawn: float
@@ -59,6 +64,7 @@ class Evidence:
     score: Optional[float] = None
     likeness: Optional[float] = None
     covered: float = 0.0
+    tried: bool = True
 
 
 def confidence(e: Evidence) -> float:
@@ -105,12 +111,20 @@ def picture_confidence(e: Evidence, score: float) -> float:
             ],
         )
     )
+    z -= 0.0 if e.tried else UNTRIED
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
 
 
 def doubtful(e: Evidence) -> bool:
     """Whether a pose that may be accepted is to be held against its near minima first."""
     return confidence(e) < SURE or e.margin < SURE_MARGIN * (e.score or 0.0)
+
+
+def least_margin(e: Evidence) -> float:
+    """Margin below which another pose explains the picture as well."""
+    if e.score is None:
+        return LEAST_MARGIN
+    return LEAST_PICTURE_MARGIN if e.tried else max(LEAST_PICTURE_MARGIN, UNTRIED_MARGIN * e.score)
 
 
 def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
@@ -121,7 +135,7 @@ def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
         return "target too small in the picture"
     if e.score is None and (e.drawn < (0.35 if e.empty else 0.5) or e.found < 0.3):
         return "too little of the model is supported by edges"
-    if e.margin < (LEAST_MARGIN if e.score is None else LEAST_PICTURE_MARGIN):
+    if e.margin < least_margin(e):
         return "ambiguous: another pose explains the picture as well"
     if confidence(e) < accept_at:
         little = e.score is not None and e.covered < LITTLE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import List, Tuple, Union
 
 import numpy as np
@@ -157,6 +158,7 @@ class PoseEstimator(Estimator):
     def _told(self, frame: Frame, chosen: Chosen) -> PoseResult:
         """The result of a choice, and whether it is to be accepted."""
         best, fit, evidence, alternatives = chosen
+        evidence = replace(evidence, tried=self.first is not None)
         frame.count("edges", evidence.edges)
         frame.keep("field", best.field)
         if frame.shows_all:

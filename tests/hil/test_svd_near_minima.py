@@ -1,0 +1,99 @@
+"""Poses held by a near minimum of their tilt: what leans about them is asked, and the better end wins."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+
+from hil.board.svd import CameraIntrinsics
+from hil.board.svd import quaternion as quat
+from hil.board.svd.canvas import craft_box, make_canvas
+from hil.board.svd.course import Ranked, leaning
+from hil.board.svd.edges import edge_field
+from hil.board.svd.ends import Choice, End, picture_evidence
+from hil.board.svd.frame import Candidate, Craft, Frame
+from hil.board.svd.levels import blurred
+from hil.board.svd.photometric import PhotoFit, photo_score
+from hil.board.svd.roi import Region
+from hil.board.svd.score import support
+from hil.board.svd.shade import Canvas, draw_faces
+from hil.board.svd.verify import SMALL_PX, check_leaning
+from hil.evaluate.worker import board_model
+from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
+SUN = np.array([0.3, -0.2, -0.93])
+Q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
+T_M = np.array([0.05, -0.05, 4.2])
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """As a board runs it; threads on pictures this small cost more than they give."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    yield
+    cv2.setNumThreads(threads)
+
+
+@pytest.fixture(scope="module")
+def craft() -> Craft:
+    return Craft.prepare(board_model(load_target("tango")), CAMERA)
+
+
+@pytest.fixture(scope="module")
+def frame(craft: Craft) -> Frame:
+    """The board's own drawing of the craft under one lamp, with noise."""
+    faces, R, fine = craft.model.faces, quat.matrix(Q), 3
+    assert faces is not None
+    plain = Canvas(np.zeros((300, 480), np.float32), 2.0, 0.0, 0.0, 1.0, fine)
+    seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, plain)
+    lit = np.array([60.0, 200.0, 140.0])[faces.material % 3] * np.clip(faces.normals @ (R.T @ SUN), 0.1, 1)
+    drawn = np.concatenate([[0.0], lit])[seen].astype(np.float32)
+    small = blurred(drawn.reshape(300, fine, 480, fine).mean(axis=(1, 3)), 1.0)
+    noisy = small + np.random.default_rng(3).normal(0, 3.0, small.shape)
+    frame = Frame(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
+    frame.noise, frame.background = 3.0, 0.0
+    return frame
+
+
+def choice_of(craft: Craft, frame: Frame, q: np.ndarray, t: np.ndarray) -> Choice:
+    """A choice that ended at a pose."""
+    faces = craft.model.faces
+    assert faces is not None
+    box = craft_box(craft, q, t)
+    close = make_canvas(craft, frame, box, SMALL_PX)
+    field = edge_field(frame.image, box, frame.noise, 200, background=0.0)
+    s = support(q, t, craft.samples, craft.occ, field, CAMERA, craft.spacing_m)
+    best = Candidate(q, t, s, field, Region(*map(float, box), "look"))
+    fit = PhotoFit(q, t, 1.0, 1e-4 * np.eye(6))
+    score = photo_score(q, t, faces, close, CAMERA)
+    end, ranked = End(fit, score, None, score), Ranked(score, fit, best)
+    evidence = picture_evidence(craft, best, fit, score, score)
+    return Choice(best, end, evidence, (), close, [ranked], [ranked], [end])
+
+
+def test_a_tilt_that_holds_is_left_for_the_better_one_beside_it(craft: Craft, frame: Frame) -> None:
+    field = choice_of(craft, frame, Q, T_M).best
+    wrong = leaning(craft, field)[0]
+    before = choice_of(craft, frame, wrong.q, wrong.t)
+    after = check_leaning(craft, frame, before)
+    assert np.degrees(quat.angle_rad(wrong.q, Q)) > 10
+    assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 0.5
+    assert np.linalg.norm(after.end.fit.t - T_M) < 0.02
+    # the one it was is a rival now
+    assert after.evidence.margin <= after.end.score - before.end.score
+    assert len(after.ends) == 2
+
+
+def test_a_right_pose_stays_and_what_leant_comes_back_to_it(craft: Craft, frame: Frame) -> None:
+    before = choice_of(craft, frame, Q, T_M)
+    after = check_leaning(craft, frame, before)
+    assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 0.5
+    assert after.end.score >= before.end.score
