@@ -39,7 +39,7 @@ class FacingArray:
         self._mesh = mesh
         self._indices: moderngl.Buffer | None = None
         if not whole and not (program.extra or {}).get("patches"):
-            self._indices = context.buffer(reserve=mesh.indices.size, dynamic=True)
+            self._indices = context.buffer(reserve=mesh.shown.triangles.nbytes, dynamic=True)
         self.array = mesh.vertex_array(context, program, *more, indices=self._indices)
 
     def render(self, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True) -> None:
@@ -48,7 +48,8 @@ class FacingArray:
         Parameters
         ----------
         place : (4,) homogeneous, target frame: a point (x, y, z, 1) [m] or the direction (x, y, z, 0) of one far away.
-        without : (T,) triangles to leave out. ordered : the nearest first; where depth alone is drawn it gains nothing.
+        without : (T,) of ``mesh.shown``: what to leave out. ordered : the nearest first; where depth alone is drawn it
+            gains nothing.
         """
         if self._indices is None:
             self.array.render()
@@ -72,17 +73,17 @@ def facing(
 
     Of closed shells those that face it, or hardly look away; parameters as in `FacingArray.render`.
     """
-    boxes = mesh.boxes
+    shown, boxes = mesh.shown, mesh.shown.boxes
     show = ~hidden(mesh.shells, boxes, place, mesh.radius_m)
     kept = show.take(boxes.of)
     if mesh.is_closed:
         unit = np.asarray(place / np.linalg.norm(place[:3]), np.float32)
-        kept &= mesh.planes @ unit > -GRAZING
+        kept &= shown.planes @ unit > -GRAZING
     if without is not None:
         kept &= ~without
     # by their numbers: a mask over rows takes numpy twice as long
     numbers = np.flatnonzero(kept)
     if not ordered:
-        return mesh.triangles.take(numbers, axis=0)
+        return shown.triangles.take(numbers, axis=0)
     order = np.argsort(boxes.ranks(place).take(boxes.of.take(numbers)), kind="stable")
-    return mesh.triangles.take(numbers.take(order), axis=0)
+    return shown.triangles.take(numbers.take(order), axis=0)

@@ -11,8 +11,9 @@ from scipy.spatial import ConvexHull, QhullError
 
 from simulator.errors import UserError
 from simulator.render.blocks import MAX_MATERIALS
+from simulator.render.buried import uncover
 from simulator.render.charts import TEXEL, make_charts
-from simulator.render.occluders import BOX, Boxes, find_shells
+from simulator.render.occluders import BOX, Boxes, convex_bodies, find_shells
 from simulator.render.patches import EDGE_SHARE, PatchArray, cut
 from simulator.targets.shells import is_closed
 
@@ -42,6 +43,21 @@ class Draw:
 
 
 @dataclass(frozen=True, eq=False)
+class Shown:
+    """The triangles that can show from somewhere outside: a mesh's own, less what its plates cover.
+
+    Parameters
+    ----------
+    triangles : (T, 3) vertices. planes : (T, 4) of each: unit normal, and its distance from the origin with the sign
+        turned [m]. boxes : about triangles that lie together.
+    """
+
+    triangles: np.typing.NDArray[np.uint32]
+    planes: Float32Array
+    boxes: Boxes
+
+
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """Buffers of one uploaded target.
 
@@ -55,7 +71,8 @@ class Mesh:
     at_chart : the vertices' places in the atlas.
     is_closed : every part is a set of closed shells facing outwards.
     triangles : (T, 3) what ``indices`` holds. planes : (T, 4) of each: unit normal, and its distance from the origin
-        with the sign turned [m]. boxes : about triangles that lie together. shells : large bodies that hide others.
+        with the sign turned [m]. shells : large bodies that hide others.
+    shown : what pictures are drawn from; its pieces' corners follow the mesh's own in the buffers.
     uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
     """
 
@@ -69,8 +86,8 @@ class Mesh:
     is_closed: bool
     triangles: np.typing.NDArray[np.uint32]
     planes: Float32Array
-    boxes: Boxes
     shells: tuple[ConvexShell, ...]
+    shown: Shown
     charts: Charts
     at_chart: moderngl.Buffer
     uv: moderngl.Buffer | None = None
@@ -193,22 +210,31 @@ def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> M
     )
     merged, triangles = whole[charts.origin], charts.triangles
     corners = merged["position_m"].astype(float)[triangles]
+    closed = all(is_closed(part) for part in target.parts)
+    bodies = convex_bodies(target.parts, radius)
+    # the back of an open face shows too
+    uncovered = uncover(corners, bodies if closed else (), radius)
+    values = uncovered.extended(merged.view(np.float32).reshape(len(merged), -1), triangles)
+    drawn = uncovered.triangles(triangles, len(merged))
+    drawn_corners = values[:, :3].astype(float)[drawn]
     return Mesh(
-        vertices=context.buffer(merged.tobytes()),
+        vertices=context.buffer(values.tobytes()),
         indices=context.buffer(triangles.tobytes()),
         materials=target.materials,
         hull_m=hull,
         hull_parts=np.cumsum([len(h) for h in hulls[:-1]]),
         center_m=center,
         radius_m=radius,
-        is_closed=all(is_closed(part) for part in target.parts),
+        is_closed=closed,
         triangles=triangles,
         planes=_planes(corners),
-        boxes=Boxes.about(corners, BOX * radius),
-        shells=find_shells(target.parts, radius),
+        shells=find_shells(bodies, radius),
+        shown=Shown(drawn, _planes(drawn_corners), Boxes.about(drawn_corners, BOX * radius)),
         charts=charts,
-        at_chart=context.buffer(charts.uv.tobytes()),
-        uv=context.buffer(np.concatenate(uv).astype(np.float32)[charts.origin].tobytes())
+        at_chart=context.buffer(uncovered.extended(charts.uv, triangles).tobytes()),
+        uv=context.buffer(
+            uncovered.extended(np.concatenate(uv).astype(np.float32)[charts.origin], triangles).tobytes()
+        )
         if textured
         else None,
         draws=tuple(draws),

@@ -145,8 +145,8 @@ def hidden(shells: Sequence[ConvexShell], boxes: Boxes, place: FloatArray, radiu
     return found
 
 
-def find_shells(parts: Sequence[Part], radius_m: float) -> tuple[ConvexShell, ...]:
-    """The largest convex shells among the bodies of some parts, none of them close about another.
+def convex_bodies(parts: Sequence[Part], radius_m: float) -> list[ConvexShell]:
+    """The closed convex bodies among those of some parts, the largest first; small ones are left out.
 
     Parameters
     ----------
@@ -164,9 +164,19 @@ def find_shells(parts: Sequence[Part], radius_m: float) -> tuple[ConvexShell, ..
             if shell is not None:
                 shells.append(shell)
         shells.sort(key=lambda shell: -shell.area_m2)
+    return shells
+
+
+def find_shells(bodies: Sequence[ConvexShell], radius_m: float) -> tuple[ConvexShell, ...]:
+    """The largest of a craft's `convex_bodies`, none of them close about another.
+
+    Parameters
+    ----------
+    radius_m : of the craft's bounding sphere.
+    """
     kept: list[ConvexShell] = []
-    for shell in shells:
-        small = shell.area_m2 < _LEAST_SHARE * shells[0].area_m2
+    for shell in bodies:
+        small = shell.area_m2 < _LEAST_SHARE * bodies[0].area_m2
         if len(kept) < _MOST and not small and all(_stands_out(shell, of) > _APART * radius_m for of in kept):
             kept.append(shell)
     return tuple(kept)

@@ -80,7 +80,7 @@ def baked_transfer(mesh: Mesh, reflectance: FloatArray) -> Transfer:
     reflectance : (M, n) of each material, per band.
     """
     charts = mesh.charts
-    vertices = np.frombuffer(mesh.vertices.read(), VERTEX)
+    vertices = np.frombuffer(mesh.vertices.read(), VERTEX)[: len(charts.uv)]
     shape = hashlib.sha256(vertices.tobytes() + mesh.triangles.tobytes() + charts.uv.tobytes())
     shape.update(np.round(reflectance, 6).tobytes())
     key = f"transfer-{VERSION}-{DIRECTIONS}-{shape.hexdigest()[:24]}"

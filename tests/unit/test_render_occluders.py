@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.occluders import CLOSEST_M, Boxes, find_shells, hidden
+from simulator.render.occluders import CLOSEST_M, Boxes, convex_bodies, find_shells, hidden
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box, dome
 from simulator.targets.model import Part
@@ -33,7 +33,7 @@ def meets_body(place, points, toward):
 @pytest.mark.parametrize("far", [0.0, 1.0])
 def test_boxes_called_hidden_lie_behind_the_body_and_most_that_do_are_called_so(far):
     random = np.random.default_rng(4)
-    shells = find_shells([part_of(BODY)], 1.0)
+    shells = find_shells(convex_bodies([part_of(BODY)], 1.0), 1.0)
     assert len(shells) == 1
     middles = random.uniform(-1, 1, (300, 3))
     corners = middles[:, None] + random.uniform(-0.04, 0.04, (300, 8, 3))
@@ -52,7 +52,7 @@ def test_boxes_called_hidden_lie_behind_the_body_and_most_that_do_are_called_so(
 
 
 def test_a_place_inside_or_too_near_hides_nothing():
-    shells = find_shells([part_of(BODY)], 1.0)
+    shells = find_shells(convex_bodies([part_of(BODY)], 1.0), 1.0)
     behind = Boxes.about(np.full((1, 3, 3), [-0.9, 0.0, 0.0]), 0.1)
     for x, expected in ((0.1, False), (0.4 + 0.5 * CLOSEST_M, False), (0.4 + 2 * CLOSEST_M, True)):
         assert hidden(shells, behind, np.array([x, 0.0, 0.0, 1.0]), 1.0)[0] == expected
@@ -64,7 +64,7 @@ def test_only_closed_convex_bodies_that_stand_apart_are_shells():
     inner = box((-0.49, -0.29, -0.19), (0.39, 0.29, 0.22))  # little more than the body
     cap = dome((0, 4, 0), (0, 1, 0), 0.8, 0.8)
     parts = [part_of(m) for m in (opened, merge([BODY, inner]), cap)]
-    shells = find_shells(parts, 1.0)
+    shells = find_shells(convex_bodies(parts, 1.0), 1.0)
     assert len(shells) == 1
     assert np.ptp(shells[0].ends_m.reshape(-1, 3), axis=0) == pytest.approx([0.9, 0.6, 0.4], abs=1e-6)
     # a large flat face's triangles are one plane, and its diagonal no edge

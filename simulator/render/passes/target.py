@@ -163,7 +163,7 @@ class TargetPasses:
                 FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
                 EdgeBuffers(context, find_edges(target.parts, numbers, is_closed=mesh.is_closed), mesh),
                 ReturnedLight(context, mesh),
-                relief_heights(_positions(mesh), mesh.triangles.astype(int), mesh.radius_m),
+                relief_heights(_positions(mesh), mesh.shown.triangles.astype(int), mesh.radius_m),
                 textures,
             )
         return self._loaded[key]
