@@ -36,7 +36,8 @@ float sun_visibility(vec3 p_m, vec3 n, float share, float bent) {
     vec4 x##k = vec4(float(i), float(i) + 1.0, float(i) + 1.0, float(i)) - f.x; \
     vec4 y##k = vec4(float(j) + 1.0, float(j) + 1.0, float(j), float(j)) - f.y; \
     vec4 d##k = (q.z + g.x * x##k + g.y * y##k) - textureGather(t_shadow, corner + vec2(i, j) * u_shadow.z); \
-    { vec4 near = clamp(0.5 + (REACH2 - x##k * x##k - y##k * y##k) * (0.5 / REACH), 0.0, 1.0) * step(0.0, d##k); \
+    { vec4 near = clamp((0.5 + 0.5 * REACH - (0.5 / REACH) * x##k * x##k) - (0.5 / REACH) * y##k * y##k, 0.0, 1.0); \
+    near = mix(vec4(0.0), near, greaterThanEqual(d##k, vec4(0.0))); \
     blocked += dot(near, vec4(1.0)); \
     depth_sum += dot(near, d##k); }
     FOR_EACH_SHADOW_BLOCK(SHADOW_BLOCK)
@@ -92,14 +93,14 @@ float sun_visibility(vec3 p_m, vec3 n, float share, float bent) {
     vec3 beside = l - v * (n_l / n_v);
     float seen = length(beside - l * dot(l, beside));
     float relief = seen * inversesqrt(spread2) / u_shadow.y;
-    float total = 0.0, dark = 0.0;
+    float open = 0.0, dark = 0.0;
 #define SHADOW_FILTER(k, i, j) \
-    x##k = clamp(inside - (area.y * x##k * x##k + area.x * y##k * y##k - 2.0 * area.z * x##k * y##k), 0.0, 1.0); \
+    x##k = clamp((inside - area.y * x##k * x##k) - area.x * y##k * y##k + (2.0 * area.z * x##k) * y##k, 0.0, 1.0); \
     y##k = clamp(d##k * relief, 0.0, 1.0); \
-    total += dot(x##k, y##k + step(d##k, vec4(0.0))); \
+    open += dot(mix(vec4(0.0), x##k, lessThanEqual(d##k, vec4(0.0))), vec4(1.0)); \
     dark += dot(x##k, y##k);
     FOR_EACH_SHADOW_BLOCK(SHADOW_FILTER)
-    float visible = 1.0 - dark / max(total, 1e-4);
+    float visible = 1.0 - dark / max(open + dark, 1e-4);
 #endif
     return n_l > 0.0 ? visible : 0.0;
 }
