@@ -240,6 +240,16 @@ PICTURES: tuple[tuple[str, Picture, str], ...] = (
 )
 
 
+def write_jpeg(path: Path, rgb: np.ndarray) -> None:
+    """Write a picture as well as so many bytes allow."""
+    image = np.ascontiguousarray(rgb[..., ::-1])
+    for quality in (JPEG, 70, 55, 40):
+        data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+        if len(data) <= LARGEST_BYTES:
+            break
+    path.write_bytes(data)
+
+
 def main(names: list[str] | None = None) -> None:
     """Draw, write and describe every picture, or those that are named."""
     folder = DOCS / "images" / "gallery"
@@ -253,12 +263,7 @@ def main(names: list[str] | None = None) -> None:
         for name, picture, caption in PICTURES:
             path = folder / f"{name}.jpg"
             if not names or name in names:
-                image = np.ascontiguousarray(picture(renderer)[..., ::-1])
-                for quality in (JPEG, 70, 55, 40):
-                    data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-                    if len(data) <= LARGEST_BYTES:
-                        break
-                path.write_bytes(data)
+                write_jpeg(path, picture(renderer))
             lines += ["", f"## {caption}", "", f"![{caption}](images/gallery/{name}.jpg)"]
     (DOCS / "gallery.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 

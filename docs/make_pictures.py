@@ -1,9 +1,11 @@
 """Make the pictures of the README and the documents with our own software: python docs/make_pictures.py."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
+from make_gallery import exposed, radiance, write_jpeg
 
 import flyaround as fa
 from flyaround.demo_page import with_inset
@@ -35,8 +37,11 @@ def main() -> None:
     """The hero, the montage with truth, and one tile per kind of scene."""
     IMAGES.mkdir(exist_ok=True)
     with fa.Renderer() as renderer:
+        # as the gallery's: without the detector's noise, developed like a photograph
         hero, _ = draw(renderer, "tango-close-3m", 0.0, "rgb")
-        save("hero.jpg", hero.image, (1280, 800))
+        light = radiance(renderer, replace(hero.scene, quality="high"))
+        light = cv2.resize(light, (1280, 800), interpolation=cv2.INTER_AREA)
+        write_jpeg(IMAGES / "hero.jpg", exposed(light, 0.985, -0.4))
         scenes = []
         for name, t_s in SCENES:
             frame, _ = draw(renderer, name, t_s, "rgb")

@@ -35,6 +35,9 @@ SPEED_PLUS_DEG, SPEED_PLUS_SHARE = 0.169, 2.173e-3
 # Fewer values than this have no bootstrap interval worth printing.
 LEAST_BOOTSTRAP = 5
 
+# 95 % of chi-square with six degrees of freedom.
+CHI_SQUARE_6_95 = 12.592
+
 
 class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
     """One frame's answer beside its truth.
@@ -47,6 +50,8 @@ class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
     frame_class : for reports by class, e.g. ``feasible``, ``dark``, ``cropped``.
     shift_camera_m : (3,) estimated less true position, camera axes [m]. turn_camera_deg : (3,) rotation vector from
         true to estimated attitude, camera axes [deg].
+    nees : normalised estimation error squared: turn and shift over the covariance that the estimator gave, six
+        degrees of freedom; None without one.
     """
 
     range_m: float
@@ -58,6 +63,7 @@ class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
     frame_class: str = ""
     shift_camera_m: tuple[float, float, float] | None = None
     turn_camera_deg: tuple[float, float, float] | None = None
+    nees: float | None = None
 
     @property
     def coarse(self) -> bool:
@@ -85,6 +91,8 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     *_wilson : 95 % interval of the share of that name. *_bootstrap : of the median or mean of that name.
     speed_score : mean of E_R [rad] + e_t over every feasible frame with a pose; speed_plus_score :
         the same with errors below SPEED+'s label accuracy counted as none.
+    median_nees, nees_inside_95 : of accepted frames: the median (5.35 where covariances are right), and the share
+        within the 95 % of chi-square with six degrees of freedom.
     """
 
     n: int
@@ -114,6 +122,8 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     false_accept_wilson: tuple[float, float] | None
     speed_score: float | None
     speed_plus_score: float | None
+    median_nees: float | None = None
+    nees_inside_95: float | None = None
     median_E_R_deg_bootstrap: tuple[float, float] | None = None
     median_E_T_m_bootstrap: tuple[float, float] | None = None
     mean_E_R_deg_bootstrap: tuple[float, float] | None = None
@@ -202,8 +212,13 @@ def frame_record(
     accepted: bool,
     feasible: bool = True,
     frame_class: str = "",
+    covariance: ArrayLike | None = None,
 ) -> FrameRecord:
     """A record from two poses; a frame without an estimate keeps its errors as None.
+
+    Parameters
+    ----------
+    covariance : (6, 6) of turn [rad] and shift [m], camera axes, as the estimator gave it.
 
     Raises
     ------
@@ -211,7 +226,7 @@ def frame_record(
         As ``frame_errors``; or if a frame is accepted without a pose.
     """
     range_m = float(np.linalg.norm(np.asarray(t_true_m, float)))
-    shift = turn = None
+    shift = turn = nees = None
     if q_est_wxyz is None or t_est_m is None:
         if accepted:
             raise ValueError("a frame cannot be accepted without a pose")
@@ -220,6 +235,7 @@ def frame_record(
         E_T, e_t, E_R = frame_errors(q_true_wxyz, t_true_m, q_est_wxyz, t_est_m)
         shift = _triple(np.asarray(t_est_m, float) - np.asarray(t_true_m, float))
         turn = _triple(np.degrees(_rotation_between(q_true_wxyz, q_est_wxyz)))
+        nees = _nees(np.concatenate([np.radians(turn), shift]), covariance)
     return FrameRecord(
         range_m=range_m,
         E_T_m=E_T,
@@ -230,7 +246,18 @@ def frame_record(
         frame_class=frame_class or ("feasible" if feasible else "infeasible"),
         shift_camera_m=shift,
         turn_camera_deg=turn,
+        nees=nees,
     )
+
+
+def _nees(error: np.ndarray, covariance: ArrayLike | None) -> float | None:
+    """An error (6,) over its covariance; None where that is missing or cannot be inverted."""
+    if covariance is None:
+        return None
+    C = np.asarray(covariance, float)
+    if C.shape != (6, 6) or not np.isfinite(C).all() or np.linalg.eigvalsh(C)[0] <= 0:
+        return None
+    return float(error @ np.linalg.solve(C, error))
 
 
 def _rotation_between(q_true_wxyz: ArrayLike, q_est_wxyz: ArrayLike) -> np.ndarray:
@@ -371,6 +398,9 @@ def _figures(frames: Sequence[FrameRecord]) -> dict[str, Any]:
             median, mean = bootstrap_intervals(values)
             out[f"median_{field}{suffix}_bootstrap"] = median
             out[f"mean_{field}{suffix}_bootstrap"] = mean
+    nees = [r.nees for r in accepted if r.nees is not None]
+    out["median_nees"] = _reduce(_median, nees)
+    out["nees_inside_95"] = sum(x <= CHI_SQUARE_6_95 for x in nees) / len(nees) if nees else None
     scores = [
         (float(np.radians(r.E_R_deg)), r.e_t) for r in feasible if r.E_R_deg is not None and r.e_t is not None
     ]

@@ -101,6 +101,7 @@ class Evaluator:
             accepted=result.accepted,
             feasible=truth.feasible,
             frame_class=truth.infeasible_reason or "feasible",
+            covariance=result.covariance,
         )
         failure = ""
         if truth.feasible and not record.coarse and image.ndim == 2:
