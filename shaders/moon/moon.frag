@@ -88,12 +88,16 @@ void main() {
 #else
     // a grazing view stretches the ground under a pixel: rays on a lattice of rank one, none in the other's row or column
     color radiance = color(0.0);
+    float inside = 1e-6;
     for (int k = 0; k < SAMPLES; ++k) {
         vec2 at = vec2(float(k), mod(float(k) * float(STRIDE), float(SAMPLES))) + 0.5;
         MoonRay one = moon_ray(pixel + at / float(SAMPLES) - 0.5);
-        radiance += ground_radiance(one, max(moon_share(one), 1e-3), inversesqrt(float(SAMPLES)));
+        // a ray that comes over the limb comes in by degrees; 1.4: what textures are filtered by, 1/256 texel, must not show
+        float part = moon_share(one);
+        inside += part;
+        radiance += part * ground_radiance(one, part, 1.4 * inversesqrt(float(SAMPLES)));
     }
-    radiance *= 1.0 / float(SAMPLES);
+    radiance *= 1.0 / inside;
 #endif
     out_radiance = OUT(radiance * through * open);
 }

@@ -129,7 +129,7 @@ def test_night_is_dark_but_for_cities(renderer, draw_kit, speck):
     # above northern Italy, the Sun behind the Earth
     place = {"latitude_deg": 45.3, "longitude_deg": 9.5, "t_m": FAR, "sun_camera": (0.0, 0.0, 1.0)}
     night = renderer.render(draw_kit.scene(speck, **place, environment=lights), speck).radiance
-    off = replace(lights, night_lights=False)
+    off = replace(lights, night_lights=False, moon=False)
     dark = renderer.render(draw_kit.scene(speck, **place, environment=off), speck).radiance
     place["sun_camera"] = (0.2, 0.1, -1.0)
     day = renderer.render(draw_kit.scene(speck, **place, environment=lights), speck).radiance
