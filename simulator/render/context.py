@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -40,6 +41,7 @@ def create_context(device_index: int | None = None) -> moderngl.Context:
     UserError
         If there is no EGL, no such device, or its OpenGL is older than 4.1.
     """
+    _keep_narrow_vectors_from_avx()
     options: dict[str, Any] = {"backend": "egl"}
     if device_index is not None:
         options["device_index"] = device_index
@@ -52,6 +54,16 @@ def create_context(device_index: int | None = None) -> moderngl.Context:
         raise UserError(f"no headless OpenGL by EGL{where} ({error}); {advice}") from error
     check_version(context)
     return context
+
+
+def _keep_narrow_vectors_from_avx() -> None:
+    """Have Mesa's software driver leave AVX alone where it is asked for 128-bit vectors.
+
+    Mesa 22.3 with LLVM 15 writes beyond its own memory when it draws the Earth by AVX on vectors of 128 bits, which
+    happens by this variable alone: processors with AVX have 256, and those without have no AVX.
+    """
+    if os.environ.get("LP_NATIVE_VECTOR_WIDTH") == "128" and platform.machine() in {"x86_64", "AMD64"}:
+        os.environ.setdefault("GALLIUM_OVERRIDE_CPU_CAPS", "sse4.1")
 
 
 def check_version(context: moderngl.Context) -> None:
