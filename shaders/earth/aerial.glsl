@@ -11,12 +11,9 @@ uniform sampler2D t_air_transmittance;
 
 // Table coordinates of a ray; see shaders/atmosphere/table.frag.
 vec2 table_uv(EarthRay ray, bool ground_ray) {
-    float mu = -ray.along * u_earth_camera.w;             // cosine of the angle from the nadir; w: 1 / radius
-    float horizontal = sqrt(max(1.0 - mu * mu, 1e-9));    // 1e-9: straight down, where no azimuth matters
-    float azimuth = (dot(ray.direction, u_earth_sun.xyz) + mu * u_earth_sun.w) / (horizontal * u_earth_limits.x);
     float v = sqrt(clamp(ground_ray ? ray.disc : -ray.disc / (u_earth_limits.y - 1.0), 0.0, 1.0));
     float row = v * float(ROWS - 1) + (ground_ray ? 0.5 : float(ROWS) + 0.5);
-    float column = (clamp(azimuth, -1.0, 1.0) * 0.5 + 0.5) * float(COLUMNS - 1) + 0.5;
+    float column = (sun_azimuth(ray) * 0.5 + 0.5) * float(COLUMNS - 1) + 0.5;
     return vec2(column / float(COLUMNS), row / float(2 * ROWS));
 }
 #endif

@@ -104,7 +104,12 @@ void main() {
     float share = limb_share(ray); // of the pixel that the ground fills
     color radiance = color(0.0);
     if (share > 0.0) {
-        GroundPoint g = ground_point(ray);
+#if AIR
+        GroundAir air = table_air(ray);
+#else
+        GroundAir air = GroundAir(color(0.0), color(1.0), 0.0);
+#endif
+        GroundPoint g = ground_point(ray, air);
         radiance = share * ground_radiance(g, waters_at(g));
     }
     if (share < 1.0) radiance += (1.0 - share) * air_radiance(ray);

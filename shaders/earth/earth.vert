@@ -9,6 +9,17 @@ uniform float u_cell_px;  // side of a cell
 in vec2 in_pixel;         // middle of the cell [px], edges of pixels at .5
 
 #if SMOOTH
+// of the air in front of the four corners, as shaders/earth/corners.vert has it
+#if !AIR
+#define CORNER_AIR(k) GroundAir(color(0.0), color(1.0), 0.0)
+#elif BANDS == 1
+in vec4 in_air_0, in_air_1, in_air_2;
+#define CORNER_AIR(k) GroundAir(in_air_0[k], in_air_1[k], in_air_2[k])
+#else
+in vec4 in_air_0, in_air_1, in_air_2, in_air_3, in_air_4, in_air_5;
+#define CORNER_AIR(k) \
+    GroundAir(vec3(in_air_0[k], in_air_1[k], in_air_2[k]), vec3(in_air_3[k], in_air_4[k], in_air_5[k]), 0.0)
+#endif
 #define STAGE out
 #include "earth/plane.glsl"
 #endif
@@ -29,7 +40,7 @@ void main() {
 #endif
     for (int k = 0; k < 4; ++k) {
         vec2 corner = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
-        GroundPoint g = ground_point(earth_ray(in_pixel + corner * (0.5 * u_cell_px)));
+        GroundPoint g = ground_point(earth_ray(in_pixel + corner * (0.5 * u_cell_px)), CORNER_AIR(k));
         vec4 at = vec4(g.uv, g.plane);
         vec4 sun = vec4(g.toward, g.sharp, g.glint);
 #define ADD(value, name) { v_##name[0] += 0.25 * value; \

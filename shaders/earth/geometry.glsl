@@ -31,3 +31,11 @@ float limb_share(EarthRay ray) {
     float slope = 2.0 * sqrt(ray.perigee2) * -ray.along * ray.pixel_rad;
     return clamp(ray.disc / slope + 0.5, 0.0, 1.0);
 }
+
+// Cosine of the azimuth between a ray and the Sun, about the camera's zenith.
+float sun_azimuth(EarthRay ray) {
+    float mu = -ray.along * u_earth_camera.w;          // cosine of the angle from the nadir; w: 1 / radius
+    float horizontal = sqrt(max(1.0 - mu * mu, 1e-9)); // 1e-9: straight down, where no azimuth matters
+    float azimuth = (dot(ray.direction, u_earth_sun.xyz) + mu * u_earth_sun.w) / (horizontal * u_earth_limits.x);
+    return clamp(azimuth, -1.0, 1.0);
+}

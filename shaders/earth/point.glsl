@@ -72,7 +72,33 @@ const float CITY = 2.0e-3;
 const vec3 CITY = vec3(1.2e-3, 0.75e-3, 0.28e-3);
 #endif
 
-GroundPoint ground_point(EarthRay ray) {
+// Air between the camera and a ground point.
+struct GroundAir {
+    color haze;    // its radiance over the Sun's irradiance [sr-1]
+    color through; // transmittance
+    float light;   // BANDS 1: irradiance on level ground over the Sun's
+};
+
+// In-scatter of both kinds as radiance; along a unit vector.
+color scattered(color rayleigh, color mie, vec3 direction) {
+    float c = dot(direction, u_earth_sun.xyz);
+    return rayleigh * rayleigh_phase(c) + mie * mie_phase(c, u_air_shape.z);
+}
+
+#if AIR && !SMOOTH
+GroundAir table_air(EarthRay ray) {
+    vec2 table = table_uv(ray, true);
+#if BANDS == 1
+    vec4 air = textureLod(t_air, table, 0.0);
+    return GroundAir(scattered(air.x, air.y, ray.direction), air.z, air.w);
+#else
+    vec3 rayleigh = textureLod(t_air_rayleigh, table, 0.0).xyz, mie = textureLod(t_air_mie, table, 0.0).xyz;
+    return GroundAir(scattered(rayleigh, mie, ray.direction), textureLod(t_air_transmittance, table, 0.0).xyz, 0.0);
+#endif
+}
+#endif
+
+GroundPoint ground_point(EarthRay ray, GroundAir air) {
     GroundPoint g;
     float depth = sqrt(max(ray.disc, 0.0));
     float t = -ray.along - depth;
@@ -131,25 +157,19 @@ GroundPoint ground_point(EarthRay ray) {
     if (mu > 0.0) g.glint = direct * PI * glint.x / (max(mu, 0.05) * shine);
     g.ripple = min(glint.y, 4.0); // 4: a fiftieth of the light that the middle has
 #endif
-    color through = color(1.0);
 #if AIR
-    vec2 table = table_uv(ray, true);
-    float c = dot(ray.direction, u_earth_sun.xyz);
-    float pr = rayleigh_phase(c), pm = mie_phase(c, u_air_shape.z);
+    color through = air.through;
+    g.haze = air.haze;
 #if BANDS == 1
-    vec4 air = textureLod(t_air, table, 0.0);
-    g.light = air.w;
-    through = air.z;
-    g.haze = air.x * pr + air.y * pm;
+    g.light = air.light;
 #else
-    g.haze = textureLod(t_air_rayleigh, table, 0.0).xyz * pr + textureLod(t_air_mie, table, 0.0).xyz * pm;
-    through = textureLod(t_air_transmittance, table, 0.0).xyz;
     g.light = daylight(g.mu);
 #endif
 #if MOONLIT
     g.light += daylight(mu_moon) * (u_earth_moon.w * dusk);
 #endif
 #else
+    color through = color(1.0);
     g.light = color(max(g.mu, 0.0));
 #if MOONLIT
     g.light += color(max(mu_moon, 0.0) * u_earth_moon.w * dusk);

@@ -80,6 +80,22 @@ class Cells:
         width, height = self.extent_px
         return 1 - len(self.others_px) * self.size_px**2 / (width * height)
 
+    @property
+    def all_smooth(self) -> bool:
+        """Whether the Earth's cells are smooth, every one."""
+        return all(kind.smooth for kind in self.centers_px)
+
+    @property
+    def corners_px(self) -> tuple[FloatArray, FloatArray]:
+        """(M,) columns and (N,) rows of the corners of all the image's cells."""
+        width, height = self.extent_px
+        return _edges(width, self.size_px), _edges(height, self.size_px)
+
+    def place(self, centers_px: Float32Array) -> tuple[IntArray, IntArray]:
+        """(K,) rows and columns of cells, counted in cells, by their middles (K, 2)."""
+        column, row = ((centers_px + np.float32(0.5)) / np.float32(self.size_px)).astype(np.int64).T
+        return row, column
+
     def covered(self) -> PixelRect | None:
         """Pixels that hold the cells that the target may be in front of."""
         found = [centers for kind, centers in self.centers_px.items() if kind.covered]

@@ -61,14 +61,22 @@ class ProgramLibrary:
         self.lens = False
 
     def get(
-        self, vertex: str, fragment: str, defines: Mapping[str, object], samplers: tuple[str, ...] = ()
+        self,
+        vertex: str,
+        fragment: str | None,
+        defines: Mapping[str, object],
+        samplers: tuple[str, ...] = (),
+        *,
+        varyings: tuple[str, ...] = (),
     ) -> Program:
         """The program of two shader files, compiled at first use.
 
         Parameters
         ----------
+        fragment : ``None`` for a program that draws nothing: what its vertices give is written to a buffer.
         defines : preprocessor constants. Value ``""`` defines the bare name.
-        samplers : names of the samplers; sampler ``k`` reads texture unit ``k``.
+        samplers : names of the samplers; sampler ``k`` reads texture unit ``k``. varyings : without a fragment shader,
+            what is written.
         """
         # passes ask in every frame: in the same words they are answered without sorting and printing them
         values = tuple(defines.values())  # 1 and 1.0 are equal, and other words
@@ -94,9 +102,10 @@ class ProgramLibrary:
             self._built[key] = Program(
                 self._context.program(
                     vertex_shader=source,
-                    fragment_shader=head + read_source(fragment),
+                    fragment_shader=None if fragment is None else head + read_source(fragment),
                     tess_control_shader=shared + control_stage(source, MOST_PIECES) if cut else None,
                     tess_evaluation_shader=shared + evaluation_stage(source) if cut else None,
+                    varyings=varyings,
                 ),
                 samplers,
                 patches=cut,

@@ -75,7 +75,8 @@ class Sky:
     Parameters
     ----------
     moon, earth : as the camera sees them, ``None`` when the scene has none. air : of the Earth.
-    tables : this frame's air. cells : of the image that Earth and air touch; both ``None`` with neither in the image.
+    tables : this frame's air, ``None`` where nothing asks for it. cells : of the image that Earth and air touch,
+        ``None`` with neither in the image. corners : of the cells, the air in front of the ground.
     """
 
     moon: MoonView | None = None
@@ -83,6 +84,7 @@ class Sky:
     air: Atmosphere | None = None
     tables: list[moderngl.Texture] | None = None
     cells: Cells | None = None
+    corners: Float32Array | None = None
 
     @property
     def fills(self) -> bool:
@@ -267,10 +269,16 @@ class Renderer:
             return Sky(moon=moon, earth=earth, air=air)
         cells = earth_cells(earth, scene.camera, hidden_px, ice_day(scene))
         clock.lap("earth.setup")
+        tables, corners = None, None
         if air is not None:
-            in_use.frame.run(earth)
+            # a view of nothing but smooth ground asks for the air at its cells' corners only
+            if not (cells.all_smooth and earth.sky_rows is None) or (moon is not None and moon.in_front):
+                in_use.frame.run(earth)
+                tables = in_use.frame.tables
+            if cells.smooth_share > 0:
+                corners = in_use.frame.corners(*cells.corners_px)
         clock.lap("earth.air")
-        return Sky(moon, earth, air, in_use.frame.tables if air is not None else None, cells)
+        return Sky(moon, earth, air, tables, cells, corners)
 
     def _draw_sky(self, scene: SceneState, view: View, images: Images, sky: Sky, clock: StageClock) -> bool:
         """Everything behind the target: each pass adds its light times the share that the target leaves open.
@@ -288,7 +296,9 @@ class Renderer:
             and sky.cells.smooth_share > LEAST_SHARE
         )
         if sky.cells is not None:
-            self._earth_pass(scene.bands).run(images, sky.cells, scene, behind=behind, fours=fours)
+            self._earth_pass(scene.bands).run(
+                images, sky.cells, sky.corners, scene, behind=behind, fours=fours
+            )
             clock.lap("earth.surface")
         if (environment.stars or environment.planets) and not sky.fills:
             self._stars.run(scene, view, images, earth, sky.air, moon)

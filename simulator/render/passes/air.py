@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from simulator.render.airtables import GROUND_MU_MIN
 from simulator.render.programs import FULL_SCREEN
 
 if TYPE_CHECKING:
     import moderngl
 
+    from simulator.arrays import Float32Array, FloatArray
     from simulator.render.airtables import AirTables
     from simulator.render.earthview import EarthView
-    from simulator.render.programs import ProgramLibrary
+    from simulator.render.programs import Program, ProgramLibrary
 
 COLUMNS, ROWS, STEPS = 64, 96, 24
 TABLE_DEFINES = {"COLUMNS": COLUMNS, "ROWS": ROWS}
@@ -54,6 +57,8 @@ class AirPass:
             ("t_transmittance", "t_ground", "t_multiple"),
         )
         self._array = context.vertex_array(self._program.gl, [])
+        self._programs, self._bands = programs, bands
+        self._corners: dict[bool, _Corners] = {}  # with a lens that distorts, without
 
     def run(self, earth: EarthView) -> None:
         """Fill the part of the table that the image can see."""
@@ -61,9 +66,7 @@ class AirPass:
         # what is outside stays black, so that no frame depends on the one before
         self._framebuffer.clear(0.0, 0.0, 0.0, 0.0)
         self._context.enable_only(self._context.NOTHING)
-        self._program.bind_textures(
-            t_transmittance=self._transmittance, t_ground=self.ground, t_multiple=self._multiple
-        )
+        self._bind(self._program)
         c0, c1 = _texels(((earth.azimuth[0] + 1) / 2, (earth.azimuth[1] + 1) / 2), COLUMNS)
         for rows, first in ((earth.ground_rows, 0), (earth.sky_rows, ROWS)):
             if rows is None:
@@ -71,6 +74,62 @@ class AirPass:
             r0, r1 = _texels(rows, ROWS)
             self._framebuffer.viewport = (c0, first + r0, c1 - c0, r1 - r0)
             self._array.render(vertices=3)
+
+    def _bind(self, program: Program) -> None:
+        program.bind_textures(
+            t_transmittance=self._transmittance, t_ground=self.ground, t_multiple=self._multiple
+        )
+
+    def corners(self, columns_px: FloatArray, rows_px: FloatArray) -> Float32Array:
+        """The air in front of the ground at the corners of a grid of the image, over the Sun's irradiance.
+
+        Parameters
+        ----------
+        columns_px, rows_px : (M,) and (N,) of the corners.
+
+        Returns
+        -------
+        (N, M, 3): radiance [sr-1], transmittance, irradiance on level ground; of three bands (N, M, 6): radiance and
+        transmittance of each. What rays that miss the ground have means nothing.
+        """
+        lens = self._programs.lens
+        if lens not in self._corners:
+            self._corners[lens] = _Corners(self._context, self._programs, self._bands)
+        self._bind(self._corners[lens].program)
+        return self._corners[lens].run(columns_px, rows_px)
+
+
+class _Corners:
+    """The program that marches through the air, and its buffers."""
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, bands: int) -> None:
+        self._values = 3 if bands == 1 else 6
+        self._context = context
+        self.program = programs.get(
+            "earth/corners.vert",
+            None,
+            {"BANDS": bands, "STEPS": STEPS, "GROUND_MU_MIN": GROUND_MU_MIN},
+            ("t_transmittance", "t_ground", "t_multiple"),
+            varyings=("v_air",) if bands == 1 else ("v_haze", "v_through"),
+        )
+        self._in = context.buffer(reserve=8, dynamic=True)
+        self._out = context.buffer(reserve=8, dynamic=True)
+        self._array = context.vertex_array(
+            self.program.gl, [(self._in, "2f", "in_pixel")], mode=context.POINTS
+        )
+        self._grid: tuple[bytes, bytes] = (b"", b"")
+
+    def run(self, columns_px: FloatArray, rows_px: FloatArray) -> Float32Array:
+        shape = len(rows_px), len(columns_px), self._values
+        grid = columns_px.tobytes(), rows_px.tobytes()
+        if grid != self._grid:
+            corners = np.stack(np.meshgrid(columns_px, rows_px), axis=-1).astype(np.float32)
+            self._in.orphan(corners.nbytes)
+            self._in.write(corners)
+            self._out.orphan(int(np.prod(shape)) * 4)
+            self._grid = grid
+        self._array.transform(self._out, vertices=shape[0] * shape[1])
+        return np.frombuffer(self._out.read(), np.float32).reshape(shape)
 
 
 def _texels(span: tuple[float, float], count: int) -> tuple[int, int]:

@@ -8,6 +8,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import moderngl
+import numpy as np
 
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from simulator.render.earth_maps import AUGUST
@@ -24,6 +25,7 @@ from simulator.render.shoals import SCALE as SHOAL_SCALE
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
+    from simulator.arrays import Float32Array
     from simulator.render.airtables import AirTables
     from simulator.render.cells import CellKind, Cells
     from simulator.render.earth_maps import EarthMaps
@@ -171,12 +173,20 @@ class EarthPass:
         }
 
     def run(
-        self, images: Images, cells: Cells, scene: SceneState, *, behind: bool, fours: bool = False
+        self,
+        images: Images,
+        cells: Cells,
+        corners: Float32Array | None,
+        scene: SceneState,
+        *,
+        behind: bool,
+        fours: bool = False,
     ) -> None:
         """Add the Earth's light to ``images``.
 
         Parameters
         ----------
+        corners : of all cells, the air in front of the ground (`AirPass.corners`).
         behind : the Moon is nearer, and may hide it.
         fours : draw smooth cells four pixels to a texel, and not into the image itself; those that the target may
             cover are added to what is there.
@@ -196,6 +206,11 @@ class EarthPass:
         }
         if any(kind.icy or kind.shoal for kind in cells.centers_px):
             textures |= self._waters(ice_day(scene))
+        # at each cell's corners: upper left, upper right, lower left, lower right
+        around = None
+        if corners is not None:
+            four = [corners[:-1, :-1], corners[:-1, 1:], corners[1:, :-1], corners[1:, 1:]]
+            around = np.stack(four, axis=-1).reshape(*four[0].shape[:2], -1)
         # what goes into one image comes together: a driver that changes images finishes the first
         for kind, centers in sorted(cells.centers_px.items(), key=itemgetter(0)):
             in_fours = fours and kind.smooth
@@ -224,16 +239,28 @@ class EarthPass:
             program.set("u_extent_px", cells.extent_px)
             program.set("u_cell_px", float(cells.size_px))
             program.set("u_level", (kind.level - LOG2_TEXEL_KM, detail_level))
-            if program not in self._arrays:
-                buffer = self._context.buffer(reserve=centers.nbytes, dynamic=True)
-                array = self._context.vertex_array(
-                    program.gl, [(buffer, "2f", "in_pixel")], mode=self._context.POINTS
-                )
-                self._arrays[program] = (buffer, array)
-            buffer, array = self._arrays[program]
-            buffer.orphan(centers.nbytes)
-            buffer.write(centers)
-            array.render(vertices=len(centers))
+            vertices = centers
+            if around is not None and kind.smooth:
+                vertices = np.concatenate([centers, around[cells.place(centers)]], axis=1)
+            buffer, array = self._array_of(
+                program, 0 if around is None or not kind.smooth else around.shape[2]
+            )
+            buffer.orphan(vertices.nbytes)
+            buffer.write(vertices)
+            array.render(vertices=len(vertices))
+
+    def _array_of(self, program: Program, values: int) -> tuple[moderngl.Buffer, moderngl.VertexArray]:
+        """Vertices of a program: middles of cells, and four by four the values at their corners."""
+        if program not in self._arrays:
+            buffer = self._context.buffer(reserve=8, dynamic=True)
+            names = [f"in_air_{k}" for k in range(values // 4)]
+            array = self._context.vertex_array(
+                program.gl,
+                [(buffer, " ".join(["2f", *["4f"] * len(names)]), "in_pixel", *names)],
+                mode=self._context.POINTS,
+            )
+            self._arrays[program] = (buffer, array)
+        return self._arrays[program]
 
     def _detail_of(self, kind: CellKind, level: float, quality: str) -> moderngl.Texture:
         """The detail with all its levels, or the one level that a smooth cell needs: the driver then has no choice.
