@@ -95,6 +95,8 @@ class AirPass:
         lens = self._programs.lens
         if lens not in self._corners:
             self._corners[lens] = _Corners(self._context, self._programs, self._bands)
+        # nothing is drawn to it, but a driver without a window has no other that is complete
+        self._framebuffer.use()
         self._bind(self._corners[lens].program)
         return self._corners[lens].run(columns_px, rows_px)
 
