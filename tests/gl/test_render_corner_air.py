@@ -1,0 +1,53 @@
+"""Air at the corners of smooth cells: its light on the ground against the table of irradiances that it comes from."""
+
+import numpy as np
+import pytest
+
+from simulator.camera.model import Camera
+from simulator.render import renderer as renderer_module
+from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES
+from simulator.render.passes.air import AirPass
+from simulator.render.projection import directions
+from simulator.scene.state import Environment, TargetRef
+from simulator.scene.viewpoint import scene_above
+
+pytestmark = pytest.mark.gl
+CAMERA = Camera(width_px=64, height_px=64, fx_px=180.0, fy_px=180.0, cx_px=31.5, cy_px=31.5)
+
+
+def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, draw_kit, monkeypatch):
+    seen = {}
+    corners, view = AirPass.corners, renderer_module.earth_view
+
+    def kept_corners(self, columns_px, rows_px):
+        seen.update(air=corners(self, columns_px, rows_px), grid=(columns_px, rows_px))
+        return seen["air"]
+
+    def kept_view(*given):
+        seen["earth"] = view(*given)
+        return seen["earth"]
+
+    monkeypatch.setattr(AirPass, "corners", kept_corners)
+    monkeypatch.setattr(renderer_module, "earth_view", kept_view)
+    speck = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
+    world = Environment(stars=False, moon=False)
+    ref = TargetRef(name=speck.name, sha256=speck.sha256)
+    scene = scene_above(
+        "2026-03-20T05:55:00Z", (20.0, 5.0, 700.0), target=ref, environment=world, bands="mono", camera=CAMERA
+    )
+    renderer.render(scene, speck)
+
+    earth = seen["earth"]
+    d = directions(CAMERA, *seen["grid"], earth.earth_from_camera)
+    d /= np.linalg.norm(d, axis=-1, keepdims=True)
+    along = d @ earth.camera
+    disc = 1 - (earth.camera @ earth.camera - along**2)
+    foot = earth.camera - (along + np.sqrt(disc))[..., None] * d
+    mu = foot @ earth.sun
+    assert (
+        0 < mu.min() < 0.5 * mu.max() < 0.1
+    )  # the light changes much, and nowhere as the angle from the nadir does
+    table = renderer._earths["mono"].air(world.atmosphere_thickness_km).tables.ground[:, 0]
+    exact = np.interp(mu, np.linspace(GROUND_MU_MIN, 1, GROUND_SAMPLES), table)
+    # the frame's table, even steps of the perigee's depth, was off by up to 8 % here
+    assert np.allclose(seen["air"][..., 2], exact, rtol=1e-3)
