@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -19,8 +19,9 @@ from hil.board.svd.levels import blurred
 from hil.board.svd.photometric import PhotoFit, photo_score
 from hil.board.svd.roi import Region
 from hil.board.svd.score import support
+from hil.board.svd.search import twins
 from hil.board.svd.shade import Canvas, draw_faces
-from hil.board.svd.verify import SMALL_PX, check_leaning
+from hil.board.svd.verify import SMALL_PX, check_leaning, choose_by_picture
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
@@ -97,3 +98,23 @@ def test_a_right_pose_stays_and_what_leant_comes_back_to_it(craft: Craft, frame:
     after = check_leaning(craft, frame, before)
     assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 0.5
     assert after.end.score >= before.end.score
+
+
+def test_a_twin_is_asked_though_a_leader_that_is_not_compared_stands_there(
+    craft: Craft, frame: Frame
+) -> None:
+    held = choice_of(craft, frame, Q, T_M).ranked[0]
+    q, t = twins(craft, [held.start])
+    leans = leaning(craft, held.start)[:4]
+
+    def leader(score: float, a: np.ndarray, b: np.ndarray) -> Ranked:
+        c = Candidate(a, b, held.start.support, held.start.field, held.start.region)
+        return Ranked(score, PhotoFit(a, b, 1.0, np.eye(6)), c)
+
+    leaders = [held, *(leader(0.5, c.q, c.t) for c in leans), leader(0.1, q[0], t[0])]
+    asked: dict[str, Any] = {}
+    seen = Frame(frame.image, asked)
+    seen.noise, seen.background = frame.noise, frame.background
+    choice = choose_by_picture(craft, seen, leaders, thorough=True)
+    assert min(float(quat.angle_rad(r.start.q, q[0])) for r in asked["ranked"]) < 1e-6
+    assert np.degrees(quat.angle_rad(choice.end.fit.q, Q)) < 0.5

@@ -135,7 +135,8 @@ def choose_by_picture(craft: Craft, frame: Frame, leaders: List[Ranked], *, thor
     around = [
         begin(craft, close, Candidate(q[k], t[k], c.support, c.field, c.region, c.likely))
         for k in range(len(q))
-        if all(quat.angle_rad(q[k], r.fit.q) > SPREAD_RAD for r in leaders)
+        # a leader that is not compared here says nothing of its twin
+        if all(quat.angle_rad(q[k], o.q) > SPREAD_RAD for o in (c, *others))
     ]
     # against a texture a few degrees cost a pose most of its score: there every twin is aligned
     every = thorough or frame.background < 0
