@@ -20,8 +20,12 @@ Array = np.ndarray
 
 # Directions of the Sun whose shadows are drawn, and pixels that they are chosen by: of a pose on its way, and at its
 # end; side of the craft's picture from each [px].
-COARSE, FINE = (2, 240), (3, 700)
+COARSE, FINE = (2, 240), (5, 700)
 MAP_PX = 128
+
+# Steps by which the Sun's direction is made better at the end [rad], and what its shadows must explain for that: over
+# 41 development frames the median error of attitude falls by a fifth, and the table's directions lie 13 deg apart.
+STEPS_RAD, WORTH = (float(np.radians(4.0)), float(np.radians(2.0))), 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +60,37 @@ def shadowed(
     Parameters
     ----------
     faces : of the craft. q, t : the pose. plain : drawn there without shadows, where it is. coarse : try
-        fewer directions on fewer pixels, which lets go of 0.005 of 0.06 that shadows explain in the mean.
+        fewer directions on fewer pixels and leave it at that, which lets go of a third of what shadows explain.
     """
     camera = craft.camera.pinhole
     plain = photo_draw(q, t, faces, canvas, camera) if plain is None else plain
     best = Shadowed(plain, explained(plain, canvas), None)
     if craft.suns is None:
         return best
-    number, pixels = COARSE if coarse else FINE
-    for direction in craft.suns.find(faces, plain, canvas, camera, quat.matrix(q), t, number, pixels):
+
+    def tried(direction: Array) -> Shadowed:
         sun = Sunlight.of(faces, direction, MAP_PX)
         shading = photo_shade(plain.seen, q, t, faces, canvas, camera, sun)
-        score = explained(shading, canvas)
-        if score > best.score:
-            best = Shadowed(shading, score, sun)
+        return Shadowed(shading, explained(shading, canvas), sun)
+
+    least = best.score + WORTH
+    number, pixels = COARSE if coarse else FINE
+    for direction in craft.suns.find(faces, plain, canvas, camera, quat.matrix(q), t, number, pixels):
+        best = max(best, tried(direction), key=_score)
+    if coarse or best.score < least:
+        return best
+    for step in STEPS_RAD:
+        for k in range(4):
+            if best.sun is not None:
+                best = max(best, tried(_beside(best.sun, step, k)), key=_score)
     return best
+
+
+def _score(drawn: Shadowed) -> float:
+    return drawn.score
+
+
+def _beside(sun: Sunlight, angle_rad: float, k: int) -> Array:
+    """Direction (3,) beside the Sun's, to one of four sides."""
+    side = (1 - k // 2 * 2) * sun.axes[k % 2]
+    return np.asarray(np.cos(angle_rad) * sun.direction + np.sin(angle_rad) * side)
