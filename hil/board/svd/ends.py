@@ -28,9 +28,9 @@ from hil.board.svd.sunlight import Sunlight
 
 Array = np.ndarray
 
-# An end that moved by more is aligned again, with shadows as they fall there, so many times in all [rad]; a score
-# that is lower by more is a worse one.
-MOVED_RAD, ROUNDS, NO_WORSE = float(np.radians(0.5)), 2, 0.003
+# An end that moved by more is aligned again, with shadows as they fall there, so many times in all [rad]: most are
+# there after one, a few are 10 deg away at first. A score lower by more is a worse one; by far more, it leads away.
+MOVED_RAD, ROUNDS, NO_WORSE, ASTRAY = float(np.radians(0.5)), 6, 0.003, 0.02
 
 # Ends farther apart than this are two [rad].
 OTHER_END_RAD = float(np.radians(5.0))
@@ -38,8 +38,8 @@ OTHER_END_RAD = float(np.radians(5.0))
 # Longest side of the picture for the final alignment [px], and its blurs.
 FINAL_PX, FINAL_BLURS, LAST_BLURS = 230, (1.2, 0.8), (0.3, 0.0)
 
-# The first ones of an alignment again after one that moved by less [rad].
-FAR_RAD, NEAR_BLURS = float(np.radians(1.0)), (0.8,)
+# The first ones of an alignment again after one that moved by more, and by less [rad].
+FAR_RAD, FAR_BLURS, NEAR_BLURS = float(np.radians(1.0)), (3.0, 2.0, 1.2, 0.8), (0.8,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,14 +127,15 @@ def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> End:
         near = _stepped(craft, canvas, before, here.sun, blurs)
         fit = _stepped(craft, exact, near, here.sun, LAST_BLURS)
         score = photo_score(fit.q, fit.t, faces, close, camera, here.sun)
-        if best is not None and score < best.score - NO_WORSE:
+        if best is None or score > best.score - NO_WORSE:
+            best = End(fit, score, here.sun, began)
+        elif score < best.score - ASTRAY:
             break
-        best = End(fit, score, here.sun, began)
         moved = quat.angle_rad(before.q, fit.q)
         # shadows fall as they did where it began
         if moved < MOVED_RAD:
             break
-        before, blurs = fit, FINAL_BLURS if moved > FAR_RAD else NEAR_BLURS
+        before, blurs = fit, FAR_BLURS if moved > FAR_RAD else NEAR_BLURS
     assert best is not None  # noqa: S101 - the first round always ends somewhere
     return best
 
