@@ -22,6 +22,7 @@ from simulator.errors import UserError
 from simulator.labels.request import LAYERS, LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
+from simulator.render.earth_maps import begin_earth_maps
 from simulator.scenario_load import load_scenario
 from simulator.scenario_picture import environment_section
 from simulator.scene.environments import ENVIRONMENTS
@@ -103,6 +104,9 @@ def render(
         flown = load_scenario(scenario or "")
         if environment is not None:
             flown = msgspec.structs.replace(flown, environment=environment_section(environment))
+        if flown.environment_model.earth:
+            # two at a time: an empty cache is filled while the target is built and flown
+            begin_earth_maps(bands or flown.output.bands, flown.environment_model, flown.epoch_utc)
         plan = plan_flight(flown, times=(time_s,), seed=seed, bands=bands, quality=_quality(quality))
         scene, target, request = plan.scene(0), plan.target, LabelRequest()
     if labels is not None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from simulator.arrays import Float32Array
     from simulator.render.airtables import AirTables
     from simulator.render.levels import Levelled
-    from simulator.scene.state import SceneState
+    from simulator.scene.state import Bands, Environment
 
 AUGUST = Season(8, 8, 0.0)  # the month of the fine map
 
@@ -44,17 +44,18 @@ class EarthMaps:
     air: Future[AirTables]
 
 
-def begin_earth_maps(scene: SceneState) -> EarthMaps:
-    """Start on what a scene's Earth needs, and return at once; NumPy and OpenCV leave Python free meanwhile."""
-    environment, bands = scene.environment, 1 if scene.bands == "mono" else 3
-    dates = season(scene.epoch_utc) if environment.seasons else AUGUST
+def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
+    """Start on what a scene's Earth needs, and return at once; NumPy and OpenCV leave Python free meanwhile.
+
+    Before there is a scene it may be called for the sake of the cache alone: who asks again waits for what was begun.
+    """
+    bands = 1 if of_bands == "mono" else 3
+    dates = season(epoch_utc) if environment.seasons else AUGUST
     # what takes longest first: the detail alone is as long as the maps
     with_maps, others = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
     decode = kept_decoder()
     maps = with_maps.submit(lambda: [levelled(image) for image in packed_maps(bands, decode)])
-    albedo = with_maps.submit(
-        albedo_of_day, scene.epoch_utc, clouds=environment.clouds, ice=environment.sea_ice
-    )
+    albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = {month: with_maps.submit(_month, month, bands) for month in {dates.before, dates.after}}
     begun = EarthMaps(
         albedo,
@@ -63,7 +64,7 @@ def begin_earth_maps(scene: SceneState) -> EarthMaps:
         others.submit(lambda: levelled(relief())),
         months,
         with_maps.submit(lambda: levelled(shoals(bands, decode))),
-        others.submit(air_tables, scene.bands, environment.atmosphere_thickness_km * 1e3),
+        others.submit(air_tables, of_bands, environment.atmosphere_thickness_km * 1e3),
     )
     for pool in (with_maps, others):
         pool.shutdown(wait=False)

@@ -175,7 +175,7 @@ class Renderer:
         clock = StageClock(self._gl, finish=self.timed)
         passes = self._prepare(scene)
         if scene.environment.earth and scene.bands not in self._earths and scene.bands not in self._begun:
-            self._begun[scene.bands] = begin_earth_maps(scene)
+            self._begun[scene.bands] = begin_earth_maps(scene.bands, scene.environment, scene.epoch_utc)
         bands = len(bands_of(scene.bands))
         # what Earth and Moon light is worked out while the driver draws the samples, which need none of it; in the
         # first frame the maps that it depends on are still being decoded

@@ -74,13 +74,18 @@ class ReturnedLight:
         self._context, self._mesh = context, mesh
         self._kept: dict[Bands, AtlasTextures] = {}
 
-    def update(self, bands: Bands, view: View) -> AtlasTextures:
-        """The textures of a frame."""
+    def bake(self, bands: Bands) -> AtlasTextures:
+        """The textures, whatever frame they were last updated to."""
         if bands not in self._kept:
             made = baked_transfer(self._mesh, _returned_share(self._mesh.materials, bands))
             self._kept[bands] = AtlasTextures(self._context, self._mesh, made)
-        self._kept[bands].update(view)
         return self._kept[bands]
+
+    def update(self, bands: Bands, view: View) -> AtlasTextures:
+        """The textures of a frame."""
+        textures = self.bake(bands)
+        textures.update(view)
+        return textures
 
     def release(self) -> None:
         """Free the textures."""

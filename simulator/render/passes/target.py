@@ -269,6 +269,8 @@ class TargetPasses:
             exact=exact,
         )
         slope = self._edges.run(edges, lattice, size)
+        # in the first frame: it waits for none of the Earth's maps, which are being decoded
+        loaded.returned.bake(scene.bands)
         clock.lap("target.edges")
         return Sampled(
             place.rect,
