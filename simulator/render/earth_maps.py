@@ -53,7 +53,9 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
     dates = season(epoch_utc) if environment.seasons else AUGUST
     # what takes longest first: the detail alone is as long as the maps
     with_maps, others = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+    # the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
     decode = kept_decoder()
+    water = with_maps.submit(lambda: levelled(shoals(bands, decode)))
     maps = with_maps.submit(lambda: [levelled(image) for image in packed_maps(bands, decode)])
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = {month: with_maps.submit(_month, month, bands) for month in {dates.before, dates.after}}
@@ -63,7 +65,7 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
         others.submit(lambda: levelled(detail_texture())),
         others.submit(lambda: levelled(relief())),
         months,
-        with_maps.submit(lambda: levelled(shoals(bands, decode))),
+        water,
         others.submit(air_tables, of_bands, environment.atmosphere_thickness_km * 1e3),
     )
     for pool in (with_maps, others):

@@ -3,6 +3,7 @@
 import ctypes
 
 import cv2
+import moderngl
 import numpy as np
 import pytest
 
@@ -18,6 +19,7 @@ from simulator.render.levels import levelled, levelled_texture, opengl
 from simulator.render.passes import target as target_passes
 from simulator.render.passes.gbuffer import MOST_STAMPS
 from simulator.render.projection import PixelRect
+from simulator.render.renderer import Renderer
 from simulator.render.view import build_view
 from simulator.scene.atmosphere import earth_atmosphere
 from simulator.scene.state import Environment
@@ -171,3 +173,23 @@ def test_the_bench_times_frames_without_waits_and_passes_apart(draw_kit):
     # each pass is waited for: their times add up to the drawing of the same frames
     assert own == pytest.approx(passes["render"], rel=0.2)
     assert cost.frame_ms_p50 == pytest.approx(cost.render_ms_p50 + cost.sensor_ms_p50, rel=0.1)
+
+
+def test_few_targets_stay_on_the_gpu_and_come_back_the_same(draw_kit, monkeypatch):
+    made, upload = [], target_passes.upload
+    monkeypatch.setattr(target_passes, "MOST_LOADED", 2)
+    monkeypatch.setattr(target_passes, "upload", lambda *a: made.append(upload(*a)) or made[-1])
+    targets = [
+        draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), half)], [draw_kit.white()])
+        for half in (0.2, 0.3, 0.4)
+    ]
+    with Renderer() as own:
+        drawn = [
+            own.render(draw_kit.scene(targets[k]), targets[k], labels=True).radiance
+            for k in (0, 1, 0, 2, 0, 1)
+        ]
+        gone = [isinstance(mesh.vertices.mglo, moderngl.InvalidObject) for mesh in made]
+    assert gone == [False, True, True, False]
+    assert np.array_equal(drawn[0], drawn[4])
+    assert np.array_equal(drawn[1], drawn[5])
+    assert drawn[0].sum() < drawn[1].sum() < drawn[3].sum()

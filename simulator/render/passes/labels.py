@@ -172,11 +172,16 @@ class LabelPass:
         total = int(seen.sum())
         return float((seen & on_image).sum() / total) if total else 0.0
 
+    def forget(self, sha256: str) -> None:
+        """Free the vertex arrays of one target, if there are any."""
+        arrays = self._arrays.pop(sha256, None)
+        if arrays is not None:
+            release(self._context, arrays.depth, arrays.layers, arrays.parts)
+
     def release(self) -> None:
         """Free the vertex arrays."""
-        for arrays in self._arrays.values():
-            release(self._context, arrays.depth, arrays.layers, arrays.parts)
-        self._arrays.clear()
+        for sha256 in tuple(self._arrays):
+            self.forget(sha256)
         release(self._context, self._aside, *self._aside.color_attachments)
 
 

@@ -71,6 +71,7 @@ DENSE_LATTICES = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
 FINE_TEXEL = 0.012  # between nodes of baked light in the preset `high`, of the target's radius
 TINY_PX = 22  # a target no larger gets the finest lattice: its whole light is in few pixels
 CELL_REACH_PX = (CELL_PX - 1) / 2
+MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others are uploaded again
 TINY_LATTICE = rotated(8)  # 65 samples per pixel
 
 
@@ -146,27 +147,33 @@ class TargetPasses:
 
     def _load(self, target: Target, *, fine: bool = False) -> Loaded:
         key = target.sha256, fine
-        if key not in self._loaded:
-            context = self._context
-            mesh = upload(context, target, FINE_TEXEL if fine else TEXEL)
-            shadow = self._shadow_pass(512)
-            textures = None
-            if mesh.uv is not None:
-                self._textured = self._textured or TexturedGBufferPass(context, self._programs)
-                textures = Textures(context, target)
-            numbers = {material.name: k for k, material in enumerate(mesh.materials, start=1)}
-            gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
-            self._loaded[key] = Loaded(
-                mesh,
-                FacingArray(context, mesh, shadow.program.gl),
-                # textures are bound by stretches of the index buffer
-                FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
-                EdgeBuffers(context, find_edges(target.parts, numbers, is_closed=mesh.is_closed), mesh),
-                ReturnedLight(context, mesh),
-                relief_heights(_positions(mesh), mesh.shown.triangles.astype(int), mesh.radius_m),
-                textures,
-            )
-        return self._loaded[key]
+        # the last used is the last of them
+        loaded = self._loaded.pop(key, None) or self._upload(target, fine=fine)
+        self._loaded[key] = loaded
+        while len(self._loaded) > MOST_LOADED:
+            self._forget(next(iter(self._loaded)))
+        return loaded
+
+    def _upload(self, target: Target, *, fine: bool) -> Loaded:
+        context = self._context
+        mesh = upload(context, target, FINE_TEXEL if fine else TEXEL)
+        shadow = self._shadow_pass(512)
+        textures = None
+        if mesh.uv is not None:
+            self._textured = self._textured or TexturedGBufferPass(context, self._programs)
+            textures = Textures(context, target)
+        numbers = {material.name: k for k, material in enumerate(mesh.materials, start=1)}
+        gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
+        return Loaded(
+            mesh,
+            FacingArray(context, mesh, shadow.program.gl),
+            # textures are bound by stretches of the index buffer
+            FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
+            EdgeBuffers(context, find_edges(target.parts, numbers, is_closed=mesh.is_closed), mesh),
+            ReturnedLight(context, mesh),
+            relief_heights(_positions(mesh), mesh.shown.triangles.astype(int), mesh.radius_m),
+            textures,
+        )
 
     def _shadow_pass(self, size: int) -> ShadowPass:
         if size not in self._shadows:
@@ -337,17 +344,23 @@ class TargetPasses:
 
     def release(self) -> None:
         """Free the uploaded targets."""
+        for key in tuple(self._loaded):
+            self._forget(key)
         self._labels.release()
-        for loaded in self._loaded.values():
-            loaded.mesh.release()
-            loaded.shadow.release()
-            loaded.gbuffer.release()
-            loaded.edges.release()
-            loaded.returned.release()
-            if loaded.textures is not None:
-                loaded.textures.release()
-        self._loaded.clear()
-        self._patches.clear()
+
+    def _forget(self, key: tuple[str, bool]) -> None:
+        """Free one uploaded target."""
+        loaded = self._loaded.pop(key)
+        self._patches.pop(loaded.mesh, None)
+        if not key[1]:  # labels are drawn from the coarser mesh in every preset
+            self._labels.forget(key[0])
+        loaded.mesh.release()
+        loaded.shadow.release()
+        loaded.gbuffer.release()
+        loaded.edges.release()
+        loaded.returned.release()
+        if loaded.textures is not None:
+            loaded.textures.release()
 
 
 def _positions(mesh: Mesh) -> FloatArray:
