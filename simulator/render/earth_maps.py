@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from simulator.render.airtables import air_tables
 from simulator.render.levels import levelled
-from simulator.render.maps import kept_decoder, packed_maps
+from simulator.render.maps import KeptFiles, packed_maps
 from simulator.render.noise import detail_texture
 from simulator.render.seasons import Season, month_gain, relief, season
 from simulator.render.shoals import shoals
@@ -54,9 +54,9 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
     # what takes longest first: the detail alone is as long as the maps
     with_maps, others = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
     # the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
-    decode = kept_decoder()
-    water = with_maps.submit(lambda: levelled(shoals(bands, decode)))
-    maps = with_maps.submit(lambda: [levelled(image) for image in packed_maps(bands, decode)])
+    files = KeptFiles()
+    water = with_maps.submit(lambda: levelled(shoals(bands, files)))
+    maps = with_maps.submit(lambda: [levelled(image) for image in packed_maps(bands, files)])
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = {month: with_maps.submit(_month, month, bands) for month in {dates.before, dates.after}}
     begun = EarthMaps(

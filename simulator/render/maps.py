@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -20,6 +19,7 @@ from simulator.render.cache import cached_array
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from concurrent.futures import Future
 
     from simulator.arrays import ByteArray, Float32Array
 
@@ -42,26 +42,39 @@ _ICE_REACH = 8  # texels beyond a strip that the blur of the ice looks at
 _STRIPS = [slice(row, row + 16) for row in range(0, HEIGHT, 16)]
 
 
-def kept_decoder() -> Decoder:
-    """`decode_file` that keeps the day's map and the coast's: what is made of them together decodes them once."""
-    return lru_cache(maxsize=2)(decode_file)
+class KeptFiles:
+    """Decodes maps, and keeps them until it is told to forget: what is made of them together decodes them once."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, int], ByteArray] = {}
+
+    def __call__(self, name: str, flags: int) -> ByteArray:
+        """`decode_file`."""
+        if (name, flags) not in self._kept:
+            self._kept[name, flags] = decode_file(name, flags)
+        return self._kept[name, flags]
+
+    def forget(self) -> None:
+        """Free the memory."""
+        self._kept.clear()
 
 
-def packed_maps(bands: int, decode: Decoder | None = None) -> list[ByteArray]:
+def packed_maps(bands: int, files: KeptFiles | None = None) -> list[ByteArray]:
     """One (H, W, 4) texture for one band, two for three; from the cache after the first call.
 
     Parameters
     ----------
-    decode : `kept_decoder` of a caller who makes more of the same files.
+    files : of a caller who has made more of the same; they are forgotten here.
     """
-    decode = kept_decoder() if decode is None else decode
+    files = KeptFiles() if files is None else files
     key = hashlib.sha256(f"{VERSION} {_REFLECTANCE_SCALE} {_REFLECTANCE_POWER} {_ICE_REFLECTANCE}".encode())
     for name in (DAY, CLOUDS, NIGHT, COAST):
         key.update(f"{name} {asset_size(name)}".encode())
     stem = key.hexdigest()[:16]
-    maps = [cached_array(f"earth-pan-{stem}", lambda: _pack_panchromatic(decode))]
+    maps = [cached_array(f"earth-pan-{stem}", lambda: _pack_panchromatic(files, day_again=bands == 3))]
     if bands == 3:
-        maps.append(cached_array(f"earth-rgb-{stem}", lambda: _pack_colour(day_map(decode), maps[0][..., 3])))
+        maps.append(cached_array(f"earth-rgb-{stem}", lambda: _pack_colour(day_map(files), maps[0][..., 3])))
+    files.forget()
     return maps
 
 
@@ -162,40 +175,17 @@ def _spread(filled: Float32Array, share: Float32Array) -> Float32Array:
     return filled
 
 
-def _pack_panchromatic(decode: Decoder) -> ByteArray:
+def _pack_panchromatic(files: KeptFiles, *, day_again: bool) -> ByteArray:
+    """The texture of one band; ``day_again`` says that the day's map will be asked for once more."""
     with ThreadPoolExecutor(2) as pool:
-        colours = pool.submit(day_map, decode)
-        shore = pool.submit(decode_map, COAST, cv2.IMREAD_GRAYSCALE, decode=decode)
+        shore = pool.submit(decode_map, COAST, cv2.IMREAD_GRAYSCALE, decode=files)
+        coast, root, beside = _panchromatic_land(pool, day_map(files), shore)
+        del shore
+        if not day_again:  # before the largest of the arrays is needed
+            files.forget()
         clouds, night = pool.map(lambda name: decode_map(name, cv2.IMREAD_GRAYSCALE), (CLOUDS, NIGHT))
-        coast = shore.result()
-        day_bgr = colours.result()
         # the picture of the clouds shows their light: thin ones cover more than they whiten
         thin = np.round(np.sqrt(np.arange(256) / 255) * 255).astype(np.uint8)
-        # red, green, blue are the third, second, first channel of the picture
-        table = (to_reflectance()[:, None] * np.array(PAN_WEIGHTS[::-1], np.float32))[None]
-        root = np.empty((HEIGHT, WIDTH), np.uint8)
-        small = (HEIGHT // 4, WIDTH // 4)
-        means, shares = np.empty(small, np.float32), np.empty(small, np.float32)
-
-        def reduce(rows: slice) -> None:
-            # nearer to the equator what shines beside water is desert, and would close its gulfs
-            latitudes = (abs(90 - row * 180 / HEIGHT) for row in (rows.start, rows.stop))
-            reach = _ICE_REACH if max(latitudes) > _ICE_LATITUDE_DEG else 0
-            around = slice(max(rows.start - reach, 0), min(rows.stop + reach, HEIGHT))
-            within = slice(rows.start - around.start, rows.stop - around.start)
-            wide = cv2.transform(cv2.LUT(day_bgr[around], table), np.ones((1, 3), np.float32))
-            reflectance = np.asarray(wide[within], np.float32)
-            if reach:
-                smooth = cv2.GaussianBlur(wide, (0, 0), 1.5)[within]
-                ice = cv2.convertScaleAbs(np.clip(128 + (smooth - _ICE_REFLECTANCE) * 400, 0, 200))
-                ice[ice <= 120] = 0
-                coast[rows] = np.maximum(coast[rows], ice)
-            root[rows] = cv2.convertScaleAbs(cv2.sqrt(reflectance), alpha=255.0)
-            quarter = slice(rows.start // 4, rows.stop // 4)
-            means[quarter], shares[quarter] = _quarter(reflectance, _inland(coast[rows]))
-
-        list(pool.map(reduce, _STRIPS))
-        beside = _enlarged_root(_spread(means, shares))
         out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
 
         def merge(rows: slice) -> None:
@@ -205,6 +195,43 @@ def _pack_panchromatic(decode: Decoder) -> ByteArray:
 
         list(pool.map(merge, _STRIPS))
     return out
+
+
+def _panchromatic_land(
+    pool: ThreadPoolExecutor, day_bgr: ByteArray, shore: Future[ByteArray]
+) -> tuple[ByteArray, ByteArray, ByteArray]:
+    """Distance to the coast with the ice as land, and square roots of the reflectance: everywhere, and beside the land.
+
+    Parameters
+    ----------
+    shore : the distance to the coast, under way; it is changed.
+    """
+    coast = shore.result()
+    # red, green, blue are the third, second, first channel of the picture
+    table = (to_reflectance()[:, None] * np.array(PAN_WEIGHTS[::-1], np.float32))[None]
+    root = np.empty((HEIGHT, WIDTH), np.uint8)
+    small = (HEIGHT // 4, WIDTH // 4)
+    means, shares = np.empty(small, np.float32), np.empty(small, np.float32)
+
+    def reduce(rows: slice) -> None:
+        # nearer to the equator what shines beside water is desert, and would close its gulfs
+        latitudes = (abs(90 - row * 180 / HEIGHT) for row in (rows.start, rows.stop))
+        reach = _ICE_REACH if max(latitudes) > _ICE_LATITUDE_DEG else 0
+        around = slice(max(rows.start - reach, 0), min(rows.stop + reach, HEIGHT))
+        within = slice(rows.start - around.start, rows.stop - around.start)
+        wide = cv2.transform(cv2.LUT(day_bgr[around], table), np.ones((1, 3), np.float32))
+        reflectance = np.asarray(wide[within], np.float32)
+        if reach:
+            smooth = cv2.GaussianBlur(wide, (0, 0), 1.5)[within]
+            ice = cv2.convertScaleAbs(np.clip(128 + (smooth - _ICE_REFLECTANCE) * 400, 0, 200))
+            ice[ice <= 120] = 0
+            coast[rows] = np.maximum(coast[rows], ice)
+        root[rows] = cv2.convertScaleAbs(cv2.sqrt(reflectance), alpha=255.0)
+        quarter = slice(rows.start // 4, rows.stop // 4)
+        means[quarter], shares[quarter] = _quarter(reflectance, _inland(coast[rows]))
+
+    list(pool.map(reduce, _STRIPS))
+    return coast, root, _enlarged_root(_spread(means, shares))
 
 
 def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:

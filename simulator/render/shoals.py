@@ -16,7 +16,16 @@ import cv2
 import numpy as np
 
 from simulator.render.cache import cached_array
-from simulator.render.maps import COAST, DAY, PAN_WEIGHTS, asset_size, day_map, decode_map, kept_decoder
+from simulator.render.maps import (
+    COAST,
+    DAY,
+    PAN_WEIGHTS,
+    KeptFiles,
+    asset_size,
+    day_map,
+    decode_file,
+    decode_map,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,16 +52,16 @@ _TILES = [
 ]
 
 
-def shoals(bands: int, decode: Decoder | None = None) -> ByteArray:
+def shoals(bands: int, files: KeptFiles | None = None) -> ByteArray:
     """(2016, 4032) or (2016, 4032, 4): square root of the reflectance over the open ocean's, over ``SCALE``.
 
     Parameters
     ----------
-    decode : `maps.kept_decoder` of a caller who makes more of the same files.
+    files : of a caller who makes more of the same.
     """
     sizes = [asset_size(name) for name in (DAY, COAST, WHERE)]
     key = hashlib.sha256(f"{_VERSION} {bands} {SCALE} {sizes}".encode()).hexdigest()[:16]
-    decode = kept_decoder() if decode is None else decode
+    decode = KeptFiles() if files is None else files
     return cached_array(f"shoals-{bands}-{key}", lambda: _make(bands, decode))
 
 
@@ -133,7 +142,7 @@ def near_shoals(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
 
 def make_where() -> ByteArray:
     """(360, 720) 255 where the water is noticeably brighter than the open ocean, and half a degree around it."""
-    day, coast = _day_and_coast(kept_decoder())
+    day, coast = _day_and_coast(decode_file)
     bright = SCALE * _over_the_ocean(day, coast, slice(0, HEIGHT), slice(0, WIDTH)).max(axis=2) > _NOTICED
     # rows and columns do not divide by whole texels: each half degree takes what touches it
     found = np.zeros((360, 720), np.uint8)
