@@ -118,3 +118,17 @@ def test_a_twin_is_asked_though_a_leader_that_is_not_compared_stands_there(
     choice = choose_by_picture(craft, seen, leaders, thorough=True)
     assert min(float(quat.angle_rad(r.start.q, q[0])) for r in asked["ranked"]) < 1e-6
     assert np.degrees(quat.angle_rad(choice.end.fit.q, Q)) < 0.5
+
+
+def test_the_winner_s_twins_are_asked_though_another_pose_led(craft: Craft, frame: Frame) -> None:
+    held = choice_of(craft, frame, Q, T_M).ranked[0]
+    away = quat.normalise(quat.multiply(Q, quat.from_rotvec(np.array([0.0, 0.9, 0.4]))))
+    c = Candidate(away, T_M, held.start.support, held.start.field, held.start.region)
+    asked: dict[str, Any] = {}
+    seen = Frame(frame.image, asked)
+    seen.noise, seen.background = frame.noise, frame.background
+    leaders = [Ranked(held.score, PhotoFit(away, T_M, 1.0, np.eye(6)), c), held]
+    choice = choose_by_picture(craft, seen, leaders, thorough=True)
+    assert np.degrees(quat.angle_rad(choice.end.fit.q, Q)) < 0.5
+    for twin in twins(craft, [held.start])[0][:3]:
+        assert min(np.degrees(quat.angle_rad(r.start.q, twin)) for r in asked["ranked"]) < 2.0

@@ -22,6 +22,7 @@ from hil.board.svd.course import (
 from hil.board.svd.ends import Choice, End, conclude, finish
 from hil.board.svd.frame import Candidate, Craft, Frame
 from hil.board.svd.search import MARGIN, twins
+from hil.board.svd.shade import Canvas
 
 Array = np.ndarray
 
@@ -148,6 +149,8 @@ def choose_by_picture(craft: Craft, frame: Frame, leaders: List[Ranked], *, thor
         about = [begin(craft, close, lean) for lean in leaning(craft, ranked[0].candidate())]
         about = [with_shadows(craft, close, lean) for lean in about]
         ranked += align_together(craft, close, about, LEANING_BLURS, LEANING_LEFT)
+        ranked.sort(key=lambda r: -r.score)
+        ranked += _other_twins(craft, close, ranked)
         judged = len(ranked)
         ranked = apart(sorted(ranked, key=lambda r: -r.score))
     frame.keep("ranked", ranked)
@@ -167,6 +170,18 @@ def choose_by_picture(craft: Craft, frame: Frame, leaders: List[Ranked], *, thor
         ends.append(finish(craft, frame, close, r.fit))
     frame.mark("refine")
     return conclude(craft, frame, close, ranked, starts, ends)
+
+
+def _other_twins(craft: Craft, close: Canvas, ranked: List[Ranked]) -> List[Ranked]:
+    """Twins of the best pose that nobody asked, aligned: it need not be the one whose twins were."""
+    best = ranked[0].candidate()
+    q, t = twins(craft, [best])
+    unasked = [k for k in range(len(q)) if all(quat.angle_rad(q[k], r.fit.q) > SPREAD_RAD for r in ranked)]
+    courses = [
+        begin(craft, close, Candidate(q[k], t[k], best.support, best.field, best.region)) for k in unasked
+    ]
+    courses = [with_shadows(craft, close, c) for c in courses]
+    return align_together(craft, close, courses, SMALL_BLURS, SMALL_LEFT)
 
 
 def check_leaning(craft: Craft, frame: Frame, choice: Choice) -> Choice:
