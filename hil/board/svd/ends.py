@@ -120,22 +120,24 @@ def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> End:
     faces, camera = faces_of(craft), craft.camera.pinhole
     best = None
     blurs: Tuple[float, ...] = FINAL_BLURS
-    before, began = start, 0.0
+    before = start
+    here = shadowed(craft, faces, close, before.q, before.t)
+    began, sun = here.score, here.sun
     for _ in range(ROUNDS):
-        here = shadowed(craft, faces, close, before.q, before.t)
-        began = here.score if best is None else began
-        near = _stepped(craft, canvas, before, here.sun, blurs)
-        fit = _stepped(craft, exact, near, here.sun, LAST_BLURS)
-        score = photo_score(fit.q, fit.t, faces, close, camera, here.sun)
+        near = _stepped(craft, canvas, before, sun, blurs)
+        fit = _stepped(craft, exact, near, sun, LAST_BLURS)
+        score = photo_score(fit.q, fit.t, faces, close, camera, sun)
         if best is None or score > best.score - NO_WORSE:
-            best = End(fit, score, here.sun, began)
+            best = End(fit, score, sun, began)
         elif score < best.score - ASTRAY:
             break
         moved = quat.angle_rad(before.q, fit.q)
-        # shadows fall as they did where it began
         if moved < MOVED_RAD:
             break
         before, blurs = fit, FAR_BLURS if moved > FAR_RAD else NEAR_BLURS
+        # shadows fall elsewhere by now; of a Sun found from nearby they are where they were
+        if moved > FAR_RAD:
+            sun = shadowed(craft, faces, close, before.q, before.t).sun
     assert best is not None  # noqa: S101 - the first round always ends somewhere
     return best
 

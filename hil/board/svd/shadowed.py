@@ -20,8 +20,8 @@ Array = np.ndarray
 
 # Directions of the Sun whose shadows are drawn, and pixels that they are chosen by: of a pose on its way, and at its
 # end; side of the craft's picture from each [px].
-COARSE, FINE = (2, 240), (5, 700)
-MAP_PX = 128
+COARSE, FINE = (1, 240), (4, 500)
+MAP_PX = 96
 
 # Steps by which the Sun's direction is made better at the end [rad], and what its shadows must explain for that: over
 # 41 development frames the median error of attitude falls by a fifth, and the table's directions lie 13 deg apart.
