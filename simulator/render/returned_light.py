@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.skylight import axes_about, spiral
-from simulator.render.transfer import RETURNED_STEP, baked_transfer, harmonics
+from simulator.render.transfer import PATCH, RETURNED_STEP, baked_transfer, harmonics
 from simulator.scene.bands import reflectance
 
 if TYPE_CHECKING:
@@ -68,16 +68,21 @@ class AtlasTextures:
 
 
 class ReturnedLight:
-    """Textures of one craft, made when its light is first asked for in some bands."""
+    """Textures of one craft, made when its light is first asked for in some bands.
 
-    def __init__(self, context: moderngl.Context, mesh: Mesh) -> None:
-        self._context, self._mesh = context, mesh
+    Parameters
+    ----------
+    patch : as of `baked_transfer`.
+    """
+
+    def __init__(self, context: moderngl.Context, mesh: Mesh, patch: int = PATCH) -> None:
+        self._context, self._mesh, self._patch = context, mesh, patch
         self._kept: dict[Bands, AtlasTextures] = {}
 
     def bake(self, bands: Bands) -> AtlasTextures:
         """The textures, whatever frame they were last updated to."""
         if bands not in self._kept:
-            made = baked_transfer(self._mesh, _returned_share(self._mesh.materials, bands))
+            made = baked_transfer(self._mesh, _returned_share(self._mesh.materials, bands), self._patch)
             self._kept[bands] = AtlasTextures(self._context, self._mesh, made)
         return self._kept[bands]
 

@@ -34,7 +34,7 @@ DIRECTIONS = 128  # that are looked along, and that the Sun's light is known fro
 LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.75
 BOUNCES = 4
 RETURNED_STEP = 2.0**-16  # parts can return no more than the sunlight
-_PATCH = 4  # nodes along each side of a patch that returns light as one
+PATCH = 4  # nodes along each side of a patch that returns light as one
 _INSIDE = 0.3  # of what a node sees; more from within another part is no place to stand
 
 
@@ -72,25 +72,25 @@ def harmonics(directions: FloatArray) -> FloatArray:
     )
 
 
-def baked_transfer(mesh: Mesh, reflectance: FloatArray) -> Transfer:
+def baked_transfer(mesh: Mesh, reflectance: FloatArray, patch: int = PATCH) -> Transfer:
     """Light between the parts of a mesh; looked around for once a geometry, and kept in the cache with the result.
 
     Parameters
     ----------
-    reflectance : (M, n) of each material, per band.
+    reflectance : (M, n) of each material, per band. patch : nodes along each side of one that returns light.
     """
     charts = mesh.charts
     vertices = np.frombuffer(mesh.vertices.read(), VERTEX)[: len(charts.uv)]
     shape = hashlib.sha256(vertices.tobytes() + mesh.triangles.tobytes() + charts.uv.tobytes())
     shape.update(np.round(reflectance, 6).tobytes())
-    key = f"transfer-{VERSION}-{DIRECTIONS}-{shape.hexdigest()[:24]}"
+    key = f"transfer-{VERSION}-{DIRECTIONS}{f'-{patch}' if patch != PATCH else ''}-{shape.hexdigest()[:24]}"
     materials = np.rint(vertices["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
     directions = spiral(DIRECTIONS)
 
     def bake() -> tuple[np.typing.NDArray[np.generic], np.typing.NDArray[np.generic]]:
         tracer = make_tracer(vertices["position_m"][mesh.triangles])
         seen = look_around(charts, mesh.planes[:, :3], tracer, directions, mesh.radius_m)
-        return solve(charts, seen, reflectance[materials], closed=mesh.is_closed)
+        return solve(charts, seen, reflectance[materials], patch, closed=mesh.is_closed)
 
     visibility, returned = (np.asarray(array) for array in cached_arrays((f"{key}-sky", key), bake))
     basis = (harmonics(directions) * (RETURNED_STEP * 4 * np.pi / DIRECTIONS)).astype(np.float32)
@@ -99,13 +99,13 @@ def baked_transfer(mesh: Mesh, reflectance: FloatArray) -> Transfer:
 
 
 def solve(
-    charts: Charts, seen: Seen, reflectance: FloatArray, *, closed: bool
+    charts: Charts, seen: Seen, reflectance: FloatArray, side: int = PATCH, *, closed: bool
 ) -> tuple[ByteArray, np.typing.NDArray[np.uint16]]:
     """Visibility and returned light of `Transfer`.
 
     Parameters
     ----------
-    reflectance : (N, n) of each node, per band.
+    reflectance : (N, n) of each node, per band. side : of a patch [nodes].
     closed : a face met from behind means that the place is inside a part.
     """
     n = len(charts.chart)
@@ -115,7 +115,7 @@ def solve(
     good = within < _INSIDE * whole
     visibility = _visibility(charts, seen, good)
     # who gives to whom: nodes from patches
-    patch, count = _patches(charts)
+    patch, count = _patches(charts, side)
     # light is known of fronts: the back of an open shell hides, and returns nothing
     front = np.flatnonzero(~seen.from_behind)
     node = seen.node[front]
@@ -161,11 +161,11 @@ def _in_atlas(charts: Charts, values: np.typing.NDArray[_T]) -> np.typing.NDArra
     return image
 
 
-def _patches(charts: Charts) -> tuple[IntArray, int]:
+def _patches(charts: Charts, side: int) -> tuple[IntArray, int]:
     """(N,) patch of each node and their number: squares of nodes of one chart."""
     index = np.arange(len(charts.chart)) - charts.first[charts.chart]
     across = charts.counts[charts.chart, 0]
-    i, j = index % across // _PATCH, index // across // _PATCH
+    i, j = index % across // side, index // across // side
     _, patch = np.unique(np.column_stack([charts.chart, i, j]), axis=0, return_inverse=True)
     return patch.ravel(), int(patch.max()) + 1
 

@@ -35,6 +35,7 @@ from simulator.render.projection import PixelRect, clip_from_camera, lens_bounds
 from simulator.render.relief import relief_heights
 from simulator.render.returned_light import ReturnedLight
 from simulator.render.textures import Textures
+from simulator.render.transfer import PATCH
 from simulator.scene.bands import bands_of, reflectance
 
 if TYPE_CHECKING:
@@ -68,7 +69,8 @@ LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
     ),
 }
 DENSE_LATTICES = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
-FINE_TEXEL = 0.012  # between nodes of baked light in the preset `high`, of the target's radius
+# between nodes of baked light in the preset `high`, of the target's radius; and nodes along a patch that returns light
+FINE_TEXEL, FINE_PATCH = 0.012, 2
 TINY_PX = 22  # a target no larger gets the finest lattice: its whole light is in few pixels
 CELL_REACH_PX = (CELL_PX - 1) / 2
 MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others are uploaded again
@@ -170,7 +172,7 @@ class TargetPasses:
             # textures are bound by stretches of the index buffer
             FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
             EdgeBuffers(context, find_edges(target.parts, numbers, is_closed=mesh.is_closed), mesh),
-            ReturnedLight(context, mesh),
+            ReturnedLight(context, mesh, FINE_PATCH if fine else PATCH),
             relief_heights(_positions(mesh), mesh.shown.triangles.astype(int), mesh.radius_m),
             textures,
         )
