@@ -27,17 +27,17 @@ def test_edges_of_every_slope(renderer):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1200)  # two path-traced pictures; a busy machine takes ten minutes
+@pytest.mark.timeout(1200)  # three path-traced pictures; a busy machine takes ten minutes
 def test_tango_is_lit_as_mitsuba_lights_it(renderer):
     try:
         mitsuba_craft.load()
     except UserError as missing:
         pytest.skip(str(missing))
-    rows = {row.what: row.measured for row in rendering_craft.mitsuba_rows(renderer, spp=256)}
+    rows = {row.what: row.measured for row in rendering_craft.mitsuba_rows(renderer, most_spp=256)}
     noise = rows.pop("Noise of the path-traced Tango, mean over it")
     assert noise < 0.02
     for what, measured in rows.items():
-        # the goal of the 95th percentile is 0.10: cavities, crevices and, by default, gaps narrower than the samples
-        limit = 0.02 if "median" in what else 0.03 if "FLIP" in what else 0.16 if "`high`" in what else 0.25
-        assert measured < limit, what
+        # by default gaps between cells and low shadows are as seven samples and a coarse map find them
+        p95 = 0.11 if "`high`" in what else 0.29
+        assert measured < (0.015 if "median" in what else 0.02 if "FLIP" in what else p95), (what, measured)
     assert len(rows) in {6, 8}  # FLIP where its evaluator is installed
