@@ -30,7 +30,8 @@ def rows(renderer: Renderer) -> list[Row]:
 
 def sphere_row(renderer: Renderer) -> Row:
     """Largest error over a brushed sphere's lit face, of the highest radiance; the Sun's disc is summed."""
-    drawn = draw_lit_ball(renderer, BRUSHED, 96, 40, quality="high")
+    # so many pixels that the middle of one, which is compared, has the mean radiance of its area, which is drawn
+    drawn = draw_lit_ball(renderer, BRUSHED, 160, 40, quality="high")
     n = drawn.normals
     across = np.cross(n, np.asarray(BRUSHED.grain))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
