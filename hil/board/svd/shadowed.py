@@ -18,10 +18,9 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# Directions of the Sun whose shadows are drawn, and pixels that they are chosen by: of a pose on its way, and at its
-# end; side of the craft's picture from each [px].
-COARSE, FINE = (1, 240), (4, 500)
-MAP_PX = 96
+# Directions of the Sun whose shadows are drawn, pixels that they are chosen by, and side of the craft's picture from
+# each [px]: of a pose on its way, and at its end, where the coarser picture's blunt shadows left poses 0.6 deg off.
+COARSE, FINE = (1, 240, 96), (4, 500, 160)
 
 # Steps by which the Sun's direction is made better at the end [rad], and what its shadows must explain for that: over
 # 41 development frames the median error of attitude falls by a fifth, and the table's directions lie 13 deg apart.
@@ -68,13 +67,14 @@ def shadowed(
     if craft.suns is None:
         return best
 
+    number, pixels, side = COARSE if coarse else FINE
+
     def tried(direction: Array) -> Shadowed:
-        sun = Sunlight.of(faces, direction, MAP_PX)
+        sun = Sunlight.of(faces, direction, side)
         shading = photo_shade(plain.seen, q, t, faces, canvas, camera, sun)
         return Shadowed(shading, explained(shading, canvas), sun)
 
     least = best.score + WORTH
-    number, pixels = COARSE if coarse else FINE
     for direction in craft.suns.find(faces, plain, canvas, camera, quat.matrix(q), t, number, pixels):
         best = max(best, tried(direction), key=_score)
     if coarse or best.score < least:
