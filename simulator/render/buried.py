@@ -47,6 +47,10 @@ class Uncovered:
         at = np.einsum("pkc,pcn->pkn", self.shares, values[triangles[self.of]].astype(float))
         return np.concatenate([values, at.reshape(-1, values.shape[1]).astype(np.float32)])
 
+    def sources(self, triangles: NDArray[np.integer], n_vertices: int) -> IntArray:
+        """(V + 3 P,) a vertex of the mesh on the same face as each of `extended`: for what is one value to a part."""
+        return np.concatenate([np.arange(n_vertices), np.repeat(triangles[self.of, 0], 3)])
+
     def triangles(self, triangles: NDArray[np.integer], n_vertices: int) -> NDArray[np.uint32]:
         """(K + P, 3) corners of what is drawn, by their numbers in `extended`."""
         new = n_vertices + np.arange(3 * len(self.of)).reshape(-1, 3)

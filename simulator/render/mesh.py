@@ -50,11 +50,13 @@ class Shown:
     ----------
     triangles : (T, 3) vertices. planes : (T, 4) of each: unit normal, and its distance from the origin with the sign
         turned [m]. boxes : about triangles that lie together.
+    sources : (V,) of each vertex in the buffers, one of the mesh's own on the same part.
     """
 
     triangles: np.typing.NDArray[np.uint32]
     planes: Float32Array
     boxes: Boxes
+    sources: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +231,12 @@ def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> M
         triangles=triangles,
         planes=_planes(corners),
         shells=find_shells(bodies, radius),
-        shown=Shown(drawn, _planes(drawn_corners), Boxes.about(drawn_corners, BOX * radius)),
+        shown=Shown(
+            drawn,
+            _planes(drawn_corners),
+            Boxes.about(drawn_corners, BOX * radius),
+            uncovered.sources(triangles, len(merged)),
+        ),
         charts=charts,
         at_chart=context.buffer(uncovered.extended(charts.uv, triangles).tobytes()),
         uv=context.buffer(
