@@ -198,9 +198,9 @@ def test_edges_that_look_sure_are_held_against_the_picture_every_sixth_frame(tan
         errors.append(float(np.degrees(quat.angle_rad(result.q_camera_from_target_wxyz, q))))
     cv2.setNumThreads(threads)
     assert looked == [7, 13]
-    # here edges agree on a tilt that is 1.6 deg off; the picture knows better
+    # here edges agree on a tilt that is 1.6 deg off; the picture knows better, and the filter weighs both
     assert errors[6] > 1.0
-    assert max(errors[k] for k in looked) < 0.7
+    assert all(errors[k] < errors[k - 1] / 2 for k in looked)
 
 
 @pytest.mark.slow
