@@ -340,7 +340,7 @@ def test_likeness_tells_the_craft_from_clutter_beside_it(faces: Faces) -> None:
 
 def test_each_witness_alone_can_make_a_pose_doubtful() -> None:
     # before a texture, where the clutter beside the craft keeps the score low: just enough
-    told = Evidence(0.45, 0.5, 0.0, 0.05, 0.5, 0.5, 0.0, 0.01, 0.003, 100, 300.0, False, 0.2, 0.96, 0.45)
+    told = Evidence(0.5, 0.5, 0.0, 0.05, 0.5, 0.5, 0.0, 0.01, 0.003, 100, 300.0, False, 0.2, 0.96, 0.5)
     assert decide(told) == ""
     for doubt in (
         {"margin": 0.004},

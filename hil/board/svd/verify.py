@@ -26,9 +26,9 @@ from hil.board.svd.shade import Canvas
 
 Array = np.ndarray
 
-# Candidates of a region looked at at first and where those did not settle it, and poses compared of them. On 110
-# development frames eight of a first look's sixteen led as far as all.
-LOOKED_AT, ALL_LOOKED_AT, LEADERS = 8, 24, 4
+# Candidates of a region looked at at first and where those did not settle it, and poses compared of them. Before empty
+# space eight of a first look's sixteen led as far as all; before the Earth three of 266 development frames were lost.
+LOOKED_AT, TEXTURED_LOOKED_AT, ALL_LOOKED_AT, LEADERS = 8, 16, 24, 4
 
 # The same where those did not settle it, with how many go to the end: all that were found.
 ALL_LEADERS, ALL_FINALISTS, ALL_FINALS, ALL_FINAL_LEAD = 4, 4, 2, 0.75
@@ -90,10 +90,11 @@ def align_leaders(
     for region in dict.fromkeys(c.region for c in found):
         looked = region.source == "look"
         own = [c for c in found if c.region == region]
-        own = own[: LIT_OF_EDGES if not looked else ALL_LOOKED_AT if shadows else LOOKED_AT]
         margin = LOOK_MARGIN if looked else MARGIN
         height, width = frame.image.shape
         textured = looked and frame.background < 0
+        first = TEXTURED_LOOKED_AT if textured else LOOKED_AT
+        own = own[: LIT_OF_EDGES if not looked else ALL_LOOKED_AT if shadows else first]
         longest, blurs = (TEXTURED_PX, TEXTURED_BLURS) if textured else (FIRST_PX, FIRST_BLURS)
         box = pinhole_box(craft.camera, region.grown(margin, width, height))
         small = make_canvas(craft, frame, box, longest)
