@@ -45,9 +45,8 @@ def page(rows: list[Row]) -> str:
     ]
     for row in rows:
         unit = "" if row.unit == "1" else f" {row.unit}"
-        verdict = "met" if row.met else "**missed**"
         lines.append(
-            f"| {row.what} | {row.against} | {row.goal:g}{unit} | {row.measured:.2g}{unit} | {verdict} |"
+            f"| {row.what} | {row.against} | {row.goal:g}{unit} | {row.measured:.2g}{unit} | {row.verdict} |"
         )
     lines += [
         "",
@@ -70,7 +69,7 @@ def main(arguments: list[str] | None = None, say: Callable[[str], None] = print)
     text = page(rows)
     write_atomic(options.output, text.encode())
     say(text)
-    return 0 if all(row.met for row in rows) else 1
+    return 0 if all(row.passed for row in rows) else 1
 
 
 if __name__ == "__main__":

@@ -17,18 +17,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One line of the table."""
+    """One line of the table.
+
+    Attributes
+    ----------
+    asked : False for what is reported beside a goal that another row must reach.
+    """
 
     what: str
     against: str
     unit: str
     goal: float
     measured: float
+    asked: bool = True
 
     @property
     def met(self) -> bool:
         """Whether the goal is reached."""
         return self.measured <= self.goal
+
+    @property
+    def passed(self) -> bool:
+        """Whether the page may stand: the goal is reached, or nobody asked for it here."""
+        return self.met or not self.asked
+
+    @property
+    def verdict(self) -> str:
+        """The table's last word."""
+        if self.met:
+            return "met"
+        return "**missed**" if self.asked else "above it, not asked here"
 
 
 def arcsec(a: FloatArray, b: FloatArray) -> FloatArray:
