@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.labels.occlusion import mesh_of
+from simulator.labels.occlusion import box_corners_m, mesh_of
 from simulator.labels.truth import Box
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ def amodal_box(scene: SceneState, target: Target) -> Box | None:
 @lru_cache(maxsize=64)
 def box_3d_m(target: Target) -> FloatArray:
     """(8, 3) corners of the box about the mesh, model axes, read only; corner k is high in x, y, z by bits 4, 2, 1."""
-    corners = np.ascontiguousarray(mesh_of(target).box_m.T)
+    # of the parts as they are: every picture asks, and the joined mesh serves labels alone
+    corners = box_corners_m([part.positions_m for part in target.parts if len(part.positions_m)])
     corners.flags.writeable = False
     return corners

@@ -19,7 +19,9 @@ from simulator.targets.shells import is_closed
 from simulator.world.pose import Pose
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
 
     from simulator.targets.model import Target
 
@@ -64,9 +66,7 @@ class Mesh:
     @cached_property
     def box_m(self) -> FloatArray:
         """(3, 8) corners of the box about the mesh; corner k is high in x, y, z by bits 4, 2, 1."""
-        low, high = self.positions_m.min(axis=0), self.positions_m.max(axis=0)
-        bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
-        return np.asarray(low + bits * (high - low)).T
+        return box_corners_m([self.positions_m]).T
 
     @cached_property
     def hull_m(self) -> FloatArray:
@@ -99,6 +99,14 @@ class Mesh:
         """
         unit = place / np.linalg.norm(place[:3])
         return np.flatnonzero(unit @ self._planes >= -GRAZING)
+
+
+def box_corners_m(positions_m: Sequence[NDArray[np.floating]]) -> FloatArray:
+    """(8, 3) corners of the box about sets of points (N, 3); corner k is high in x, y, z by bits 4, 2, 1."""
+    low = np.min([points.min(axis=0) for points in positions_m], axis=0).astype(float)
+    high = np.max([points.max(axis=0) for points in positions_m], axis=0).astype(float)
+    bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
+    return np.asarray(low + bits * (high - low))
 
 
 @lru_cache(maxsize=64)

@@ -7,23 +7,21 @@ from typing import TYPE_CHECKING, cast
 
 import moderngl
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from simulator.errors import UserError
 from simulator.render.blocks import MAX_MATERIALS
-from simulator.render.buried import uncover
-from simulator.render.charts import TEXEL, make_charts
-from simulator.render.occluders import BOX, Boxes, convex_bodies, find_shells
+from simulator.render.charts import TEXEL
+from simulator.render.geometry import VERTEX, Merged, geometry_of
 from simulator.render.patches import EDGE_SHARE, PatchArray, cut
-from simulator.targets.shells import is_closed
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.render.charts import Charts
+    from simulator.render.geometry import Shown
+    from simulator.render.mesh_edges import MeshEdges
     from simulator.render.occluders import ConvexShell
     from simulator.targets.model import Material, Target
 
-VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
 VERTEX_FORMAT = "3f 3f 1f"
 ATTRIBUTES = ("in_position_m", "in_normal", "in_material")
 
@@ -43,23 +41,6 @@ class Draw:
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
-    """The triangles that can show from somewhere outside: a mesh's own, less what its plates cover.
-
-    Parameters
-    ----------
-    triangles : (T, 3) vertices. planes : (T, 4) of each: unit normal, and its distance from the origin with the sign
-        turned [m]. boxes : about triangles that lie together.
-    sources : (V,) of each vertex in the buffers, one of the mesh's own on the same part.
-    """
-
-    triangles: np.typing.NDArray[np.uint32]
-    planes: Float32Array
-    boxes: Boxes
-    sources: IntArray
-
-
-@dataclass(frozen=True, eq=False)
 class Mesh:
     """Buffers of one uploaded target.
 
@@ -75,6 +56,7 @@ class Mesh:
     triangles : (T, 3) what ``indices`` holds. planes : (T, 4) of each: unit normal, and its distance from the origin
         with the sign turned [m]. shells : large bodies that hide others.
     shown : what pictures are drawn from; its pieces' corners follow the mesh's own in the buffers.
+    edges : that can show as lines. relief_m : (T,) of ``shown``, how far a flat body stands out of what it lies on.
     uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
     """
 
@@ -91,6 +73,8 @@ class Mesh:
     shells: tuple[ConvexShell, ...]
     shown: Shown
     charts: Charts
+    edges: MeshEdges
+    relief_m: Float32Array
     at_chart: moderngl.Buffer
     uv: moderngl.Buffer | None = None
     draws: tuple[Draw, ...] = ()
@@ -198,70 +182,34 @@ def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> M
             first += len(indices[-1])
     if not sum(len(block) for block in indices):
         raise UserError(f"target {target.name} has no triangles; give it at least one part with faces")
-    whole = np.concatenate(vertices)
-    hulls = [_hull(part.positions_m.astype(float)) for part in target.parts if len(part.positions_m)]
-    hull = np.concatenate(hulls)
-    center = (hull.min(axis=0) + hull.max(axis=0)) / 2
-    radius = float(np.linalg.norm(hull - center, axis=1).max())
-    charts = make_charts(
-        whole["position_m"].astype(float),
-        whole["normal"].astype(float),
-        whole["material"],
-        np.concatenate(indices).reshape(-1, 3).astype(int),
-        texel * radius,
-    )
-    merged, triangles = whole[charts.origin], charts.triangles
-    corners = merged["position_m"].astype(float)[triangles]
-    closed = all(is_closed(part) for part in target.parts)
-    bodies = convex_bodies(target.parts, radius)
-    # the back of an open face shows too
-    uncovered = uncover(corners, bodies if closed else (), radius)
-    values = uncovered.extended(merged.view(np.float32).reshape(len(merged), -1), triangles)
-    drawn = uncovered.triangles(triangles, len(merged))
-    drawn_corners = values[:, :3].astype(float)[drawn]
-    return Mesh(
-        vertices=context.buffer(values.tobytes()),
-        indices=context.buffer(triangles.tobytes()),
-        materials=target.materials,
-        hull_m=hull,
-        hull_parts=np.cumsum([len(h) for h in hulls[:-1]]),
-        center_m=center,
-        radius_m=radius,
-        is_closed=closed,
-        triangles=triangles,
-        planes=_planes(corners),
-        shells=find_shells(bodies, radius),
-        shown=Shown(
-            drawn,
-            _planes(drawn_corners),
-            Boxes.about(drawn_corners, BOX * radius),
-            uncovered.sources(triangles, len(merged)),
+    made = geometry_of(
+        Merged(
+            np.concatenate(vertices),
+            np.concatenate(indices).reshape(-1, 3),
+            np.concatenate(uv).astype(np.float32) if textured else np.zeros((0, 2), np.float32),
         ),
-        charts=charts,
-        at_chart=context.buffer(uncovered.extended(charts.uv, triangles).tobytes()),
-        uv=context.buffer(
-            uncovered.extended(np.concatenate(uv).astype(np.float32)[charts.origin], triangles).tobytes()
-        )
-        if textured
-        else None,
+        target.parts,
+        numbers,
+        texel,
+    )
+    return Mesh(
+        vertices=context.buffer(made.values.tobytes()),
+        indices=context.buffer(made.triangles.tobytes()),
+        materials=target.materials,
+        hull_m=made.hull_m,
+        hull_parts=made.hull_parts,
+        center_m=made.center_m,
+        radius_m=made.radius_m,
+        is_closed=made.is_closed,
+        triangles=made.triangles,
+        planes=made.planes,
+        shells=made.shells,
+        shown=made.shown,
+        charts=made.charts,
+        edges=made.edges,
+        relief_m=made.relief_m,
+        at_chart=context.buffer(made.at_chart.tobytes()),
+        uv=context.buffer(made.uv.tobytes()) if textured else None,
         draws=tuple(draws),
         order=tuple(order),
     )
-
-
-def _planes(corners_m: FloatArray) -> Float32Array:
-    """Planes (T, 4) of triangles (T, 3, 3); one without area has none, and looks everywhere."""
-    normal = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    distance = np.einsum("ij,ij->i", normal, corners_m[:, 0])
-    return np.column_stack([normal, -distance]).astype(np.float32)
-
-
-def _hull(points_m: FloatArray) -> FloatArray:
-    """Vertices of the convex hull, or of the bounding box where the points are flat."""
-    try:
-        return np.asarray(points_m[ConvexHull(points_m).vertices])
-    except QhullError:
-        low, high = points_m.min(axis=0), points_m.max(axis=0)
-        corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-        return np.asarray(low + corners * (high - low))

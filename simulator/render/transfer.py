@@ -18,7 +18,7 @@ from scipy.sparse import coo_matrix
 
 from simulator.render.cache import cached_arrays
 from simulator.render.first_hits import make_tracer
-from simulator.render.mesh import VERTEX
+from simulator.render.geometry import VERTEX
 from simulator.render.sight import look_around
 from simulator.render.skylight import spiral
 

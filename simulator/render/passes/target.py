@@ -14,11 +14,11 @@ from simulator.render.charts import TEXEL
 from simulator.render.cover import CELL_PX, hulls_cover, whole
 from simulator.render.edges_seen import EdgeView
 from simulator.render.facing import FacingArray
+from simulator.render.geometry import VERTEX
 from simulator.render.lattice import SEVEN, Lattice, rotated
 from simulator.render.light_box import LightWindow, SurfacePatches, light_window
 from simulator.render.light_view import WIDER
-from simulator.render.mesh import VERTEX, upload
-from simulator.render.mesh_edges import find_edges
+from simulator.render.mesh import upload
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
@@ -32,7 +32,6 @@ from simulator.render.passes.shadow import (
 )
 from simulator.render.passes.textured import TexturedGBufferPass
 from simulator.render.projection import PixelRect, clip_from_camera, lens_bounds_px
-from simulator.render.relief import relief_heights
 from simulator.render.returned_light import ReturnedLight
 from simulator.render.textures import Textures
 from simulator.render.transfer import PATCH
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
     import moderngl
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import Float32Array, FloatArray
+    from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
     from simulator.render.blocks import Blocks
     from simulator.render.images import Images
@@ -86,7 +85,6 @@ class Loaded:
     gbuffer: FacingArray
     edges: EdgeBuffers
     returned: ReturnedLight
-    relief_m: Float32Array
     textures: Textures | None = None
 
 
@@ -164,16 +162,14 @@ class TargetPasses:
         if mesh.uv is not None:
             self._textured = self._textured or TexturedGBufferPass(context, self._programs)
             textures = Textures(context, target)
-        numbers = {material.name: k for k, material in enumerate(mesh.materials, start=1)}
         gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
         return Loaded(
             mesh,
             FacingArray(context, mesh, shadow.program.gl),
             # textures are bound by stretches of the index buffer
             FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
-            EdgeBuffers(context, find_edges(target.parts, numbers, is_closed=mesh.is_closed), mesh),
+            EdgeBuffers(context, mesh.edges, mesh),
             ReturnedLight(context, mesh, FINE_PATCH if fine else PATCH),
-            relief_heights(_positions(mesh), mesh.shown.triangles.astype(int), mesh.radius_m),
             textures,
         )
 
@@ -218,7 +214,7 @@ class TargetPasses:
         shadow = self._shadow_pass(choice.size_px)
         texel_m = width_m / shadow.size_px
         if view.sun_visible_fraction > 0:
-            flat = None if scene.quality == "high" else loaded.relief_m < LOW_RELIEF * texel_m
+            flat = None if scene.quality == "high" else loaded.mesh.relief_m < LOW_RELIEF * texel_m
             shadow.run(loaded.shadow, view, light_from_target, flat)
         half = np.diag([0.5, 0.5, 0.5, 1.0])
         half[:3, 3] = 0.5

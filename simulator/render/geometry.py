@@ -1,0 +1,201 @@
+"""A target's mesh as it is drawn: charts, what may show, edges, large bodies; worked out once and kept in the cache."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from simulator.render.buried import uncover
+from simulator.render.cache import cached_array
+from simulator.render.charts import Charts, make_charts
+from simulator.render.mesh_edges import MeshEdges, find_edges
+from simulator.render.occluders import BOX, Boxes, ConvexShell, convex_bodies, find_shells
+from simulator.render.relief import relief_heights
+from simulator.render.stored import pack, unpack
+from simulator.targets.shells import is_closed
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from simulator.arrays import ByteArray, Float32Array, FloatArray, IntArray
+    from simulator.targets.model import Part
+
+VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
+MOST_KEPT = 1_000_000  # triangles: a finer mesh is a gigabyte on the disk, and worked out anew
+_MADE_BY = (
+    "render/geometry.py",
+    "render/buried.py",
+    "render/charts.py",
+    "render/chart_cut.py",
+    "render/mesh_edges.py",
+    "render/occluders.py",
+    "render/relief.py",
+    "render/stored.py",
+    "targets/plane_grid.py",
+    "targets/shells.py",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """The triangles that can show from somewhere outside: a mesh's own, less what its plates cover.
+
+    Parameters
+    ----------
+    triangles : (T, 3) vertices. planes : (T, 4) of each: unit normal, and its distance from the origin with the sign
+        turned [m]. boxes : about triangles that lie together.
+    sources : (V,) of each vertex in the buffers, one of the mesh's own on the same part.
+    """
+
+    triangles: np.typing.NDArray[np.uint32]
+    planes: Float32Array
+    boxes: Boxes
+    sources: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """What is worked out of a mesh before it is uploaded; see `mesh.Mesh`.
+
+    Parameters
+    ----------
+    values : (V, 7) of each vertex that is uploaded, as `VERTEX`: the mesh's own, then corners of ``shown``'s pieces.
+    at_chart : (V, 2) places in the atlas. uv : (V, 2) in the textures, or (0, 2).
+    """
+
+    values: Float32Array
+    at_chart: Float32Array
+    uv: Float32Array
+    hull_m: FloatArray
+    hull_parts: IntArray
+    center_m: FloatArray
+    radius_m: float
+    is_closed: bool
+    triangles: np.typing.NDArray[np.uint32]
+    planes: Float32Array
+    shells: tuple[ConvexShell, ...]
+    shown: Shown
+    charts: Charts
+    edges: MeshEdges
+    relief_m: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class Merged:
+    """The parts of a target one after the other.
+
+    Parameters
+    ----------
+    vertices : (V,) of `VERTEX`. triangles : (T, 3). uv : (V, 2), or (0, 2) without textures.
+    """
+
+    vertices: np.typing.NDArray[np.void]
+    triangles: np.typing.NDArray[np.uint32]
+    uv: Float32Array
+
+
+def geometry_of(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int], texel: float) -> Geometry:
+    """The geometry of a target, from the cache where it was made before.
+
+    Parameters
+    ----------
+    parts : of the target in its own order. numbers : of its materials, from 1.
+    texel : between nodes of baked light, of the mesh's radius.
+    """
+
+    # made or fetched it is what was stored: arrays laid out in another way may be summed in another order
+    def made() -> ByteArray:
+        return pack(_make(merged, parts, numbers, texel))
+
+    if len(merged.triangles) > MOST_KEPT:
+        return _unpacked(made())
+    content = hashlib.sha256(
+        _code().encode() + f"{texel} {[len(part.positions_m) for part in parts]}".encode()
+    )
+    for array in (merged.vertices, merged.triangles, merged.uv):
+        content.update(array.tobytes())
+    for part in parts:  # they may be merged in another order
+        content.update(part.positions_m.tobytes())
+    return _unpacked(cached_array(f"geometry-{content.hexdigest()[:24]}", made))
+
+
+def _unpacked(packed: ByteArray) -> Geometry:
+    return unpack(packed, Geometry, Shown, Boxes, Charts, MeshEdges, ConvexShell)
+
+
+@cache
+def _code() -> str:
+    """Hash of the code that makes a geometry, so that an edit never meets an old file."""
+    here = resources.files("simulator")
+    return hashlib.sha256(b"\0".join(here.joinpath(name).read_bytes() for name in _MADE_BY)).hexdigest()
+
+
+def _make(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int], texel: float) -> Geometry:
+    hulls = [_hull(part.positions_m.astype(float)) for part in parts if len(part.positions_m)]
+    hull = np.concatenate(hulls)
+    center = (hull.min(axis=0) + hull.max(axis=0)) / 2
+    radius = float(np.linalg.norm(hull - center, axis=1).max())
+    whole = merged.vertices
+    charts = make_charts(
+        whole["position_m"].astype(float),
+        whole["normal"].astype(float),
+        whole["material"],
+        merged.triangles.astype(int),
+        texel * radius,
+    )
+    own, triangles = whole[charts.origin], charts.triangles
+    corners = own["position_m"].astype(float)[triangles]
+    closed = all(is_closed(part) for part in parts)
+    bodies = convex_bodies(parts, radius)
+    # the back of an open face shows too
+    uncovered = uncover(corners, bodies if closed else (), radius)
+    values = uncovered.extended(own.view(np.float32).reshape(len(own), -1), triangles)
+    drawn = uncovered.triangles(triangles, len(own))
+    drawn_corners = values[:, :3].astype(float)[drawn]
+    uv = merged.uv
+    return Geometry(
+        values=values,
+        at_chart=uncovered.extended(charts.uv, triangles),
+        uv=uncovered.extended(uv[charts.origin], triangles) if len(uv) else uv,
+        hull_m=hull,
+        hull_parts=np.cumsum([len(h) for h in hulls[:-1]]),
+        center_m=center,
+        radius_m=radius,
+        is_closed=closed,
+        triangles=triangles,
+        planes=_planes(corners),
+        shells=find_shells(bodies, radius),
+        shown=Shown(
+            drawn,
+            _planes(drawn_corners),
+            Boxes.about(drawn_corners, BOX * radius),
+            uncovered.sources(triangles, len(own)),
+        ),
+        charts=charts,
+        edges=find_edges(tuple(parts), numbers, is_closed=closed),
+        relief_m=relief_heights(values[:, :3].astype(float), drawn.astype(int), radius),
+    )
+
+
+def _planes(corners_m: FloatArray) -> Float32Array:
+    """Planes (T, 4) of triangles (T, 3, 3); one without area has none, and looks everywhere."""
+    normal = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    distance = np.einsum("ij,ij->i", normal, corners_m[:, 0])
+    return np.column_stack([normal, -distance]).astype(np.float32)
+
+
+def _hull(points_m: FloatArray) -> FloatArray:
+    """Vertices of the convex hull, or of the bounding box where the points are flat."""
+    try:
+        return np.asarray(points_m[ConvexHull(points_m).vertices])
+    except QhullError:
+        low, high = points_m.min(axis=0), points_m.max(axis=0)
+        corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+        return np.asarray(low + corners * (high - low))

@@ -1,0 +1,102 @@
+"""Frozen dataclasses, tuples and arrays as one array of bytes and back: what the cache keeps of them.
+
+No pickle: what lies in a folder of the user's is data, and never code.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.arrays import ByteArray
+
+_T = TypeVar("_T")
+_ALIGNED = 64  # bytes: where an array of a processor's vectors may begin
+
+
+def pack(tree: object) -> ByteArray:
+    """The bytes (n,) of a tree of dataclasses, tuples, numbers, texts, None and arrays of numbers.
+
+    Raises
+    ------
+    TypeError
+        If it holds anything else.
+    """
+    arrays: list[NDArray[Any]] = []
+    head = json.dumps(_described(tree, arrays)).encode()
+    pieces = [np.array([len(head)], "<u8").tobytes(), head]
+    at = 8 + len(head)
+    for array in arrays:
+        pieces += [b"\0" * (-at % _ALIGNED), array.tobytes()]
+        at += -at % _ALIGNED + array.nbytes
+    return np.frombuffer(b"".join(pieces), np.uint8)
+
+
+def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
+    """What was packed; its arrays are parts of the bytes, not copies.
+
+    Parameters
+    ----------
+    of : type of the tree. inner : dataclasses within.
+
+    Raises
+    ------
+    TypeError
+        If the bytes hold something else.
+    """
+    data = np.asarray(packed)  # a mapped file's own type takes ten times as long to cut
+    length = int(data[:8].view("<u8")[0])
+    kinds = {kind.__name__: kind for kind in (of, *inner)}
+    tree = _Reader(data, 8 + length, kinds).read(json.loads(data[8 : 8 + length].tobytes()))
+    if not isinstance(tree, of):
+        raise TypeError(f"a {type(tree).__name__} is stored and a {of.__name__} was asked for")
+    return tree
+
+
+def _described(node: object, arrays: list[NDArray[Any]]) -> object:
+    """The tree as JSON; arrays go to a list, and their types and shapes stand for them."""
+    if isinstance(node, np.ndarray):
+        if node.dtype.kind not in "biuf":
+            raise TypeError(f"an array of {node.dtype} cannot be stored; only numbers can")
+        arrays.append(np.ascontiguousarray(node))
+        return {"array": [node.dtype.str, list(node.shape)]}
+    if dataclasses.is_dataclass(node) and not isinstance(node, type):
+        values = {f.name: _described(getattr(node, f.name), arrays) for f in dataclasses.fields(node)}
+        return {"kind": type(node).__name__, "values": values}
+    if isinstance(node, tuple):
+        return {"tuple": [_described(one, arrays) for one in node]}
+    if isinstance(node, np.generic):
+        node = node.item()
+    if node is None or isinstance(node, (bool, int, float, str)):
+        return node
+    raise TypeError(f"a {type(node).__name__} cannot be stored")
+
+
+class _Reader:
+    """Goes through a description in the order in which it was made, and through the arrays behind it."""
+
+    def __init__(self, data: ByteArray, at: int, kinds: dict[str, type]) -> None:
+        self._data, self._at, self._kinds = data, at, kinds
+
+    def read(self, node: Any) -> Any:  # noqa: ANN401 - what JSON gives
+        if not isinstance(node, dict):
+            return node
+        if "array" in node:
+            return self._array(*node["array"])
+        if "tuple" in node:
+            return tuple(self.read(one) for one in node["tuple"])
+        if node["kind"] not in self._kinds:
+            raise TypeError(f"a {node['kind']} is stored, which was not asked for")
+        return self._kinds[node["kind"]](**{name: self.read(one) for name, one in node["values"].items()})
+
+    def _array(self, layout: str, shape: list[int]) -> NDArray[Any]:
+        dtype = np.dtype(layout)
+        start = self._at + -self._at % _ALIGNED
+        self._at = start + dtype.itemsize * int(np.prod(shape))
+        return self._data[start : self._at].view(dtype).reshape(shape)
