@@ -37,8 +37,13 @@ def write_json(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value
     write_atomic(path, (json.dumps(value, indent=1, allow_nan=False) + "\n").encode())
 
 
-def empty_folder(path: Path, *, resume: bool = False) -> Path:
+def empty_folder(path: Path, *, option: str = "-o", resume: bool | None = None) -> Path:
     """Make ``path`` a folder that output may go to.
+
+    Parameters
+    ----------
+    option : that names the folder on the command line.
+    resume : whether to go on with what is there; None for a command that never does.
 
     Raises
     ------
@@ -46,7 +51,7 @@ def empty_folder(path: Path, *, resume: bool = False) -> Path:
         If it is a file, cannot be made or written, or is not empty (unless ``resume``).
     """
     if path.exists() and not path.is_dir():
-        raise UserError(f"output {path} is a file, not a folder; name another folder with -o")
+        raise UserError(f"output {path} is a file, not a folder; name another folder with {option}")
     try:
         path.mkdir(parents=True, exist_ok=True)
         if not os.access(path, os.W_OK):
@@ -54,10 +59,9 @@ def empty_folder(path: Path, *, resume: bool = False) -> Path:
         full = any(path.iterdir())
     except OSError as error:
         raise UserError(
-            f"cannot write to folder {path}: {error.strerror or error}; name another with -o"
+            f"cannot write to folder {path}: {error.strerror or error}; name another with {option}"
         ) from error
     if full and not resume:
-        raise UserError(
-            f"output folder {path} is not empty; name a new one with -o, or continue it with --resume"
-        )
+        going_on = "" if resume is None else ", or continue it with --resume"
+        raise UserError(f"output folder {path} is not empty; name a new one with {option}{going_on}")
     return path

@@ -20,6 +20,7 @@ from hil.board.svd.methods import PUBLISHED
 from hil.evaluate.run import evaluate_dataset
 from hil.evaluate.worker import MethodChoice, board_model
 from simulator.camera.files import load_camera
+from simulator.dataset.card import read_card
 from simulator.dataset.native import read_png
 from simulator.errors import UserError
 from simulator.files import empty_folder
@@ -77,7 +78,7 @@ def estimate(
         raise UserError(str(error)) from error
     rows: list[dict[str, Any]] = []
     if debug is not None:
-        empty_folder(debug)
+        empty_folder(debug, option="--debug")
     for k, path in enumerate(images):
         image = read_png(path)
         if image.shape[:2] != (intrinsics.height_px, intrinsics.width_px):
@@ -170,6 +171,7 @@ def evaluate(
         )
     try:
         given = None if model is None else BoardModel.read(model)
+        read_card(folder)  # what is no data set leaves no report behind
         empty_folder(output, resume=resume)
         with progress_bar("evaluate", quiet=as_json) as progress:
             metrics = evaluate_dataset(

@@ -72,7 +72,7 @@ def scenarios(
     """List the built-in scenarios, and the recipes that capture takes."""
     rows = [load_scenario(name) for name in list_scenarios()]
     if sheets is not None:
-        empty_folder(sheets)
+        empty_folder(sheets, option="--contact-sheet")
         write_contact_sheets(rows, sheets)
     if as_json:
         flights = [{"name": s.name, "title": s.title, "duration_s": s.duration_s} for s in rows]

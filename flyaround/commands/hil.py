@@ -68,7 +68,7 @@ def host(
         load_scenario(scenario), n=None if every_s is not None else (n or 30), every_s=every_s, seed=seed
     )
     if log is not None:
-        empty_folder(log)
+        empty_folder(log, option="--log")
     with progress_bar("frames to the board", quiet=as_json) as progress:
         done = 0
 

@@ -43,9 +43,10 @@ def overview(
     """List the targets, export them, or draw their contact sheet."""
     if context.invoked_subcommand is not None:
         return
+    if export is not None:
+        empty_folder(export, option="--export")
     rows = _loaded()
     if export is not None:
-        empty_folder(export)
         for t in rows:
             write_glb(t, export / f"{t.name}.glb")
             write_board_model(t, export / f"{t.name}.board.json")

@@ -110,8 +110,8 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
         return load_glb(path)
     near = difflib.get_close_matches(name, list_targets(), cutoff=0.4) or list_targets()
     raise UserError(
-        f"unknown target {text!r}: name one of {', '.join(near)} (with @medium or @low for fewer triangles), or "
-        "give the path of a .glb target file"
+        f"unknown target {text!r}: name one of {', '.join(near)}, or another that "
+        "`flyaround targets` lists (with @medium or @low for fewer triangles), or give the path of a .glb target file"
     )
 
 

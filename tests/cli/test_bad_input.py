@@ -114,6 +114,11 @@ def test_unwritable_and_full_folders(capsys, tmp_path):
     (tmp_path / "full" / "mine.txt").write_text("keep")
     _fails(capsys, "capture", "tango-flyaround", "-o", tmp_path / "full", says=("not empty", "--resume"))
     assert (tmp_path / "full" / "mine.txt").read_text() == "keep"
+    # only what can be gone on with is offered so, and the folder's own option named
+    assert "--resume" not in _fails(
+        capsys, "fly", "tango-flyaround", "-o", tmp_path / "full", says=("not empty", "-o")
+    )
+    _fails(capsys, "targets", "--export", tmp_path / "full", says=("not empty", "--export"))
     _fails(
         capsys,
         "capture",
@@ -137,8 +142,11 @@ def test_truth_that_is_not_one(capsys, tmp_path):
     _fails(capsys, "render", "--from-truth", path, says=("t.json", "not a truth record"))
 
 
-def test_check_of_something_else(capsys, tmp_path):
+def test_check_and_evaluation_of_something_else(capsys, tmp_path):
     _fails(capsys, "check", tmp_path, says=("not a data set", "capture"))
+    report = tmp_path / "report"
+    _fails(capsys, "evaluate", tmp_path, "-o", report, says=("not a data set", "capture"))
+    assert not report.exists()
 
 
 def test_unknown_method_and_quality(capsys, tmp_path):
