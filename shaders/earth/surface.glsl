@@ -128,9 +128,10 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     vec4 under = detail.ground;
     float puff = detail.cloud.x;
     // of the puff and of the ground towards the Sun, per km of height
-    float rise = dot(detail.cloud.yz - 0.5, g.toward), hill = dot(under.yz - 0.5, g.toward);
+    float level = 0.5 * (g.toward.x + g.toward.y);
+    float rise = dot(detail.cloud.yz, g.toward) - level, hill = dot(under.yz, g.toward) - level;
     // land: patches, and hills that turn to and from the Sun
-    color reflectance = s.land * (1.0 + s.patchy * (under.w - 0.5) - clamp(hill * s.hilly, -0.6, 0.6));
+    color reflectance = s.land * ((1.0 - 0.5 * s.patchy) + s.patchy * under.w - clamp(hill * s.hilly, -0.6, 0.6));
 #if HIGH
     // bare rock and wadis, the finer half of the relief: as rough as the land is
     const mat2 turn = mat2(1.84, 1.38, -1.38, 1.84);
@@ -165,7 +166,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float present = min(s.cover * 10.0, 1.0);
     float over = (puff + s.cover) * s.scale + (1.0 - 1.06 * s.scale); // depth of the cloud, 0 at its edge
     float depth = max(over, 0.0);
-    depth *= depth * 0.9 * present;                 // optical depth times one minus its asymmetry
+    depth *= depth * (0.9 * present);               // optical depth times one minus its asymmetry
     depth = max(depth, 1.2 * s.cover * s.cover);    // the veil between the puffs
     float cloud = depth / (1.0 + depth);            // two-stream reflectance
 #if !SMOOTH

@@ -276,7 +276,7 @@ class Renderer:
                 in_use.frame.run(earth)
                 tables = in_use.frame.tables
             if cells.smooth_share > 0:
-                corners = in_use.frame.corners(*cells.corners_px)
+                corners = in_use.frame.corners(*cells.corners_px, all_ground=not len(cells.others_px))
         clock.lap("earth.air")
         return Sky(moon, earth, air, tables, cells, corners)
 

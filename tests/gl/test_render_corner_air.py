@@ -19,8 +19,8 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
     seen = {}
     corners, view = AirPass.corners, renderer_module.earth_view
 
-    def kept_corners(self, columns_px, rows_px):
-        seen.update(air=corners(self, columns_px, rows_px), grid=(columns_px, rows_px))
+    def kept_corners(self, columns_px, rows_px, *, all_ground):
+        seen.update(air=corners(self, columns_px, rows_px, all_ground=all_ground), grid=(columns_px, rows_px))
         return seen["air"]
 
     def kept_view(*given):
@@ -51,3 +51,29 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
     exact = np.interp(mu, np.linspace(GROUND_MU_MIN, 1, GROUND_SAMPLES), table)
     # the frame's table, even steps of the perigee's depth, was off by up to 8 % here
     assert np.allclose(seen["air"][..., 2], exact, rtol=1e-3)
+
+
+def test_cubics_between_every_other_corner_are_nearer_than_a_cell_s_plane(renderer, draw_kit, monkeypatch):
+    seen = {}
+    corners = AirPass.corners
+
+    def both(self, columns_px, rows_px, *, all_ground):
+        coarse = corners(self, columns_px, rows_px, all_ground=all_ground)
+        seen.update(all_ground=all_ground, coarse=coarse, exact=corners(self, columns_px, rows_px))
+        return coarse
+
+    monkeypatch.setattr(AirPass, "corners", both)
+    speck = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
+    ref = TargetRef(name=speck.name, sha256=speck.sha256)
+    world = Environment(stars=False, moon=False)
+    # low over the ground at dusk, where light and haze bend most
+    scene = scene_above(
+        "2026-03-20T05:55:00Z", (20.0, 5.0, 300.0), target=ref, environment=world, bands="mono", camera=CAMERA
+    )
+    renderer.render(scene, speck)
+    assert seen["all_ground"]
+    exact, coarse = seen["exact"], seen["coarse"]
+    assert np.abs(coarse - exact).max() > 0  # every other one was left out
+    # planes through every other corner miss the one in between by this much, cells' own by a quarter of it
+    plane = np.abs(0.5 * (exact[:, :-2] + exact[:, 2:]) - exact[:, 1:-1]).max(axis=(0, 1))
+    assert np.all(np.abs(coarse - exact).max(axis=(0, 1)) < 0.25 * plane)

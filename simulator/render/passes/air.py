@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,22 @@ TABLE_DEFINES = {"COLUMNS": COLUMNS, "ROWS": ROWS}
 _MARGIN = (
     2  # texels beyond the range in view, for filtering and for extremes between the rays that were tried
 )
+_FEWEST_CORNERS = 7  # along a side: every other one makes the four of a cubic
+
+
+@lru_cache(maxsize=8)
+def _every_other(edges_px: bytes) -> tuple[Float32Array, FloatArray]:
+    """Every other of M places (float64) with the last, and (M, K) the weights of the cubics through four of them."""
+    edges = np.frombuffer(edges_px)
+    coarse = np.append(edges[:-1:2], edges[-1])
+    weights = np.zeros((len(edges), len(coarse)), np.float32)
+    for row, x in zip(weights, edges, strict=True):
+        first = int(np.clip(np.searchsorted(coarse, x) - 2, 0, len(coarse) - 4))
+        four = coarse[first : first + 4]
+        for k in range(4):
+            others = np.delete(four, k)
+            row[first + k] = np.prod((x - others) / (four[k] - others))  # Lagrange
+    return weights, coarse
 
 
 class AirPass:
@@ -80,12 +97,16 @@ class AirPass:
             t_transmittance=self._transmittance, t_ground=self.ground, t_multiple=self._multiple
         )
 
-    def corners(self, columns_px: FloatArray, rows_px: FloatArray) -> Float32Array:
+    def corners(
+        self, columns_px: FloatArray, rows_px: FloatArray, *, all_ground: bool = False
+    ) -> Float32Array:
         """The air in front of the ground at the corners of a grid of the image, over the Sun's irradiance.
 
         Parameters
         ----------
         columns_px, rows_px : (M,) and (N,) of the corners.
+        all_ground : every one's ray meets the ground, well away from the limb. The air is then looked through at every
+            other corner each way, and cubic between them: nearer to it than the planes of the cells are.
 
         Returns
         -------
@@ -98,7 +119,14 @@ class AirPass:
         # nothing is drawn to it, but a driver without a window has no other that is complete
         self._framebuffer.use()
         self._bind(self._corners[lens].program)
-        return self._corners[lens].run(columns_px, rows_px)
+        if not all_ground or min(len(columns_px), len(rows_px)) < _FEWEST_CORNERS:
+            return self._corners[lens].run(columns_px, rows_px)
+        across, columns_px = _every_other(columns_px.tobytes())
+        down, rows_px = _every_other(rows_px.tobytes())
+        coarse = self._corners[lens].run(columns_px, rows_px)
+        wide = across @ coarse
+        flat = down @ wide.reshape(len(wide), -1)
+        return np.asarray(flat.reshape(len(flat), *wide.shape[1:]), np.float32)
 
 
 class _Corners:

@@ -75,6 +75,24 @@ class Air:
     frame: AirPass
 
 
+@dataclass(frozen=True)
+class _Draw:
+    """What one draw call sets.
+
+    Parameters
+    ----------
+    smooth : its cells are. in_fours : it goes four pixels to a texel. blended : it is added to what is there.
+    level : of `CellKind`; ``None`` where no map is read from another level than its first.
+    """
+
+    smooth: bool
+    in_fours: bool
+    blended: bool
+    program: Program
+    detail: moderngl.Texture
+    level: float | None
+
+
 class EarthPass:
     """The Earth for one number of bands; its maps are uploaded when it is made.
 
@@ -191,7 +209,7 @@ class EarthPass:
         fours : draw smooth cells four pixels to a texel, and not into the image itself; those that the target may
             cover are added to what is there.
         """
-        environment, quality = scene.environment, scene.quality
+        environment = scene.environment
         # beyond the image's end: a point is dropped when its middle is outside
         width, height = cells.extent_px
         images.sky_framebuffer.viewport = (0, 0, width, height)
@@ -211,43 +229,60 @@ class EarthPass:
         if corners is not None:
             four = [corners[:-1, :-1], corners[:-1, 1:], corners[1:, :-1], corners[1:, 1:]]
             around = np.stack(four, axis=-1).reshape(*four[0].shape[:2], -1)
-        # what goes into one image comes together: a driver that changes images finishes the first
-        for kind, centers in sorted(cells.centers_px.items(), key=itemgetter(0)):
-            in_fours = fours and kind.smooth
-            (images.fours_framebuffer if in_fours else images.sky_framebuffer).use()
-            program = self._program(
-                environment,
-                kind,
-                behind=behind,
-                high=quality == "high",
-                fours=in_fours,
-                dark=cells.dark and kind.night,
-            )
+        for draw, centers in self._draws(cells, scene, behind=behind, fours=fours).items():
+            (images.fours_framebuffer if draw.in_fours else images.sky_framebuffer).use()
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
-            blend = self._context.BLEND if kind.covered and not in_fours else self._context.NOTHING
+            blend = self._context.BLEND if draw.blended else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
-            # larger than life the maps have one level; a driver that need not ask is quicker
-            magnified = quality != "high" and kind.smooth and kind.level <= LOG2_TEXEL_KM
             for texture in self._maps:
                 texture.filter = (
-                    self._context.LINEAR if magnified else self._context.LINEAR_MIPMAP_LINEAR,
+                    self._context.LINEAR if draw.level is None else self._context.LINEAR_MIPMAP_LINEAR,
                     self._context.LINEAR,
                 )
-            detail_level = kind.level - math.log2(DETAIL_TEXEL_KM)
-            program.bind_textures(**textures, t_detail=self._detail_of(kind, detail_level, quality))
+            program, level = draw.program, draw.level or 0.0
+            program.bind_textures(**textures, t_detail=draw.detail)
             program.set("u_season", month.share)
             program.set("u_extent_px", cells.extent_px)
             program.set("u_cell_px", float(cells.size_px))
-            program.set("u_level", (kind.level - LOG2_TEXEL_KM, detail_level))
-            vertices = centers
-            if around is not None and kind.smooth:
-                vertices = np.concatenate([centers, around[cells.place(centers)]], axis=1)
+            program.set("u_level", (level - LOG2_TEXEL_KM, level - math.log2(DETAIL_TEXEL_KM)))
+            vertices = np.concatenate(centers)
+            if around is not None and draw.smooth:
+                vertices = np.concatenate([vertices, around[cells.place(vertices)]], axis=1)
             buffer, array = self._array_of(
-                program, 0 if around is None or not kind.smooth else around.shape[2]
+                program, 0 if around is None or not draw.smooth else around.shape[2]
             )
             buffer.orphan(vertices.nbytes)
             buffer.write(vertices)
             array.render(vertices=len(vertices))
+
+    def _draws(
+        self, cells: Cells, scene: SceneState, *, behind: bool, fours: bool
+    ) -> dict[_Draw, list[Float32Array]]:
+        """Middles of the cells of each draw call: kinds that differ in nothing that is drawn come together."""
+        draws: dict[_Draw, list[Float32Array]] = {}
+        high = scene.quality == "high"
+        # what goes into one image comes together too: a driver that changes images finishes the first
+        for kind, centers in sorted(cells.centers_px.items(), key=itemgetter(0)):
+            in_fours = fours and kind.smooth
+            # larger than life the maps have one level; a driver that need not ask is quicker
+            magnified = not high and kind.smooth and kind.level <= LOG2_TEXEL_KM
+            draw = _Draw(
+                kind.smooth,
+                in_fours,
+                kind.covered and not in_fours,
+                self._program(
+                    scene.environment,
+                    kind,
+                    behind=behind,
+                    high=high,
+                    fours=in_fours,
+                    dark=cells.dark and kind.night,
+                ),
+                self._detail_of(kind, scene.quality),
+                None if magnified else kind.level,
+            )
+            draws.setdefault(draw, []).append(centers)
+        return draws
 
     def _array_of(self, program: Program, values: int) -> tuple[moderngl.Buffer, moderngl.VertexArray]:
         """Vertices of a program: middles of cells, and four by four the values at their corners."""
@@ -262,11 +297,12 @@ class EarthPass:
             self._arrays[program] = (buffer, array)
         return self._arrays[program]
 
-    def _detail_of(self, kind: CellKind, level: float, quality: str) -> moderngl.Texture:
+    def _detail_of(self, kind: CellKind, quality: str) -> moderngl.Texture:
         """The detail with all its levels, or the one level that a smooth cell needs: the driver then has no choice.
 
         Half of a trilinear look-up's cost is its second level, which the eye of the default preset does not miss.
         """
+        level = kind.level - math.log2(DETAIL_TEXEL_KM)
         if kind.smooth and quality != "high":
             return self._details[min(max(round(level), 0), len(self._details) - 1)]
         if self._detail is None:
