@@ -22,7 +22,7 @@ from simulator.errors import UserError
 from simulator.labels.request import LAYERS, LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
-from simulator.render.earth_maps import begin_earth_maps
+from simulator.render.earth_maps import EarthMaps, begin_earth_maps
 from simulator.scenario_load import load_scenario
 from simulator.scenario_picture import environment_section
 from simulator.scene.environments import ENVIRONMENTS
@@ -91,6 +91,7 @@ def render(
     """Draw one frame and its truth, or one for each pose of a list."""
     if (scenario is None) == (from_truth is None):
         raise UserError("render needs either a SCENARIO or --from-truth FILE; see flyaround render --help")
+    begun: dict[Bands, EarthMaps] = {}
     if from_truth is not None:
         if environment is not None:
             raise UserError("--from-truth draws the record's environment; leave out --environment")
@@ -106,7 +107,8 @@ def render(
             flown = msgspec.structs.replace(flown, environment=environment_section(environment))
         if flown.environment_model.earth:
             # two at a time: an empty cache is filled while the target is built and flown
-            begin_earth_maps(bands or flown.output.bands, flown.environment_model, flown.epoch_utc)
+            in_bands = bands or flown.output.bands
+            begun[in_bands] = begin_earth_maps(in_bands, flown.environment_model, flown.epoch_utc)
         plan = plan_flight(flown, times=(time_s,), seed=seed, bands=bands, quality=_quality(quality))
         scene, target, request = plan.scene(0), plan.target, LabelRequest()
     if labels is not None:
@@ -114,9 +116,9 @@ def render(
     if poses is not None:
         if timings:
             raise UserError("--timings is about one picture; leave out --poses")
-        _render_poses(scene, target, request, poses, output, gpu, as_json=as_json)
+        _render_poses(scene, target, request, poses, output, gpu, begun, as_json=as_json)
         return
-    frame = render_scene(scene, target, labels=request, device_index=gpu)
+    frame = render_scene(scene, target, labels=request, device_index=gpu, begun=begun)
     truth_path = save_picture(frame, output)
     stage_ms = time_passes(scene, target, device_index=gpu) if timings else {}
     if as_json:
@@ -149,6 +151,7 @@ def _render_poses(
     poses: Path,
     output: Path,
     gpu: int | None,
+    begun: dict[Bands, EarthMaps],
     *,
     as_json: bool,
 ) -> None:
@@ -156,7 +159,9 @@ def _render_poses(
     rows = read_poses(poses)
     written = []
     with progress_bar("render", quiet=as_json) as progress:
-        for k, frame in enumerate(render_poses(scene, target, rows, labels=request, device_index=gpu)):
+        for k, frame in enumerate(
+            render_poses(scene, target, rows, labels=request, device_index=gpu, begun=begun)
+        ):
             path = output.with_name(f"{output.stem}-{k:06d}{output.suffix}")
             truth_path = save_picture(frame, path)
             written.append({"image": str(path), "truth": str(truth_path)})

@@ -13,13 +13,20 @@ from simulator.bench.parts import PartCost, cost
 SCENE = "tango-earth-10m-1024"
 _PROGRAM = f"""
 import sys
+from simulator.memory import keep_freed_memory
+keep_freed_memory()  # as the program does
 from simulator.labels.frame import take_frame
 from simulator.loop import plan_flight
+from simulator.render.earth_maps import begin_earth_maps
 from simulator.render.renderer import Renderer
 from simulator.scenario_load import load_scenario
-plan = plan_flight(load_scenario("{SCENE}"), n=1)
-with Renderer() as renderer:
+scenario = load_scenario("{SCENE}")
+bands = scenario.output.bands
+begun = begin_earth_maps(bands, scenario.environment_model, scenario.epoch_utc)
+plan = plan_flight(scenario, n=1)
+with Renderer(begun={{bands: begun}}) as renderer:
     take_frame(renderer, plan.scene(0), plan.target, labels=False)
+    print("frame", flush=True)
     status = open("/proc/self/status").read() if sys.platform == "linux" else ""
     print(next((line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")), "0"))
 """

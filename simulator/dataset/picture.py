@@ -18,11 +18,12 @@ from simulator.labels.truth import truth_to_json
 from simulator.render.renderer import Renderer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from simulator.labels.request import LabelRequest
-    from simulator.scene.state import SceneState
+    from simulator.render.earth_maps import EarthMaps
+    from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target
     from simulator.world.pose import Pose
 
@@ -35,12 +36,13 @@ def render_scene(
     *,
     labels: LabelRequest | None = None,
     device_index: int | None = None,
+    begun: Mapping[Bands, EarthMaps] | None = None,
 ) -> Frame:
     """Draw one scene with labels in a renderer of its own.
 
     Parameters
     ----------
-    labels : layers to give beyond truth and mask.
+    labels : layers to give beyond truth and mask. begun : as of `Renderer`.
 
     Raises
     ------
@@ -52,7 +54,7 @@ def render_scene(
             f"the scene was drawn with target {scene.target.name} {scene.target.sha256[:12]}, here it is "
             f"{target.sha256[:12]}; use the flyaround version named in the record"
         )
-    with Renderer(device_index=device_index) as renderer:
+    with Renderer(device_index=device_index, begun=begun) as renderer:
         return take_frame(renderer, scene, target, labels=labels or True)
 
 
@@ -72,9 +74,10 @@ def render_poses(
     *,
     labels: LabelRequest,
     device_index: int | None = None,
+    begun: Mapping[Bands, EarthMaps] | None = None,
 ) -> Iterator[Frame]:
     """Draw a scene with the craft at each of a list of poses, camera and light as they are."""
-    with Renderer(device_index=device_index) as renderer:
+    with Renderer(device_index=device_index, begun=begun) as renderer:
         for k, pose in enumerate(poses):
             yield take_frame(renderer, scene_with_pose(scene, target, pose, k), target, labels=labels)
 

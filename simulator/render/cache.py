@@ -69,6 +69,11 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
         return [_stored(*pair) for pair in zip(paths, make(), strict=True)] if kept is None else kept
 
 
+def is_kept(key: str) -> bool:
+    """Whether there is a file of `cached_array`; it may be damaged yet."""
+    return (cache_folder() / f"{key}.npy").is_file()
+
+
 def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:
     try:
         # mapped, not read: the driver copies it straight from the page cache

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from simulator.render.airtables import air_tables
+import numpy as np
+
+from simulator.render.airtables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
 from simulator.render.levels import levelled
 from simulator.render.maps import KeptFiles, packed_maps
 from simulator.render.noise import detail_texture
 from simulator.render.seasons import Season, month_gain, relief, season
-from simulator.render.shoals import shoals
+from simulator.render.shoals import missing_sources, shoals
 from simulator.render.skylight import albedo_of_day
+from simulator.scene.atmosphere import earth_atmosphere
+from simulator.scene.multiple_scattering import HEIGHTS, SUNS
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
-
     from simulator.arrays import Float32Array
-    from simulator.render.airtables import AirTables
     from simulator.render.levels import Levelled
     from simulator.scene.state import Bands, Environment
 
+_T = TypeVar("_T")
+_ODD, _EVEN = (6, 12), (4, 8)  # of stand-ins: rows and columns that are no powers of two, and that are
 AUGUST = Season(8, 8, 0.0)  # the month of the fine map
 
 
@@ -47,18 +50,20 @@ class EarthMaps:
 def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
     """Start on what a scene's Earth needs, and return at once; NumPy and OpenCV leave Python free meanwhile.
 
-    Before there is a scene it may be called for the sake of the cache alone: who asks again waits for what was begun.
+    Before there is a scene it may be begun for the renderer that will draw it.
     """
     bands = 1 if of_bands == "mono" else 3
     dates = season(epoch_utc) if environment.seasons else AUGUST
     # what takes longest first: the detail alone is as long as the maps
     with_maps, others = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
-    # the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
+    # sources of the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
     files = KeptFiles()
-    water = with_maps.submit(lambda: levelled(shoals(bands, files)))
+    sources = with_maps.submit(missing_sources, bands, files)
     maps = with_maps.submit(lambda: [levelled(image) for image in packed_maps(bands, files)])
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = {month: with_maps.submit(_month, month, bands) for month in {dates.before, dates.after}}
+    # few pictures wait for them
+    water = with_maps.submit(lambda: levelled(shoals(bands, sources.result())))
     begun = EarthMaps(
         albedo,
         maps,
@@ -71,6 +76,41 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
     for pool in (with_maps, others):
         pool.shutdown(wait=False)
     return begun
+
+
+def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
+    """Black maps of a few texels, of the same kinds as those that `begin_earth_maps` begins, and air without light.
+
+    A driver's programs depend on a texture's channels, on its levels, and on whether its sides are powers of two.
+    """
+    bands = 1 if of_bands == "mono" else 3
+    dates = season(epoch_utc) if environment.seasons else AUGUST
+    many, one = _black(_ODD, 4), _black(_ODD, 1)
+    month = _black(_EVEN, bands)
+    air = earth_atmosphere(of_bands, environment.atmosphere_thickness_km * 1e3)
+    tables = [
+        np.zeros((*size, bands), np.float32)
+        for size in ((RADII, COSINES), (GROUND_SAMPLES,), (HEIGHTS, SUNS))
+    ]
+    return EarthMaps(
+        _done(np.zeros(0, np.float32)),
+        _done([many] * (1 if bands == 1 else 2)),
+        _done(_black(_EVEN, 4)),
+        _done(many),
+        {month_number: _done(month) for month_number in {dates.before, dates.after}},
+        _done(one if bands == 1 else many),
+        _done(AirTables(air, *tables)),
+    )
+
+
+def _black(size: tuple[int, int], bands: int) -> Levelled:
+    return levelled(np.zeros(size if bands == 1 else (*size, 4), np.uint8))
+
+
+def _done(value: _T) -> Future[_T]:
+    future: Future[_T] = Future()
+    future.set_result(value)
+    return future
 
 
 def _month(month: int, bands: int) -> Levelled:

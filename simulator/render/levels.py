@@ -24,6 +24,7 @@ _LIBRARIES = {
     "win32": ("opengl32",),
 }
 _LINUX = ("libGL.so.1", "libOpenGL.so.0")
+_POINTS = 0
 _TEXTURE_2D, _UNSIGNED_BYTE, _UNPACK_ALIGNMENT = 0x0DE1, 0x1401, 0x0CF5
 _FORMATS = {1: (0x8229, 0x1903), 4: (0x8058, 0x1908)}  # R8 and RED, RGBA8 and RGBA
 VERSION = 1  # of how levels are made; part of the cache's key
@@ -85,6 +86,16 @@ def single_textures(context: moderngl.Context, levels: Levelled) -> list[moderng
         texture.filter = (context.LINEAR, context.LINEAR)
         textures.append(texture)
     return textures
+
+
+def draw_one_point(array: moderngl.VertexArray) -> None:
+    """Draw the first vertex of an array of points while Python's other threads go on; moderngl holds them up."""
+    library = opengl()
+    if library is None:
+        array.render(vertices=1)
+        return
+    array.render(vertices=0)  # puts program and vertices to use
+    library.glDrawArrays(_POINTS, 0, 1)
 
 
 def _sizes(width: int, height: int) -> list[tuple[int, int]]:

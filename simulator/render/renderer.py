@@ -10,7 +10,7 @@ from simulator.render.block_values import earth_values, frame_values, moon_value
 from simulator.render.blocks import Blocks
 from simulator.render.cells import earth_cells
 from simulator.render.context import create_context, describe
-from simulator.render.earth_maps import begin_earth_maps
+from simulator.render.earth_maps import begin_earth_maps, stand_ins
 from simulator.render.earthview import earth_view
 from simulator.render.images import Images
 from simulator.render.moonview import moon_view
@@ -29,7 +29,7 @@ from simulator.render.view import build_view, sky_light
 from simulator.scene.bands import bands_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from types import TracebackType
 
     import moderngl
@@ -106,6 +106,7 @@ class Renderer:
     context : an existing OpenGL >= 4.1 context to draw with instead; it is not released on close.
     timed : wait for the driver after every pass, so that ``stage_ms`` is each pass's own time. Without it the passes
         queue up, nothing stalls, and their time shows in the read-back. May be changed between frames.
+    begun : `begin_earth_maps` of the first scenes to be drawn, for a quicker first frame.
 
     Raises
     ------
@@ -119,6 +120,7 @@ class Renderer:
         device_index: int | None = None,
         context: moderngl.Context | None = None,
         timed: bool = False,
+        begun: Mapping[Bands, EarthMaps] | None = None,
     ) -> None:
         self.timed = timed
         self._owns_context = context is None
@@ -135,9 +137,8 @@ class Renderer:
         self._images: Images | None = None
         self._moon: MoonPass | None = None
         self._earths: dict[Bands, EarthPass] = {}
-        self._begun: dict[
-            Bands, EarthMaps
-        ] = {}  # of the first scene that needs them, until they are uploaded
+        # of the first scene that needs them, until they are uploaded
+        self._begun: dict[Bands, EarthMaps] = dict(begun or {})
         self.check("start-up")
 
     def make_current(self) -> None:
@@ -182,7 +183,11 @@ class Renderer:
         view = build_view(scene, no_light(bands) if sky is None else sky)
         self._blocks.frame.write(frame_values(scene, view))
         clock.lap("setup")
+        images = self._images_for(scene)
         sampled = passes.sample(scene, view, target, clock)
+        cells_px = None if sampled is None else sampled.cells_px
+        if scene.bands in self._begun:
+            self._compile_ahead(scene, view, images, cells_px, clock)
         if sampled is not None and sky is None:
             awaited = self._begun.get(scene.bands)
             if awaited is not None:
@@ -191,8 +196,7 @@ class Renderer:
             self._blocks.frame.write(frame_values(scene, view))
         clock.lap("skylight")
         hidden = None if sampled is None else sampled.rect
-        images = self._images_for(scene)
-        behind = self._prepare_sky(scene, view, None if sampled is None else sampled.cells_px, clock)
+        behind = self._prepare_sky(scene, view, cells_px, self._earth_pass, clock)
         images.clear(behind.added_to if behind.fills else PixelRect(0, 0, *images.size))
         if sampled is not None:
             passes.shade(sampled, view, scene.bands, images)
@@ -250,8 +254,35 @@ class Renderer:
             self._rays.of(scene.camera).use(RAYS_UNIT)
         return self._target_passes()
 
+    def _compile_ahead(
+        self,
+        scene: SceneState,
+        view: View,
+        images: Images,
+        hidden_px: FloatArray | None,
+        clock: StageClock,
+    ) -> None:
+        """Have the driver compile what draws the Earth, a second's work, while the first frame's maps are decoded.
+
+        Some cells are drawn from stand-ins of the maps. All that they touch is cleared or drawn again.
+        """
+        maps = stand_ins(scene.bands, scene.environment, scene.epoch_utc)
+        earth = EarthPass(self._gl, self._programs, scene.bands, maps)
+        sky = self._prepare_sky(scene, view, hidden_px, lambda _: earth, clock)
+        if sky.cells is not None:
+            behind = sky.moon is not None and sky.moon.in_front
+            fours = self._in_fours(images, sky)
+            earth.run(images, sky.cells, sky.corners, scene, behind=behind, fours=fours, ahead=True)
+        earth.release()
+        clock.lap("earth.programs")
+
     def _prepare_sky(
-        self, scene: SceneState, view: View, hidden_px: FloatArray | None, clock: StageClock
+        self,
+        scene: SceneState,
+        view: View,
+        hidden_px: FloatArray | None,
+        pass_of: Callable[[Bands], EarthPass],
+        clock: StageClock,
     ) -> Sky:
         """What of Earth, air and Moon is in view, their blocks, and this frame's air; draws nothing into the images."""
         environment = scene.environment
@@ -260,7 +291,7 @@ class Renderer:
             self._blocks.moon.write(moon_values(moon))
         if not environment.earth:
             return Sky(moon=moon)
-        in_use = self._earth_pass(scene.bands).air(environment.atmosphere_thickness_km)
+        in_use = pass_of(scene.bands).air(environment.atmosphere_thickness_km)
         air = in_use.tables.air if environment.atmosphere else None
         earth = earth_view(view, scene.camera, air)
         self._blocks.earth.write(earth_values(view, earth, in_use.tables.air))
@@ -289,12 +320,7 @@ class Renderer:
         """
         environment, earth, moon = scene.environment, sky.earth, sky.moon
         behind = moon is not None and moon.in_front
-        fours = (
-            images.have_fours
-            and not behind
-            and sky.cells is not None
-            and sky.cells.smooth_share > LEAST_SHARE
-        )
+        fours = self._in_fours(images, sky)
         if sky.cells is not None:
             self._earth_pass(scene.bands).run(
                 images, sky.cells, sky.corners, scene, behind=behind, fours=fours
@@ -319,6 +345,13 @@ class Renderer:
             self._fours.run(images, sky.cells, sky.cells.others_px)
             clock.lap("earth.fours")
         return fours
+
+    @staticmethod
+    def _in_fours(images: Images, sky: Sky) -> bool:
+        """Whether the Earth's smooth cells are drawn four pixels to a texel."""
+        behind = sky.moon is not None and sky.moon.in_front
+        many = sky.cells is not None and sky.cells.smooth_share > LEAST_SHARE
+        return images.have_fours and not behind and many
 
     def _target_passes(self) -> TargetPasses:
         """The spacecraft's passes for the lens at hand: programs and vertex arrays with it and without are apart."""

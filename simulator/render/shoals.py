@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.render.cache import cached_array
+from simulator.render.cache import cached_array, is_kept
 from simulator.render.maps import (
     COAST,
     DAY,
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
     from simulator.arrays import ByteArray, Float32Array, FloatArray
     from simulator.render.maps import Decoder
+
+    Sources = tuple[ByteArray, ByteArray]
 
 WIDTH, HEIGHT = 4032, 2016
 WHERE = "shoals_720x360.png"
@@ -52,24 +54,32 @@ _TILES = [
 ]
 
 
-def shoals(bands: int, files: KeptFiles | None = None) -> ByteArray:
+def shoals(bands: int, sources: Sources | None = None) -> ByteArray:
     """(2016, 4032) or (2016, 4032, 4): square root of the reflectance over the open ocean's, over ``SCALE``.
 
     Parameters
     ----------
-    files : of a caller who makes more of the same.
+    sources : where they are at hand; otherwise the maps are decoded.
     """
+    return cached_array(_key(bands), lambda: _make(bands, day_and_coast() if sources is None else sources))
+
+
+def missing_sources(bands: int, files: KeptFiles) -> Sources | None:
+    """What `shoals` will be made of, from maps that are decoded for others too; none where the cache has them."""
+    return None if is_kept(_key(bands)) else day_and_coast(files)
+
+
+def _key(bands: int) -> str:
     sizes = [asset_size(name) for name in (DAY, COAST, WHERE)]
     key = hashlib.sha256(f"{_VERSION} {bands} {SCALE} {sizes}".encode()).hexdigest()[:16]
-    decode = KeptFiles() if files is None else files
-    return cached_array(f"shoals-{bands}-{key}", lambda: _make(bands, decode))
+    return f"shoals-{bands}-{key}"
 
 
-def _make(bands: int, decode: Decoder) -> ByteArray:
+def _make(bands: int, sources: Sources) -> ByteArray:
     # nothing is left where no cell looks
     core = cv2.erode(_where().astype(np.float32), np.ones((3, 3)))
     share = cv2.resize(core, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR)
-    day, coast = _day_and_coast(decode)
+    day, coast = sources
     out = np.zeros((HEIGHT, WIDTH) if bands == 1 else (HEIGHT, WIDTH, 4), np.uint8)
     if bands != 1:
         out[..., 3] = 255
@@ -88,7 +98,7 @@ def _make(bands: int, decode: Decoder) -> ByteArray:
     return out
 
 
-def _day_and_coast(decode: Decoder) -> tuple[ByteArray, ByteArray]:
+def day_and_coast(decode: Decoder = decode_file) -> Sources:
     """(2016, 4032, 3) red, green, blue and (2016, 4032) distance to the coast, of the maps."""
     with ThreadPoolExecutor(2) as pool:
         day = pool.submit(day_map, decode, (WIDTH, HEIGHT))
@@ -142,7 +152,7 @@ def near_shoals(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
 
 def make_where() -> ByteArray:
     """(360, 720) 255 where the water is noticeably brighter than the open ocean, and half a degree around it."""
-    day, coast = _day_and_coast(decode_file)
+    day, coast = day_and_coast()
     bright = SCALE * _over_the_ocean(day, coast, slice(0, HEIGHT), slice(0, WIDTH)).max(axis=2) > _NOTICED
     # rows and columns do not divide by whole texels: each half degree takes what touches it
     found = np.zeros((360, 720), np.uint8)

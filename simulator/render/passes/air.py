@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.airtables import GROUND_MU_MIN
+from simulator.render.context import release
 from simulator.render.programs import FULL_SCREEN
 
 if TYPE_CHECKING:
@@ -97,6 +98,15 @@ class AirPass:
             t_transmittance=self._transmittance, t_ground=self.ground, t_multiple=self._multiple
         )
 
+    def release(self) -> None:
+        """Free the tables and what fills them."""
+        for corners in self._corners.values():
+            corners.release()
+        self._array.release()
+        release(
+            self._context, self._framebuffer, *self.tables, self._transmittance, self.ground, self._multiple
+        )
+
     def corners(
         self, columns_px: FloatArray, rows_px: FloatArray, *, all_ground: bool = False
     ) -> Float32Array:
@@ -148,6 +158,11 @@ class _Corners:
             self.program.gl, [(self._in, "2f", "in_pixel")], mode=context.POINTS
         )
         self._grid: tuple[bytes, bytes] = (b"", b"")
+
+    def release(self) -> None:
+        """Free the buffers."""
+        for one in (self._array, self._in, self._out):
+            one.release()
 
     def run(self, columns_px: FloatArray, rows_px: FloatArray) -> Float32Array:
         shape = len(rows_px), len(columns_px), self._values

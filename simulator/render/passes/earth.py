@@ -12,7 +12,7 @@ import numpy as np
 
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from simulator.render.earth_maps import AUGUST
-from simulator.render.levels import levelled, levelled_texture, single_textures
+from simulator.render.levels import draw_one_point, levelled, levelled_texture, single_textures
 from simulator.render.maps import WIDTH as MAP_WIDTH
 from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from simulator.render.passes.air import TABLE_DEFINES, AirPass
@@ -129,6 +129,19 @@ class EarthPass:
             self._keep_air(air_tables(self._names, thickness_km * 1e3))
         return self._airs[thickness_km * 1e3]
 
+    def release(self) -> None:
+        """Free maps, tables and vertices; the programs are the library's."""
+        maps = [*self._details, self._detail, self._relief, *self._maps, *self._months.values(), self._shoals]
+        maps += [] if self._ice is None else [self._ice[1]]
+        for texture in maps:
+            if isinstance(texture, moderngl.Texture):
+                texture.release()
+        for air in self._airs.values():
+            air.frame.release()
+        for buffer, array in self._arrays.values():
+            array.release()
+            buffer.release()
+
     def _keep_air(self, tables: AirTables) -> None:
         frame = AirPass(self._context, self._programs, self.bands, tables)
         self._airs[tables.air.thickness_m] = Air(tables, frame)
@@ -199,6 +212,7 @@ class EarthPass:
         *,
         behind: bool,
         fours: bool = False,
+        ahead: bool = False,
     ) -> None:
         """Add the Earth's light to ``images``.
 
@@ -208,6 +222,8 @@ class EarthPass:
         behind : the Moon is nearer, and may hide it.
         fours : draw smooth cells four pixels to a texel, and not into the image itself; those that the target may
             cover are added to what is there.
+        ahead : draw one cell of each kind alone, while other threads go on: a software driver compiles its programs
+            then.
         """
         environment = scene.environment
         # beyond the image's end: a point is dropped when its middle is outside
@@ -253,7 +269,10 @@ class EarthPass:
             )
             buffer.orphan(vertices.nbytes)
             buffer.write(vertices)
-            array.render(vertices=len(vertices))
+            if ahead:
+                draw_one_point(array)
+            else:
+                array.render(vertices=len(vertices))
 
     def _draws(
         self, cells: Cells, scene: SceneState, *, behind: bool, fours: bool

@@ -1,0 +1,39 @@
+"""The first frame's programs are compiled while its maps are decoded, and leave no trace in it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from simulator.dataset.contact_sheet import smaller
+from simulator.loop import plan_flight
+from simulator.render.earth_maps import begin_earth_maps
+from simulator.render.passes.earth import EarthPass
+from simulator.render.renderer import Renderer
+from simulator.scenario_load import load_scenario
+
+pytestmark = pytest.mark.gl
+
+
+@pytest.mark.parametrize(("bands", "name"), [("mono", "tango-earth-10m-1024"), ("rgb", "tango-flyaround")])
+def test_the_first_frame_needs_no_program_that_was_not_compiled_ahead(bands, name, monkeypatch):
+    scenario = load_scenario(name)
+    plan = plan_flight(scenario, n=1, bands=bands)
+    scene = replace(plan.scene(0), camera=smaller(scenario.camera_model, 128))
+    runs, run = [], EarthPass.run
+
+    def watched(self, *arguments, **options):
+        before = len(renderer._programs._built)
+        run(self, *arguments, **options)
+        runs.append((options.get("ahead", False), len(renderer._programs._built) - before))
+
+    monkeypatch.setattr(EarthPass, "run", watched)
+    begun = begin_earth_maps(bands, scenario.environment_model, scene.epoch_utc)
+    with Renderer(begun={bands: begun}) as renderer:
+        first = renderer.render(scene, plan.target).radiance
+        again = renderer.render(scene, plan.target).radiance
+    assert [ahead for ahead, _ in runs] == [True, False, False]
+    assert runs[0][1] > 0
+    assert [made for _, made in runs[1:]] == [0, 0]
+    assert np.isfinite(first).all()
+    np.testing.assert_array_equal(first, again)
