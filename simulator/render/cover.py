@@ -20,6 +20,7 @@ CELL_PX = 8
 _MASK_PX = 2  # of the picture that the hulls are filled into
 _FOUR_BYTES = np.uint32  # a cell's row there
 _SHIFT = 4  # bits of a corner's fraction there
+_AROUND = np.ones((3, 3), np.uint8)
 _FARTHEST = 1 << 14  # OpenCV's corners must fit in whole numbers with the fraction's bits to spare
 
 
@@ -33,7 +34,7 @@ def hulls_cover(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> Floa
 
     Parameters
     ----------
-    rect : begins at whole cells. points_px : (K, 2) projected points of all hulls, one hull after the other.
+    rect : begins at whole cells. points_px : (2, K) projected points of all hulls, one hull after the other.
     parts : where the points of the second hull begin, of the third and so on.
     """
     rows, columns = -(-rect.height // CELL_PX), -(-rect.width // CELL_PX)
@@ -41,14 +42,15 @@ def hulls_cover(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> Floa
     # one more on each side: what ends there may touch a pixel inside
     mask = np.zeros((rows * step + 2, columns * step + 2), np.uint8)
     # mask pixel (1, 1) is the mean of image pixels x0 and x0 + 1
-    origin = np.array([rect.x0, rect.y0]) + 0.5 * (_MASK_PX - 1) - _MASK_PX
-    at = np.minimum(np.maximum((points_px - origin) / _MASK_PX, -_FARTHEST), _FARTHEST)
-    fixed = np.rint(at * (1 << _SHIFT)).astype(np.int32)
+    fixed = np.empty((points_px.shape[1], 2), np.int32)
+    for axis, first in enumerate((rect.x0, rect.y0)):
+        at = (points_px[axis] - (first + 0.5 * (_MASK_PX - 1) - _MASK_PX)) / _MASK_PX
+        fixed[:, axis] = np.rint(np.minimum(np.maximum(at, -_FARTHEST), _FARTHEST) * (1 << _SHIFT))
     ends = [0, *parts.tolist(), len(fixed)]
     for start, end in itertools.pairwise(ends):
         cv2.fillConvexPoly(mask, cv2.convexHull(fixed[start:end]), 1, shift=_SHIFT)
     # a pixel whose corner is touched counts, and OpenCV's fill leaves out what it touches by less than half
-    cv2.dilate(mask, np.ones((3, 3), np.uint8), dst=mask)
+    cv2.dilate(mask, _AROUND, dst=mask)
     inner = mask[1:-1, 1:-1].reshape(rows, step, -1).max(axis=1)  # one axis after the other is quicker
     return _centers(inner.view(_FOUR_BYTES) != 0, rect)
 

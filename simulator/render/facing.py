@@ -78,7 +78,7 @@ def facing(
     kept = show.take(boxes.of)
     if mesh.is_closed:
         unit = np.asarray(place / np.linalg.norm(place[:3]), np.float32)
-        kept &= shown.planes @ unit > -GRAZING
+        kept &= unit @ shown.planes > -GRAZING
     if without is not None:
         kept &= ~without
     # by their numbers: a mask over rows takes numpy twice as long

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from simulator.render.skylight import axes_about
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
@@ -20,10 +23,9 @@ def light_matrix(center_m: FloatArray, radius_m: float, along: FloatArray) -> Fl
     The box is turned about the light: edges of a craft follow its axes, and one along a map's rows would lie half a
     texel off over all its length.
     """
-    x = np.cross(along, [0.0, 0.0, 1.0] if abs(along[2]) < 0.9 else [1.0, 0.0, 0.0])
-    x = x / np.linalg.norm(x)
-    x = np.cos(_TURN_RAD) * x + np.sin(_TURN_RAD) * np.cross(along, x)
-    R = np.stack([x, np.cross(along, x), along]) / (radius_m * WIDER)
+    x, y, z = axes_about(along)
+    c, s = math.cos(_TURN_RAD), math.sin(_TURN_RAD)
+    R = np.array([c * x + s * y, c * y - s * x, z]) / (radius_m * WIDER)
     matrix = np.eye(4)
     matrix[:3, :3] = R
     matrix[:3, 3] = -R @ center_m

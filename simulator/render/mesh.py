@@ -46,8 +46,8 @@ class Mesh:
 
     Parameters
     ----------
-    hull_m : (K, 3) points of the parts' convex hulls, which hold the mesh, target frame [m].
-    hull_parts : where in ``hull_m`` the second part's points begin, the third's and so on.
+    hull_m : (3, K) points of the parts' convex hulls, which hold the mesh, target frame [m]; hulls inside of others
+        are left out. hull_parts : where in ``hull_m`` the second hull's points begin, the third's and so on.
     center_m, radius_m : bounding sphere, target frame.
     order : which of the target's parts lie in the buffers first, second and so on.
     charts : how its faces are laid out in an atlas, by the borders of which the mesh is cut.

@@ -81,7 +81,7 @@ class Boxes:
 
     Parameters
     ----------
-    extents_m : (6, B) float32: middles, and halves of the sides. of : (K,) the box of each triangle or edge.
+    extents_m : (7, B) float32: middles, halves of the sides, and 1. of : (K,) the box of each triangle or edge.
     """
 
     extents_m: Float32Array
@@ -108,7 +108,7 @@ class Boxes:
         if len(starts):
             low = np.minimum.reduceat(low[order], starts)
             high = np.maximum.reduceat(high[order], starts)
-        extents = np.concatenate([(low + high) / 2, (high - low) / 2], axis=1)
+        extents = np.concatenate([(low + high) / 2, (high - low) / 2, np.ones((len(low), 1))], axis=1)
         return Boxes(np.ascontiguousarray(extents.T, np.float32), of)
 
     def ranks(self, place: FloatArray) -> IntArray:
@@ -116,7 +116,7 @@ class Boxes:
 
         So small boxes come before the large faces that they stand on, and a depth test drops what they hide of those.
         """
-        middle, half = self.extents_m[:3], self.extents_m[3:]
+        middle, half = self.extents_m[:3], self.extents_m[3:6]
         if place[3]:
             away = np.linalg.norm(middle - place[:3, None].astype(np.float32), axis=0)
             away += np.linalg.norm(half, axis=0)
@@ -129,10 +129,11 @@ class Boxes:
 
     def inside(self, planes: FloatArray, margin_m: float) -> BoolArray:
         """(B,) whether a box as a whole lies inside of all planes (P, 4), by more than a margin."""
-        n = planes[:, :3]
-        outermost = np.concatenate([n, np.abs(n)], axis=1).astype(np.float32) @ self.extents_m
-        outermost += (planes[:, 3:] + margin_m).astype(np.float32)
-        return np.asarray(outermost.max(axis=0) < 0)
+        farthest = np.empty((len(planes), 7), np.float32)
+        farthest[:, :3] = planes[:, :3]
+        np.abs(farthest[:, :3], out=farthest[:, 3:6])
+        np.add(planes[:, 3], margin_m, out=farthest[:, 6], casting="same_kind")
+        return np.asarray(np.maximum.reduce(farthest @ self.extents_m) < 0)
 
 
 def hidden(shells: Sequence[ConvexShell], boxes: Boxes, place: FloatArray, radius_m: float) -> BoolArray:

@@ -124,12 +124,16 @@ class Program:
         # a program that cuts its triangles takes them as patches of three: see `simulator.render.patches`
         self.gl.extra = {"patches": patches}
         self._samplers = samplers
+        self._set: dict[str, object] = {}  # what each uniform was last set to
         for unit, name in enumerate(samplers):
             self.set(name, unit)
         self.set("t_rays", RAYS_UNIT)
 
     def set(self, name: str, value: object) -> None:
-        """Set a plain uniform by name."""
+        """Set a plain uniform by name: a number, or a tuple of numbers."""
+        if self._set.get(name) == value:
+            return  # it keeps its value, and the driver need not look at it again
+        self._set[name] = value
         member = self.gl.get(name, None)
         if isinstance(member, moderngl.Uniform):
             member.value = value

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import moderngl
+    from numpy.typing import NDArray
 
-    from simulator.arrays import FloatArray, IntArray
+    from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.render.mesh import Mesh
     from simulator.render.skylight import SkyLight
     from simulator.render.transfer import Transfer
@@ -34,7 +35,7 @@ class AtlasTextures:
         self._made = made
         size = mesh.charts.size_px
         bands = len(made.returned)
-        self._image = np.zeros((size[0] * size[1], bands), np.float16)
+        self._image = np.zeros((size[0] * size[1], bands), np.uint16)
         self.visibility = context.texture(size, 4, made.visibility.tobytes(), alignment=1)
         self.returned = context.texture(size, bands, dtype="f2", alignment=1)
         for texture in (self.visibility, self.returned):
@@ -54,11 +55,10 @@ class AtlasTextures:
         self._last = state
         rows, shares = weights
         for band, (table, even) in enumerate(zip(self._made.returned, self._made.returned_sky, strict=True)):
-            light = sky[band].astype(np.float32) @ even
+            light = _weighted(sky[band], even)
             if sun[band] > 0:
-                for row, share in zip(rows, sun[band] * RETURNED_STEP * shares, strict=True):
-                    light += np.float32(share) * table[row]
-            self._image[:, band] = np.maximum(light, 0)
+                light += _weighted(sun[band] * RETURNED_STEP * shares, table[rows].astype(np.float32))
+            self._image[:, band] = half_bits(np.maximum(light, 0, out=light))
         self.returned.write(self._image, alignment=1)
 
     def release(self) -> None:
@@ -108,6 +108,21 @@ def _returned_share(materials: Sequence[Material], bands: Bands) -> FloatArray:
     under = gloss + (1 - gloss) * base * (1 - metallic)
     film = coat * (0.04 + 0.96 / 21)
     return np.asarray(film + (1 - film) * under)
+
+
+def _weighted(weights: FloatArray, rows: Float32Array) -> Float32Array:
+    """(N,) sum of some rows (K, N) by their weights; a library's product would depend on its number of threads."""
+    return np.asarray(np.einsum("k,kn->n", weights.astype(np.float32), rows))
+
+
+def half_bits(values: Float32Array) -> NDArray[np.uint16]:
+    """Bits of the 16-bit floats nearest to values from 0 to 65504, as ``astype`` finds them in three times the time."""
+    bits = values.view(np.uint32)
+    # the exponent's bias falls by 112; the mantissa is rounded to ten bits, ties to even
+    normal = (bits - np.uint32((112 << 23) - 0xFFF) + (bits >> 13 & 1)) >> 13
+    # below 2^-14 steps are even: those of 32-bit floats between a half and one
+    small = (values + np.float32(0.5)).view(np.uint32) - np.uint32(0x3F000000)
+    return np.where(values < np.float32(2.0**-14), small, normal).astype(np.uint16)
 
 
 def _between(directions: FloatArray, towards: FloatArray) -> tuple[IntArray, FloatArray]:

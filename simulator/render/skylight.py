@@ -124,15 +124,23 @@ def uniform_light(radiance_w_m2_sr: FloatArray) -> SkyLight:
 
 
 def light_of_samples(
-    directions: FloatArray, radiance: FloatArray, solid_angle_sr: float, disc_cosine: float, axis: FloatArray
+    directions: FloatArray,
+    radiance: FloatArray,
+    solid_angle_sr: float,
+    disc_cosine: float,
+    axis: FloatArray,
+    also_w_m2: FloatArray | None = None,
 ) -> SkyLight:
     """The field of a disc given by samples of equal solid angle.
 
     Parameters
     ----------
     directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1].
+    also_w_m2 : (P, n) irradiance of other light, as `moon_on_plates` gives it.
     """
     falling = np.maximum(_NORMALS @ directions.T, 0) @ radiance * solid_angle_sr
+    if also_w_m2 is not None:
+        falling += also_w_m2
     design = np.ones((len(directions), 4))
     design[:, :3] = directions
     # a little weight on the gradient: a small or evenly lit disc leaves it undetermined
@@ -148,6 +156,7 @@ def earth_light(
     R_camera_from_itrs: FloatArray,
     sun_w_m2: FloatArray,
     albedo: Float32Array,
+    also_w_m2: FloatArray | None = None,
 ) -> SkyLight:
     """Light of the part of the Earth that a target sees.
 
@@ -155,6 +164,7 @@ def earth_light(
     ----------
     sun_itrs : unit vector to the Sun. sun_w_m2 : irradiance of the Sun at the Earth, per band.
     albedo : (H, W) of a Lambert surface, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
+    also_w_m2 : as of `light_of_samples`.
     """
     distance = float(np.linalg.norm(r_target_itrs_m))
     sine = min(EARTH_RADIUS_M / distance, 1.0)
@@ -176,7 +186,12 @@ def earth_light(
     light = albedo[row, column] / np.pi * np.maximum(ground @ sun_itrs, 0)
     solid_angle = 2 * np.pi * (1 - rim) / _SAMPLES
     return light_of_samples(
-        rays @ R_camera_from_itrs.T, light[:, None] * sun_w_m2, solid_angle, rim, -R_camera_from_itrs @ zenith
+        rays @ R_camera_from_itrs.T,
+        light[:, None] * sun_w_m2,
+        solid_angle,
+        rim,
+        -R_camera_from_itrs @ zenith,
+        also_w_m2,
     )
 
 
@@ -192,11 +207,18 @@ def moon_irradiance(
     Parameters
     ----------
     sun : unit vector to the Sun, the frame of ``r_moon_from_target_m``. R_camera : from that frame to the camera's.
-    axis : of the field that these are added to, camera frame.
+    axis : of the field that these belong to, camera frame.
     """
+    return _fitted(axis, moon_on_plates(r_moon_from_target_m, sun, R_camera, sun_w_m2))
+
+
+def moon_on_plates(
+    r_moon_from_target_m: FloatArray, sun: FloatArray, R_camera: FloatArray, sun_w_m2: FloatArray
+) -> FloatArray:
+    """(P, n) irradiance of the Moon on the plates that a field is fitted to; parameters as of `moon_irradiance`."""
     direction = r_moon_from_target_m / np.linalg.norm(r_moon_from_target_m)
     share = moonlight_share(r_moon_from_target_m, sun)
-    return _fitted(axis, np.outer(np.clip(_NORMALS @ (R_camera @ direction), 0, None), sun_w_m2 * share))
+    return np.asarray(np.maximum(_NORMALS @ (R_camera @ direction), 0)[:, None] * (sun_w_m2 * share))
 
 
 def albedo_map(*, clouds: bool) -> Float32Array:

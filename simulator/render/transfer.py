@@ -23,7 +23,7 @@ from simulator.render.sight import look_around
 from simulator.render.skylight import spiral
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, ByteArray, FloatArray, IntArray
+    from simulator.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
     from simulator.render.charts import Charts
     from simulator.render.mesh import Mesh
     from simulator.render.sight import Seen
@@ -35,6 +35,7 @@ LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.
 BOUNCES = 4
 RETURNED_STEP = 2.0**-16  # parts can return no more than the sunlight
 PATCH = 4  # nodes along each side of a patch that returns light as one
+_BLOCK = 1 << 17  # products
 _INSIDE = 0.3  # of what a node sees; more from within another part is no place to stand
 
 
@@ -52,7 +53,7 @@ class Transfer:
 
     visibility: ByteArray
     returned: np.typing.NDArray[np.uint16]
-    returned_sky: FloatArray
+    returned_sky: Float32Array
     directions: FloatArray
 
 
@@ -94,8 +95,22 @@ def baked_transfer(mesh: Mesh, reflectance: FloatArray, patch: int = PATCH) -> T
 
     visibility, returned = (np.asarray(array) for array in cached_arrays((f"{key}-sky", key), bake))
     basis = (harmonics(directions) * (RETURNED_STEP * 4 * np.pi / DIRECTIONS)).astype(np.float32)
-    sky = np.stack([basis.T @ band.astype(np.float32) for band in returned])
+    sky = np.stack([product_in_blocks(basis.T, band.astype(np.float32)) for band in returned])
     return Transfer(visibility, returned, sky, directions)
+
+
+def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:
+    """(M, N) product of (M, K) and (K, N), the same whatever number of threads the library has.
+
+    It would cut the columns for its threads, and round those at the cuts otherwise; blocks of a quarter of a million
+    products it leaves to one thread.
+    """
+    out = np.empty((len(a), b.shape[1]), np.float32)
+    columns = max(_BLOCK // a.size, 1)
+    for first in range(0, b.shape[1], columns):
+        block = slice(first, first + columns)
+        np.matmul(a, b[:, block], out=out[:, block])
+    return out
 
 
 def solve(

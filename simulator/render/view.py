@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +11,7 @@ from simulator.render.skylight import (
     SkyLight,
     albedo_of_day,
     earth_light,
-    moon_irradiance,
+    moon_on_plates,
     no_light,
 )
 from simulator.scene.bands import bands_of, sun_irradiance_w_m2
@@ -129,9 +129,5 @@ def sky_light(scene: SceneState) -> SkyLight:
     sun_w_m2 = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun)))
     environment = scene.environment
     albedo = albedo_of_day(scene.epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
-    earth = earth_light(R_ie @ r_target, R_ie @ sun_eci, R_ce @ R_ie.T, sun_w_m2, albedo)
-    to_moon = np.asarray(scene.r_moon_eci_m) - r_target
-    return replace(
-        earth,
-        irradiance_w_m2=earth.irradiance_w_m2 + moon_irradiance(to_moon, sun_eci, R_ce, sun_w_m2, earth.axis),
-    )
+    moon = moon_on_plates(np.asarray(scene.r_moon_eci_m) - r_target, sun_eci, R_ce, sun_w_m2)
+    return earth_light(R_ie @ r_target, R_ie @ sun_eci, R_ce @ R_ie.T, sun_w_m2, albedo, moon)

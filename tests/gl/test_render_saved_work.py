@@ -134,7 +134,7 @@ def test_no_light_is_negative_by_night(renderer, draw_kit):
 def test_a_cover_holds_what_its_hulls_touch_and_little_more():
     rect = PixelRect(40, 24, 203, 180)  # ends at the image's edge, not at a cell's
     needle = np.array([[30.0, 20.0], [31.0, 20.0], [300.0, 170.0]])
-    cells = hulls_cover(rect, np.concatenate([[[60.0, 30.0]], needle]), np.array([1]))
+    cells = hulls_cover(rect, np.concatenate([[[60.0, 30.0]], needle]).T, np.array([1]))
     t = np.linspace(0, 1, 2000)[:, None]
     along = needle[0] + t * (needle[2] - needle[0])
     low = np.array([rect.x0, rect.y0])
