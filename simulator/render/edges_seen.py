@@ -11,7 +11,7 @@ from simulator.render.edge_pairs import distances_beside
 from simulator.render.occluders import BOX, Boxes, hidden
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray, IntArray
+    from simulator.arrays import BoolArray, FloatArray, IntArray
     from simulator.camera.model import Camera
     from simulator.render.mesh import Mesh
     from simulator.render.mesh_edges import MeshEdges
@@ -81,18 +81,13 @@ class SeenEdges:
         count = len(self._nearness_m)
         if not pairs:
             count = int(np.searchsorted(self._nearness_m, -near_m, side="right"))
-        edges = self.edges
-        first, second = (self._planes @ place > 0).take(self._faces[:, :count])
-        ends = (first ^ second) | (first & self._is_border[:count])
-        creases = edges.is_crease[:count] & ~ends
-        if edges.is_closed:
-            creases &= first
+        first, second, ends, creases = self._showing(place, count)
         kinds = (ends & first, ends & ~first, creases)
         if pairs:
             numbers = np.concatenate([np.flatnonzero(kind) for kind in kinds])
         else:
             beside = self._beside_m[:, :count] < near_m
-            if edges.is_closed:
+            if self.edges.is_closed:
                 beside &= first, second
             numbers = np.flatnonzero((ends | creases) & ~(beside[0] | beside[1]))
         behind = hidden(self._shells, self._boxes, place, self._radius_m)
@@ -103,7 +98,39 @@ class SeenEdges:
         of_first, of_second = (int(np.count_nonzero(kind.take(numbers))) for kind in kinds[:2])
         return numbers, (of_first, of_second)
 
-    def _on(self, numbers: IntArray, view: EdgeView) -> np.typing.NDArray[np.bool_]:
+    def lines_px(self, view: EdgeView) -> FloatArray:
+        """(N, 2, 2) column and row of both ends of every edge that can show, however short or near to another.
+
+        Parameters
+        ----------
+        view : the whole mesh lies in front of its camera, and no lens bends it.
+        """
+        R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
+        place = np.append(-R.T @ t, 1.0)
+        _, _, ends, creases = self._showing(place, len(self._nearness_m))
+        numbers = np.flatnonzero(ends | creases)
+        behind = hidden(self._shells, self._boxes, place, self._radius_m)
+        numbers = numbers[~behind.take(self._boxes.of.take(numbers))]
+        x, y, z = np.moveaxis(R @ self._ends_m.take(numbers, axis=1).reshape(2, 3, -1) + t[:, None], 1, 0)
+        lines = np.empty((len(numbers), 2, 2))
+        lines[..., 0] = (x / z * view.camera.fx_px + view.camera.cx_px).T
+        lines[..., 1] = (y / z * view.camera.fy_px + view.camera.cy_px).T
+        return lines
+
+    def _showing(self, place: FloatArray, count: int) -> tuple[BoolArray, BoolArray, BoolArray, BoolArray]:
+        """Of the first ``count`` edges, seen from a place: whether the first face looks there, whether the second.
+
+        And at which of them their part ends, and which are creases on a face that looks there.
+        """
+        edges = self.edges
+        first, second = (self._planes @ place > 0).take(self._faces[:, :count])
+        ends = (first ^ second) | (first & self._is_border[:count])
+        creases = edges.is_crease[:count] & ~ends
+        if edges.is_closed:
+            creases &= first
+        return first, second, ends, creases
+
+    def _on(self, numbers: IntArray, view: EdgeView) -> BoolArray:
         """Which of some edges lie in front of the camera, on the window, and are long enough."""
         R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
         ends = self._ends_m.take(numbers, axis=1).reshape(2, 3, -1)

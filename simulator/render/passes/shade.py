@@ -10,6 +10,7 @@ from simulator.render.cover import CELL_PX
 from simulator.render.lattice import lattice_defines
 from simulator.render.passes.edges import edge_defines
 from simulator.render.passes.gbuffer import normal_bits
+from simulator.render.programs import FULL_SCREEN
 from simulator.render.transfer import LARGEST_SLOPE
 from simulator.scene.lamp import Profile
 
@@ -32,6 +33,7 @@ class ShadePass:
 
     SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_open", "t_returned")
     TEXTURED = ("t_texel", "t_detail")
+    EVEN = tuple(name for name in SAMPLERS if name != "t_slope")
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context = context
@@ -55,30 +57,26 @@ class ShadePass:
         ----------
         exact : the slopes are those of `EXACT_AREAS`.
         """
-        switches = {
-            "TEXTURED": mesh.uv is not None,
-            "CRINKLE": any(m.crinkle > 0 for m in mesh.materials),
-            "CLEARCOAT": any(m.clearcoat > 0 for m in mesh.materials),
-            "CLOSED": mesh.is_closed,
-            "BRUSHED": any(m.anisotropy > 0 for m in mesh.materials),
-        }
-        defines: dict[str, object] = {
-            "BANDS": bands,
-            "MAX_SURFACES": MAX_SURFACES_EXACT if exact else MAX_SURFACES,
-            "NORMAL_BITS": normal_bits(mesh),
-            "CELL_PX": CELL_PX,
-            "LARGEST_SLOPE": LARGEST_SLOPE,
-            **{name: "" for name, on in switches.items() if on},
+        defines = {
+            **_defines(bands, mesh, shadow_window),
             **lattice_defines(lattice),
-            **_shadow_defines(shadow_window),
             **edge_defines(exact=exact),
+            "MAX_SURFACES": MAX_SURFACES_EXACT if exact else MAX_SURFACES,
+            "CELL_PX": CELL_PX,
             **({} if lamp is None else {"LAMP": 1 + get_args(Profile).index(lamp.profile)}),
         }
         return self._programs.get(
             "target/cells.vert",
             "target/shade.frag",
             defines,
-            self.SAMPLERS + self.TEXTURED * switches["TEXTURED"],
+            self.SAMPLERS + self.TEXTURED * (mesh.uv is not None),
+        )
+
+    def even_program(self, lattice: Lattice, bands: int, mesh: Mesh, shadow_window: int) -> Program:
+        """The program that looks at cells no edge comes near, of a mesh without textures."""
+        defines = {**_defines(bands, mesh, shadow_window), **lattice_defines(lattice)}
+        return self._programs.get(
+            FULL_SCREEN, "target/even.frag", {**defines, "CELL_PX": CELL_PX}, (*self.EVEN, "t_cells")
         )
 
     def run(
@@ -115,6 +113,24 @@ class ShadePass:
             columns, rows = textures[image].size
             program.set(name, (1 / columns, 1 / rows))
         self._arrays[program].render(vertices=len(cells))
+
+
+def _defines(bands: int, mesh: Mesh, shadow_window: int) -> dict[str, object]:
+    """Defines of a mesh's light: what its materials lack is left out."""
+    switches = {
+        "TEXTURED": mesh.uv is not None,
+        "CRINKLE": any(m.crinkle > 0 for m in mesh.materials),
+        "CLEARCOAT": any(m.clearcoat > 0 for m in mesh.materials),
+        "CLOSED": mesh.is_closed,
+        "BRUSHED": any(m.anisotropy > 0 for m in mesh.materials),
+    }
+    return {
+        "BANDS": bands,
+        "NORMAL_BITS": normal_bits(mesh),
+        "LARGEST_SLOPE": LARGEST_SLOPE,
+        **{name: "" for name, on in switches.items() if on},
+        **_shadow_defines(shadow_window),
+    }
 
 
 def _shadow_defines(window: int) -> dict[str, object]:

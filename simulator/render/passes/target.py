@@ -20,6 +20,7 @@ from simulator.render.light_box import LightWindow, SurfacePatches, light_window
 from simulator.render.light_view import WIDER
 from simulator.render.mesh import upload
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
+from simulator.render.passes.even import EvenPass, split_cells
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
 from simulator.render.passes.shade import ShadePass
@@ -115,14 +116,18 @@ class Sampled:
     Parameters
     ----------
     rect : pixels that the target may cover. cells_px : (K, 2) centres of the cells of those.
-    program, textures : of the shading. stamp : of the samples' image.
+    edged_px, edgeless_px : the same, those that edges come near and those that none does.
+    program, textures : of the shading. even_program : of the cells without edges. stamp : of the samples' image.
     returned : light from other parts; that of the frame is worked out last, when what comes from Earth and Moon is
         known.
     """
 
     rect: PixelRect
     cells_px: FloatArray
+    edged_px: FloatArray
+    edgeless_px: FloatArray
     program: Program
+    even_program: Program | None
     textures: dict[str, moderngl.Texture]
     stamp: int
     returned: ReturnedLight
@@ -141,6 +146,7 @@ class TargetPasses:
         self._textured: TexturedGBufferPass | None = None  # made with the first mesh that has textures
         self._edges = EdgePass(context, programs)
         self._shade = ShadePass(context, programs)
+        self._even = EvenPass(context, programs)
         self._labels = LabelPass(context, programs, blocks)
         self._loaded: dict[tuple[str, bool], Loaded] = {}
         self._patches: dict[Mesh, SurfacePatches] = {}  # of targets that were seen in part
@@ -268,21 +274,25 @@ class TargetPasses:
         shadow_map, choice = self._draw_shadow(scene, view, loaded, place)
         clock.lap("target.shadow")
         exact = scene.quality == "high"
-        edges = self._edges.begin(
-            None if bent else loaded.edges,
-            EdgeView(camera, place.rect, place.near_far_m[0], place.camera_from_target),
-            exact=exact,
-        )
+        edge_view = EdgeView(camera, place.rect, place.near_far_m[0], place.camera_from_target)
+        edges = self._edges.begin(None if bent else loaded.edges, edge_view, exact=exact)
         slope = self._edges.run(edges, lattice, size)
         # in the first frame: it waits for none of the Earth's maps, which are being decoded
         loaded.returned.bake(scene.bands)
+        edged, edgeless, even = cells, cells[:0], None
+        bands = len(bands_of(scene.bands))
+        if not exact and place.hull_px is not None and loaded.textures is None and scene.lamp is None:
+            edged, edgeless = split_cells(cells, loaded.edges.seen, edge_view)
+            if len(edgeless):
+                even = self._shade.even_program(lattice, bands, mesh, choice.window)
         clock.lap("target.edges")
         return Sampled(
             place.rect,
             cells,
-            self._shade.program(
-                lattice, len(bands_of(scene.bands)), mesh, choice.window, scene.lamp, exact=exact
-            ),
+            edged,
+            edgeless,
+            self._shade.program(lattice, bands, mesh, choice.window, scene.lamp, exact=exact),
+            even,
             {
                 "t_surface": samples.surface,
                 "t_depth": samples.depth,
@@ -299,7 +309,15 @@ class TargetPasses:
         light = sampled.returned.update(bands, view)
         textures = {**sampled.textures, "t_open": light.visibility, "t_returned": light.returned}
         sampled.program.set("u_stamp", sampled.stamp)
-        self._shade.run(images.target_framebuffer, sampled.rect, sampled.cells_px, sampled.program, textures)
+        program, cells, even = sampled.even_program, sampled.edged_px, None
+        if program is not None:
+            program.set("u_stamp", sampled.stamp)
+            looked_up = {name: textures[name] for name in self._shade.EVEN}
+            even = self._even.look(sampled.edgeless_px, program, looked_up, len(bands_of(bands)))
+            cells = np.concatenate([cells, even.others_px])
+        self._shade.run(images.target_framebuffer, sampled.rect, cells, sampled.program, textures)
+        if even is not None:
+            self._even.fill(even, sampled.rect, len(bands_of(bands)))
 
     def begin_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
         """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""

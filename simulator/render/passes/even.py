@@ -1,0 +1,140 @@
+"""Even pass: cells that one flat face fills are shaded at their corners. Reads samples and shadows; writes radiance.
+
+Close up most of a craft's pixels lie in such cells, and light changes so little from one pixel to the next that what
+is between the corners of a cell can be interpolated: shaders/target/even.frag says where.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.context import release
+from simulator.render.cover import CELL_PX
+from simulator.render.even_cells import crossed_cells
+from simulator.render.size_classes import SizeClasses
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.arrays import Float32Array, FloatArray
+    from simulator.render.edges_seen import EdgeView, SeenEdges
+    from simulator.render.programs import Program, ProgramLibrary
+    from simulator.render.projection import PixelRect
+
+LEAST_CELLS = 1000
+LEAST_PER_EDGE = 0.1
+"""Cells that the target touches over its mesh's edges: with fewer hardly a cell is without an edge."""
+COLUMNS = 128
+_NOTHING = -1.5  # below are cells that show nothing of the target, shaders/target/even.frag
+_NAMES = ("in_corners", "in_green", "in_blue")
+
+
+def split_cells(cells_px: FloatArray, seen: SeenEdges, view: EdgeView) -> tuple[FloatArray, FloatArray]:
+    """Centres (K, 2) [px] of the cells that some edge comes near, and of those that none does: of a near craft only.
+
+    Parameters
+    ----------
+    cells_px : (K, 2) of all. view : the whole mesh lies in front of its camera, and no lens bends it.
+    """
+    if len(cells_px) < max(LEAST_CELLS, LEAST_PER_EDGE * len(seen.edges.ends)):
+        return cells_px, cells_px[:0]
+    crossed = crossed_cells(seen.lines_px(view), view.rect)
+    column, row = ((cells_px - [view.rect.x0, view.rect.y0]).T // CELL_PX).astype(np.intp)
+    near = crossed[row, column]
+    return cells_px[near], cells_px[~near]
+
+
+@dataclass(frozen=True, eq=False)
+class EvenCells:
+    """Cells without edges, sorted by what they show; those that show nothing are left out.
+
+    Parameters
+    ----------
+    centers_px : (K, 2) of those to interpolate. corners : (K, 4 n) their radiance there, per band.
+    others_px : (L, 2) of those whose pixels must be shaded.
+    """
+
+    centers_px: FloatArray
+    corners: Float32Array
+    others_px: FloatArray
+
+
+class CornerImage:
+    """The middles of cells, a cell to a texel in rows of `COLUMNS`, and their corners' radiance, an image to a band."""
+
+    def __init__(self, context: moderngl.Context, width: int, height: int, bands: int) -> None:
+        self._context = context
+        self.cells = context.texture((width, height), 2, dtype="f4")
+        self.corners = [context.texture((width, height), 4, dtype="f4") for _ in range(bands)]
+        self.framebuffer = context.framebuffer(self.corners)
+
+    def release(self) -> None:
+        """Free the images."""
+        release(self._context, self.framebuffer, self.cells, *self.corners)
+
+
+class EvenPass:
+    """Shades the corners of cells, and fills in what may be interpolated."""
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
+        self._context, self._programs = context, programs
+        self._images: dict[int, SizeClasses[CornerImage]] = {}
+        self._looks: dict[Program, moderngl.VertexArray] = {}
+        self._fills: dict[int, moderngl.VertexArray] = {}
+        self._values = context.buffer(reserve=8, dynamic=True)
+
+    def look(
+        self, cells_px: FloatArray, program: Program, textures: dict[str, moderngl.Texture], bands: int
+    ) -> EvenCells:
+        """Shade cells at their corners; waits for the driver.
+
+        Parameters
+        ----------
+        cells_px : (K, 2) centres of cells that no edge comes near. program : of `ShadePass.even_program`.
+        textures : by the names of its samplers. bands : 1 or 3.
+        """
+        rows = -(-len(cells_px) // COLUMNS)
+        if bands not in self._images:
+            self._images[bands] = SizeClasses(lambda w, h: CornerImage(self._context, w, h, bands))
+        image = self._images[bands].at_least(COLUMNS, rows)
+        window = (0, 0, COLUMNS, rows)
+        middles = np.empty((rows * COLUMNS, 2), np.float32)
+        middles[: len(cells_px)] = cells_px
+        middles[len(cells_px) :] = cells_px[-1]
+        image.cells.write(middles, viewport=window)
+        image.framebuffer.use()
+        image.framebuffer.viewport = window
+        self._context.enable_only(self._context.NOTHING)
+        program.bind_textures(**textures, t_cells=image.cells)
+        columns, lines = textures["t_surface"].size
+        program.set("u_texel", (1 / columns, 1 / lines))
+        if program not in self._looks:
+            self._looks[program] = self._context.vertex_array(program.gl, [])
+        self._looks[program].render(vertices=3)
+        read = [image.framebuffer.read(window, components=4, attachment=k, dtype="f4") for k in range(bands)]
+        corners = np.concatenate([np.frombuffer(band, np.float32).reshape(-1, 4) for band in read], axis=1)
+        corners = corners[: len(cells_px)]
+        even = corners[:, 0] >= 0
+        rest = ~even & (corners[:, 0] > _NOTHING)
+        return EvenCells(cells_px[even], corners[even], cells_px[rest])
+
+    def fill(self, cells: EvenCells, rect: PixelRect, bands: int) -> None:
+        """Draw the cells that may be interpolated into the framebuffer in use, whose viewport holds ``rect``."""
+        if not len(cells.centers_px):
+            return
+        program = self._programs.get(
+            "target/even_fill.vert", "target/even_fill.frag", {"BANDS": bands, "CELL_PX": CELL_PX}
+        )
+        columns, rows = (-(-side // CELL_PX) * CELL_PX for side in (rect.width, rect.height))
+        program.set("u_window", (rect.x0, rect.y0, columns, rows))
+        self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
+        vertices = np.concatenate([cells.centers_px.astype(np.float32), cells.corners], axis=1)
+        self._values.orphan(vertices.nbytes)
+        self._values.write(vertices)
+        if bands not in self._fills:
+            content = (self._values, "2f" + " 4f" * bands, "in_pixel", *_NAMES[:bands])
+            self._fills[bands] = self._context.vertex_array(program.gl, [content], mode=self._context.POINTS)
+        self._fills[bands].render(vertices=len(vertices))

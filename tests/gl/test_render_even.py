@@ -1,0 +1,67 @@
+"""Cells that no edge comes near are shaded at their corners: the picture is the one of all pixels."""
+
+import numpy as np
+import pytest
+
+from simulator.render.even_cells import crossed_cells
+from simulator.render.passes import even
+from simulator.render.projection import PixelRect
+from tests.harness.boxes import closed_box
+
+pytestmark = pytest.mark.gl
+
+
+def test_every_cell_that_a_line_crosses_is_known():
+    rect = PixelRect(16, 40, 16 + 160, 40 + 96)
+    rng = np.random.default_rng(5)
+    # some end outside, some pass the whole rectangle by
+    lines = rng.uniform([-40.0, -20.0], [260.0, 200.0], (12, 2, 2))
+    found = np.zeros((12, 20), bool)
+    for line in lines:
+        at = line[0] + np.linspace(0, 1, 20_000)[:, None] * (line[1] - line[0])
+        column, row = np.floor((at + 0.5 - [rect.x0, rect.y0]) / 8).astype(int).T
+        inside = (column >= 0) & (column < 20) & (row >= 0) & (row < 12)
+        found[row[inside], column[inside]] = True
+    crossed = crossed_cells(lines, rect)
+    assert found.any()
+    assert not found.all()
+    assert np.all(crossed[found])
+    # and hardly more: those that a line passes by within two pixels
+    assert np.count_nonzero(crossed & ~found) < 0.5 * np.count_nonzero(found)
+
+
+@pytest.mark.parametrize("bands", ["mono", "rgb"])
+def test_cells_without_edges_look_as_their_pixels_do(renderer, draw_kit, monkeypatch, bands):
+    # a box stands on a plate and throws its shadow there, another cuts through it and has no edge where it does
+    parts = [
+        closed_box("plate", (-0.6, -0.6, 0.0), (0.6, 0.6, 0.1), "white"),
+        closed_box("box", (-0.4, -0.3, -0.1), (-0.1, 0.1, 0.0), "gloss"),
+        closed_box("through", (0.15, -0.3, -0.1), (0.4, 0.3, 0.05), "gloss"),
+    ]
+    gloss = draw_kit.white(name="gloss", base_color=(0.1, 0.2, 0.5), clearcoat=1.0, clearcoat_roughness=0.05)
+    target = draw_kit.target(parts, [draw_kit.white(), gloss])
+    scene = draw_kit.scene(
+        target, rotvec_rad=(0.3, 0.2, 0.1), t_m=(0, 0, 3.5), sun_camera=(0.5, 0.4, -1), bands=bands
+    )
+    looks = []
+    look = even.EvenPass.look
+
+    def spy(*arguments):
+        looks.append(look(*arguments))
+        return looks[-1]
+
+    monkeypatch.setattr(even.EvenPass, "look", spy)
+    monkeypatch.setattr(even, "LEAST_CELLS", 1)
+    near = renderer.render(scene, target).radiance
+    monkeypatch.setattr(even, "LEAST_CELLS", np.inf)
+    every = renderer.render(scene, target).radiance
+    assert len(looks) == 1
+    # most of the picture is drawn so, and the shadow's edge is not
+    assert 64 * len(looks[0].centers_px) > 0.4 * np.count_nonzero(
+        every.reshape(-1, looks[0].corners.shape[1] // 4)[:, 0]
+    )
+    assert len(looks[0].others_px) > 5
+    # baked light bends at its nodes
+    assert np.abs(near - every).max() < 4e-3 * every.max()
+    assert np.sqrt(np.mean((near - every) ** 2)) < 3e-4 * every.max()
+    assert np.any(near != every)
