@@ -180,27 +180,38 @@ def picture_of(tango: BoardModel, q: np.ndarray, t: np.ndarray, seed: int) -> np
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
-def test_edges_that_look_sure_are_held_against_the_picture_every_sixth_frame(tango: BoardModel) -> None:
-    tracker = make_estimator(tango, SMALL, "svd-track")
-    q0, t0 = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4])), np.array([0.05, -0.05, 4.2])
+def followed(tango: BoardModel, q0: np.ndarray) -> tuple[list[int], list[float]]:
+    """Frames of twelve at which a tracker looked at the picture, and the error of each [deg]; two teach rates."""
+    tracker, t0 = make_estimator(tango, SMALL, "svd-track"), np.array([0.05, -0.05, 4.2])
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     looked, errors = [], []
-    for k in range(14):
+    for k in range(12):
         q = quat.normalise(quat.multiply(quat.from_rotvec(np.radians([0.4, 0.6, -0.4]) * k), q0))
         result = tracker.estimate(picture_of(tango, q, t0, k), None, float(k))
         assert result.accepted
-        # two initialisations teach the rates
         assert ("initialised" in result.counts) == (k < 2)
         assert result.confidence >= SURE
         assert result.q_camera_from_target_wxyz is not None
         looked += [k] * result.counts.get("picture", 0)
         errors.append(float(np.degrees(quat.angle_rad(result.q_camera_from_target_wxyz, q))))
     cv2.setNumThreads(threads)
-    assert looked == [7, 13]
-    # here edges agree on a tilt that is 1.6 deg off; the picture knows better, and the filter weighs both
-    assert errors[6] > 1.0
-    assert all(errors[k] < errors[k - 1] / 2 for k in looked)
+    return looked, errors
+
+
+def test_edges_that_leave_the_tilt_open_give_way_to_the_picture(tango: BoardModel) -> None:
+    # little else than one face is seen: edges agree on tilts that are 1.3 to 1.7 deg off, and look sure
+    looked, errors = followed(tango, quat.normalise(np.array([0.2, 0.3, 0.8, -0.4])))
+    assert looked == list(range(2, 12))
+    assert max(errors) < 1.1
+    assert np.median(errors) < 0.5
+
+
+def test_edges_that_hold_a_pose_are_held_against_the_picture_every_sixth_frame(tango: BoardModel) -> None:
+    looked, errors = followed(tango, quat.normalise(np.array([0.5, 0.3, -0.2, 0.6])))
+    # the first while the rates are hardly known
+    assert looked == [2, 8]
+    assert max(errors) < 0.5
 
 
 @pytest.mark.slow
@@ -216,7 +227,7 @@ def test_tango_is_followed_for_a_minute(tmp_path, capsys) -> None:
     names = rows[0].split(",")
     table = [dict(zip(names, row.split(","), strict=False)) for row in rows[1:]]
     accepted = [r for r in table if r["accepted"] == "True"]
-    # measured 60 of 60, at most 0.06 m (10.9 m away) and 1.2 deg, medians 15 mm and 0.34 deg
+    # measured 60 of 60, at most 0.06 m (10.9 m away) and 0.9 deg, medians 15 mm and 0.42 deg
     assert len(accepted) >= 48
     assert max(float(r["E_T_m"]) for r in accepted) < 0.2
     assert max(float(r["E_R_deg"]) for r in accepted) < 2.5

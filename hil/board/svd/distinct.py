@@ -34,3 +34,8 @@ def alternatives(
         if len(out) >= keep:
             break
     return tuple(out)
+
+
+def largest_sigma(covariance: Array) -> float:
+    """One-sigma error along the worst held direction of a block (3, 3) of a pose's covariance."""
+    return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))

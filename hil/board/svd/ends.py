@@ -11,7 +11,7 @@ from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import craft_box, make_canvas
 from hil.board.svd.confidence import Evidence
 from hil.board.svd.course import Ranked, faces_of
-from hil.board.svd.distinct import alternatives, differs
+from hil.board.svd.distinct import alternatives, differs, largest_sigma
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
 from hil.board.svd.photometric import (
     JOINT_AT_END,
@@ -158,8 +158,8 @@ def _stepped(
 
 def picture_evidence(craft: Craft, best: Candidate, fit: PhotoFit, score: float, margin: float) -> Evidence:
     """What the decision on a pose is made from that was judged by the whole picture."""
-    turn = float(np.sqrt(np.max(np.linalg.eigvalsh(fit.covariance[:3, :3]))))
-    shift = float(np.sqrt(np.max(np.linalg.eigvalsh(fit.covariance[3:, 3:]))))
+    turn = largest_sigma(fit.covariance[:3, :3])
+    shift = largest_sigma(fit.covariance[3:, 3:])
     return Evidence(
         drawn=best.support.drawn,
         explained=best.support.explained,

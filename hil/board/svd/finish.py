@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.confidence import Evidence
-from hil.board.svd.distinct import alternatives, differs
+from hil.board.svd.distinct import alternatives, differs, largest_sigma
 from hil.board.svd.edges import gradient, gradient_noise, shrink
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
 from hil.board.svd.refine import FineFit, Gradients, fine_align
@@ -72,8 +72,8 @@ def _total(judged: Judged) -> float:
 
 
 def _evidence(craft: Craft, best: Candidate, fit: FineFit, margin: float) -> Evidence:
-    turn = float(np.sqrt(np.max(np.linalg.eigvalsh(fit.covariance[:3, :3]))))
-    shift = float(np.sqrt(np.max(np.linalg.eigvalsh(fit.covariance[3:, 3:]))))
+    turn = largest_sigma(fit.covariance[:3, :3])
+    shift = largest_sigma(fit.covariance[3:, 3:])
     return Evidence(
         drawn=best.support.drawn,
         explained=best.support.explained,

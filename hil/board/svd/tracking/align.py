@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.model import CameraIntrinsics
-from hil.board.svd.refine import apply_step, gauss_newton_step, parameter_scale
+from hil.board.svd.refine import gauss_newton_step, parameter_scale
 from hil.board.svd.samples import EdgeSamples, jacobian, project
 from hil.board.svd.visibility import Occluders, visible_samples
 
@@ -186,8 +186,7 @@ def _one_scale(
         )
         if not np.isfinite(step).all():
             return None
-        q1, t1 = apply_step(fit_q[None], fit_t[None], step)
-        fit_q, fit_t, H = q1[0], t1[0], normal[0]
+        fit_q, fit_t, H = quat.turned(fit_q, step[0, :3]), fit_t + step[0, 3:], normal[0]
     used = float(weight.sum())
     rms = float(np.sqrt((weight * r * r).sum() / max(used, 1e-9)))
     rows = np.arange(len(idx))

@@ -8,15 +8,14 @@ import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.base import Estimator
-from hil.board.svd.canvas import craft_box, make_canvas
+from hil.board.svd.distinct import largest_sigma
 from hil.board.svd.estimator import PoseEstimator
 from hil.board.svd.frame import Frame, PoseResult, Trace
 from hil.board.svd.model import BoardModel, CameraIntrinsics
 from hil.board.svd.noise import noise_sigma
-from hil.board.svd.photometric import photo_align
-from hil.board.svd.shade import Faces
 from hil.board.svd.tracking.align import TrackFit, track_edges
-from hil.board.svd.tracking.filter import TrackState, first_state, predict, update
+from hil.board.svd.tracking.filter import TrackState, first_state, innovation, predict, update
+from hil.board.svd.tracking.picture import find_sun, look
 
 Array = np.ndarray
 
@@ -32,11 +31,22 @@ FIRST_RAD, FIRST_ACROSS, FIRST_ALONG = float(np.radians(1.0)), 0.001, 0.006
 # What a fit must show to be taken in, and the confidence below which tracking ends.
 LEAST_FOUND, LEAST_USED, WORST_RMS_PX, LEAST_CONFIDENCE = 0.3, 25, 2.5, 0.5
 
-# Below this confidence the whole picture is asked as well, on a drawing of this size with these blurs [px].
-SURE, PICTURE_PX, PICTURE_BLURS = 0.9, 120, (1.2, 0.6)
+# Below this confidence the whole picture is asked as well, and above this sigma of the attitude [rad]: edges of a
+# craft that shows little else than one face leave its tilt open, and agree on a wrong one.
+SURE, OPEN_RAD = 0.9, float(np.radians(0.6))
+
+# Above this sigma of the predicted attitude it cannot tell edges that are locked on others, and the picture must: as
+# long as the rates are hardly known [rad].
+UNFORESEEN_RAD = float(np.radians(1.8))
+
+# The same of edges that lead this far from the prediction: 95 % of right innovations are shorter.
+SURPRISE = 12.6
 
 # So many frames in a row may rest on edges alone: a drift of theirs looks sure, and is caught by the picture.
 ALONE = 5
+
+# Edges this near to the prediction need no choice between the two [rad]; the Sun is followed in one look of so many.
+NEAR_RAD, FOLLOWED = float(np.radians(1.0)), 3
 
 # 99.99 % of right innovations are shorter: chi squared of 6 degrees of freedom.
 GATE = 27.9
@@ -73,7 +83,9 @@ class TrackingEstimator(Estimator):
         self.polarity = np.zeros(len(self.craft.samples))
         self.missed = 0
         self.alone = 0
+        self.looks = 0
         self.empty = False
+        self.sun: Optional[Array] = None
 
     def estimate(
         self,
@@ -133,13 +145,22 @@ class TrackingEstimator(Estimator):
         sure = track_confidence(fit)
         q, t, covariance = fit.q, fit.t, fit.covariance
         alone = self.alone + 1
-        if (sure < SURE or alone > ALONE) and craft.model.faces is not None:
-            q, t, covariance = self._by_picture(frame, q, t, craft.model.faces)
-            alone = 0
-        after, distance = update(state, q, t, covariance)
+        doubt = sure < SURE or alone > ALONE or largest_sigma(covariance[:3, :3]) > OPEN_RAD
+        doubt |= largest_sigma(state.P[:3, :3]) > UNFORESEEN_RAD
+        doubt |= update(state, q, t, covariance)[1] > SURPRISE
+        before, polarity = state, fit.polarity
+        if doubt and craft.model.faces is not None:
+            q, t, covariance = self._by_picture(frame, state, fit)
+            # edges that the picture has just contradicted teach nothing, and are not believed on the next frame
+            if distance_of(fit, q, t) > SURPRISE:
+                polarity, alone = self.polarity, ALONE
+            else:
+                before, alone = update(state, fit.q, fit.t, fit.covariance)[0], 0
+        distance = update(state, q, t, covariance)[1]
+        after = update(before, q, t, covariance)[0]
         if distance > GATE or sure < LEAST_CONFIDENCE:
             return None
-        self.state, self.polarity, self.missed, self.alone = after, fit.polarity, 0, alone
+        self.state, self.polarity, self.missed, self.alone = after, polarity, 0, alone
         frame.count("edges", fit.used)
         frame.mark("update")
         return PoseResult(
@@ -156,19 +177,22 @@ class TrackingEstimator(Estimator):
             self.method,
         )
 
-    def _by_picture(self, frame: Frame, q: Array, t: Array, faces: Faces) -> "tuple[Array, Array, Array]":
+    def _by_picture(self, frame: Frame, state: TrackState, edges: TrackFit) -> "tuple[Array, Array, Array]":
         """A pose that edges do not hold well or have held for long, aligned on the drawn craft: pose and covariance.
 
         The edges of a craft that shows little else than one lit face let a pose drift, each frame a little, and agree.
         """
-        craft = self.craft
         if self.empty:
-            frame.background = float(np.median(self._strip(frame.image, t)))
-        canvas = make_canvas(craft, frame, craft_box(craft, q, t), PICTURE_PX)
-        fit = photo_align(q, t, faces, canvas, self.camera.pinhole, craft.radius_m, PICTURE_BLURS)
+            frame.background = float(np.median(self._strip(frame.image, state.t)))
+        poses = ((state.q, state.t), (edges.q, edges.t))
+        near = quat.angle_rad(state.q, edges.q) < NEAR_RAD
+        self.looks += 1
+        follow = self.looks % FOLLOWED == 0
+        seen = look(self.craft, frame, poses[1:] if near else poses, self.sun, follow_sun=follow)
+        self.sun = seen.sun
         frame.count("picture", 1)
         frame.mark("picture")
-        return fit.q, fit.t, fit.covariance
+        return seen.fit.q, seen.fit.t, seen.fit.covariance
 
     def _initialise(self, frame: Frame) -> PoseResult:
         found = self.first.initialise(frame)
@@ -177,6 +201,9 @@ class TrackingEstimator(Estimator):
         if q is not None and t is not None:
             self.empty = found.evidence is not None and found.evidence.empty
             self._begin(q, t, accepted=found.accepted)
+            if found.accepted:
+                self.sun = find_sun(self.craft, frame, (q, t))
+                frame.mark("sun")
         return PoseResult(
             found.accepted,
             found.reason,
@@ -227,6 +254,12 @@ class TrackingEstimator(Estimator):
         h = image.shape[0]
         y0 = int(np.clip(v - 48, 0, max(0, h - 96)))
         return image[y0 : y0 + 96]
+
+
+def distance_of(fit: TrackFit, q: Array, t: Array) -> float:
+    """Squared Mahalanobis length of the way from a pose aligned on edges to another, by what edges are sure of."""
+    off = innovation(first_state(fit.q, fit.t, fit.covariance), q, t)
+    return float(off @ np.linalg.solve(fit.covariance, off))
 
 
 def track_confidence(fit: TrackFit) -> float:

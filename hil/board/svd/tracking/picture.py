@@ -1,0 +1,112 @@
+"""A look at the whole picture while tracking: the craft drawn with its shadows, the Sun where the last look left it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Optional, Tuple
+
+import numpy as np
+
+from hil.board.svd import quaternion as quat
+from hil.board.svd.canvas import craft_box, make_canvas
+from hil.board.svd.course import faces_of
+from hil.board.svd.frame import Craft, Frame
+from hil.board.svd.levels import Shading
+from hil.board.svd.photometric import PhotoFit, explained, photo_draw, photo_shade, photo_step
+from hil.board.svd.shade import Canvas
+from hil.board.svd.shadowed import shadowed
+from hil.board.svd.sunlight import Sunlight
+
+Array = np.ndarray
+Pose = Tuple[Array, Array]
+
+# Longest side of the drawing [px], and the blur of each step.
+PICTURE_PX, BLURS = 120, (1.2, 0.6)
+
+# What another pose than the likeliest must explain more: a drawing this small tells a tilt of 5 deg no better.
+WORTH = 0.02
+
+# Variance over that of ``photo_step``: it is told for the end of an alignment of poses from anywhere; those looked at
+# here are nearly right (fly-arounds of Tango at 7 to 11 m, three starts).
+HELD = 0.6
+
+# Side of the craft's picture from the Sun [px], and how far beside the last direction others are tried [rad]: the
+# camera of a fly-around turns by a degree or two each frame.
+SUN_PX, SUN_STEP_RAD = 96, float(np.radians(4.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What the picture says of a pose.
+
+    Parameters
+    ----------
+    fit : the pose. sun : direction (3,) to the Sun, camera axes; None where no shadows are seen.
+    """
+
+    fit: PhotoFit
+    sun: Optional[Array]
+
+
+def find_sun(craft: Craft, frame: Frame, pose: Pose) -> Optional[Array]:
+    """Direction (3,) to the Sun, camera axes, by the shadows at a pose; None where none explain the picture."""
+    if craft.model.faces is None:
+        return None
+    found = shadowed(craft, faces_of(craft), _canvas(craft, frame, pose), *pose).sun
+    return None if found is None else quat.matrix(pose[0]) @ found.direction
+
+
+def look(
+    craft: Craft, frame: Frame, poses: Tuple[Pose, ...], sun: Optional[Array], *, follow_sun: bool = True
+) -> Look:
+    """The pose that explains the picture best, aligned on it.
+
+    Parameters
+    ----------
+    poses : where it may be, the likeliest first: edges that hold on to others lead away from a good prediction, and
+        a target that changes its rates away from its own. sun : of the last look. follow_sun : it may have
+        moved.
+    """
+    faces, camera = faces_of(craft), craft.camera.pinhole
+    canvas = _canvas(craft, frame, poses[0])
+    painted = None if sun is None else Sunlight.of(faces, quat.matrix(poses[0][0]).T @ sun, SUN_PX)
+    shadings = [photo_draw(q, t, faces, canvas, camera, painted) for q, t in poses]
+    scores = [explained(shading, canvas) for shading in shadings]
+    first = int(np.argmax(scores))
+    if scores[first] < scores[0] + WORTH:
+        first = 0
+    drawn, fit = shadings[first], PhotoFit(*poses[first], 9.9, np.eye(6))
+    if painted is not None and follow_sun:
+        painted, drawn = _followed(craft, canvas, fit, painted, drawn)
+    for k, blur in enumerate(BLURS):
+        if k:
+            drawn = photo_draw(fit.q, fit.t, faces, canvas, camera, painted)
+        step = photo_step(fit, drawn, faces, canvas, camera, craft.radius_m, blur)
+        if step is None:
+            break
+        fit = step
+    fit = replace(fit, covariance=HELD * fit.covariance)
+    return Look(fit, None if painted is None else quat.matrix(fit.q) @ painted.direction)
+
+
+def _canvas(craft: Craft, frame: Frame, pose: Pose) -> Canvas:
+    """The picture about a pose."""
+    return replace(make_canvas(craft, frame, craft_box(craft, *pose), PICTURE_PX), exact=True)
+
+
+def _followed(
+    craft: Craft, canvas: Canvas, fit: PhotoFit, sun: Sunlight, drawn: Shading
+) -> Tuple[Sunlight, Shading]:
+    """The Sun, or one beside it whose shadows explain the picture better, and the craft drawn with those.
+
+    Each side is tried until one helps: where nothing has moved all four, else two or three.
+    """
+    best = explained(drawn, canvas)
+    for k in range(4):
+        side = (1 - k // 2 * 2) * sun.axes[k % 2]
+        beside = np.cos(SUN_STEP_RAD) * sun.direction + np.sin(SUN_STEP_RAD) * side
+        tried = Sunlight.of(faces_of(craft), beside, SUN_PX)
+        shading = photo_shade(drawn.seen, fit.q, fit.t, faces_of(craft), canvas, craft.camera.pinhole, tried)
+        if explained(shading, canvas) > best:
+            return tried, shading
+    return sun, drawn
