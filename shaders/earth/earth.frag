@@ -35,11 +35,8 @@ GroundPoint ground_at(vec2 x) {
 #endif
 uniform sampler2D t_coverage;
 uniform sampler2D t_radiance; // FOURS, COVERED: what the target sends there
-layout(location = 0) out vec4 out_radiance; // FOURS: of the upper left, upper right, lower left, lower right pixel
-
 #if FOURS
-#define PIXEL(image, i, j) textureLod(image, (2.0 * gl_FragCoord.xy + vec2(i, j) - 0.5) / vec2(textureSize(image, 0)), 0.0).x
-#define FOUR(image) vec4(PIXEL(image, 0, 0), PIXEL(image, 1, 0), PIXEL(image, 0, 1), PIXEL(image, 1, 1))
+#include "common/fours.glsl"
 
 void main() {
     vec2 x = (2.0 * gl_FragCoord.xy - v_middle.xy) * v_middle.z;
@@ -59,6 +56,7 @@ void main() {
     SLOPE(float, surface.lit, lit)
 #define ALONG(value, name) (value + side.x * name##_x + side.y * name##_y)
 #endif
+    color four[4];
     for (int k = 0; k < 4; ++k) {
         vec2 side = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
         GroundPoint g = ground_at(x + step_x * side);
@@ -75,16 +73,19 @@ void main() {
         s.shore = ALONG(surface.shore, shore);
         s.cover = max(ALONG(surface.cover, cover), 0.0);
         s.lit = max(ALONG(surface.lit, lit), 0.0);
-        out_radiance[k] = surface_radiance(g, s, waters, detail_at(g, ALONG(place, place)));
+        four[k] = surface_radiance(g, s, waters, detail_at(g, ALONG(place, place)));
 #else
-        out_radiance[k] = ground_radiance(g, waters);
+        four[k] = ground_radiance(g, waters);
+#endif
+#if COVERED
+        four[k] = BAND(PIXEL(t_radiance, k)) + (1.0 - PIXEL(t_coverage, k).x) * four[k];
 #endif
     }
-#if COVERED
-    out_radiance = FOUR(t_radiance) + (1.0 - FOUR(t_coverage)) * out_radiance;
-#endif
+    send_four(four);
 }
 #else
+layout(location = 0) out vec4 out_radiance;
+
 void main() {
     float open = 1.0;
 #if COVERED

@@ -38,19 +38,23 @@ class Images:
         self.sky_framebuffer = context.framebuffer([self.radiance])
         self._label_framebuffer = context.framebuffer([self.coverage])
         self._covered: PixelRect | None = PixelRect(0, 0, width, height)
-        self._fours: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
+        self._fours: tuple[list[moderngl.Texture], moderngl.Framebuffer] | None = None
 
     @property
     def have_fours(self) -> bool:
-        """Whether the radiance can be kept four pixels in a texel: one band, and sides of even length."""
-        return self.bands == 1 and not any(side % 2 for side in self.size)
+        """Whether the radiance can be kept by two by two pixels: its sides are of even length."""
+        return not any(side % 2 for side in self.size)
 
     @property
     def fours_framebuffer(self) -> moderngl.Framebuffer:
-        """The radiance again, two by two pixels in a texel: a pass for which they are one is a quarter as long."""
+        """The radiance again, two by two pixels in a texel (of three bands: in three texels).
+
+        A pass for which they are one is a quarter as long.
+        """
         if self._fours is None:
-            texture = self._context.texture((self.size[0] // 2, self.size[1] // 2), 4, dtype="f4")
-            self._fours = texture, self._context.framebuffer([texture])
+            size = (self.size[0] // 2, self.size[1] // 2)
+            textures = [self._context.texture(size, 4, dtype="f4") for _ in range(self.bands)]
+            self._fours = textures, self._context.framebuffer(textures)
         return self._fours[1]
 
     def clear(self, added_to: PixelRect | None) -> None:
@@ -82,17 +86,25 @@ class Images:
         """
         width, height = self.size
         if fours:
-            data = self.fours_framebuffer.read(components=4, dtype="f4", alignment=1)
-            # two neighbours of a row as one number, which is moved and never looked at
-            pairs = np.frombuffer(data, np.float64).reshape(height // 2, width // 2, 2)
-            whole = np.empty((height, width), np.float32)
-            cv2.mixChannels(
-                [pairs], [whole[0::2].view(np.float64), whole[1::2].view(np.float64)], [0, 0, 1, 1]
-            )
-            return whole
+            return self._read_fours()
         data = self.sky_framebuffer.read(components=self.bands, dtype="f4", alignment=1)
         image = np.frombuffer(data, np.float32)
         return image.reshape((height, width) if self.bands == 1 else (height, width, 3))
+
+    def _read_fours(self) -> Float32Array:
+        width, height = self.size
+        whole = np.empty((height, width * self.bands), np.float32)
+        # two neighbours of a row as one number, which is moved and never looked at
+        pairs = [
+            np.frombuffer(
+                self.fours_framebuffer.read(components=4, attachment=k, dtype="f4", alignment=1), np.float64
+            ).reshape(height // 2, width // 2, 2)
+            for k in range(self.bands)
+        ]
+        rows = [whole[k::2].view(np.float64).reshape(height // 2, width // 2, self.bands) for k in (0, 1)]
+        # in the order of shaders/common/fours.glsl: the upper row's numbers, then the lower one's
+        cv2.mixChannels(pairs, rows, np.repeat(np.arange(2 * self.bands), 2).tolist())
+        return whole if self.bands == 1 else whole.reshape(height, width, 3)
 
     def read_coverage(self) -> Float32Array:
         """(H, W), 0..1."""
@@ -110,5 +122,5 @@ class Images:
             self.coverage,
         )
         if self._fours is not None:
-            release(self._context, *reversed(self._fours))
+            release(self._context, self._fours[1], *self._fours[0])
             self._fours = None

@@ -1,6 +1,7 @@
 """What the passes leave out shows nowhere: triangles that look away, cells that the craft does not touch."""
 
 import ctypes
+from dataclasses import replace
 
 import cv2
 import moderngl
@@ -82,8 +83,10 @@ def test_samples_of_earlier_frames_never_show(renderer, draw_kit):
         assert again.coverage.max() == 1
 
 
-@pytest.mark.parametrize("off_nadir_deg", [20.0, 62.0])
-def test_pixels_drawn_by_fours_are_those_drawn_one_by_one(renderer, draw_kit, off_nadir_deg, monkeypatch):
+@pytest.mark.parametrize(("off_nadir_deg", "bands"), [(20.0, "mono"), (62.0, "mono"), (62.0, "rgb")])
+def test_pixels_drawn_by_fours_are_those_drawn_one_by_one(
+    renderer, draw_kit, off_nadir_deg, bands, monkeypatch
+):
     tango = load_target("tango")
     camera = Camera(width_px=192, height_px=160, fx_px=480.0, fy_px=480.0, cx_px=95.5, cy_px=79.5)
     scene = draw_kit.scene(
@@ -95,13 +98,14 @@ def test_pixels_drawn_by_fours_are_those_drawn_one_by_one(renderer, draw_kit, of
         sun_camera=(0.3, -0.2, -1),
         environment=Environment(),
     )
+    scene = replace(scene, bands=bands)
     fours = renderer.render(scene, tango, labels=True)
     assert "earth.fours" in fours.stage_ms
     monkeypatch.setattr(renderer_module, "LEAST_SHARE", 2.0)
     singles = renderer.render(scene, tango, labels=True)
     assert "earth.fours" not in singles.stage_ms
     view = build_view(scene)
-    earth = earth_view(view, camera, earth_atmosphere("mono"))
+    earth = earth_view(view, camera, earth_atmosphere(bands))
     cells = earth_cells(earth, camera, None, scene.epoch_utc)
     copied = np.zeros((160, 192), bool)
     for x, y in cells.others_px + 0.5 - cells.size_px / 2:

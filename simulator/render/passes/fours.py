@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from simulator.arrays import Float32Array
     from simulator.render.cells import Cells
     from simulator.render.images import Images
-    from simulator.render.programs import ProgramLibrary
+    from simulator.render.programs import Program, ProgramLibrary
 
 LEAST_SHARE = 0.4
 """Of the image that must gain: reading texels of four takes as long as a tenth of the Earth's pixels."""
@@ -20,12 +20,20 @@ class FoursPass:
     """Copies cells of the image that were drawn pixel by pixel to the texels of four."""
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
-        self._context = context
-        self._program = programs.get("common/cells.vert", "common/fours.frag", {}, ("t_image",))
+        self._context, self._programs = context, programs
         self._cells = context.buffer(reserve=8, dynamic=True)
-        self._array = context.vertex_array(
-            self._program.gl, [(self._cells, "2f", "in_pixel")], mode=context.POINTS
-        )
+        self._made: dict[int, tuple[Program, moderngl.VertexArray]] = {}  # by the number of bands
+
+    def _of(self, bands: int) -> tuple[Program, moderngl.VertexArray]:
+        if bands not in self._made:
+            program = self._programs.get(
+                "common/cells.vert", "common/fours.frag", {"BANDS": bands}, ("t_image",)
+            )
+            array = self._context.vertex_array(
+                program.gl, [(self._cells, "2f", "in_pixel")], mode=self._context.POINTS
+            )
+            self._made[bands] = program, array
+        return self._made[bands]
 
     def run(self, images: Images, cells: Cells, centers: Float32Array) -> None:
         """Copy cells.
@@ -41,9 +49,10 @@ class FoursPass:
         framebuffer.use()
         framebuffer.viewport = (0, 0, width // 2, height // 2)
         self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
-        self._program.bind_textures(t_image=images.radiance)
-        self._program.set("u_extent_px", cells.extent_px)
-        self._program.set("u_point_px", cells.size_px / 2)
+        program, array = self._of(images.bands)
+        program.bind_textures(t_image=images.radiance)
+        program.set("u_extent_px", cells.extent_px)
+        program.set("u_point_px", cells.size_px / 2)
         self._cells.orphan(centers.nbytes)
         self._cells.write(centers)
-        self._array.render(vertices=len(centers))
+        array.render(vertices=len(centers))
