@@ -7,6 +7,9 @@ uniform sampler2D t_map;    // square roots of land reflectance and cloud opacit
 uniform sampler2D t_colour; // square root of land reflectance per band
 #endif
 uniform sampler2D t_detail; // simulator/render/noise.py
+#if HIGH
+uniform sampler2D t_valleys; // simulator/render/valleys.py
+#endif
 #if ICE
 uniform sampler2D t_ice;    // share of the sea under ice; simulator/render/sea_ice.py
 #endif
@@ -32,9 +35,10 @@ const vec3 SEA = vec3(0.006, 0.020, 0.048);
 const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
 const float CLOUD = 0.84;     // reflectance of thick cloud
 const float FLOE = 0.62;      // reflectance of snow on ice, between winter's and that of melting (Perovich et al. 2002)
-const float WARP_KM = 12.0;   // HIGH: twice the largest displacement of the land's map
-const float SHARPEN = 0.55;   // HIGH: unsharp mask of the land's map
-const float ROCK = 1.1;       // HIGH: contrast of bare rock where land is as rough as can be
+const float WARP_KM = 9.0;   // HIGH: twice the largest displacement of the land's map
+const float SHARPEN = 0.75;   // HIGH: unsharp mask of the land's map
+const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as rough as can be
+const float GRAVEL = 0.55;    // HIGH: what valleys' floors reflect more than the rock beside
 const float RELIEF_KM = 0.9;  // height of a puff of full contrast, for its own shading
 
 // What makes the sea brighter than deep open water; it hardly changes within two by two pixels.
@@ -102,7 +106,11 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     s.patchy = (GRAIN - clamp(2.2 * reflectance.x - 0.27, 0.0, 0.45)) * vec3(1.25, 1.0, 0.7);
 #endif
     s.land = reflectance * g.tone;
+#if HIGH
+    s.hilly = 0.0; // hills are those of the valleys
+#else
     s.hilly = 2.2 * g.rough;
+#endif
     // the coast wriggles below the map's texels
     s.wriggle = 3.0 * g.sharp;
     s.shore = (map.w * COAST_KM_PER_UNIT - (1.5 + 128.0 / 255.0 * COAST_KM_PER_UNIT)) * g.sharp + 0.5;
@@ -133,11 +141,12 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     // land: patches, and hills that turn to and from the Sun
     color reflectance = s.land * ((1.0 - 0.5 * s.patchy) + s.patchy * under.w - clamp(hill * s.hilly, -0.6, 0.6));
 #if HIGH
-    // bare rock and wadis, the finer half of the relief: as rough as the land is
+    // ridges and wadis, the finer half of the relief: as rough as the land is
     const mat2 turn = mat2(1.84, 1.38, -1.38, 1.84);
-    vec4 rock = textureLod(t_detail, turn * g.plane, DETAIL_LEVEL + 1.2);
-    float bank = dot(turn * g.toward, rock.yz - 0.5) / 2.3;
-    reflectance *= 1.0 + g.rough * (ROCK * (rock.w - 0.5) - clamp(3.2 * bank, -0.6, 0.6));
+    vec4 rock = textureLod(t_valleys, turn * g.plane, DETAIL_LEVEL + 0.2);
+    float bank = dot(turn * g.toward, rock.xy - 0.5) * (VALLEY_SLOPE / (2.3 * SLOPE_PER_KM));
+    float bare = clamp(2.2 * g.rough - 0.22, 0.12, 1.0); // plains are under sand and soil
+    reflectance *= 1.0 + bare * (mix(ROCK * (rock.z - 0.5), GRAVEL, rock.w) - 0.25 * GRAVEL) - clamp(1.6 * bare * bank, -0.6, 0.6);
 #endif
     reflectance = min(reflectance, color(0.75)); // fresh snow
 #if BANDS == 3

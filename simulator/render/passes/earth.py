@@ -21,6 +21,8 @@ from simulator.render.sea_ice import sea_ice
 from simulator.render.seasons import OCTAVES, month_gain, season
 from simulator.render.seasons import SLOPE_MAX as RELIEF_SLOPE_MAX
 from simulator.render.shoals import SCALE as SHOAL_SCALE
+from simulator.render.valleys import SLOPE_MAX as VALLEY_SLOPE
+from simulator.render.valleys import valley_texture
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -48,6 +50,7 @@ _OWN = (
     "t_after",
     "t_ice",
     "t_shoals",
+    "t_valleys",
 )
 _SAMPLERS = {
     1: (*_OWN, "t_air", "t_ground"),
@@ -112,6 +115,7 @@ class EarthPass:
         self._detail_levels = begun.detail.result()
         self._details = single_textures(context, self._detail_levels)
         self._detail: moderngl.Texture | None = None
+        self._valleys: moderngl.Texture | None = None  # of `high`
         self._relief = self._mapped(begun.relief.result())
         self._keep_air(begun.air.result())
         # one at a time: what is uploaded need not stay in memory until the next is
@@ -198,6 +202,7 @@ class EarthPass:
             "DETAIL_TEXEL_KM": DETAIL_TEXEL_KM,
             "SLOPE_PER_KM": SLOPE_PER_KM,
             "GRAIN": GRAIN,
+            "VALLEY_SLOPE": VALLEY_SLOPE,
             "GROUND_MU_MIN": GROUND_MU_MIN,
             "GROUND_SAMPLES": GROUND_SAMPLES,
             **TABLE_DEFINES,
@@ -238,6 +243,8 @@ class EarthPass:
             "t_before": self._month(month.before),
             "t_after": self._month(month.after),
         }
+        if scene.quality == "high":
+            textures["t_valleys"] = self._high_valleys()
         if any(kind.icy or kind.shoal for kind in cells.centers_px):
             textures |= self._waters(ice_day(scene))
         # at each cell's corners: upper left, upper right, lower left, lower right
@@ -331,6 +338,13 @@ class EarthPass:
         )
         self._detail.filter = (smallest, self._context.LINEAR)
         return self._detail
+
+    def _high_valleys(self) -> moderngl.Texture:
+        """The land's valleys: made or read, and uploaded, when `high` is first asked for."""
+        if self._valleys is None:
+            self._valleys = self._mapped(levelled(valley_texture()))
+            self._valleys.repeat_y = True
+        return self._valleys
 
     def _waters(self, day: str) -> dict[str, moderngl.Texture]:
         """The sea's ice of a day, and its shallows: uploaded when such water is first in view."""
