@@ -46,6 +46,7 @@ class Mesh:
 
     Parameters
     ----------
+    values : (V, 7) what ``vertices`` holds, as `VERTEX`.
     hull_m : (3, K) points of the parts' convex hulls, which hold the mesh, target frame [m]; hulls inside of others
         are left out. hull_parts : where in ``hull_m`` the second hull's points begin, the third's and so on.
     center_m, radius_m : bounding sphere, target frame.
@@ -60,6 +61,7 @@ class Mesh:
     uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
     """
 
+    values: Float32Array
     vertices: moderngl.Buffer
     indices: moderngl.Buffer
     materials: tuple[Material, ...]
@@ -112,7 +114,7 @@ class Mesh:
         content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]],
     ) -> moderngl.VertexArray:
         """The mesh for a program that cuts its triangles: with short edges, drawn in lots."""
-        block = np.frombuffer(self.vertices.read(), np.float32).reshape(-1, VERTEX.itemsize // 4)
+        block = self.values
         triangles = np.frombuffer(self.indices.read(), np.uint32).reshape(-1, 3).astype(np.int64)
         made = cut(block[:, :3].astype(float), triangles, EDGE_SHARE * self.radius_m)
         extended: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = []
@@ -193,6 +195,7 @@ def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> M
         texel,
     )
     return Mesh(
+        values=made.values,
         vertices=context.buffer(made.values.tobytes()),
         indices=context.buffer(made.triangles.tobytes()),
         materials=target.materials,

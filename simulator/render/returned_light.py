@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from simulator.scene.bands import reflectance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from concurrent.futures import Future
 
     import moderngl
     from numpy.typing import NDArray
@@ -77,13 +79,23 @@ class ReturnedLight:
 
     def __init__(self, context: moderngl.Context, mesh: Mesh, patch: int = PATCH) -> None:
         self._context, self._mesh, self._patch = context, mesh, patch
+        self._begun: dict[Bands, Future[Transfer]] = {}
         self._kept: dict[Bands, AtlasTextures] = {}
+
+    def begin(self, bands: Bands) -> None:
+        """Bake on another thread, unless that is done already: a second's work that needs no OpenGL."""
+        if bands in self._kept or bands in self._begun:
+            return
+        pool = ThreadPoolExecutor(1)
+        share = _returned_share(self._mesh.materials, bands)
+        self._begun[bands] = pool.submit(baked_transfer, self._mesh, share, self._patch)
+        pool.shutdown(wait=False)
 
     def bake(self, bands: Bands) -> AtlasTextures:
         """The textures, whatever frame they were last updated to."""
         if bands not in self._kept:
-            made = baked_transfer(self._mesh, _returned_share(self._mesh.materials, bands), self._patch)
-            self._kept[bands] = AtlasTextures(self._context, self._mesh, made)
+            self.begin(bands)
+            self._kept[bands] = AtlasTextures(self._context, self._mesh, self._begun.pop(bands).result())
         return self._kept[bands]
 
     def update(self, bands: Bands, view: View) -> AtlasTextures:

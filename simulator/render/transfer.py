@@ -81,7 +81,7 @@ def baked_transfer(mesh: Mesh, reflectance: FloatArray, patch: int = PATCH) -> T
     reflectance : (M, n) of each material, per band. patch : nodes along each side of one that returns light.
     """
     charts = mesh.charts
-    vertices = np.frombuffer(mesh.vertices.read(), VERTEX)[: len(charts.uv)]
+    vertices = mesh.values.view(VERTEX).ravel()[: len(charts.uv)]
     shape = hashlib.sha256(vertices.tobytes() + mesh.triangles.tobytes() + charts.uv.tobytes())
     shape.update(np.round(reflectance, 6).tobytes())
     key = f"transfer-{VERSION}-{DIRECTIONS}{f'-{patch}' if patch != PATCH else ''}-{shape.hexdigest()[:24]}"

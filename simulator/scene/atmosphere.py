@@ -124,31 +124,37 @@ def optical_depth_to_top(
 ) -> FloatArray:
     """Optical depth (..., n) from a radius along zenith cosine ``mu`` to the top; the ground does not block."""
     r, mu = np.broadcast_arrays(np.asarray(radius_m, float), np.asarray(mu, float))
-    length = -r * mu + np.sqrt(np.clip((r * mu) ** 2 + air.top_m**2 - r * r, 0, None))
+    length = np.asarray(-r * mu + np.sqrt(np.clip((r * mu) ** 2 + air.top_m**2 - r * r, 0, None)))
     # samples close up to where the ray is lowest: its start, or its perigee when it looks down
-    low = np.clip(-r * mu, 0, length)
+    low = np.asarray(np.clip(-r * mu, 0, length))
     edges = np.linspace(0, 1, steps + 1)
     x = 0.5 * (edges[1:] + edges[:-1])
     depth = np.zeros((*r.shape, len(air.rayleigh_m)))
-    down = ((low, np.zeros_like(low)),) if low.any() else ()  # to the lowest point, of rays that have one
-    for begin, end in (*down, (low, length)):
+    # to the lowest point, of rays that have one, and from there to the top
+    for begin, end, which in ((low, np.zeros_like(low), low > 0), (low, length, np.ones(low.shape, bool))):
+        if not which.any():
+            continue
+        at, start = r[which][:, None], begin[which][:, None]
         # quadratic spacing away from the lowest point
-        span = end - begin
-        t = begin[..., None] + span[..., None] * x**2
-        height = np.sqrt(r[..., None] ** 2 + t * t + 2 * r[..., None] * mu[..., None] * t) - air.radius_m
-        weight = np.abs(span)[..., None] * 2 * x / steps
-        depth += (air.extinction_m(height) * weight[..., None]).sum(axis=-2)
+        span = end[which][:, None] - start
+        t = start + span * x**2
+        height = np.sqrt(at**2 + t * t + 2 * at * mu[which][:, None] * t) - air.radius_m
+        weight = np.abs(span) * 2 * x / steps
+        depth[which] += (air.extinction_m(height) * weight[..., None]).sum(axis=-2)
     return depth
 
 
 def transmittance_to_sun(air: Atmosphere, radius_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
     """Share (..., n) of the Sun's light that arrives at a radius, the horizon included."""
-    share = sun_share(np.asarray(radius_m, float), np.asarray(mu_sun, float), air.radius_m)
+    share = np.asarray(sun_share(np.asarray(radius_m, float), np.asarray(mu_sun, float), air.radius_m))
     # rays below the geometric horizon are those of the disc's upper part: they see the horizon's air
     r = np.maximum(np.asarray(radius_m, float), air.radius_m)
     horizon = -np.sqrt(np.clip(1 - (air.radius_m / r) ** 2, 0, None))
-    depth = optical_depth_to_top(air, r, np.maximum(mu_sun, horizon))
-    return np.exp(-depth) * share[..., None]
+    mu = np.asarray(np.maximum(mu_sun, horizon))
+    through = np.zeros((*share.shape, len(air.rayleigh_m)))
+    lit = share > 0
+    through[lit] = np.exp(-optical_depth_to_top(air, np.broadcast_to(r, lit.shape)[lit], mu[lit]))
+    return through * share[..., None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +216,8 @@ def path_light(
 
     Parameters
     ----------
-    camera_m : (3,) from the Earth's centre. directions : (K, 3) unit. sun : (3,) unit, towards the Sun.
+    camera_m : (3,) from the Earth's centre. directions : (K, 3) unit.
+    sun : (..., 3) unit, towards the Sun; with several, in-scatter is (..., K, n) and transmittance (K, n).
     multiple : adds the light scattered twice or more.
     """
     d = np.asarray(directions, float)
@@ -225,8 +232,8 @@ def path_light(
         hit_ground, -b - np.sqrt(np.clip(to_ground, 0, None)), -b + np.sqrt(np.clip(to_top, 0, None))
     )
     length = np.where(hit_air, np.maximum(end - start, 0), 0)
-    rayleigh, mie = np.zeros((len(d), len(air.rayleigh_m))), np.zeros((len(d), len(air.rayleigh_m)))
-    depth, more = np.zeros_like(rayleigh), np.zeros_like(rayleigh)
+    depth = np.zeros((len(d), len(air.rayleigh_m)))
+    rayleigh, mie, more = (np.zeros((*sun.shape[:-1], *depth.shape)) for _ in range(3))
     for k in range(steps):
         # ground rays: steps shorten towards the ground, where the aerosol is; others are even, which for the
         # bell-shaped density about the perigee converges fast
@@ -237,7 +244,7 @@ def path_light(
         r = np.linalg.norm(p, axis=1)
         density_r, density_m, _ = air.density(r - air.radius_m)
         step_depth = air.extinction_m(r - air.radius_m) * dt[:, None]
-        mu_sun = p @ sun / r
+        mu_sun = sun @ p.T / r
         arrives = np.exp(-(depth + 0.5 * step_depth)) * dt[:, None]
         light = transmittance_to_sun(air, r, mu_sun) * arrives
         rayleigh += density_r[:, None] * light * air.rayleigh_m
@@ -269,9 +276,8 @@ def ground_irradiance(
         transmittance_to_sun(air, np.full_like(mu_sun, air.radius_m), mu_sun)
         * np.clip(mu_sun, 0, None)[:, None]
     )
-    sky = np.zeros_like(direct)
     if not diffuse:
-        return direct, sky
+        return direct, np.zeros_like(direct)
     point = np.array([0.0, 0.0, air.radius_m + 1.0])
     zenith_nodes, zenith_weights = np.polynomial.legendre.leggauss(8)
     cosine = 0.5 * (zenith_nodes + 1)
@@ -280,14 +286,12 @@ def ground_irradiance(
     s = np.sqrt(1 - c * c)
     rays = np.stack([s * np.cos(a), s * np.sin(a), c], axis=1)
     weight = np.repeat(0.5 * zenith_weights, 8) * c * 2 * np.pi / 8
-    for k, mu in enumerate(mu_sun):
-        sun = np.array([np.sqrt(max(1 - mu * mu, 0.0)), 0.0, mu])
-        light = path_light(air, point, rays, sun, steps=16, multiple=multiple)
-        angle = rays @ sun
-        radiance = (
-            light.rayleigh * rayleigh_phase(angle)[:, None]
-            + light.mie * mie_phase(angle, air.mie_g)[:, None]
-            + light.multiple
-        )
-        sky[k] = weight @ radiance
-    return direct, sky
+    suns = np.stack([np.sqrt(np.maximum(1 - mu_sun**2, 0.0)), np.zeros_like(mu_sun), mu_sun], axis=1)
+    light = path_light(air, point, rays, suns, steps=16, multiple=multiple)
+    angle = suns @ rays.T
+    radiance = (
+        light.rayleigh * rayleigh_phase(angle)[..., None]
+        + light.mie * mie_phase(angle, air.mie_g)[..., None]
+        + light.multiple
+    )
+    return direct, np.asarray(weight @ radiance)

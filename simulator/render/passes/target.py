@@ -14,7 +14,6 @@ from simulator.render.charts import TEXEL
 from simulator.render.cover import CELL_PX, hulls_cover, whole
 from simulator.render.edges_seen import EdgeView
 from simulator.render.facing import FacingArray
-from simulator.render.geometry import VERTEX
 from simulator.render.lattice import SEVEN, Lattice, rotated
 from simulator.render.light_box import LightWindow, SurfacePatches, light_window
 from simulator.render.light_view import WIDER
@@ -240,6 +239,7 @@ class TargetPasses:
         samples come first, which take longest.
         """
         loaded = self._load(target, fine=scene.quality == "high")
+        loaded.returned.begin(scene.bands)
         mesh, camera = loaded.mesh, scene.camera
         place = locate(mesh, _matrix(view.R_camera_from_target, view.t_camera_from_target_m), camera)
         if place is None:
@@ -277,8 +277,6 @@ class TargetPasses:
         edge_view = EdgeView(camera, place.rect, place.near_far_m[0], place.camera_from_target)
         edges = self._edges.begin(None if bent else loaded.edges, edge_view, exact=exact)
         slope = self._edges.run(edges, lattice, size)
-        # in the first frame: it waits for none of the Earth's maps, which are being decoded
-        loaded.returned.bake(scene.bands)
         edged, edgeless, even = cells, cells[:0], None
         bands = len(bands_of(scene.bands))
         if not exact and place.hull_px is not None and loaded.textures is None and scene.lamp is None:
@@ -381,7 +379,7 @@ class TargetPasses:
 
 def _positions(mesh: Mesh) -> FloatArray:
     """(K, 3) vertices of a mesh [m]."""
-    return np.frombuffer(mesh.vertices.read(), VERTEX)["position_m"].astype(float)
+    return mesh.values[:, :3].astype(float)
 
 
 def _matrix(R: FloatArray, t_m: ArrayLike) -> FloatArray:

@@ -115,29 +115,29 @@ def _clip_ears(points: FloatArray, loop: list[int]) -> IntArray:
     scale = float(np.ptp(points, axis=0).max()) ** 2
     triangles = []
     while len(loop) > 3:
-        best, best_quality = -1, 0.0
-        for k in range(len(loop)):
-            i, j, m = loop[k - 1], loop[k], loop[(k + 1) % len(loop)]
-            a, b, c = points[[i, j, m]]
-            area = float(_turn(a, b, c))
-            if area <= 1e-12 * scale:
-                continue
-            # fat ears first: slivers shade badly
-            quality = area / float(max(((a - b) ** 2).sum(), ((b - c) ** 2).sum(), ((c - a) ** 2).sum()))
-            if quality <= best_quality:
-                continue
-            others = points[[n for n in loop if n not in (i, j, m)]]
-            same = ((others[:, None] == points[[i, j, m]]).all(axis=2)).any(axis=1)
-            others = others[~same]
-            inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
-            if not inside.any():
-                best, best_quality = k, quality
-        if best < 0:
+        corners = points[loop]
+        a, c = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
+        area = _turn(a, corners, c)
+        sides = [((p - q) ** 2).sum(axis=1) for p, q in ((a, corners), (corners, c), (c, a))]
+        # fat ears first: slivers shade badly
+        quality = np.where(area > 1e-12 * scale, area / np.maximum.reduce(sides), 0.0)
+        best = next((k for k in np.argsort(-quality, kind="stable") if _is_ear(points, loop, k)), -1)
+        if best < 0 or quality[best] <= 0:
             raise ValueError("the outline of the plate crosses itself")
         triangles.append((loop[best - 1], loop[best], loop[(best + 1) % len(loop)]))
         loop = loop[:best] + loop[best + 1 :]
     triangles.append((loop[0], loop[1], loop[2]))
     return np.asarray(triangles, np.int64)
+
+
+def _is_ear(points: FloatArray, loop: list[int], k: int) -> bool:
+    """Whether no other corner of a loop lies in the triangle of its corner k and the two beside it."""
+    ear = [loop[k - 1], loop[k], loop[(k + 1) % len(loop)]]
+    a, b, c = points[ear]
+    others = points[[n for n in loop if n not in ear]]
+    others = others[~((others[:, None] == points[ear]).all(axis=2)).any(axis=1)]
+    inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
+    return not inside.any()
 
 
 def prism(
