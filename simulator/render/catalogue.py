@@ -35,8 +35,8 @@ class StarField:
 
     Parameters
     ----------
-    directions : (K, 3) unit vectors, GCRS.
-    irradiance_w_m2 : (K, n) per band, above the atmosphere.
+    directions : (3, K) unit vectors, GCRS.
+    irradiance_w_m2 : (n, K) per band, above the atmosphere.
     cells, first : (C, 3) middles of the cells of the sky that the stars are sorted into; where each begins, (C + 1,).
     """
 
@@ -46,12 +46,14 @@ class StarField:
     first: np.typing.NDArray[np.intp]
 
     def near(self, axis: FloatArray, angle_rad: float) -> tuple[FloatArray, FloatArray]:
-        """Directions (K, 3) and irradiance (K, n) of the stars within an angle of a unit direction, and some beyond."""
-        cosine = self.cells @ axis
-        hit = np.flatnonzero(cosine > np.cos(min(angle_rad + CELL_RADIUS_RAD, np.pi)))
-        spans = [slice(self.first[k], self.first[k + 1]) for k in hit.tolist()] or [slice(0, 0)]
-        directions = np.concatenate([self.directions[span] for span in spans])
-        return directions, np.concatenate([self.irradiance_w_m2[span] for span in spans])
+        """Directions (3, K) and irradiance (n, K) of the stars within an angle of a unit direction, and some beyond."""
+        hit = np.zeros(len(self.cells) + 2, bool)
+        hit[1:-1] = self.cells @ axis > np.cos(min(angle_rad + CELL_RADIUS_RAD, np.pi))
+        # cells that follow each other are one stretch
+        ends = self.first[np.flatnonzero(hit[1:] != hit[:-1])].reshape(-1, 2).tolist()
+        spans = [slice(start, end) for start, end in ends] or [slice(0, 0)]
+        directions = np.concatenate([self.directions[:, span] for span in spans], axis=1)
+        return directions, np.concatenate([self.irradiance_w_m2[:, span] for span in spans], axis=1)
 
 
 @functools.cache
@@ -90,7 +92,8 @@ def _stars_of_year(years: int, bands: Bands) -> StarField:
     order = np.argsort(cell, kind="stable")
     first = np.searchsorted(cell[order], np.arange(6 * _SIDE * _SIDE + 1))
     light = star_irradiance_w_m2(c["hp_mag"], c["b_minus_v_mag"], bands)
-    return StarField(moved[order], light[order], _cell_middles(), first)
+    directions, irradiance = (np.ascontiguousarray(values[order].T) for values in (moved, light))
+    return StarField(directions, irradiance, _cell_middles(), first)
 
 
 def _cell(directions: FloatArray) -> np.typing.NDArray[np.intp]:

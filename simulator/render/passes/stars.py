@@ -14,7 +14,8 @@ from simulator.world.constants import LIGHT_M_S
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import FloatArray
+    from simulator.arrays import BoolArray, FloatArray
+    from simulator.camera.model import Camera
     from simulator.render.earthview import EarthView
     from simulator.render.images import Images
     from simulator.render.moonview import MoonView
@@ -83,6 +84,7 @@ def stars_in_view(
 ) -> tuple[FloatArray, FloatArray]:
     """Pixel positions (K, 2) and radiance (K, n) that one whole pixel would have [W m-2 sr-1]."""
     camera, environment = scene.camera, scene.environment
+    # all of it row by row: numpy takes several times as long across rows of three
     directions, light = [], []
     if environment.stars:
         field = stars(scene.epoch_utc, scene.bands)
@@ -91,46 +93,70 @@ def stars_in_view(
         light.append(irradiance)
     if environment.planets:
         points = planets(scene.epoch_utc, np.asarray(scene.r_camera_eci_m))
-        directions.append(points.directions)
-        light.append(star_irradiance_w_m2(points.v_mag + HP_MINUS_V, points.b_minus_v, scene.bands))
+        directions.append(points.directions.T)
+        light.append(star_irradiance_w_m2(points.v_mag + HP_MINUS_V, points.b_minus_v, scene.bands).T)
     # aberration by the motion of the Earth and of the camera about it
     beta = earth_velocity_c(scene.epoch_utc) + np.asarray(scene.v_camera_eci_m_s) / LIGHT_M_S
     R = view.R_camera_from_eci
     # what is added to a unit vector shifts its direction; its length is mended where it matters
-    d, irradiance = np.concatenate(directions) @ R.T + R @ beta, np.concatenate(light)
-    inside = d[:, 2] > np.cos(camera.half_angle_rad()) - _SLACK
-    d, irradiance = d[inside], irradiance[inside]
-    pixels = camera.project(d)
-    keep = camera.contains(pixels)
-    d, irradiance, pixels = d[keep], irradiance[keep], pixels[keep]
-    d /= _length(d)
-    if moon is not None:
-        seen = ~moon.hides(d)
-        d, irradiance, pixels = d[seen], irradiance[seen], pixels[seen]
+    d = R @ np.concatenate(directions, axis=1) + (R @ beta)[:, None]
+    ahead = np.flatnonzero(d[2] > np.cos(camera.half_angle_rad()) - _SLACK)
+    d = d.take(ahead, axis=1)
+    pixels = _project(camera, d)
+    inside = np.flatnonzero(_contains(camera, pixels))
+    d = d.take(inside, axis=1)
+    d /= np.sqrt(np.einsum("ck,ck->k", d, d))
+    kept = np.ones(len(inside), bool) if moon is None else ~moon.hides(d.T)
+    share = None
     if earth is not None:
         visible, share = _past_the_earth(d, earth, air)
-        d, pixels, irradiance = d[visible], pixels[visible], (irradiance * share)[visible]
-    return pixels, irradiance / camera.pixel_solid_angle_sr(pixels)[:, None]
+        kept &= visible
+    if not kept.all():
+        seen = np.flatnonzero(kept)
+        d, inside, share = d[:, seen], inside[seen], None if share is None else share[:, seen]
+    radiance = np.concatenate(light, axis=1).take(ahead.take(inside), axis=1)
+    if share is not None:
+        radiance *= share
+    pixels = pixels.take(inside, axis=1).T
+    return pixels, (radiance / _pixel_solid_angle_sr(camera, d, pixels)).T
+
+
+def _project(camera: Camera, d: FloatArray) -> FloatArray:
+    """(2, K) pixels of directions (3, K) before the camera."""
+    if not camera.distortion.is_none:
+        return camera.project(d.T).T
+    pixels = d[:2] / d[2]
+    pixels *= ((camera.fx_px,), (camera.fy_px,))
+    pixels += ((camera.cx_px,), (camera.cy_px,))
+    return np.asarray(pixels)
+
+
+def _contains(camera: Camera, pixels: FloatArray) -> BoolArray:
+    """(K,) whether pixels (2, K) lie on the image; those that are NaN do not."""
+    x, y = pixels
+    ends = camera.width_px - 0.5, camera.height_px - 0.5
+    return np.asarray((x >= -0.5) & (x < ends[0]) & (y >= -0.5) & (y < ends[1]))
+
+
+def _pixel_solid_angle_sr(camera: Camera, d: FloatArray, pixels: FloatArray) -> FloatArray:
+    """(K,) of one pixel at unit directions (3, K), whose pixels are (K, 2) [sr]."""
+    if not camera.distortion.is_none:
+        return camera.pixel_solid_angle_sr(pixels)
+    return np.asarray(d[2] * d[2] * d[2] / (camera.fx_px * camera.fy_px))
 
 
 def _past_the_earth(
     d_camera: FloatArray, earth: EarthView, air: Atmosphere | None
-) -> tuple[np.typing.NDArray[np.bool_], FloatArray]:
-    """Which directions miss the ground, and what the air on the way leaves of their light."""
-    d = d_camera @ earth.earth_from_camera.T
-    d /= _length(d)
-    along = d @ earth.camera
-    perigee2 = float(earth.camera @ earth.camera) - along**2
+) -> tuple[BoolArray, FloatArray | None]:
+    """Which directions (3, K) miss the ground, and what (n, K) the air on the way leaves of their light, if any."""
+    d = earth.earth_from_camera @ d_camera
+    along = earth.camera @ d / np.sqrt(np.einsum("ck,ck->k", d, d))
+    perigee2 = float(earth.camera @ earth.camera) - along * along
     visible = (along >= 0) | (perigee2 >= 1)
     through = visible & (along < 0) & (perigee2 < earth.top2)
     if air is None or not through.any():
-        return visible, np.ones((len(d), 1))
-    depth = np.zeros((len(d), len(air.rayleigh_m)))
+        return visible, None
+    depth = np.zeros((d.shape[1], len(air.rayleigh_m)))
     radius = np.sqrt(perigee2[through]) * air.radius_m
     depth[through] = 2 * optical_depth_to_top(air, radius, np.zeros_like(radius), steps=32)
-    return visible, np.exp(-depth)
-
-
-def _length(vectors: FloatArray) -> FloatArray:
-    """(K, 1) of vectors (K, 3)."""
-    return np.asarray(np.sqrt(np.einsum("kc,kc->k", vectors, vectors))[:, None])
+    return visible, np.exp(-depth.T)
