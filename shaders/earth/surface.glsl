@@ -50,6 +50,14 @@ Waters waters_at(GroundPoint g) {
     Waters w = Waters(color(0.0), 0.0);
 #if SHOALS
     color root = BAND(textureLod(t_shoals, g.uv, MAP_LEVEL - 1.0));
+#if HIGH
+    // banks end at a wall, raggedly; sand lies on them in bars and drifts
+    vec4 bars = textureLod(t_detail, g.plane, DETAIL_LEVEL);
+    vec2 aside = (bars.wx - 0.5) * (WARP_KM / (2.0 * PI * EARTH_KM)) * vec2(1.0 / max(sin(PI * g.uv.y), 0.05), 2.0);
+    root = BAND(textureLod(t_shoals, g.uv + aside, MAP_LEVEL - 1.0));
+    root = max(root + 0.6 * (root - BAND(textureLod(t_shoals, g.uv, max(MAP_LEVEL, 0.0) + 1.5))), 0.3 * root);
+    root *= 1.0 + 0.45 * (bars.w - 0.5);
+#endif
     w.shoal = SHOAL_SCALE * root * root;
 #endif
 #if ICE
@@ -157,7 +165,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #if GLINT && HIGH
     // wind in gusts, and slicks: calm water shines more in the middle of the glint, less around it
     float gusts = textureLod(t_detail, mat2(0.9, 0.7, -0.2, 0.25) * g.plane, DETAIL_LEVEL).x;
-    float calm = 1.2 * gusts + 0.4 * under.x - 0.8; // less of the variance's logarithm
+    float calm = 0.8 * gusts + 0.3 * under.x - 0.55; // less of the variance's logarithm
     sea += color(g.glint * exp(calm + (g.ripple + 1.0) * (1.0 - exp(calm))));
 #endif
 #if ICE
