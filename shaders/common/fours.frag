@@ -3,7 +3,8 @@
 #include "common/fours.glsl"
 uniform sampler2D t_image;
 void main() {
+    FOUR_COLORS(t_image, value)
     color four[4];
-    for (int k = 0; k < 4; ++k) four[k] = BAND(PIXEL(t_image, k));
+    for (int k = 0; k < 4; ++k) four[k] = value[k];
     send_four(four);
 }

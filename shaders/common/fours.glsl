@@ -14,5 +14,16 @@ void send_four(vec3 four[4]) {
 }
 #endif
 
-// What an image holds at the middle of pixel k of the four: upper left, upper right, lower left, lower right.
-#define PIXEL(image, k) textureLod(image, (2.0 * gl_FragCoord.xy + vec2((k) & 1, (k) >> 1) - 0.5) / vec2(textureSize(image, 0)), 0.0)
+// What an image holds there: upper left, upper right, lower left, lower right.
+vec2 between_four(sampler2D image) { return 2.0 * gl_FragCoord.xy / vec2(textureSize(image, 0)); }
+vec4 four_of(sampler2D image) { return textureGather(image, between_four(image)).wzxy; }
+#if BANDS == 1
+#define FOUR_COLORS(image, name) vec4 name = four_of(image);
+#else
+#define FOUR_COLORS(image, name) vec3 name[4]; { \
+        vec2 at = between_four(image); \
+        vec4 red = textureGather(image, at, 0).wzxy, green = textureGather(image, at, 1).wzxy; \
+        vec4 blue = textureGather(image, at, 2).wzxy; \
+        for (int k = 0; k < 4; ++k) name[k] = vec3(red[k], green[k], blue[k]); \
+    }
+#endif

@@ -56,6 +56,10 @@ void main() {
     SLOPE(float, surface.lit, lit)
 #define ALONG(value, name) (value + side.x * name##_x + side.y * name##_y)
 #endif
+#if COVERED
+    FOUR_COLORS(t_radiance, before)
+    vec4 covered = four_of(t_coverage);
+#endif
     color four[4];
     for (int k = 0; k < 4; ++k) {
         vec2 side = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
@@ -80,7 +84,7 @@ void main() {
         four[k] = ground_radiance(g, waters);
 #endif
 #if COVERED
-        four[k] = BAND(PIXEL(t_radiance, k)) + (1.0 - PIXEL(t_coverage, k).x) * four[k];
+        four[k] = before[k] + (1.0 - covered[k]) * four[k];
 #endif
     }
     send_four(four);
