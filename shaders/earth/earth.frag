@@ -1,7 +1,7 @@
 // The Earth and its air behind the target: radiance to add [W m-2 sr-1].
 // Space: Earth-fixed axes, the polar one stretched so that the WGS84 ellipsoid is the unit sphere.
-// SMOOTH: the cell is all ground, away from limb and poles. COVERED: the target may be in front. MOON: the Moon may.
-// FOURS: a fragment is two by two pixels of a smooth cell; MAGNIFIED: the map's texels are wider
+// SMOOTH: the cell is all ground, away from limb and poles. AIR_ONLY: none of it is ground. COVERED: the target may be in
+// front. MOON: the Moon may. FOURS: a fragment is two by two pixels of a smooth cell; MAGNIFIED: the map's texels are wider
 // than six pixels, so that what is read from it is a plane over the four.
 #include "atmosphere/air.glsl"
 #include "earth/geometry.glsl"
@@ -108,6 +108,9 @@ void main() {
 #else
     EarthRay ray = earth_ray(gl_FragCoord.xy - 0.5);
     if (ray.away || ray.perigee2 > u_earth_limits.y) discard;
+#if AIR_ONLY
+    color radiance = air_radiance(ray);
+#else
     float share = limb_share(ray); // of the pixel that the ground fills
     color radiance = color(0.0);
     if (share > 0.0) {
@@ -120,6 +123,7 @@ void main() {
         radiance = share * ground_radiance(g, waters_at(g));
     }
     if (share < 1.0) radiance += (1.0 - share) * air_radiance(ray);
+#endif
 #endif
     out_radiance = OUT(radiance * open);
 }

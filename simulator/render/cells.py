@@ -46,8 +46,10 @@ class CellKind:
     night : some of it is dark enough for city lights. icy : some of it is near sea ice, or may be.
     shoal : some of it is near water that is shallow or turbid.
     level : log2 of a pixel's footprint [km], smooth cells only.
+    air : none of it is ground.
     """
 
+    air: bool
     smooth: bool
     covered: bool
     night: bool
@@ -137,6 +139,7 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
     reach = float(np.linalg.norm(earth.camera)) * 0.75 * size * pixel_rad * 1.01
     touched_corner = (along < reach) & (np.sqrt(perigee2) < np.sqrt(earth.top2) + reach)
     touched = ~_all_corners(~touched_corner)
+    air = _all_corners((along < 0) & (np.sqrt(perigee2) > 1 + reach))
     covered = np.zeros_like(smooth)
     if target_px is not None:
         # a cell of the target's is no larger than one of these: it lies in those of its corners, mostly in one
@@ -160,8 +163,13 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
     footprint_km = distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(depth, 0.02))
     level = np.round(np.log2(np.fmax(footprint_km[:-1, :-1], 1e-6)) / _LEVEL_STEP)
     # one number per kind of cell
-    kind = np.where(smooth, level, 0).astype(int) * 32 + shoal * 16 + icy * 8 + smooth * 4
-    kind = (kind + covered * 2 + night)[touched]
+    kind = (
+        np.where(smooth, level, 0).astype(int) * 64
+        + air * 32
+        + ~air * (shoal * 16 + icy * 8 + night)
+        + smooth * 4
+    )
+    kind = (kind + covered * 2)[touched]
 
     def middles(row: IntArray, column: IntArray) -> Float32Array:
         return np.stack([x[column], y[row]], axis=1).astype(np.float32) + np.float32(size / 2)
@@ -183,7 +191,8 @@ def _kind(code: int) -> CellKind:
         night=bool(code & 1),
         icy=bool(code & 8),
         shoal=bool(code & 16),
-        level=(code >> 5) * _LEVEL_STEP,
+        level=(code >> 6) * _LEVEL_STEP,
+        air=bool(code & 32),
     )
 
 

@@ -188,6 +188,7 @@ class EarthPass:
             "SHOALS": int(kind.shoal and not one),
             "SHOAL_SCALE": SHOAL_SCALE,
             "SMOOTH": int(kind.smooth),
+            "AIR_ONLY": int(kind.air),
             "COVERED": int(kind.covered),
             "MOON": int(behind),
             "FOURS": int(fours),
