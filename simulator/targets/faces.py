@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from simulator.arrays import FloatArray, IntArray
+from simulator.arrays import BoolArray, FloatArray, IntArray
 from simulator.targets.sphere import sphere_directions
 
 if TYPE_CHECKING:
@@ -25,6 +26,14 @@ LEAK = 0.015
 
 # More triangles than this no board can draw in time.
 MOST_TRIANGLES = 9000
+
+# Of a craft that has more, so many that can be seen are kept, the parts first that show most for each of theirs. What
+# lies within this of the coarse craft's surface and is of its material shows nothing new [share of the craft's size].
+# A triangle, and a part, must show this much of itself [share of the size, squared].
+MOST_SEEN, NEW, LEAST_TRIANGLE, LEAST_PART = 5000, 0.006, 1e-7, 1e-4
+
+# What stands off the craft is seen on the outline too, and casts shadows: what its area counts.
+ALOFT = 3.0
 
 
 def triangles_of(parts: Sequence[Part]) -> tuple[FloatArray, IntArray]:
@@ -91,15 +100,78 @@ def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[
         parts += added
     triangles, owner = triangles_of(parts)
     if len(triangles) > MOST_TRIANGLES:
-        parts = list(levels[0])
-        triangles, owner = triangles_of(parts)
-    if not 0 < len(triangles) <= MOST_TRIANGLES:
+        return _most_telling(parts, len(levels[0]))
+    if not len(triangles):
         return np.zeros((0, 3, 3)), []
     area = visible_area(triangles)
     of_part = np.bincount(owner, area, len(parts))
     coarse = np.arange(len(parts)) < len(levels[0])
     keep = (area > LEAST_TRIANGLE_M2) & (coarse | (of_part > LEAST_PART_M2))[owner]
     return triangles[keep], [parts[k].material for k in owner[keep]]
+
+
+def _most_telling(parts: Sequence[Part], coarse: int) -> tuple[FloatArray, list[str]]:
+    """The same of a craft with too many: its first ``coarse`` parts, and of the others what tells most of its attitude.
+
+    A dish on a boom, horns and sensors are all that tells a round body from itself half a turn on.
+    """
+    nothing: tuple[FloatArray, list[str]] = np.zeros((0, 3, 3)), []
+    if sum(len(p.triangles) for p in parts[:coarse]) > MOST_TRIANGLES:
+        return nothing
+    triangles, owner = triangles_of(parts)
+    size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
+    least = LEAST_TRIANGLE * size**2
+    first = owner < coarse
+    surface, seen = first.copy(), visible_area(triangles) > least
+    surface[first] = visible_area(triangles[first]) > least
+    asked = np.flatnonzero(seen & ~first)
+    new = np.zeros(len(triangles))
+    new[asked] = _news(parts, triangles, owner, surface, asked, NEW * size)
+    side = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    shown = np.bincount(owner, 0.5 * np.linalg.norm(side, axis=1) * new, len(parts))
+    number = np.bincount(owner, seen, len(parts)).astype(int)
+    kept, count = np.arange(len(parts)) < coarse, int(surface.sum())
+    for k in np.argsort(-shown / np.maximum(number, 1)):
+        if not kept[k] and shown[k] > LEAST_PART * size**2 and count + number[k] <= MOST_SEEN:
+            kept[k] = True
+            count += number[k]
+    # what only left-out parts hid is seen again
+    some = np.flatnonzero(kept[owner])
+    some = some[visible_area(triangles[some]) > least]
+    return triangles[some], [parts[k].material for k in owner[some]]
+
+
+def _news(
+    parts: Sequence[Part],
+    triangles_m: FloatArray,
+    owner: IntArray,
+    surface: BoolArray,
+    asked: IntArray,
+    within_m: float,
+) -> FloatArray:
+    """(len(asked),) what triangles show beside a surface: 1 where of another material, `ALOFT` where well off it, or 0.
+
+    Parameters
+    ----------
+    owner : part of each triangle. surface : (T,) which triangles are the surface. asked : numbers of the others.
+    within_m : nearer than this and of the same material they show nothing.
+    """
+    names = sorted({p.material for p in parts})
+    material = np.array([names.index(p.material) for p in parts])[owner]
+    # points all over the surface, no farther apart than half of what is asked
+    points, of = [], []
+    for k in np.flatnonzero(surface):
+        a, b, c = triangles_m[k]
+        n = 1 + int(2.0 * max(np.linalg.norm(b - a), np.linalg.norm(c - a)) / within_m)
+        u, v = (x.ravel() / n for x in np.mgrid[0 : n + 1, 0 : n + 1])
+        inside = u + v <= 1.0
+        points.append(a + u[inside, None] * (b - a) + v[inside, None] * (c - a))
+        of.append(np.full(int(inside.sum()), material[k]))
+    if not points:
+        return np.ones(len(asked))
+    distance, nearest = cKDTree(np.concatenate(points)).query(triangles_m[asked].mean(axis=1))
+    other = (distance > within_m) | (np.concatenate(of)[nearest] != material[asked])
+    return np.where(distance > 3.0 * within_m, ALOFT, other.astype(float))
 
 
 def paired(triangles_m: FloatArray, material: Sequence[str]) -> tuple[FloatArray, list[str]]:

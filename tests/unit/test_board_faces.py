@@ -1,0 +1,76 @@
+"""Which parts of a craft with too many triangles a board draws: those that tell how it is turned."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from simulator.targets import faces
+from simulator.targets.builders.solids import box
+from simulator.targets.model import Part
+
+
+def part(name: str, material: str, low: Any, high: Any) -> Part:
+    mesh = box(low, high)
+    return Part(
+        name=name,
+        material=material,
+        positions_m=mesh.positions_m,
+        normals=mesh.normals,
+        triangles=mesh.triangles,
+    )
+
+
+@pytest.fixture(autouse=True)
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if boards could draw few triangles; a cover fine enough for boxes."""
+    monkeypatch.setattr(faces, "MOST_TRIANGLES", 40)
+    monkeypatch.setattr(faces, "PITCH", 0.02)
+
+
+BODY = part("body", "cloth", (-1, -1, -1), (1, 1, 1))
+DISH = part("dish", "cloth", (-0.3, -0.3, 1.5), (0.3, 0.3, 1.54))
+STRIPE = part("stripe", "gold", (0.999, -0.2, -0.2), (1.005, 0.2, 0.2))
+# a blanket of the body's own cloth all over one side, and hardware inside
+BLANKET = part("blanket", "cloth", (-1, -1.006, -1), (1, -0.999, 1))
+INSIDE = part("inside", "gold", (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
+
+
+def shown(monkeypatch: pytest.MonkeyPatch, most_seen: int) -> tuple[np.ndarray, list[str]]:
+    monkeypatch.setattr(faces, "MOST_SEEN", most_seen)
+    return faces.outer_triangles([[BODY], [BODY, BLANKET, INSIDE, STRIPE, DISH]])
+
+
+def test_parts_that_tell_the_attitude_are_drawn_and_covers_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    triangles, material = shown(monkeypatch, 45)
+    middles = triangles.mean(axis=1)
+    assert np.sum(middles[:, 2] > 1.4) >= 10
+    assert material.count("gold") >= 2
+    # nothing of the blanket; and the side it covered is whole again
+    covered = np.abs(middles[:, 1] + 1) < 0.02
+    assert np.all(np.ptp(triangles[covered][..., 1], axis=1) < 1e-6)
+    assert np.allclose(middles[covered, 1], -1)
+    area = np.linalg.norm(
+        np.cross(
+            triangles[covered, 1] - triangles[covered, 0], triangles[covered, 2] - triangles[covered, 0]
+        ),
+        axis=1,
+    )
+    assert 0.5 * area.sum() == pytest.approx(4.0)
+    assert not np.any(np.abs(middles).max(axis=1) < 0.6)
+
+
+def test_what_stands_off_the_craft_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    # room for one more part: the dish, which has less area than the stripe would need to be preferred
+    triangles, material = shown(monkeypatch, 12 + 13)
+    assert "gold" not in material
+    assert np.sum(triangles.mean(axis=1)[:, 2] > 1.4) >= 10
+
+
+def test_a_craft_whose_coarsest_form_is_too_much_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(faces, "MOST_TRIANGLES", 11)
+    triangles, material = faces.outer_triangles([[BODY], [BODY, DISH]])
+    assert not len(triangles)
+    assert not material
