@@ -21,6 +21,7 @@ from hil.board.svd.roi import Region
 from hil.board.svd.score import support
 from hil.board.svd.search import twins
 from hil.board.svd.shade import Canvas, draw_faces
+from hil.board.svd.turned import check_turned
 from hil.board.svd.verify import SMALL_PX, check_leaning, choose_by_picture
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
@@ -132,3 +133,16 @@ def test_the_winner_s_twins_are_asked_though_another_pose_led(craft: Craft, fram
     assert np.degrees(quat.angle_rad(choice.end.fit.q, Q)) < 0.5
     for twin in twins(craft, [held.start])[0][:3]:
         assert min(np.degrees(quat.angle_rad(r.start.q, twin)) for r in asked["ranked"]) < 2.0
+
+
+def test_half_a_turn_is_told_by_the_finer_picture(craft: Craft, frame: Frame) -> None:
+    s = craft.model.symmetry_wxyz[0]
+    turned = quat.normalise(quat.multiply(Q, s))
+    for q in (turned, Q):
+        after = check_turned(craft, frame, choice_of(craft, frame, q, T_M))
+        assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 0.5
+        assert np.linalg.norm(after.end.fit.t - T_M) < 0.02
+        # the drawings differ where the picture is the one and not the other, and the other is told
+        assert after.evidence.margin > 0.1 * after.end.score
+        other = min(quat.angle_rad(a.q_camera_from_target_wxyz, turned) for a in after.alternatives)
+        assert np.degrees(other) < 12

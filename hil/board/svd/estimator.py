@@ -23,6 +23,7 @@ from hil.board.svd.refine import FineFit
 from hil.board.svd.roi import REDUCTION, Region, propose_regions
 from hil.board.svd.score import support
 from hil.board.svd.search import search_region
+from hil.board.svd.turned import check_turned
 from hil.board.svd.verify import ALL_LEADERS, LEADERS, align_leaders, check_leaning, choose_by_picture
 
 Array = np.ndarray
@@ -149,6 +150,9 @@ class PoseEstimator(Estimator):
             self.craft, frame, found, ALL_LEADERS if thorough else LEADERS, shadows=thorough
         )
         choice = choose_by_picture(self.craft, frame, leaders, thorough=thorough)
+        if self.first is None:
+            # a first look's weights know which way round their craft is
+            choice = check_turned(self.craft, frame, choice)
         result = self._told(frame, _all_of(choice))
         if thorough or not result.accepted or not doubtful(choice.evidence):
             return result
