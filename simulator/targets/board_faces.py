@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 # A face larger than this divides space in the tree [share of the craft's size, squared].
 LARGE = 1.2e-3
 
+# Decimals of the planes in the file.
+PLANE_DIGITS = 6
+
 
 def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
     """Outer faces of a craft, paired, and ordered by a tree; none where they are too many.
@@ -47,12 +50,14 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
     tree = face_tree.build_tree(corners, area > LARGE * size**2)
     places = np.array(tree.corners_m)
     step = float(np.abs(places).max()) / 32000
+    n = PLANE_DIGITS
     packed = zlib.compress(np.rint(places / step).astype("<i2").tobytes(), 9)
     return FacesRecord(
         step_m=step,
         corners=base64.b64encode(packed).decode(),
         material=tuple(names.index(of[k]) for k in tree.source),
-        plane=tuple(tree.plane),
+        # a micrometre: what lies in a plane is told by twenty
+        plane=tuple((round(a, n), round(b, n), round(c, n), round(d, n)) for a, b, c, d in tree.plane),
         children=tuple(tree.children),
         members=tuple(tuple(m) for m in tree.members),
     )

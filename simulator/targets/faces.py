@@ -30,7 +30,7 @@ MOST_TRIANGLES = 9000
 # Of a craft that has more, so many that can be seen are kept, the parts first that show most for each of theirs. What
 # lies within this of the coarse craft's surface and is of its material shows nothing new [share of the craft's size].
 # A triangle, and a part, must show this much of itself [share of the size, squared].
-MOST_SEEN, NEW, LEAST_TRIANGLE, LEAST_PART = 5000, 0.006, 1e-7, 1e-4
+MOST_SEEN, NEW, LEAST_TRIANGLE, LEAST_PART = 4200, 0.006, 1e-7, 1e-4
 
 # What stands off the craft is seen on the outline too, and casts shadows: what its area counts.
 ALOFT = 3.0

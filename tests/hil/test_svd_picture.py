@@ -11,6 +11,7 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+import trimesh
 
 from hil.board.svd import BoardModelError, CameraIntrinsics
 from hil.board.svd import quaternion as quat
@@ -421,3 +422,25 @@ def test_of_poses_side_by_side_those_behind_stay_and_doubles_go() -> None:
     assert [c.score for c in going] == [0.6, 0.4]
     assert [c.score for c in stay] == [0.2]
     assert len(Left(-9.0, 0.0).of(courses)[0]) == 4
+
+
+def test_a_round_craft_has_a_brightness_for_each_sixth_of_a_direction() -> None:
+    ball = trimesh.creation.icosphere(2, 0.5)
+    shell = Part(
+        name="ball",
+        material="paint",
+        positions_m=ball.vertices.astype(np.float32),
+        normals=ball.vertex_normals.astype(np.float32),
+        triangles=ball.faces.astype(np.uint32),
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("simulator.targets.faces.PITCH", 0.02)
+        made = make_faces([[shell]])
+    assert made is not None
+    faces = Faces.from_dict(msgspec.to_builtins(made))
+    finer = faces.finer()
+    for f, widest_deg in ((faces, 28.0), (finer, 14.0)):
+        away = np.sum(f.normals * f.group_normals[f.group], axis=1)
+        assert np.degrees(np.arccos(np.clip(away, -1, 1))).max() < widest_deg
+    assert finer.groups > 1.5 * faces.groups
+    assert np.array_equal(finer.corners, faces.corners)

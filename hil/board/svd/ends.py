@@ -38,6 +38,9 @@ OTHER_END_RAD = float(np.radians(5.0))
 # Longest side of the picture for the final alignment [px], and its blurs.
 FINAL_PX, FINAL_BLURS, LAST_BLURS = 230, (1.2, 0.8), (0.3, 0.0)
 
+# The same of a round craft: its turn about the axis is told by small parts alone.
+ROUND_FINAL_PX = 400
+
 # The first ones of an alignment again after one that moved by more, and by less [rad].
 FAR_RAD, FAR_BLURS, NEAR_BLURS = float(np.radians(1.0)), (3.0, 2.0, 1.2, 0.8), (0.8,)
 
@@ -114,7 +117,9 @@ def conclude(
 
 def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> End:
     """A pose aligned to the end, with the shadows the craft casts on itself."""
-    canvas = make_canvas(craft, frame, craft_box(craft, start.q, start.t), FINAL_PX)
+    canvas = make_canvas(
+        craft, frame, craft_box(craft, start.q, start.t), ROUND_FINAL_PX if craft.round else FINAL_PX
+    )
     # drawn as large as it is only once it is there: from afar what is thin and bright attracts more as it was
     exact = replace(canvas, clipped=frame.clipped, exact=True)
     faces, camera = faces_of(craft), craft.camera.pinhole

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Dict, Optional, Tuple
 
@@ -81,6 +81,7 @@ class Craft:
     samples : points on the wireframe, ``spacing_m`` apart. occ : what hides them.
     figures : triads of the wireframe. tables : views of it, near and far.
     centre_m, radius_m : sphere that holds it. suns : it as the Sun may see it; None without faces.
+    round : whether much of its outline lies on curved surfaces.
     """
 
     model: BoardModel
@@ -93,6 +94,7 @@ class Craft:
     centre_m: Array
     radius_m: float
     suns: Optional[SunTable] = None
+    round: bool = False
 
     @staticmethod
     def prepare(model: BoardModel, camera: CameraIntrinsics) -> Craft:
@@ -102,12 +104,14 @@ class Craft:
         samples, occ = sample_edges(model, spacing), occluders(model)
         # perspective changes shapes near by: one table near, one far
         tables = tuple(build_views(model, samples, occ, d * radius) for d in (4.5, 14.0))
-        if model.outlines is not None and is_round(model):
+        curved = is_round(model)
+        if model.outlines is not None and curved:
             tables = tuple(with_outlines(view, model.outlines, model.centre_m) for view in tables)
         suns = None if model.faces is None else SunTable.of(model.faces)
-        return Craft(
-            model, camera, samples, spacing, occ, model_triads(model), tables, model.centre_m, radius, suns
-        )
+        if model.faces is not None and curved:
+            model = replace(model, faces=model.faces.finer())
+        figures, centre = model_triads(model), model.centre_m
+        return Craft(model, camera, samples, spacing, occ, figures, tables, centre, radius, suns, curved)
 
 
 # Of poses that edges have not been asked about.

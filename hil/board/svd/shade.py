@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import base64
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Dict, Tuple, Union
 
@@ -85,10 +85,14 @@ class Faces:
             raise ValueError("the tree of faces names a face that is not there")
         n = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-18)
-        key = np.concatenate([material[:, None], np.rint(n * 3)], axis=1).astype(int)
-        unique, group = np.unique(key, axis=0, return_inverse=True)
+        group, groups = _grouped(material, n, 3)
         offset = np.einsum("ij,ij->i", n, corners[:, 0])
-        return Faces(corners, n, offset, group.ravel(), len(unique), material, plane, children, members)
+        return Faces(corners, n, offset, group, groups, material, plane, children, members)
+
+    def finer(self) -> Faces:
+        """The same with groups half as wide: on a round body brightness changes by as much as between materials."""
+        group, groups = _grouped(self.material, self.normals, 6)
+        return replace(self, group=group, groups=groups)
 
     @cached_property
     def labels(self) -> Array:
@@ -162,6 +166,13 @@ class Faces:
     @cached_property
     def _middles(self) -> Array:
         return np.asarray(self.corners.mean(axis=1))
+
+
+def _grouped(material: Array, normals: Array, steps: int) -> Tuple[Array, int]:
+    """Group of each face, one material and nearly one direction, and how many there are."""
+    key = np.concatenate([material[:, None], np.rint(normals * steps)], axis=1).astype(int)
+    unique, group = np.unique(key, axis=0, return_inverse=True)
+    return group.ravel(), len(unique)
 
 
 @dataclass(frozen=True, eq=False)

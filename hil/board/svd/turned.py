@@ -26,7 +26,7 @@ TURNED_PX, SUN_PX = 350, 480
 
 # Pixels speak in which two drawings differ by so many sigma; what the drawing itself is wrong by, share of the light;
 # no pixel counts for more than so many sigma.
-DIFFERENT, WRONG_BY, BOUND = 3.0, 0.15, 3.0
+DIFFERENT, WRONG_BY, BOUND, BLURS = 3.0, 0.15, 3.0, (0.0, 1.0)
 
 # What a preference counts for as a margin, in scores: on the same frames wrong choices had 0.22 at most.
 MARGIN_OF_PREFERENCE = 1.0 / 3.0
@@ -44,8 +44,8 @@ class Turned:
 def check_turned(craft: Craft, frame: Frame, choice: Choice) -> Choice:
     """A choice again beside its end turned by each near-symmetry of the craft, all aligned to their ends.
 
-    Which of them it is the score on a finer picture says. How sure that is, the pixels say in which the best two
-    drawings differ: of a craft of 15 m a dish and a few sensors, a hundredth of the score.
+    Which of them it is, and how surely, the pixels of a finer picture say in which two drawings differ: of a craft of
+    15 m these are a dish and a few sensors, a hundredth of the score.
     """
     symmetries = craft.model.symmetry_wxyz
     if not len(symmetries):
@@ -65,17 +65,20 @@ def check_turned(craft: Craft, frame: Frame, choice: Choice) -> Choice:
         make_canvas(craft, frame, _box(craft, ends), TURNED_PX), clipped=frame.clipped, exact=True
     )
     held = [Turned(s, e, _drawn(craft, canvas, e)) for s, e in zip(starts, ends)]  # noqa: B905 - Python 3.9
-    held.sort(key=lambda h: -h.drawn.score)
-    best, other = held[0], held[1]
+    best = held[0]
+    for h in held[1:]:
+        if preference(h.drawn, best.drawn, canvas) > 0:
+            best = h
+    clear = min(preference(best.drawn, h.drawn, canvas) for h in held if h is not best)
     q, t = best.end.fit.q, best.end.fit.t
     # what is one of these was judged here
     twins = [quat.multiply(q, s) for s in symmetries]
     others = [r for r in choice.ranked if all(quat.angle_rad(r.fit.q, w) > DISTINCT_RAD for w in twins)]
     new = conclude(craft, frame, choice.close, others, [best.start], [best.end])
-    behind = preference(best.drawn, other.drawn, canvas) * best.end.score * MARGIN_OF_PREFERENCE
+    behind = clear * best.end.score * MARGIN_OF_PREFERENCE
     evidence = replace(new.evidence, margin=min(new.evidence.margin, behind))
     poses = [(r.fit.q, r.fit.t, r.score) for r in others]
-    poses += [(h.end.fit.q, h.end.fit.t, h.end.score) for h in held[1:]]
+    poses += [(h.end.fit.q, h.end.fit.t, h.end.score) for h in held if h is not best]
     frame.count("turned", len(held))
     frame.mark("verify")
     return replace(new, evidence=evidence, alternatives=alternatives(poses, q, t))
@@ -83,14 +86,21 @@ def check_turned(craft: Craft, frame: Frame, choice: Choice) -> Choice:
 
 def preference(best: Shadowed, other: Shadowed, canvas: Canvas) -> float:
     """How clearly a picture is the one drawing and not the other, -1 to 1: by the pixels in which they differ."""
-    blur = OPTICS_PX / canvas.factor
-    a, b = (canvas.response.of(blurred(d.shading.picture, blur))[0] for d in (best, other))
-    differ = np.abs(a - b) > DIFFERENT * canvas.sigma
-    sigma = np.hypot(canvas.sigma, WRONG_BY * np.maximum(a, b))
-    off_a, off_b = (
-        float(np.sum(np.minimum(((canvas.gray - drawn) / sigma)[differ] ** 2, BOUND**2))) for drawn in (a, b)
+    a, b = (
+        canvas.response.of(blurred(d.shading.picture, OPTICS_PX / canvas.factor))[0] for d in (best, other)
     )
-    return (off_b - off_a) / max(off_b + off_a, 1e-9)
+    out = []
+    # as it is for what is small, smoothed for what is faint
+    for blur in BLURS:
+        gray, drawn_a, drawn_b = (p if blur == 0 else blurred(p, blur) for p in (canvas.gray, a, b))
+        noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
+        differ = np.abs(drawn_a - drawn_b) > DIFFERENT * noise
+        sigma = np.hypot(noise, WRONG_BY * np.maximum(drawn_a, drawn_b))
+        off_a, off_b = (
+            float(np.sum(np.minimum(((gray - d) / sigma)[differ] ** 2, BOUND**2))) for d in (drawn_a, drawn_b)
+        )
+        out.append((off_b - off_a) / max(off_b + off_a, 1e-9))
+    return float(np.mean(out))
 
 
 def _box(craft: Craft, ends: List[End]) -> Tuple[int, int, int, int]:
