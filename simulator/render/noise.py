@@ -22,6 +22,7 @@ _BROAD, _FINE = 512, 1024  # texels of the two fields: one over the whole tile, 
 _BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
 _OPEN = 0.66  # share of the land without woods
 _SEED = 20040800
+_STRIP = 1 << 14  # values that are looked up at a time
 
 
 def detail_texture() -> ByteArray:
@@ -146,7 +147,9 @@ def _even(image: Float32Array) -> Float32Array:
     below = np.append(0, np.cumsum(counts)) / image.size
     # a table of even steps: quicker than a search for every value
     rise, out = np.diff(below), np.empty(image.shape, np.float32)
-    for rows, into in zip(image, out, strict=True):  # row by row, in a processor's own memory
+    rows_each = max(_STRIP // image.shape[1], 1)  # in a processor's own memory
+    for first in range(0, len(image), rows_each):
+        rows, into = (whole[first : first + rows_each] for whole in (image, out))
         place = (rows - float(edges[0])) * float(4096 / (edges[-1] - edges[0]))
         k = np.minimum(place.astype(np.int32), 4095)
         np.add(below[k], (place - k) * rise[k], out=into)

@@ -1,16 +1,17 @@
 """Target files written: a Target as binary glTF 2.0, which `glb` reads back to the same bits.
 
-One node and one mesh per part; a root node turns the model's z axis to glTF's y for viewers. Apart from the reading,
-because pygltflib takes long to import and a picture needs none of it.
+One node and one mesh per part; a root node turns the model's z axis to glTF's y for viewers. The document is plain
+JSON of glTF 2.0, sections 3 and 5: a library's classes for it took as long as building a craft.
 """
 
 from __future__ import annotations
 
+import json
+import struct
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
-import pygltflib as gl
 
 from simulator.files import write_atomic
 from simulator.targets.convert import record_of
@@ -24,7 +25,13 @@ if TYPE_CHECKING:
 
     from simulator.targets.model import Material, Part, Picture, Target
 
+# glTF 2.0 specification: sections 5.11.5 (use of a buffer), 3.6.2.2 (numbers), 5.24.4 (triangles), 5.26 (samplers)
+ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, TRIANGLES = 34962, 34963, 5126, 5125, 4
+LINEAR, LINEAR_MIPMAP_LINEAR, REPEAT = 9729, 9987, 10497
 Y_UP_FROM_Z_UP_XYZW = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
+
+
+Json = dict[str, Any]
 
 
 def write_glb(target: Target, path: Path) -> None:
@@ -35,48 +42,70 @@ def write_glb(target: Target, path: Path) -> None:
     UserError
         If the file cannot be written.
     """
-    document, blob = gl.GLTF2(asset=gl.Asset(version="2.0", generator="flyaround")), bytearray()
-    document.materials = [_gltf_material(m, target.pictures) for m in target.materials]
+    document: Json = {
+        "asset": {"version": "2.0", "generator": "flyaround"},
+        "accessors": [],
+        "bufferViews": [],
+        "materials": [_gltf_material(m, target.pictures) for m in target.materials],
+        "meshes": [],
+        "nodes": [],
+    }
+    blob = bytearray()
     index = {m.name: k for k, m in enumerate(target.materials)}
     grain = {m.name: m for m in target.materials if m.anisotropy > 0}
     for part in target.parts:
-        at = [
-            _append(document, blob, np.ascontiguousarray(part.positions_m, "<f4"), gl.ARRAY_BUFFER),
-            _append(document, blob, np.ascontiguousarray(part.normals, "<f4"), gl.ARRAY_BUFFER),
-            _append(document, blob, np.ascontiguousarray(part.triangles, "<u4"), gl.ELEMENT_ARRAY_BUFFER),
-        ]
-        uv = None
+        attributes = {
+            "POSITION": _append(document, blob, np.ascontiguousarray(part.positions_m, "<f4"), ARRAY_BUFFER),
+            "NORMAL": _append(document, blob, np.ascontiguousarray(part.normals, "<f4"), ARRAY_BUFFER),
+        }
+        triangles = np.ascontiguousarray(part.triangles, "<u4")
+        indices = _append(document, blob, triangles, ELEMENT_ARRAY_BUFFER)
         if part.uv is not None:
-            uv = _append(document, blob, np.ascontiguousarray(part.uv, "<f4"), gl.ARRAY_BUFFER)
-        tangent = None
+            uv = np.ascontiguousarray(part.uv, "<f4")
+            attributes["TEXCOORD_0"] = _append(document, blob, uv, ARRAY_BUFFER)
         if part.material in grain:
-            tangent = _append(document, blob, _tangents(part, grain[part.material]), gl.ARRAY_BUFFER)
-        primitive = gl.Primitive(
-            attributes=gl.Attributes(POSITION=at[0], NORMAL=at[1], TANGENT=tangent, TEXCOORD_0=uv),
-            indices=at[2],
-            material=index[part.material],
-        )
-        document.meshes.append(gl.Mesh(name=part.name, primitives=[primitive]))
-        document.nodes.append(gl.Node(name=part.name, mesh=len(document.meshes) - 1))
+            tangents = _tangents(part, grain[part.material])
+            attributes["TANGENT"] = _append(document, blob, tangents, ARRAY_BUFFER)
+        primitive = {
+            "attributes": attributes,
+            "indices": indices,
+            "material": index[part.material],
+            "mode": TRIANGLES,
+        }
+        document["meshes"].append({"name": part.name, "primitives": [primitive]})
+        document["nodes"].append({"name": part.name, "mesh": len(document["meshes"]) - 1})
     _append_pictures(document, blob, target.pictures)
-    children = list(range(len(document.nodes)))
-    document.nodes.append(gl.Node(name=target.name, children=children, rotation=Y_UP_FROM_Z_UP_XYZW))
+    children = list(range(len(document["nodes"])))
+    document["nodes"].append({"name": target.name, "children": children, "rotation": Y_UP_FROM_Z_UP_XYZW})
     extras = {"flyaround": msgspec.to_builtins(record_of(target))}
-    document.scenes = [gl.Scene(name=target.name, nodes=[len(children)], extras=extras)]
-    document.scene = 0
-    document.buffers = [gl.Buffer(byteLength=len(blob))]
+    document["scenes"] = [{"name": target.name, "nodes": [len(children)], "extras": extras}]
+    document["scene"] = 0
+    document["buffers"] = [{"byteLength": len(blob)}]
     used = {CLEARCOAT: any(m.clearcoat > 0 for m in target.materials), ANISOTROPY: bool(grain)}
     if any(used.values()):
-        document.extensionsUsed = [name for name, is_used in used.items() if is_used]
-    document.set_binary_blob(bytes(blob))
-    write_atomic(path, b"".join(document.save_to_bytes()))
+        document["extensionsUsed"] = [name for name, is_used in used.items() if is_used]
+    write_atomic(path, _chunks(document, bytes(blob)))
 
 
-def _gltf_material(m: Material, pictures: tuple[Picture, ...]) -> gl.Material:
-    pbr = gl.PbrMetallicRoughness(
-        baseColorFactor=[*m.base_color, 1.0], metallicFactor=m.metallic, roughnessFactor=m.roughness
+def _chunks(document: Json, blob: bytes) -> bytes:
+    """A GLB file of a document and its buffer (glTF 2.0 specification, section 4.4)."""
+    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    blob += b"\0" * (-len(blob) % 4)
+    chunks = b"".join(
+        struct.pack("<I4s", len(data), kind) + data for kind, data in ((b"JSON", text), (b"BIN\0", blob))
     )
-    extensions = {}
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _gltf_material(m: Material, pictures: tuple[Picture, ...]) -> Json:
+    pbr: Json = {
+        "baseColorFactor": [*m.base_color, 1.0],
+        "metallicFactor": m.metallic,
+        "roughnessFactor": m.roughness,
+    }
+    written: Json = {"name": m.name, "pbrMetallicRoughness": pbr, "alphaMode": "OPAQUE"}
+    extensions: Json = {}
     if m.clearcoat > 0:
         extensions[CLEARCOAT] = {
             "clearcoatFactor": m.clearcoat,
@@ -84,8 +113,16 @@ def _gltf_material(m: Material, pictures: tuple[Picture, ...]) -> gl.Material:
         }
     if m.anisotropy > 0:
         extensions[ANISOTROPY] = {"anisotropyStrength": m.anisotropy}
-    written = gl.Material(name=m.name, pbrMetallicRoughness=pbr, alphaMode=gl.OPAQUE, extensions=extensions)
-    _add_textures(written, m, pictures)
+    if extensions:
+        written["extensions"] = extensions
+    number = {p.name: k for k, p in enumerate(pictures)}
+    for place, key, texture in (
+        (pbr, "baseColorTexture", m.base_color_texture),
+        (pbr, "metallicRoughnessTexture", m.metallic_roughness_texture),
+        (written, "normalTexture", m.normal_texture),
+    ):
+        if texture:
+            place[key] = {"index": number[texture]}
     return written
 
 
@@ -102,51 +139,38 @@ def _tangents(part: Part, brushed: Material) -> NDArray[Any]:
     return np.column_stack([across, np.ones(len(across))]).astype("<f4")
 
 
-def _append(document: gl.GLTF2, blob: bytearray, data: NDArray[Any], use: int) -> int:
+def _append(document: Json, blob: bytearray, data: NDArray[Any], use: int) -> int:
     """Append an array to the buffer; returns the number of its accessor."""
-    document.bufferViews.append(
-        gl.BufferView(buffer=0, byteOffset=len(blob), byteLength=data.nbytes, target=use)
-    )
-    accessor = gl.Accessor(bufferView=len(document.bufferViews) - 1, count=data.size, type=gl.SCALAR)
-    accessor.componentType = gl.UNSIGNED_INT if use == gl.ELEMENT_ARRAY_BUFFER else gl.FLOAT
-    if use == gl.ARRAY_BUFFER:
-        accessor.type, accessor.count = ({2: gl.VEC2, 3: gl.VEC3, 4: gl.VEC4}[data.shape[1]]), len(data)
-        accessor.min, accessor.max = (f(data, axis=0).astype(float).tolist() for f in (np.min, np.max))
-    document.accessors.append(accessor)
+    view = {"buffer": 0, "byteOffset": len(blob), "byteLength": data.nbytes, "target": use}
+    document["bufferViews"].append(view)
+    accessor: Json = {"bufferView": len(document["bufferViews"]) - 1, "byteOffset": 0}
+    if use == ARRAY_BUFFER:
+        low, high = (f(data, axis=0).astype(float).tolist() for f in (np.min, np.max))
+        kind = {2: "VEC2", 3: "VEC3", 4: "VEC4"}[data.shape[1]]
+        accessor |= {"componentType": FLOAT, "count": len(data), "type": kind, "min": low, "max": high}
+    else:
+        accessor |= {"componentType": UNSIGNED_INT, "count": data.size, "type": "SCALAR"}
+    document["accessors"].append(accessor)
     blob += data.tobytes()
-    return len(document.accessors) - 1
+    return len(document["accessors"]) - 1
 
 
-def _append_pictures(document: gl.GLTF2, blob: bytearray, pictures: tuple[Picture, ...]) -> None:
+def _append_pictures(document: Json, blob: bytearray, pictures: tuple[Picture, ...]) -> None:
     """Embed the pictures after the vertex data, as one texture each, in order."""
     if not pictures:
         return
-    document.samplers = [
-        gl.Sampler(magFilter=gl.LINEAR, minFilter=gl.LINEAR_MIPMAP_LINEAR, wrapS=gl.REPEAT, wrapT=gl.REPEAT)
+    document["samplers"] = [
+        {"magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR, "wrapS": REPEAT, "wrapT": REPEAT}
     ]
+    document["images"], document["textures"] = [], []
     for k, picture in enumerate(pictures):
-        document.bufferViews.append(
-            gl.BufferView(buffer=0, byteOffset=len(blob), byteLength=len(picture.data))
-        )
-        document.images.append(
-            gl.Image(
-                name=picture.name,
-                mimeType=mime_of(picture.data),
-                bufferView=len(document.bufferViews) - 1,
-            )
-        )
-        document.textures.append(gl.Texture(sampler=0, source=k))
+        view = {"buffer": 0, "byteOffset": len(blob), "byteLength": len(picture.data)}
+        document["bufferViews"].append(view)
+        image = {
+            "name": picture.name,
+            "mimeType": mime_of(picture.data),
+            "bufferView": len(document["bufferViews"]) - 1,
+        }
+        document["images"].append(image)
+        document["textures"].append({"sampler": 0, "source": k})
         blob += picture.data + b"\0" * (-len(picture.data) % 4)
-
-
-def _add_textures(written: gl.Material, m: Material, pictures: tuple[Picture, ...]) -> None:
-    """Let a glTF material refer to the pictures that ``m`` names."""
-    number = {p.name: k for k, p in enumerate(pictures)}
-    if m.base_color_texture:
-        written.pbrMetallicRoughness.baseColorTexture = gl.TextureInfo(index=number[m.base_color_texture])
-    if m.metallic_roughness_texture:
-        written.pbrMetallicRoughness.metallicRoughnessTexture = gl.TextureInfo(
-            index=number[m.metallic_roughness_texture]
-        )
-    if m.normal_texture:
-        written.normalTexture = gl.NormalMaterialTexture(index=number[m.normal_texture])

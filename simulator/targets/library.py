@@ -132,7 +132,7 @@ def _built_in(entry: TargetEntry, detail: Detail) -> Target:
     path = cache_folder() / f"{name}-{source_key()}.glb"
     if path.is_file():
         try:
-            return load_glb(path)
+            return load_glb(path, checked=True)
         except UserError as error:
             # a damaged cache is not the user's mistake: build again
             log.warning("rebuilding %s: %s", name, error)
