@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.bench.labelled import labels_cost
+from simulator.camera.files import load_camera
 from simulator.labels.frame import take_frame
 from simulator.loop import plan_flight
 from simulator.render.reference_pass import ReferencePass
@@ -31,8 +32,12 @@ BENCH_SCENES = (
     "tango-close-3m",
     "tango-earth-10m-1024+rgb",
     "tango-earth-10m-1024+blur",
+    "tango-space-10m+1024",
+    "tango-close-3m+1024",
 )
-"""Built-in scenarios; ``+rgb`` in three bands, ``+blur`` exposed while the ground moves by half a pixel."""
+"""Built-in scenarios; ``+rgb`` in three bands, ``+blur`` exposed while the ground moves by half a pixel, ``+1024`` on a
+square of 1024 pixels."""
+SQUARE_CAMERA = "square-1024"
 BLUR_EXPOSURE_S = 0.02
 BLOCK = 5  # frames between two looks at the reference: both see the same machine
 REFERENCE_LAPS = 2
@@ -107,6 +112,8 @@ def _scenes(name: str, n_frames: int) -> tuple[Plan, tuple[SceneState, ...]]:
     scenario = load_scenario(scenario_name)
     times = tuple(scenario.duration_s / 2 + 0.05 * k for k in range(n_frames))
     plan = plan_flight(scenario, times=times)
+    if variant == "1024":
+        plan = replace(plan, camera=load_camera(SQUARE_CAMERA))
     scenes = tuple(replace(plan.scene(k), frame_index=k) for k in range(n_frames))
     if variant == "rgb":
         scenes = tuple(replace(scene, bands="rgb") for scene in scenes)

@@ -118,15 +118,15 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
     """
     pixel_rad = camera.pixel_angle_rad()
     # a multiple of four: derivatives are taken between neighbours of two by two texels of two by two pixels
-    size = int(np.clip(4 * round(CELL_RAD / pixel_rad / 4), _SMALLEST_PX, _LARGEST_PX))
+    size = min(max(4 * round(CELL_RAD / pixel_rad / 4), _SMALLEST_PX), _LARGEST_PX)
     bent = not camera.distortion.is_none
     x, y = _edges(camera.width_px, size), _edges(camera.height_px, size)
     d = directions(camera, x, y, earth.earth_from_camera)
     along = d @ earth.camera
-    perigee2 = np.clip(float(earth.camera @ earth.camera) - along**2, 0, None)
+    perigee2 = np.maximum(float(earth.camera @ earth.camera) - along**2, 0)
     disc = 1 - perigee2
     smooth_corner = (along < 0) & (disc > _SMOOTH_DISC)
-    depth = np.sqrt(np.clip(disc, 0, None))
+    depth = np.sqrt(np.maximum(disc, 0))
     distance = -along - depth
     smooth_corner &= np.abs(earth.camera[2] + distance * d[..., 2]) < _POLE_SINE
     # seen from far away a cell spans much of the Earth

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,9 +66,7 @@ def earth_view(view: View, camera: Camera, air: Atmosphere | None) -> EarthView:
     # a camera inside the air is put on its top: tables there have no lower side
     radius = float(np.linalg.norm(c))
     c = c * max(1.0, (1 + 1.01 * thickness) / radius)
-    x = np.linspace(-0.5, camera.width_px - 0.5, _GRID)
-    y = np.linspace(-0.5, camera.height_px - 0.5, _GRID)
-    d = directions(camera, x, y, M)
+    d = directions(camera, _places(camera.width_px), _places(camera.height_px), M)
     along = d @ c
     perigee2 = c @ c - along**2
     seen = (along < 0) & (perigee2 < top2)
@@ -76,20 +76,24 @@ def earth_view(view: View, camera: Camera, air: Atmosphere | None) -> EarthView:
     zenith = c / np.linalg.norm(c)
     mu_sun = float(zenith @ s)
     cosine = d @ zenith
-    horizontal = np.sqrt(np.clip((1 - cosine**2) * (1 - mu_sun**2), 1e-12, None))
-    azimuth = np.clip((d @ s - cosine * mu_sun) / horizontal, -1, 1)
+    horizontal = np.sqrt(np.maximum((1 - cosine**2) * (1 - mu_sun**2), 1e-12))
+    azimuth = np.minimum(np.maximum((d @ s - cosine * mu_sun) / horizontal, -1), 1)
     # the azimuth turns fast near the nadir: take all of it when the nadir is in or near the image
     boresight = M[:, 2] / np.linalg.norm(M[:, 2])
-    reach = float(np.arccos(np.clip((d @ boresight).min(), -1, 1)))
-    if np.arccos(np.clip(-zenith @ boresight, -1, 1)) < reach + 0.1 or np.any(cosine > 0.5):
+    reach = math.acos(_cosine((d @ boresight).min()))
+    if math.acos(_cosine(-zenith @ boresight)) < reach + 0.1 or np.any(cosine > 0.5):
         columns = (-1.0, 1.0)
     else:
         columns = (float(azimuth.min()), float(azimuth.max()))
     disc = 1 - perigee2
-    ground = np.sqrt(np.clip(disc[seen], 0, 1)) if seen.any() else np.array([0.0, 1.0])
-    sky = np.sqrt(np.clip(-disc[seen] / (top2 - 1), 0, 1)) if seen.any() else np.array([0.0, 1.0])
-    has_ground = not seen.any() or bool((disc[seen] > -0.05 * (top2 - 1)).any())
-    has_sky = not seen.any() or bool((perigee2[along < 0] > 1 - 0.3 * (top2 - 1)).any())
+    ground = sky = np.array([0.0, 1.0])
+    has_ground = has_sky = True
+    if seen.any():
+        met = disc[seen]
+        ground = np.sqrt(np.minimum(np.maximum(met, 0), 1))
+        sky = np.sqrt(np.minimum(np.maximum(met / (1 - top2), 0), 1))
+        has_ground = bool((met > -0.05 * (top2 - 1)).any())
+        has_sky = bool((perigee2[along < 0] > 1 - 0.3 * (top2 - 1)).any())
     return EarthView(
         M,
         c,
@@ -100,6 +104,18 @@ def earth_view(view: View, camera: Camera, air: Atmosphere | None) -> EarthView:
         (0.0 if has_ground else float(sky.min()), 1.0) if has_sky else None,
         columns,
     )
+
+
+@lru_cache(maxsize=16)
+def _places(length_px: int) -> FloatArray:
+    """The grid's columns or rows [px], read only."""
+    places = np.linspace(-0.5, length_px - 0.5, _GRID)
+    places.flags.writeable = False
+    return places
+
+
+def _cosine(value: FloatArray | float) -> float:
+    return min(max(float(value), -1.0), 1.0)
 
 
 def _rect(

@@ -57,7 +57,13 @@ class UniformBlock:
         itemsize = -(-offset // 16) * 16
         self.name, self.binding, self.fields = name, binding, fields
         self.dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": itemsize})
-        self._matrices = {f.name for f in fields if f.glsl_type == "mat4"}
+        self._bytes = np.zeros(itemsize, np.uint8)
+        record = np.ndarray((), self.dtype, self._bytes)
+        # GLSL stores matrices column by column
+        self._members = {
+            f.name: np.swapaxes(record[f.name], -1, -2) if f.glsl_type == "mat4" else record[f.name]
+            for f in fields
+        }
         self._buffer = context.buffer(reserve=itemsize)
         self._written: Mapping[str, ArrayLike] | None = None
 
@@ -83,15 +89,11 @@ class UniformBlock:
             self.bind()
             return
         self._written = values if isinstance(values, MappingProxyType) else None
-        record = np.zeros((), self.dtype)
-        for member in self.fields:
-            value = np.asarray(values[member.name], np.float32)
-            # GLSL stores matrices column by column
-            record[member.name] = np.swapaxes(value, -1, -2) if member.name in self._matrices else value
-        unknown = values.keys() - {f.name for f in self.fields}
-        if unknown:
-            raise KeyError(f"block {self.name} has no member {sorted(unknown)}")
-        self._buffer.write(record.tobytes())
+        for name, member in self._members.items():
+            member[...] = values[name]
+        if len(values) != len(self._members):
+            raise KeyError(f"block {self.name} has no member {sorted(values.keys() - self._members.keys())}")
+        self._buffer.write(self._bytes)
         self.bind()
 
     def bind(self) -> None:

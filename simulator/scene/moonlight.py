@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +25,7 @@ def moon_albedo(bands: Bands) -> FloatArray:
     return np.array([_ALBEDO[band.name] for band in bands_of(bands)])
 
 
-def disc_phase(angle_rad: FloatArray) -> FloatArray:
+def disc_phase(angle_rad: FloatArray | float) -> FloatArray:
     """Light of the whole disc over that at phase angle zero, 0..1.
 
     References
@@ -43,7 +44,7 @@ def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:
     r_moon_m : (3,) the Moon from where it shines. sun : (3,) unit vector to the Sun, the same frame.
     """
     distance = float(np.linalg.norm(r_moon_m))
-    phase = np.arccos(np.clip(-r_moon_m @ sun / distance, -1, 1))
+    phase = math.acos(min(max(float(-r_moon_m @ sun) / distance, -1.0), 1.0))
     return min(FULL_MOON_SHARE * float(disc_phase(phase)) * (384_400_000.0 / distance) ** 2, 1.0)
 
 
