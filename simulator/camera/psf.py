@@ -33,6 +33,8 @@ _WIDEST_DISC_PX = 2.0
 _SEEN = 0.45  # cycles per pixel; at Nyquist itself every kernel without negative taps is off
 _CHECKED = np.linspace(0, 0.5, 26)
 LARGEST_KERNEL = 63
+_ONE_THREAD_VALUES = 1 << 19  # so few OpenCV does not share out
+_WORTH_THREADS = 3 << 19
 
 
 def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
@@ -230,10 +232,26 @@ def blur(image: Float32Array, optics: Optics, sensor: Sensor, disc_px: float, ga
 
 
 def gaussian_blur(image: Float32Array, sigma_px: float, gain: float) -> Float32Array:
-    """A Gaussian blur times ``gain``; OpenCV shares the rows out to its own threads."""
+    """A Gaussian blur times ``gain``; small pictures in pieces, so that OpenCV leaves its threads alone.
+
+    A megapixel is no sooner ready with them, and they spin for two milliseconds after it, while the driver is to draw
+    the next frame.
+    """
     taps = gaussian_taps(sigma_px)
     scaled = (taps * np.float32(gain)).astype(np.float32)
-    return np.asarray(cv2.sepFilter2D(image, cv2.CV_32F, taps, scaled, borderType=cv2.BORDER_REPLICATE))
+    reach, rows = len(taps) // 2, len(image)
+    if image.size <= _WORTH_THREADS:
+        rows = max(_ONE_THREAD_VALUES // max(image[0].size, 1), len(taps))
+    out = np.empty(image.shape, np.float32)
+    for first in range(0, len(image), rows):
+        # rows at a cut come out wrong, as if the picture ended there: those above are kept, those below made again
+        above, end = max(first - reach, 0), min(first + rows + reach, len(image))
+        kept = out[above:first].copy()
+        cv2.sepFilter2D(
+            image[above:end], cv2.CV_32F, taps, scaled, dst=out[above:end], borderType=cv2.BORDER_REPLICATE
+        )
+        out[above:first] = kept
+    return out
 
 
 def defocus_px(camera: Camera, optics: Optics, sensor: Sensor, distance_m: float) -> float:

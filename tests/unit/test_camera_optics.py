@@ -1,8 +1,10 @@
 """The lens: stray light of the Sun, and the wings of its point spread function."""
 
+import cv2
 import numpy as np
 import pytest
 
+from simulator.camera import psf
 from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.psf import blur, optics_mtf, psf_kernel, psf_pyramid, used_mtf
@@ -108,3 +110,13 @@ def test_a_wide_measured_kernel_is_drawn_as_it_is_also_where_it_is_lopsided():
     assert (
         psf_pyramid(Optics(psf="kernel", kernel=tuple(map(tuple, rough / rough.sum()))), SQUARE, 0.0) is None
     )
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (9, 500), (64, 31, 3), (131, 40)])
+@pytest.mark.parametrize("sigma_px", [0.4, 1.0, 4.0])
+def test_a_blur_of_some_rows_after_the_others_is_that_of_all_at_once(shape, sigma_px, monkeypatch):
+    monkeypatch.setattr(psf, "_ONE_THREAD_VALUES", 1000)
+    image = np.random.default_rng(2).random(shape, np.float32)
+    taps = psf.gaussian_taps(sigma_px)
+    whole = cv2.sepFilter2D(image, cv2.CV_32F, taps, taps * np.float32(0.3), borderType=cv2.BORDER_REPLICATE)
+    np.testing.assert_array_equal(psf.gaussian_blur(image, sigma_px, 0.3), whole.reshape(shape))
