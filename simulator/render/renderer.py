@@ -188,6 +188,8 @@ class Renderer:
         cells_px = None if sampled is None else sampled.cells_px
         if scene.bands in self._begun:
             self._compile_ahead(scene, view, images, cells_px, clock)
+            if sampled is not None:
+                passes.compile_ahead(sampled, scene.bands, images)
         if sampled is not None and sky is None:
             awaited = self._begun.get(scene.bands)
             if awaited is not None:

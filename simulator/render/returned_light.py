@@ -31,18 +31,18 @@ _SKY_SAMPLES = 64
 
 
 class AtlasTextures:
-    """What `transfer` baked, on the GPU: visibility, and the light returned in the frame at hand."""
+    """What `transfer` baked, on the GPU: visibility, and the light returned in the frame at hand.
 
-    def __init__(self, context: moderngl.Context, mesh: Mesh, made: Transfer) -> None:
-        self._made = made
-        size = mesh.charts.size_px
-        bands = len(made.returned)
-        self._image = np.zeros((size[0] * size[1], bands), np.uint16)
-        self.visibility = context.texture(size, 4, made.visibility.tobytes(), alignment=1)
-        self.returned = context.texture(size, bands, dtype="f2", alignment=1)
-        for texture in (self.visibility, self.returned):
-            texture.filter = (context.LINEAR, context.LINEAR)
-            texture.repeat_x = texture.repeat_y = False
+    Parameters
+    ----------
+    pair : textures of the atlas's size for the two.
+    """
+
+    def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], made: Transfer) -> None:
+        self._made, self.pair = made, pair
+        self.visibility, self.returned = pair
+        self._image = np.zeros((self.returned.width * self.returned.height, len(made.returned)), np.uint16)
+        self.visibility.write(made.visibility.tobytes(), alignment=1)
         self._last: bytes = b""
 
     def update(self, view: View) -> None:
@@ -80,12 +80,19 @@ class ReturnedLight:
     def __init__(self, context: moderngl.Context, mesh: Mesh, patch: int = PATCH) -> None:
         self._context, self._mesh, self._patch = context, mesh, patch
         self._begun: dict[Bands, Future[Transfer]] = {}
+        self._empty: dict[Bands, tuple[moderngl.Texture, moderngl.Texture]] = {}
         self._kept: dict[Bands, AtlasTextures] = {}
 
     def begin(self, bands: Bands) -> None:
         """Bake on another thread, unless that is done already: a second's work that needs no OpenGL."""
         if bands in self._kept or bands in self._begun:
             return
+        size, n = self._mesh.charts.size_px, 1 if bands == "mono" else 3
+        pair = self._context.texture(size, 4), self._context.texture(size, n, dtype="f2")
+        for texture in pair:
+            texture.filter = (self._context.LINEAR, self._context.LINEAR)
+            texture.repeat_x = texture.repeat_y = False
+        self._empty[bands] = pair
         pool = ThreadPoolExecutor(1)
         share = _returned_share(self._mesh.materials, bands)
         self._begun[bands] = pool.submit(baked_transfer, self._mesh, share, self._patch)
@@ -95,8 +102,14 @@ class ReturnedLight:
         """The textures, whatever frame they were last updated to."""
         if bands not in self._kept:
             self.begin(bands)
-            self._kept[bands] = AtlasTextures(self._context, self._mesh, self._begun.pop(bands).result())
+            self._kept[bands] = AtlasTextures(self._empty.pop(bands), self._begun.pop(bands).result())
         return self._kept[bands]
+
+    def stand_ins(self, bands: Bands) -> dict[str, moderngl.Texture]:
+        """The textures by the names of the shading's samplers, whatever is in them while they are being baked."""
+        self.begin(bands)
+        visibility, returned = self._empty[bands] if bands in self._empty else self.bake(bands).pair
+        return {"t_open": visibility, "t_returned": returned}
 
     def update(self, bands: Bands, view: View) -> AtlasTextures:
         """The textures of a frame."""
@@ -108,7 +121,10 @@ class ReturnedLight:
         """Free the textures."""
         for textures in self._kept.values():
             textures.release()
-        self._kept.clear()
+        for texture in (one for pair in self._empty.values() for one in pair):
+            texture.release()
+        for kept in (self._kept, self._empty, self._begun):
+            kept.clear()
 
 
 def _returned_share(materials: Sequence[Material], bands: Bands) -> FloatArray:

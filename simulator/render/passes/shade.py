@@ -8,6 +8,7 @@ import numpy as np
 
 from simulator.render.cover import CELL_PX
 from simulator.render.lattice import lattice_defines
+from simulator.render.levels import draw_one_point
 from simulator.render.passes.edges import edge_defines
 from simulator.render.passes.gbuffer import normal_bits
 from simulator.render.programs import FULL_SCREEN
@@ -86,6 +87,8 @@ class ShadePass:
         cells_px: FloatArray,
         program: Program,
         textures: dict[str, moderngl.Texture],
+        *,
+        ahead: bool = False,
     ) -> None:
         """Shade the pixels of ``rect`` that the target may touch.
 
@@ -93,6 +96,7 @@ class ShadePass:
         ----------
         cells_px : (K, 2) centres of the cells of those pixels.
         textures : by the names of the program's samplers.
+        ahead : draw the first cell alone, while other threads go on: a software driver compiles the program then.
         """
         framebuffer.use()
         # whole cells, beyond the image's edge too: a point is dropped when its middle is outside
@@ -112,7 +116,10 @@ class ShadePass:
         for name, image in (("u_texel", "t_surface"), ("u_slope_texel", "t_slope")):
             columns, rows = textures[image].size
             program.set(name, (1 / columns, 1 / rows))
-        self._arrays[program].render(vertices=len(cells))
+        if ahead:
+            draw_one_point(self._arrays[program])
+        else:
+            self._arrays[program].render(vertices=len(cells))
 
 
 def _defines(bands: int, mesh: Mesh, shadow_window: int) -> dict[str, object]:

@@ -302,6 +302,13 @@ class TargetPasses:
             loaded.returned,
         )
 
+    def compile_ahead(self, sampled: Sampled, bands: Bands, images: Images) -> None:
+        """Have the driver compile the shading while light is baked; what it draws is to be cleared."""
+        textures = sampled.textures | sampled.returned.stand_ins(bands)
+        cells, program = sampled.edged_px[:1], sampled.program
+        if len(cells):
+            self._shade.run(images.target_framebuffer, sampled.rect, cells, program, textures, ahead=True)
+
     def shade(self, sampled: Sampled, view: View, bands: Bands, images: Images) -> None:
         """Draw the target's radiance and coverage into ``images``, in the light of ``view``."""
         light = sampled.returned.update(bands, view)
