@@ -1,7 +1,7 @@
 // Radiance at the corners of a cell of the image that no edge comes near, and whether all between them is interpolated.
 //
-// That holds where one flat face fills the cell, the Sun lights all of it or nothing, and its middle confirms it. Faces
-// may cut through each other without an edge of the mesh there: a straight cut leaves some sample of a cell's corner pixels
+// That holds where one face fills the cell, flat or slightly bent, the Sun lights all of it or nothing, and its middle
+// confirms it. Faces may cut through each other without an edge of the mesh there: a straight cut leaves some sample of a cell's corner pixels
 // on the other side, so all of those are looked at.
 #include "common/rays.glsl"
 #include "target/lattice.glsl"
@@ -24,11 +24,13 @@ layout(location = 1) out vec4 out_green;
 layout(location = 2) out vec4 out_blue;
 #endif
 const float NOTHING = -2.0, UNEVEN = -1.0;
-const int FLAT_STEPS = 2;         // normals of a flat face differ by no more than the interpolation's rounding
-const float COPLANAR = 5e-5;      // of the distance, by which the middle may lie off the corners' plane
-const float AS_INTERPOLATED = 1e-3; // of the radiance, by which the middle may differ
-const float STEP = 2e-6;          // of the shadow map's depth: its own rounding and ours
-const float MOST_TEXELS = 24.0;   // of the shadow map across a cell
+const int FLAT_STEPS = 2;                     // normals of a flat face differ by no more than the interpolation's rounding
+const int MOST_BENT = int(0.04 * CODE_SCALE); // steps by which normals may differ in a cell: 2.3 to 4.6 degrees
+const float COPLANAR = 5e-5;                  // of the distance, by which the middle may lie off the corners' plane
+const float AS_INTERPOLATED = 1e-3;           // of the radiance, by which the middle may differ
+const float MOST_CONTRAST = 0.06;             // of the radiance, between corners: beside raised parts light from them bends
+const float STEP = 2e-6;                      // of the shadow map's depth: its own rounding and ours
+const float MOST_TEXELS = 24.0;               // of the shadow map across a cell
 const float SPAN = float(CELL_PX - 1);
 
 // Pixel k of a cell: its corners, and one at its middle.
@@ -38,6 +40,13 @@ vec4 only(int k) { return vec4(equal(ivec4(k), ivec4(0, 1, 2, 3))); }
 float between(vec4 corners, vec2 at) {
     vec2 f = at / SPAN;
     return mix(mix(corners.x, corners.y, f.x), mix(corners.z, corners.w, f.x), f.y);
+}
+
+// Whether a band's middle, and its corners' range, let the cell be interpolated.
+bool is_smooth(vec4 corners, float middle) {
+    vec2 low = min(corners.xy, corners.zw), high = max(corners.xy, corners.zw);
+    float off = abs(between(corners, vec2(place_in_cell(4))) - middle);
+    return off <= AS_INTERPOLATED * middle && max(high.x, high.y) - min(low.x, low.y) <= MOST_CONTRAST * middle;
 }
 
 // Share of the Sun that all of a flat cell sees, 0 or 1; negative where that is not the same everywhere, or not known.
@@ -119,9 +128,11 @@ void main() {
     p[4] = camera_ray(vec2(first + place_in_cell(4)) + offset) * z_middle;
     vec4 base = u_material_color[material], surface = u_material_surface[material];
     ivec2 spread = high - low;
-    bool even = full && differs == 0u && max(spread.x, spread.y) <= FLAT_STEPS;
+    int bent = max(spread.x, spread.y);
+    bool even = full && differs == 0u && bent <= MOST_BENT;
     even = even && abs(between(1.0 / z, vec2(place_in_cell(4))) * z_middle - 1.0) < COPLANAR;
-    even = even && !may_glint(surface, n, p[4], 0.5 * length(cross(normalize(p[0]), normalize(p[3]))));
+    float wide = 0.5 * length(cross(normalize(p[0]), normalize(p[3]))) + 2.0 * float(bent) / CODE_SCALE;
+    even = even && !may_glint(surface, n, p[4], wide);
 #ifdef CRINKLE
     even = even && surface.w == 0.0; // its normals differ from pixel to pixel
 #endif
@@ -133,6 +144,11 @@ void main() {
         ivec2 at = first + place_in_cell(k);
         uvec2 words = textureLod(t_surface, (vec2(pixel_index(at)) + 0.5) * u_texel, 0.0).xy;
         vec3 p_m = camera_ray(vec2(at) + offset) * (k == 4 ? z_middle : dot(z, only(k)));
+        if (bent > FLAT_STEPS) {
+            n = decode_normal(vec2(normal_code(words.x)));
+            // the plane at the middle is not that of the corners
+            even = even && abs(sun_visibility(p_m, n, 1.0, 1.0) - lit) < 1e-3;
+        }
         middle = shade(base, surface, GRAIN(material), n, n, p_m, chart_of(words.y), max(lit, 0.0));
 #if BANDS == 1
         red += only(k) * middle;
@@ -142,14 +158,10 @@ void main() {
         blue += only(k) * middle.z;
 #endif
     }
-    vec2 centre = vec2(place_in_cell(4));
 #if BANDS == 1
-    color interpolated = between(red, centre), off = abs(interpolated - middle) - AS_INTERPOLATED * middle;
-    even = even && off <= 0.0;
+    even = even && is_smooth(red, middle);
 #else
-    color interpolated = color(between(red, centre), between(green, centre), between(blue, centre));
-    color off = abs(interpolated - middle) - AS_INTERPOLATED * middle;
-    even = even && max(off.x, max(off.y, off.z)) <= 0.0;
+    even = even && is_smooth(red, middle.x) && is_smooth(green, middle.y) && is_smooth(blue, middle.z);
     out_green = green;
     out_blue = blue;
 #endif

@@ -23,13 +23,28 @@ if TYPE_CHECKING:
     from simulator.render.edges_seen import EdgeView, SeenEdges
     from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
+    from simulator.targets.model import Target
 
 LEAST_CELLS = 1000
 LEAST_PER_EDGE = 0.1
 """Cells that the target touches over its mesh's edges: with fewer hardly a cell is without an edge."""
 COLUMNS = 128
+MOST_CRINKLED = 0.3  # of a craft's surface
 _NOTHING = -1.5  # below are cells that show nothing of the target, shaders/target/even.frag
 _NAMES = ("in_corners", "in_green", "in_blue")
+
+
+def is_even(target: Target) -> bool:
+    """Whether light changes slowly over most of a target's faces: on few do colour or normal differ by the pixel."""
+    if any(any(material.textures) for material in target.materials):
+        return False
+    crinkled = {material.name for material in target.materials if material.crinkle > 0}
+    area = {True: 0.0, False: 0.0}
+    for part in target.parts:
+        corners = part.positions_m.astype(float)[np.asarray(part.triangles)]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area[part.material in crinkled] += float(np.linalg.norm(across, axis=1).sum())
+    return area[True] <= MOST_CRINKLED * sum(area.values())
 
 
 def split_cells(cells_px: FloatArray, seen: SeenEdges, view: EdgeView) -> tuple[FloatArray, FloatArray]:

@@ -19,7 +19,7 @@ from simulator.render.light_box import LightWindow, SurfacePatches, light_window
 from simulator.render.light_view import WIDER
 from simulator.render.mesh import upload
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
-from simulator.render.passes.even import EvenPass, split_cells
+from simulator.render.passes.even import EvenPass, is_even, split_cells
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
 from simulator.render.passes.shade import ShadePass
@@ -78,13 +78,14 @@ TINY_LATTICE = rotated(8)  # 65 samples per pixel
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A target on the GPU with a vertex array per program."""
+    """A target on the GPU with a vertex array per program; ``is_even`` as `passes.even.is_even` says."""
 
     mesh: Mesh
     shadow: FacingArray
     gbuffer: FacingArray
     edges: EdgeBuffers
     returned: ReturnedLight
+    is_even: bool
     textures: Textures | None = None
 
 
@@ -175,6 +176,7 @@ class TargetPasses:
             FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
             EdgeBuffers(context, mesh.edges, mesh),
             ReturnedLight(context, mesh, FINE_PATCH if fine else PATCH),
+            is_even(target),
             textures,
         )
 
@@ -279,7 +281,7 @@ class TargetPasses:
         slope = self._edges.run(edges, lattice, size)
         edged, edgeless, even = cells, cells[:0], None
         bands = len(bands_of(scene.bands))
-        if not exact and place.hull_px is not None and loaded.textures is None and scene.lamp is None:
+        if not exact and place.hull_px is not None and loaded.is_even and scene.lamp is None:
             edged, edgeless = split_cells(cells, loaded.edges.seen, edge_view)
             if len(edgeless):
                 even = self._shade.even_program(lattice, bands, mesh, choice.window)
