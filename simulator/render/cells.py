@@ -26,6 +26,8 @@ _SMALLEST_PX, _LARGEST_PX = 8, 32
 _SMOOTH_DISC = (
     0.08  # square of the ray's depth under the sphere, 1 at the nadir: up to 73 degrees from the vertical
 )
+_FINE_DISC = 0.02  # of cells half as wide, between which the ground bends as much: up to 82 degrees
+_FINE_KM = 1.6  # largest footprint of a pixel in them: beyond it clouds and floes are averaged
 _LARGEST_GROUND = 0.015  # of a cell on the ground [radii]: light and air are even enough over 100 km
 _POLE_SINE = 0.995  # the maps' longitude bends too fast nearer to the poles
 _LEVEL_STEP = 0.5  # of the levels of detail: a smooth cell has one for all its pixels
@@ -46,10 +48,11 @@ class CellKind:
     night : some of it is dark enough for city lights. icy : some of it is near sea ice, or may be.
     shoal : some of it is near water that is shallow or turbid.
     level : log2 of a pixel's footprint [km], smooth cells only.
-    air : none of it is ground.
+    air : none of it is ground. fine : cells half as wide as the others, nearer to the limb; smooth ones only.
     """
 
     air: bool
+    fine: bool
     smooth: bool
     covered: bool
     night: bool
@@ -68,6 +71,7 @@ class Cells:
     extent_px : width and height of all cells together, from the image's corner to beyond its end.
     dark : some ground in view has no more light of the Sun than the Moon may give.
     others_px : (L, 2) of all the image's cells but the smooth ones.
+    halved : (P,) rows and columns of cells that are drawn as two by two fine ones, counted in cells.
     """
 
     size_px: int
@@ -75,6 +79,11 @@ class Cells:
     centers_px: dict[CellKind, Float32Array]
     others_px: Float32Array
     dark: bool
+    halved: tuple[IntArray, IntArray]
+
+    def size_of(self, kind: CellKind) -> float:
+        """Side of a kind's cells [px]."""
+        return self.size_px / 2 if kind.fine else float(self.size_px)
 
     @property
     def smooth_share(self) -> float:
@@ -93,6 +102,25 @@ class Cells:
         width, height = self.extent_px
         return _edges(width, self.size_px), _edges(height, self.size_px)
 
+    @property
+    def fine_corners_px(self) -> Float32Array:
+        """(P, 3, 3, 2) corners of the fine cells in each of the halved ones, row by row."""
+        row, column = self.halved
+        steps = np.arange(3, dtype=np.float32) * np.float32(self.size_px / 2) - np.float32(0.5)
+        x = column[:, None, None] * self.size_px + steps[None, None, :]
+        y = row[:, None, None] * self.size_px + steps[None, :, None]
+        return np.stack(np.broadcast_arrays(x, y), axis=-1).astype(np.float32)
+
+    def fine_place(self, centers_px: Float32Array) -> tuple[IntArray, IntArray, IntArray]:
+        """(K,) of fine cells, by their middles (K, 2): which of ``halved`` holds them, row and column in it."""
+        shape = tuple(side // self.size_px for side in reversed(self.extent_px))
+        which = np.zeros(shape, np.int64)
+        which[self.halved] = np.arange(len(self.halved[0]))
+        half_column, half_row = (
+            ((centers_px + np.float32(0.5)) / np.float32(self.size_px / 2)).astype(np.int64).T
+        )
+        return which[half_row // 2, half_column // 2], half_row % 2, half_column % 2
+
     def place(self, centers_px: Float32Array) -> tuple[IntArray, IntArray]:
         """(K,) rows and columns of cells, counted in cells, by their middles (K, 2)."""
         column, row = ((centers_px + np.float32(0.5)) / np.float32(self.size_px)).astype(np.int64).T
@@ -100,11 +128,11 @@ class Cells:
 
     def covered(self) -> PixelRect | None:
         """Pixels that hold the cells that the target may be in front of."""
-        found = [centers for kind, centers in self.centers_px.items() if kind.covered]
+        found = [(self.size_of(kind), at) for kind, at in self.centers_px.items() if kind.covered]
         if not found:
             return None
-        centers = np.concatenate(found)
-        low, high = centers.min(axis=0) + 0.5 - self.size_px / 2, centers.max(axis=0) + 0.5 + self.size_px / 2
+        low = np.min([at.min(axis=0) + 0.5 - size / 2 for size, at in found], axis=0)
+        high = np.max([at.max(axis=0) + 0.5 + size / 2 for size, at in found], axis=0)
         return PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
 
 
@@ -128,13 +156,22 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
     smooth_corner = (along < 0) & (disc > _SMOOTH_DISC)
     depth = np.sqrt(np.maximum(disc, 0))
     distance = -along - depth
-    smooth_corner &= np.abs(earth.camera[2] + distance * d[..., 2]) < _POLE_SINE
+    off_pole = np.abs(earth.camera[2] + distance * d[..., 2]) < _POLE_SINE
+    # footprint: the mean of its two axes, as in shaders/earth/point.glsl
+    footprint_km = distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(depth, 0.02))
     # seen from far away a cell spans much of the Earth
-    smooth_corner &= distance * size * pixel_rad < _LARGEST_GROUND * depth
-    smooth = _all_corners(smooth_corner)
+    ground_span = distance * size * pixel_rad
+    smooth = _all_corners(smooth_corner & off_pole & (ground_span < _LARGEST_GROUND * depth))
+    fine_corner = (along < 0) & (disc > _FINE_DISC) & off_pole & (footprint_km < _FINE_KM)
+    # their quarters are of whole pixels by four
+    fine_corner &= (0.5 * ground_span < _LARGEST_GROUND * depth) & (size % 8 == 0)
+    fine = _all_corners(fine_corner)
     if bent:
         # a lens's rays are known inside the image only, and a cell must know those of its corners
-        smooth &= (x[1:] < camera.width_px)[None, :] & (y[1:] < camera.height_px)[:, None]
+        inside = (x[1:] < camera.width_px)[None, :] & (y[1:] < camera.height_px)[:, None]
+        smooth &= inside
+        fine &= inside
+    fine &= ~smooth
     # a ray's perigee moves by at most the camera's distance times the angle: within a cell, half its diagonal
     reach = float(np.linalg.norm(earth.camera)) * 0.75 * size * pixel_rad * 1.01
     touched_corner = (along < reach) & (np.sqrt(perigee2) < np.sqrt(earth.top2) + reach)
@@ -150,37 +187,43 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
         for column, row in itertools.product(ends, ends):
             covered[np.minimum(row[:, 1], last[1]), np.minimum(column[:, 0], last[0])] = True
     sun = earth.camera @ earth.sun + distance * (d @ earth.sun)
-    night = ~(_all_corners(sun > _NIGHT_MU) & smooth)
+    night = ~(_all_corners(sun > _NIGHT_MU) & (smooth | fine))
     # a cell seen from far away, or over the limb, reaches beyond its corners
-    span = distance * size * pixel_rad / np.fmax(depth, 0.1)
+    span = ground_span / np.fmax(depth, 0.1)
     ground = [earth.camera[k] + distance * d[..., k] for k in range(3)]
     longitude, narrow = np.arctan2(ground[1], ground[0]), ~(span > _LARGEST_OPEN)
     no_ice = (np.abs(ground[2]) + span < _ICE_SINE) | (~near_ice(ground[2], longitude, day) & narrow)
     icy = ~_all_corners(no_ice)
     deep = ~near_shoals(ground[2], longitude) & narrow
     shoal = ~_all_corners(deep)
-    # footprint: the mean of its two axes, as in shaders/earth/point.glsl
-    footprint_km = distance * EQUATOR_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(depth, 0.02))
-    level = np.round(np.log2(np.fmax(footprint_km[:-1, :-1], 1e-6)) / _LEVEL_STEP)
+    height = np.log2(np.fmax(footprint_km, 1e-6)) / _LEVEL_STEP
     # one number per kind of cell
-    kind = (
-        np.where(smooth, level, 0).astype(int) * 64
-        + air * 32
-        + ~air * (shoal * 16 + icy * 8 + night)
-        + smooth * 4
-    )
-    kind = (kind + covered * 2)[touched]
+    kind = covered * 2 + air * 32 + ~air * (shoal * 16 + icy * 8 + night) + (smooth | fine) * 4
+    level = np.where(smooth, np.round(height[:-1, :-1]), 0).astype(int)
+    drawn = touched & ~fine
 
     def middles(row: IntArray, column: IntArray) -> Float32Array:
         return np.stack([x[column], y[row]], axis=1).astype(np.float32) + np.float32(size / 2)
 
-    centers = middles(*touched.nonzero())
+    codes, centers = (kind + level * 128)[drawn], middles(*drawn.nonzero())
+    halved_row, halved_column = fine.nonzero()
+    halved = halved_row.astype(np.int64), halved_column.astype(np.int64)
+    if len(halved[0]):
+        # middles of the quarters, and their levels between those of the cell's corners: rather sharp than blurred
+        whole, levels = middles(*halved), height[:-1, :-1][halved]
+        step = [height[1:, :-1][halved] - levels, height[:-1, 1:][halved] - levels]
+        for down, right in itertools.product((0.25, 0.75), repeat=2):
+            level = np.floor(levels + down * step[0] + right * step[1]).astype(int)
+            codes = np.append(codes, kind[halved] + 64 + level * 128)
+            offset = np.array([right - 0.5, down - 0.5], np.float32) * np.float32(size)
+            centers = np.concatenate([centers, whole + offset])
     return Cells(
         size,
         (size * (len(x) - 1), size * (len(y) - 1)),
-        {_kind(k): centers[kind == k] for k in map(int, np.unique(kind))},
-        middles(*(~(touched & smooth)).nonzero()),
+        {_kind(k): centers[codes == k] for k in map(int, np.unique(codes))},
+        middles(*(~(touched & (smooth | fine))).nonzero()),
         bool(np.min(sun) < _MOONLIT_MU),
+        halved,
     )
 
 
@@ -191,8 +234,9 @@ def _kind(code: int) -> CellKind:
         night=bool(code & 1),
         icy=bool(code & 8),
         shoal=bool(code & 16),
-        level=(code >> 6) * _LEVEL_STEP,
+        level=(code >> 7) * _LEVEL_STEP,
         air=bool(code & 32),
+        fine=bool(code & 64),
     )
 
 

@@ -76,7 +76,7 @@ class Sky:
     ----------
     moon, earth : as the camera sees them, ``None`` when the scene has none. air : of the Earth.
     tables : this frame's air, ``None`` where nothing asks for it. cells : of the image that Earth and air touch,
-        ``None`` with neither in the image. corners : of the cells, the air in front of the ground.
+        ``None`` with neither in the image. corners : of the cells and of the fine ones, the air in front of the ground.
     """
 
     moon: MoonView | None = None
@@ -84,7 +84,7 @@ class Sky:
     air: Atmosphere | None = None
     tables: list[moderngl.Texture] | None = None
     cells: Cells | None = None
-    corners: Float32Array | None = None
+    corners: tuple[Float32Array, Float32Array] | None = None
 
     @property
     def fills(self) -> bool:
@@ -309,7 +309,9 @@ class Renderer:
                 in_use.frame.run(earth)
                 tables = in_use.frame.tables
             if cells.smooth_share > 0:
-                corners = in_use.frame.corners(*cells.corners_px, all_ground=not len(cells.others_px))
+                even = not len(cells.others_px) and not len(cells.halved[0])
+                at_cells = in_use.frame.corners(*cells.corners_px, all_ground=even)
+                corners = at_cells, in_use.frame.at(cells.fine_corners_px.reshape(-1, 2))
         clock.lap("earth.air")
         return Sky(moon, earth, air, tables, cells, corners)
 

@@ -12,20 +12,28 @@ from simulator.scene.atmosphere import earth_atmosphere
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above
 
-CAMERA = Camera(width_px=480, height_px=320, fx_px=700.0, fy_px=700.0, cx_px=239.5, cy_px=159.5)
+CAMERA = Camera(width_px=480, height_px=320, fx_px=3000.0, fy_px=3000.0, cx_px=239.5, cy_px=159.5)
 
 
-@pytest.mark.parametrize("off_nadir_deg", [58.0, 64.0, 70.0])
-def test_no_pixel_of_a_cell_of_air_meets_the_ground(off_nadir_deg):
-    scene = scene_above(
-        "2026-03-20T10:00:00Z",
-        (20.0, 5.0, 700.0),
-        off_nadir_deg=off_nadir_deg,
-        target=TargetRef(name="none", sha256="0" * 64),
-        environment=Environment(moon=False),
-        bands="mono",
-        camera=CAMERA,
-    )
+@pytest.fixture
+def limb_scene():
+    def scene(off_nadir_deg):
+        return scene_above(
+            "2026-03-20T10:00:00Z",
+            (20.0, 5.0, 700.0),
+            off_nadir_deg=off_nadir_deg,
+            target=TargetRef(name="none", sha256="0" * 64),
+            environment=Environment(moon=False),
+            bands="mono",
+            camera=CAMERA,
+        )
+
+    return scene
+
+
+@pytest.mark.parametrize("off_nadir_deg", [63.0, 64.5, 66.0])
+def test_no_pixel_of_a_cell_of_air_meets_the_ground(limb_scene, off_nadir_deg):
+    scene = limb_scene(off_nadir_deg)
     earth = earth_view(build_view(scene), CAMERA, earth_atmosphere("mono"))
     cells = earth_cells(earth, CAMERA, None, scene.epoch_utc)
     d = directions(CAMERA, np.arange(480.0), np.arange(320.0), earth.earth_from_camera)
@@ -37,3 +45,37 @@ def test_no_pixel_of_a_cell_of_air_meets_the_ground(off_nadir_deg):
     assert of_air.any()
     assert ground.any()
     assert not np.any(of_air & ground)
+
+
+def test_fine_cells_bend_no_more_than_whole_ones(limb_scene):
+    scene = limb_scene(60.0)
+    earth = earth_view(build_view(scene), CAMERA, earth_atmosphere("mono"))
+    cells = earth_cells(earth, CAMERA, None, scene.epoch_utc)
+
+    def on_ground(x, y):
+        d = directions(CAMERA, x, y, earth.earth_from_camera)
+        along = d @ earth.camera
+        depth = np.sqrt(1 - (earth.camera @ earth.camera - along**2))
+        return earth.camera - (along + depth)[..., None] * d
+
+    bend = {False: 0.0, True: 0.0}  # [px]
+    for kind, centers in cells.centers_px.items():
+        half = cells.size_of(kind) / 2
+        for x, y in centers.astype(float) if kind.smooth else ():
+            plane = on_ground(x + half * np.array([-1.0, 1.0]), y + half * np.array([-1.0, 1.0])).mean(
+                axis=(0, 1)
+            )
+            seen = np.linalg.solve(earth.earth_from_camera, plane / np.linalg.norm(plane) - earth.camera)
+            off = CAMERA.project(seen) - (x, y)
+            bend[kind.fine] = max(bend[kind.fine], float(np.linalg.norm(off)))
+    assert len(cells.halved[0]) > 10
+    assert 0 < bend[True] < 1.1 * bend[False] < 0.45
+
+    # quarters, and nothing twice: each halved cell is four, and no whole one
+    fine = np.concatenate([c for k, c in cells.centers_px.items() if k.fine])
+    which, row, column = cells.fine_place(fine)
+    assert np.array_equal(np.sort(which * 4 + row * 2 + column), np.arange(4 * len(cells.halved[0])))
+    whole = np.concatenate([c for k, c in cells.centers_px.items() if not k.fine])
+    assert not set(zip(*cells.place(whole), strict=True)) & set(zip(*cells.halved, strict=True))
+    corner = cells.fine_corners_px[which, row, column]
+    assert np.array_equal(corner + np.float32(cells.size_px / 4), fine)

@@ -123,20 +123,30 @@ class AirPass:
         (N, M, 3): radiance [sr-1], transmittance, irradiance on level ground; of three bands (N, M, 6): radiance and
         transmittance of each. What rays that miss the ground have means nothing.
         """
+        program = self._corner_program()
+        if not all_ground or min(len(columns_px), len(rows_px)) < _FEWEST_CORNERS:
+            return program.run(columns_px, rows_px)
+        across, columns_px = _every_other(columns_px.tobytes())
+        down, rows_px = _every_other(rows_px.tobytes())
+        coarse = program.run(columns_px, rows_px)
+        wide = across @ coarse
+        flat = down @ wide.reshape(len(wide), -1)
+        return np.asarray(flat.reshape(len(flat), *wide.shape[1:]), np.float32)
+
+    def at(self, points_px: Float32Array) -> Float32Array:
+        """`corners`, at any points (K, 2): (K, 3) or (K, 6)."""
+        if not len(points_px):
+            return np.empty((0, 3 if self._bands == 1 else 6), np.float32)
+        return self._corner_program().at(points_px)
+
+    def _corner_program(self) -> _Corners:
         lens = self._programs.lens
         if lens not in self._corners:
             self._corners[lens] = _Corners(self._context, self._programs, self._bands)
         # nothing is drawn to it, but a driver without a window has no other that is complete
         self._framebuffer.use()
         self._bind(self._corners[lens].program)
-        if not all_ground or min(len(columns_px), len(rows_px)) < _FEWEST_CORNERS:
-            return self._corners[lens].run(columns_px, rows_px)
-        across, columns_px = _every_other(columns_px.tobytes())
-        down, rows_px = _every_other(rows_px.tobytes())
-        coarse = self._corners[lens].run(columns_px, rows_px)
-        wide = across @ coarse
-        flat = down @ wide.reshape(len(wide), -1)
-        return np.asarray(flat.reshape(len(flat), *wide.shape[1:]), np.float32)
+        return self._corners[lens]
 
 
 class _Corners:
@@ -165,16 +175,25 @@ class _Corners:
             one.release()
 
     def run(self, columns_px: FloatArray, rows_px: FloatArray) -> Float32Array:
-        shape = len(rows_px), len(columns_px), self._values
         grid = columns_px.tobytes(), rows_px.tobytes()
         if grid != self._grid:
-            corners = np.stack(np.meshgrid(columns_px, rows_px), axis=-1).astype(np.float32)
-            self._in.orphan(corners.nbytes)
-            self._in.write(corners)
-            self._out.orphan(int(np.prod(shape)) * 4)
+            self._fill(np.stack(np.meshgrid(columns_px, rows_px), axis=-1).astype(np.float32))
             self._grid = grid
-        self._array.transform(self._out, vertices=shape[0] * shape[1])
-        return np.frombuffer(self._out.read(), np.float32).reshape(shape)
+        return self._air(len(rows_px) * len(columns_px)).reshape(len(rows_px), len(columns_px), -1)
+
+    def at(self, points_px: Float32Array) -> Float32Array:
+        self._fill(points_px)
+        self._grid = (b"", b"")
+        return self._air(len(points_px))
+
+    def _fill(self, corners_px: Float32Array) -> None:
+        self._in.orphan(corners_px.nbytes)
+        self._in.write(np.ascontiguousarray(corners_px))
+        self._out.orphan(corners_px.size // 2 * self._values * 4)
+
+    def _air(self, count: int) -> Float32Array:
+        self._array.transform(self._out, vertices=count)
+        return np.frombuffer(self._out.read(), np.float32).reshape(count, self._values)
 
 
 def _texels(span: tuple[float, float], count: int) -> tuple[int, int]:

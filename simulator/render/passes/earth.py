@@ -27,7 +27,7 @@ from simulator.render.valleys import valley_texture
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-    from simulator.arrays import Float32Array
+    from simulator.arrays import Float32Array, IntArray
     from simulator.render.airtables import AirTables
     from simulator.render.cells import CellKind, Cells
     from simulator.render.earth_maps import EarthMaps
@@ -84,16 +84,47 @@ class _Draw:
 
     Parameters
     ----------
-    smooth : its cells are. in_fours : it goes four pixels to a texel. blended : it is added to what is there.
+    smooth, fine : its cells are. in_fours : it goes four pixels to a texel. blended : it is added to what is there.
     level : of `CellKind`; ``None`` where no map is read from another level than its first.
     """
 
     smooth: bool
+    fine: bool
     in_fours: bool
     blended: bool
     program: Program
     detail: moderngl.Texture
     level: float | None
+
+
+class _Around:
+    """The air at the corners of smooth cells: upper left, upper right, lower left, lower right.
+
+    Parameters
+    ----------
+    whole, fine : (N, M, V) of the cells, (9 P, V) of the fine ones.
+    """
+
+    def __init__(self, cells: Cells, whole: Float32Array, fine: Float32Array) -> None:
+        self._cells, self._whole, self._fine = cells, whole, fine
+
+    def whole(self, centers_px: Float32Array) -> Float32Array:
+        """(K, 4 V) of cells, by their middles."""
+        row, column = self._cells.place(centers_px)
+        return self._four(self._whole, (row, column))
+
+    def fine(self, centers_px: Float32Array) -> Float32Array:
+        """(K, 4 V) of fine cells, by their middles."""
+        which, row, column = self._cells.fine_place(centers_px)
+        return self._four(self._fine.reshape(-1, 3, 3, self._fine.shape[1]), (row, column), which)
+
+    @staticmethod
+    def _four(
+        air: Float32Array, place: tuple[IntArray, IntArray], which: IntArray | None = None
+    ) -> Float32Array:
+        first = () if which is None else (which,)
+        at = [air[(*first, place[0] + down, place[1] + right)] for down in (0, 1) for right in (0, 1)]
+        return np.stack(at, axis=-1).reshape(len(place[0]), -1)
 
 
 class EarthPass:
@@ -213,7 +244,7 @@ class EarthPass:
         self,
         images: Images,
         cells: Cells,
-        corners: Float32Array | None,
+        corners: tuple[Float32Array, Float32Array] | None,
         scene: SceneState,
         *,
         behind: bool,
@@ -224,7 +255,7 @@ class EarthPass:
 
         Parameters
         ----------
-        corners : of all cells, the air in front of the ground (`AirPass.corners`).
+        corners : the air in front of the ground, of all cells (`AirPass.corners`) and of the fine ones (`AirPass.at`).
         behind : the Moon is nearer, and may hide it.
         fours : draw smooth cells four pixels to a texel, and not into the image itself; those that the target may
             cover are added to what is there.
@@ -248,11 +279,7 @@ class EarthPass:
             textures["t_valleys"] = self._high_valleys()
         if any(kind.icy or kind.shoal for kind in cells.centers_px):
             textures |= self._waters(ice_day(scene))
-        # at each cell's corners: upper left, upper right, lower left, lower right
-        around = None
-        if corners is not None:
-            four = [corners[:-1, :-1], corners[:-1, 1:], corners[1:, :-1], corners[1:, 1:]]
-            around = np.stack(four, axis=-1).reshape(*four[0].shape[:2], -1)
+        around = None if corners is None else _Around(cells, *corners)
         for draw, centers in self._draws(cells, scene, behind=behind, fours=fours).items():
             (images.fours_framebuffer if draw.in_fours else images.sky_framebuffer).use()
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
@@ -267,14 +294,14 @@ class EarthPass:
             program.bind_textures(**textures, t_detail=draw.detail)
             program.set("u_season", month.share)
             program.set("u_extent_px", cells.extent_px)
-            program.set("u_cell_px", float(cells.size_px))
+            program.set("u_cell_px", cells.size_px / 2 if draw.fine else float(cells.size_px))
             program.set("u_level", (level - LOG2_TEXEL_KM, level - math.log2(DETAIL_TEXEL_KM)))
             vertices = np.concatenate(centers)
+            values = 0
             if around is not None and draw.smooth:
-                vertices = np.concatenate([vertices, around[cells.place(vertices)]], axis=1)
-            buffer, array = self._array_of(
-                program, 0 if around is None or not draw.smooth else around.shape[2]
-            )
+                air = around.fine(vertices) if draw.fine else around.whole(vertices)
+                vertices, values = np.concatenate([vertices, air], axis=1), air.shape[1]
+            buffer, array = self._array_of(program, values)
             buffer.orphan(vertices.nbytes)
             buffer.write(vertices)
             if ahead:
@@ -295,6 +322,7 @@ class EarthPass:
             magnified = not high and kind.smooth and kind.level <= LOG2_TEXEL_KM
             draw = _Draw(
                 kind.smooth,
+                kind.fine,
                 in_fours,
                 kind.covered and not in_fours,
                 self._program(
