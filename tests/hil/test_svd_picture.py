@@ -438,7 +438,7 @@ def test_a_round_craft_has_a_brightness_for_each_sixth_of_a_direction() -> None:
         made = make_faces([[shell]])
     assert made is not None
     faces = Faces.from_dict(msgspec.to_builtins(made))
-    finer = faces.finer()
+    finer = faces.grouped(6)
     for f, widest_deg in ((faces, 28.0), (finer, 14.0)):
         away = np.sum(f.normals * f.group_normals[f.group], axis=1)
         assert np.degrees(np.arccos(np.clip(away, -1, 1))).max() < widest_deg

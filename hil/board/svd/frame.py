@@ -18,6 +18,7 @@ from hil.board.svd.roi import Region
 from hil.board.svd.rounded import is_round, with_outlines
 from hil.board.svd.samples import EdgeSamples, sample_edges
 from hil.board.svd.score import Support
+from hil.board.svd.shade import ROUND_STEPS
 from hil.board.svd.sunlight import SunTable
 from hil.board.svd.templates import ViewTable, build_views
 from hil.board.svd.visibility import Occluders, occluders
@@ -109,7 +110,7 @@ class Craft:
             tables = tuple(with_outlines(view, model.outlines, model.centre_m) for view in tables)
         suns = None if model.faces is None else SunTable.of(model.faces)
         if model.faces is not None and curved:
-            model = replace(model, faces=model.faces.finer())
+            model = replace(model, faces=model.faces.grouped(ROUND_STEPS))
         figures, centre = model_triads(model), model.centre_m
         return Craft(model, camera, samples, spacing, occ, figures, tables, centre, radius, suns, curved)
 

@@ -30,6 +30,10 @@ BORDER_PX = 0.48
 NARROW_PX = 1.2
 
 
+# Parts of a direction that have one brightness; on a round body it changes by as much as between materials.
+STEPS, ROUND_STEPS = 3, 6
+
+
 @dataclass(frozen=True, eq=False)
 class Faces:
     """Plane faces with their materials, and the tree that orders them from any place.
@@ -85,13 +89,13 @@ class Faces:
             raise ValueError("the tree of faces names a face that is not there")
         n = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-18)
-        group, groups = _grouped(material, n, 3)
+        group, groups = _grouped(material, n, STEPS)
         offset = np.einsum("ij,ij->i", n, corners[:, 0])
         return Faces(corners, n, offset, group, groups, material, plane, children, members)
 
-    def finer(self) -> Faces:
-        """The same with groups half as wide: on a round body brightness changes by as much as between materials."""
-        group, groups = _grouped(self.material, self.normals, 6)
+    def grouped(self, steps: int) -> Faces:
+        """The same with one brightness for each material and ``steps``-th of a direction's components."""
+        group, groups = _grouped(self.material, self.normals, steps)
         return replace(self, group=group, groups=groups)
 
     @cached_property
