@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from simulator.bench import start
 from simulator.dataset.contact_sheet import smaller
 from simulator.loop import plan_flight
+from simulator.render.cache import cache_folder
 from simulator.render.earth_maps import begin_earth_maps
 from simulator.render.passes.earth import EarthPass
 from simulator.render.renderer import Renderer
@@ -37,3 +39,9 @@ def test_the_first_frame_needs_no_program_that_was_not_compiled_ahead(bands, nam
     assert [made for _, made in runs[1:]] == [0, 0]
     assert np.isfinite(first).all()
     np.testing.assert_array_equal(first, again)
+
+
+def test_the_bench_starts_a_program_that_draws():
+    elapsed_ms, peak_mb = start._start(str(cache_folder()))
+    assert elapsed_ms > 300
+    assert 300 < peak_mb < 1500
