@@ -15,7 +15,7 @@ from simulator.render.programs import FULL_SCREEN
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import Float32Array, FloatArray
+    from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.render.airtables import AirTables
     from simulator.render.earthview import EarthView
     from simulator.render.programs import Program, ProgramLibrary
@@ -29,18 +29,27 @@ _FEWEST_CORNERS = 7  # along a side: every other one makes the four of a cubic
 
 
 @lru_cache(maxsize=8)
-def _every_other(edges_px: bytes) -> tuple[Float32Array, FloatArray]:
-    """Every other of M places (float64) with the last, and (M, K) the weights of the cubics through four of them."""
+def _every_other(edges_px: bytes) -> tuple[FloatArray, IntArray, Float32Array]:
+    """Every other of M places (float64) with the last; of the cubics through four of them (4, M) which, and weights."""
     edges = np.frombuffer(edges_px)
     coarse = np.append(edges[:-1:2], edges[-1])
-    weights = np.zeros((len(edges), len(coarse)), np.float32)
-    for row, x in zip(weights, edges, strict=True):
-        first = int(np.clip(np.searchsorted(coarse, x) - 2, 0, len(coarse) - 4))
-        four = coarse[first : first + 4]
-        for k in range(4):
-            others = np.delete(four, k)
-            row[first + k] = np.prod((x - others) / (four[k] - others))  # Lagrange
-    return weights, coarse
+    first = np.clip(np.searchsorted(coarse, edges) - 2, 0, len(coarse) - 4)
+    which = first + np.arange(4)[:, None]
+    at = coarse[which]
+    # Lagrange
+    weights = [
+        np.prod((edges - np.delete(at, k, 0)) / (at[k] - np.delete(at, k, 0)), axis=0) for k in range(4)
+    ]
+    return coarse, which, np.asarray(weights, np.float32)
+
+
+def _cubic(values: Float32Array, which: IntArray, weights: Float32Array) -> Float32Array:
+    """Values (K, ...) of coarse places at all places (M, ...); in an order of its own, not in that of a BLAS."""
+    shape = (-1, *[1] * (values.ndim - 1))
+    first, *rest = (weights[k].reshape(shape) * values[which[k]] for k in range(4))
+    for term in rest:
+        first += term
+    return np.asarray(first, np.float32)
 
 
 class AirPass:
@@ -126,12 +135,10 @@ class AirPass:
         program = self._corner_program()
         if not all_ground or min(len(columns_px), len(rows_px)) < _FEWEST_CORNERS:
             return program.run(columns_px, rows_px)
-        across, columns_px = _every_other(columns_px.tobytes())
-        down, rows_px = _every_other(rows_px.tobytes())
-        coarse = program.run(columns_px, rows_px)
-        wide = across @ coarse
-        flat = down @ wide.reshape(len(wide), -1)
-        return np.asarray(flat.reshape(len(flat), *wide.shape[1:]), np.float32)
+        x_px, across, across_weights = _every_other(columns_px.tobytes())
+        y_px, down, down_weights = _every_other(rows_px.tobytes())
+        wide = _cubic(program.run(x_px, y_px).swapaxes(0, 1), across, across_weights)
+        return _cubic(wide.swapaxes(0, 1), down, down_weights)
 
     def at(self, points_px: Float32Array) -> Float32Array:
         """`corners`, at any points (K, 2): (K, 3) or (K, 6)."""
