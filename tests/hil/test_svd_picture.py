@@ -253,9 +253,26 @@ def test_the_sun_is_found_by_the_shadows_it_casts(
     c, sun = in_the_sun
     R = FROM_THE_SIDE
     seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c)
-    found = SunTable.of(faces).find(faces, shade(faces, seen, c), c, CAMERA, R, T_M, 3)
+    table = SunTable.of(faces)
+    found = table.directions[table.find(faces, shade(faces, seen, c), c, CAMERA, R, T_M, 3)]
     assert np.degrees(np.arccos(found[0] @ sun)) < 20.0
     assert all(a @ b < np.cos(np.radians(15.0)) for a, b in combinations(found, 2))
+
+
+def test_a_sun_painted_once_casts_the_same_shadows(
+    faces: Faces, in_the_sun: tuple[Canvas, np.ndarray]
+) -> None:
+    c, R = in_the_sun[0], FROM_THE_SIDE
+    seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c)
+    table = SunTable.of(faces, 12)
+    casting = 0
+    for k in range(12):
+        kept = table.sunlight(faces, k, 96)
+        assert table.sunlight(faces, k, 96) is kept
+        anew = Sunlight.of(faces, table.directions[k], 96).shadows(faces, seen, c, CAMERA, R, T_M)
+        np.testing.assert_array_equal(kept.shadows(faces, seen, c, CAMERA, R, T_M), anew)
+        casting += bool(anew.any())
+    assert casting > 3
 
 
 def test_its_shadows_speak_for_the_right_pose(faces: Faces, in_the_sun: tuple[Canvas, np.ndarray]) -> None:

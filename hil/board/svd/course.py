@@ -28,7 +28,7 @@ SAME_RAD, SAME_SHARE = float(np.radians(1.0)), 0.03
 LEANING, LEANING_RAD = 6, float(np.radians(12.0))
 
 # What of a score is noise where all are low.
-SLACK = 0.04
+SLACK = 0.02
 
 
 @dataclass(frozen=True, eq=False)

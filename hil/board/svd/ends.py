@@ -35,14 +35,18 @@ MOVED_RAD, ROUNDS, NO_WORSE, ASTRAY = float(np.radians(0.5)), 6, 0.003, 0.02
 # Ends farther apart than this are two [rad].
 OTHER_END_RAD = float(np.radians(5.0))
 
+# A rival that is behind by this share of the best score is not asked for a better Sun.
+FAR_BEHIND = 0.5
+
 # Longest side of the picture for the final alignment [px], and its blurs.
 FINAL_PX, FINAL_BLURS, LAST_BLURS = 230, (1.2, 0.8), (0.3, 0.0)
 
 # The same of a round craft: its turn about the axis is told by small parts alone.
 ROUND_FINAL_PX = 400
 
-# The first ones of an alignment again after one that moved by more, and by less [rad].
-FAR_RAD, FAR_BLURS, NEAR_BLURS = float(np.radians(1.0)), (3.0, 2.0, 1.2, 0.8), (0.8,)
+# The first of an alignment again after one that moved by less [rad]. After one that moved by more a smaller picture
+# comes before, which shows all that such blurs leave: share of the size.
+FAR_RAD, NEAR_BLURS, FAR_SHARE, FAR_BLURS = float(np.radians(1.0)), (0.8,), 0.65, (2.0, 1.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +105,11 @@ def conclude(
     margin = end.began
     if rivals:
         rival = max(rivals, key=lambda p: p[2])
-        margin -= max(shadowed(craft, faces_of(craft), close, rival[0], rival[1]).score, 0.0)
+        explains = rival[2]
+        # with the shadows of a better Sun it explains more: asked where that may settle anything
+        if end.began - explains < FAR_BEHIND * end.began:
+            explains = shadowed(craft, faces_of(craft), close, rival[0], rival[1]).score
+        margin -= max(explains, 0.0)
     # two that were followed to their ends need not be far apart to be two answers
     for other in ends:
         if quat.angle_rad(other.fit.q, fit.q) > OTHER_END_RAD:
@@ -117,19 +125,18 @@ def conclude(
 
 def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> End:
     """A pose aligned to the end, with the shadows the craft casts on itself."""
-    canvas = make_canvas(
-        craft, frame, craft_box(craft, start.q, start.t), ROUND_FINAL_PX if craft.round else FINAL_PX
-    )
+    box, longest = craft_box(craft, start.q, start.t), ROUND_FINAL_PX if craft.round else FINAL_PX
+    canvas = make_canvas(craft, frame, box, longest)
     # drawn as large as it is only once it is there: from afar what is thin and bright attracts more as it was
     exact = replace(canvas, clipped=frame.clipped, exact=True)
     faces, camera = faces_of(craft), craft.camera.pinhole
     best = None
     blurs: Tuple[float, ...] = FINAL_BLURS
-    before = start
+    before = begun = start
     here = shadowed(craft, faces, close, before.q, before.t)
     began, sun = here.score, here.sun
     for _ in range(ROUNDS):
-        near = _stepped(craft, canvas, before, sun, blurs)
+        near = _stepped(craft, canvas, begun, sun, blurs)
         fit = _stepped(craft, exact, near, sun, LAST_BLURS)
         score = photo_score(fit.q, fit.t, faces, close, camera, sun)
         if best is None or score > best.score - NO_WORSE:
@@ -139,10 +146,13 @@ def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> End:
         moved = quat.angle_rad(before.q, fit.q)
         if moved < MOVED_RAD:
             break
-        before, blurs = fit, FAR_BLURS if moved > FAR_RAD else NEAR_BLURS
-        # shadows fall elsewhere by now; of a Sun found from nearby they are where they were
+        before = begun = fit
+        blurs = NEAR_BLURS
         if moved > FAR_RAD:
+            # shadows fall elsewhere by now; of a Sun found from nearby they are where they were
             sun = shadowed(craft, faces, close, before.q, before.t).sun
+            far = make_canvas(craft, frame, box, round(FAR_SHARE * longest))
+            begun, blurs = _stepped(craft, far, before, sun, FAR_BLURS), FINAL_BLURS
     assert best is not None  # noqa: S101 - the first round always ends somewhere
     return best
 

@@ -48,8 +48,7 @@ class Response:
         """Brightness that has this mean; at most ``full``, and no further below zero than the noise reaches."""
         if self.sigma <= 0:
             return mean
-        x = self.sigma * np.linspace(-1.0, REACH, REACH * STEPS)
-        below = self.sigma * np.array([_mean(float(u)) for u in x / self.sigma])
+        x, below = (self.sigma * table for table in _means())
         out = np.where(mean < below[-1], np.interp(mean, below, x), mean)
         top = self.full - below[-1]
         return np.asarray(np.where(mean > top, self.full - np.interp(self.full - mean, below, x), out))
@@ -58,6 +57,13 @@ class Response:
 def _mean(u: float) -> float:
     """Mean of max(u + n, 0) for normal noise n of unit variance."""
     return 0.5 * u * (1.0 + erf(u / sqrt(2.0))) + exp(-0.5 * u * u) / sqrt(2.0 * pi)
+
+
+@lru_cache(maxsize=1)
+def _means() -> Tuple[Array, Array]:
+    """Brightness u = -1 .. REACH and its mean where noise of unit variance is cut off below zero."""
+    u = np.linspace(-1.0, REACH, REACH * STEPS)
+    return u, np.array([_mean(float(v)) for v in u])
 
 
 @lru_cache(maxsize=1)

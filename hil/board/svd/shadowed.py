@@ -69,20 +69,20 @@ def shadowed(
 
     number, pixels, side = COARSE if coarse else FINE
 
-    def tried(direction: Array) -> Shadowed:
-        sun = Sunlight.of(faces, direction, side)
+    def tried(sun: Sunlight) -> Shadowed:
         shading = photo_shade(plain.seen, q, t, faces, canvas, camera, sun)
         return Shadowed(shading, explained(shading, canvas), sun)
 
     least = best.score + WORTH
-    for direction in craft.suns.find(faces, plain, canvas, camera, quat.matrix(q), t, number, pixels):
-        best = max(best, tried(direction), key=_score)
+    for k in craft.suns.find(faces, plain, canvas, camera, quat.matrix(q), t, number, pixels):
+        best = max(best, tried(craft.suns.sunlight(faces, k, side)), key=_score)
     if coarse or best.score < least:
         return best
     for step in STEPS_RAD:
         for k in range(4):
             if best.sun is not None:
-                best = max(best, tried(_beside(best.sun, step, k)), key=_score)
+                beside = Sunlight.of(faces, _beside(best.sun, step, k), side)
+                best = max(best, tried(beside), key=_score)
     return best
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, List, Tuple
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Dict, List, Tuple
 
 import numpy as np
 
@@ -59,8 +59,9 @@ class Sunlight:
     def of(faces: Faces, direction: Array, n: int = MAP_PX) -> Sunlight:
         """The craft painted from ``direction`` (3,), target frame."""
         s = direction / np.linalg.norm(direction)
-        e1 = np.cross(s, np.eye(3)[int(np.argmin(np.abs(s)))])
-        axes = np.stack([e1 / np.linalg.norm(e1), np.cross(s, e1 / np.linalg.norm(e1))])
+        e1 = across(s, np.eye(3)[int(np.argmin(np.abs(s)))])
+        e1 = e1 / np.linalg.norm(e1)
+        axes = np.stack([e1, across(s, e1)])
         order = faces.order(s * 1e6)
         p = faces.corners[order] @ axes.T
         low, high = p.min(axis=(0, 1)), p.max(axis=(0, 1))
@@ -114,6 +115,7 @@ class SunTable:
     ----------
     directions : (S, 3) unit vectors, target frame. frames : (3, S, 3) axes of each picture and its direction.
     origin : (S, 2), pitch_m : (S,), height : (S, n, n) float32, as in Sunlight.
+    painted : what ``sunlight`` has painted until now; no answer hangs on it.
     """
 
     directions: Array
@@ -121,6 +123,7 @@ class SunTable:
     origin: Array
     pitch_m: Array
     height: Array
+    painted: Dict[Tuple[int, int], Sunlight] = field(default_factory=dict)
 
     @staticmethod
     def of(faces: Faces, number: int = DIRECTIONS) -> SunTable:
@@ -148,8 +151,8 @@ class SunTable:
         t: Array,
         number: int = 1,
         pixels: int = PIXELS,
-    ) -> List[Array]:
-        """Directions (3,) of the Sun, target frame, whose shadows explain the picture best, the best first.
+    ) -> List[int]:
+        """Which of the directions of the Sun explain the picture best by their shadows, the best first.
 
         Each group of faces has one brightness in light and one in shadow, both from the picture, so nothing
         is asked of materials; what tells directions apart is the shape of the shadows alone.
@@ -176,14 +179,21 @@ class SunTable:
         dim = max(2.0 * canvas.full / 255.0, canvas.sigma)
         value = np.sqrt(np.maximum(canvas.gray[y, x] - float(np.min(canvas.gray)), 0.0) + dim)
         own = np.unique(faces.group[face], return_inverse=True)[1].ravel()
-        out: List[Array] = []
-        for k in np.argsort(_cost(value, own, lit)):
-            direction = self.directions[some[k]]
-            if all(direction @ better < APART for better in out):
-                out.append(direction)
+        out: List[int] = []
+        for k in some[np.argsort(_cost(value, own, lit))].tolist():
+            if all(self.directions[k] @ self.directions[better] < APART for better in out):
+                out.append(k)
             if len(out) >= number:
                 break
         return out
+
+    def sunlight(self, faces: Faces, k: int, n: int) -> Sunlight:
+        """The craft painted ``n`` pixels wide from direction ``k``, once for all pictures."""
+        if (k, n) not in self.painted:
+            sun = Sunlight.of(faces, self.directions[k], n)
+            kind = np.uint16 if len(faces.corners) < np.iinfo(np.uint16).max else np.int32
+            self.painted[k, n] = replace(sun, seen=sun.seen.astype(kind))
+        return self.painted[k, n]
 
     def _lit(self, faces: Faces, face: Array, X: Array, some: Array) -> Array:
         """(S, P) bool: whether points ``X`` (P, 3) on faces (P,) are in the light of the directions ``some``."""
@@ -203,12 +213,11 @@ class SunTable:
 
 def _cost(value: Array, own: Array, lit: Array) -> Array:
     """(S,) what two levels for each group leave of values (P,), for each of S divisions ``lit`` (S, P)."""
-    s, n = len(lit), int(own.max()) + 1
-    index = (np.arange(s)[:, None] * n + own).ravel()
-    light = lit.astype(np.float32)
-    number = np.bincount(index, light.ravel(), s * n).reshape(s, n)
-    total = np.bincount(index, (light * value).ravel(), s * n).reshape(s, n)
-    all_number, all_total = np.bincount(own, minlength=n), np.bincount(own, value, n)
+    # sums by group are products of matrices: values are single, for all that is asked of them is an order
+    value, light = value.astype(np.float32), lit.astype(np.float32)
+    member = (own[:, None] == np.arange(int(own.max()) + 1)).astype(np.float32)
+    number, total = light @ member, light @ (member * value[:, None])
+    all_number, all_total = member.sum(axis=0), value @ member
     floor = float(np.quantile(value, 0.1))
     bright = total / np.maximum(number, 1.0)
     dark = (all_total - total + floor) / (all_number - number + 1.0)
@@ -218,7 +227,13 @@ def _cost(value: Array, own: Array, lit: Array) -> Array:
     bright, dark = np.where(wrong, mean, np.maximum(bright, floor)), np.where(wrong, mean, dark)
     level = np.where(lit, np.take(bright, own, axis=1), np.take(dark, own, axis=1))
     scale = SPREAD * float(np.std(value)) + 0.2
-    return np.asarray(np.minimum(((value - level) / scale) ** 2, BOUND).mean(axis=1))
+    away = (value - level) * np.float32(1.0 / scale)
+    return np.asarray(np.minimum(away * away, np.float32(BOUND)).mean(axis=1))
+
+
+def across(a: Array, b: Array) -> Array:
+    """(3,) vector product; numpy's own takes longer than all the rest of a direction's axes."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def rays_to_faces(
