@@ -78,7 +78,7 @@ void main() {
         s.cover = max(ALONG(surface.cover, cover), 0.0);
         s.lit = max(ALONG(surface.lit, lit), 0.0);
         four[k] = surface_radiance(g, s, waters, detail_at(g, ALONG(place, place)));
-#elif HIGH
+#elif HIGH && SHOALS
         four[k] = ground_radiance(g, waters_at(g)); // banks have edges of their own
 #else
         four[k] = ground_radiance(g, waters);
