@@ -44,12 +44,12 @@ def _every_other(edges_px: bytes) -> tuple[FloatArray, IntArray, Float32Array]:
 
 
 def _cubic(values: Float32Array, which: IntArray, weights: Float32Array) -> Float32Array:
-    """Values (K, ...) of coarse places at all places (M, ...); in an order of its own, not in that of a BLAS."""
-    shape = (-1, *[1] * (values.ndim - 1))
-    first, *rest = (weights[k].reshape(shape) * values[which[k]] for k in range(4))
-    for term in rest:
-        first += term
-    return np.asarray(first, np.float32)
+    """(L, M, V) values of K coarse places (K, L, V) at all M; in an order of its own, not in that of a BLAS."""
+    flat = values.reshape(len(values), -1)
+    fine = weights[0][:, None] * flat[which[0]]
+    for k in (1, 2, 3):
+        fine += weights[k][:, None] * flat[which[k]]
+    return np.ascontiguousarray(fine.reshape(-1, *values.shape[1:]).swapaxes(0, 1))
 
 
 class AirPass:
@@ -137,8 +137,7 @@ class AirPass:
             return program.run(columns_px, rows_px)
         x_px, across, across_weights = _every_other(columns_px.tobytes())
         y_px, down, down_weights = _every_other(rows_px.tobytes())
-        wide = _cubic(program.run(x_px, y_px).swapaxes(0, 1), across, across_weights)
-        return _cubic(wide.swapaxes(0, 1), down, down_weights)
+        return _cubic(_cubic(program.run(x_px, y_px), down, down_weights), across, across_weights)
 
     def at(self, points_px: Float32Array) -> Float32Array:
         """`corners`, at any points (K, 2): (K, 3) or (K, 6)."""
