@@ -358,7 +358,7 @@ def test_likeness_tells_the_craft_from_clutter_beside_it(faces: Faces) -> None:
 
 def test_each_witness_alone_can_make_a_pose_doubtful() -> None:
     # before a texture, where the clutter beside the craft keeps the score low: just enough
-    told = Evidence(0.5, 0.5, 0.0, 0.05, 0.5, 0.5, 0.0, 0.01, 0.003, 100, 300.0, False, 0.2, 0.96, 0.5)
+    told = Evidence(0.5, 0.5, 0.0, 0.05, 0.5, 0.5, 0.0, 0.01, 0.003, 100, 300.0, False, 0.2, 0.97, 0.5)
     assert decide(told) == ""
     for doubt in (
         {"margin": 0.004},
@@ -375,7 +375,7 @@ def test_each_witness_alone_can_make_a_pose_doubtful() -> None:
     # weights of one craft say less of another: a narrow margin is none, and it must look better than that
     other = replace(told, tried=False)
     assert "confidence" in decide(other)
-    clear = replace(other, margin=0.1, likeness=0.995, drawn=0.6)
+    clear = replace(other, margin=0.1, likeness=0.995, drawn=0.75)
     assert decide(clear) == ""
     assert "ambiguous" in decide(replace(clear, margin=0.015))
     # neither the picture's scale nor the craft's size is evidence

@@ -8,7 +8,7 @@ from typing import Optional
 import numpy as np
 
 # Confidence from which a pose is accepted.
-ACCEPT_AT = 0.9
+ACCEPT_AT = 0.93
 
 # Weights of picture_confidence, in the order of its terms: a ridge fit on 550 development frames.
 PICTURE_BIAS = -15.5

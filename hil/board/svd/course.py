@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
@@ -11,9 +11,11 @@ from hil.board.svd import quaternion as quat
 from hil.board.svd.frame import Candidate, Craft
 from hil.board.svd.levels import Shading
 from hil.board.svd.photometric import PhotoFit, explained, photo_draw, photo_step
-from hil.board.svd.shade import Canvas, Faces
+from hil.board.svd.shade import Canvas, Faces, draw_faces
 from hil.board.svd.shadowed import shadowed
 from hil.board.svd.sunlight import Sunlight
+
+Array = np.ndarray
 
 # How far apart poses are that are compared [rad].
 SPREAD_RAD = float(np.radians(6.0))
@@ -162,6 +164,33 @@ def leaning(craft: Craft, c: Candidate) -> List[Candidate]:
         t = centre - quat.matrix(q) @ craft.centre_m
         out.append(Candidate(q, t, c.support, c.field, c.region, c.likely))
     return out
+
+
+def laid_over(craft: Craft, canvas: Canvas, twins: List[Candidate], held: Candidate) -> List[Candidate]:
+    """Poses moved across the line of sight until their outlines have their middles where that of ``held`` has its own.
+
+    A twin turned about the centre of the craft's sphere lies beside the picture where an antenna or a panel moves that
+    centre off the middle of what is seen: by 27 px of 200 for a half turn of Tango, which then was never found.
+    """
+    middle = _middle(craft, canvas, held)
+    out = []
+    for c in twins:
+        shift = middle - _middle(craft, canvas, c)
+        depth = float((quat.matrix(c.q) @ craft.centre_m + c.t)[2])
+        across = np.array([shift[0] / craft.camera.fx_px, shift[1] / craft.camera.fy_px, 0.0]) * depth
+        out.append(replace(c, t=c.t + across) if np.isfinite(across).all() else c)
+    return out
+
+
+def _middle(craft: Craft, canvas: Canvas, c: Candidate) -> Array:
+    """(2,) middle of what a pose covers of the canvas [picture px]; NaN where that is nothing."""
+    faces, R = faces_of(craft), quat.matrix(c.q)
+    rows, columns = np.nonzero(
+        draw_faces(faces, faces.order(-R.T @ c.t), craft.camera.pinhole, R, c.t, canvas)
+    )
+    if not len(rows):
+        return np.full(2, np.nan)
+    return np.array([columns.mean() / canvas.scale[0], rows.mean() / canvas.scale[1]])
 
 
 def spread_out(pool: List[Course], keep: int, before: Sequence[Candidate] = ()) -> List[Course]:
