@@ -108,7 +108,8 @@ class PoseEstimator(Estimator):
             found += search_region(self.craft, frame, region)
         if found:
             searched = self._chosen(frame, found, thorough=True)
-            return searched if looked is None or _explained(searched) >= _explained(looked) else looked
+            # not by what they explain: the two were judged on different cuts of the picture
+            return searched if looked is None or searched.confidence >= looked.confidence else looked
         return PoseResult(
             False, "no target found", None, None, 0.0, frame.stages_ms, frame.counts, method=self.method
         )
@@ -200,8 +201,3 @@ def settled(result: PoseResult) -> bool:
     e = result.evidence
     tied = e is not None and e.margin < least_margin(e)
     return result.confidence > (TIED if tied else SETTLED)
-
-
-def _explained(result: PoseResult) -> float:
-    """Score of the picture, zero where poses were judged by edges."""
-    return 0.0 if result.evidence is None else result.evidence.score or 0.0
