@@ -17,8 +17,9 @@ from rich.console import Console
 
 from flyaround.demo_page import DemoResults, write_page
 from flyaround.progress import progress_bar
+from hil.host.exchange import LinkConfig
 from hil.host.report import write_report
-from hil.host.run import HostFrame, run_host
+from hil.host.run import HostFrame, RunConfig, run_host
 from hil.host.stream import stream_frames
 from hil.host.truth_logger import TruthLogger
 from simulator.dataset.capture import capture
@@ -123,6 +124,12 @@ def _run_loop(plan: Plan, folder: Path, executable: str) -> Loop:
     rows: list[LedgerRow] = []
     frames: dict[int, HostFrame] = {}
     command = [executable, "-P", "-m", "flyaround", "hil", "board", url, "--target", plan.target.name]
+    config = RunConfig(
+        link=LinkConfig(url=url, truth_url=truth_url, mode="lockstep", truth="separate", timeout_s=60.0),
+        log_dir=folder,
+        target_name=plan.target.name,
+        target_sha256=plan.target.sha256,
+    )
     log_path = folder / "board.log"
     with log_path.open("wb") as log, progress_bar("30 frames to the board") as progress:
         # one thread, as on a board: BLAS threads on its small matrices only fight the renderer
@@ -141,18 +148,7 @@ def _run_loop(plan: Plan, folder: Path, executable: str) -> Loop:
             progress(len(rows), plan.n_frames)
 
         try:
-            summary = run_host(
-                remembered(),
-                url=url,
-                mode="lockstep",
-                truth="separate",
-                truth_url=truth_url,
-                target_name=plan.target.name,
-                target_sha256=plan.target.sha256,
-                log_dir=folder,
-                timeout_s=60.0,
-                on_row=on_row,
-            )
+            summary = run_host(remembered(), config, on_row=on_row)
             board.wait(timeout=BOARD_EXIT_S)
         finally:
             board.kill()

@@ -22,7 +22,7 @@ from simulator.scenario_chaser import (
 )
 from simulator.scenario_forces import check_forces, force_model
 from simulator.world.bodies import BODIES, Body
-from simulator.world.flight_build import propagate_flight
+from simulator.world.flight_build import ChaserPlan, TargetStart, propagate_flight
 from simulator.world.orbit import Elements, elements_from_state, state_from_elements
 from simulator.world.pointing import Pointing
 from simulator.world.recording import Recording, recorded_tracks
@@ -57,18 +57,15 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
     body = central_body(scenario)
     # a recording brings the target's attitude, and its chaser may be where no pointing could be made
     replayed = isinstance(scenario.chaser, sc.ReplayChaser)
-    flight = propagate_flight(
-        epoch=epoch,
-        duration_s=span_s,
-        forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg, body),
-        body=body,
-        r_target_eci_m=r,
-        v_target_eci_m_s=v,
-        burns=burns(scenario.burns),
+    start = TargetStart(
+        r_eci_m=r,
+        v_eci_m_s=v,
         attitude=lambda frame: q_eci_from_target(a, frame),
         motion=Fixed(frame="eci")
         if replayed
         else target_motion(a, target.mass.inertia_kg_m2, epoch, scenario.duration_s),
+    )
+    chaser = ChaserPlan(
         guidance=guidance(scenario.chaser),
         thrusters=thrusters(scenario.chaser),
         keep_out=keep_out(scenario.chaser),
@@ -80,6 +77,15 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
             roll_rad=np.radians(pointing.roll_deg),
         ),
         choose_down=down == "auto",
+    )
+    flight = propagate_flight(
+        start,
+        chaser,
+        epoch=epoch,
+        duration_s=span_s,
+        forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg, body),
+        body=body,
+        burns=burns(scenario.burns),
     )
     _check_height(flight, scenario.name)
     if not isinstance(scenario.chaser, sc.ReplayChaser):

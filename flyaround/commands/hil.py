@@ -16,9 +16,10 @@ from flyaround.progress import progress_bar
 from hil.board.agent import run_board
 from hil.board.svd import METHODS
 from hil.host.bundle import write_bundle
+from hil.host.exchange import LinkConfig
 from hil.host.ledger import LedgerRow
 from hil.host.report import write_report
-from hil.host.run import run_host
+from hil.host.run import RunConfig, run_host
 from hil.host.stream import stream_frames
 from simulator.errors import UserError
 from simulator.files import empty_folder
@@ -69,6 +70,18 @@ def host(
     )
     if log is not None:
         empty_folder(log, option="--log")
+    config = RunConfig(
+        link=LinkConfig(
+            url=listen,
+            mode="realtime" if mode == "realtime" else "lockstep",
+            truth="off" if truth == "off" else "inline" if truth == "inline" else "separate",
+            timeout_s=timeout_s,
+        ),
+        log_dir=log,
+        connect_timeout_s=max(timeout_s, CONNECT_S),
+        target_name=plan.target.name,
+        target_sha256=plan.target.sha256,
+    )
     with progress_bar("frames to the board", quiet=as_json) as progress:
         done = 0
 
@@ -77,18 +90,7 @@ def host(
             done += 1
             progress(done, plan.n_frames)
 
-        summary = run_host(
-            stream_frames(plan, device_index=gpu),
-            url=listen,
-            mode="realtime" if mode == "realtime" else "lockstep",
-            truth="off" if truth == "off" else "inline" if truth == "inline" else "separate",
-            log_dir=log,
-            timeout_s=timeout_s,
-            connect_timeout_s=max(timeout_s, CONNECT_S),
-            on_row=count,
-            target_name=plan.target.name,
-            target_sha256=plan.target.sha256,
-        )
+        summary = run_host(stream_frames(plan, device_index=gpu), config, on_row=count)
     document = msgspec.json.encode(summary)
     if as_json:
         typer.echo(msgspec.json.format(document, indent=1).decode())

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from hil.board.agent import run_board
-from hil.host.run import HostFrame, run_host
+from hil.host.exchange import LinkConfig
+from hil.host.run import HostFrame, RunConfig, run_host
 from simulator.bench.parts import PartCost, cost
 
 if TYPE_CHECKING:
@@ -64,14 +65,12 @@ def link_latency_ms(
         boards[0].start()
 
     laps_ms: list[float] = []
+    link = LinkConfig(
+        url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=10.0, compression=compression
+    )
     run_host(
         _frames(width_px, height_px, n_frames),
-        url="tcp://127.0.0.1:0",
-        mode="lockstep",
-        truth="off",
-        log_dir=None,
-        timeout_s=10.0,
-        compression=compression,
+        RunConfig(link=link),
         on_listening=start_board,
         on_row=lambda row: laps_ms.append(row.e2e_ms or 0.0),
     )

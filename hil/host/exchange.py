@@ -20,22 +20,24 @@ TruthWhere = Literal["off", "separate", "inline"]
 RunMode = Literal["lockstep", "realtime"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LinkConfig:
     """How the link process listens; fixed for a run.
 
     Parameters
     ----------
-    url, truth_url : where boards and truth loggers connect; ``truth_url`` None for no such endpoint.
-    timeout_s : how long a frame waits for its pose.
+    url : where the board connects; port 0 takes a free one.
+    mode, truth : whether frames wait for poses; where the truth goes.
+    timeout_s : how long a frame waits for its pose, and the run for a board that went away.
+    truth_url : where truth loggers connect; None for no such endpoint.
     """
 
     url: str
-    truth_url: str | None
     mode: RunMode
     truth: TruthWhere
     timeout_s: float
-    compression: Compression
+    truth_url: str | None = None
+    compression: Compression = "auto"
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from hil.host.exchange import Compression, FrameResult, LinkConfig, RunMode, TruthWhere
+from hil.host.exchange import FrameResult, LinkConfig
 from hil.host.ledger import LedgerRow, LedgerWriter, pose_errors
 from hil.host.server import HostLink
 from hil.host.summary import SUMMARY_JSON, Board, LedgerSummary, LinkTotals, summarise
@@ -44,7 +44,7 @@ class HostFrame:
     epoch_utc, t_s : mid-exposure.
     image : (H, W) uint8 (or uint16).
     camera : the camera JSON object; the same for all frames of a run.
-    truth : JSON-able; stays at the host, or goes where ``truth`` of ``run_host`` says.
+    truth : JSON-able; stays at the host, or goes where ``truth`` of the link says.
     render_ms : what drawing it cost.
     """
 
@@ -56,6 +56,29 @@ class HostFrame:
     camera: dict[str, Any]
     truth: dict[str, Any]
     render_ms: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunConfig:
+    """What a run is told before its first frame.
+
+    Parameters
+    ----------
+    link : how the board and truth loggers connect.
+    log_dir : for ``frames.csv`` and ``summary.json``; None keeps no files.
+    connect_timeout_s : wait for the first board.
+    window : most frames under way at once; the board may ask for fewer.
+    deadline_s : a pose later than this counts as a miss; realtime's default is the frame interval.
+    target_name, target_sha256 : the target that is flown; a board with another model is refused.
+    """
+
+    link: LinkConfig
+    log_dir: Path | None = None
+    connect_timeout_s: float = CONNECT_TIMEOUT_S
+    window: int = 2
+    deadline_s: float | None = None
+    target_name: str = ""
+    target_sha256: str = ""
 
 
 def default_truth_url(url: str) -> str:
@@ -78,36 +101,19 @@ def default_truth_url(url: str) -> str:
 
 def run_host(
     frames: Iterable[HostFrame],
+    config: RunConfig,
     *,
-    url: str,
-    mode: RunMode,
-    truth: TruthWhere,
-    log_dir: Path | None,
-    timeout_s: float,
     on_row: Callable[[LedgerRow], None] | None = None,
-    truth_url: str | None = None,
     on_listening: Callable[[str, str | None], None] | None = None,
-    connect_timeout_s: float = CONNECT_TIMEOUT_S,
-    window: int = 2,
-    compression: Compression = "auto",
-    deadline_s: float | None = None,
-    target_name: str = "",
-    target_sha256: str = "",
 ) -> LedgerSummary:
     """Send frames to a board and keep the ledger.
 
     Parameters
     ----------
     frames : drawn as they are needed.
-    url : where the board connects; port 0 takes a free one.
-    timeout_s : wait for a pose, and for a board that went away to come back.
+    config : with ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up.
     on_row : told each row once its outcome is known, in that order.
-    truth_url : where truth loggers connect with ``truth="separate"``; default: the next port.
     on_listening : told the URLs once the ports are open.
-    connect_timeout_s : wait for the first board.
-    window : most frames under way at once; the board may ask for fewer.
-    deadline_s : a pose later than this counts as a miss; realtime's default is the frame interval.
-    target_name, target_sha256 : the target that is flown; a board with another model is refused.
 
     Raises
     ------
@@ -115,22 +121,15 @@ def run_host(
         If a port is in use, no board comes, or the log folder cannot be written. The ledger of what
         went before is closed properly.
     """
-    config = LinkConfig(
-        url=url,
-        truth_url=(truth_url or default_truth_url(url)) if truth == "separate" else None,
-        mode=mode,
-        truth=truth,
-        timeout_s=timeout_s,
-        compression=compression,
-    )
-    run = _Run(config, on_row)
-    with HostLink(config) as link:
+    terms = _with_truth_endpoint(config.link)
+    run = _Run(terms, on_row)
+    with HostLink(terms) as link:
         # ports first, so that a taken one is reported before anything is drawn or written
         run.link = link
         if on_listening is not None:
             on_listening(link.url, link.truth_url)
-        if log_dir is not None:
-            run.writer = LedgerWriter(log_dir)
+        if config.log_dir is not None:
+            run.writer = LedgerWriter(config.log_dir)
         ended: Ended = "failed"
         try:
             iterator = iter(frames)
@@ -142,32 +141,39 @@ def run_host(
                 width_px=first.image.shape[1],
                 height_px=first.image.shape[0],
                 bits=8 * first.image.dtype.itemsize,
-                mode=Mode[mode.upper()],
-                truth=TruthPolicy[truth.upper()],
-                window=window,
-                target_name=target_name,
-                target_sha256=target_sha256,
+                mode=Mode[terms.mode.upper()],
+                truth=TruthPolicy[terms.truth.upper()],
+                window=config.window,
+                target_name=config.target_name,
+                target_sha256=config.target_sha256,
             )
             link.open(ack, N_SLOTS, first.image.nbytes)
-            if not link.wait_for_board(connect_timeout_s):
+            if not link.wait_for_board(config.connect_timeout_s):
                 ended = "no_board"
                 refused = f" (last: {link.down_reason})" if link.down_reason else ""
                 raise UserError(
-                    f"no board connected to {link.url} within {connect_timeout_s:g} s{refused}:"
+                    f"no board connected to {link.url} within {config.connect_timeout_s:g} s{refused}:"
                     f" start one with `flyaround hil board {link.url}`"
                 )
             every = _chained(first, iterator)
-            ended = run.lockstep(every) if mode == "lockstep" else run.realtime(every)
+            ended = run.lockstep(every) if terms.mode == "lockstep" else run.realtime(every)
         except KeyboardInterrupt:
             ended = "interrupted"
             raise
         finally:
             link.close()
-            deadline_ms = None if deadline_s is None else 1e3 * deadline_s
-            if mode == "realtime" and deadline_ms is None:
+            deadline_ms = None if config.deadline_s is None else 1e3 * config.deadline_s
+            if terms.mode == "realtime" and deadline_ms is None:
                 deadline_ms = run.interval_ms()
-            summary = run.close(ended, deadline_ms, log_dir)
+            summary = run.close(ended, deadline_ms, config.log_dir)
     return summary
+
+
+def _with_truth_endpoint(link: LinkConfig) -> LinkConfig:
+    """The link with a truth endpoint when truth travels separately, and with none otherwise."""
+    if link.truth != "separate":
+        return replace(link, truth_url=None)
+    return replace(link, truth_url=link.truth_url or default_truth_url(link.url))
 
 
 def _chained(first: HostFrame, rest: Iterator[HostFrame]) -> Iterator[HostFrame]:

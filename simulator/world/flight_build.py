@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,42 +40,65 @@ if TYPE_CHECKING:
     from simulator.world.wheels import Wheels
 
 
+@dataclass(frozen=True, kw_only=True)
+class TargetStart:
+    """The target at the start of a flight.
+
+    Parameters
+    ----------
+    r_eci_m, v_eci_m_s : (3,) centre of mass from the centre of the body it circles, GCRS axes.
+    attitude : ``q_eci_from_target_wxyz``, or a function that gives it from the LVLH frame at the start.
+    motion : how it turns from there.
+    """
+
+    r_eci_m: ArrayLike
+    v_eci_m_s: ArrayLike
+    attitude: Callable[[Lvlh], FloatArray] | Quat
+    motion: TargetMotion
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChaserPlan:
+    """How the chaser flies and its camera turns.
+
+    Parameters
+    ----------
+    guidance : motion of the chaser.
+    pointing : of the camera.
+    choose_down : replace the pointing's ``down`` by the reference that suits this flight (`with_best_down`).
+    thrusters, keep_out : of a chaser that flies by thrusters; else a path is followed exactly.
+    wheels : that turn the camera; else its pointing is followed exactly.
+    """
+
+    guidance: Guidance
+    pointing: Pointing
+    choose_down: bool = False
+    thrusters: Thrusters | None = None
+    keep_out: KeepOut | None = None
+    wheels: Wheels | None = None
+
+
 def propagate_flight(
+    target: TargetStart,
+    chaser: ChaserPlan,
     *,
     epoch: Instant,
     duration_s: float,
-    r_target_eci_m: ArrayLike,
-    v_target_eci_m_s: ArrayLike,
-    attitude: Callable[[Lvlh], FloatArray] | Quat,
-    motion: TargetMotion,
-    guidance: Guidance,
-    pointing: Pointing,
-    choose_down: bool = False,
     forces: Forces | None = None,
     body: Body = EARTH,
     burns: tuple[Burn, ...] = (),
-    thrusters: Thrusters | None = None,
-    keep_out: KeepOut | None = None,
-    wheels: Wheels | None = None,
 ) -> Flight:
     """Propagate target orbit, tumble and chaser.
 
     Parameters
     ----------
     epoch, duration_s : start and length.
-    r_target_eci_m, v_target_eci_m_s : target's centre of mass at the start from the centre of ``body``, GCRS axes.
-    attitude : ``q_eci_from_target_wxyz`` at the start, or a function that gives it from the LVLH frame there.
-    motion : how the target turns from there.
-    guidance : motion of the chaser.
-    pointing : of the camera.
-    choose_down : replace the pointing's ``down`` by the reference that suits this flight (`with_best_down`).
     forces : on both craft; a point mass with J2 unless given.
     body : what they circle; with the Moon the forces must be given.
     burns : of both craft; the chaser's are for one in free flight.
-    thrusters, keep_out : of a chaser that flies by thrusters; else a path is followed exactly.
-    wheels : that turn the camera; else its pointing is followed exactly.
     """
-    r, v = np.asarray(r_target_eci_m, float), np.asarray(v_target_eci_m_s, float)
+    guidance, pointing = chaser.guidance, chaser.pointing
+    r, v = np.asarray(target.r_eci_m, float), np.asarray(target.v_eci_m_s, float)
     if forces is None:
         forces = Gravity(pole_eci=vec3(pole_eci(epoch)))
     frame = lvlh_frame(r, v, forces.target(0.0, r, v))
@@ -83,6 +106,7 @@ def propagate_flight(
     n = mean_motion_rad_s(elements_from_state(r, v, mu).semi_major_axis_m, mu)
     start = frame.to_eci(*guidance.state_lvlh(0.0, n)) if guidance.ballistic else None
     orbit = propagate(r, v, duration_s, forces, start, burns)
+    attitude = target.attitude
     q0 = quat_normalize(attitude(frame) if callable(attitude) else np.asarray(attitude, float))
     scripted = isinstance(guidance, Steered)
     flight = Flight(
@@ -94,8 +118,12 @@ def propagate_flight(
         guidance=guidance,
         n_rad_s=n,
         pointing=pointing,
-        controlled=fly_controlled(orbit, guidance, n, thrusters, keep_out) if thrusters else None,
-        steered=fly_script(orbit, guidance, n, pointing, keep_out) if isinstance(guidance, Steered) else None,
+        controlled=fly_controlled(orbit, guidance, n, chaser.thrusters, chaser.keep_out)
+        if chaser.thrusters
+        else None,
+        steered=fly_script(orbit, guidance, n, pointing, chaser.keep_out)
+        if isinstance(guidance, Steered)
+        else None,
         body=body,
     )
     around = Surroundings(
@@ -105,10 +133,10 @@ def propagate_flight(
         duration_s=duration_s,
         relative=flight.apart,
     )
-    flight = replace(flight, attitude=motion.track(q0, around))
+    flight = replace(flight, attitude=target.motion.track(q0, around))
     # the thrust of a script follows the camera's axes, which must stay as they were flown
-    flight = with_best_down(flight) if choose_down and not scripted else flight
-    return with_wheels(flight, wheels)
+    flight = with_best_down(flight) if chaser.choose_down and not scripted else flight
+    return with_wheels(flight, chaser.wheels)
 
 
 def with_wheels(flight: Flight, wheels: Wheels | None) -> Flight:

@@ -6,12 +6,14 @@ import socket
 import struct
 import threading
 import time
+from dataclasses import fields
 
 import numpy as np
 import pytest
 
 from hil.board.agent import run_board
-from hil.host.run import HostFrame, run_host
+from hil.host.exchange import LinkConfig
+from hil.host.run import HostFrame, RunConfig, run_host
 from hil.host.summary import LedgerSummary
 from hil.link.errors import LinkError
 from hil.link.packets import PacketType, decode_packet
@@ -88,16 +90,13 @@ class Loop:
     def _start(self, starter, url) -> None:
         self.results.append(starter(url))
 
-    def run(self, source, **options):
-        defaults = {
-            "url": "tcp://127.0.0.1:0",
-            "mode": "lockstep",
-            "truth": "off",
-            "log_dir": None,
-            "timeout_s": 2.0,
-            "connect_timeout_s": 20.0,
-        }
-        summary = run_host(source, on_listening=self.on_listening, **{**defaults, **options})
+    def run(self, source, *, on_row=None, **options):
+        """The summary of a run; options are fields of the link or of the run."""
+        of_link = {field.name for field in fields(LinkConfig)} & options.keys()
+        defaults = {"url": "tcp://127.0.0.1:0", "mode": "lockstep", "truth": "off", "timeout_s": 2.0}
+        link = LinkConfig(**{**defaults, **{name: options.pop(name) for name in of_link}})
+        config = RunConfig(link=link, **{"connect_timeout_s": 20.0, **options})
+        summary = run_host(source, config, on_row=on_row, on_listening=self.on_listening)
         for thread in self.threads:
             thread.join(5.0)
         return summary

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from hil.board.agent import run_board
-from hil.host.run import HostFrame, run_host
+from hil.host.exchange import LinkConfig
+from hil.host.run import HostFrame, RunConfig, run_host
 
 
 @contextmanager
@@ -79,13 +80,10 @@ def test_run_over_a_serial_line(damage_every):
                 run_board(f"serial://{right}?baud=921600", make_estimator=Mean, connect_timeout_s=10.0)
             )
         )
+        link = LinkConfig(url=f"serial://{left}?baud=921600", mode="lockstep", truth="off", timeout_s=1.0)
         summary = run_host(
             frames(15),
-            url=f"serial://{left}?baud=921600",
-            mode="lockstep",
-            truth="off",
-            log_dir=None,
-            timeout_s=1.0,
+            RunConfig(link=link),
             on_row=rows.append,
             on_listening=lambda *_: board.start(),
         )

@@ -12,7 +12,7 @@ from simulator.camera.sensor import Sensor
 from simulator.scene.build import build_scene
 from simulator.scene.state import SceneState, TargetRef
 from simulator.world.flight import Flight
-from simulator.world.flight_build import propagate_flight
+from simulator.world.flight_build import ChaserPlan, TargetStart, propagate_flight
 from simulator.world.flight_table import fly_table
 from simulator.world.guidance import (
     ForcedFlyaround,
@@ -44,15 +44,15 @@ def flight(guidance: Guidance, pointing: Pointing | None = None, *, choose_down:
         Elements(semi_major_axis_m=7078e3, eccentricity=0.002, inclination_rad=1.714, raan_rad=0.3)
     )
     return propagate_flight(
+        TargetStart(
+            r_eci_m=r,
+            v_eci_m_s=v,
+            attitude=(0.5, -0.5, 0.1, 0.7),
+            motion=Tumble(omega_rad_s=(0.02, -0.03, 0.01), inertia_kg_m2=np.diag([2.5, 2.7, 3.9])),
+        ),
+        ChaserPlan(guidance=guidance, pointing=pointing or Pointing(), choose_down=choose_down),
         epoch=Instant.from_utc("2026-03-20T12:00:00Z"),
         duration_s=60.0,
-        r_target_eci_m=r,
-        v_target_eci_m_s=v,
-        attitude=(0.5, -0.5, 0.1, 0.7),
-        motion=Tumble(omega_rad_s=(0.02, -0.03, 0.01), inertia_kg_m2=np.diag([2.5, 2.7, 3.9])),
-        guidance=guidance,
-        pointing=pointing or Pointing(),
-        choose_down=choose_down,
     )
 
 
