@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from difflib import get_close_matches
 from typing import Any
 
 import msgspec
 from msgspec import inspect as mi
+
+from simulator.errors import near_names
 
 _PATH = re.compile(r"(?P<what>.*?)(?: - at `\$(?P<path>[^`]*)`)?", re.DOTALL)
 
@@ -31,14 +32,14 @@ def explain(message: str, raw: dict[str, Any], root: type[msgspec.Struct]) -> st
         _, types = _walk(raw, root, path)
         return _missing(missing[1], key, types)
     value, types = _walk(raw, root, path)
-    near = get_close_matches(str(value), _choices(types), n=1) if isinstance(value, str) else []
+    near = near_names(str(value), _choices(types)) if isinstance(value, str) else []
     hint = f" (did you mean {near[0]!r}?)" if near else ""
     return f"key {key} is {_short(value)}, allowed: {_describe_all(types)}{hint}"
 
 
 def _unknown(name: str, key: str, types: list[mi.Type]) -> str:
     known = _keys(types)
-    near = get_close_matches(name, known, n=1)
+    near = near_names(name, known)
     place = f"in section [{key}]" if key else "at the top level"
     hint = f"did you mean {near[0]}? " if near else ""
     return f"unknown key {name} {place}: {hint}allowed: {', '.join(known)}"

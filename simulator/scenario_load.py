@@ -7,7 +7,6 @@ import math
 import re
 import tomllib
 from dataclasses import asdict
-from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ import msgspec
 
 from simulator.camera.check import optics_problem, sensor_problem
 from simulator.camera.files import CameraFile, read_camera_file
-from simulator.errors import UserError
+from simulator.errors import UserError, near_names
 from simulator.file_errors import explain
 from simulator.scenario import Scenario
 from simulator.scenario_flight import check_physics
@@ -150,6 +149,6 @@ def _no_such_scenario(text: str, path: Path) -> str:
     names = list_scenarios()
     if path.suffix == ".toml" or re.search(r"[/\\]", text):
         return f"there is no scenario file {text!r}: give a TOML file, or one of {', '.join(names)}"
-    near = get_close_matches(text, names, n=3, cutoff=0.4)
+    near = near_names(text, names, 3)
     hint = f"did you mean {' or '.join(near)}?" if near else f"built-in ones are {', '.join(names)}"
     return f"there is no scenario {text!r}: {hint}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from simulator.camera.files_foreign import read_raw, recognised
 from simulator.camera.files_native import CameraFile, DistortionSection
 from simulator.camera.intrinsics import LensFile
 from simulator.camera.model import Camera
-from simulator.errors import UserError
+from simulator.errors import UserError, near_names
 from simulator.file_errors import explain
 
 __all__ = [
@@ -90,7 +89,7 @@ def parse_camera(content: bytes, where: str) -> CameraFile:
 
 def _no_such_camera(text: str) -> str:
     names = list_cameras()
-    near = get_close_matches(text, names, n=3, cutoff=0.5)
+    near = near_names(text, names, 3)
     if near:
         return f"there is no camera {text!r}, neither a file nor built in: did you mean {' or '.join(near)}?"
     return f"there is no camera {text!r}, neither a file nor built in: built-in ones are {', '.join(names)}"

@@ -8,7 +8,6 @@ Meshes that the user added stand beside them, in the data folder, at one level.
 
 from __future__ import annotations
 
-import difflib
 import functools
 import hashlib
 import importlib
@@ -17,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
+from simulator.errors import UserError, near_names
 from simulator.targets.cache import cache_folder
 from simulator.targets.detail import DETAILS, Detail, level_name, split_level
 from simulator.targets.glb import load_glb
@@ -108,7 +107,7 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
     path = Path(name_or_path)
     if path.suffix.lower() == ".glb" or path.is_file():
         return load_glb(path)
-    near = difflib.get_close_matches(name, list_targets(), cutoff=0.4) or list_targets()
+    near = near_names(name, list_targets(), 3) or list_targets()
     raise UserError(
         f"unknown target {text!r}: name one of {', '.join(near)}, or another that "
         "`flyaround targets` lists (with @medium or @low for fewer triangles), or give the path of a .glb target file"
