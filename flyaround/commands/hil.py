@@ -58,7 +58,7 @@ def host(
     gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
-    """Stream a flight to a board and keep the ledger of every frame."""
+    """Stream a flight to a board and keep the ledger of every frame; exit 1 where the board left for good."""
     if mode not in {"lockstep", "realtime"}:
         raise UserError(f"unknown mode '{mode}' in --mode; choose lockstep or realtime")
     if truth not in {"off", "separate", "inline"}:
@@ -96,6 +96,13 @@ def host(
         typer.echo(msgspec.json.format(document, indent=1).decode())
     else:
         Console().print_json(document.decode())
+    if summary.ended != "completed":
+        # what was sent is in the ledger; a script must not take a run without a board for a whole one
+        Console(stderr=True).print(
+            f"flyaround: the board left after {summary.sent} of {plan.n_frames} frames and did not come back within"
+            f" {timeout_s:g} s: start it again, and this run with it"
+        )
+        raise typer.Exit(1)
 
 
 def board(
