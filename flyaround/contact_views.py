@@ -12,7 +12,8 @@ from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.camera.sensor import Sensor
 from simulator.scene.bands import sun_irradiance_w_m2
-from simulator.scene.state import Environment, SceneState, TargetRef
+from simulator.scene.environments import NOTHING
+from simulator.scene.state import SceneState, TargetRef
 from simulator.world.constants import AU_M
 from simulator.world.rotation import quat_from_matrix
 
@@ -39,19 +40,6 @@ FOCAL_WIDTHS = 3.0
 """Focal length in image widths: a long lens, so that sides look square."""
 FILL = 0.9
 ORBIT_M = 7e6
-DARK = Environment(
-    earth=False,
-    clouds=False,
-    ocean_glint=False,
-    sea_ice=False,
-    night_lights=False,
-    atmosphere=False,
-    stars=False,
-    sun=False,
-    earthshine=False,
-    moon=False,
-    planets=False,
-)
 # RGB. Colours that a colour-blind reader tells apart (Okabe and Ito).
 EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
 GAMMA = 2.2
@@ -109,7 +97,7 @@ def view_scene(
         camera=camera,
         sensor=Sensor(),
         exposure_s=0.01,
-        environment=DARK,
+        environment=NOTHING,
         quality="high",
         bands="rgb",
         target=TargetRef(name=target.name, sha256=target.sha256),

@@ -14,7 +14,6 @@ from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from types import TracebackType
 
     from simulator.render.renderer import Renderer
     from simulator.scene.state import SceneState
@@ -66,12 +65,7 @@ class RenderedPictures:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -8,16 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hil.evaluate.decision import reliability, trade_off
+from hil.plots import DIM, INK, figure_with_axes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from matplotlib.axes import Axes
-
     from hil.evaluate.frames import EvaluatedFrame
 
-INK, DIM, GRID = "#1f2933", "#7b8794", "#e4e7eb"
 # Okabe and Ito: told apart by everybody.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 PALETTE = (*COLOURS, "#274c77", "#8ab17d", "#9d4edd", "#7b8794", "#b56576", "#6d597a", "#355070", "#bc6c25")
@@ -36,20 +34,6 @@ CAPTIONS = {
     "were right of those that were so sure (Wilson 95 %); on the dashed line a confidence is a probability.",
     "stages": "Median time of each stage in the order they run, one frame, this machine.",
 }
-
-
-def _figure(rows: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(11, height), layout="constrained", facecolor="white")
-    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
-    for ax in axes:
-        ax.grid(color=GRID, lw=0.8)
-        ax.set_axisbelow(True)
-        ax.tick_params(colors=INK, labelsize=9)
-        for side in ("top", "right"):
-            ax.spines[side].set_visible(False)
-        for side in ("left", "bottom"):
-            ax.spines[side].set_color(DIM)
-    return figure, axes
 
 
 def draw_plots(rows: Sequence[EvaluatedFrame], labels: Sequence[str], folder: Path) -> list[str]:
@@ -76,7 +60,7 @@ def _posed(rows: Sequence[EvaluatedFrame]) -> list[EvaluatedFrame]:
 def _against_range(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
     if not any(_posed(rows) for rows in by_method.values()):
         return None
-    figure, axes = _figure(1, 2, 4.6)
+    figure, axes = figure_with_axes(1, 2, 4.6)
     quantities = (("E_T_m", "translation error [m]"), ("E_R_deg", "rotation error [deg]"))
     for ax, (field, label) in zip(axes, quantities, strict=True):
         for k, (method, rows) in enumerate(by_method.items()):
@@ -113,7 +97,7 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
         return None
     every = [r for records in accepted.values() for r in records]
     right = [r for r in every if r.coarse] or every
-    figure, axes = _figure(2, 3, 5.6)
+    figure, axes = figure_with_axes(2, 3, 5.6)
     for k, records in enumerate(accepted.values()):
         if not records:
             continue
@@ -154,7 +138,7 @@ def _histograms(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
     methods = {m: _posed(rows) for m, rows in by_method.items() if _posed(rows)}
     if not methods:
         return None
-    figure, axes = _figure(len(methods), 2, 1.0 + 2.4 * len(methods))
+    figure, axes = figure_with_axes(len(methods), 2, 1.0 + 2.4 * len(methods))
     quantities = (("E_T_m", "translation error [m]", 0.5), ("E_R_deg", "rotation error [deg]", 5.0))
     for row, (method, posed) in enumerate(methods.items()):
         for column, (field, label, top) in enumerate(quantities):
@@ -181,7 +165,7 @@ def decision_figure(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None
     methods = {m: rows for m, rows in by_method.items() if len({r.confidence for r in rows}) > 1}
     if not methods:
         return None
-    figure, (left, right) = _figure(1, 2, 4.2)
+    figure, (left, right) = figure_with_axes(1, 2, 4.2)
     for k, (method, rows) in enumerate(methods.items()):
         colour = COLOURS[k % len(COLOURS)]
         curve = trade_off(rows)
@@ -205,7 +189,7 @@ def _stages(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
     methods = {m: rows for m, rows in by_method.items() if any(r.stages_ms for r in rows)}
     if not methods:
         return None
-    figure, axes = _figure(1, 1, 1.4 + 0.75 * len(methods))
+    figure, axes = figure_with_axes(1, 1, 1.4 + 0.75 * len(methods))
     ax = axes[0]
     medians = []
     for rows in methods.values():

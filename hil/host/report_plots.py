@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from hil.host.ledger import ACCEPTED, DECLINED
+from hil.plots import DIM, INK, figure_with_axes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
     from hil.host.ledger import LedgerRow
 
-INK, DIM, GRID = "#1f2933", "#7b8794", "#e4e7eb"
+HEIGHT = 3.6  # inches
 BLUE, GREEN, RED, ORANGE = "#2f6fb0", "#2f9e62", "#c8453b", "#e08a1e"
 STAGES = (
     "#274c77",
@@ -40,20 +41,6 @@ def outcome_colour(outcome: str) -> str:
     return {ACCEPTED: GREEN, DECLINED: ORANGE}.get(outcome, RED)
 
 
-def _figure(columns: int, height: float = 3.6) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(11, height), layout="constrained", facecolor="white")
-    axes = list(figure.subplots(1, columns, squeeze=False)[0])
-    for ax in axes:
-        ax.grid(color=GRID, lw=0.8)
-        ax.set_axisbelow(True)
-        ax.tick_params(colors=INK, labelsize=9)
-        for side in ("top", "right"):
-            ax.spines[side].set_visible(False)
-        for side in ("left", "bottom"):
-            ax.spines[side].set_color(DIM)
-    return figure, axes
-
-
 def _title(ax: Axes, text: str) -> None:
     ax.set_title(text, loc="left", fontsize=11, color=INK, fontweight="bold")
 
@@ -63,7 +50,7 @@ def plot_latency(rows: Sequence[LedgerRow], deadline_ms: float | None) -> Figure
     e2e = np.sort([row.e2e_ms for row in rows if row.e2e_ms is not None])
     if not len(e2e):
         return None
-    figure, (left, right) = _figure(2)
+    figure, (left, right) = figure_with_axes(1, 2, HEIGHT)
     # bins over the bulk; the few beyond it are named, not squeezed into the last bin unseen
     top = float(np.percentile(e2e, 99.5)) if len(e2e) > 40 else float(e2e[-1])
     beyond = int(np.sum(e2e > top))
@@ -91,7 +78,7 @@ def plot_timeline(rows: Sequence[LedgerRow], deadline_ms: float | None) -> Figur
     dropped = [row for row in rows if row.e2e_ms is None]
     if not rows:
         return None
-    figure, (ax,) = _figure(1, 3.2)
+    figure, (ax,) = figure_with_axes(1, 1, 3.2)
     for outcome in (ACCEPTED, DECLINED):
         chosen = [row for row in answered if row.outcome == outcome]
         if chosen:
@@ -121,7 +108,7 @@ def plot_jitter(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure
     lag = np.array([row.send_lag_ms for row in rows if row.send_lag_ms is not None])
     if len(e2e) < 2:
         return None
-    figure, axes = _figure(2 if len(lag) else 1, 3.2)
+    figure, axes = figure_with_axes(1, 2 if len(lag) else 1, 3.2)
     change = np.diff(e2e)
     span = max(float(np.percentile(np.abs(change), 99)), 1e-3)
     axes[0].hist(change.clip(-span, span), bins=41, color=BLUE, edgecolor="white", lw=0.4)
@@ -143,7 +130,7 @@ def plot_outcomes(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figu
         return None
     counts = Counter(row.outcome for row in rows)
     names = sorted(counts, key=lambda name: (name not in (ACCEPTED, DECLINED), name))
-    figure, (ax,) = _figure(1, 0.9 + 0.42 * len(names))
+    figure, (ax,) = figure_with_axes(1, 1, 0.9 + 0.42 * len(names))
     values = [counts[name] for name in names]
     ax.barh(names, values, color=[outcome_colour(name) for name in names], height=0.62)
     for k, value in enumerate(values):
@@ -170,7 +157,7 @@ def plot_stages(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure
     parts = [(name, values) for name, values in parts if values]
     if not parts:
         return None
-    figure, (ax,) = _figure(1, 1.0 + 0.34 * len(parts))
+    figure, (ax,) = figure_with_axes(1, 1, 1.0 + 0.34 * len(parts))
     for k, (name, values) in enumerate(parts):
         p50, p99 = np.percentile(values, [50, 99])
         colour = DIM if name in ("link out", "board waits", "link back") else STAGES[k % len(STAGES)]
@@ -192,7 +179,7 @@ def plot_errors(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure
     known = [row for row in rows if row.E_T_m is not None and row.E_R_deg is not None]
     if not known:
         return None
-    figure, axes = _figure(2)
+    figure, axes = figure_with_axes(1, 2, HEIGHT)
     for ax, name, unit in ((axes[0], "E_T_m", "m"), (axes[1], "E_R_deg", "deg")):
         floor = 1e-4 if name == "E_T_m" else 1e-3
         for outcome, marker in ((ACCEPTED, "o"), (DECLINED, "x")):

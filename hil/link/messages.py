@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Union
+from typing import Any, Dict, Union, get_args
 
 from hil.link.messages_frame import Credit, FrameChunk, FrameHeader, PoseMessage, TruthMessage
 from hil.link.messages_session import Bye, ErrorMessage, Hello, HelloAck, TimeSyncReply, TimeSyncRequest
@@ -44,22 +44,7 @@ Message = Union[
     ErrorMessage,
 ]
 
-_BY_TYPE: Dict[PacketType, Any] = {
-    kind.TYPE: kind
-    for kind in (
-        Hello,
-        HelloAck,
-        TimeSyncRequest,
-        TimeSyncReply,
-        FrameHeader,
-        FrameChunk,
-        PoseMessage,
-        Credit,
-        TruthMessage,
-        Bye,
-        ErrorMessage,
-    )
-}
+_BY_TYPE: Dict[PacketType, Any] = {kind.TYPE: kind for kind in get_args(Message)}
 
 
 def decode_message(packet: Packet) -> Message:

@@ -17,7 +17,6 @@ from simulator.memory import keep_freed_memory
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from multiprocessing.connection import Connection
-    from types import TracebackType
 
     from simulator.render.context import GlInfo
     from simulator.scene.state import SceneState
@@ -162,12 +161,7 @@ class RenderProcess(Generic[T]):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _send(self, message: object) -> None:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import moderngl
 import numpy as np
 
 from simulator.render.context import create_context
 from simulator.render.programs import FULL_SCREEN, ProgramLibrary
-
-if TYPE_CHECKING:
-    from types import TracebackType
 
 TEXTURE_SIZE = (4096, 2048)
 
@@ -58,11 +55,6 @@ class ReferencePass:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._context.__enter__()  # type: ignore[no-untyped-call]
         self._context.release()

@@ -10,6 +10,20 @@ from simulator.scene.state import Environment
 
 EnvironmentName = Literal["full", "thesis", "undifferentiated", "airless", "space"]
 _FULL = Environment()
+NOTHING = Environment(
+    earth=False,
+    clouds=False,
+    ocean_glint=False,
+    night_lights=False,
+    atmosphere=False,
+    stars=False,
+    sun=False,
+    earthshine=False,
+    moon=False,
+    planets=False,
+    sea_ice=False,
+)
+"""No body, no light but the Sun's: a base for `dataclasses.replace`."""
 ENVIRONMENTS: dict[EnvironmentName, Environment] = {
     "full": _FULL,
     # the air of the SVD thesis ends at 25 km

@@ -7,9 +7,10 @@ import itertools
 import numpy as np
 
 from simulator.arrays import Vec3, vec3
-from simulator.targets.builders.mesh import Mesh, merge
+from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import prism
 from simulator.targets.builders.solids import box, cone, rod
+from simulator.targets.craft.labels import welded
 from simulator.targets.model import Edge, Keypoint, Occluders
 from simulator.targets.tango_dimensions import (
     ANTENNA_COLLAR_M,
@@ -211,9 +212,3 @@ def build_occluders() -> Occluders:
     bodies.append(box(BAR_LOW_M, BAR_HIGH_M))
     bodies.append(rod((ROD_X_M, ROD_Y_M, ROD_BOTTOM_M), (ROD_X_M, ROD_Y_M, ROD_TOP_M), ROD_RADIUS_M, 6))
     return welded(merge(bodies))
-
-
-def welded(mesh: Mesh) -> Occluders:
-    """The mesh with each corner once and no normals."""
-    vertices, index = np.unique(np.round(mesh.positions_m, 9), axis=0, return_inverse=True)
-    return Occluders(vertices_m=vertices, triangles=index.reshape(-1)[mesh.triangles])

@@ -20,6 +20,7 @@ from simulator.scene.atmosphere import (
     rayleigh_phase,
 )
 from simulator.scene.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from simulator.scene.environments import NOTHING
 from simulator.scene.moonlight import disc_phase
 from simulator.scene.refraction import shadow_profile, sunlight_past_earth
 from simulator.scene.state import Environment, TargetRef
@@ -169,7 +170,7 @@ def _limb_profile() -> tuple[FloatArray, FloatArray]:
 
 def _twin_db(renderer: Renderer, bands: Bands, hour: int) -> float:
     """PSNR of the drawn air beyond the limb [dB]."""
-    world = replace(_BARE, earth=True, atmosphere=True)
+    world = replace(NOTHING, earth=True, atmosphere=True)
     camera = Camera(width_px=SIZE, height_px=SIZE, fx_px=300.0, fy_px=300.0, cx_px=63.5, cy_px=63.5)
     ref = TargetRef(name="tango", sha256=load_target("tango").sha256)
     scene = scene_above(
@@ -205,24 +206,9 @@ def _twin_db(renderer: Renderer, bands: Bands, hour: int) -> float:
     return float(20 * np.log10(exact.max() / error))
 
 
-_BARE = Environment(
-    earth=False,
-    clouds=False,
-    ocean_glint=False,
-    sea_ice=False,
-    night_lights=False,
-    atmosphere=False,
-    stars=False,
-    planets=False,
-    sun=False,
-    earthshine=False,
-    moon=False,
-)
-
-
 def _moon(renderer: Renderer) -> list[Row]:
     out = []
-    world = replace(_BARE, moon=True)
+    world = replace(NOTHING, moon=True)
     field = 0.012
     for phase in (5.0, 50.0, 100.0):
         light = [_moon_irradiance(renderer, np.radians(p), world, field) for p in (phase, -phase)]
@@ -273,7 +259,7 @@ def _moon_irradiance(renderer: Renderer, phase_rad: float, world: Environment, f
 
 def _sun_and_stars(renderer: Renderer) -> list[Row]:
     field = 0.02
-    world = replace(_BARE, sun=True)
+    world = replace(NOTHING, sun=True)
     ref = TargetRef(name="tango", sha256=load_target("tango").sha256)
     scene = scene_above(
         "2026-03-20T12:00:00Z",

@@ -12,13 +12,14 @@ from simulator.camera.detector import electrons_per_radiance
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Detector, Sensor
 from simulator.render.catalogue import stars
+from simulator.scene.environments import NOTHING
 from simulator.scene.moonlight import moonlight_share
 from simulator.scene.planets import earth_velocity_c
 from simulator.scene.state import TargetRef
 from simulator.scene.viewpoint import EQUATOR_M, POLE_M, scene_above
 from simulator.targets.library import load_target
 from simulator.validation.rows import Row
-from simulator.validation.stage import DARK, square_camera
+from simulator.validation.stage import square_camera
 from simulator.world.constants import AU_M, EARTH_RADIUS_M, SUN_RADIUS_M
 from simulator.world.eclipse import sun_visible_fraction
 from simulator.world.rotation import matrix_from_quat, quat_from_matrix
@@ -105,7 +106,7 @@ def _empty(
     epoch: str,
     place: tuple[float, float, float],
     camera: Camera,
-    environment: Environment = DARK,
+    environment: Environment = NOTHING,
     azimuth_deg: float = 0.0,
     off_nadir_deg: float = 0.0,
     look_at: str = "earth",
@@ -230,7 +231,7 @@ def penumbra_difference(points: int = 400) -> float:
 
 def moonlight_difference(renderer: Renderer) -> float:
     """Largest relative difference of a moonlit night from the same ground by day, in the Moon's share of the light."""
-    world = replace(DARK, earth=True, clouds=True, ocean_glint=True, moon=True)
+    world = replace(NOTHING, earth=True, clouds=True, ocean_glint=True, moon=True)
     camera = square_camera(96, 140.0)
     day = _empty("2026-06-20T08:30:00Z", (38.0, 24.0, 420.0), camera, world, 40.0, 30.0)
     sun = np.asarray(day.r_sun_eci_m)

@@ -11,28 +11,14 @@ import numpy as np
 from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.scene.bands import ASTRONOMICAL_UNIT_M
-from simulator.scene.state import Environment, Quality, SceneState, TargetRef
+from simulator.scene.environments import NOTHING
+from simulator.scene.state import Quality, SceneState, TargetRef
 from simulator.scene.viewpoint import scene_above
 from simulator.targets.model import MassProperties, Material, Part, Target
 from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, quat_normalize
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-
-DARK = Environment(
-    earth=False,
-    clouds=False,
-    ocean_glint=False,
-    sea_ice=False,
-    night_lights=False,
-    atmosphere=False,
-    moon=False,
-    stars=False,
-    planets=False,
-    sun=False,
-    earthshine=False,
-)
 
 
 def bare_target(parts: list[Part], materials: list[Material]) -> Target:
@@ -105,7 +91,12 @@ def stage(
     """A target at a pose in the camera's frame, lit from a direction in it."""
     ref = TargetRef(name=target.name, sha256=target.sha256)
     scene = scene_above(
-        "2026-03-20T12:00:00Z", (0.0, 0.0, 500.0), camera=camera, target=ref, bands="mono", environment=DARK
+        "2026-03-20T12:00:00Z",
+        (0.0, 0.0, 500.0),
+        camera=camera,
+        target=ref,
+        bands="mono",
+        environment=NOTHING,
     )
     R = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     t, sun = np.asarray(t_m, float), np.asarray(sun_camera, float)

@@ -10,27 +10,14 @@ import pytest
 from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.camera.sensor import Sensor
-from simulator.scene.state import Environment, SceneState, TargetRef
+from simulator.scene import environments
+from simulator.scene.state import SceneState, TargetRef
 from simulator.targets.model import MassProperties, Material, Part, Target
 from simulator.world.rotation import quat_from_matrix, quat_from_rotvec, quat_normalize
 
 AU_M = 149_597_870_700.0
 CAMERA = Camera(width_px=320, height_px=240, fx_px=600.0, fy_px=590.0, cx_px=161.3, cy_px=118.6)
-NOTHING = Environment(
-    earth=False,
-    clouds=False,
-    ocean_glint=False,
-    sea_ice=False,
-    night_lights=False,
-    atmosphere=False,
-    stars=False,
-    sun=False,
-    earthshine=False,
-    moon=False,
-    planets=False,
-    seasons=False,
-    relief=False,
-)
+NOTHING = replace(environments.NOTHING, seasons=False, relief=False)
 
 
 def quad(name, material, corners_m):

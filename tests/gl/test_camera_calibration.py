@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from simulator.recipe import plan_recipe
+from simulator.scene.environments import NOTHING
 from simulator.targets.library import load_target
 from simulator.validation.camera import MTF_GOAL
 from simulator.validation.camera_calibration import LENSES, calibrate
 from simulator.validation.camera_mtf import CASES, compare, drawn_edge
-from simulator.validation.stage import DARK, square_camera, stage
+from simulator.validation.stage import square_camera, stage
 from simulator.world.rotation import matrix_from_quat, quat_from_matrix
 
 pytestmark = pytest.mark.gl
@@ -44,7 +45,7 @@ def test_a_flat_board_sees_the_whole_sky_and_is_evenly_lit_by_it(renderer):
         scene,
         q_camera_from_eci_wxyz=tuple(quat_from_matrix(R)),
         r_target_eci_m=tuple(np.array(scene.r_camera_eci_m) + R.T @ [0, 0, distance_m]),
-        environment=replace(DARK, earthshine=True),
+        environment=replace(NOTHING, earthshine=True),
     )
     light = renderer.render(scene, board).radiance
     white = cv2.erode((light > 0.5 * light.max()).astype(np.uint8), np.ones((5, 5))) > 0

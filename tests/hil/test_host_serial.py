@@ -2,50 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import pty
-import select
 import threading
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from serial_line import null_modem
 
 from hil.board.agent import run_board
 from hil.host.exchange import LinkConfig
 from hil.host.run import HostFrame, RunConfig, run_host
-
-
-@contextmanager
-def null_modem(damage_every: int = 0):
-    """Two serial devices; flips a bit in every ``damage_every``-th byte on its way from left to right."""
-    ends = [pty.openpty() for _ in range(2)]
-    stop = threading.Event()
-
-    def wire() -> None:
-        masters, seen = [master for master, _ in ends], 0
-        while not stop.is_set():
-            for ready in select.select(masters, [], [], 0.05)[0]:
-                data = bytearray(os.read(ready, 4096))
-                if ready == masters[0] and damage_every:
-                    for k in range(len(data)):
-                        seen += 1
-                        if seen % damage_every == 0:
-                            data[k] ^= 0x20
-                other = masters[1 - masters.index(ready)]
-                while data:
-                    del data[: os.write(other, data)]
-
-    thread = threading.Thread(target=wire, daemon=True)
-    thread.start()
-    try:
-        yield [os.ttyname(slave) for _, slave in ends]
-    finally:
-        stop.set()
-        thread.join(2.0)
-        for end in ends:
-            for fd in end:
-                os.close(fd)
 
 
 class Mean:

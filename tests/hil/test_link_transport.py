@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import pty
-import select
 import socket
 import threading
 import time
 from contextlib import contextmanager
 
 import pytest
+from serial_line import null_modem
 
 from hil.link.errors import LinkClosed, LinkError, PacketError
 from hil.link.messages import Bye, FrameChunk, decode_message
@@ -46,33 +45,6 @@ def tcp():
     a.close()
     b.close()
     listener.close()
-
-
-@contextmanager
-def null_modem():
-    """Two pseudo-terminals whose far ends are wired to each other."""
-    ends = [pty.openpty() for _ in range(2)]
-    stop = threading.Event()
-
-    def wire() -> None:
-        masters = [master for master, _ in ends]
-        while not stop.is_set():
-            for ready in select.select(masters, [], [], 0.05)[0]:
-                other = masters[1 - masters.index(ready)]
-                data = os.read(ready, 4096)
-                while data:
-                    data = data[os.write(other, data) :]
-
-    thread = threading.Thread(target=wire, daemon=True)
-    thread.start()
-    try:
-        yield [os.ttyname(slave) for _, slave in ends]
-    finally:
-        stop.set()
-        thread.join(2.0)
-        for end in ends:
-            for fd in end:
-                os.close(fd)
 
 
 @contextmanager

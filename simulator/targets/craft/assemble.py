@@ -9,9 +9,9 @@ from simulator.targets.assembly import Piece, part_of
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.check import check_target
 from simulator.targets.convert import content_sha256
+from simulator.targets.craft.labels import named_keypoints, welded
 from simulator.targets.mass import Lump, mass_properties
 from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Picture, Target
-from simulator.targets.tango_labels import welded
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -87,7 +87,7 @@ def assemble_lumped(
         title=title,
         pieces=pieces,
         materials=materials,
-        keypoints=[Keypoint(name=k, position_m=p) for k, p in keypoints.items()],
+        keypoints=named_keypoints(keypoints),
         wireframe=wireframe,
         occluders=welded(merge(occluders)),
         mass=mass_properties(lumps),

@@ -13,13 +13,15 @@ import numpy as np
 
 from simulator.arrays import FloatArray, Vec3, vec3
 from simulator.targets.builders.mesh import Mesh, unit
-from simulator.targets.model import Edge, Occluders
+from simulator.targets.model import Edge, Keypoint, Occluders
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
+QUARTERS = (("px", 0.0), ("py", 90.0), ("nx", 180.0), ("ny", 270.0))
+"""Names and azimuths [deg] of the points of a rim that are keypoints."""
 RIM_SEGMENTS = 72
 """Facets of large round bodies at full detail: a chord leaves a circle of 2 m radius by 1.9 mm at most."""
 
@@ -115,6 +117,11 @@ def moved_edges(edges: Iterable[Edge], R: ArrayLike, offset_m: ArrayLike, prefix
         )
         for e in edges
     ]
+
+
+def named_keypoints(points_m: Mapping[str, Vec3]) -> tuple[Keypoint, ...]:
+    """Keypoints from their places by name, in that order."""
+    return tuple(Keypoint(name=name, position_m=p) for name, p in points_m.items())
 
 
 def welded(mesh: Mesh) -> Occluders:

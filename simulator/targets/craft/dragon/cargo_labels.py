@@ -22,7 +22,7 @@ from simulator.targets.craft.dragon.cargo_shape import (
     TRUNK_RADIUS_M,
     WINGS,
 )
-from simulator.targets.craft.labels import polar, rim_edges, welded
+from simulator.targets.craft.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
 from simulator.targets.craft.parts import revolve
 from simulator.targets.craft.round_mass import Tube
 from simulator.targets.mass import mass_properties
@@ -32,12 +32,12 @@ from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 def build_keypoints() -> tuple[Keypoint, ...]:
     """Corners of the wings; quarters of the rims of trunk, shield and port."""
     points = WINGS.corners()
-    for name, az in (("px", 0.0), ("py", 90.0), ("nx", 180.0), ("ny", 270.0)):
+    for name, az in QUARTERS:
         points[f"trunk_low_{name}"] = polar(TRUNK_RADIUS_M, az, TRUNK_LOW_M)
         if name != "ny":  # under the umbilical's fairing
             points[f"shield_rim_{name}"] = polar(RIM_RADIUS_M, az, RIM_TOP_M)
         points[f"port_{name}"] = polar(PORT_RADIUS_M, az, PORT_M)
-    return tuple(Keypoint(name=n, position_m=p) for n, p in points.items())
+    return named_keypoints(points)
 
 
 def build_wireframe() -> tuple[Edge, ...]:

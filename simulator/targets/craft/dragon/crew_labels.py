@@ -31,7 +31,9 @@ from simulator.targets.craft.dragon.crew_shape import (
 )
 from simulator.targets.craft.dragon.crew_trunk import fin_mesh
 from simulator.targets.craft.labels import (
+    QUARTERS,
     moved_edges,
+    named_keypoints,
     plate_edges,
     polar,
     rim_edges,
@@ -55,7 +57,7 @@ def build_keypoints() -> tuple[Keypoint, ...]:
         for corner, (r, z) in (("low", FIN_M[1]), ("high", FIN_M[2])):
             half = np.array([r, FIN_THICK_M / 2, z])
             points[f"fin_{k + 1}_{corner}"] = vec3(turn_z(np.deg2rad(az)) @ half)
-    for name, az in (("px", 0.0), ("py", 90.0), ("nx", 180.0), ("ny", 270.0)):
+    for name, az in QUARTERS:
         points[f"trunk_low_{name}"] = polar(TRUNK_RADIUS_M, az, TRUNK_LOW_M)
         if name != "nx":  # under the umbilical's fairing
             points[f"shield_rim_{name}"] = polar(RIM_RADIUS_M, az, RIM_TOP_M)
@@ -64,7 +66,7 @@ def build_keypoints() -> tuple[Keypoint, ...]:
     for name, az in (("px", 0.0), ("py", 90.0), ("ny", 270.0)):
         points[f"nose_rim_{name}"] = vec3(nose_point(np.array(polar(DECK_RADIUS_M, az, DECK_M))))
     points["umbilical_low"] = (CLAW_LOW_M[0], 0.0, CLAW_LOW_M[2] + 0.1)
-    return tuple(Keypoint(name=n, position_m=p) for n, p in points.items())
+    return named_keypoints(points)
 
 
 def build_wireframe() -> tuple[Edge, ...]:

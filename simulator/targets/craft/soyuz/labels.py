@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simulator.targets.builders.mesh import merge
-from simulator.targets.craft.labels import polar, rim_edges, welded
+from simulator.targets.craft.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
 from simulator.targets.craft.parts import revolve
 from simulator.targets.craft.round_mass import Tube
 from simulator.targets.craft.soyuz.fittings import MAST_TIP_M
@@ -32,12 +32,12 @@ from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 def build_keypoints() -> tuple[Keypoint, ...]:
     """Corners of the wings, quarters of rims, the probe's tip, the mast's end."""
     points = WINGS.corners()
-    for name, az in (("px", 0.0), ("py", 90.0), ("nx", 180.0), ("ny", 270.0)):
+    for name, az in QUARTERS:
         points[f"skirt_low_{name}"] = polar(SKIRT_RADIUS_M, az, SKIRT_LOW_M)
         points[f"collar_{name}"] = polar(COLLAR_RADIUS_M, az, COLLAR_M)
     points["probe_tip"] = (0.0, 0.0, PROBE_TIP_M)
     points["mast_tip"] = (MAST_TIP_M[0], -2.02, -2.42)
-    return tuple(Keypoint(name=n, position_m=p) for n, p in points.items())
+    return named_keypoints(points)
 
 
 def build_wireframe() -> tuple[Edge, ...]:

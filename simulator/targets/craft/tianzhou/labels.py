@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from simulator.targets.builders.mesh import merge
-from simulator.targets.craft.labels import polar, rim_edges, welded
+from simulator.targets.craft.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
 from simulator.targets.craft.parts import revolve
 from simulator.targets.craft.round_mass import Tube
 from simulator.targets.craft.tianzhou.shape import (
@@ -27,11 +27,11 @@ from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 def build_keypoints() -> tuple[Keypoint, ...]:
     """Corners of the wings, quarters of the rims of cargo module, propulsion module and port."""
     points = WINGS.corners()
-    for name, az in (("px", 0.0), ("py", 90.0), ("nx", 180.0), ("ny", 270.0)):
+    for name, az in QUARTERS:
         points[f"cargo_high_{name}"] = polar(CARGO_RADIUS_M, az, CARGO_HIGH_M)
         points[f"drive_low_{name}"] = polar(DRIVE_RADIUS_M, az, DRIVE_LOW_M - 0.004)
         points[f"port_{name}"] = polar(PORT_RADIUS_M, az, PORT_M)
-    return tuple(Keypoint(name=n, position_m=p) for n, p in points.items())
+    return named_keypoints(points)
 
 
 def build_wireframe() -> tuple[Edge, ...]:
