@@ -136,6 +136,12 @@ class Cells:
         return PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
 
 
+def cell_size_px(camera: Camera) -> int:
+    """Side of the cells that a camera's image is cut into, from its top left corner [px]."""
+    # a multiple of four: derivatives are taken between neighbours of two by two texels of two by two pixels
+    return min(max(4 * round(CELL_RAD / camera.pixel_angle_rad() / 4), _SMALLEST_PX), _LARGEST_PX)
+
+
 def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None, day: str) -> Cells:
     """Cut the image into cells and sort them.
 
@@ -144,9 +150,7 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
     target_px : (K, 2) centres of the cells (`cover`) that the target may touch, ``None`` without target.
     day : ISO 8601, whose sea ice is drawn.
     """
-    pixel_rad = camera.pixel_angle_rad()
-    # a multiple of four: derivatives are taken between neighbours of two by two texels of two by two pixels
-    size = min(max(4 * round(CELL_RAD / pixel_rad / 4), _SMALLEST_PX), _LARGEST_PX)
+    pixel_rad, size = camera.pixel_angle_rad(), cell_size_px(camera)
     bent = not camera.distortion.is_none
     x, y = _edges(camera.width_px, size), _edges(camera.height_px, size)
     d = directions(camera, x, y, earth.earth_from_camera)

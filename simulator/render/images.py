@@ -106,6 +106,18 @@ class Images:
         cv2.mixChannels(pairs, rows, np.repeat(np.arange(2 * self.bands), 2).tolist())
         return whole if self.bands == 1 else whole.reshape(height, width, 3)
 
+    def read_part(self, rect: PixelRect) -> tuple[Float32Array, Float32Array, tuple[slice, slice]]:
+        """Radiance (h, w) or (h, w, 3) and coverage (h, w) of some pixels, and their rows and columns."""
+        window = slice(rect.y0, rect.y1), slice(rect.x0, rect.x1)
+        size = rect.y1 - rect.y0, rect.x1 - rect.x0
+        bands = () if self.bands == 1 else (self.bands,)
+        if 0 in size:
+            return np.zeros((*size, *bands), np.float32), np.zeros(size, np.float32), window
+        data = self.sky_framebuffer.read(rect.viewport, self.bands, dtype="f4", alignment=1)
+        cover = self._label_framebuffer.read(rect.viewport, 1, dtype="f4", alignment=1)
+        radiance = np.frombuffer(data, np.float32).reshape(*size, *bands)
+        return radiance, np.frombuffer(cover, np.float32).reshape(size), window
+
     def read_coverage(self) -> Float32Array:
         """(H, W), 0..1."""
         data = self._label_framebuffer.read(components=1, dtype="f4", alignment=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 from simulator.errors import UserError
 from simulator.render.block_values import earth_values, frame_values, moon_values
@@ -47,6 +47,10 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
 
 
+Layer = Literal["all", "craft", "sky"]
+"""What is drawn: everything; the target alone, in the scene's own light; or all that it hides, without it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Rendered:
     """One noise-free picture.
@@ -58,6 +62,7 @@ class Rendered:
     depth_m : (H, W) camera z of the target's nearest surface at the pixel's centre, NaN outside; with labels only.
     silhouette_inside : share of the target's whole silhouette that falls on the image; with labels only.
     stage_ms : time spent per stage [ms].
+    window : rows and columns that radiance and coverage are of; the whole image but for a craft alone.
     """
 
     radiance: Float32Array
@@ -65,6 +70,7 @@ class Rendered:
     depth_m: Float32Array | None
     silhouette_inside: float
     stage_ms: dict[str, float]
+    window: tuple[slice, slice] = (slice(None), slice(None))
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +158,13 @@ class Renderer:
             raise RuntimeError(f"OpenGL reports {error} after {what} on {self.info.renderer}")
 
     def render(
-        self, scene: SceneState, target: Target, *, labels: bool = False, sky: SkyLight | None = None
+        self,
+        scene: SceneState,
+        target: Target,
+        *,
+        labels: bool = False,
+        sky: SkyLight | None = None,
+        layer: Layer = "all",
     ) -> Rendered:
         """Draw one scene.
 
@@ -161,6 +173,8 @@ class Renderer:
         target : the model that ``scene.target`` names.
         labels : also return coverage, depth and the share of the silhouette inside the image.
         sky : light on the target in place of the scene's Earth-shine and Moon-shine, for proofs.
+        layer : ``craft`` gives radiance (already times the coverage) and coverage of the ``window`` that it may touch;
+            with ``sky`` behind it, times one minus the coverage, they add up to the whole picture.
 
         Raises
         ------
@@ -183,7 +197,7 @@ class Renderer:
         self._blocks.frame.write(frame_values(scene, view))
         clock.lap("setup")
         images = self._images_for(scene)
-        sampled = passes.sample(scene, view, target, clock)
+        sampled = None if layer == "sky" else passes.sample(scene, view, target, clock)
         cells_px = None if sampled is None else sampled.cells_px
         if scene.bands in self._begun:
             self._compile_ahead(scene, view, images, cells_px, clock)
@@ -197,12 +211,19 @@ class Renderer:
             self._blocks.frame.write(frame_values(scene, view))
         clock.lap("skylight")
         hidden = None if sampled is None else sampled.rect
-        behind = self._prepare_sky(scene, view, cells_px, self._earth_pass, clock)
+        behind = Sky()
+        if layer != "craft":
+            behind = self._prepare_sky(scene, view, cells_px, self._earth_pass, clock)
         images.clear(behind.added_to if behind.fills else PixelRect(0, 0, *images.size))
         if sampled is not None:
             passes.shade(sampled, view, scene.bands, images)
             clock.lap("target.shading")
         images.mark_covered(hidden)
+        if layer == "craft":
+            light, share, window = images.read_part(hidden or PixelRect(0, 0, 0, 0))
+            clock.lap("readback")
+            self.check("a craft")
+            return Rendered(light, share, None, 1.0, clock.stage_ms, window)
         fours = self._draw_sky(scene, view, images, behind, clock)
         radiance = images.read_radiance(fours=fours)
         clock.lap("readback")

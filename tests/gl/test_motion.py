@@ -215,7 +215,7 @@ def test_labels_of_a_rolling_shutter_with_motion_blur_pass_the_check(rolling_pla
     assert len(truth.row_poses) == 33
     scene, target = rolling_plan.scene(0), rolling_plan.target
     assert len(row_bands(scene, target)) > 10
-    assert len(instants(scene, target)) == 3
+    assert len(instants(scene, target)) == 2
     # the labels follow the rows: those of one instant are somewhere else
     stopped = replace(truth.scene, shutter=Shutter(motion_blur=False))
     frame = render_scene(stopped, rolling_plan.target)

@@ -1,0 +1,64 @@
+"""Smear along a flow against the mean over the exposure that it stands for."""
+
+import numpy as np
+import pytest
+
+from simulator.labels.exposure import GAUSS_PX, INSTANT_PX, instants_of
+from simulator.labels.smear import smear, smear_kernels
+
+
+def test_a_kernel_has_the_moments_of_its_way():
+    ways = np.array([[0.0, 0.0], [0.4, -0.1], [1.3, 2.6], [-3.0, 0.7]])
+    kernels = smear_kernels(ways).astype(float)
+    y, x = (np.arange(n) - n // 2 for n in kernels.shape[1:])
+    assert kernels.sum(axis=(1, 2)) == pytest.approx(1, abs=1e-6)
+    assert (kernels * x).sum(axis=(1, 2)) == pytest.approx(0, abs=1e-6)
+    # of a straight way: its length squared over twelve; the cross moment has the way's direction
+    for moment, expected in (
+        (kernels * x**2, ways[:, 0] ** 2 / 12),
+        (kernels * y[:, None] ** 2, ways[:, 1] ** 2 / 12),
+        (kernels * x * y[:, None], ways[:, 0] * ways[:, 1] / 12),
+    ):
+        assert moment.sum(axis=(1, 2)) == pytest.approx(expected, abs=3e-3)
+
+
+@pytest.mark.parametrize("margin", [0, 8])
+@pytest.mark.parametrize("bands", [None, 3])
+def test_a_turning_picture_is_smeared_as_its_instants_are(margin, bands):
+    angle, size = 0.005, 120
+    center = np.array([60.0, -240.0])
+
+    def at(turned, m):
+        x, y = np.meshgrid(*(np.arange(-m, size + m) - c for c in center))
+        u, v = (
+            np.cos(turned) * x + np.sin(turned) * y,
+            np.cos(turned) * y - np.sin(turned) * x,
+        )
+        light = 1 + 0.5 * np.sin(0.7 * u + 0.3) * np.cos(0.5 * v)
+        return light if bands is None else np.stack([light, 2 * light, light**2], axis=-1)
+
+    def ways(pixels):
+        return angle * (pixels - center) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+    got = smear(at(0.0, margin).astype(np.float32), margin, ways)
+    expected = np.mean([at(angle * ((k + 0.5) / 64 - 0.5), 0) for k in range(64)], axis=0)
+    inner = (slice(None),) * 2 if margin else (slice(4, -4),) * 2
+    error = (got - expected)[inner]
+    assert got.dtype == np.float32
+    assert got.shape == expected.shape
+    assert np.sqrt(np.mean(error**2)) < 3e-3 * expected.mean()
+    # and the smear is there: without it the error is several times as large
+    still = (at(0.0, 0) - expected)[inner]
+    assert np.sqrt(np.mean(error**2)) < 0.2 * np.sqrt(np.mean(still**2))
+
+
+def test_instants_smear_every_contrast_as_the_whole_way_does():
+    frequency = np.linspace(0, 0.5, 101)  # per pixel, up to Nyquist's
+    for motion in (0.3, 0.7, *GAUSS_PX, 4.0, 9.7, 40.0):
+        moments = instants_of(motion, 2.0)
+        place = motion * np.array(moments.times_s) / 2.0
+        seen = np.array(moments.weights) @ np.cos(2 * np.pi * frequency * place[:, None])
+        error = np.sinc(frequency) * np.abs(seen - np.sinc(frequency * motion))
+        assert sum(moments.weights) == pytest.approx(1)
+        assert error.max() < (0.02 if motion <= GAUSS_PX[-1] else 0.05)
+        assert len(moments) <= max(np.ceil(motion / INSTANT_PX), 2) + 1
