@@ -10,6 +10,7 @@ import numpy as np
 
 from simulator.dataset.nearby import nearby
 from simulator.labels.occlusion import mesh_of
+from simulator.memory import kept_with
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray, IntArray
@@ -30,12 +31,12 @@ class Hits:
     normals: FloatArray
 
 
-@lru_cache(maxsize=64)
+@kept_with
 def _part_of_triangle(target: Target) -> IntArray:
     return np.repeat(np.arange(1, len(target.parts) + 1), [len(part.triangles) for part in target.parts])
 
 
-@lru_cache(maxsize=64)
+@kept_with
 def _normals(target: Target) -> FloatArray:
     return np.concatenate([part.normals for part in target.parts]).astype(float)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from simulator.labels.occlusion import box_corners_m, mesh_of
 from simulator.labels.truth import Box
+from simulator.memory import kept_with
 
 if TYPE_CHECKING:
     from simulator.arrays import ByteArray, FloatArray
@@ -49,7 +49,7 @@ def amodal_box(scene: SceneState, target: Target) -> Box | None:
     return (float(x0), float(y0), float(x1), float(y1))
 
 
-@lru_cache(maxsize=64)
+@kept_with
 def box_3d_m(target: Target) -> FloatArray:
     """(8, 3) corners of the box about the mesh, model axes, read only; corner k is high in x, y, z by bits 4, 2, 1."""
     # of the parts as they are: every picture asks, and the joined mesh serves labels alone

@@ -7,7 +7,7 @@ and each point is compared with the few triangles whose projection covers it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from simulator.arrays import BoolArray, FloatArray, IntArray, vec3
 from simulator.labels.screen import across, seen_from_camera, seen_from_direction
+from simulator.memory import kept_with
 from simulator.targets.shells import is_closed
 from simulator.world.pose import Pose
 
@@ -109,7 +110,7 @@ def box_corners_m(positions_m: Sequence[NDArray[np.floating]]) -> FloatArray:
     return np.asarray(low + bits * (high - low))
 
 
-@lru_cache(maxsize=64)
+@kept_with
 def mesh_of(target: Target) -> Mesh:
     """``Mesh.of``, kept for the targets in use."""
     return Mesh.of(target)

@@ -13,7 +13,6 @@ Generalized two- and three-dimensional clipping, for the part inside.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,7 @@ import numpy as np
 from simulator.camera.model import Distortion
 from simulator.labels.occlusion import SURFACE_TOLERANCE_M
 from simulator.labels.screen import seen_from_camera
+from simulator.memory import kept_with
 
 if TYPE_CHECKING:
     from simulator.arrays import BoolArray, FloatArray, IntArray
@@ -133,7 +133,7 @@ class _Wires:
         return seen
 
 
-@lru_cache(maxsize=64)
+@kept_with
 def _wires(target: Target) -> _Wires:
     edges = target.wireframe
     owner = np.array([k for k, edge in enumerate(edges) for _ in edge.normals], np.int64)

@@ -126,7 +126,8 @@ class Mesh:
             extended.append((context.buffer(values.tobytes()), layout, *names))
         indices = context.buffer(made.triangles.astype(np.uint32).tobytes())
         array = context.vertex_array(program, extended, indices, skip_errors=True)
-        return cast("moderngl.VertexArray", PatchArray(array, made))
+        buffers = [indices, *(buffer for buffer, *_ in extended)]
+        return cast("moderngl.VertexArray", PatchArray(array, made, buffers))
 
     def release(self) -> None:
         """Free the buffers."""

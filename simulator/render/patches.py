@@ -13,6 +13,8 @@ import moderngl
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from simulator.arrays import Float32Array, FloatArray
 
 MOST_PIECES = 16
@@ -96,10 +98,15 @@ def _halved(
 
 
 class PatchArray:
-    """A vertex array of a cut mesh that is drawn like the one of the mesh itself, lot by lot."""
+    """A vertex array of a cut mesh that is drawn like the one of the mesh itself, lot by lot.
 
-    def __init__(self, array: moderngl.VertexArray, made: Cut) -> None:
-        self._array, self._cut = array, made
+    Parameters
+    ----------
+    buffers : that the array reads and nothing else does.
+    """
+
+    def __init__(self, array: moderngl.VertexArray, made: Cut, buffers: Sequence[moderngl.Buffer]) -> None:
+        self._array, self._cut, self._buffers = array, made, tuple(buffers)
 
     def render(self, mode: int | None = None, vertices: int = -1, *, first: int = 0) -> None:
         """Draw; ``first`` and ``vertices`` count indices of the mesh before it was cut."""
@@ -112,5 +119,7 @@ class PatchArray:
             )
 
     def release(self) -> None:
-        """Free the vertex array."""
+        """Free the vertex array and its buffers."""
         self._array.release()
+        for buffer in self._buffers:
+            buffer.release()

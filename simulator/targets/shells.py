@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from simulator.memory import kept_with
 
 if TYPE_CHECKING:
     from simulator.targets.model import Part
 
 
-@lru_cache(maxsize=1024)
+@kept_with
 def is_closed(part: Part) -> bool:
     """Whether every edge is met once in each direction, and the shell's signed volume is positive."""
     # corners that share a place are one, whatever their normals

@@ -1,15 +1,12 @@
 """The spacecraft in the picture: where it is, how bright it is, where its shadow falls."""
 
-import resource
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from simulator.errors import UserError
 from simulator.scene.bands import sun_irradiance_w_m2
-from simulator.scene.state import Environment
 from simulator.targets.model import Material
 from simulator.world.rotation import matrix_from_quat
 
@@ -317,19 +314,3 @@ def test_renderers_of_one_process_do_not_disturb_each_other(renderer, draw_kit):
     after = renderer.render(scene, target).radiance
     for picture in (beside, again, after):
         np.testing.assert_array_equal(picture, alone)
-
-
-def test_a_closed_renderer_gives_its_maps_back(draw_kit):
-    from simulator.render.renderer import Renderer
-
-    def resident_mb():
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-        return pages * resource.getpagesize() / 1e6
-
-    target = draw_kit.target([draw_kit.plate("plate", "white", (0, 0, 0), 0.3)], [draw_kit.white()])
-    scene = replace(draw_kit.scene(target, t_m=(0, 0, 4.0)), environment=Environment())
-    with Renderer() as passing:
-        passing.render(scene, target)
-        held = resident_mb()
-    # the day map alone is 170 MB with its levels; EGL keeps all of a context that is still the thread's current one
-    assert resident_mb() < held - 170

@@ -1,9 +1,14 @@
-"""Freed images stay with the process: the next ones cost no page faults."""
+"""Freed images stay with the process: the next ones cost no page faults; what is made of a craft goes with it."""
 
+import gc
 import subprocess
 import sys
+import weakref
 
+import numpy as np
 import pytest
+
+from simulator.memory import kept_with
 
 FAULTS = """
 import resource, sys
@@ -33,3 +38,27 @@ def test_a_frames_memory_is_kept_for_the_next():
         pytest.skip("the C library here has no mallopt")
     # returned and asked for again it is at least a page in each huge page: 8 x 36 MB are over a hundred
     assert kept < 20 < _faults("returned")
+
+
+class Craft:
+    """Something that much is worked out of."""
+
+
+def test_what_is_made_of_a_craft_lives_as_long_as_the_craft():
+    made = []
+
+    @kept_with
+    def numbers(craft):
+        made.append(type(craft))
+        return np.arange(3)
+
+    one, other = Craft(), Craft()
+    kept = weakref.ref(numbers(one))
+    assert numbers(one) is kept()
+    assert numbers(other) is not kept()
+    assert len(made) == 2
+    del one
+    gc.collect()
+    assert kept() is None
+    assert len(numbers(other)) == 3
+    assert len(made) == 2

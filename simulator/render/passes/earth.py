@@ -166,7 +166,8 @@ class EarthPass:
 
     def release(self) -> None:
         """Free maps, tables and vertices; the programs are the library's."""
-        maps = [*self._details, self._detail, self._relief, *self._maps, *self._months.values(), self._shoals]
+        maps = [*self._details, self._detail, self._valleys, self._relief, *self._maps, self._shoals]
+        maps += self._months.values()
         maps += [] if self._ice is None else [self._ice[1]]
         for texture in maps:
             if isinstance(texture, moderngl.Texture):

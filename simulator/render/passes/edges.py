@@ -42,12 +42,24 @@ class EdgeBuffers:
     """
 
     def __init__(self, context: moderngl.Context, edges: MeshEdges, mesh: Mesh) -> None:
+        self._context = context
+        self._arrays: dict[Program, moderngl.VertexArray] = {}
         self.seen = SeenEdges(edges, mesh)
         self.vertices = context.buffer(self.seen.edges.quads().tobytes() or b"\0")
         self.indices = context.buffer(reserve=max(4 * 6 * len(edges.ends), 4), dynamic=True)
 
+    def vertex_array(self, program: Program, layout: str, names: list[str]) -> moderngl.VertexArray:
+        """The edges as a program reads them: they go with the mesh, where a pass would keep its buffers for ever."""
+        if program not in self._arrays:
+            content = [(self.vertices, layout, *names)]
+            self._arrays[program] = self._context.vertex_array(program.gl, content, self.indices)
+        return self._arrays[program]
+
     def release(self) -> None:
-        """Free the buffers."""
+        """Free the buffers and vertex arrays."""
+        for array in self._arrays.values():
+            array.release()
+        self._arrays.clear()
         self.vertices.release()
         self.indices.release()
 
@@ -86,7 +98,6 @@ class EdgePass:
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context, self._programs = context, programs
-        self._arrays: dict[tuple[EdgeBuffers, Program], moderngl.VertexArray] = {}
         self._images = SizeClasses(lambda w, h: SlopeImage(context, w, h, exact=False))
         self._exact_images = SizeClasses(lambda w, h: SlopeImage(context, w, h, exact=True))
 
@@ -133,13 +144,8 @@ class EdgePass:
         if edges.exact:
             program.set("u_outlines", tuple(2 * n for n in edges.outlines))
             layout, names = "3f 3f 1f 1f", [*names, "in_material"]
-        key = (buffers, program)
-        if key not in self._arrays:
-            self._arrays[key] = self._context.vertex_array(
-                program.gl, [(buffers.vertices, layout, *names)], buffers.indices
-            )
         indices = (np.asarray(seen, np.uint32)[:, None] * np.uint32(4) + _PATTERN).ravel()
         buffers.indices.orphan()
         buffers.indices.write(indices.tobytes())
-        self._arrays[key].render(vertices=len(indices))
+        buffers.vertex_array(program, layout, names).render(vertices=len(indices))
         return image.slope

@@ -1,0 +1,115 @@
+"""What renderers hold: all of it is given back when they close, and a target's when others take its place."""
+
+import ctypes
+import gc
+import resource
+import weakref
+from dataclasses import replace
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from simulator.camera.model import Distortion
+from simulator.dataset.contact_sheet import smaller
+from simulator.labels.frame import take_frame
+from simulator.render.passes.target import MOST_LOADED
+from simulator.render.renderer import Renderer
+from simulator.render.valleys import valley_texture
+from simulator.scene.state import Environment
+
+pytestmark = pytest.mark.gl
+
+
+def _resident_mb():
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
+def _settled_mb():
+    """Without what the C library keeps of freed memory: how much that is depends on where it lies."""
+    gc.collect()
+    ctypes.CDLL(None).malloc_trim(0)
+    return _resident_mb()
+
+
+def _plate(draw_kit, k):
+    """A target that no other test has."""
+    half_m = 0.3 + 0.01 * k
+    corner = draw_kit.plate(f"corner {k}", "white", (half_m, half_m, 0), 0.05)
+    return draw_kit.target(
+        [draw_kit.plate(f"plate {k}", "white", (0, 0, 0), half_m), corner],
+        [draw_kit.white(base_color=(0.5, 0.4, 0.001 * k))],
+    )
+
+
+def _in_use(kind, size=None):
+    """Objects of the driver's that are not freed; textures of one size."""
+    found = [one for one in gc.get_objects() if type(one) is kind]
+    found = [one for one in found if not isinstance(one.mglo, moderngl.InvalidObject)]
+    return sum(size is None or one.size == size for one in found)
+
+
+def test_a_closed_renderer_gives_its_maps_back(draw_kit):
+    target = draw_kit.target([draw_kit.plate("plate", "white", (0, 0, 0), 0.3)], [draw_kit.white()])
+    scene = replace(draw_kit.scene(target, t_m=(0, 0, 4.0)), environment=Environment())
+    with Renderer() as passing:
+        passing.render(scene, target)
+        held = _resident_mb()
+    # the day map alone is 170 MB with its levels; EGL keeps all of a context that is still the thread's current one
+    assert _resident_mb() < held - 170
+
+
+def test_renderers_one_after_another_take_the_memory_of_one(draw_kit):
+    camera = smaller(draw_kit.camera, 96)
+    held = []
+    for k in range(5):
+        target = _plate(draw_kit, 100 + k)
+        scene = draw_kit.scene(target, t_m=(0, 0, 4.0), camera=camera, environment=Environment())
+        with Renderer() as passing:
+            passing.render(scene, target, labels=True)
+        held.append(_settled_mb())
+    assert max(held[2:]) < held[1] + 50
+
+
+def test_the_passes_of_the_earth_free_all_their_maps(draw_kit):
+    target = _plate(draw_kit, 200)
+    scene = draw_kit.scene(target, t_m=(0, 0, 4.0), environment=Environment(), off_nadir_deg=30.0)
+    scene = replace(scene, camera=smaller(draw_kit.camera, 96), quality="high")
+    height, width = valley_texture().shape[:2]
+    before = _in_use(moderngl.Texture, (width, height))
+    with Renderer() as passing:
+        # the first frame's Earth has a pass that only stands in, and is gone
+        passing.render(scene, target)
+        gc.collect()
+        for earth in passing._earths.values():
+            earth.release()
+        after = _in_use(moderngl.Texture, (width, height))
+    assert after == before
+
+
+@pytest.mark.parametrize(
+    "distortion", [Distortion(), Distortion("brown_conrady", (-0.2, 0.0, 0.0, 0.0, 0.0))]
+)
+def test_targets_that_others_follow_are_forgotten(renderer, draw_kit, distortion):
+    camera = replace(smaller(draw_kit.camera, 96), distortion=distortion)
+    begun, in_use = 0, []
+    meshes, targets = weakref.WeakSet(), weakref.WeakSet()
+
+    def draw(k):
+        target = _plate(draw_kit, k)
+        targets.add(target)
+        scene = draw_kit.scene(target, t_m=(0, 0, 4.0), camera=camera)
+        assert np.max(take_frame(renderer, scene, target).radiance) > 0
+        meshes.update(one.mesh for passes in renderer._targets.values() for one in passes._loaded.values())
+
+    for round_of in range(3):
+        for k in range(begun, begun + MOST_LOADED + 1):
+            draw(k)
+        begun += MOST_LOADED + 1
+        gc.collect()
+        in_use.append([_in_use(kind) for kind in (moderngl.Buffer, moderngl.VertexArray, moderngl.Texture)])
+        assert len(meshes) <= MOST_LOADED * len(renderer._targets), round_of
+        assert len(targets) <= MOST_LOADED, round_of
+    assert in_use[1] == in_use[2]
