@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional
+from typing import Any, Optional, Tuple, Union
 
 import numpy as np
 
-from hil.board.svd.frame import Frame, PoseResult, Trace
+from hil.board.svd.confidence import ACCEPT_AT, Evidence, confidence, decide
+from hil.board.svd.frame import Alternative, Frame, PoseResult, Trace
 from hil.board.svd.model import BoardModel, CameraIntrinsics
+from hil.board.svd.photometric import PhotoFit
+from hil.board.svd.refine import FineFit
 
 # A frame smaller than this shows no craft [px].
 SMALLEST_FRAME_PX = 64
@@ -51,10 +54,36 @@ class Estimator:
         try:
             return self._estimate(frame)
         except Exception as error:  # noqa: BLE001 - a board must go on to the next frame whatever this one held
-            reason = f"internal: {error!r}"[:200]
-            return PoseResult(
-                False, reason, None, None, 0.0, frame.stages_ms, frame.counts, method=self.method
-            )
+            return self._declined(frame, f"internal: {error!r}"[:200])
+
+    def _declined(self, frame: Frame, reason: str) -> PoseResult:
+        """No pose."""
+        return PoseResult(False, reason, None, None, 0.0, frame.stages_ms, frame.counts, method=self.method)
+
+    def _decided(
+        self,
+        frame: Frame,
+        fit: Union[FineFit, PhotoFit],
+        evidence: Evidence,
+        alternatives: Tuple[Alternative, ...],
+        accept_at: float = ACCEPT_AT,
+    ) -> PoseResult:
+        """A pose, and whether its evidence makes it to be accepted."""
+        reason = decide(evidence, accept_at)
+        frame.mark("decide")
+        return PoseResult(
+            not reason,
+            reason,
+            fit.q,
+            fit.t,
+            confidence(evidence),
+            frame.stages_ms,
+            frame.counts,
+            evidence,
+            fit.covariance,
+            alternatives,
+            self.method,
+        )
 
     def _estimate(self, frame: Frame) -> PoseResult:
         raise NotImplementedError

@@ -8,7 +8,7 @@ from typing import List, Tuple, Union
 import numpy as np
 
 from hil.board.svd.base import Estimator
-from hil.board.svd.confidence import ACCEPT_AT, Evidence, confidence, decide, doubtful, least_margin
+from hil.board.svd.confidence import ACCEPT_AT, Evidence, doubtful, least_margin
 from hil.board.svd.drawn import draw_at
 from hil.board.svd.edges import edge_field, shrink
 from hil.board.svd.ends import Choice
@@ -110,9 +110,7 @@ class PoseEstimator(Estimator):
             searched = self._chosen(frame, found, thorough=True)
             # not by what they explain: the two were judged on different cuts of the picture
             return searched if looked is None or searched.confidence >= looked.confidence else looked
-        return PoseResult(
-            False, "no target found", None, None, 0.0, frame.stages_ms, frame.counts, method=self.method
-        )
+        return self._declined(frame, "no target found")
 
     def _glances(self, frame: Frame, regions: List[Region], reduced: Array) -> List[Glance]:
         """What the first look says of the likeliest places; nothing where the target has none."""
@@ -174,21 +172,7 @@ class PoseEstimator(Estimator):
         frame.keep("field", best.field)
         if frame.shows_all:
             frame.keep("drawn", draw_at(self.craft, frame, fit.q, fit.t))
-        reason = decide(evidence, self.accept_at)
-        frame.mark("decide")
-        return PoseResult(
-            not reason,
-            reason,
-            fit.q,
-            fit.t,
-            confidence(evidence),
-            frame.stages_ms,
-            frame.counts,
-            evidence,
-            fit.covariance,
-            alternatives,
-            self.method,
-        )
+        return self._decided(frame, fit, evidence, alternatives, self.accept_at)
 
 
 def _all_of(choice: Choice) -> Chosen:

@@ -8,7 +8,6 @@ import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.base import Estimator
-from hil.board.svd.confidence import confidence, decide
 from hil.board.svd.distinct import alternatives, differs
 from hil.board.svd.edges import edge_field, shrink
 from hil.board.svd.faithful.config import FaithfulConfig
@@ -179,7 +178,7 @@ class FaithfulEstimator(Estimator):
 
     def _finish_on_corners(self, frame: Frame, found: List[Scored]) -> PoseResult:
         if not found:
-            return self._nothing(frame)
+            return self._declined(frame, "no target found")
         found.sort(key=lambda f: f[0])
         error, q, t, covariance, inliers, met = found[0]
         rival = min((f[0] for f in found if differs(f[1], f[2], q, t)), default=1.0)
@@ -242,29 +241,10 @@ class FaithfulEstimator(Estimator):
 
     def _finish_on_edges(self, frame: Frame, candidates: List[Candidate]) -> PoseResult:
         if not candidates or self.craft is None:
-            return self._nothing(frame)
+            return self._declined(frame, "no target found")
         candidates.sort(key=lambda c: -c.support.total)
         _, fit, evidence, others = choose(self.craft, frame, candidates)
-        reason = decide(evidence)
-        frame.mark("decide")
-        return PoseResult(
-            not reason,
-            reason,
-            fit.q,
-            fit.t,
-            confidence(evidence),
-            frame.stages_ms,
-            frame.counts,
-            evidence,
-            fit.covariance,
-            others,
-            self.method,
-        )
-
-    def _nothing(self, frame: Frame) -> PoseResult:
-        return PoseResult(
-            False, "no target found", None, None, 0.0, frame.stages_ms, frame.counts, method=self.method
-        )
+        return self._decided(frame, fit, evidence, others)
 
 
 def _picture_corners(figures: Figures, streams: Streams, shape: Tuple[int, ...]) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Optional
 
 import numpy as np
@@ -204,19 +205,7 @@ class TrackingEstimator(Estimator):
             if found.accepted:
                 self.sun = find_sun(self.craft, frame, (q, t))
                 frame.mark("sun")
-        return PoseResult(
-            found.accepted,
-            found.reason,
-            q,
-            t,
-            found.confidence,
-            found.stages_ms,
-            found.counts,
-            found.evidence,
-            found.covariance,
-            found.alternatives,
-            self.method,
-        )
+        return replace(found, method=self.method)
 
     def _begin(self, q: Array, t: Array, *, accepted: bool) -> None:
         """Take an initialisation in: two that agree teach the rates, one that does not begins anew."""
