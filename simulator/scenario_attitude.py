@@ -17,7 +17,7 @@ from simulator.world.target_attitude import Fixed, History, Pointed, Spin, Targe
 from simulator.world.torques import Torques
 
 if TYPE_CHECKING:
-    from simulator import scenario as sc
+    from simulator import scenario_motion as sm
     from simulator.arrays import FloatArray
     from simulator.world.bodies import Body
     from simulator.world.lvlh import Lvlh
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _PARALLEL = 1e-3
 
 
-def target_motion(a: sc.Attitude, inertia_kg_m2: object, epoch: Instant, duration_s: float) -> TargetMotion:
+def target_motion(a: sm.Attitude, inertia_kg_m2: object, epoch: Instant, duration_s: float) -> TargetMotion:
     """How the target turns.
 
     Parameters
@@ -60,7 +60,7 @@ def target_motion(a: sc.Attitude, inertia_kg_m2: object, epoch: Instant, duratio
     )
 
 
-def check_attitude(a: sc.Attitude, body: Body, where: str) -> None:
+def check_attitude(a: sm.Attitude, body: Body, where: str) -> None:
     """Refuse an attitude given twice or not at all, and what does not go with the motion.
 
     Raises
@@ -90,7 +90,7 @@ def check_attitude(a: sc.Attitude, body: Body, where: str) -> None:
     _check_motion(a, where)
 
 
-def _check_motion(a: sc.Attitude, where: str) -> None:
+def _check_motion(a: sm.Attitude, where: str) -> None:
     torques = any((*a.torque_body_nm, *a.residual_dipole_a_m2)) or a.gravity_gradient
     if a.motion != "tumble" and torques:
         raise UserError(
@@ -116,7 +116,7 @@ def _check_motion(a: sc.Attitude, where: str) -> None:
         _check_point(a.point, where)
 
 
-def _check_point(p: sc.Point, where: str) -> None:
+def _check_point(p: sm.Point, where: str) -> None:
     axes = np.array(p.axis, float), np.array(p.second_axis, float)
     sizes = [float(np.linalg.norm(x)) for x in axes]
     if min(sizes) == 0 or float(np.linalg.norm(np.cross(*axes))) < _PARALLEL * sizes[0] * sizes[1]:
@@ -130,7 +130,7 @@ def _check_point(p: sc.Point, where: str) -> None:
         )
 
 
-def q_eci_from_target(a: sc.Attitude, frame: Lvlh) -> FloatArray:
+def q_eci_from_target(a: sm.Attitude, frame: Lvlh) -> FloatArray:
     """The target's attitude at the epoch, from a section whose AEM has been read."""
     q = np.array([1.0, 0.0, 0.0, 0.0])
     if a.q_wxyz is not None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from simulator import scenario as sc
+from simulator import scenario_motion as sm
 from simulator.arrays import FloatArray, vec3
 from simulator.errors import UserError
 from simulator.world.attitude import check_inertia
@@ -30,19 +31,19 @@ _MOST_PHASE = 0.5
 """Bandwidth times period of the wheels' control above which holding the torque makes it swing."""
 
 
-def guidance(chaser: sc.AnyChaser) -> Guidance:
+def guidance(chaser: sm.AnyChaser) -> Guidance:
     """The motion mode that a ``[chaser]`` section asks for."""
     match chaser:
-        case sc.ReplayChaser():
+        case sm.ReplayChaser():
             # the recording flies; this tells how far away it starts
             return Hold(position_lvlh_m=vec3(Recording.read(Path(chaser.file)).arrays["relative_eci_m"][0]))
-        case sc.HoldChaser():
+        case sm.HoldChaser():
             return Hold(position_lvlh_m=chaser.position_lvlh_m)
-        case sc.DriftChaser():
+        case sm.DriftChaser():
             return FreeDrift(
                 position_lvlh_m=chaser.position_lvlh_m, velocity_lvlh_m_s=chaser.velocity_lvlh_m_s
             )
-        case sc.CircumnavigationChaser():
+        case sm.CircumnavigationChaser():
             return NaturalCircumnavigation(
                 radial_m=chaser.radial_m,
                 phase_rad=np.radians(chaser.phase_deg),
@@ -50,22 +51,22 @@ def guidance(chaser: sc.AnyChaser) -> Guidance:
                 cross_phase_rad=np.radians(chaser.cross_phase_deg),
                 centre_along_track_m=chaser.centre_along_track_m,
             )
-        case sc.SafeEllipseChaser():
+        case sm.SafeEllipseChaser():
             return SafeEllipse(
                 radial_m=chaser.radial_m,
                 cross_track_m=chaser.cross_track_m,
                 phase_rad=np.radians(chaser.phase_deg),
                 centre_along_track_m=chaser.centre_along_track_m,
             )
-        case sc.VbarChaser() | sc.RbarChaser():
-            axis = np.array([0.0, 1.0, 0.0] if isinstance(chaser, sc.VbarChaser) else [1.0, 0.0, 0.0])
+        case sm.VbarChaser() | sm.RbarChaser():
+            axis = np.array([0.0, 1.0, 0.0] if isinstance(chaser, sm.VbarChaser) else [1.0, 0.0, 0.0])
             return StraightApproach(
                 start_lvlh_m=tuple(chaser.start_m * axis),
                 hold_lvlh_m=tuple(chaser.hold_m * axis),
                 speed_m_s=chaser.speed_m_s,
                 braking_m_s2=chaser.braking_m_s2,
             )
-        case sc.FlyaroundChaser():
+        case sm.FlyaroundChaser():
             return ForcedFlyaround(
                 radius_m=chaser.radius_m,
                 period_s=chaser.period_s,
@@ -75,18 +76,18 @@ def guidance(chaser: sc.AnyChaser) -> Guidance:
                 far_radius_m=chaser.far_radius_m,
                 range_period_s=chaser.range_period_s,
             )
-        case sc.WaypointsChaser():
+        case sm.WaypointsChaser():
             return Waypoints(
                 points_lvlh_m=tuple(chaser.points_lvlh_m), speed_m_s=chaser.speed_m_s, rest_s=chaser.rest_s
             )
-        case sc.GlideslopeChaser():
+        case sm.GlideslopeChaser():
             return Glideslope(
                 start_lvlh_m=chaser.start_lvlh_m,
                 end_lvlh_m=chaser.end_lvlh_m,
                 start_m_s=chaser.start_m_s,
                 end_m_s=chaser.end_m_s,
             )
-        case sc.KeepRangeChaser():
+        case sm.KeepRangeChaser():
             return RangeKeeping(
                 position_lvlh_m=chaser.position_lvlh_m,
                 near_m=chaser.near_m,
@@ -94,7 +95,7 @@ def guidance(chaser: sc.AnyChaser) -> Guidance:
                 turn_m_s=chaser.turn_m_s,
                 margin_m=chaser.margin_m,
             )
-        case sc.SteeredChaser():
+        case sm.SteeredChaser():
             return Steered(
                 position_lvlh_m=chaser.position_lvlh_m,
                 velocity_lvlh_m_s=chaser.velocity_lvlh_m_s,
@@ -105,7 +106,7 @@ def guidance(chaser: sc.AnyChaser) -> Guidance:
             )
 
 
-def _command(c: sc.SteerCommand) -> ScriptedCommand:
+def _command(c: sm.SteerCommand) -> ScriptedCommand:
     return ScriptedCommand(
         start_s=c.start_s,
         duration_s=c.duration_s,
@@ -115,14 +116,14 @@ def _command(c: sc.SteerCommand) -> ScriptedCommand:
     )
 
 
-def thrusters(chaser: sc.AnyChaser) -> Thrusters | None:
+def thrusters(chaser: sm.AnyChaser) -> Thrusters | None:
     """The thrusters of a ``[chaser]`` section, or None when its path is followed exactly.
 
     A mode that decides impulses cannot do without: it gets the default ones.
     """
     section = chaser.thrusters
     if section is None:
-        return Thrusters() if isinstance(chaser, sc.KeepRangeChaser) else None
+        return Thrusters() if isinstance(chaser, sm.KeepRangeChaser) else None
     return Thrusters(
         mass_kg=section.mass_kg,
         force_n=section.force_n,
@@ -132,7 +133,7 @@ def thrusters(chaser: sc.AnyChaser) -> Thrusters | None:
     )
 
 
-def wheels(chaser: sc.AnyChaser) -> Wheels | None:
+def wheels(chaser: sm.AnyChaser) -> Wheels | None:
     """The reaction wheels of a ``[chaser]`` section, or None when the camera points exactly."""
     section = chaser.wheels
     if section is None:
@@ -148,7 +149,7 @@ def wheels(chaser: sc.AnyChaser) -> Wheels | None:
     )
 
 
-def burns(sections: list[sc.BurnSection]) -> tuple[Burn, ...]:
+def burns(sections: list[sm.BurnSection]) -> tuple[Burn, ...]:
     """The burns of both craft."""
     return tuple(
         Burn(craft=b.craft, start_s=b.start_s, delta_v_lvlh_m_s=b.delta_v_lvlh_m_s, duration_s=b.duration_s)
@@ -156,7 +157,7 @@ def burns(sections: list[sc.BurnSection]) -> tuple[Burn, ...]:
     )
 
 
-def keep_out(chaser: sc.AnyChaser) -> KeepOut | None:
+def keep_out(chaser: sm.AnyChaser) -> KeepOut | None:
     """The keep-out sphere of a ``[chaser]`` section."""
     section = chaser.keep_out
     if section is None:
@@ -169,7 +170,7 @@ def keep_out(chaser: sc.AnyChaser) -> KeepOut | None:
     )
 
 
-def check_chaser(chaser: sc.AnyChaser, where: str) -> None:
+def check_chaser(chaser: sm.AnyChaser, where: str) -> None:
     """Refuse a start too close to the target, and sections that contradict each other.
 
     Raises
@@ -177,7 +178,7 @@ def check_chaser(chaser: sc.AnyChaser, where: str) -> None:
     UserError
         With file, key, value and what is allowed.
     """
-    if isinstance(chaser, sc.ReplayChaser):
+    if isinstance(chaser, sm.ReplayChaser):
         for name in ("thrusters", "wheels"):
             if getattr(chaser, name) is not None:
                 raise UserError(
@@ -199,12 +200,12 @@ def check_chaser(chaser: sc.AnyChaser, where: str) -> None:
         )
     _check_keep_out(chaser, mode, start, where)
     _check_wheels(chaser, where)
-    if isinstance(chaser, sc.GlideslopeChaser) and chaser.end_m_s > chaser.start_m_s:
+    if isinstance(chaser, sm.GlideslopeChaser) and chaser.end_m_s > chaser.start_m_s:
         raise UserError(
             f"{where}: key chaser.end_m_s is {chaser.end_m_s:g}, allowed: at most chaser.start_m_s = "
             f"{chaser.start_m_s:g}"
         )
-    if isinstance(chaser, sc.KeepRangeChaser) and not (
+    if isinstance(chaser, sm.KeepRangeChaser) and not (
         chaser.near_m + chaser.margin_m < distance < chaser.far_m - chaser.margin_m
     ):
         raise UserError(
@@ -213,7 +214,7 @@ def check_chaser(chaser: sc.AnyChaser, where: str) -> None:
         )
 
 
-def _check_keep_out(chaser: sc.AnyChaser, mode: Guidance, start: FloatArray, where: str) -> None:
+def _check_keep_out(chaser: sm.AnyChaser, mode: Guidance, start: FloatArray, where: str) -> None:
     sphere = keep_out(chaser)
     if sphere is None:
         return
@@ -239,11 +240,11 @@ def _check_keep_out(chaser: sc.AnyChaser, mode: Guidance, start: FloatArray, whe
         )
 
 
-def _check_wheels(chaser: sc.AnyChaser, where: str) -> None:
+def _check_wheels(chaser: sm.AnyChaser, where: str) -> None:
     w = chaser.wheels
     if w is None:
         return
-    if isinstance(chaser, sc.SteeredChaser) and not chaser.tracking:
+    if isinstance(chaser, sm.SteeredChaser) and not chaser.tracking:
         raise UserError(
             f"{where}: section [chaser.wheels] is given, but chaser.tracking is false, so that the commands turn the "
             "camera: remove one of them"
@@ -273,7 +274,7 @@ def check_burns(scenario: sc.Scenario, where: str) -> None:
                 f"{where}: key burns[{k}] ends {b.start_s + b.duration_s:g} s after the start, allowed: within the "
                 f"flight of {scenario.duration_s:g} s"
             )
-        if isinstance(scenario.chaser, sc.ReplayChaser):
+        if isinstance(scenario.chaser, sm.ReplayChaser):
             raise UserError(
                 f"{where}: a replay has no burns, they are in the recording: remove section burns"
             )

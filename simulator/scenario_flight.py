@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator import scenario as sc
+from simulator import scenario_motion as sm
 from simulator.errors import UserError
 from simulator.scenario_attitude import check_attitude, q_eci_from_target, target_motion
 from simulator.scenario_chaser import (
@@ -56,7 +57,7 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
     span_s = duration_s or scenario.duration_s
     body = central_body(scenario)
     # a recording brings the target's attitude, and its chaser may be where no pointing could be made
-    replayed = isinstance(scenario.chaser, sc.ReplayChaser)
+    replayed = isinstance(scenario.chaser, sm.ReplayChaser)
     start = TargetStart(
         r_eci_m=r,
         v_eci_m_s=v,
@@ -88,7 +89,7 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
         burns=burns(scenario.burns),
     )
     _check_height(flight, scenario.name)
-    if not isinstance(scenario.chaser, sc.ReplayChaser):
+    if not isinstance(scenario.chaser, sm.ReplayChaser):
         return flight
     recording = Recording.read(Path(scenario.chaser.file))
     orbit, tumble = recorded_tracks(recording, flight.orbit.forces, span_s, epoch, body)
@@ -108,16 +109,16 @@ def _check_height(flight: Flight, name: str) -> None:
 
 def central_body(scenario: sc.Scenario) -> Body:
     """What the target circles."""
-    return BODIES["earth" if isinstance(scenario.orbit, sc.TleOrbit) else scenario.orbit.centre]
+    return BODIES["earth" if isinstance(scenario.orbit, sm.TleOrbit) else scenario.orbit.centre]
 
 
 def orbit_state(scenario: sc.Scenario) -> tuple[FloatArray, FloatArray]:
     """Position [m] and velocity [m s-1] of the target at the epoch from its central body, GCRS axes."""
     body = central_body(scenario)
     o = scenario.orbit
-    if isinstance(o, sc.StateOrbit):
+    if isinstance(o, sm.StateOrbit):
         return np.array(o.r_eci_km) * 1e3, np.array(o.v_eci_km_s) * 1e3
-    if not isinstance(o, sc.ElementsOrbit):
+    if not isinstance(o, sm.ElementsOrbit):
         raise UserError("the orbit is still a TLE or a file: load the scenario with load_scenario")
     return state_from_elements(
         Elements(
@@ -175,7 +176,7 @@ def check_physics(scenario: sc.Scenario, where: str) -> None:
     o = scenario.orbit
     r, v = orbit_state(scenario)
     body = central_body(scenario)
-    if isinstance(o, sc.ElementsOrbit):
+    if isinstance(o, sm.ElementsOrbit):
         altitude = (body.radius_m + o.altitude_km * 1e3) * (1 - o.eccentricity) - body.radius_m
         if altitude < body.lowest_m:
             key, value = (

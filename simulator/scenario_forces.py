@@ -12,7 +12,7 @@ from simulator.world.sky_table import SkyTable
 from simulator.world.spherical_harmonics import egm96
 
 if TYPE_CHECKING:
-    from simulator import scenario as sc
+    from simulator import scenario_motion as sm
     from simulator.world.bodies import Body
     from simulator.world.forces import Forces
     from simulator.world.time import Instant
@@ -22,7 +22,7 @@ _MOON_DEGREE = 2
 
 
 def force_model(
-    f: sc.Forces, epoch: Instant, duration_s: float, target_mass_kg: float, body: Body
+    f: sm.Forces, epoch: Instant, duration_s: float, target_mass_kg: float, body: Body
 ) -> Forces | None:
     """The forces asked for about a body, or None for the plain point mass with J2 (the Earth)."""
     craft = (_surface(f.target, target_mass_kg), _surface(f.chaser, _CHASER_MASS_KG))
@@ -49,7 +49,7 @@ def force_model(
     )
 
 
-def check_forces(f: sc.Forces, body: Body, where: str) -> None:
+def check_forces(f: sm.Forces, body: Body, where: str) -> None:
     """Refuse forces that the Moon does not have.
 
     Raises
@@ -69,7 +69,7 @@ def check_forces(f: sc.Forces, body: Body, where: str) -> None:
             raise UserError(f"{where}: key forces.{key} is true, but it {why}: remove the key")
 
 
-def _surface(s: sc.SurfaceSection, mass_kg: float) -> Surface:
+def _surface(s: sm.SurfaceSection, mass_kg: float) -> Surface:
     return Surface(
         mass_kg=s.mass_kg or mass_kg,
         area_m2=s.area_m2,

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from simulator import scenario as sc
+from simulator import scenario_motion as sm
 from simulator.arrays import quat, vec3
 from simulator.errors import UserError
 from simulator.scenario_units import Centre
@@ -47,22 +48,22 @@ def resolve_messages(scenario: sc.Scenario, where: str, folder: Path) -> sc.Scen
 
 
 def _orbit(
-    orbit: sc.ElementsOrbit | sc.StateOrbit | sc.TleOrbit | sc.OemOrbit, epoch: Instant, folder: Path
-) -> sc.ElementsOrbit | sc.StateOrbit:
+    orbit: sm.ElementsOrbit | sm.StateOrbit | sm.TleOrbit | sm.OemOrbit, epoch: Instant, folder: Path
+) -> sm.ElementsOrbit | sm.StateOrbit:
     match orbit:
-        case sc.TleOrbit():
+        case sm.TleOrbit():
             centre: Centre = "earth"
             r, v = state_from_tle(orbit.line1, orbit.line2, epoch)
-        case sc.OemOrbit():
+        case sm.OemOrbit():
             centre = orbit.centre
             text = read_message(orbit.file, "orbit.file", folder)
             r, v = read_oem_state(text, orbit.file, epoch, centre.upper())
         case _:
             return orbit
-    return sc.StateOrbit(centre=centre, r_eci_km=vec3(r / 1e3), v_eci_km_s=vec3(v / 1e3))
+    return sm.StateOrbit(centre=centre, r_eci_km=vec3(r / 1e3), v_eci_km_s=vec3(v / 1e3))
 
 
-def _attitude(attitude: sc.Attitude, epoch: Instant, folder: Path) -> sc.Attitude:
+def _attitude(attitude: sm.Attitude, epoch: Instant, folder: Path) -> sm.Attitude:
     name = attitude.aem_file
     if name is None:
         return attitude
@@ -78,9 +79,9 @@ def _attitude(attitude: sc.Attitude, epoch: Instant, folder: Path) -> sc.Attitud
     )
 
 
-def _chaser(chaser: sc.AnyChaser, duration_s: float, folder: Path) -> sc.AnyChaser:
+def _chaser(chaser: sm.AnyChaser, duration_s: float, folder: Path) -> sm.AnyChaser:
     """The chaser, with the path of a recording made absolute and its length checked."""
-    if not isinstance(chaser, sc.ReplayChaser):
+    if not isinstance(chaser, sm.ReplayChaser):
         return chaser
     path = (folder / chaser.file).resolve()
     recorded_s = Recording.read(path).duration_s

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from simulator import scenario as sc
+from simulator import scenario_motion as sm
 
 if TYPE_CHECKING:
     from simulator.scenario import Scenario
@@ -21,7 +21,7 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
     scenario : what was flown. recording_file : path from where the TOML will lie.
     duration_s : of the recording, when it is not the scenario's.
     """
-    chaser = sc.ReplayChaser(file=recording_file, minimum_start_range_m=scenario.chaser.minimum_start_range_m)
+    chaser = sm.ReplayChaser(file=recording_file, minimum_start_range_m=scenario.chaser.minimum_start_range_m)
     replay = msgspec.structs.replace(
         scenario,
         name=f"{scenario.name}-replay",

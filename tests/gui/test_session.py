@@ -16,7 +16,7 @@ from gui.readout import read_out
 from gui.recorder import Recorder
 from gui.session import FRAME_STEP_S, RATES, STEP_S, Session
 from gui.steering import ACCELERATION_M_S2, BRAKE_M_S2, COARSE_GAIN, RATE_RAD_S, SLEW_RAD_S2
-from simulator import scenario as sc
+from simulator import scenario_motion as sm
 from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
 from simulator.scene.state import SceneState
@@ -278,9 +278,9 @@ def test_readout_of_a_known_geometry(session: Session) -> None:
 
 def guarded_session(radius_m: float) -> Session:
     scenario = load_scenario("tango-flyaround")
-    thrusters = sc.ThrustersSection()
+    thrusters = sm.ThrustersSection()
     chaser = msgspec.structs.replace(
-        scenario.chaser, keep_out=sc.KeepOutSection(radius_m=radius_m), thrusters=thrusters
+        scenario.chaser, keep_out=sm.KeepOutSection(radius_m=radius_m), thrusters=thrusters
     )
     return Session.of(msgspec.structs.replace(scenario, chaser=chaser))
 

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator import scenario as sc
+from simulator import scenario_motion as sm
 from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
 from simulator.world.rotation import matrix_from_quat, quat_conjugate, quat_from_rotvec, rotation_angle_rad
@@ -81,7 +81,7 @@ def test_rate_is_the_derivative_between_the_periods() -> None:
 def test_camera_on_wheels_keeps_the_target_in_view() -> None:
     scenario = load_scenario("tango-flyaround")
     chaser = msgspec.structs.replace(
-        scenario.chaser, wheels=sc.WheelsSection(start_error_deg=(3.0, 0.0, 0.0))
+        scenario.chaser, wheels=sm.WheelsSection(start_error_deg=(3.0, 0.0, 0.0))
     )
     plan = plan_flight(msgspec.structs.replace(scenario, chaser=chaser), n=2)
     los = []
