@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import List, Optional, Sequence, Tuple
+from functools import partial
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -35,11 +36,12 @@ SLACK = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Ranked:
-    """A pose aligned on the picture, its score, and where it started."""
+    """A pose aligned on the picture, its score, its start, and which faces its canvas shows there, where kept."""
 
     score: float
     fit: PhotoFit
     start: Candidate
+    seen: Optional[Array] = None
 
     def candidate(self) -> Candidate:
         """The aligned pose with the evidence of its start."""
@@ -87,6 +89,10 @@ class Course:
     sun: Optional[Sunlight] = None
 
 
+# Courses that were drawn on one canvas, by where they were and what was done.
+Known = Dict[Tuple[Any, ...], Course]
+
+
 def faces_of(craft: Craft) -> Faces:
     """Faces of a target that has them."""
     faces = craft.model.faces
@@ -94,46 +100,78 @@ def faces_of(craft: Craft) -> Faces:
     return faces
 
 
-def begin(craft: Craft, canvas: Canvas, c: Candidate) -> Course:
+def begin(craft: Craft, canvas: Canvas, c: Candidate, known: Optional[Known] = None) -> Course:
     """A candidate drawn where it is, without shadows."""
-    shading = photo_draw(c.q, c.t, faces_of(craft), canvas, craft.camera.pinhole)
-    return Course(c, PhotoFit(c.q, c.t, 9.9, np.eye(6)), shading, explained(shading, canvas))
+
+    def drawn() -> Course:
+        shading = photo_draw(c.q, c.t, faces_of(craft), canvas, craft.camera.pinhole)
+        return Course(c, PhotoFit(c.q, c.t, 9.9, np.eye(6)), shading, explained(shading, canvas))
+
+    return _once(known, ("begun", c.q.tobytes(), c.t.tobytes()), c, drawn)
 
 
-def with_shadows(craft: Craft, canvas: Canvas, course: Course) -> Course:
+def with_shadows(craft: Craft, canvas: Canvas, course: Course, known: Optional[Known] = None) -> Course:
     """A course that has just begun, with the shadows that the picture wants there."""
     q, t = course.fit.q, course.fit.t
-    drawn = shadowed(craft, faces_of(craft), canvas, q, t, course.shading, coarse=True)
-    return Course(course.start, course.fit, drawn.shading, drawn.score, drawn.sun)
+
+    def lit() -> Course:
+        drawn = shadowed(craft, faces_of(craft), canvas, q, t, course.shading, coarse=True)
+        return Course(course.start, course.fit, drawn.shading, drawn.score, drawn.sun)
+
+    return _once(known, ("lit", q.tobytes(), t.tobytes()), course.start, lit)
+
+
+def _once(
+    known: Optional[Known], key: Tuple[Any, ...], start: Candidate, made: Callable[[], Course]
+) -> Course:
+    """A course of ``start`` as it is known already, or as it is ``made`` and then known."""
+    if known is None:
+        return made()
+    if key not in known:
+        known[key] = made()
+    return replace(known[key], start=start)
 
 
 def align_together(
-    craft: Craft, canvas: Canvas, courses: List[Course], blurs: Tuple[float, ...], left: Tuple[Left, ...]
+    craft: Craft,
+    canvas: Canvas,
+    courses: List[Course],
+    blurs: Tuple[float, ...],
+    left: Tuple[Left, ...],
+    known: Optional[Known] = None,
 ) -> List[Ranked]:
     """Poses aligned side by side on a canvas and scored by it, the best first.
 
     Parameters
     ----------
     blurs : of each step. left : who goes on with it; the others stay where they are, with the score they have.
+    known : courses of the same canvas from before; receives these.
     """
-    faces, camera, radius = faces_of(craft), craft.camera.pinhole, craft.radius_m
     done: List[Course] = []
     for blur, keep in zip(blurs, left):  # noqa: B905 - Python 3.9 has no strict=
         going, stay = keep.of(courses)
         done += stay
         courses = []
         for c in going:
-            fit = photo_step(c.fit, c.shading, faces, canvas, camera, radius, blur)
-            if fit is None:
-                done.append(c)
-                continue
-            shading = photo_draw(fit.q, fit.t, faces, canvas, camera, c.sun)
-            courses.append(Course(c.start, fit, shading, explained(shading, canvas), c.sun))
+            key = (c.fit.q.tobytes(), c.fit.t.tobytes(), c.sun, blur)
+            on = _once(known, key, c.start, partial(_moved, craft, canvas, c, blur))
+            moved = np.any(on.fit.q != c.fit.q) or np.any(on.fit.t != c.fit.t)
+            (courses if moved else done).append(on)
     out = []
     for c in (*courses, *done):
         astray = abs(np.log(max(c.fit.t[2], 1e-3) / max(c.start.t[2], 1e-3))) > ASTRAY
-        out.append(Ranked(0.5 * c.score if astray else c.score, c.fit, c.start))
+        out.append(Ranked(0.5 * c.score if astray else c.score, c.fit, c.start, c.shading.seen))
     return sorted(out, key=lambda r: -r.score)
+
+
+def _moved(craft: Craft, canvas: Canvas, c: Course, blur: float) -> Course:
+    """A course one step on; itself where the picture says nothing."""
+    faces, camera = faces_of(craft), craft.camera.pinhole
+    fit = photo_step(c.fit, c.shading, faces, canvas, camera, craft.radius_m, blur)
+    if fit is None:
+        return c
+    shading = photo_draw(fit.q, fit.t, faces, canvas, camera, c.sun)
+    return Course(c.start, fit, shading, explained(shading, canvas), c.sun)
 
 
 def apart(ranked: List[Ranked]) -> List[Ranked]:

@@ -13,12 +13,13 @@ from hil.board.svd.confidence import Evidence
 from hil.board.svd.course import Ranked, faces_of
 from hil.board.svd.distinct import alternatives, differs, largest_sigma
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
+from hil.board.svd.levels import Shading
 from hil.board.svd.photometric import (
     JOINT_AT_END,
     PhotoFit,
+    explained,
+    likeness,
     photo_draw,
-    photo_likeness,
-    photo_score,
     photo_step,
 )
 from hil.board.svd.score import support
@@ -56,13 +57,14 @@ class End:
     Parameters
     ----------
     fit : the pose. score : how well the craft drawn there explains the picture, with the shadows of ``sun``.
-    began : the same where the alignment began.
+    began : the same where the alignment began. drawn : the craft there on the canvas of the score, where kept.
     """
 
     fit: PhotoFit
     score: float
     sun: Optional[Sunlight]
     began: float
+    drawn: Optional[Shading] = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,30 +103,37 @@ def conclude(
     s = support(fit.q, fit.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m)
     best = Candidate(fit.q, fit.t, s, c.field, c.region, c.likely)
     poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
-    rivals = [p for p in poses if differs(p[0], p[1], fit.q, fit.t)]
+    rivals = [r for r in ranked if differs(r.fit.q, r.fit.t, fit.q, fit.t)]
     margin = end.began
     if rivals:
-        rival = max(rivals, key=lambda p: p[2])
-        explains = rival[2]
+        rival = max(rivals, key=lambda r: r.score)
+        explains, there = rival.score, rival.fit
         # with the shadows of a better Sun it explains more: asked where that may settle anything
         if end.began - explains < FAR_BEHIND * end.began:
-            explains = shadowed(craft, faces_of(craft), close, rival[0], rival[1]).score
+            explains = shadowed(craft, faces_of(craft), close, there.q, there.t, seen=rival.seen).score
         margin -= max(explains, 0.0)
     # two that were followed to their ends need not be far apart to be two answers
     for other in ends:
         if quat.angle_rad(other.fit.q, fit.q) > OTHER_END_RAD:
             margin = min(margin, end.score - other.score)
     evidence = picture_evidence(craft, best, fit, end.score, margin)
-    faces, camera = faces_of(craft), craft.camera.pinhole
-    likeness, covered = photo_likeness(fit.q, fit.t, faces, close, camera, end.sun)
-    evidence = replace(evidence, likeness=likeness, covered=covered)
+    drawn = end.drawn
+    if drawn is None:
+        drawn = photo_draw(fit.q, fit.t, faces_of(craft), close, craft.camera.pinhole, end.sun)
+    like, covered = likeness(drawn, close)
+    evidence = replace(evidence, likeness=like, covered=covered)
     frame.mark("verify")
     told = alternatives(poses, fit.q, fit.t)
     return Choice(best, end, evidence, told, close, ranked, starts, ends)
 
 
-def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> End:
-    """A pose aligned to the end, with the shadows the craft casts on itself."""
+def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit, seen: Optional[Array] = None) -> End:
+    """A pose aligned to the end, with the shadows the craft casts on itself.
+
+    Parameters
+    ----------
+    seen : faces that ``close`` shows at the start, where they are drawn already.
+    """
     box, longest = craft_box(craft, start.q, start.t), ROUND_FINAL_PX if craft.round else FINAL_PX
     canvas = make_canvas(craft, frame, box, longest)
     # drawn as large as it is only once it is there: from afar what is thin and bright attracts more as it was
@@ -133,14 +142,15 @@ def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> End:
     best = None
     blurs: Tuple[float, ...] = FINAL_BLURS
     before = begun = start
-    here = shadowed(craft, faces, close, before.q, before.t)
+    here = shadowed(craft, faces, close, before.q, before.t, seen=seen)
     began, sun = here.score, here.sun
     for _ in range(ROUNDS):
         near = _stepped(craft, canvas, begun, sun, blurs)
         fit = _stepped(craft, exact, near, sun, LAST_BLURS)
-        score = photo_score(fit.q, fit.t, faces, close, camera, sun)
+        drawn = photo_draw(fit.q, fit.t, faces, close, camera, sun)
+        score = explained(drawn, close)
         if best is None or score > best.score - NO_WORSE:
-            best = End(fit, score, sun, began)
+            best = End(fit, score, sun, began, drawn)
         elif score < best.score - ASTRAY:
             break
         moved = quat.angle_rad(before.q, fit.q)
@@ -150,7 +160,7 @@ def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit) -> End:
         blurs = NEAR_BLURS
         if moved > FAR_RAD:
             # shadows fall elsewhere by now; of a Sun found from nearby they are where they were
-            sun = shadowed(craft, faces, close, before.q, before.t).sun
+            sun = shadowed(craft, faces, close, before.q, before.t, seen=drawn.seen).sun
             far = make_canvas(craft, frame, box, round(FAR_SHARE * longest))
             begun, blurs = _stepped(craft, far, before, sun, FAR_BLURS), FINAL_BLURS
     assert best is not None  # noqa: S101 - the first round always ends somewhere

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from typing import Optional, Tuple
 
 import cv2
@@ -23,6 +24,9 @@ SATURATED = 4
 
 # What a pixel beside a border counts for its face's brightness.
 BESIDE = 0.05
+
+# What is narrower is no blur [px].
+BLURS_PX = 0.2
 
 # Brightness of a saturated face above the scale, in scales, that is tried.
 OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
@@ -52,10 +56,11 @@ class Shading:
 
     def brightness(self, group: Array, cell: Array) -> Array:
         """(N,) of groups (N,) at canvas pixels ``cell`` (N,), flat indices."""
-        level = self.level[group]
-        if self.behind is None:
-            return np.asarray(level)
-        return np.asarray(level + np.where(group == 0, self.behind.ravel()[cell], 0.0))
+        level = self.level.take(group, mode="clip")
+        if self.behind is not None:
+            empty = np.flatnonzero(group == 0)
+            level[empty] += self.behind.ravel().take(cell.take(empty))
+        return np.asarray(level)
 
 
 def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = None) -> Shading:
@@ -187,7 +192,7 @@ def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: 
     slots = cv2.LUT(shading.group, slot[:256]) if byte else np.take(slot, shading.group, mode="clip")
     # one more than the blur reaches: what it mirrors at the box's edge is empty then
     reach = _radius(blur_px) + 1
-    x0, y0, x1, y1 = _boxes(slots, len(chosen)) // f
+    x0, y0, x1, y1 = _boxes(slots, len(chosen), f)
     x0, y0 = np.maximum(x0 - reach, 0), np.maximum(y0 - reach, 0)
     x1, y1 = np.minimum(x1 + 1 + reach, w), np.minimum(y1 + 1 + reach, h)
     first, last = np.searchsorted(rows, y0 * w).tolist(), np.searchsorted(rows, y1 * w).tolist()
@@ -201,15 +206,20 @@ def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: 
         # a mean of 0 and f^2 over f x f pixels is a whole number
         share = cv2.resize(mask * np.uint8(f * f), (right - left, bottom - top), interpolation=cv2.INTER_AREA)
         own = plane[top:bottom, left:right]
-        own[:] = blurred(share.astype(np.float32), blur_px)
-        np.take(flat, rows[a:b], out=out[k, a:b], mode="clip")
+        if blur_px > BLURS_PX:
+            cv2.GaussianBlur(share.astype(np.float32), (0, 0), blur_px, dst=own)
+        else:
+            own[:] = share
+        flat.take(rows[a:b], None, out[k, a:b], "clip")
         own[:] = 0.0
     out[: len(chosen)] *= np.float32(1.0 / (f * f))
     return len(chosen)
 
 
-def _boxes(slots: Array, n: int) -> Array:
+def _boxes(slots: Array, n: int, f: int) -> Array:
     """(4, n) first and last column and row of each of the labels 0 .. n - 1; the first beyond the last where none is.
+
+    They are counted in canvas pixels of ``f`` x ``f`` drawn ones.
 
     All at once: a label is a bit, and a row or column holds the bits of what is in it.
     """
@@ -217,7 +227,11 @@ def _boxes(slots: Array, n: int) -> Array:
     place = np.arange(n, dtype=kind)
     bit = np.zeros(256, kind)
     bit[:n] = np.left_shift(kind(1), place)
-    bits = np.take(bit, slots)
+    # OpenCV's table looks bytes up several times faster, and has no whole numbers of this size
+    bits = cv2.LUT(slots, bit.view(np.float32 if n <= 32 else np.float64)).view(kind)
+    for _ in range(2):
+        # rows of each canvas pixel first, then columns, as rows of what lies on its side
+        bits = reduce(np.bitwise_or, [bits[k::f] for k in range(f)]).T
     out = []
     for axis in (0, 1):
         there = np.bitwise_or.reduce(bits, axis=axis)
@@ -234,7 +248,7 @@ def _boxes(slots: Array, n: int) -> Array:
 
 def _radius(sigma: float) -> int:
     """How far OpenCV's Gaussian of this width reaches in a float picture."""
-    return (int(np.rint(8 * sigma + 1)) | 1) // 2 if sigma > 0.2 else 0
+    return (int(np.rint(8 * sigma + 1)) | 1) // 2 if sigma > BLURS_PX else 0
 
 
 def _wide_mean(value: Array, weight: Array) -> Array:
@@ -265,10 +279,12 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, canvas
     if not len(where):
         return
     own = group.ravel()[where]
-    cell = (where // (w * f * f)) * w + (where % (w * f)) // f
+    # a remainder costs ten times what this does
+    row = where // (w * f)
+    cell = (row // f) * w + (where - row * (w * f)) // f
     number = np.bincount(cell, minlength=h * w)
     # few pixels hold any: only those are looked at from here on
-    cells = np.flatnonzero(number)
+    cells = np.flatnonzero(number > 0)
     place = np.empty(h * w, np.intp)
     place[cells] = np.arange(len(cells))
     at = place[cell]
@@ -310,4 +326,4 @@ def _borders(centre: Array) -> Array:
 
 def blurred(image: Array, sigma: float) -> Array:
     """The image (h, w) or (h, w, channels) through a Gaussian, as it is where that is narrower than a pixel."""
-    return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > 0.2 else image
+    return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > BLURS_PX else image

@@ -246,6 +246,11 @@ def photo_likeness(
     camera: CameraIntrinsics,
     sun: Optional[Sunlight] = None,
 ) -> Tuple[float, float]:
+    """How the craft drawn at a pose looks like the picture; parameters as in ``photo_align``."""
+    return likeness(photo_draw(q, t, faces, canvas, camera, sun), canvas)
+
+
+def likeness(shading: Shading, canvas: Canvas) -> Tuple[float, float]:
     """How the drawn craft looks like the picture where it covers it, clutter beside it left out.
 
     Returns
@@ -253,7 +258,6 @@ def photo_likeness(
     Correlation of the two there, -1..1, and how much better the drawn craft explains these pixels than the
     background alone, 1 at most. Both are zero where next to nothing is covered.
     """
-    shading = photo_draw(q, t, faces, canvas, camera, sun)
     picture = shading.picture
     h, w = canvas.gray.shape
     cover = cv2.resize((shading.seen > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)

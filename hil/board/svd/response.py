@@ -39,10 +39,14 @@ class Response:
         step = np.float32(STEPS / self.sigma)
         low = np.rint(x * step + np.float32(REACH * STEPS)).astype(np.intp)
         high = low - round(self.full * STEPS / self.sigma)
-        mean = np.take(lift, low, mode="clip") - np.take(lift, high, mode="clip")
+        mean, slope = lift.take(low, mode="clip"), share.take(low, mode="clip")
+        # nothing reaches the end of the scale on most pictures: both tables start with zero
+        if int(high.max(initial=0)) > 0:
+            mean -= lift.take(high, mode="clip")
+            slope -= share.take(high, mode="clip")
         mean *= np.float32(self.sigma)
         mean += np.clip(x, 0.0, np.float32(self.full))
-        return mean, np.take(share, low, mode="clip") - np.take(share, high, mode="clip")
+        return mean, slope
 
     def brightness(self, mean: Array) -> Array:
         """Brightness that has this mean; at most ``full``, and no further below zero than the noise reaches."""

@@ -49,6 +49,7 @@ def shadowed(
     t: Array,
     plain: Optional[Shading] = None,
     *,
+    seen: Optional[Array] = None,
     coarse: bool = False,
 ) -> Shadowed:
     """The craft at a pose with the shadows that explain the picture best.
@@ -58,10 +59,13 @@ def shadowed(
 
     Parameters
     ----------
-    faces : of the craft. q, t : the pose. plain : drawn there without shadows, where it is. coarse : try
+    faces : of the craft. q, t : the pose. plain : drawn there without shadows, where it is; seen : or which faces
+        are seen there, where that alone is known. coarse : try
         fewer directions on fewer pixels and leave it at that, which lets go of a third of what shadows explain.
     """
     camera = craft.camera.pinhole
+    if plain is None and seen is not None:
+        plain = photo_shade(seen, q, t, faces, canvas, camera)
     plain = photo_draw(q, t, faces, canvas, camera) if plain is None else plain
     best = Shadowed(plain, explained(plain, canvas), None)
     if craft.suns is None:

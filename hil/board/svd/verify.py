@@ -99,15 +99,17 @@ def align_leaders(
         longest, blurs = (TEXTURED_PX, TEXTURED_BLURS) if textured else (FIRST_PX, FIRST_BLURS)
         box = pinhole_box(craft.camera, region.grown(margin, width, height))
         small = make_canvas(craft, frame, box, longest)
-        courses = [begin(craft, small, c) for c in own]
+        # edges of a place that was looked at are asked after its poses were: these are not drawn again
+        known = frame.drawn.setdefault((box, longest), {}) if looked else None
+        courses = [begin(craft, small, c, known) for c in own]
         courses.sort(key=lambda c: -c.score - LIKELY_WEIGHT * c.start.likely)
         if shadows:
-            courses = [with_shadows(craft, small, c) for c in courses[:LIT]]
+            courses = [with_shadows(craft, small, c, known) for c in courses[:LIT]]
             courses.sort(key=lambda c: -c.score - LIKELY_WEIGHT * c.start.likely)
         courses = spread_out(courses, keep)
         if not shadows:
-            courses = [with_shadows(craft, small, c) for c in courses]
-        ranked += align_together(craft, small, courses, blurs, FIRST_LEFT)
+            courses = [with_shadows(craft, small, c, known) for c in courses]
+        ranked += align_together(craft, small, courses, blurs, FIRST_LEFT, known)
     frame.count("judged", len(ranked))
     frame.mark("picture")
     return sorted(ranked, key=lambda r: -r.score)
@@ -168,7 +170,7 @@ def choose_by_picture(craft: Craft, frame: Frame, leaders: List[Ranked], *, thor
         if starts and len(apart([*starts, r])) == len(starts) and ends[0].score > SURE_SCORE:
             continue
         starts.append(r)
-        ends.append(finish(craft, frame, close, r.fit))
+        ends.append(finish(craft, frame, close, r.fit, r.seen))
     frame.mark("refine")
     return conclude(craft, frame, close, ranked, starts, ends)
 
@@ -209,7 +211,7 @@ def check_leaning(craft: Craft, frame: Frame, choice: Choice) -> Choice:
     # what came back to where it leant from says nothing new
     if quat.angle_rad(best.fit.q, end.fit.q) > CHECK_RAD and best.score > FINAL_LEAD * end.score:
         starts.append(best)
-        ends.append(finish(craft, frame, choice.close, best.fit))
+        ends.append(finish(craft, frame, choice.close, best.fit, best.seen))
     frame.mark("refine")
     every = sorted([*choice.ranked, *ranked], key=lambda r: -r.score)
     return conclude(craft, frame, choice.close, every, starts, ends)
