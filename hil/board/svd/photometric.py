@@ -12,7 +12,7 @@ from hil.board.svd import quaternion as quat
 from hil.board.svd.levels import OPTICS_PX, Shading, blurred, coverage, shade
 from hil.board.svd.model import CameraIntrinsics
 from hil.board.svd.motion import motion_images
-from hil.board.svd.refine import limit_step, parameter_scale
+from hil.board.svd.refine import limit_one_step, parameter_scale
 from hil.board.svd.shade import Canvas, Faces, draw_faces
 from hil.board.svd.sunlight import Sunlight
 
@@ -150,7 +150,7 @@ def photo_step(
     H, g, cost = normal_equations(A)
     scale = parameter_scale(float(t[2]), radius_m)
     step = relax * damped_step(H, g, scale, 1e-5)
-    step = limit_step(step[None], t[None], radius_m)[0]
+    step = limit_one_step(step, t, radius_m)
     cost = float(np.sqrt(cost / max(float(w.sum()), 1e-12))) / noise
     return PhotoFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, INFLATION * np.linalg.pinv(H))
 

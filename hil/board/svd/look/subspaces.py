@@ -16,6 +16,7 @@ from typing import List, Optional, Tuple
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.look.attitudes import bumps
@@ -198,10 +199,10 @@ class Subspaces:
 
     def _moved(self, picture: Array, turn: float) -> Array:
         """(moves, N) the picture turned back, at every size and shift, without wide structures and windowed."""
-        n, m = SIDE_PX, SIDE_PX + 2 * SHIFTS_PX
-        out = []
+        n, m, shifts = SIDE_PX, SIDE_PX + 2 * SHIFTS_PX, 2 * SHIFTS_PX + 1
+        out = np.empty((len(SIZES), shifts, shifts, n, n), np.float32)
         middle, to = 0.5 * (picture.shape[0] - 1) - 0.5, 0.5 * (m - 1)
-        for size in SIZES:
+        for size, of_size in zip(SIZES, out):  # noqa: B905 - Python 3.9 has no strict=
             c, s = 2 * size * np.cos(turn), 2 * size * np.sin(turn)
             M = np.array([[c, -s, middle - (c - s) * to], [s, c, middle - (s + c) * to]])
             small = _narrow(
@@ -213,9 +214,10 @@ class Subspaces:
                     borderMode=cv2.BORDER_REPLICATE,
                 )
             )
-            shifts = range(2 * SHIFTS_PX + 1)
-            out += [(small[y : y + n, x : x + n] * self.window).ravel() for y in shifts for x in shifts]
-        return np.stack(out)
+            sy, sx = small.strides
+            shifted = as_strided(small, (shifts, shifts, n, n), (sy, sx, sy, sx), writeable=False)
+            np.multiply(shifted, self.window, out=of_size)
+        return out.reshape(-1, n * n)
 
 
 def _narrow(picture: Array) -> Array:

@@ -1,0 +1,120 @@
+"""Shortcuts of the estimator give what the long way gives: nothing is drawn or counted twice, and nothing differs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+
+from hil.board.svd import CameraIntrinsics
+from hil.board.svd import quaternion as quat
+from hil.board.svd.canvas import craft_box, make_canvas
+from hil.board.svd.course import Course, Known, Left, Ranked, align_together, begin, with_shadows
+from hil.board.svd.edges import edge_field
+from hil.board.svd.frame import UNASKED, Candidate, Craft, Frame
+from hil.board.svd.levels import _boxes
+from hil.board.svd.look.net import convolve
+from hil.board.svd.refine import limit_one_step, limit_step
+from hil.board.svd.response import Response
+from hil.board.svd.roi import Region
+from hil.evaluate.worker import board_model
+from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+CAMERA = CameraIntrinsics(240, 160, 375.0, 375.0, 119.5, 79.5)
+T_M = np.array([0.05, -0.05, 4.2])
+RNG = np.random.default_rng(8)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """As a board runs it."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    yield
+    cv2.setNumThreads(threads)
+
+
+@pytest.mark.parametrize(("labels", "fine"), [(17, 2), (41, 2), (41, 3)])
+def test_boxes_hold_just_the_cells_of_each_label(labels: int, fine: int) -> None:
+    slots = np.full((20 * fine, 30 * fine), 255, np.uint8)
+    for k in range(labels - 1):
+        y, x = RNG.integers(0, 18 * fine), RNG.integers(0, 28 * fine)
+        slots[y : y + 1 + k % 5, x : x + 1 + k % 3] = k
+    x0, y0, x1, y1 = _boxes(slots, labels, fine)
+    for k in range(labels):
+        rows, columns = np.nonzero(slots == k)
+        if len(rows):
+            cells = columns // fine, rows // fine
+            assert (x0[k], y0[k]) == tuple(int(c.min()) for c in cells)
+            assert (x1[k], y1[k]) == tuple(int(c.max()) for c in cells)
+        else:
+            assert x0[k] > x1[k]
+
+
+@pytest.mark.parametrize(("side", "taps", "stride"), [(16, 5, 2), (8, 3, 1), (8, 3, 2)])
+def test_a_convolution_is_the_sum_over_its_taps(side: int, taps: int, stride: int) -> None:
+    x = RNG.normal(size=(2, side, side, 3)).astype(np.float32)
+    kernel = RNG.normal(size=(taps, taps, 3, 4)).astype(np.float32)
+    before = (taps - stride) // 2 if stride > 1 else taps // 2
+    wide = np.pad(x, ((0, 0), (before, taps), (before, taps), (0, 0)))
+    want = np.zeros((2, side // stride, side // stride, 4))
+    for i in range(taps):
+        for j in range(taps):
+            part = wide[:, i : i + side : stride, j : j + side : stride]
+            want += part.astype(float) @ kernel[i, j]
+    np.testing.assert_allclose(convolve(x, kernel, stride), want, atol=1e-5)
+
+
+def test_one_step_is_limited_as_one_of_many() -> None:
+    for size in np.geomspace(1e-4, 30.0, 40):
+        step, t = size * RNG.normal(size=6), np.array([0.1, 0.2, RNG.uniform(-1.0, 20.0)])
+        np.testing.assert_array_equal(limit_one_step(step, t, 0.7), limit_step(step[None], t[None], 0.7)[0])
+    broken = np.array([0.1, np.nan, 0.0, 0.2, np.inf, 0.1])
+    np.testing.assert_array_equal(
+        limit_one_step(broken, T_M, 0.7), limit_step(broken[None], T_M[None], 0.7)[0]
+    )
+
+
+@pytest.mark.parametrize("top", [120.0, 254.0])
+def test_a_response_without_bright_pixels_is_the_same_as_with_them(top: float) -> None:
+    """The end of the scale is looked up only where something comes near it: one bright pixel changes no other."""
+    x = np.linspace(-20.0, top, 200, dtype=np.float32)
+    mean, slope = Response(6.0, 255.0).of(x)
+    beside, own = Response(6.0, 255.0).of(np.append(x, np.float32(300.0)))
+    assert slope is not None
+    assert own is not None
+    np.testing.assert_array_equal(mean, beside[:-1])
+    np.testing.assert_array_equal(slope, own[:-1])
+
+
+def test_what_is_known_is_not_drawn_again_and_ends_where_it_did() -> None:
+    craft = Craft.prepare(board_model(load_target("tango")), CAMERA)
+    frame = Frame(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
+    frame.noise, frame.background = 3.0, 0.0
+    q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
+    box = craft_box(craft, q, T_M)
+    canvas = make_canvas(craft, frame, box, 72)
+    field = edge_field(frame.image, box, 3.0, 100, background=0.0)
+    first = Candidate(q, T_M, UNASKED, field, Region(*map(float, box), "look"))
+    asked = Candidate(q, T_M, UNASKED, field, Region(*map(float, box), "edges"))
+    known: Known = {}
+
+    def aligned(c: Candidate, remember: Known | None) -> tuple[Course, list[Ranked]]:
+        course = with_shadows(craft, canvas, begin(craft, canvas, c, remember), remember)
+        return course, align_together(craft, canvas, [course], (2.0, 1.2), 2 * (Left(-9.0, 0.0),), remember)
+
+    course, (fresh,) = aligned(first, None)
+    aligned(first, known)
+    drawn = len(known)
+    again, (recalled,) = aligned(asked, known)
+    assert len(known) == drawn
+    assert recalled.start is asked
+    np.testing.assert_array_equal(recalled.fit.q, fresh.fit.q)
+    np.testing.assert_array_equal(recalled.fit.t, fresh.fit.t)
+    assert recalled.score == fresh.score
+    np.testing.assert_array_equal(again.shading.picture, course.shading.picture)
