@@ -10,7 +10,7 @@ from hil.board.svd import quaternion as quat
 from hil.board.svd.edges import edge_field
 from hil.board.svd.score import support
 from hil.board.svd.visibility import visible_samples
-from hil.evaluate.metrics import COARSE_DEG, COARSE_SHARE, frame_errors
+from hil.evaluate.frame_record import COARSE_DEG, COARSE_SHARE, frame_errors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

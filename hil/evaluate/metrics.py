@@ -1,4 +1,4 @@
-"""Errors of estimated poses, and the figures a set of them is summarised by."""
+"""The figures that a set of estimated poses is summarised by."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
+
+from hil.evaluate.frame_record import FrameRecord
+from simulator.arrays import vec3
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -15,8 +18,6 @@ if TYPE_CHECKING:
 SCHEMA = "flyaround.metrics"
 VERSION = 1
 
-COARSE_DEG, COARSE_SHARE = 5.0, 0.05
-FINE_DEG, FINE_SHARE = 0.5, 0.005
 RANGE_BINS_M = (
     (0.0, 3.0),
     (3.0, 6.0),
@@ -37,43 +38,6 @@ LEAST_BOOTSTRAP = 5
 
 # 95 % of chi-square with six degrees of freedom.
 CHI_SQUARE_6_95 = 12.592
-
-
-class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """One frame's answer beside its truth.
-
-    Parameters
-    ----------
-    range_m : true distance of the target's origin from the camera [m].
-    E_T_m, e_t, E_R_deg : errors of the best pose returned; None when none was.
-    accepted : whether the estimator stands by it. feasible : whether the frame can be solved.
-    frame_class : for reports by class, e.g. ``feasible``, ``dark``, ``cropped``.
-    shift_camera_m : (3,) estimated less true position, camera axes [m]. turn_camera_deg : (3,) rotation vector from
-        true to estimated attitude, camera axes [deg].
-    nees : normalised estimation error squared: turn and shift over the covariance that the estimator gave, six
-        degrees of freedom; None without one.
-    """
-
-    range_m: float
-    E_T_m: float | None
-    e_t: float | None
-    E_R_deg: float | None
-    accepted: bool
-    feasible: bool = True
-    frame_class: str = ""
-    shift_camera_m: tuple[float, float, float] | None = None
-    turn_camera_deg: tuple[float, float, float] | None = None
-    nees: float | None = None
-
-    @property
-    def coarse(self) -> bool:
-        """Within 5 deg and 5 % of the range."""
-        return _within(self, COARSE_DEG, COARSE_SHARE)
-
-    @property
-    def fine(self) -> bool:
-        """Within 0.5 deg and 0.5 % of the range."""
-        return _within(self, FINE_DEG, FINE_SHARE)
 
 
 class Summary(msgspec.Struct, frozen=True, kw_only=True):
@@ -172,111 +136,6 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
     by_method: dict[str, MethodMetrics] = {}
 
 
-def frame_errors(
-    q_true_wxyz: ArrayLike, t_true_m: ArrayLike, q_est_wxyz: ArrayLike, t_est_m: ArrayLike
-) -> tuple[float, float, float]:
-    """Errors of one pose: ``E_T`` [m], ``e_t = E_T / |t|`` [1], ``E_R`` [deg].
-
-    Parameters
-    ----------
-    q_true_wxyz, q_est_wxyz : (4,) ``q_camera_from_target``; either sign, normalised here.
-    t_true_m, t_est_m : (3,) target in the camera [m].
-
-    Raises
-    ------
-    ValueError
-        If a value is not finite, a quaternion is zero, or the true range is zero.
-    """
-    q, p = np.asarray(q_true_wxyz, float), np.asarray(q_est_wxyz, float)
-    t, s = np.asarray(t_true_m, float), np.asarray(t_est_m, float)
-    range_m = float(np.linalg.norm(t))
-    sizes = [float(np.linalg.norm(q)), float(np.linalg.norm(p)), range_m]
-    if not all(np.isfinite(v).all() for v in (q, p, t, s)) or min(sizes) < 1e-9:
-        raise ValueError(
-            "pose errors need finite poses, quaternions that are not zero and a range that is not zero"
-        )
-    E_T = float(np.linalg.norm(s - t))
-    q, p = q / sizes[0], p / sizes[1]
-    # 2 acos |<q, p>| without its loss of digits near zero
-    p = p if q @ p >= 0 else -p
-    E_R = float(np.degrees(4 * np.arcsin(min(1.0, 0.5 * float(np.linalg.norm(q - p))))))
-    return E_T, E_T / range_m, E_R
-
-
-def frame_record(
-    q_true_wxyz: ArrayLike,
-    t_true_m: ArrayLike,
-    q_est_wxyz: ArrayLike | None,
-    t_est_m: ArrayLike | None,
-    *,
-    accepted: bool,
-    feasible: bool = True,
-    frame_class: str = "",
-    covariance: ArrayLike | None = None,
-) -> FrameRecord:
-    """A record from two poses; a frame without an estimate keeps its errors as None.
-
-    Parameters
-    ----------
-    covariance : (6, 6) of turn [rad] and shift [m], camera axes, as the estimator gave it.
-
-    Raises
-    ------
-    ValueError
-        As ``frame_errors``; or if a frame is accepted without a pose.
-    """
-    range_m = float(np.linalg.norm(np.asarray(t_true_m, float)))
-    shift = turn = nees = None
-    if q_est_wxyz is None or t_est_m is None:
-        if accepted:
-            raise ValueError("a frame cannot be accepted without a pose")
-        E_T = e_t = E_R = None
-    else:
-        E_T, e_t, E_R = frame_errors(q_true_wxyz, t_true_m, q_est_wxyz, t_est_m)
-        shift = _triple(np.asarray(t_est_m, float) - np.asarray(t_true_m, float))
-        turn = _triple(np.degrees(_rotation_between(q_true_wxyz, q_est_wxyz)))
-        nees = _nees(np.concatenate([np.radians(turn), shift]), covariance)
-    return FrameRecord(
-        range_m=range_m,
-        E_T_m=E_T,
-        e_t=e_t,
-        E_R_deg=E_R,
-        accepted=accepted,
-        feasible=feasible,
-        frame_class=frame_class or ("feasible" if feasible else "infeasible"),
-        shift_camera_m=shift,
-        turn_camera_deg=turn,
-        nees=nees,
-    )
-
-
-def _nees(error: np.ndarray, covariance: ArrayLike | None) -> float | None:
-    """An error (6,) over its covariance; None where that is missing or cannot be inverted."""
-    if covariance is None:
-        return None
-    C = np.asarray(covariance, float)
-    if C.shape != (6, 6) or not np.isfinite(C).all() or np.linalg.eigvalsh(C)[0] <= 0:
-        return None
-    return float(error @ np.linalg.solve(C, error))
-
-
-def _rotation_between(q_true_wxyz: ArrayLike, q_est_wxyz: ArrayLike) -> np.ndarray:
-    """(3,) rotation vector [rad] of ``R_est R_true'``, camera axes."""
-    w, x, y, z = np.asarray(q_true_wxyz, float) / np.linalg.norm(np.asarray(q_true_wxyz, float))
-    p = np.asarray(q_est_wxyz, float) / np.linalg.norm(np.asarray(q_est_wxyz, float))
-    # p times the conjugate of q
-    v = p[0] * np.array([-x, -y, -z]) + w * p[1:] + np.cross(p[1:], [-x, -y, -z])
-    s = p[0] * w + p[1:] @ np.array([x, y, z])
-    v, s = (v, s) if s >= 0 else (-v, -s)
-    size = float(np.linalg.norm(v))
-    return v * (2 * np.arctan2(size, s) / size if size > 1e-12 else 2.0)
-
-
-def _triple(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return x, y, z
-
-
 def wilson_interval(k: int, n: int, z: float = 1.959963984540054) -> tuple[float, float] | None:
     """Wilson's score interval of a share ``k / n``, 95 % by default; None of nothing.
 
@@ -341,10 +200,10 @@ def summarise(
         by_range=bins,
         by_class=by_class,
         failures={kind: failures.count(kind) for kind in sorted(set(failures))},
-        bias_m=_triple(shifts.mean(axis=0)) if len(shifts) else None,
-        spread_m=_triple(shifts.std(axis=0)) if len(shifts) else None,
-        turn_bias_deg=_triple(turns.mean(axis=0)) if len(turns) else None,
-        turn_spread_deg=_triple(turns.std(axis=0)) if len(turns) else None,
+        bias_m=vec3(shifts.mean(axis=0)) if len(shifts) else None,
+        spread_m=vec3(shifts.std(axis=0)) if len(shifts) else None,
+        turn_bias_deg=vec3(turns.mean(axis=0)) if len(turns) else None,
+        turn_spread_deg=vec3(turns.std(axis=0)) if len(turns) else None,
         time_ms_p50=_reduce(_median, times_ms),
         time_ms_p95=_reduce(_p95, times_ms),
         **_figures(frames),
@@ -368,10 +227,6 @@ def compose(methods: Sequence[MethodMetrics]) -> Metrics:
 def metrics_json_schema() -> dict[str, Any]:
     """JSON Schema of ``metrics.json``."""
     return msgspec.json.schema(Metrics)
-
-
-def _within(r: FrameRecord, deg: float, share: float) -> bool:
-    return r.E_R_deg is not None and r.e_t is not None and r.E_R_deg <= deg and r.e_t <= share
 
 
 def _figures(frames: Sequence[FrameRecord]) -> dict[str, Any]:

@@ -13,8 +13,8 @@ from hil.board.svd import BoardModel, CameraIntrinsics, Estimator, make_estimato
 from hil.board.svd.frame import Craft
 from hil.board.svd.noise import noise_sigma
 from hil.evaluate.failures import failure_kind
+from hil.evaluate.frame_record import frame_record
 from hil.evaluate.frames import EvaluatedFrame
-from hil.evaluate.metrics import frame_record
 from simulator.dataset.native import frame_paths, read_png
 from simulator.errors import UserError
 from simulator.labels.truth import read_truth

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hil.evaluate.decision import reliability, trade_off
+from hil.evaluate.frame_record import frame_record
 from hil.evaluate.frames import EvaluatedFrame
-from hil.evaluate.metrics import frame_record
 
 UPRIGHT, AHEAD_M = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 10.0)
 

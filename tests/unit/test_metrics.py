@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from hil.evaluate.frame_record import FrameRecord, frame_errors, frame_record
 from hil.evaluate.metrics import (
-    FrameRecord,
     Metrics,
     bootstrap_intervals,
     compose,
-    frame_errors,
-    frame_record,
     metrics_json_schema,
     summarise,
     wilson_interval,

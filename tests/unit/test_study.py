@@ -7,7 +7,8 @@ import pytest
 
 from hil.board.svd import CameraIntrinsics, make_estimator
 from hil.board.svd.faithful.estimator import FaithfulEstimator
-from hil.evaluate.metrics import frame_record, summarise
+from hil.evaluate.frame_record import frame_record
+from hil.evaluate.metrics import summarise
 from hil.evaluate.study import LADDER, table, wrong_model
 from hil.evaluate.worker import MethodChoice, board_model
 from simulator.targets.library import load_target
