@@ -69,7 +69,9 @@ class LinkServer:
         self._listener: Listener = listen(config.url)
         self._truth: TruthEndpoint | None = None
         try:
-            self._truth = TruthEndpoint(config.truth_url) if config.truth_url is not None else None
+            self._truth = (
+                TruthEndpoint(config.truth_url, self._listener.url) if config.truth_url is not None else None
+            )
         except LinkError:
             self._listener.close()
             raise

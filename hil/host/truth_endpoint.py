@@ -8,8 +8,8 @@ from typing import Any
 
 from hil.link.errors import LinkError
 from hil.link.framing import LengthFraming
-from hil.link.messages import Bye, Message, TruthMessage
-from hil.link.packets import Packet
+from hil.link.messages import Bye, ErrorCode, ErrorMessage, Message, TruthMessage
+from hil.link.packets import MAGIC, Packet
 from hil.link.transport import parse_url
 
 # a logger that lags this far behind is cut off
@@ -27,9 +27,14 @@ class _Client:
 
 
 class TruthEndpoint:
-    """Listens on TCP and sends TRUTH packets to whoever connected before them."""
+    """Listens on TCP and sends TRUTH packets to whoever connected before them.
 
-    def __init__(self, url: str) -> None:
+    Parameters
+    ----------
+    url : where loggers connect. board_url : where boards do, for one that knocks here.
+    """
+
+    def __init__(self, url: str, board_url: str) -> None:
         from hil.link.tcp import TcpListener  # noqa: PLC0415 - opens the port in the link process only
 
         scheme, host, port = parse_url(url)
@@ -37,6 +42,7 @@ class TruthEndpoint:
             raise LinkError(f"the truth endpoint {url!r} must be a TCP address: write tcp://127.0.0.1:5601")
         self._listener = TcpListener(host, port)
         self.url = self._listener.url
+        self._board_url = board_url
         self._framing = LengthFraming()
         self._clients: list[_Client] = []
 
@@ -61,9 +67,12 @@ class TruthEndpoint:
         return any(client.backlog for client in self._clients)
 
     def flush(self) -> None:
-        """Send what the lines take now; loggers that left or lag too far are dropped."""
+        """Send what the lines take now; boards, and loggers that left or lag too far, are dropped."""
         for client in list(self._clients):
             try:
+                if _is_board(client):
+                    self._refuse(client)
+                    continue
                 while client.backlog:
                     del client.backlog[: client.sock.send(client.backlog)]
             except BlockingIOError:
@@ -84,14 +93,32 @@ class TruthEndpoint:
         self._listener.close()
 
     def _queue(self, message: Message) -> None:
-        payload = message.encode()
         for client in self._clients:
-            client.backlog += self._framing.encode(
-                Packet(message.TYPE, payload, session_id=0, sequence=client.sequence)
-            )
-            client.sequence += 1
+            self._append(client, message)
         self.flush()
+
+    def _append(self, client: _Client, message: Message) -> None:
+        packet = Packet(message.TYPE, message.encode(), session_id=0, sequence=client.sequence)
+        client.backlog += self._framing.encode(packet)
+        client.sequence += 1
+
+    def _refuse(self, client: _Client) -> None:
+        """An estimator is never handed the truth: tell its board where to go."""
+        sentence = f"this port gives ground truth to loggers: connect the board to {self._board_url}"
+        client.backlog.clear()
+        self._append(client, ErrorMessage(ErrorCode.OTHER, sentence))
+        with contextlib.suppress(OSError):
+            client.sock.send(client.backlog)
+        self._drop(client)
 
     def _drop(self, client: _Client) -> None:
         self._clients.remove(client)
         client.sock.close()
+
+
+def _is_board(client: _Client) -> bool:
+    """Whether it has sent a packet: loggers only listen."""
+    try:
+        return MAGIC in client.sock.recv(4096)
+    except BlockingIOError:
+        return False

@@ -48,6 +48,19 @@ def test_a_board_with_another_model_is_refused_by_name():
     assert "refuses: the board carries a model of 'cygnus'" in loop.results[0]
 
 
+def test_a_board_at_the_port_of_the_truth_is_sent_to_the_other_and_hears_no_truth():
+    sentences = []
+
+    def wrong_port_then_right_one(url):
+        sentences.append(refused(lambda _: board()(loop.truth_url))(url))
+        return board()(url)
+
+    loop = Loop(wrong_port_then_right_one)
+    summary = loop.run(frames(2), truth="separate")
+    assert summary.accepted == 2
+    assert f"gives ground truth to loggers: connect the board to {loop.url}" in sentences[0]
+
+
 def test_an_old_ledger_is_not_overwritten(tmp_path):
     (tmp_path / "frames.csv").write_text("precious")
     with pytest.raises(UserError, match="is there already: name another folder"):
