@@ -1,15 +1,30 @@
-"""Fixtures shared by all tests: one renderer per session, small plans."""
+"""Fixtures shared by all tests: one renderer at a time, small plans."""
 
 import pytest
 
+MOST_PROGRAMS = 120
+"""A driver keeps three megabytes for each until its context goes: the suite's four hundred were over a gigabyte."""
+
 
 @pytest.fixture(scope="session")
-def renderer():
-    """One GL context for all tests that draw."""
+def renderers():
+    """The renderer that tests share, in a list: another takes its place when it has drawn in too many ways."""
+    shared = []
+    yield shared
+    for one in shared:
+        one.close()
+
+
+@pytest.fixture(scope="module")
+def renderer(renderers):
+    """One GL context for all tests of a file that draw, and for those of the files after it."""
     from simulator.render.renderer import Renderer
 
-    with Renderer() as shared:
-        yield shared
+    if renderers and len(renderers[0]._programs._built) > MOST_PROGRAMS:
+        renderers.pop().close()
+    if not renderers:
+        renderers.append(Renderer())
+    return renderers[0]
 
 
 @pytest.fixture(autouse=True)

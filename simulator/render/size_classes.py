@@ -7,6 +7,7 @@ comes nearer would ask for another class every few frames.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 if TYPE_CHECKING:
@@ -34,10 +35,11 @@ class SizeClasses(Generic[B]):
     Parameters
     ----------
     make : buffers of a width and height [px].
+    most_px : area of all that are kept, unless those in use alone have more.
     """
 
-    def __init__(self, make: Callable[[int, int], B]) -> None:
-        self._make = make
+    def __init__(self, make: Callable[[int, int], B], most_px: float = math.inf) -> None:
+        self._make, self._most_px = make, most_px
         self._kept: dict[tuple[int, int], B] = {}
 
     def at_least(self, width: int, height: int) -> B:
@@ -56,7 +58,9 @@ class SizeClasses(Generic[B]):
                 buffers.release()
                 buffers = None
         if buffers is None:
-            while len(self._kept) >= KEPT:
+            left = self._most_px - size[0] * size[1]
+            # freed before others are made: a process' largest moment counts
+            while self._kept and (len(self._kept) >= KEPT or sum(w * h for w, h in self._kept) > left):
                 self._kept.pop(next(iter(self._kept))).release()
             buffers = self._make(*size)
         self._kept[size] = buffers  # the last one used is the last one freed

@@ -31,3 +31,20 @@ def test_windows_about_a_step_of_the_classes_share_a_buffer():
     # one much smaller is not drawn into the large buffer, which takes long to clear
     small = classes.at_least(3 * GRAIN_PX - 1, 3 * GRAIN_PX)
     assert small.size[0] * small.size[1] <= LARGER * 9 * GRAIN_PX**2
+
+
+def test_sizes_at_hand_have_an_area_together():
+    Counted.made = Counted.freed = 0
+    side = 4 * GRAIN_PX
+    classes = SizeClasses(Counted, 2.4 * side**2)
+    first = classes.at_least(side, side)
+    classes.at_least(side, side // 2)
+    assert classes.at_least(side, side) is first
+    # a third of the same area is too much: the one not used for longest goes, and it is enough
+    classes.at_least(side // 2, 2 * side)
+    assert (Counted.made, Counted.freed) == (3, 1)
+    assert classes.at_least(side, side) is first
+    # one alone may have more
+    huge = classes.at_least(3 * side, 2 * side)
+    assert classes.at_least(3 * side, 2 * side) is huge
+    assert Counted.made - Counted.freed == 1

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 STAMP_SHIFT = 28
 MOST_STAMPS = 15  # of the four bits; 0 is of a cleared image
+KEPT_BYTES = 320 << 20
+"""Of all sizes at hand: two frames filled by a craft of plain materials, or one of textures."""
+_PLAIN_BYTES, _TEXEL_BYTES = 12, 16  # a sample
 
 
 def normal_bits(mesh: Mesh) -> int:
@@ -83,7 +86,8 @@ class GBufferPass:
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context = context
         self._programs = programs
-        self._images = SizeClasses(lambda w, h: SampleImages(context, w, h, texels=self.TEXELS))
+        most = KEPT_BYTES / (_PLAIN_BYTES + _TEXEL_BYTES * self.TEXELS)
+        self._images = SizeClasses(lambda w, h: SampleImages(context, w, h, texels=self.TEXELS), most)
 
     def program(self, mesh: Mesh) -> Program:
         """The program for a mesh: closed shells show no back faces, few materials leave bits to the normal."""
