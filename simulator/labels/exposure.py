@@ -17,7 +17,7 @@ import numpy as np
 
 from simulator.labels.boxes import box_3d_m
 from simulator.labels.smear import smear
-from simulator.render.cells import cell_size_px
+from simulator.render.view import POLE_M
 from simulator.scene.motion import scene_at
 from simulator.world.bodies import BODIES
 from simulator.world.rotation import matrix_from_quat
@@ -25,7 +25,7 @@ from simulator.world.rotation import matrix_from_quat
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.arrays import BoolArray, Float32Array, FloatArray
+    from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
     from simulator.render.passes.labels import Surfaces
     from simulator.render.renderer import Rendered, Renderer
@@ -46,8 +46,6 @@ STRAIGHT_PX = 0.05
 ONCE_PX, DRAWN_PX = 1.0, 2.5
 """Motion of the ground up to which it is drawn once, and between its drawings where it is more: what the renderer makes
 of clouds and of a city's lights depends a little on where in a pixel they fall, and is to be averaged."""
-NARROW_PX = 1.0
-"""Half of a way up to which what comes in over the border is taken to be like what is there."""
 LOW_ORBIT_M = 5e7
 MAX_INSTANTS = 256
 FASTEST_GROUND_M_S = 1.6e3
@@ -114,12 +112,12 @@ def _places_px(scene: SceneState, then: SceneState, target: Target) -> FloatArra
     """(K, 2) where the followed points of ``scene`` are seen in the scene ``then``; NaN behind the camera."""
     c = scene.camera
     u, v = np.meshgrid(np.linspace(0, c.width_px - 1, 5), np.linspace(0, c.height_px - 1, 5))
-    behind, _ = _behind_px(scene, then, np.stack([u.ravel(), v.ravel()], axis=1))
+    behind = _behind_px(scene, then, np.stack([u.ravel(), v.ravel()], axis=1))
     return np.concatenate([_corners_px(scene, then, target), behind])
 
 
-def _behind_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """(K, 2) where the ground or sky at pixels of ``scene`` is seen in the scene ``then``, and whether it is ground."""
+def _behind_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> FloatArray:
+    """(K, 2) where the ground or sky at pixels of ``scene`` is seen in the scene ``then``."""
     d = scene.camera.rays(pixels)
     d = d @ matrix_from_quat(scene.q_camera_from_eci_wxyz)  # in ECI
     body = BODIES[scene.central_body]
@@ -134,7 +132,7 @@ def _behind_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> tuple
     place = r + (along - np.sqrt(np.maximum(left, 0)))[:, None] * d
     place = place @ (there @ here.T).T + centers[1] - np.asarray(then.r_camera_eci_m)
     seen = np.where(ground[:, None], place, d) @ matrix_from_quat(then.q_camera_from_eci_wxyz).T
-    return then.camera.project(seen), np.asarray(ground)
+    return np.asarray(then.camera.project(seen))
 
 
 def _corners_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
@@ -212,9 +210,9 @@ def integrate(renderer: Renderer, scene: SceneState, target: Target) -> Exposed:
     if len(bands) == 1 and len(moments) == 1 and bands[0].dt_s == 0:
         rendered = renderer.render(scene, target)
         return Exposed(rendered.radiance, rendered.stage_ms, 1)
-    passing = None if len(bands) > 1 else passing_ground(scene)
-    if passing is not None:
-        return _over_passing_ground(renderer, scene, target, passing)
+    n_drawings = 0 if len(bands) > 1 else drawings_of_ground(scene)
+    if n_drawings:
+        return _over_passing_ground(renderer, scene, target, n_drawings)
     parts: dict[int, Float32Array] = {}
     stage_ms: dict[str, float] = {}
     for band in bands:
@@ -234,104 +232,83 @@ def integrate(renderer: Renderer, scene: SceneState, target: Target) -> Exposed:
     return Exposed(radiance, stage_ms, len(bands) * len(moments))
 
 
-@dataclass(frozen=True)
-class PassingGround:
-    """How ground that fills the image is drawn: so many times, and so far beyond its edges."""
-
-    drawings: int
-    margin_px: int
-
-
-def passing_ground(scene: SceneState) -> PassingGround | None:
-    """The ground that may be drawn once and smeared; None where sky is in view, or its ways are long or bent."""
+def drawings_of_ground(scene: SceneState) -> int:
+    """How often ground that fills the image is to be drawn and smeared; 0 where it does not, or goes too far."""
     far = float(np.linalg.norm(scene.r_camera_eci_m)) > LOW_ORBIT_M
     if not scene.environment.earth or scene.central_body != "earth" or far:
-        return None  # the Moon may be before the ground
+        return 0  # the Moon may be before the ground
     early, late = (scene_at(scene, sign * scene.exposure_s / 2) for sign in (-1, 1))
-    border = _border_px(scene.camera, 0)
-    ends = [_behind_px(scene, then, border)[0] for then in (early, late)]
-    half = float(np.abs(ends[1] - ends[0]).max()) / 2
-    bend = float(np.abs((ends[0] + ends[1]) / 2 - border).max())
-    # written so that what is not a number is refused
-    if not (2 * half <= LONGEST_SMEAR_PX and bend <= STRAIGHT_PX):
-        return None
-    # whole cells: the ground's level of detail is chosen cell by cell, and is to be that of any other picture
-    cell = cell_size_px(scene.camera)
-    margin = 0 if half <= NARROW_PX else -(-int(np.ceil(half) + 1) // cell) * cell
+    c = scene.camera
+    across = [np.linspace(-0.5, size - 0.5, 5) for size in (c.width_px, c.height_px)]
+    places = np.stack(np.meshgrid(*across), axis=-1).reshape(-1, 2)
     # the Earth's disc is convex, and so is the image where no lens bends it
-    wide = _border_px(scene.camera, margin)
-    if not scene.camera.distortion.is_none or not _behind_px(scene, scene, wide)[1].all():
-        return None
-    drawings = 1 if 2 * half <= ONCE_PX else max(int(np.ceil(2 * half / DRAWN_PX)), 2)
-    return PassingGround(drawings, margin)
+    if not c.distortion.is_none or not all(_all_ground(then, places) for then in (early, scene, late)):
+        return 0
+    ends = [_behind_px(scene, then, places) for then in (early, late)]
+    way = float(np.abs(ends[1] - ends[0]).max())
+    bend = float(np.abs((ends[0] + ends[1]) / 2 - places).max())
+    # written so that what is not a number is refused
+    if not (way <= LONGEST_SMEAR_PX and bend <= STRAIGHT_PX):
+        return 0
+    return 1 if way <= ONCE_PX else max(int(np.ceil(way / DRAWN_PX)), 2)
 
 
-def _border_px(camera: Camera, margin_px: int) -> FloatArray:
-    """(K, 2) places along the image's border, ``margin_px`` beyond its edges, and across its middle."""
-    x = np.linspace(-0.5 - margin_px, camera.width_px - 0.5 + margin_px, 5)
-    y = np.linspace(-0.5 - margin_px, camera.height_px - 0.5 + margin_px, 5)
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+def _all_ground(scene: SceneState, pixels: FloatArray) -> bool:
+    """Whether rays through (K, 2) pixels all meet the Earth, be it where it is lowest."""
+    r = np.asarray(scene.r_camera_eci_m)
+    along = -scene.camera.rays(pixels) @ matrix_from_quat(scene.q_camera_from_eci_wxyz) @ r
+    return bool(np.all((along > 0) & (r @ r - along**2 < POLE_M**2)))
 
 
-def _over_passing_ground(
-    renderer: Renderer, scene: SceneState, target: Target, passing: PassingGround
-) -> Exposed:
+def _over_passing_ground(renderer: Renderer, scene: SceneState, target: Target, n_drawings: int) -> Exposed:
     """The ground's mean, and before it the craft's: what of one changes while the other's edge passes is left out."""
-    m, c = passing.margin_px, scene.camera
-    camera = crop(c, -m, -m, c.width_px + 2 * m, c.height_px + 2 * m)
     stage_ms: dict[str, float] = {"smear": 0.0}
-    mean: Float32Array | None = None
-    span_s = scene.exposure_s / passing.drawings
-    for k in range(passing.drawings):
+    means: list[Float32Array] = []
+    span_s = scene.exposure_s / n_drawings
+    for k in range(n_drawings):
         mid, early, late = (
             scene_at(scene, (k + at) * span_s - scene.exposure_s / 2) for at in (0.5, 0.0, 1.0)
         )
-        rendered = renderer.render(replace(mid, camera=camera), target, layer="sky")
+        rendered = renderer.render(mid, target, layer="sky")
         _add_times(stage_ms, rendered.stage_ms)
         start = time.perf_counter()
-        part = smear(rendered.radiance, m, partial(_ways_px, mid, early, late))
-        mean = part if mean is None else np.add(mean, part, out=mean)
+        part = smear(rendered.radiance, partial(_ways_px, mid, early, late))
+        means = [np.add(means[0], part, out=means[0])] if means else [part]
         stage_ms["smear"] += (time.perf_counter() - start) * 1e3
-    if mean is None:
-        raise RuntimeError("a ground that is never drawn has no mean")
-    if passing.drawings > 1:
-        mean /= np.float32(passing.drawings)
+    mean = means[0]
+    if n_drawings > 1:
+        mean /= np.float32(n_drawings)
     ends = [_corners_px(scene, scene_at(scene, sign * scene.exposure_s / 2), target) for sign in (-1, 1)]
     motion = float(np.nanmax(np.hypot(*(ends[1] - ends[0]).T), initial=0.0))
     moments = instants_of(motion, scene.exposure_s)
     crafts = []
     for dt, weight in zip(moments.times_s, moments.weights, strict=True):
-        craft = renderer.render(replace(scene_at(scene, dt), camera=camera), target, layer="craft")
+        craft = renderer.render(scene_at(scene, dt), target, layer="craft")
         _add_times(stage_ms, craft.stage_ms)
         crafts.append((craft, np.float32(weight)))
-    _put_before(mean, m, crafts)
-    return Exposed(mean, stage_ms, passing.drawings + len(moments))
+    _put_before(mean, crafts)
+    return Exposed(mean, stage_ms, n_drawings + len(moments))
 
 
-def _put_before(ground: Float32Array, margin_px: int, crafts: list[tuple[Rendered, np.float32]]) -> None:
-    """Put the weighted mean of crafts before a ground (H, W[, bands]), in place; they are drawn with a margin."""
-    m, size = margin_px, ground.shape[:2]
-    corners = [
-        [(max(s.start - m, 0), min(s.stop - m, n)) for s, n in zip(c.window, size, strict=True)]
-        for c, _ in crafts
-    ]
-    kept = [(c, w, box) for (c, w), box in zip(crafts, corners, strict=True) if all(a < b for a, b in box)]
+def _put_before(ground: Float32Array, crafts: list[tuple[Rendered, np.float32]]) -> None:
+    """Put the weighted mean of crafts before a ground (H, W[, bands]), in place."""
+    kept = [(c, weight) for c, weight in crafts if c.radiance.size]
     if not kept:
         return
-    whole = tuple(
-        slice(min(box[k][0] for *_, box in kept), max(box[k][1] for *_, box in kept)) for k in (0, 1)
+    rows, columns = (
+        slice(min(c.window[k].start for c, _ in kept), max(c.window[k].stop for c, _ in kept)) for k in (0, 1)
     )
-    behind = ground[whole]
+    behind = ground[rows, columns]
     light, open_ = np.zeros_like(behind), np.ones(behind.shape[:2], np.float32)
-    for craft, weight, box in kept:
-        if craft.coverage is None:
-            raise RuntimeError("a craft was drawn without its coverage")
-        to = tuple(slice(a - w.start, b - w.start) for (a, b), w in zip(box, whole, strict=True))
-        of = tuple(
-            slice(a + m - w.start, b + m - w.start) for (a, b), w in zip(box, craft.window, strict=True)
+    for craft, weight in kept:
+        y, x = (
+            slice(own.start - whole.start, own.stop - whole.start)
+            for own, whole in zip(craft.window, (rows, columns), strict=True)
         )
-        light[to] += craft.radiance[of] * weight
-        open_[to] -= craft.coverage[of] * weight
+        if craft.coverage is None:
+            continue
+        light[y, x] += craft.radiance * weight
+        open_[y, x] -= craft.coverage * weight
     # weights that add up to one but for their rounding
     np.maximum(open_, 0, out=open_)
     behind *= open_ if behind.ndim == 2 else open_[..., None]
@@ -340,7 +317,7 @@ def _put_before(ground: Float32Array, margin_px: int, crafts: list[tuple[Rendere
 
 def _ways_px(mid: SceneState, early: SceneState, late: SceneState, pixels: FloatArray) -> FloatArray:
     """(K, 2) ways from ``early`` to ``late`` of what is behind (K, 2) pixels of ``mid`` [px]."""
-    return np.asarray(_behind_px(mid, late, pixels)[0] - _behind_px(mid, early, pixels)[0])
+    return np.asarray(_behind_px(mid, late, pixels) - _behind_px(mid, early, pixels))
 
 
 def _add_times(total_ms: dict[str, float], more_ms: dict[str, float]) -> None:

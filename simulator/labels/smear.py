@@ -59,21 +59,19 @@ def smear_kernels(ways_px: FloatArray) -> Float32Array:
     return np.asarray(kernels / kernels.sum(axis=(1, 2), keepdims=True), np.float32)
 
 
-def smear(picture: Float32Array, margin_px: int, ways_px: Callable[[FloatArray], FloatArray]) -> Float32Array:
+def smear(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArray]) -> Float32Array:
     """Mean of a picture over an exposure in which each of its points goes its own way.
 
     Parameters
     ----------
-    picture : (H + 2 m, W + 2 m[, bands]) at mid-exposure, ``margin_px`` beyond every edge: half of the longest way
-        and a pixel more. With less, what comes in from beyond is like the border.
-    ways_px : for (K, 2) pixels of the image without margin gives (K, 2), their ways during the exposure [px].
+    picture : (H, W[, bands]) at mid-exposure. What comes in over its border is taken to be like the border.
+    ways_px : for (K, 2) pixels gives (K, 2), their ways during the exposure [px].
 
     Returns
     -------
     (H, W[, bands]) float32.
     """
-    m = margin_px
-    height, width = picture.shape[0] - 2 * m, picture.shape[1] - 2 * m
+    height, width = picture.shape[:2]
     tile = _tile_size(width, height, ways_px)
     columns, rows = (_edges(size, step) for size, step in zip((width, height), tile, strict=True))
     u, v = np.meshgrid(*((e[:-1] + e[1:] - 1) / 2 for e in (columns, rows)))
@@ -85,11 +83,11 @@ def smear(picture: Float32Array, margin_px: int, ways_px: Callable[[FloatArray],
     # by one thread: two would wait for Python's lock
     for j, (y0, y1) in enumerate(itertools.pairwise(rows.tolist())):
         for i, (x0, x1) in enumerate(itertools.pairwise(columns.tolist())):
-            top, left = max(y0 + m - ry, 0), max(x0 + m - rx, 0)
-            around = picture[top : y1 + m + ry, left : x1 + m + rx]
+            top, left = max(y0 - ry, 0), max(x0 - rx, 0)
+            around = picture[top : y1 + ry, left : x1 + rx]
             # what it makes up beyond the piece's edges is cut off with them
             done = cv2.filter2D(around, -1, kernels[j, i], borderType=cv2.BORDER_REPLICATE)
-            y, x = y0 + m - top, x0 + m - left
+            y, x = y0 - top, x0 - left
             out[y0:y1, x0:x1] = done[y : y + y1 - y0, x : x + x1 - x0]
     # a cubic dips below zero beside a sharp light
     return np.maximum(out, 0, out=out)

@@ -22,14 +22,13 @@ def test_a_kernel_has_the_moments_of_its_way():
         assert moment.sum(axis=(1, 2)) == pytest.approx(expected, abs=3e-3)
 
 
-@pytest.mark.parametrize("margin", [0, 8])
 @pytest.mark.parametrize("bands", [None, 3])
-def test_a_turning_picture_is_smeared_as_its_instants_are(margin, bands):
+def test_a_turning_picture_is_smeared_as_its_instants_are(bands):
     angle, size = 0.005, 120
     center = np.array([60.0, -240.0])
 
-    def at(turned, m):
-        x, y = np.meshgrid(*(np.arange(-m, size + m) - c for c in center))
+    def at(turned):
+        x, y = np.meshgrid(*(np.arange(size) - c for c in center))
         u, v = (
             np.cos(turned) * x + np.sin(turned) * y,
             np.cos(turned) * y - np.sin(turned) * x,
@@ -40,15 +39,15 @@ def test_a_turning_picture_is_smeared_as_its_instants_are(margin, bands):
     def ways(pixels):
         return angle * (pixels - center) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
 
-    got = smear(at(0.0, margin).astype(np.float32), margin, ways)
-    expected = np.mean([at(angle * ((k + 0.5) / 64 - 0.5), 0) for k in range(64)], axis=0)
-    inner = (slice(None),) * 2 if margin else (slice(4, -4),) * 2
+    got = smear(at(0.0).astype(np.float32), ways)
+    expected = np.mean([at(angle * ((k + 0.5) / 64 - 0.5)) for k in range(64)], axis=0)
+    inner = (slice(4, -4),) * 2  # beyond the border nothing is known
     error = (got - expected)[inner]
     assert got.dtype == np.float32
     assert got.shape == expected.shape
     assert np.sqrt(np.mean(error**2)) < 3e-3 * expected.mean()
     # and the smear is there: without it the error is several times as large
-    still = (at(0.0, 0) - expected)[inner]
+    still = (at(0.0) - expected)[inner]
     assert np.sqrt(np.mean(error**2)) < 0.2 * np.sqrt(np.mean(still**2))
 
 
