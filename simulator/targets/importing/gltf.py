@@ -14,6 +14,7 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.targets.glb import ANISOTROPY, CLEARCOAT, read_chunks
 from simulator.targets.importing.accessors import read_accessor
+from simulator.targets.importing.gltf_geometry import FAN, STRIP, TRIANGLES, as_triangles, node_matrix
 from simulator.targets.importing.grain import common_grain, corners_of, face_grain, strength_and_turn
 from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart, unique_name, unique_names
 from simulator.targets.importing.texture import picture_of
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
     from simulator.arrays import FloatArray, IntArray
 
-TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPRESSED = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression": "meshopt"}
 UNDERSTOOD = (
     "KHR_materials_",
@@ -146,7 +146,7 @@ class _Reader:
                 if "indices" in primitive
                 else np.arange(len(p))
             )
-            t = _as_triangles(index, mode)
+            t = as_triangles(index, mode)
             number = primitive.get("material", no_material)
             positions.append(p)
             normals.append(self._read(attributes["NORMAL"]) if "NORMAL" in attributes else None)
@@ -373,34 +373,3 @@ def _joined(
         return None
     blank = (np.full((len(t), *shape), np.nan) for t in triangles)
     return np.concatenate([b if r is None else r for b, r in zip(blank, rows, strict=True)])
-
-
-def node_matrix(node: dict[str, Any]) -> FloatArray:
-    """(4, 4) of a node relative to its parent: a matrix by columns, or translation, rotation (xyzw), scale."""
-    if "matrix" in node:
-        return np.asarray(node["matrix"], float).reshape(4, 4).T
-    matrix = np.eye(4)
-    x, y, z, w = np.asarray(node.get("rotation", [0, 0, 0, 1]), float)
-    R = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    matrix[:3, :3] = R * np.asarray(node.get("scale", [1, 1, 1]), float)
-    matrix[:3, 3] = node.get("translation", [0, 0, 0])
-    return matrix
-
-
-def _as_triangles(index: IntArray, mode: int) -> IntArray:
-    if mode == TRIANGLES:
-        if len(index) % 3:
-            raise ValueError(f"{len(index)} indices are no whole number of triangles")
-        return index.reshape(-1, 3)
-    if mode == FAN:
-        first = np.full(max(len(index) - 2, 0), index[0] if len(index) else 0)
-        return np.stack([first, index[1:-1], index[2:]], axis=1)
-    t = np.stack([index[:-2], index[1:-1], index[2:]], axis=1)
-    t[1::2] = t[1::2, ::-1]  # every second triangle of a strip runs the other way
-    return t
