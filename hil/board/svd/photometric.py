@@ -229,13 +229,16 @@ def explained(shading: Shading, canvas: Canvas) -> float:
     gray = canvas.blurred(SCORE_BLUR_PX)
     noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     e = (gray - blurred(drawn, SCORE_BLUR_PX)) / noise
-    none = (gray - canvas.plain) / noise
+    if "none" not in canvas.kept:
+        none = (gray - canvas.plain) / noise
+        canvas.kept["none"] = none, _bounded(none)
+    none, least = canvas.kept["none"]
     if np.ndim(canvas.plain):
         # clutter beside the craft is no pose's merit or fault
         h, w = gray.shape
         cover = cv2.resize((shading.group > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
         e = np.where(blurred(cover, 1.0) > COVERED, e, none)
-    return 1.0 - float(_bounded(e) / max(_bounded(none), 1e-9))
+    return 1.0 - float(_bounded(e) / max(least, 1e-9))
 
 
 def photo_likeness(

@@ -226,6 +226,11 @@ class Canvas:
             self._blurred[sigma_px] = cv2.GaussianBlur(self.gray, (0, 0), sigma_px)
         return self._blurred[sigma_px]
 
+    @cached_property
+    def kept(self) -> Dict[str, Any]:
+        """What does not hang on any pose, for the next one."""
+        return {}
+
     def rays(self, camera: CameraIntrinsics) -> Tuple[Array, Array]:
         """Normalised coordinates of the drawn pixels' columns and rows; the canvas shows a pinhole's picture."""
         h, w = self.gray.shape

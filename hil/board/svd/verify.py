@@ -100,7 +100,10 @@ def align_leaders(
         box = pinhole_box(craft.camera, region.grown(margin, width, height))
         small = make_canvas(craft, frame, box, longest)
         # edges of a place that was looked at are asked after its poses were: these are not drawn again
-        known = frame.drawn.setdefault((box, longest), {}) if looked else None
+        known = frame.drawn.pop((box, longest), {}) if looked else None
+        if known is not None and not shadows:
+            # nobody comes back a third time: what the second leaves would only fill memory
+            frame.drawn[box, longest] = known
         courses = [begin(craft, small, c, known) for c in own]
         courses.sort(key=lambda c: -c.score - LIKELY_WEIGHT * c.start.likely)
         if shadows:
