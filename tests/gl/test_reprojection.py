@@ -41,7 +41,7 @@ def test_keypoints_of_the_record_meet_the_picture(renderer, draw_kit, tmp_path):
         errors += _errors(truth_path, tmp_path / f"{n}.png")
     errors = np.array(errors)
     assert len(errors) == len(POSES) * len(PLACES)
-    # the goals of docs/conventions.md; measured 0.017 and 0.029
+    # the goals of docs/conventions.md; measured 0.017 rms
     distances = np.hypot(*errors.T)
     assert np.sqrt((distances**2).mean()) <= 0.02
     assert distances.max() <= 0.04
