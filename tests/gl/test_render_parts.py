@@ -9,8 +9,8 @@ from simulator.render.blocks import EARTH, FRAME, MATERIALS, TARGET
 from simulator.render.cover import whole
 from simulator.render.earthview import earth_view
 from simulator.render.noise import detail_texture
-from simulator.render.passes.target import LATTICES as PRESETS
-from simulator.render.passes.target import TINY_LATTICE
+from simulator.render.placement import LATTICES as PRESETS
+from simulator.render.placement import TINY_LATTICE
 from simulator.render.programs import ProgramLibrary, read_source
 from simulator.render.projection import PixelRect
 from simulator.render.uniforms import Field, UniformBlock

@@ -10,6 +10,7 @@ import pytest
 
 from simulator.bench.scenes import bench_scenes
 from simulator.camera.model import Camera
+from simulator.render import cover
 from simulator.render import facing as facing_module
 from simulator.render import renderer as renderer_module
 from simulator.render.cache import cached_array
@@ -57,7 +58,7 @@ def test_triangles_and_cells_left_out_change_no_pixel(renderer, draw_kit, t_m, r
     cells = []
     find_cover = target_passes.find_cover
     monkeypatch.setattr(
-        target_passes, "find_cover", lambda *a: cells.append(find_cover(*a)) or target_passes.whole(a[1].rect)
+        target_passes, "find_cover", lambda *a: cells.append(find_cover(*a)) or cover.whole(a[1].rect)
     )
     everywhere = renderer.render(scene, tango, labels=True)
     outside = everywhere.coverage.copy()

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
@@ -28,22 +27,12 @@ from hil.board.svd.verify import SMALL_PX, check_leaning, choose_by_picture
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 SUN = np.array([0.3, -0.2, -0.93])
 Q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
 T_M = np.array([0.05, -0.05, 4.2])
 
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    """As a board runs it; threads on pictures this small cost more than they give."""
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    yield
-    cv2.setNumThreads(threads)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-import cv2
 import numpy as np
 import pytest
 
@@ -22,21 +19,11 @@ from hil.board.svd.roi import Region
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 CAMERA = CameraIntrinsics(240, 160, 375.0, 375.0, 119.5, 79.5)
 T_M = np.array([0.05, -0.05, 4.2])
 RNG = np.random.default_rng(8)
 
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    """As a board runs it."""
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    yield
-    cv2.setNumThreads(threads)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.mark.parametrize(("labels", "fine"), [(17, 2), (41, 2), (41, 3)])

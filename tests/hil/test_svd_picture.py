@@ -29,8 +29,8 @@ from hil.board.svd.shade import Canvas, Faces, draw_faces, fill_faces
 from hil.board.svd.shadowed import shadowed
 from hil.board.svd.sunlight import Sunlight, SunTable, rays_to_faces
 from simulator.targets.board_faces import make_faces
-from simulator.targets.builders.solids import box
 from simulator.targets.model import Part
+from tests.harness.boxes import closed_box
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 T_M = np.array([0.03, -0.02, 4.0])
@@ -41,25 +41,14 @@ FROM_THE_SIDE = np.linalg.svd(FROM_THE_SIDE)[0] @ np.linalg.svd(FROM_THE_SIDE)[2
 OVER_THE_PANEL = np.array([0.6, 0.35, 0.72])
 
 
-def part(name: str, low: Any, high: Any) -> Part:
-    mesh = box(low, high)
-    return Part(
-        name=name,
-        material=name,
-        positions_m=mesh.positions_m,
-        normals=mesh.normals,
-        triangles=mesh.triangles,
-    )
-
-
 @pytest.fixture(scope="module")
 def record() -> dict[str, Any]:
     """A body, a panel on it that overhangs, and a plate on one side."""
     parts = (
-        part("body", (-0.3, -0.25, -0.2), (0.3, 0.25, 0.2)),
-        part("panel", (-0.5, -0.35, 0.2), (0.5, 0.35, 0.22)),
-        part("plate", (0.3, -0.1, -0.15), (0.31, 0.15, 0.05)),
-        part("core", (-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)),
+        closed_box("body", (-0.3, -0.25, -0.2), (0.3, 0.25, 0.2), "body"),
+        closed_box("panel", (-0.5, -0.35, 0.2), (0.5, 0.35, 0.22), "panel"),
+        closed_box("plate", (0.3, -0.1, -0.15), (0.31, 0.15, 0.05), "plate"),
+        closed_box("core", (-0.1, -0.1, -0.1), (0.1, 0.1, 0.1), "core"),
     )
     with pytest.MonkeyPatch.context() as patch:
         # four boxes need no fine cover

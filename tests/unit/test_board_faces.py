@@ -2,25 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from simulator.targets import faces
-from simulator.targets.builders.solids import box
-from simulator.targets.model import Part
-
-
-def part(name: str, material: str, low: Any, high: Any) -> Part:
-    mesh = box(low, high)
-    return Part(
-        name=name,
-        material=material,
-        positions_m=mesh.positions_m,
-        normals=mesh.normals,
-        triangles=mesh.triangles,
-    )
+from tests.harness.boxes import closed_box
 
 
 @pytest.fixture(autouse=True)
@@ -30,12 +16,12 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(faces, "PITCH", 0.02)
 
 
-BODY = part("body", "cloth", (-1, -1, -1), (1, 1, 1))
-DISH = part("dish", "cloth", (-0.3, -0.3, 1.5), (0.3, 0.3, 1.54))
-STRIPE = part("stripe", "gold", (0.999, -0.2, -0.2), (1.005, 0.2, 0.2))
+BODY = closed_box("body", (-1, -1, -1), (1, 1, 1), "cloth")
+DISH = closed_box("dish", (-0.3, -0.3, 1.5), (0.3, 0.3, 1.54), "cloth")
+STRIPE = closed_box("stripe", (0.999, -0.2, -0.2), (1.005, 0.2, 0.2), "gold")
 # a blanket of the body's own cloth all over one side, and hardware inside
-BLANKET = part("blanket", "cloth", (-1, -1.006, -1), (1, -0.999, 1))
-INSIDE = part("inside", "gold", (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
+BLANKET = closed_box("blanket", (-1, -1.006, -1), (1, -0.999, 1), "cloth")
+INSIDE = closed_box("inside", (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5), "gold")
 
 
 def shown(monkeypatch: pytest.MonkeyPatch, most_seen: int) -> tuple[np.ndarray, list[str]]:
