@@ -3,3 +3,7 @@
 
 class BoardModelError(ValueError):
     """A board model or camera that cannot be used, with the reason."""
+
+
+class KernelError(BoardModelError):
+    """Compiled kernels that were asked for and cannot be had, with the reason."""

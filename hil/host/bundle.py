@@ -58,8 +58,9 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
     root = Path(hil.__path__[0])
     for source in (root / "__init__.py", *(root / "board").rglob("*.py"), *(root / "link").rglob("*.py")):
         yield f"hil/{source.relative_to(root).as_posix()}", source.read_bytes()
-    for weights in (root / "board").rglob("*.npz"):
-        yield f"hil/{weights.relative_to(root).as_posix()}", weights.read_bytes()
+    for kind in ("*.npz", "*.c", "*.h"):
+        for data in (root / "board").rglob(kind):
+            yield f"hil/{data.relative_to(root).as_posix()}", data.read_bytes()
     for target in targets:
         yield f"hil/board/models/{target.name}.board.json", msgspec.json.encode(board_record(target))
     spec = importlib.util.find_spec("serial")

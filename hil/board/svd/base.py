@@ -8,6 +8,7 @@ import numpy as np
 
 from hil.board.svd.confidence import ACCEPT_AT, Evidence, confidence, decide
 from hil.board.svd.frame import Alternative, Frame, PoseResult, Trace
+from hil.board.svd.kernels.library import library
 from hil.board.svd.model import BoardModel, CameraIntrinsics
 from hil.board.svd.photometric import PhotoFit
 from hil.board.svd.refine import FineFit
@@ -22,6 +23,11 @@ class Estimator:
     Parameters
     ----------
     model : the target. camera : the intrinsics of every picture.
+
+    Raises
+    ------
+    KernelError
+        If compiled kernels are asked for that cannot be had.
     """
 
     method = ""
@@ -30,6 +36,8 @@ class Estimator:
     keeps_state = False
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
+        # built and loaded here, not while a frame waits
+        library()
         self.model, self.camera = model, camera
 
     def estimate(

@@ -19,6 +19,8 @@ import numpy as np
 if TYPE_CHECKING:
     from hil.board.svd.model import CameraIntrinsics
 
+from hil.board.svd.kernels import paint
+from hil.board.svd.kernels.library import library
 from hil.board.svd.response import Response
 
 Array = np.ndarray
@@ -158,6 +160,16 @@ class Faces:
 
     def order(self, C_m: Array) -> Array:
         """Faces that look at the camera centre ``C_m`` (3,), the farthest first."""
+        native = library()
+        return self._order(C_m) if native is None else paint.order(native, self.packed, C_m)
+
+    @cached_property
+    def packed(self) -> paint.Packed:
+        """The faces as the kernels take them."""
+        return paint.Packed.of(self, self._middles)
+
+    def _order(self, C_m: Array) -> Array:
+        """The same by numpy."""
         gain, base, ids, node = self._places
         side = (self.plane[:, :3] @ C_m > self.plane[:, 3]).astype(np.float32)
         keep = (self.normals @ C_m > self.offset)[ids]
@@ -255,6 +267,9 @@ def draw_faces(
     ----------
     order : faces to draw, the farthest first. least_px : smaller ones are left to their neighbours [drawn px^2].
     """
+    native = library()
+    if native is not None and not camera.distorted:
+        return paint.draw_faces(native, faces.packed, order, camera, R, t, canvas, least_px)
     h, w = canvas.gray.shape
     p = camera.pixels(faces.corners[order] @ R.T + t)
     p = (p - (canvas.x0, canvas.y0) + 0.5) * canvas.scale - 0.5
@@ -270,6 +285,14 @@ def fill_faces(
     ----------
     exact : whether those narrower than a pixel get their true area.
     """
+    native = library()
+    if native is not None:
+        return paint.fill_faces(native, p, order, shape, least_px, exact=exact)
+    return _filled(p, order, shape, least_px, exact=exact)
+
+
+def _filled(p: Array, order: Array, shape: Tuple[int, int], least_px: float, *, exact: bool) -> Array:
+    """The same by numpy and OpenCV."""
     d1, d2 = p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]
     worth = np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]) > 2.0 * least_px
     p, order = inset(shortened(p[worth]) if exact else p[worth]), order[worth]

@@ -1,0 +1,148 @@
+"""The C kernels: compiled once where a C compiler is found, and loaded; numpy does the same where none is."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import os
+import pkgutil
+import platform
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Optional, Tuple
+
+import numpy as np
+
+from hil.board.errors import KernelError
+
+Array = np.ndarray
+
+# One subject each; the header first. They travel in the wheel and in the board's bundle as text.
+SOURCES = ("kernels.h", "paint.c")
+
+# One build for every machine of a kind: no instruction that only some have, and no sum in another order, so that all
+# give the same numbers.
+FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fPIC", "-shared")
+
+# What chooses: auto (native where it can be), numpy, native (or refuse).
+CHOICE = "FLYAROUND_KERNELS"
+CHOICES = ("auto", "numpy", "native")
+
+# A compiler that takes longer is stopped [s].
+LONGEST_S = 120.0
+
+
+def library() -> Optional[ctypes.CDLL]:
+    """The kernels, None where numpy does their work.
+
+    Raises
+    ------
+    KernelError
+        If ``FLYAROUND_KERNELS`` is none of ``CHOICES``, or asks for what cannot be had: one sentence.
+    """
+    return _loaded()[0]
+
+
+def kernels() -> str:
+    """``native``, or ``numpy`` with the reason in brackets."""
+    handle, reason = _loaded()
+    return "native" if handle is not None else f"numpy ({reason})"
+
+
+@functools.lru_cache(maxsize=None)
+def _loaded() -> Tuple[Optional[ctypes.CDLL], str]:
+    """The kernels or None, and why there are none."""
+    choice = os.environ.get(CHOICE, "") or "auto"
+    if choice not in CHOICES:
+        raise KernelError(f"{CHOICE} is {choice!r}: choose one of {', '.join(CHOICES)}, or leave it unset")
+    if choice == "numpy":
+        return None, f"{CHOICE} asks for it"
+    try:
+        return ctypes.CDLL(str(_built())), ""
+    except (OSError, KernelError) as error:
+        if choice == "native":
+            raise KernelError(
+                f"{CHOICE} asks for native kernels, but {error}; install a C compiler, or set it to auto"
+            ) from error
+        return None, str(error)
+
+
+def cache_folder() -> Path:
+    """``kernels`` in ``FLYAROUND_CACHE_DIR`` or in the user's cache folder."""
+    chosen = os.environ.get("FLYAROUND_CACHE_DIR")
+    if chosen:
+        return Path(chosen) / "kernels"
+    user = os.environ.get("XDG_CACHE_HOME")
+    return (Path(user) if user else Path.home() / ".cache") / "flyaround" / "kernels"
+
+
+def _built() -> Path:
+    """The compiled library, compiled now where it is not there yet.
+
+    Raises
+    ------
+    KernelError
+        If there is no compiler, or it cannot compile this. OSError : if nothing can be written.
+    """
+    compiler = shutil.which(os.environ.get("CC", "") or "cc")
+    if compiler is None:
+        raise KernelError("no C compiler was found (cc, or what CC names)")
+    texts = {name: pkgutil.get_data("hil.board.svd.kernels", name) or b"" for name in SOURCES}
+    version = _said((compiler, "--version"))
+    key = hashlib.sha256(repr((sorted(texts.items()), FLAGS, version, platform.machine())).encode())
+    path = cache_folder() / f"kernels-{key.hexdigest()[:20]}.so"
+    if path.is_file():
+        return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # compiled beside its place and moved there whole: others may be doing the same
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        for name, text in texts.items():
+            (Path(folder) / name).write_bytes(text)
+        sources = [str(Path(folder) / name) for name in SOURCES if name.endswith(".c")]
+        made = Path(folder) / "kernels.so"
+        _said((compiler, *FLAGS, "-o", str(made), *sources, "-lm"))
+        made.replace(path)
+    return path
+
+
+def _said(command: Tuple[str, ...]) -> str:
+    """What a program prints.
+
+    Raises
+    ------
+    KernelError
+        If it fails or takes too long.
+    """
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=LONGEST_S)
+    except subprocess.TimeoutExpired as error:
+        raise KernelError(f"{command[0]} took more than {LONGEST_S:.0f} s") from error
+    if done.returncode != 0:
+        first = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()[0]
+        raise KernelError(f"{command[0]} fails: {first}")
+    return done.stdout
+
+
+def address(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> int:
+    """Where a C-contiguous array begins, for a kernel; the caller keeps the array.
+
+    Parameters
+    ----------
+    kind : its dtype, e.g. ``float32``. shape : what the kernel takes it for, where that is known.
+
+    Raises
+    ------
+    ValueError
+        If the array is another: a kernel would read beside it.
+    """
+    if a.dtype != kind or not a.flags.c_contiguous or (shape is not None and a.shape != shape):
+        raise ValueError(f"a kernel takes {kind} {shape or ''}, not {a.dtype} {a.shape}")
+    return int(a.__array_interface__["data"][0])
+
+
+def laid(a: Array, kind: str) -> Array:
+    """The array as a kernel takes it: C-contiguous, of this dtype; itself where it is so."""
+    return np.ascontiguousarray(a, dtype=kind)
