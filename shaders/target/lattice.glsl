@@ -1,11 +1,5 @@
 // The sampling lattice in a shader; see simulator/render/lattice.py.
 
-// Camera z [m] of a depth-buffer value; inverse of simulator/render/projection.py.
-float camera_z(float depth) {
-    float near = u_lattice.z, far = u_lattice.w;
-    return near * far / (far - depth * (far - near));
-}
-
 // Image coordinates [px] of lattice coordinates, both relative to the same place.
 vec2 pixel_from_lattice(vec2 st) {
     vec2 s = vec2(LATTICE_S), t = vec2(LATTICE_T);

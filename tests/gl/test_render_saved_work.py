@@ -17,9 +17,9 @@ from simulator.render.cache import cached_array
 from simulator.render.cells import earth_cells
 from simulator.render.cover import CELL_PX, hulls_cover
 from simulator.render.earthview import earth_view
+from simulator.render.float_depth import MOST_RANGES
 from simulator.render.levels import levelled, levelled_texture, opengl
 from simulator.render.passes import target as target_passes
-from simulator.render.passes.gbuffer import MOST_STAMPS
 from simulator.render.projection import PixelRect
 from simulator.render.renderer import Renderer
 from simulator.render.view import build_view
@@ -72,7 +72,7 @@ def test_samples_of_earlier_frames_never_show(renderer, draw_kit):
     # the samples' image is not cleared: a stamp tells its frames apart, until all stamps are used
     tango = load_target("tango")
     camera = Camera(width_px=96, height_px=80, fx_px=200.0, fy_px=200.0, cx_px=47.5, cy_px=39.5)
-    turns = [(0.4 * k, 0.3 * k, 0.2) for k in range(MOST_STAMPS + 4)]
+    turns = [(0.4 * k, 0.3 * k, 0.2) for k in range(MOST_RANGES + 4)]
     scenes = [draw_kit.scene(tango, t_m=(0.0, 0.0, 5.0), rotvec_rad=turn, camera=camera) for turn in turns]
     first = [renderer.render(scene, tango, labels=True) for scene in scenes]
     for k in reversed(range(len(scenes))):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from simulator.render.context import release
+from simulator.render.float_depth import FloatDepth
 from simulator.render.size_classes import SizeClasses
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 
 STAMP_SHIFT = 28
-MOST_STAMPS = 15  # of the four bits; 0 is of a cleared image
 KEPT_BYTES = 320 << 20
 """Of all sizes at hand: two frames filled by a craft of plain materials, or one of textures."""
 _PLAIN_BYTES, _TEXEL_BYTES = 12, 16  # a sample
@@ -41,35 +41,32 @@ class SampleImages:
     def __init__(self, context: moderngl.Context, width: int, height: int, *, texels: bool = False) -> None:
         self._context = context
         self.surface = context.texture((width, height), 2, dtype="u4")
-        self.depth = context.depth_texture((width, height))
-        self.depth.compare_func = ""
+        self._depth = FloatDepth(context, (width, height))
+        self.depth = self._depth.texture
         self.texels = [context.texture((width, height), 4, dtype="f2") for _ in range(2 * texels)]
-        for texture in (self.surface, self.depth, *self.texels):
+        for texture in (self.surface, *self.texels):
             texture.filter = (context.NEAREST, context.NEAREST)
             texture.repeat_x = texture.repeat_y = False
         self.framebuffer = context.framebuffer([self.surface, *self.texels], self.depth)
-        self._stamp = 0
 
     @property
     def stamp(self) -> int:
-        """What marks the samples of the frame being drawn, as ``u_stamp`` of shaders/target/pack.glsl."""
-        return self._stamp << STAMP_SHIFT
+        """What marks the samples of the frame being drawn, as ``u_stamp`` of shaders/target/pack.glsl.
+
+        It is the number of their range of depths, at most 15 to fit four bits; 0 is of a cleared image.
+        """
+        return self._depth.number << STAMP_SHIFT
 
     def begin(self) -> None:
-        """Make the images current and empty: of depth, and of samples by a new stamp.
+        """Make the images current, and empty by a new stamp.
 
-        Clearing takes a software driver as long as drawing a fifth of the samples.
+        Clearing takes a software driver as long as drawing two fifths of the samples.
         """
-        self._stamp = self._stamp % MOST_STAMPS + 1
-        self._mask_colors(shown=self._stamp == 1)
-        self.framebuffer.clear()
-        self._mask_colors(shown=True)
-        self.framebuffer.use()
+        self._depth.begin(self.framebuffer)
 
-    def _mask_colors(self, *, shown: bool) -> None:
-        mask = (shown,) * 4
-        # moderngl wants one mask for one image, and a tuple for several
-        self.framebuffer.color_mask = mask if not self.texels else (mask,) * (1 + len(self.texels))  # type: ignore[assignment]
+    def end(self) -> None:
+        """Let other passes have the whole range of depths."""
+        self._depth.end()
 
     def release(self) -> None:
         """Free the images."""
@@ -109,6 +106,7 @@ class GBufferPass:
         """
         images = self._begin(mesh, size)
         array.render(np.append(camera_m, 1.0))
+        images.end()
         return images
 
     def _begin(self, mesh: Mesh, size: tuple[int, int]) -> SampleImages:

@@ -44,6 +44,7 @@ class TexturedGBufferPass(GBufferPass):
             program.set("u_base_factor", (0.0,) * 4 if material is None else (*material.base_color, 1.0))
             program.set("u_normal_mapped", float(material is not None and material.normal_texture != ""))
             vertex_array.render(vertices=draw.count, first=draw.first)
+        images.end()
         return images
 
 

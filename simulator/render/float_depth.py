@@ -1,0 +1,53 @@
+"""Depth images that need no clearing: each use of one has a range of depths nearer than all that was left before.
+
+Depths of 32-bit floats can be scaled by powers of two without losing a digit, so a picture is the same in every range.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from simulator.render.levels import opengl
+
+if TYPE_CHECKING:
+    import moderngl
+
+MOST_RANGES = 15
+_DEPTH_CLAMP = 0x864F
+_TEXTURE_2D, _DEPTH_COMPONENT, _DEPTH_COMPONENT32F, _FLOAT = 0x0DE1, 0x1902, 0x8CAC, 0x1406
+
+
+class FloatDepth:
+    """A depth texture and the range in use: number k, from 1 on, holds depths from 16^-k to 16 times that.
+
+    Without an OpenGL to be called by name its depths have 24 bits and it must be cleared each time: moderngl makes no
+    others.
+    """
+
+    def __init__(self, context: moderngl.Context, size: tuple[int, int]) -> None:
+        self._context = context
+        self.texture = context.depth_texture(size)
+        self.texture.compare_func = ""
+        self.texture.filter = (context.NEAREST, context.NEAREST)
+        self.texture.repeat_x = self.texture.repeat_y = False
+        library = opengl()
+        self._most = 1 if library is None else MOST_RANGES
+        self.number = 0
+        if library is not None:
+            self.texture.use(0)
+            library.glTexImage2D(
+                _TEXTURE_2D, 0, _DEPTH_COMPONENT32F, *size, 0, _DEPTH_COMPONENT, _FLOAT, None
+            )
+
+    def begin(self, framebuffer: moderngl.Framebuffer) -> None:
+        """Make a framebuffer with this depth current, and set the next range; after the last one all is cleared."""
+        self.number = self.number % self._most + 1
+        if self.number == 1:
+            framebuffer.clear()
+        framebuffer.use()
+        self._context.depth_clamp_range = (16.0**-self.number, 16.0 ** (1 - self.number))
+        self._context.disable_direct(_DEPTH_CLAMP)  # moderngl sets ranges with it alone
+
+    def end(self) -> None:
+        """Give others the whole range back."""
+        self._context.depth_clamp_range = None
