@@ -181,6 +181,20 @@ def test_derivative_is_what_a_small_motion_does(faces: Faces) -> None:
         assert np.vdot(change, predicted) / np.vdot(predicted, predicted) == pytest.approx(1.0, abs=0.12)
 
 
+@pytest.mark.parametrize("box", [(9, 40), (10, 41), (10, 40), (9, 41)])
+def test_the_derivative_lies_where_the_border_is(faces: Faces, box: tuple[int, int]) -> None:
+    # a square of one face, its sides on and between the sides of the canvas's pixels
+    seen = np.zeros((80, 100), np.int32)
+    seen[box[0] : box[1], box[0] : box[1]] = 1 + faces.order(-T_M)[-1]
+    gray = np.where(seen.reshape(40, 2, 50, 2).mean(axis=(1, 3)) > 0, 90.0, 10.0).astype(np.float32)
+    c = Canvas(gray, 1.0, 75.0, 60.0, 1.0, 2)
+    D = motion_images(shade(faces, seen, c), faces, c, CAMERA, np.eye(3), T_M)
+    middle = np.mean(box) / 2 - 0.5
+    for k, axis in ((3, 0), (4, 1)):
+        pull = np.abs(D[k]).sum(axis=axis)
+        assert np.average(np.arange(len(pull)), weights=pull) == pytest.approx(middle, abs=1e-3)
+
+
 # longer steps reach farther, and leave one seed at another small minimum of the noise, 0.8 degrees off
 @pytest.mark.parametrize(("relax", "turn_deg", "share"), [(1.0, 0.6, 0.005), (RELAX, 1.0, 0.006)])
 @pytest.mark.parametrize("seed", range(3))

@@ -67,9 +67,15 @@ def motion_images(
     turn_x, turn_y = -own * Y, own * X
     turn_x[n:] -= Z[n:]
     turn_y[:n] += Z[:n]
+    # a border along the side of a canvas pixel lies half in the next one: all of it in this one would move what pulls
+    # at the pose by a quarter of a pixel, and the pose with it
+    last = np.arange(max(wide, h * f)) % f == f - 1
+    shared = np.flatnonzero(last.take(np.where(across, x, y)))
+    k[shared] *= np.float32(0.5)
+    cell = np.concatenate([cell, cell[shared] + np.where(across[shared], 1, w)])
+    each = np.concatenate([np.arange(len(k)), shared])
     out = np.empty((6, h * w), np.float32)
-    for j, slope in ((0, turn_x), (1, turn_y), (2, np.where(across, -Y, X)), (5, -own)):
-        out[j] = np.bincount(cell, slope * k, h * w)
     # a shift across moves no border that runs across
-    out[3], out[4] = np.bincount(cell[:n], k[:n], h * w), np.bincount(cell[n:], k[n:], h * w)
+    for j, slope in enumerate((turn_x, turn_y, np.where(across, -Y, X), across, ~across, -own)):
+        out[j] = np.bincount(cell, (slope * k)[each], h * w)
     return out.reshape(6, h, w)
