@@ -29,7 +29,7 @@ const int MOST_BENT = int(0.04 * CODE_SCALE); // steps by which normals may diff
 const float COPLANAR = 5e-5;                  // of the distance, by which the middle may lie off the corners' plane
 const float AS_INTERPOLATED = 1e-3;           // of the radiance, by which the middle may differ
 const float MOST_CONTRAST = 0.06;             // of the radiance, between corners: beside raised parts light from them bends
-const float STEP = 2e-6;                      // of the shadow map's depth: its own rounding and ours
+const float STEP = 2e-6;                      // of the box's depth in the shadow map: its own rounding and ours
 const float MOST_TEXELS = 24.0;               // of the shadow map across a cell
 const float SPAN = float(CELL_PX - 1);
 
@@ -56,7 +56,7 @@ float sun_on_all(vec3 p[5], vec3 n) {
     if (n_l <= 0.0 || dot(u_sun_irradiance, vec4(1.0)) == 0.0) return 0.0;
     float size = 1.0 / u_shadow.z;
     vec3 m = mat3(u_light_from_camera) * n;
-    vec2 g = -m.xy / min(m.z, -1e-9) * (u_shadow.y * size);
+    vec2 g = -m.xy / min(m.z, -1e-30) * (u_shadow.y * size);
     bool known = max(abs(g.x), abs(g.y)) < 6.0;
     g = clamp(g, -6.0, 6.0) * u_shadow.y;
     vec3 q = (u_light_from_camera * vec4(p[4], 1.0)).xyz;
@@ -72,6 +72,7 @@ float sun_on_all(vec3 p[5], vec3 n) {
     vec2 count = floor(high) + float(SHADOW_WINDOW / 2 + 1) - low;
     known = known && max(count.x, count.y) <= MOST_TEXELS;
     count = min(count, MOST_TEXELS);
+    float step_of_map = STEP * u_shadow_range.x;
     float above = -1.0, under = 1.0; // most and least height of the map over the plane
     float j = 0.0;
     do {
@@ -88,8 +89,8 @@ float sun_on_all(vec3 p[5], vec3 n) {
     } while (j < count.y);
     // where Sun and camera stand alike a blocker hides what it shades
     vec3 v = -normalize(p[4]), l = u_sun_direction.xyz, beside = l - v * (n_l / max(dot(n, v), 0.05));
-    bool shaded = under > 5.0 * STEP && length(beside - l * dot(l, beside)) > 0.1;
-    return !known ? -1.0 : above < -STEP ? 1.0 : shaded ? 0.0 : -1.0;
+    bool shaded = under > 5.0 * step_of_map && length(beside - l * dot(l, beside)) > 0.1;
+    return !known ? -1.0 : above < -step_of_map ? 1.0 : shaded ? 0.0 : -1.0;
 }
 
 // Whether a highlight may hide between the corners and the middle.

@@ -1,5 +1,5 @@
 // Share of the Sun's disc that a point of the target sees past the target itself.
-uniform sampler2D t_shadow; // depth along the sunlight, 0..1 of the box around the target
+uniform sampler2D t_shadow; // depth along the sunlight, in this frame's range (simulator/render/float_depth.py)
 
 // Of a texel along the normal: relief so low on a flat face throws no shadow. The map's own rounding needs a hundredth.
 const float FLAT_BIAS = 0.06;
@@ -26,7 +26,7 @@ float sun_visibility(vec3 p_m, vec3 n, float share, float bent) {
     vec2 base = floor(at) - float(SHADOW_WINDOW / 2 - 1);
     vec2 f = at - base;
     // depth of the receiver's plane per texel; beyond 6 (80 degrees) light is grazing and the plane no longer known
-    vec2 g = clamp(-m.xy / min(m.z, -1e-9) * (u_shadow.y * size), -6.0, 6.0) * u_shadow.y;
+    vec2 g = clamp(-m.xy / min(m.z, -1e-30) * (u_shadow.y * size), -6.0, 6.0) * u_shadow.y;
     const float REACH = float(SHADOW_WINDOW / 2) - 0.5; // with half a texel more, all of the disc is in the window
     const float REACH2 = REACH * REACH;
     vec2 corner = (base + 1.0) * u_shadow.z;

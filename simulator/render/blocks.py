@@ -49,9 +49,10 @@ TARGET = (
 
 # worked out while the samples are drawn, which do not need it
 SHADOW = (
-    Field("mat4", "u_light_from_camera"),  # to shadow-map texture coordinates and depth, 0..1
-    # texel [m], the same over the depth of the box, 1 / size, radius of the sharpest edge's filter [texels]
+    Field("mat4", "u_light_from_camera"),  # to shadow-map texture coordinates, 0..1, and depth
+    # texel [m], the same as a depth, 1 / size, radius of the sharpest edge's filter [texels]
     Field("vec4", "u_shadow"),
+    Field("vec4", "u_shadow_range"),  # depth of the box in the map's own depths (float_depth.py)
 )
 
 # "Earth" space: Earth-fixed axes in equatorial radii, the polar axis stretched so that the ellipsoid is the unit sphere

@@ -39,14 +39,27 @@ class FloatDepth:
                 _TEXTURE_2D, 0, _DEPTH_COMPONENT32F, *size, 0, _DEPTH_COMPONENT, _FLOAT, None
             )
 
-    def begin(self, framebuffer: moderngl.Framebuffer) -> None:
-        """Make a framebuffer with this depth current, and set the next range; after the last one all is cleared."""
-        self.number = self.number % self._most + 1
+    @property
+    def range(self) -> tuple[float, float]:
+        """The nearest depth of the range in use and the farthest; of the first one before any."""
+        number = max(self.number, 1)
+        return 16.0**-number, 16.0 ** (1 - number)
+
+    def begin(self, framebuffer: moderngl.Framebuffer, *, clear: bool = False) -> None:
+        """Make a framebuffer with this depth current, and set the next range; the first one's begins by clearing.
+
+        Parameters
+        ----------
+        clear : take the first range, and cut what is nearer than the near plane. Otherwise nothing may be nearer:
+            depths are clamped to their range, which a sliver's may leave by rounding.
+        """
+        self.number = 1 if clear else self.number % self._most + 1
         if self.number == 1:
             framebuffer.clear()
         framebuffer.use()
-        self._context.depth_clamp_range = (16.0**-self.number, 16.0 ** (1 - self.number))
-        self._context.disable_direct(_DEPTH_CLAMP)  # moderngl sets ranges with it alone
+        self._context.depth_clamp_range = self.range
+        if clear:  # moderngl sets ranges with it alone
+            self._context.disable_direct(_DEPTH_CLAMP)
 
     def end(self) -> None:
         """Give others the whole range back."""

@@ -51,6 +51,11 @@ class Placement:
     hull_px: FloatArray | None = None
 
     @property
+    def is_cut(self) -> bool:
+        """Whether some of the target may be nearer than the near plane."""
+        return self.near_far_m[0] <= MIN_NEAR_M
+
+    @property
     def camera_target_m(self) -> FloatArray:
         """Place of the camera in the target frame [m]."""
         return np.asarray(-self.camera_from_target[:3, :3].T @ self.camera_from_target[:3, 3])

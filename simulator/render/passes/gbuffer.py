@@ -57,12 +57,12 @@ class SampleImages:
         """
         return self._depth.number << STAMP_SHIFT
 
-    def begin(self) -> None:
-        """Make the images current, and empty by a new stamp.
+    def begin(self, *, clear: bool) -> None:
+        """Make the images current, and empty by a new stamp, or by clearing.
 
         Clearing takes a software driver as long as drawing two fifths of the samples.
         """
-        self._depth.begin(self.framebuffer)
+        self._depth.begin(self.framebuffer, clear=clear)
 
     def end(self) -> None:
         """Let other passes have the whole range of depths."""
@@ -96,22 +96,23 @@ class GBufferPass:
         return self._programs.get("target/gbuffer.vert", "target/gbuffer.frag", defines, self.SAMPLERS)
 
     def run(
-        self, mesh: Mesh, array: FacingArray, size: tuple[int, int], camera_m: FloatArray
+        self, mesh: Mesh, array: FacingArray, size: tuple[int, int], camera_m: FloatArray, *, cut: bool
     ) -> SampleImages:
         """Draw the samples of one lattice window.
 
         Parameters
         ----------
-        array : of ``mesh``. camera_m : (3,) place of the camera, target frame.
+        array : of ``mesh``. camera_m : (3,) place of the camera, target frame. cut : some of the target may be nearer
+            than the near plane.
         """
-        images = self._begin(mesh, size)
+        images = self._begin(mesh, size, cut=cut)
         array.render(np.append(camera_m, 1.0))
         images.end()
         return images
 
-    def _begin(self, mesh: Mesh, size: tuple[int, int]) -> SampleImages:
+    def _begin(self, mesh: Mesh, size: tuple[int, int], *, cut: bool) -> SampleImages:
         images = self._images.at_least(*size)
-        images.begin()
+        images.begin(clear=cut)
         self.program(mesh).set("u_stamp", images.stamp)
         # back faces of closed shells are never seen and need not be drawn
         culled = self._context.CULL_FACE if mesh.is_closed else 0

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.float_depth import FloatDepth
 from simulator.render.light_view import light_matrix
 
 if TYPE_CHECKING:
@@ -77,12 +78,15 @@ class ShadowPass:
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary, size_px: int) -> None:
         self._context = context
         self.size_px = size_px
-        self.map = context.depth_texture((size_px, size_px))
-        self.map.compare_func = ""
-        self.map.filter = (context.NEAREST, context.NEAREST)
-        self.map.repeat_x = self.map.repeat_y = False
+        self._depth = FloatDepth(context, (size_px, size_px))
+        self.map = self._depth.texture
         self._framebuffer = context.framebuffer(depth_attachment=self.map)
         self.program = programs.get("target/shadow.vert", "target/shadow.frag", {})
+
+    @property
+    def depths(self) -> tuple[float, float]:
+        """Depths in the map of the box's side to the Sun and of the other; texels that were not drawn are farther."""
+        return self._depth.range
 
     @staticmethod
     def light_from_target(mesh: Mesh, view: View) -> FloatArray:
@@ -96,16 +100,19 @@ class ShadowPass:
         view: View,
         light_from_target: FloatArray,
         without: BoolArray | None = None,
+        *,
+        clear: bool = False,
     ) -> None:
         """Draw the map: of closed shells the lit sides, which are nearest to the Sun.
 
         Parameters
         ----------
         light_from_target : (4, 4) as `light_from_target` gives it. without : (T,) triangles that are left out.
+        clear : have depths of the first range, so that those of two frames compare.
         """
         self.program.set("u_light_clip_from_target", tuple(light_from_target.T.ravel().tolist()))
-        self._framebuffer.use()
-        self._framebuffer.clear()
+        self._depth.begin(self._framebuffer, clear=clear)
         self._context.enable_only(self._context.DEPTH_TEST)
         to_sun = np.append(view.R_camera_from_target.T @ view.sun_direction, 0.0)
         array.render(to_sun, without=without, ordered=False)
+        self._depth.end()

@@ -184,15 +184,18 @@ class TargetPasses:
         shadow = self._shadow_pass(choice.size_px)
         texel_m = width_m / shadow.size_px
         if view.sun_visible_fraction > 0:
-            flat = None if scene.quality == "high" else loaded.mesh.relief_m < LOW_RELIEF * texel_m
-            shadow.run(loaded.shadow, view, light_from_target, flat)
-        half = np.diag([0.5, 0.5, 0.5, 1.0])
-        half[:3, 3] = 0.5
+            exact = scene.quality == "high"  # its filter has depths of its own that it takes for none
+            flat = None if exact else loaded.mesh.relief_m < LOW_RELIEF * texel_m
+            shadow.run(loaded.shadow, view, light_from_target, flat, clear=exact)
+        near, far = shadow.depths
+        half = np.diag([0.5, 0.5, 0.5 * (far - near), 1.0])
+        half[:3, 3] = 0.5, 0.5, 0.5 * (near + far)
         self._blocks.shadow.write(
             {
                 "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
                 # a texel in metres and as a depth, its share of the map, and the radius of the sharpest shadow
-                "u_shadow": [texel_m, texel_m / box_m, 1 / shadow.size_px, choice.sharpest],
+                "u_shadow": [texel_m, texel_m / box_m * (far - near), 1 / shadow.size_px, choice.sharpest],
+                "u_shadow_range": [far - near, 0, 0, 0],
             }
         )
         return shadow.map, choice
@@ -229,10 +232,10 @@ class TargetPasses:
         clock.lap("target.setup")
         texels: dict[str, moderngl.Texture] = {}
         if self._textured is None or loaded.textures is None:
-            samples = self._gbuffer.run(mesh, loaded.gbuffer, size, place.camera_target_m)
+            samples = self._gbuffer.run(mesh, loaded.gbuffer, size, place.camera_target_m, cut=place.is_cut)
         else:
             samples = self._textured.run_textured(
-                loaded.gbuffer.array, size, mesh, loaded.textures, scene.bands
+                loaded.gbuffer.array, size, mesh, loaded.textures, scene.bands, cut=place.is_cut
             )
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
         clock.lap("target.geometry")

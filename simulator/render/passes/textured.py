@@ -32,9 +32,11 @@ class TexturedGBufferPass(GBufferPass):
         mesh: Mesh,
         textures: Textures,
         bands: Bands,
+        *,
+        cut: bool,
     ) -> SampleImages:
-        """Draw the samples of one lattice window, one set of textures after the other."""
-        images = self._begin(mesh, size)
+        """Draw the samples of one lattice window, one set of textures after the other; parameters as in `run`."""
+        images = self._begin(mesh, size, cut=cut)
         program = self.program(mesh)
         program.set("u_band_from_rgb", _band_from_rgb(bands))
         for draw in mesh.draws:
