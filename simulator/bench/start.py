@@ -11,18 +11,19 @@ from tempfile import TemporaryDirectory
 from simulator.bench.parts import PartCost, cost
 
 SCENE = "tango-earth-10m-1024"
+# in the order of `flyaround render`: the maps are begun before what draws is imported
 _PROGRAM = f"""
 import sys
 from simulator.memory import keep_freed_memory
 keep_freed_memory()  # as the program does
-from simulator.labels.frame import take_frame
-from simulator.loop import plan_flight
 from simulator.render.earth_maps import begin_earth_maps
-from simulator.render.renderer import Renderer
 from simulator.scenario_load import load_scenario
 scenario = load_scenario("{SCENE}")
 bands = scenario.output.bands
 begun = begin_earth_maps(bands, scenario.environment_model, scenario.epoch_utc)
+from simulator.labels.frame import take_frame
+from simulator.loop import plan_flight
+from simulator.render.renderer import Renderer
 plan = plan_flight(scenario, n=1)
 with Renderer(begun={{bands: begun}}) as renderer:
     take_frame(renderer, plan.scene(0), plan.target, labels=False)

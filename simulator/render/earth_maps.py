@@ -12,7 +12,7 @@ from simulator.render.airtables import COSINES, GROUND_SAMPLES, RADII, AirTables
 from simulator.render.levels import levelled
 from simulator.render.maps import KeptFiles, packed_maps
 from simulator.render.noise import detail_texture
-from simulator.render.seasons import Season, month_gain, relief, season
+from simulator.render.seasons import Season, month_gains, relief, season
 from simulator.render.shoals import missing_sources, shoals
 from simulator.render.skylight import albedo_of_day
 from simulator.scene.atmosphere import earth_atmosphere
@@ -42,7 +42,7 @@ class EarthMaps:
     maps: Future[list[Levelled]]
     detail: Future[Levelled]
     relief: Future[Levelled]
-    months: dict[int, Future[Levelled]]
+    months: Future[dict[int, Levelled]]
     shoals: Future[Levelled]
     air: Future[AirTables]
 
@@ -61,7 +61,7 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
     sources = with_maps.submit(missing_sources, bands, files)
     maps = with_maps.submit(lambda: [levelled(image) for image in packed_maps(bands, files)])
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
-    months = {month: with_maps.submit(_month, month, bands) for month in {dates.before, dates.after}}
+    months = with_maps.submit(_months, sorted({dates.before, dates.after}), bands)
     # few pictures wait for them
     water = with_maps.submit(lambda: levelled(shoals(bands, sources.result())))
     begun = EarthMaps(
@@ -97,7 +97,7 @@ def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> Eart
         _done([many] * (1 if bands == 1 else 2)),
         _done(_black(_EVEN, 4)),
         _done(many),
-        {month_number: _done(month) for month_number in {dates.before, dates.after}},
+        _done({dates.before: month, dates.after: month}),
         _done(one if bands == 1 else many),
         _done(AirTables(air, *tables)),
     )
@@ -113,5 +113,5 @@ def _done(value: _T) -> Future[_T]:
     return future
 
 
-def _month(month: int, bands: int) -> Levelled:
-    return levelled(month_gain(month, bands))
+def _months(months: list[int], bands: int) -> dict[int, Levelled]:
+    return dict(zip(months, map(levelled, month_gains(months, bands)), strict=True))

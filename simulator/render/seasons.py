@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.render.cache import cached_array
+from simulator.render.cache import cached_array, cached_arrays
 from simulator.render.maps import PAN_WEIGHTS, asset_size, decode_map, land_only, packed_maps, to_reflectance
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray
+    from collections.abc import Sequence
+
+    from simulator.arrays import ByteArray, Float32Array, FloatArray
 
 WIDTH, HEIGHT = 2048, 1024
 HEIGHT_MAP, HEIGHT_M_PER_COUNT = "height_4032x2016.png", 24.8
@@ -28,6 +30,7 @@ _MAP_MONTH = 8  # of the fine map
 _VERSION = 3
 # middle of each month there is a map of [day of the year]
 ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
+_STRIP_ROWS = 16
 _YEAR = 365.25
 _EPSILON = 0.004  # reflectance below which a ratio means nothing
 
@@ -54,34 +57,49 @@ def season(epoch_utc: str) -> Season:
 
 def month_gain(month: int, bands: int) -> ByteArray:
     """(1024, 2048) or (1024, 2048, 4): log2 of a month's reflectance over August's, ``OCTAVES`` either side of 128."""
+    return month_gains((month,), bands)[0]
+
+
+def month_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
+    """`month_gain` of several, for little more than that of one."""
+    return cached_arrays([_key(month, bands) for month in months], lambda: _make_gains(months, bands))
+
+
+def _key(month: int, bands: int) -> str:
     names = [_name(month), _name(_MAP_MONTH)]
     key = hashlib.sha256(
         f"{_VERSION} {bands} {[asset_size(n) for n in names]} {to_reflectance()[[0, 100]]}".encode()
     ).hexdigest()[:16]
-    return cached_array(f"season-{month:02d}-{key}", lambda: _make_gain(month, bands))
+    return f"season-{month:02d}-{key}"
 
 
 def _name(month: int) -> str:
     return f"day_month-{month:02d}_2048x1024.jpg"
 
 
-def _make_gain(month: int, bands: int) -> ByteArray:
-    shape = (HEIGHT, WIDTH)
+def _make_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
     coast = cv2.resize(packed_maps(1)[0][..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
     land = (coast > 128 + 4).astype(np.uint8)
-    lut, channels = to_reflectance(), []
-    images = [decode_map(_name(m), cv2.IMREAD_COLOR, (WIDTH, HEIGHT))[..., ::-1] for m in (month, _MAP_MONTH)]
+    august = _reflectances(_MAP_MONTH, bands)
+    return [_gain(_reflectances(month, bands), august, land) for month in months]
+
+
+def _reflectances(month: int, bands: int) -> list[FloatArray]:
+    """(H, W) of a month's map: one of the whole band, or red, green and blue."""
+    image, table = decode_map(_name(month), cv2.IMREAD_COLOR, (WIDTH, HEIGHT))[..., ::-1], to_reflectance()
     if bands == 1:
-        now, august = (sum(w * lut[image[..., k]] for k, w in enumerate(PAN_WEIGHTS)) for image in images)
-        channels.append((np.asarray(now), np.asarray(august)))
-    else:
-        channels.extend((lut[images[0][..., k]], lut[images[1][..., k]]) for k in range(3))
-    logs = [np.log2((now + _EPSILON) / (august + _EPSILON)).astype(np.float32) for now, august in channels]
+        return [np.asarray(sum(w * table[image[..., k]] for k, w in enumerate(PAN_WEIGHTS)))]
+    return [table[image[..., k]] for k in range(3)]
+
+
+def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) -> ByteArray:
+    pairs = zip(month, august, strict=True)
+    logs = [np.log2((now + _EPSILON) / (then + _EPSILON)).astype(np.float32) for now, then in pairs]
     filled = [land_only(log, land) for log in logs]
     encoded = [np.clip(128 + 127 / OCTAVES * log + 0.5, 0, 255).astype(np.uint8) for log in filled]
-    if bands == 1:
+    if len(encoded) == 1:
         return np.ascontiguousarray(encoded[0])
-    return np.ascontiguousarray(np.dstack([*encoded, np.full(shape, 255, np.uint8)]))
+    return np.ascontiguousarray(np.dstack([*encoded, np.full(land.shape, 255, np.uint8)]))
 
 
 def relief() -> ByteArray:
@@ -91,10 +109,23 @@ def relief() -> ByteArray:
 
 
 def _make_relief() -> ByteArray:
-    height = decode_map(HEIGHT_MAP, cv2.IMREAD_GRAYSCALE, None).astype(np.float32) * HEIGHT_M_PER_COUNT
-    rows, columns = height.shape
+    counts = decode_map(HEIGHT_MAP, cv2.IMREAD_GRAYSCALE, None)
+    rows, columns = counts.shape
     texel_m = np.pi * 6_378_137.0 / rows
     latitude = np.pi / 2 - (np.arange(rows) + 0.5) / rows * np.pi
+    out = np.empty((rows, columns, 4), np.uint8)
+    # a strip and its neighbours' nearest rows stay in a processor's own memory
+    for first in range(0, rows, _STRIP_ROWS):
+        strip = slice(first, min(first + _STRIP_ROWS, rows))
+        around = slice(max(strip.start - 1, 0), min(strip.stop + 1, rows))
+        within = slice(strip.start - around.start, strip.stop - around.start)
+        height = counts[around].astype(np.float32) * HEIGHT_M_PER_COUNT
+        out[strip] = _relief_of(height, texel_m, latitude[around])[within]
+    return out
+
+
+def _relief_of(height: Float32Array, texel_m: float, latitude: FloatArray) -> ByteArray:
+    """(R, W, 4) of `relief`, of rows of heights [m] at some latitudes [rad]."""
     # the date line is an edge like any other: what is wrong there is a texel wide
     kernel = np.array([[-0.5, 0.0, 0.5]], np.float32)
     east = cv2.filter2D(height, -1, kernel) / (texel_m * np.cos(latitude)[:, None].clip(0.05)).astype(
@@ -107,5 +138,5 @@ def _make_relief() -> ByteArray:
     slopes = [
         cv2.convertScaleAbs(np.clip(s * (255 / (2 * SLOPE_MAX)) + 127.5, 0, 255)) for s in (east, north)
     ]
-    full = np.full((rows, columns), 255, np.uint8)
+    full = np.full(height.shape, 255, np.uint8)
     return np.asarray(cv2.merge([*slopes, cv2.convertScaleAbs(rough), full]), np.uint8)

@@ -48,9 +48,9 @@ _NOTICED = 0.01  # reflectance for which a cell of the screen looks
 _VERSION = 1
 # most of the sea is deep
 _TILES = [
-    (slice(row, row + 72), slice(column, column + 144))
-    for row in range(0, HEIGHT, 72)
-    for column in range(0, WIDTH, 144)
+    (slice(row, row + 36), slice(column, column + 72))
+    for row in range(0, HEIGHT, 36)
+    for column in range(0, WIDTH, 72)
 ]
 
 
@@ -85,13 +85,14 @@ def _make(bands: int, sources: Sources) -> ByteArray:
         out[..., 3] = 255
 
     def fill(tile: tuple[slice, slice]) -> None:
-        if not share[tile].any():
+        near = share[tile] > 0
+        if not near.any():
             return
-        over = _over_the_ocean(day, coast, *tile) * share[tile][..., None]
+        over = _reflectance(_over_the_ocean(day, coast, *tile)[near]) * share[tile][near][:, None]
         if bands == 1:
-            out[tile] = _bytes(np.sqrt(over @ np.array(PAN_WEIGHTS, np.float32)))
+            out[tile][near] = _bytes(np.sqrt(over @ np.array(PAN_WEIGHTS, np.float32)))
         else:
-            out[(*tile, slice(0, 3))] = _bytes(np.sqrt(over))
+            out[(*tile, slice(0, 3))][near] = _bytes(np.sqrt(over))
 
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(fill, _TILES))
@@ -107,7 +108,7 @@ def day_and_coast(decode: Decoder = decode_file) -> Sources:
 
 
 def _over_the_ocean(day: ByteArray, coast: ByteArray, rows: slice, columns: slice) -> Float32Array:
-    """(R, C, 3) reflectance over the open ocean's in some rows and columns, over ``SCALE``."""
+    """(R, C, 3) of the map's 8 bits over the open ocean's in some rows and columns, 0..1."""
     # what lies around a texel is looked at beyond the tile
     ranges = [
         (max(x.start - _ASHORE, 0), min(x.stop + _ASHORE, size), x)
@@ -124,7 +125,11 @@ def _over_the_ocean(day: ByteArray, coast: ByteArray, rows: slice, columns: slic
     known = cv2.blur(sea, (_ASHORE, _ASHORE))[within]
     carried = cv2.blur(over * sea[..., None], (_ASHORE, _ASHORE))[within]
     carried *= ((known > 0) / np.maximum(known, 1e-3))[..., None].astype(np.float32)
-    over = np.where(sea[within][..., None] > 0, over[within], carried)
+    return np.where(sea[within][..., None] > 0, over[within], carried)
+
+
+def _reflectance(over: Float32Array) -> Float32Array:
+    """Over the open ocean's, over ``SCALE``, of what `_over_the_ocean` gives."""
     return np.asarray(cv2.pow(over, _POWER), np.float32)
 
 
@@ -153,7 +158,8 @@ def near_shoals(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
 def make_where() -> ByteArray:
     """(360, 720) 255 where the water is noticeably brighter than the open ocean, and half a degree around it."""
     day, coast = day_and_coast()
-    bright = SCALE * _over_the_ocean(day, coast, slice(0, HEIGHT), slice(0, WIDTH)).max(axis=2) > _NOTICED
+    over = _over_the_ocean(day, coast, slice(0, HEIGHT), slice(0, WIDTH))
+    bright = SCALE * _reflectance(over).max(axis=2) > _NOTICED
     # rows and columns do not divide by whole texels: each half degree takes what touches it
     found = np.zeros((360, 720), np.uint8)
     row, column = np.nonzero(bright & (coast < 128 - _OFFSHORE))

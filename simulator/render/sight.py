@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.render.charts import Charts
-    from simulator.render.first_hits import Tracer
+    from simulator.render.first_hits import Int32Array, Tracer
 
 GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet that stands for a round face
 # of the craft's radius: a place looks from so far off its face, which then does not hide it; and one that is covered by
@@ -63,13 +63,18 @@ def look_around(
     face[sliver] = charts.face_normals[charts.chart[sliver]]
     cosines = np.maximum(charts.normals.astype(np.float32) @ directions.T.astype(np.float32), 0)
     cosines *= (face @ directions.T) > GRAZING
-    covered = _covered(charts.places_m, face, cosines, tracer, directions, radius_m)
+    covered, probed = _covered(charts.places_m, face, cosines, tracer, directions, radius_m)
     origins = charts.places_m + face * np.where(covered, RELIEF * radius_m, LIFT * radius_m)[:, None]
     is_open = np.zeros(cosines.shape, bool)
 
     def along(k: int) -> tuple[IntArray, IntArray, BoolArray]:
         node = np.flatnonzero(cosines[:, k])
-        triangle, distance = tracer.first_hits(origins[node], directions[k])
+        if k in probed:  # those that look from where they did need not look again
+            triangle, distance = probed.pop(k)
+            again = np.flatnonzero(covered[node])
+            triangle[again], distance[again] = tracer.first_hits(origins[node[again]], directions[k])
+        else:
+            triangle, distance = tracer.first_hits(origins[node], directions[k])
         is_open[node, k] = triangle < 0
         hit = np.flatnonzero(triangle >= 0)
         node, triangle = node[hit], triangle[hit]
@@ -96,20 +101,22 @@ def _covered(
     tracer: Tracer,
     directions: FloatArray,
     radius_m: float,
-) -> BoolArray:
-    """(N,) whether low relief hides most of what each place sees."""
+) -> tuple[BoolArray, dict[int, tuple[Int32Array, Float32Array]]]:
+    """(N,) whether low relief hides most of what each place sees; and what was met along the directions asked for."""
     origins = places_m + face * (LIFT * radius_m)
+    met: dict[int, tuple[Int32Array, Float32Array]] = {}
 
     def low(k: int) -> Float32Array:
         node = np.flatnonzero(cosines[:, k])
-        _, distance = tracer.first_hits(origins[node], directions[k])
+        met[k] = tracer.first_hits(origins[node], directions[k])
+        distance = met[k][1]
         low = np.zeros(len(places_m), np.float32)
         low[node] = cosines[node, k] * (distance * (face[node] @ directions[k]) < RELIEF * radius_m)
         return low
 
     probed = range(0, len(directions), _PROBE)
     hidden = np.sum(_in_threads(low, probed), axis=0)
-    return np.asarray(hidden > _COVERED * cosines[:, probed].sum(axis=1))
+    return np.asarray(hidden > _COVERED * cosines[:, probed].sum(axis=1)), met
 
 
 def _in_threads(function: Callable[[int], _T], numbers: range) -> list[_T]:

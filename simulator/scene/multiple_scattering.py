@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import RegularGridInterpolator
 
 from simulator.scene.atmosphere import MultipleScattering, optical_depth_to_top, sun_share
 
@@ -54,6 +53,8 @@ class _SunTable:
     """Transmittance to the Sun, from optical depths by height and cosine above the horizon; 1e-3 and faster."""
 
     def __init__(self, air: Atmosphere) -> None:
+        from scipy.interpolate import RegularGridInterpolator  # noqa: PLC0415 - slow to import: maps are begun before
+
         self._air = air
         height, lift = np.linspace(0, 1, 40), np.linspace(0, 1, 60)
         r = air.radius_m + height[:, None] ** 2 * air.thickness_m

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation, RotationSpline
 
 from simulator.errors import UserError
 from simulator.world.ccsds import Segment, header, read_segments, stamp
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
+    from scipy.spatial.transform import RotationSpline
 
     from simulator.arrays import FloatArray
     from simulator.world.time import Instant
@@ -90,6 +90,8 @@ def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -
     ----------
     Hughes (1986), Spacecraft Attitude Dynamics, ch. 2; the spline is that of scipy's ``RotationSpline``.
     """
+    from scipy.spatial.transform import Rotation, RotationSpline  # noqa: PLC0415 - slow to import: maps are begun before
+
     segment, times = _segment_over(text, where, epoch, duration_s)
     low = max(int(np.searchsorted(times, 0.0)) - _BESIDE, 0)
     high = min(int(np.searchsorted(times, duration_s)) + _BESIDE + 1, len(times))
@@ -179,6 +181,8 @@ def _spin_angles(segment: Segment) -> FloatArray:
 
 def _from_angles(angles_deg: FloatArray, axes: str) -> FloatArray:
     """(n, 4) ``q_A_from_B`` of turns that carry frame A's axes to B's, in the order of the sequence."""
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import: maps are begun before
+
     return np.roll(Rotation.from_euler(axes, angles_deg, degrees=True).as_quat(), 1, axis=1)
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -100,6 +99,8 @@ def integrate(
     ----------
     Hairer, Norsett & Wanner (1993), Solving Ordinary Differential Equations I: DOP853 and its dense output.
     """
+    from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import: maps are begun before
+
     result = solve_ivp(
         derivative,
         span_s,

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from simulator.world.constants import DAY_S
 from simulator.world.ephemeris import sun_eci_m
@@ -15,6 +14,8 @@ from simulator.world.vectors import cross, length
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from scipy.interpolate import CubicSpline
 
     from simulator.arrays import FloatArray, Vec3
     from simulator.world.bodies import Body
@@ -60,6 +61,8 @@ class Surroundings:
 
     def _sun(self) -> CubicSpline:
         """The apparent Sun from the central body, over the flight."""
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import: maps are begun before
+
         nodes = np.arange(-1, int(np.ceil(self.duration_s / _NODE_S)) + 3) * _NODE_S
         places = [
             sun_eci_m(self.epoch.tt1, self.epoch.tt2 + t / DAY_S)

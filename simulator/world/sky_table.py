@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import erfa
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from simulator.world.constants import DAY_S
 from simulator.world.earth_orientation import celestial_and_polar
@@ -42,6 +41,8 @@ class SkyTable:
     def of(epoch: Instant, duration_s: float) -> SkyTable:
         """The table from an hour before ``epoch`` to an hour after the flight's end."""
         nodes = np.arange(-2, int(np.ceil(duration_s / _STEP_S)) + 4) * _STEP_S
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import: maps are begun before
+
         instants = [epoch.plus(float(t)) for t in nodes]
         celestial = np.array([celestial_and_polar(i)[0].ravel() for i in instants])
         era = np.unwrap([float(erfa.era00(*i.ut1)) for i in instants])

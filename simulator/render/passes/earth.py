@@ -152,7 +152,7 @@ class EarthPass:
         # one at a time: what is uploaded need not stay in memory until the next is
         waiting = begun.maps.result()
         self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
-        self._months = {k: self._mapped(levels.result()) for k, levels in begun.months.items()}
+        self._months = {k: self._mapped(levels) for k, levels in begun.months.result().items()}
         self._ice: tuple[str, moderngl.Texture] | None = None  # of a day
         self._shoals: Future[Levelled] | moderngl.Texture = begun.shoals
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}

@@ -1,0 +1,118 @@
+"""capture, check: labelled data sets, and the proof that their labels are right."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
+from flyaround.plans import choose_plan
+from flyaround.progress import progress_bar
+from simulator.dataset.capture import FORMATS, parse_formats
+from simulator.dataset.capture import capture as capture_plan
+from simulator.dataset.check import check_dataset
+from simulator.errors import UserError
+from simulator.labels.request import parse_labels
+from simulator.scene.state import Bands
+
+
+def capture(
+    scenario: Annotated[str, typer.Argument(help="Built-in scenario or recipe, or a TOML file.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the data set: new or empty.")],
+    n: Annotated[
+        int | None,
+        typer.Option("-n", min=1, help="Frames: evenly in time, or samples of a recipe (default 20)."),
+    ] = None,
+    every_s: Annotated[
+        float | None, typer.Option("--every", help="Seconds between frames, instead of -n.")
+    ] = None,
+    formats: Annotated[
+        str, typer.Option("--format", help=f"Exports beside the native layout: {', '.join(FORMATS)}.")
+    ] = "native",
+    rgb: Annotated[
+        bool, typer.Option("--rgb", help="Colour images instead of the scenario's bands.")
+    ] = False,
+    quality: Annotated[str | None, typer.Option(help="draft, default or high.")] = None,
+    environment: World = None,
+    camera: Annotated[
+        str | None, typer.Option("--camera", help="Built-in camera or file, instead of the scenario's own.")
+    ] = None,
+    labels: Labels = None,
+    seed: Seed = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where an interrupted capture stopped.")
+    ] = False,
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that draw; same bytes.")] = 1,
+    gpu: Device = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
+) -> None:
+    """Take labelled images along a flight; every frame's labels are checked as it is written."""
+    if n is not None and every_s is not None:
+        raise UserError("capture takes -n or --every, not both; leave one out")
+    names = parse_formats(formats)
+    bands: Bands | None = "rgb" if rgb else None
+    plan = choose_plan(
+        scenario,
+        n=n or 20,
+        every_s=every_s,
+        seed=seed,
+        bands=bands,
+        quality=quality_preset(quality),
+        camera=camera,
+        environment=environment,
+    )
+    wanted = ",".join(plan.labels) if labels is None else labels
+    with progress_bar("capture", quiet=as_json) as progress:
+        summary = capture_plan(
+            plan,
+            output,
+            formats=names,
+            labels=parse_labels(wanted),
+            resume=resume,
+            workers=workers,
+            device_index=gpu,
+            progress=progress,
+        )
+    if as_json:
+        typer.echo(
+            json.dumps(
+                {
+                    "folder": str(summary.folder),
+                    "written": summary.n_written,
+                    "kept": summary.n_kept,
+                    "feasible": summary.n_feasible,
+                    "quarantined": [{"frame": k, "reason": r} for k, r in summary.quarantined],
+                }
+            )
+        )
+    else:
+        Console().print(
+            f"{summary.n_written} frames written to {summary.folder} ({summary.n_kept} were there, "
+            f"{summary.n_feasible} of the new ones feasible, {len(summary.quarantined)} quarantined)"
+        )
+    if summary.quarantined:
+        raise typer.Exit(1)
+
+
+def check(
+    folder: Annotated[Path, typer.Argument(help="A data set written by capture.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """Re-verify every label of a data set from its files; exit 1 if one is wrong."""
+    with progress_bar("check", quiet=as_json) as progress:
+        report = check_dataset(folder, progress)
+    if as_json:
+        faults = [{"frame": f.frame, "what": f.what} for f in report.faults]
+        typer.echo(json.dumps({"frames": report.n_frames, "labels": report.n_labels, "faults": faults}))
+    else:
+        console = Console()
+        for fault in report.faults:
+            where = "card" if fault.frame is None else f"frame {fault.frame}"
+            console.print(f"[red]{where}[/red]: {fault.what}", highlight=False)
+        console.print(f"{report.n_frames} frames, {report.n_labels} labels, {len(report.faults)} faults")
+    if report.faults:
+        raise typer.Exit(1)
