@@ -89,7 +89,7 @@ def _reflectances(month: int, bands: int) -> list[FloatArray]:
     image, table = decode_map(_name(month), cv2.IMREAD_COLOR, (WIDTH, HEIGHT))[..., ::-1], to_reflectance()
     if bands == 1:
         return [np.asarray(sum(w * table[image[..., k]] for k, w in enumerate(PAN_WEIGHTS)))]
-    return [table[image[..., k]] for k in range(3)]
+    return [np.asarray(table[image[..., k]]) for k in range(3)]
 
 
 def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) -> ByteArray:
