@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
+import sys
 import zipfile
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -14,13 +19,16 @@ import pytest
 from hil.board.errors import KernelError
 from hil.board.svd import BoardModel, CameraIntrinsics, PoseEstimator, shade
 from hil.board.svd import quaternion as quat
+from hil.board.svd.course import _middle
+from hil.board.svd.frame import Candidate
 from hil.board.svd.kernels import library
+from hil.board.svd.levels import shade as shaded
+from hil.board.svd.sunlight import Sunlight, SunTable
 from simulator.targets.board_file import board_record
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 
@@ -137,10 +145,85 @@ def test_faces_are_ordered_and_drawn_as_by_numpy(tango: BoardModel) -> None:
         assert seen.any()
 
 
+def by_numpy(choose: pytest.MonkeyPatch) -> None:
+    """From here on numpy does everything."""
+    choose.setenv("FLYAROUND_KERNELS", "numpy")
+    library._loaded.cache_clear()
+
+
+@needs_compiler
+@pytest.mark.parametrize("kind", [np.int32, np.uint16])
+def test_the_suns_pictures_and_shadows_are_numpys(
+    tango: BoardModel, choose: pytest.MonkeyPatch, kind: type
+) -> None:
+    faces, rng = tango.faces, np.random.default_rng(6)
+    canvas = shade.Canvas(np.zeros((100, 120), np.float32), 1.0, 10.0, 5.0, 1.6, 2, tall=1.02)
+    poses = [some_pose(tango, rng) for _ in range(8)]
+    suns = rng.normal(size=(8, 3))
+    seen = [shade.draw_faces(faces, faces.order(-R.T @ t), CAMERA, R, t, canvas) for R, t in poses]
+
+    def drawn() -> list[tuple[Sunlight, np.ndarray]]:
+        of = [Sunlight.of(faces, d, 96) for d in suns]
+        of = [replace(s, seen=s.seen.astype(kind)) for s in of]
+        return [
+            (s, s.shadows(faces, one, canvas, CAMERA, R, t))
+            for s, one, (R, t) in zip(of, seen, poses, strict=True)
+        ]
+
+    native = drawn()
+    by_numpy(choose)
+    differ = shaded_px = 0
+    for (one, dark), (other, reference) in zip(native, drawn(), strict=True):
+        np.testing.assert_allclose(one.height, other.height, atol=2e-6)
+        assert np.mean(one.seen != other.seen) < 1e-4
+        differ, shaded_px = differ + int((dark != reference).sum()), shaded_px + int(reference.sum())
+    assert shaded_px > 2000
+    assert differ <= 1e-3 * shaded_px
+
+
+@needs_compiler
+@pytest.mark.parametrize("pixels", [60, 500, 10**6])
+def test_the_sun_is_sought_as_by_numpy(tango: BoardModel, choose: pytest.MonkeyPatch, pixels: int) -> None:
+    faces, rng = tango.faces, np.random.default_rng(7)
+    table = SunTable.of(faces, 60)
+    empty = shade.Canvas(rng.uniform(0, 90, (100, 120)).astype(np.float32), 1.0, 10.0, 5.0, 1.6, 2)
+    for grouped in (faces, faces.grouped(40)):
+        # bytes number few groups, two of them many
+        R, t = some_pose(tango, rng)
+        canvas = replace(empty)
+        seen = shade.draw_faces(grouped, grouped.order(-R.T @ t), CAMERA, R, t, canvas)
+        shading, some = shaded(grouped, seen, canvas), np.arange(3, 60, 2)
+        costs = [table._costs(grouped, shading, canvas, CAMERA, R, t, some, pixels)]
+        found = [table.find(grouped, shading, canvas, CAMERA, R, t, 4, pixels)]
+        by_numpy(choose)
+        costs.append(table._costs(grouped, shading, canvas, CAMERA, R, t, some, pixels))
+        found.append(table.find(grouped, shading, canvas, CAMERA, R, t, 4, pixels))
+        choose.delenv("FLYAROUND_KERNELS")
+        library._loaded.cache_clear()
+        np.testing.assert_allclose(costs[0], costs[1], rtol=1e-5)
+        assert found[0] == found[1]
+    nothing = replace(shading, area=np.zeros_like(shading.area))
+    assert table.find(grouped, nothing, canvas, CAMERA, R, t, 4, pixels) == []
+
+
+@needs_compiler
+def test_the_middle_of_what_is_seen_is_numpys(tango: BoardModel, choose: pytest.MonkeyPatch) -> None:
+    craft = SimpleNamespace(model=tango, camera=CAMERA)
+    canvas = shade.Canvas(np.zeros((64, 80), np.float32), 1.0, 10.0, 5.0, 2.2, 3)
+    poses = [
+        Candidate(np.array([0.5, 0.5, -0.5, 0.5]), np.array([x, 0.1, 4.0]), *[None] * 3) for x in (0.2, 9.0)
+    ]
+    native = [_middle(craft, canvas, c) for c in poses]
+    by_numpy(choose)
+    np.testing.assert_allclose(native, [_middle(craft, canvas, c) for c in poses], atol=1e-3)
+    assert np.isnan(native[1]).all()
+
+
 @needs_compiler
 def test_poses_that_are_none_draw_nothing_and_harm_nothing(tango: BoardModel) -> None:
     faces = tango.faces
     canvas = shade.Canvas(np.zeros((16, 16), np.float32), 1.0, 0.0, 0.0, 1.0, 3)
+    sun = Sunlight.of(faces, np.array([0.2, 0.3, 0.9]), 64)
     for place in ([np.nan] * 3, [0, 0, np.inf], [0, 0, -5.0], [1e30, 0, 1.0], [0, 0, 0]):
         R, t = np.eye(3), np.array(place, float)
         some = faces.order(-t)
@@ -148,5 +231,45 @@ def test_poses_that_are_none_draw_nothing_and_harm_nothing(tango: BoardModel) ->
         assert len(some) <= len(faces.corners)
         assert seen.min() >= 0
         assert seen.max() <= len(faces.corners)
+        # whatever a picture holds: numbers of faces that are not there
+        wild = np.full_like(seen, 2**31 - 1)
+        wild[::2] = -5
+        dark = sun.shadows(faces, wild, canvas, CAMERA, R, t)
+        assert not dark.any()
+        sun.shadows(faces, np.maximum(seen, 1), canvas, CAMERA, R, t)
     nothing = replace(canvas, gray=np.zeros((0, 4), np.float32))
     assert shade.draw_faces(faces, np.arange(9), CAMERA, np.eye(3), np.array([0, 0, 4.0]), nothing).size == 0
+
+
+@pytest.mark.slow
+@needs_compiler
+@pytest.mark.timeout(900)
+def test_no_kernel_reads_or_writes_beside_its_arrays(tmp_path: Path) -> None:
+    """All tests of this file again, by kernels that stop at the first such access and at undefined arithmetic."""
+    compiler = tmp_path / "checked-cc"
+    compiler.write_text('#!/bin/sh\nexec cc -g -fsanitize=address,undefined -fno-sanitize-recover "$@"\n')
+    compiler.chmod(0o755)
+    runtime = subprocess.run(
+        ["cc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=True
+    )
+    if not Path(runtime.stdout.strip()).is_absolute():
+        pytest.skip("this compiler has no address sanitizer")
+    environment = os.environ | {
+        "CC": str(compiler),
+        "FLYAROUND_CACHE_DIR": str(tmp_path / "cache"),
+        "LD_PRELOAD": runtime.stdout.strip(),
+        "ASAN_OPTIONS": "detect_leaks=0",
+    }
+    asked = "from hil.board.svd.kernels.library import kernels; print(kernels())"
+    told = subprocess.run(
+        [sys.executable, "-c", asked], env=environment, capture_output=True, text=True, check=True
+    )
+    assert told.stdout.strip() == "native", told.stderr
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not slow", "-p", "no:cacheprovider", __file__],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]

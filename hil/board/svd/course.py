@@ -10,6 +10,8 @@ import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.frame import Candidate, Craft
+from hil.board.svd.kernels import sun as kernel
+from hil.board.svd.kernels.library import library
 from hil.board.svd.levels import Shading
 from hil.board.svd.photometric import PhotoFit, explained, photo_draw, photo_step
 from hil.board.svd.shade import Canvas, Faces, draw_faces
@@ -223,9 +225,11 @@ def laid_over(craft: Craft, canvas: Canvas, twins: List[Candidate], held: Candid
 def _middle(craft: Craft, canvas: Canvas, c: Candidate) -> Array:
     """(2,) middle of what a pose covers of the canvas [picture px]; NaN where that is nothing."""
     faces, R = faces_of(craft), quat.matrix(c.q)
-    rows, columns = np.nonzero(
-        draw_faces(faces, faces.order(-R.T @ c.t), craft.camera.pinhole, R, c.t, canvas)
-    )
+    seen = draw_faces(faces, faces.order(-R.T @ c.t), craft.camera.pinhole, R, c.t, canvas)
+    native = library()
+    if native is not None:
+        return kernel.middle(native, seen) / canvas.scale
+    rows, columns = np.nonzero(seen)
     if not len(rows):
         return np.full(2, np.nan)
     return np.array([columns.mean() / canvas.scale[0], rows.mean() / canvas.scale[1]])

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Dict, List, Tuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
+from hil.board.svd.kernels import sun as kernel
+from hil.board.svd.kernels.library import library
 from hil.board.svd.levels import Shading
 from hil.board.svd.shade import Canvas, Faces, fill_faces
 
@@ -62,6 +65,18 @@ class Sunlight:
         e1 = across(s, np.eye(3)[int(np.argmin(np.abs(s)))])
         e1 = e1 / np.linalg.norm(e1)
         axes = np.stack([e1, across(s, e1)])
+        native = library()
+        if native is None:
+            return Sunlight._of(faces, s, axes, n)
+        order, frame = faces.order(s * 1e6), np.vstack([axes, s])
+        p, origin, pitch = kernel.polygons(native, faces.packed, order, frame, n)
+        seen = fill_faces(p, order, (n, n), 0.5)
+        height = kernel.heights(native, faces.packed, frame, origin, pitch, seen)
+        return Sunlight(s, axes, origin, pitch, height, seen)
+
+    @staticmethod
+    def _of(faces: Faces, s: Array, axes: Array, n: int) -> Sunlight:
+        """The same by numpy: direction (3,) and the picture's axes (2, 3)."""
         order = faces.order(s * 1e6)
         p = faces.corners[order] @ axes.T
         low, high = p.min(axis=(0, 1)), p.max(axis=(0, 1))
@@ -88,6 +103,15 @@ class Sunlight:
         ----------
         seen : drawn at the pose ``R``, ``t`` by ``draw_faces``. camera : a pinhole.
         """
+        native = library()
+        if native is not None:
+            return kernel.shadows(native, faces.packed, self, seen, canvas, camera, R, t)
+        return self._shadows(faces, seen, canvas, camera, R, t)
+
+    def _shadows(
+        self, faces: Faces, seen: Array, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+    ) -> Array:
+        """The same by numpy."""
         facing = np.concatenate([[False], faces.normals @ self.direction > GRAZING])
         where = np.flatnonzero(np.take(facing, seen))
         face, u, v, z = rays_to_faces(faces, seen, where, canvas, camera, R, t)
@@ -162,30 +186,61 @@ class SunTable:
         shading : drawn at the pose ``R``, ``t``. camera : a pinhole. number : directions at most; none where too
             little of the craft is seen. pixels : looked at, at most.
         """
-        f, wide = canvas.fine, shading.seen.shape[1]
-        y, x = np.nonzero(shading.area[shading.centre] * (shading.centre > 0) > 0)
-        if len(y) > pixels:
-            some = np.linspace(0, len(y) - 1, pixels).astype(int)
-            y, x = y[some], x[some]
-        if len(y) < 40:
-            return []
-        where = (y * f + f // 2) * wide + x * f + f // 2
-        face, u, v, z = rays_to_faces(faces, shading.seen, where, canvas, camera, R, t)
-        X = (np.stack([u * z, v * z, z], axis=-1) - t) @ R
         side = self.directions @ (-R.T @ t) / np.linalg.norm(t)
         some = np.flatnonzero(side > BEHIND)
-        lit = self._lit(faces, face, X, some)
-        # shot noise grows with the root of the light: in its root all noise is alike
-        dim = max(2.0 * canvas.full / 255.0, canvas.sigma)
-        value = np.sqrt(np.maximum(canvas.gray[y, x] - float(np.min(canvas.gray)), 0.0) + dim)
-        own = np.unique(faces.group[face], return_inverse=True)[1].ravel()
+        costs = self._costs(faces, shading, canvas, camera, R, t, some, pixels)
+        if costs is None:
+            return []
         out: List[int] = []
-        for k in some[np.argsort(_cost(value, own, lit))].tolist():
+        for k in some[np.argsort(costs)].tolist():
             if all(self.directions[k] @ self.directions[better] < APART for better in out):
                 out.append(k)
             if len(out) >= number:
                 break
         return out
+
+    def _costs(
+        self,
+        faces: Faces,
+        shading: Shading,
+        canvas: Canvas,
+        camera: CameraIntrinsics,
+        R: Array,
+        t: Array,
+        some: Array,
+        pixels: int,
+    ) -> Optional[Array]:
+        """(S,) what each of the directions ``some`` (S,) leaves unexplained; None where too little is seen."""
+        # shot noise grows with the root of the light: in its root all noise is alike
+        dim = max(2.0 * canvas.full / 255.0, canvas.sigma)
+        if "darkest" not in canvas.kept:
+            canvas.kept["darkest"] = float(np.min(canvas.gray))
+        darkest = canvas.kept["darkest"]
+        native = library()
+        if native is not None:
+            table, _ = self.packed
+            return kernel.costs(
+                native, table, faces, shading, canvas, camera, R, t, some, darkest, float(dim), pixels
+            )
+        f, wide = canvas.fine, shading.seen.shape[1]
+        y, x = np.nonzero(shading.area[shading.centre] * (shading.centre > 0) > 0)
+        if len(y) > pixels:
+            few = np.linspace(0, len(y) - 1, pixels).astype(int)
+            y, x = y[few], x[few]
+        if len(y) < 40:
+            return None
+        where = (y * f + f // 2) * wide + x * f + f // 2
+        face, u, v, z = rays_to_faces(faces, shading.seen, where, canvas, camera, R, t)
+        X = (np.stack([u * z, v * z, z], axis=-1) - t) @ R
+        lit = self._lit(faces, face, X, some)
+        value = np.sqrt(np.maximum(canvas.gray[y, x] - darkest, 0.0) + dim)
+        own = np.unique(faces.group[face], return_inverse=True)[1].ravel()
+        return _cost(value, own, lit)
+
+    @cached_property
+    def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
+        """The table as the kernels take it, and what keeps its arrays alive."""
+        return kernel.packed_table(self)
 
     def sunlight(self, faces: Faces, k: int, n: int) -> Sunlight:
         """The craft painted ``n`` pixels wide from direction ``k``, once for all pictures."""

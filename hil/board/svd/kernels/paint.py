@@ -35,6 +35,12 @@ class _View(ctypes.Structure):
     _fields_ = [(name, ctypes.c_double) for name in ("fx", "fy", "cx", "cy", "x0", "y0", "across", "down")]
 
 
+def view(camera: CameraIntrinsics, canvas: Canvas) -> ctypes.Structure:
+    """What a canvas shows of a pinhole's picture: struct view."""
+    across, down = canvas.scale
+    return _View(camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, canvas.x0, canvas.y0, across, down)
+
+
 @dataclass(frozen=True, eq=False)
 class Packed:
     """Faces as the kernels take them: made once for each craft.
@@ -101,8 +107,6 @@ def draw_faces(
 ) -> Array:
     """As ``shade.draw_faces``, of a pinhole."""
     h, w = (side * canvas.fine for side in canvas.gray.shape)
-    across, down = canvas.scale
-    view = _View(camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, canvas.x0, canvas.y0, across, down)
     seen, some = np.zeros((h, w), np.int32), laid(some, "int64")
     R, t = laid(R, "float64"), laid(t, "float64")
     library.fly_draw_faces(
@@ -111,7 +115,7 @@ def draw_faces(
         ctypes.c_int64(len(some)),
         ctypes.c_void_p(address(R, "float64", (3, 3))),
         ctypes.c_void_p(address(t, "float64", (3,))),
-        ctypes.byref(view),
+        ctypes.byref(view(camera, canvas)),
         ctypes.c_double(least_px),
         ctypes.c_int(canvas.exact),
         ctypes.c_void_p(address(seen, "int32")),
