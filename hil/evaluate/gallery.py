@@ -19,6 +19,12 @@ TRUE, ESTIMATED = (115, 158, 0), (0, 159, 230)
 
 WIDTH, HEIGHT = 360, 260
 
+# What lies beyond the picture's edge: space is black.
+BEYOND = 70
+
+# From where to where the arrow of an estimate beyond the tile goes, of the way from its middle to its side.
+ARROW = (0.72, 0.94)
+
 
 def failure_tile(
     image: NDArray[Any],
@@ -28,7 +34,7 @@ def failure_tile(
     true: tuple[Any, Any],
     estimated: tuple[Any, Any] | None,
 ) -> NDArray[np.uint8]:
-    """(HEIGHT, WIDTH, 3) BGR tile around the target: truth green, estimate orange."""
+    """(HEIGHT, WIDTH, 3) BGR tile around the target: truth green; estimate orange, an arrow towards one beyond."""
     h, w = image.shape[:2]
     box = box_px or (0.0, 0.0, w - 1.0, h - 1.0)
     half = max(0.75 * (box[2] - box[0]), 0.75 * (box[3] - box[1]) * WIDTH / HEIGHT, 60.0)
@@ -43,10 +49,28 @@ def failure_tile(
     flags = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     if scale < 1:
         flat = cv2.GaussianBlur(flat, (0, 0), 0.4 / scale)
-    tile = np.asarray(
-        cv2.cvtColor(cv2.warpAffine(flat, M, (WIDTH, HEIGHT), flags=flags), cv2.COLOR_GRAY2BGR), np.uint8
-    )
+    cut = cv2.warpAffine(flat, M, (WIDTH, HEIGHT), flags=flags, borderValue=BEYOND)
+    tile = np.asarray(cv2.cvtColor(cut, cv2.COLOR_GRAY2BGR), np.uint8)
     draw_wireframe(tile, model, camera, *true, TRUE, corner, scale)
     if estimated is not None:
         draw_wireframe(tile, model, camera, *estimated, ESTIMATED, corner, scale)
+        _point_at(tile, camera, estimated[1], corner, scale)
     return tile
+
+
+def _point_at(
+    tile: NDArray[np.uint8],
+    camera: CameraIntrinsics,
+    t: Any,  # noqa: ANN401 - array-like
+    corner: tuple[float, float],
+    scale: float,
+) -> None:
+    """An arrow towards an estimate whose middle lies beyond the tile."""
+    if t[2] <= 0:
+        return
+    middle = np.array([WIDTH, HEIGHT]) / 2
+    p = (camera.pixels(np.asarray(t, float)[None])[0] - corner) * scale - middle
+    reach = float(np.max(np.abs(p) / middle))
+    if reach > 1.0:
+        a, b = (tuple(int(x) for x in middle + k * p / reach) for k in ARROW)
+        cv2.arrowedLine(tile, a, b, ESTIMATED, 2, cv2.LINE_AA, 0, 0.4)

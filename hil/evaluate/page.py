@@ -102,7 +102,10 @@ def write_page(
         parts.append("<h3>By class</h3>")
         parts.append(_groups_table(list(m.by_class.items())))
     parts.append("<h2>Failures</h2>")
-    parts.append("<p class='dim key'><b>green</b>: where the target is; <i>orange</i>: the estimate.</p>")
+    parts.append(
+        "<p class='dim key'><b>green</b>: where the target is; <i>orange</i>: the estimate, an arrow towards it where "
+        "it lies elsewhere; grey: beyond the picture.</p>"
+    )
     for label in labels:
         parts += _gallery(place, folder, model, camera, label, [r for r in rows if r.method == label])
     parts.append("</main></html>")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from hil.evaluate.decision import reliability, trade_off
 from hil.plots import DIM, INK, figure_with_axes
@@ -14,23 +15,30 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from matplotlib.axes import Axes
+
     from hil.evaluate.frames import EvaluatedFrame
 
 # Okabe and Ito: told apart by everybody.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 PALETTE = (*COLOURS, "#274c77", "#8ab17d", "#9d4edd", "#7b8794", "#b56576", "#6d597a", "#355070", "#bc6c25")
+# Keeps a line in sight among dots of its own colour.
+HALO = [withStroke(linewidth=4, foreground="white")]
+
 AXES = ("x, right", "y, down", "z, forward")
 
 # What the thesis reports over its own images.
 THESIS_E_T_M, THESIS_E_R_DEG = 0.2506, 0.0528
 
 CAPTIONS = {
-    "range": "Every feasible frame's best pose. Filled: accepted; hollow: declined. Lines: medians in 3 m bins. "
-    "Dashed: the thesis's means, 0.2506 m and 0.0528 (as printed in degrees, and read as radians).",
-    "axes": "Estimated less true, accepted frames, along the camera's own axes; band: the middle 90 %; "
-    "triangles: beyond the axis.",
-    "histograms": "Feasible frames with a pose; the dark part is accepted. Right-most bin: everything beyond.",
-    "decision": "Left: every threshold of the confidence, all frames; the mark: what was accepted. Right: how many "
+    "range": "Every feasible frame's best pose. Filled: accepted; hollow: declined. Lines: medians in 3 m bins. Frames "
+    "for which a method has no pose at all are in none of these figures.",
+    "axes": "Estimated less true, accepted frames, along the camera's own axes; in 3 m bins the median and the middle "
+    "90 %; triangles: beyond the axis.",
+    "histograms": "Feasible frames with a pose, in bins of equal ratio; the dark part is accepted. What is below or "
+    "above the scale is in its first or last bin.",
+    "decision": "Left: every threshold of the confidence, all frames; the mark: what was accepted; a method "
+    "of which a tenth is wrong at any threshold lies beyond the axis. Right: how many "
     "were right of those that were so sure (Wilson 95 %); on the dashed line a confidence is a probability.",
     "stages": "Median time of each stage in the order they run, one frame, this machine.",
 }
@@ -62,6 +70,7 @@ def _against_range(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
         return None
     figure, axes = figure_with_axes(1, 2, 4.6)
     quantities = (("E_T_m", "translation error [m]"), ("E_R_deg", "rotation error [deg]"))
+    size = _dot(max(len(_posed(rows)) for rows in by_method.values()))
     for ax, (field, label) in zip(axes, quantities, strict=True):
         for k, (method, rows) in enumerate(by_method.items()):
             posed = _posed(rows)
@@ -69,26 +78,52 @@ def _against_range(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
             y = np.maximum([getattr(r.record, field) for r in posed], 1e-4)
             accepted = np.array([r.record.accepted for r in posed], bool)
             colour = COLOURS[k % len(COLOURS)]
-            ax.scatter(x[accepted], y[accepted], s=22, color=colour, lw=0, alpha=0.85, label=method)
-            ax.scatter(x[~accepted], y[~accepted], s=22, facecolors="none", edgecolors=colour, lw=0.9)
-            mids, medians = _binned(x, y)
-            ax.plot(mids, medians, color=colour, lw=1.8)
+            ax.scatter(x[accepted], y[accepted], s=size, color=colour, lw=0, alpha=0.6)
+            ax.scatter(x[~accepted], y[~accepted], s=size, facecolors="none", edgecolors=colour, lw=0.7)
+            mids, (medians,) = _binned(x, y, (50,))
+            ax.plot(mids, medians, color=colour, lw=2, path_effects=HALO, zorder=4, label=method)
         ax.set(xlabel="range [m]", ylabel=label, yscale="log")
-    axes[0].axhline(THESIS_E_T_M, color=INK, ls="--", lw=1)
-    axes[1].axhline(THESIS_E_R_DEG, color=INK, ls="--", lw=1)
-    axes[1].axhline(np.degrees(THESIS_E_R_DEG), color=INK, ls=":", lw=1)
-    axes[0].legend(frameon=False, fontsize=9)
+    printed = f"{THESIS_E_R_DEG} deg, the thesis's mean as printed"
+    read = f"{np.degrees(THESIS_E_R_DEG):.2f} deg, the same read as radians"
+    _mark(axes[0], THESIS_E_T_M, f"{THESIS_E_T_M} m, the thesis's mean", "--")
+    _mark(axes[1], THESIS_E_R_DEG, printed, "--")
+    _mark(axes[1], float(np.degrees(THESIS_E_R_DEG)), read, ":")
+    # above the picture, where no error lies
+    axes[0].legend(frameon=False, fontsize=9, loc="lower left", bbox_to_anchor=(0, 1), ncols=4, borderpad=0)
     return figure
 
 
-def _binned(x: np.ndarray, y: np.ndarray) -> tuple[list[float], list[float]]:
-    mids, medians = [], []
+def _dot(n: int) -> float:
+    """Area of the dots of ``n`` frames that leave each other room [pt^2]."""
+    return float(np.clip(6000.0 / max(n, 1), 5.0, 22.0))
+
+
+def _mark(ax: Axes, value: float, words: str, style: str) -> None:
+    """A level of others across the axes, with its name on it."""
+    ax.axhline(value, color=INK, ls=style, lw=1, zorder=3)
+    ax.annotate(
+        words,
+        (0.99, value),
+        (0, 3),
+        xycoords=ax.get_yaxis_transform(),
+        textcoords="offset points",
+        ha="right",
+        fontsize=8,
+        color=INK,
+        path_effects=HALO,
+        zorder=5,
+    )
+
+
+def _binned(x: np.ndarray, y: np.ndarray, percent: Sequence[float]) -> tuple[list[float], np.ndarray]:
+    """Median x of each 3 m bin that holds a few, and percentiles (P, bins) of y there."""
+    mids, values = [], []
     for low in np.arange(3 * np.floor(x.min(initial=0) / 3), x.max(initial=0) + 3, 3.0):
         part = (x >= low) & (x < low + 3)
         if part.sum() >= 3:
             mids.append(float(np.median(x[part])))
-            medians.append(float(np.median(y[part])))
-    return mids, medians
+            values.append(np.percentile(y[part], percent))
+    return mids, np.array(values).reshape(-1, len(percent)).T
 
 
 def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
@@ -98,7 +133,8 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
     every = [r for records in accepted.values() for r in records]
     right = [r for r in every if r.coarse] or every
     figure, axes = figure_with_axes(2, 3, 5.6)
-    for k, records in enumerate(accepted.values()):
+    size = _dot(max(map(len, accepted.values())))
+    for k, (method, records) in enumerate(accepted.items()):
         if not records:
             continue
         x = np.array([r.range_m for r in records])
@@ -111,14 +147,15 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
             ):
                 colour = COLOURS[k % len(COLOURS)]
                 inside = np.abs(values) <= top
-                ax.scatter(x[inside], values[inside], s=14, color=colour, lw=0, alpha=0.8)
+                ax.scatter(x[inside], values[inside], s=size, color=colour, lw=0, alpha=0.45)
                 # what lies beyond is drawn at the edge it left by
                 for beyond, marker in ((values > top, "^"), (values < -top, "v")):
                     edge = np.full(int(beyond.sum()), top if marker == "^" else -top)
-                    ax.scatter(x[beyond], edge, s=26, color=colour, marker=marker, lw=0)
-                if len(values) > 4:
-                    low, high = np.clip(np.percentile(values, [5, 95]), -top, top)
-                    ax.axhspan(float(low), float(high), color=colour, alpha=0.08, lw=0)
+                    ax.scatter(x[beyond], edge, s=1.5 * size, color=colour, marker=marker, lw=0)
+                mids, (low, middle, high) = _binned(x, np.clip(values, -top, top), (5, 50, 95))
+                ax.plot(mids, middle, color=colour, lw=2, path_effects=HALO, zorder=4, label=method)
+                for side in (low, high):
+                    ax.plot(mids, side, color=colour, lw=1.2, ls="--", path_effects=HALO, zorder=4)
                 ax.set_ylim(-1.08 * top, 1.08 * top)
     for a, name in enumerate(AXES):
         axes[a].set_title(name, loc="left", fontsize=11, color=INK, fontweight="bold")
@@ -126,6 +163,8 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
         axes[3 + a].set(xlabel="range [m]", ylabel="attitude error [deg]" if a == 0 else "")
         for ax in (axes[a], axes[3 + a]):
             ax.axhline(0, color=DIM, lw=0.8)
+    if len(accepted) > 1:
+        axes[2].legend(frameon=False, fontsize=9, loc="lower right", bbox_to_anchor=(1, 1), borderpad=0)
     return figure
 
 
@@ -139,24 +178,31 @@ def _histograms(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
     if not methods:
         return None
     figure, axes = figure_with_axes(len(methods), 2, 1.0 + 2.4 * len(methods))
-    quantities = (("E_T_m", "translation error [m]", 0.5), ("E_R_deg", "rotation error [deg]", 5.0))
+    # the same scale for all methods: they are compared by it, and one is a hundred times as near as another
+    quantities = (
+        ("E_T_m", "translation error [m]", "m", np.geomspace(1e-3, 1e2, 51), THESIS_E_T_M),
+        ("E_R_deg", "rotation error [deg]", "deg", np.geomspace(1e-2, 180.0, 51), THESIS_E_R_DEG),
+    )
     for row, (method, posed) in enumerate(methods.items()):
-        for column, (field, label, top) in enumerate(quantities):
+        for column, (field, label, unit, bins, thesis) in enumerate(quantities):
             ax = axes[2 * row + column]
             values = np.array([getattr(r.record, field) for r in posed])
             accepted = np.array([r.record.accepted for r in posed], bool)
-            bins = np.linspace(0, top, 26).tolist()
-            # what lies beyond is shown, and counted in words
-            clipped = np.minimum(values, top - 1e-9)
+            clipped = np.clip(values, 1.0001 * bins[0], 0.9999 * bins[-1])
             colour = COLOURS[row % len(COLOURS)]
-            ax.hist(clipped, bins, color=colour, alpha=0.3)
-            ax.hist(clipped[accepted], bins, color=colour)
-            beyond = int((values > top).sum())
-            ax.set(xlabel=label, ylabel="frames" if column == 0 else "")
-            title = (
-                f"{method}: median {np.median(values):.3g}, mean {values.mean():.3g}, {beyond} beyond {top:g}"
+            ax.hist(clipped, bins.tolist(), color=colour, alpha=0.3, label="declined")
+            ax.hist(clipped[accepted], bins.tolist(), color=colour, label="accepted")
+            ax.axvline(thesis, color=INK, ls="--", lw=1, label="the thesis's mean as printed")
+            ax.set(
+                xlabel=label if row == len(methods) - 1 else "",
+                ylabel="frames" if column == 0 else "",
+                xscale="log",
             )
-            ax.set_title(title, loc="left", fontsize=10, color=INK)
+            median, mean = f"median {np.median(values):.3g} {unit}", f"mean {values.mean():.3g} {unit}"
+            ax.set_title(
+                f"{method}, {len(values)} frames: {median}, {mean}", loc="left", fontsize=10, color=INK
+            )
+    axes[1].legend(frameon=False, fontsize=9, loc="upper right")
     return figure
 
 
