@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import moderngl
 
+from simulator.render.handed import LEAST_SLOTS, SPARE_SLOTS, hand_on
 from simulator.render.patches import MOST_PIECES
 from simulator.render.subdivide import control_stage, evaluation_stage
 
@@ -59,6 +60,7 @@ class ProgramLibrary:
         self._built: dict[tuple[object, ...], Program] = {}
         self._asked: dict[tuple[object, ...], Program] = {}  # the same, by what was asked for word by word
         self.lens = False
+        self._slots = int(context.info.get("GL_MAX_VARYING_VECTORS", LEAST_SLOTS)) - SPARE_SLOTS
 
     def get(
         self,
@@ -68,6 +70,7 @@ class ProgramLibrary:
         samplers: tuple[str, ...] = (),
         *,
         varyings: tuple[str, ...] = (),
+        hand: bool = False,
     ) -> Program:
         """The program of two shader files, compiled at first use.
 
@@ -76,7 +79,8 @@ class ProgramLibrary:
         fragment : ``None`` for a program that draws nothing: what its vertices give is written to a buffer.
         defines : preprocessor constants. Value ``""`` defines the bare name.
         samplers : names of the samplers; sampler ``k`` reads texture unit ``k``. varyings : without a fragment shader,
-            what is written.
+            what is written. hand : the vertex shader hands on the fragment's uniforms, see `hand_on`: for programs
+            that draw many more fragments than vertices.
         """
         # passes ask in every frame: in the same words they are answered without sorting and printing them
         values = tuple(defines.values())  # 1 and 1.0 are equal, and other words
@@ -96,13 +100,16 @@ class ProgramLibrary:
                 + "\n"
             )
             head += "".join(block.glsl for block in self._blocks)
-            source = head + read_source(vertex)
+            own, pixel = read_source(vertex), None if fragment is None else read_source(fragment)
+            if hand and pixel is not None:
+                own, pixel = hand_on(own, pixel, (f for b in self._blocks for f in b.fields), self._slots)
+            source = head + own
             cut = self.lens and "raster_position(" in source.split("void main")[-1]
             shared = head + read_source("target/subdivide.glsl") if cut else ""
             self._built[key] = Program(
                 self._context.program(
                     vertex_shader=source,
-                    fragment_shader=None if fragment is None else head + read_source(fragment),
+                    fragment_shader=None if pixel is None else head + pixel,
                     tess_control_shader=shared + control_stage(source, MOST_PIECES) if cut else None,
                     tess_evaluation_shader=shared + evaluation_stage(source) if cut else None,
                     varyings=varyings,

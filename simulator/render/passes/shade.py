@@ -71,13 +71,18 @@ class ShadePass:
             "target/shade.frag",
             defines,
             self.SAMPLERS + self.TEXTURED * (mesh.uv is not None),
+            hand=True,
         )
 
     def even_program(self, lattice: Lattice, bands: int, mesh: Mesh, shadow_window: int) -> Program:
         """The program that looks at cells no edge comes near, of a mesh without textures."""
         defines = {**_defines(bands, mesh, shadow_window), **lattice_defines(lattice)}
         return self._programs.get(
-            FULL_SCREEN, "target/even.frag", {**defines, "CELL_PX": CELL_PX}, (*self.EVEN, "t_cells")
+            FULL_SCREEN,
+            "target/even.frag",
+            {**defines, "CELL_PX": CELL_PX},
+            (*self.EVEN, "t_cells"),
+            hand=True,
         )
 
     def run(
