@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil.board.errors import BoardModelError
+from hil.board.svd.kernels.library import kernels
 from simulator.errors import UserError
 from simulator.render.cache import cache_bytes, cache_folder
 from simulator.render.first_hits import embree_is_here
@@ -30,7 +32,7 @@ class Finding:
 
 def examine() -> tuple[Finding, ...]:
     """Look at Python, OpenGL, the screen and the optional parts."""
-    return (_python(), _opengl(), _rays(), _cache(), _screen(), *_optional())
+    return (_python(), _opengl(), _rays(), _kernels(), _cache(), _screen(), *_optional())
 
 
 def _python() -> Finding:
@@ -53,6 +55,19 @@ def _rays() -> Finding:
     found = "Embree" if there else "a grid in numpy"
     advice = "the first picture of a new target takes a minute longer, once: pip install embreex"
     return Finding("rays for baked light", there, False, found, "" if there else advice)
+
+
+def _kernels() -> Finding:
+    part = "estimator's kernels"
+    try:
+        found = kernels()
+    except BoardModelError as error:
+        return Finding(part, False, False, "none", str(error))
+    native = found == "native"
+    advice = (
+        "the estimator takes about twice as long in numpy: apt-get install gcc, or name a C compiler in CC"
+    )
+    return Finding(part, native, False, found, "" if native else advice)
 
 
 def _cache() -> Finding:

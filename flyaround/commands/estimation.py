@@ -16,6 +16,7 @@ from hil.board.errors import BoardModelError
 from hil.board.svd import METHODS, BoardModel, CameraIntrinsics, make_estimator
 from hil.board.svd.debug.stages import write_stage_pictures
 from hil.board.svd.faithful.config import SOLVERS, STEPS, STREAMS
+from hil.board.svd.kernels.library import kernels
 from hil.board.svd.methods import PUBLISHED
 from hil.evaluate.run import evaluate_dataset
 from hil.evaluate.worker import MethodChoice, board_model
@@ -102,6 +103,7 @@ def estimate(
                 "t_camera_from_target_m": None if t is None else [float(x) for x in t],
                 "confidence": float(result.confidence),
                 "method": result.method,
+                "kernels": kernels(),
                 "stages_ms": {k: float(v) for k, v in result.stages_ms.items()},
                 "counts": {k: int(v) for k, v in result.counts.items()},
                 "covariance": None if result.covariance is None else result.covariance.tolist(),

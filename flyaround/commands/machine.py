@@ -64,8 +64,9 @@ def bench(
     for part in ("start", "world", "sensor", "link", "estimator", "capture"):
         for row in document[part]:
             memory = f", peak {row['peak_mb']:.0f} MB" if row.get("peak_mb") else ""
+            kernels = f", kernels {row['kernels']}" if row.get("kernels") else ""
             console.print(
-                f"{part}: {row['name']} p50 {row['ms_p50']:.3g} ms, p95 {row['ms_p95']:.3g} ms{memory}"
+                f"{part}: {row['name']} p50 {row['ms_p50']:.3g} ms, p95 {row['ms_p95']:.3g} ms{memory}{kernels}"
             )
 
 

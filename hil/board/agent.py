@@ -13,6 +13,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Callable, Dict, Iterable, List, Optional, Protocol, Tuple, Union
 
+from hil.board.errors import KernelError
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.errors import LinkClosed, LinkError, PacketError
 from hil.link.images import FrameAssembler, Image, supported_encodings
@@ -110,7 +111,7 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
     Raises
     ------
     LinkError
-        If the model file or the method cannot be used.
+        If the model file, the method or the kernels that are asked for cannot be used.
     """
     from hil.board.svd import (  # noqa: PLC0415 - needs OpenCV
         METHODS,
@@ -118,7 +119,13 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
         CameraIntrinsics,
         make_estimator,
     )
+    from hil.board.svd.kernels.library import kernels  # noqa: PLC0415 - the same
 
+    try:
+        # built and loaded before a host is met
+        logger.info("kernels of the estimator: %s", kernels())
+    except KernelError as error:
+        raise LinkError(str(error)) from error
     if method not in METHODS:
         raise LinkError(f"unknown method {method!r}: choose one of {', '.join(METHODS)}")
 
@@ -178,17 +185,21 @@ def run_board(
     LinkError
         If the host cannot be reached or refuses, or the model cannot be used: one sentence.
     """
+    runs_on = ""
     if make_estimator is None:
         if model_path is None:
             raise LinkError("the board needs a model file: name one with --model")
         make_estimator, model_name, model_sha256 = svd_factory(model_path, method)
+        from hil.board.svd.kernels.library import kernels  # noqa: PLC0415 - needs OpenCV
+
+        runs_on = f", kernels {kernels().split()[0]}"
     hello = Hello(
         encodings=supported_encodings(),
         window=window,
         model_name=model_name,
         model_sha256=model_sha256,
         method=method,
-        board=f"{platform.node()} {platform.machine()} Python {platform.python_version()}",
+        board=f"{platform.node()} {platform.machine()} Python {platform.python_version()}{runs_on}",
     )
     link = Link(connect(url, connect_timeout_s))
     try:

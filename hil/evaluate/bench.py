@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from hil.board.svd.kernels.library import CHOICE
 from simulator.bench.parts import PartCost, cost
 from simulator.labels.frame import take_frame
 from simulator.loop import Plan, plan_flight
@@ -35,6 +36,7 @@ BOARD = """
 import json, sys
 import cv2, numpy as np
 from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
+from hil.board.svd.kernels.library import kernels
 cv2.setNumThreads(1)
 folder, every_s = sys.argv[1], float(sys.argv[2])
 model = BoardModel.read(folder + "/model.json")
@@ -50,7 +52,7 @@ try:  # getrusage would count what the parent held
     peak = int(status["VmHWM"].split()[0]) / 1024
 except OSError:
     peak = None
-print(json.dumps({"single": single, "tracked": tracked, "peak_mb": peak}))
+print(json.dumps({"single": single, "tracked": tracked, "peak_mb": peak, "kernels": kernels()}))
 """
 
 
@@ -65,21 +67,29 @@ def bench_estimator() -> tuple[PartCost, ...]:
         with Renderer() as renderer:
             np.save(folder / "single.npy", _pictures(renderer, scattered, N_SINGLE))
             np.save(folder / "sequence.npy", _pictures(renderer, close, N_TRACKED))
-        # threads on matrices this small cost more than they give (docs/svd.md)
-        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-        answer = subprocess.run(
-            [sys.executable, "-c", BOARD, str(folder), str(EVERY_S)],
-            env=environment,
-            stdout=subprocess.PIPE,
-            check=True,
-            text=True,
-        )
+        costs = _in_a_process(folder, None)
+        # what a board without a compiler takes, beside what this one does
+        return costs + (_in_a_process(folder, "numpy") if costs[0].kernels == "native" else ())
+
+
+def _in_a_process(folder: Path, choice: str | None) -> tuple[PartCost, ...]:
+    """The costs with the kernels of this machine, or those of ``choice``."""
+    # threads on matrices this small cost more than they give (docs/svd.md)
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    answer = subprocess.run(
+        [sys.executable, "-c", BOARD, str(folder), str(EVERY_S)],
+        env=environment | ({CHOICE: choice} if choice else {}),
+        stdout=subprocess.PIPE,
+        check=True,
+        text=True,
+    )
     figures = json.loads(answer.stdout)
+    how = f", {choice}" if choice else ""
     # the first frame pays for what is made once
-    costs = [cost("initialisation, one thread", figures["single"][1:])]
+    costs = [cost(f"initialisation, one thread{how}", figures["single"][1:])]
     if figures["tracked"]:
-        costs.append(cost("tracking, one thread", figures["tracked"]))
-    return tuple(replace(c, peak_mb=figures["peak_mb"]) for c in costs)
+        costs.append(cost(f"tracking, one thread{how}", figures["tracked"]))
+    return tuple(replace(c, peak_mb=figures["peak_mb"], kernels=figures["kernels"]) for c in costs)
 
 
 def _pictures(renderer: Renderer, plan: Plan, n: int) -> NDArray[np.unsignedinteger]:

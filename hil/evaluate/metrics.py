@@ -129,10 +129,16 @@ class MethodMetrics(Summary, frozen=True, kw_only=True):
 
 
 class Metrics(MethodMetrics, frozen=True, kw_only=True):
-    """What ``metrics.json`` holds: the first method's figures at the top level, all of them by name."""
+    """What ``metrics.json`` holds: the first method's figures at the top level, all of them by name.
+
+    Parameters
+    ----------
+    kernels : what the estimators' inner loops ran in: ``native``, or ``numpy`` with the reason.
+    """
 
     schema: str = SCHEMA
     version: int = VERSION
+    kernels: str = ""
     by_method: dict[str, MethodMetrics] = {}
 
 
@@ -210,8 +216,12 @@ def summarise(
     )
 
 
-def compose(methods: Sequence[MethodMetrics]) -> Metrics:
+def compose(methods: Sequence[MethodMetrics], kernels: str = "") -> Metrics:
     """The document of ``metrics.json``: the first method's figures at the top, every method's by name.
+
+    Parameters
+    ----------
+    kernels : what the estimators ran in.
 
     Raises
     ------
@@ -221,7 +231,7 @@ def compose(methods: Sequence[MethodMetrics]) -> Metrics:
     if not methods:
         raise ValueError("metrics need at least one method")
     top = {name: getattr(methods[0], name) for name in MethodMetrics.__struct_fields__}
-    return Metrics(by_method={m.method: m for m in methods}, **top)
+    return Metrics(by_method={m.method: m for m in methods}, kernels=kernels, **top)
 
 
 def metrics_json_schema() -> dict[str, Any]:

@@ -78,7 +78,8 @@ def write_page(
         (
             f"<p class=dim>{html.escape(card.scenario_name)}, seed {card.seed}, "
             f"target {html.escape(card.target.name)}, "
-            f"{metrics.n} frames, {metrics.n_feasible} feasible; model {html.escape(model.sha256[:12])}</p>"
+            f"{metrics.n} frames, {metrics.n_feasible} feasible; model {html.escape(model.sha256[:12])}; "
+            f"kernels {html.escape(metrics.kernels)}</p>"
         ),
         "<h2>Methods</h2>",
         _methods_table(list(metrics.by_method.values())),

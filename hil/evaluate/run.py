@@ -12,6 +12,7 @@ import msgspec
 
 from hil.board.errors import BoardModelError
 from hil.board.svd import BoardModel
+from hil.board.svd.kernels.library import kernels
 from hil.evaluate.frames import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
 from hil.evaluate.metrics import Metrics, compose, summarise
 from hil.evaluate.page import write_page
@@ -95,7 +96,9 @@ def evaluate_dataset(
     if not done:
         raise UserError(f"no frame of data set {folder} can be read; run flyaround check on it")
     done.sort(key=lambda row: (labels.index(row.method), row.frame))
-    metrics = compose([_metrics(label, [r for r in done if r.method == label]) for label in labels])
+    metrics = compose(
+        [_metrics(label, [r for r in done if r.method == label]) for label in labels], kernels()
+    )
     write_atomic(report / METRICS_JSON, msgspec.json.format(msgspec.json.encode(metrics), indent=1))
     write_atomic(report / FRAMES_CSV, frames_csv(done))
     write_page(report, folder, card, known, metrics, done)

@@ -35,12 +35,18 @@ STEP_S = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class PartCost:
-    """Cost of one operation of a part [ms], and the peak memory of a process that does nothing else [MB]."""
+    """Cost of one operation of a part [ms], and the peak memory of a process that does nothing else [MB].
+
+    Parameters
+    ----------
+    kernels : what an estimator's inner loops ran in; None of other parts.
+    """
 
     name: str
     ms_p50: float
     ms_p95: float
     peak_mb: float | None = None
+    kernels: str | None = None
 
 
 def cost(name: str, laps_ms: list[float], *, peak_mb: float | None = None) -> PartCost:

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from hil.board.svd.frame import Candidate
 from hil.board.svd.kernels import library
 from hil.board.svd.levels import shade as shaded
 from hil.board.svd.sunlight import Sunlight, SunTable
+from hil.evaluate.metrics import compose, summarise
 from simulator.targets.board_file import board_record
 from simulator.targets.library import load_target
 
@@ -92,6 +94,29 @@ def test_kernels_that_cannot_be_had_are_refused_in_one_sentence(
     choose.setenv("CC", "no-such-compiler")
     with pytest.raises(KernelError, match="no C compiler was found"):
         PoseEstimator(tango, CAMERA)
+
+
+def test_who_asks_is_told_what_runs(
+    choose: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from flyaround.__main__ import run
+    from flyaround.doctor import _kernels
+    from hil.board.__main__ import main
+
+    choose.setenv("FLYAROUND_KERNELS", "numpy")
+    assert compose([summarise([])], library.kernels()).kernels == "numpy (FLYAROUND_KERNELS asks for it)"
+    assert not _kernels().ok
+    library._loaded.cache_clear()
+    choose.setenv("FLYAROUND_KERNELS", "slow")
+    assert "choose one of" in _kernels().advice
+    pinhole = {key: value for key, value in vars(CAMERA).items() if not key.startswith("distortion")}
+    (tmp_path / "camera.json").write_bytes(msgspec.json.encode(pinhole))
+    cv2.imwrite(str(tmp_path / "a.png"), np.arange(32000, dtype=np.uint8).reshape(160, 200))
+    camera = str(tmp_path / "camera.json")
+    assert run(["estimate", str(tmp_path / "a.png"), "--target", "tango", "--camera", camera]) == 2
+    assert "'slow': choose one of auto, numpy, native" in capsys.readouterr().err
+    assert main(["tcp://127.0.0.1:9", "--model", str(tmp_path / "x.json")]) == 2
+    assert "'slow': choose one of auto, numpy, native" in capsys.readouterr().err
 
 
 def test_an_array_of_another_kind_is_refused() -> None:
