@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 _LEAST_FACE = 0.15  # of the square of the radius: the strips left over cost more than smaller faces
 _LEAST_SHARE = 0.3  # of a face that must be covered
 _TOUCH = 2e-6  # of the radius: nearer is upon it
+_MOST_TRIANGLES = 200_000  # of a finer mesh none are looked for inside of its bodies
 _OPPOSED = 1 - 1e-6
 _RIM = 0.002  # of a triangle's height, kept along its sides: neighbours' corners stay where they were
 
@@ -83,6 +84,35 @@ def uncover(corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: floa
         np.repeat(np.array(cut, int), [len(some) for some in pieces]),
         np.array([piece for some in pieces for piece in some], float).reshape(-1, 3, 3),
     )
+
+
+def inside(corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: float) -> BoolArray:
+    """(T,) triangles of a closed mesh that lie in one of its convex bodies, or upon it and look into it.
+
+    Screws' feet, the ends of struts: nobody outside sees them.
+
+    Parameters
+    ----------
+    corners_m : (T, 3, 3), target frame. bodies : of the mesh. radius_m : of the craft's bounding sphere.
+    """
+    found = np.zeros(len(corners_m), bool)
+    if len(corners_m) > _MOST_TRIANGLES:
+        return found
+    touch = _TOUCH * radius_m
+    low, high = (np.ascontiguousarray(f(corners_m, axis=1).T) for f in (np.min, np.max))
+    across = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    for body in bodies:
+        ends = body.ends_m.reshape(-1, 3)
+        near = (low[0] > ends[:, 0].min() - touch) & (high[0] < ends[:, 0].max() + touch)
+        for axis in (1, 2):
+            near &= low[axis] > ends[:, axis].min() - touch
+            near &= high[axis] < ends[:, axis].max() + touch
+        some = np.flatnonzero(near)
+        away = corners_m[some] @ body.planes[:, :3].T + body.planes[:, 3]
+        # its own faces, and such as are flush with them, look the way they do
+        shows = (np.abs(away).max(axis=1) < touch) & (across[some] @ body.planes[:, :3].T > 0)
+        found[some] |= (away.max(axis=(1, 2)) < touch) & ~shows.any(axis=1)
+    return found
 
 
 def _may_cover(shell: ConvexShell, corners_m: FloatArray, normals: FloatArray, radius_m: float) -> BoolArray:

@@ -39,7 +39,9 @@ class FacingArray:
         self._mesh = mesh
         self._indices: moderngl.Buffer | None = None
         if not whole and not (program.extra or {}).get("patches"):
-            self._indices = context.buffer(reserve=mesh.shown.triangles.nbytes, dynamic=True)
+            self._indices = context.buffer(
+                reserve=max(mesh.triangles.nbytes, mesh.shown.triangles.nbytes), dynamic=True
+            )
         self.array = mesh.vertex_array(context, program, *more, indices=self._indices)
 
     def render(self, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True) -> None:

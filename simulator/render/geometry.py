@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.buried import uncover
+from simulator.render.buried import inside, uncover
 from simulator.render.cache import cached_array
 from simulator.render.charts import Charts, make_charts
 from simulator.render.hulls import outer_hulls
@@ -159,6 +159,7 @@ def _make(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int], tex
     uncovered = uncover(corners, bodies if closed else (), radius)
     values = uncovered.extended(own.view(np.float32).reshape(len(own), -1), triangles)
     drawn = uncovered.triangles(triangles, len(own))
+    drawn = drawn[~inside(values[:, :3].astype(float)[drawn], bodies if closed else (), radius)]
     drawn_corners = values[:, :3].astype(float)[drawn]
     uv = merged.uv
     return Geometry(

@@ -24,14 +24,15 @@ MARGIN = 2e-4
 """Of the radius, by which what is hidden lies inside the region: more than a raster's rounding of corners."""
 CLOSEST_M = 0.15
 """A shell nearer to the camera hides nothing: the near plane (0.01 m along the axis) may open it."""
-BOX = 0.07
+BOX = 0.05
 """Of the radius: size of a box of triangles or edges."""
 _PLACE = 2e-6  # of the radius: corners nearer than this are one
 _MOST = 4  # shells of one craft: each takes time, and the largest hide most
 _LEAST_SHARE = 0.1  # of the largest shell's area
 _APART = 0.05  # of the radius: a shell that stands out of a larger one by less hides little more
 _MOST_TRIANGLES = 256  # a round shell has a plane for each face of its silhouette
-_MOST_BODIES = 16  # of a part that are looked at
+_MOST_BODIES = 160  # of a part that are looked at
+_LEAST_BODY = 0.003  # of the largest body's area
 _BULGE = 1e-5  # of the radius, by which corners may stand out of a convex shell's planes
 
 
@@ -158,9 +159,10 @@ def convex_bodies(parts: Sequence[Part], radius_m: float) -> list[ConvexShell]:
     areas = [float(np.linalg.norm(n, axis=1).sum()) for n in normals]
     shells: list[ConvexShell] = []
     for k in sorted(range(len(areas)), key=lambda k: -areas[k]):
-        if shells and areas[k] < _LEAST_SHARE * shells[0].area_m2:
+        least = _LEAST_BODY * shells[0].area_m2 if shells else 0.0
+        if areas[k] < least:
             break
-        for body in _bodies(corners[k], _PLACE * radius_m):
+        for body in _bodies(corners[k], _PLACE * radius_m, least):
             shell = _convex(body, radius_m)
             if shell is not None:
                 shells.append(shell)
@@ -197,8 +199,13 @@ class _Body:
     places: IntArray
 
 
-def _bodies(corners_m: FloatArray, step_m: float) -> list[_Body]:
-    """The largest bodies of a part's triangles (T, 3, 3) that have few of them; corners a step apart are one."""
+def _bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> list[_Body]:
+    """The largest bodies of a part's triangles (T, 3, 3) that have few of them; corners a step apart are one.
+
+    Parameters
+    ----------
+    least_m2 : area that a body has at least.
+    """
     cell = np.rint(corners_m.reshape(-1, 3) / step_m).astype(np.int64)
     cell -= cell.min(axis=0, initial=0)
     span = cell.max(axis=0, initial=0) + 1
@@ -209,10 +216,10 @@ def _bodies(corners_m: FloatArray, step_m: float) -> list[_Body]:
     _, label = connected_components(coo_matrix((np.ones(len(start), bool), (start, end)), shape=(n, n)))
     body = label[places[:, 0]].astype(np.int64)
     normal = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
-    area = np.bincount(body, np.linalg.norm(normal, axis=1))
+    area = np.bincount(body, np.linalg.norm(normal, axis=1)) / 2
     area[np.bincount(body) > _MOST_TRIANGLES] = 0
     largest = np.argsort(-area, kind="stable")[:_MOST_BODIES]
-    members = [np.flatnonzero(body == k) for k in largest if area[k] > 0]
+    members = [np.flatnonzero(body == k) for k in largest if area[k] > least_m2]
     return [_Body(corners_m[of], places[of]) for of in members]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.buried import uncover
+from simulator.render.buried import inside, uncover
 from simulator.render.occluders import MARGIN, convex_bodies
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box
@@ -69,3 +69,20 @@ def test_values_at_the_pieces_corners_are_those_of_the_face():
     covered = np.prod(np.subtract(UPON[1], UPON[0])[:2])
     lost = areas(corners).sum() - areas(values[:, :3].astype(float)[drawn]).sum()
     assert lost == pytest.approx(2 * covered, rel=0.03)
+
+
+def test_feet_in_a_body_or_upon_it_are_found_and_flush_faces_are_not():
+    body, foot, sunk, flush = (
+        (LOW, HIGH),
+        ((0.1, 0.1, 0.0), (0.2, 0.2, 0.1)),  # stands on it
+        ((-0.3, 0.1, -0.05), (-0.2, 0.2, -0.01)),
+        ((0.3, -0.2, -0.05), (0.4, -0.1, 0.0)),  # its top is level with the body's
+    )
+    meshes = [box(*extent) for extent in (body, foot, sunk, flush)]
+    corners = merge(meshes).positions_m.astype(float)[merge(meshes).triangles]
+    found = inside(corners, convex_bodies([part_of(mesh) for mesh in meshes], 1.0), 1.0).reshape(4, 12)
+    up = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2].reshape(4, 12)
+    assert not found[0].any()
+    assert np.array_equal(found[1], up[1] < -1e-3)
+    assert found[2].all()
+    assert np.array_equal(found[3], up[3] < 1e-3)
