@@ -9,6 +9,9 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
+from hil.board.svd.kernels import levels as native_levels
+from hil.board.svd.kernels.library import library
+from hil.board.svd.kernels.pictures import BLURS_PX, reach
 from hil.board.svd.shade import Canvas, Faces
 
 Array = np.ndarray
@@ -24,9 +27,6 @@ SATURATED = 4
 
 # What a pixel beside a border counts for its face's brightness.
 BESIDE = 0.05
-
-# What is narrower is no blur [px].
-BLURS_PX = 0.2
 
 # Brightness of a saturated face above the scale, in scales, that is tried.
 OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
@@ -70,6 +70,31 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     ----------
     seen : drawn by ``draw_faces``. dark : (H, W) drawn pixels on which another face casts its shadow.
     """
+    h, w = canvas.gray.shape
+    textured = bool(np.ndim(canvas.plain))
+    native = library()
+    made = native and native_levels.shade(native, faces, seen, canvas, dark, empty=textured)
+    group, level, picture, centre, area, core, empty, ground = made or _shaded(faces, seen, canvas, dark)
+    for k in 1 + np.argsort(-area[1:], kind="stable")[:SATURATED]:
+        if area[k] >= 60 and level[k] > 0.97 * canvas.full:
+            part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+            over = _overexposed(picture, part, canvas)
+            level[k] += over
+            picture = picture + np.float32(over) * part
+    behind = None
+    if textured:
+        shown = float(ground[0])
+        own = (core & (centre == 0)).astype(np.float32)
+        behind = _wide_mean(own * (canvas.gray - np.float32(shown)), own)
+        if canvas.clipped > 0:
+            behind = canvas.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
+        # the background's share of each pixel, of which the border pixels have a part
+        picture = picture + empty * behind
+    return Shading(seen, group, level, picture, centre, area, behind)
+
+
+def _shaded(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array]) -> Tuple[Array, ...]:
+    """As ``kernels.levels.shade``, by numpy."""
     f, (h, w) = canvas.fine, canvas.gray.shape
     n = faces.groups + 1
     group = np.take(faces.labels, seen, mode="clip")
@@ -79,30 +104,17 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     centre = np.ascontiguousarray(g[:, f // 2, :, f // 2])
     solid = (g[:, 0, :, 0] == centre) & (g[:, -1, :, -1] == centre)
     solid &= (g[:, 0, :, -1] == centre) & (g[:, -1, :, 0] == centre)
-    gray = canvas.gray
     # pixels beside a border show how far the pose is off, not how bright the face is
     core = cv2.erode((solid & ~_borders(centre)).view(np.uint8), np.ones((3, 3), np.uint8)).view(bool)
-    level, area = _levels(centre, solid, core, canvas, n)
-    shown = float(level[0])
-    level = canvas.response.brightness(level)
+    mean, area = _levels(centre, solid, core, canvas, n)
+    level = canvas.response.brightness(mean)
     picture = cv2.resize(look_up(level, group), (w, h), interpolation=cv2.INTER_AREA)
+    ground = mean[:1].copy()
     _thin_levels(level, picture, group, area < 3, canvas)
-    for k in 1 + np.argsort(-area[1:])[:SATURATED]:
-        if area[k] >= 60 and level[k] > 0.97 * canvas.full:
-            part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
-            over = _overexposed(picture, part, canvas)
-            level[k] += over
-            picture = picture + np.float32(over) * part
-    behind = None
+    empty = np.zeros((0, 0), np.float32)
     if np.ndim(canvas.plain):
-        own = (core & (centre == 0)).astype(np.float32)
-        behind = _wide_mean(own * (gray - np.float32(shown)), own)
-        if canvas.clipped > 0:
-            behind = canvas.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
-        # the background's share of each pixel, of which the border pixels have a part
-        part = cv2.resize((group == 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
-        picture = picture + part * behind
-    return Shading(seen, group, level, picture, centre, area, behind)
+        empty = cv2.resize((group == 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    return group, level, picture, centre, area, core, empty, ground
 
 
 def look_up(table: Array, labels: Array) -> Array:
@@ -184,17 +196,17 @@ def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: 
     f = canvas.fine
     # thin ones too: their brightness is known least of all
     count = np.bincount(shading.centre.ravel(), minlength=len(shading.level))
-    order = 1 + np.argsort(-count[1:])[: min(most, 62)]
+    order = 1 + np.argsort(-count[1:], kind="stable")[: min(most, 62)]
     chosen = np.concatenate([[0], order[count[order] > 3]])
     slot = np.full(max(len(shading.level), 256), 255, np.uint8)
     slot[chosen] = np.arange(len(chosen))
     byte = shading.group.dtype == np.uint8
     slots = cv2.LUT(shading.group, slot[:256]) if byte else np.take(slot, shading.group, mode="clip")
     # one more than the blur reaches: what it mirrors at the box's edge is empty then
-    reach = _radius(blur_px) + 1
+    far = reach(blur_px) + 1
     x0, y0, x1, y1 = _boxes(slots, len(chosen), f)
-    x0, y0 = np.maximum(x0 - reach, 0), np.maximum(y0 - reach, 0)
-    x1, y1 = np.minimum(x1 + 1 + reach, w), np.minimum(y1 + 1 + reach, h)
+    x0, y0 = np.maximum(x0 - far, 0), np.maximum(y0 - far, 0)
+    x1, y1 = np.minimum(x1 + 1 + far, w), np.minimum(y1 + 1 + far, h)
     first, last = np.searchsorted(rows, y0 * w).tolist(), np.searchsorted(rows, y1 * w).tolist()
     plane = np.zeros((h, w), np.float32)
     flat = plane.ravel()
@@ -244,11 +256,6 @@ def _boxes(slots: Array, n: int, f: int) -> Array:
             )
         )
     return np.stack([out[0][0], out[1][0], out[0][1], out[1][1]])
-
-
-def _radius(sigma: float) -> int:
-    """How far OpenCV's Gaussian of this width reaches in a float picture."""
-    return (int(np.rint(8 * sigma + 1)) | 1) // 2 if sigma > BLURS_PX else 0
 
 
 def _wide_mean(value: Array, weight: Array) -> Array:

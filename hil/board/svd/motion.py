@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hil.board.svd.kernels import step
+from hil.board.svd.kernels.library import library
 from hil.board.svd.levels import Shading
 from hil.board.svd.model import CameraIntrinsics
 from hil.board.svd.shade import Canvas, Faces
@@ -22,6 +24,16 @@ def motion_images(
     ----------
     camera : a pinhole (see ``Canvas.rays``).
     """
+    native = library()
+    if native is not None and shading.group.dtype == np.uint8:
+        return step.motion_images(native, shading, faces, canvas, camera, R, t)
+    return _motion_images(shading, faces, canvas, camera, R, t)
+
+
+def _motion_images(
+    shading: Shading, faces: Faces, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+) -> Array:
+    """The same by numpy."""
     h, w = canvas.gray.shape
     f = canvas.fine
     wide = w * f

@@ -9,6 +9,9 @@ import cv2
 import numpy as np
 
 from hil.board.svd import quaternion as quat
+from hil.board.svd.kernels import levels as native_levels
+from hil.board.svd.kernels import step as native_step
+from hil.board.svd.kernels.library import library
 from hil.board.svd.levels import OPTICS_PX, Shading, blurred, coverage, shade
 from hil.board.svd.model import CameraIntrinsics
 from hil.board.svd.motion import motion_images
@@ -129,16 +132,45 @@ def photo_step(
     others as in ``photo_align``.
     """
     R, t = quat.matrix(fit.q), fit.t
+    noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
+    native = library()
+    if native is not None and shading.group.dtype == np.uint8:
+        blurs = OPTICS_PX / canvas.factor, blur, float(np.hypot(blur, OPTICS_PX / canvas.factor))
+        slack = (FLOOR_PX + SLACK * blur) ** 2
+        G, total, rows = native_step.gram(
+            native, shading, faces, canvas, camera, R, t, blurs, noise, slack, TUKEY**2, joint
+        )
+    else:
+        G, total, rows = _gram(shading, faces, canvas, camera, R, t, blur, noise, joint)
+    if rows < 30:
+        return None
+    H, g, cost = projected(G)
+    scale = parameter_scale(float(t[2]), radius_m)
+    step = relax * damped_step(H, g, scale, 1e-5)
+    step = limit_one_step(step, t, radius_m)
+    cost = float(np.sqrt(cost / max(total, 1e-12))) / noise
+    return PhotoFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, INFLATION * np.linalg.pinv(H))
+
+
+def _gram(
+    shading: Shading,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    R: Array,
+    t: Array,
+    blur: float,
+    noise: float,
+    joint: int,
+) -> Tuple[Array, float, int]:
+    """As ``kernels.step.gram``, by numpy."""
     optics = float(np.hypot(blur, OPTICS_PX / canvas.factor))
     shown, slope = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))
     drawn = blurred(shown, blur)
     e = canvas.blurred(blur) - drawn
     D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t)]
     use = np.maximum(np.maximum(np.abs(D[0]), np.abs(D[1])), np.abs(D[2])) > 1e-6
-    noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
     rows, w = _weights(e, drawn, use, shading.centre > 0, noise, blur)
-    if len(rows) < 30:
-        return None
     A = np.zeros((joint + 8, len(rows)), np.float32)
     k = coverage(shading, canvas, joint, optics, rows, A)
     for j, x in enumerate((*D, e)):
@@ -147,12 +179,7 @@ def photo_step(
     if slope is not None:
         A[:-1] *= blurred(slope, blur).ravel().take(rows)
     A *= np.sqrt(w)
-    H, g, cost = normal_equations(A)
-    scale = parameter_scale(float(t[2]), radius_m)
-    step = relax * damped_step(H, g, scale, 1e-5)
-    step = limit_one_step(step, t, radius_m)
-    cost = float(np.sqrt(cost / max(float(w.sum()), 1e-12))) / noise
-    return PhotoFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, INFLATION * np.linalg.pinv(H))
+    return (A @ A.T).astype(float), float(w.sum()), len(rows)
 
 
 def _weights(
@@ -180,7 +207,7 @@ def _weights(
     return rows.take(counts), weight.take(counts)
 
 
-def normal_equations(A: Array) -> Tuple[Array, Array, float]:
+def projected(G: Array) -> Tuple[Array, Array, float]:
     """Normal matrix (6, 6), right side (6,) and squared residual of weighted rows, levels projected out.
 
     Golub and Pereyra (1973), variable projection: a step of the pose must not be judged with brightnesses that
@@ -188,10 +215,9 @@ def normal_equations(A: Array) -> Tuple[Array, Array, float]:
 
     Parameters
     ----------
-    A : (K + 7, N) of K levels' derivatives, six of the pose and the residual, times the root of their weight.
+    G : (K + 7, K + 7) products of K levels' derivatives, six of the pose and the residual, all weighted.
     """
-    G = (A @ A.T).astype(float)
-    k = len(A) - 7
+    k = len(G) - 7
     L = G[:k, :k] + (1e-6 * np.trace(G[:k, :k]) / max(k, 1) + 1e-12) * np.eye(k)
     left = G[k:, k:] - G[k:, :k] @ np.linalg.solve(L, G[:k, k:])
     return left[:6, :6], left[:6, 6], max(float(left[6, 6]), 0.0)
@@ -225,20 +251,32 @@ def photo_score(
 
 def explained(shading: Shading, canvas: Canvas) -> float:
     """The same of a craft that is drawn already."""
-    drawn = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))[0]
     gray = canvas.blurred(SCORE_BLUR_PX)
     noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
-    e = (gray - blurred(drawn, SCORE_BLUR_PX)) / noise
     if "none" not in canvas.kept:
         none = (gray - canvas.plain) / noise
         canvas.kept["none"] = none, _bounded(none)
     none, least = canvas.kept["none"]
+    native = library()
+    if native is None or shading.group.dtype != np.uint8:
+        return 1.0 - _left(shading, canvas, noise, none) / max(least, 1e-9)
+    blurs = OPTICS_PX / canvas.factor, SCORE_BLUR_PX, 1.0
+    bare = none if np.ndim(canvas.plain) else None
+    picture, group = shading.picture, shading.group
+    left = native_levels.explained(native, picture, group, canvas, blurs, noise, BOUND**2, bare, COVERED)
+    return 1.0 - left / max(least, 1e-9)
+
+
+def _left(shading: Shading, canvas: Canvas, noise: float, none: Array) -> float:
+    """As ``kernels.levels.explained``, by numpy."""
+    drawn = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))[0]
+    e = (canvas.blurred(SCORE_BLUR_PX) - blurred(drawn, SCORE_BLUR_PX)) / noise
     if np.ndim(canvas.plain):
         # clutter beside the craft is no pose's merit or fault
-        h, w = gray.shape
+        h, w = e.shape
         cover = cv2.resize((shading.group > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
         e = np.where(blurred(cover, 1.0) > COVERED, e, none)
-    return 1.0 - float(_bounded(e) / max(least, 1e-9))
+    return _bounded(e)
 
 
 def photo_likeness(

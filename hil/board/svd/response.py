@@ -35,7 +35,7 @@ class Response:
         """Mean value at each brightness, and its derivative; None stands for one everywhere."""
         if self.sigma <= 0:
             return np.minimum(x, np.float32(self.full)), None
-        lift, share = _tables()
+        lift, share = tables()
         step = np.float32(STEPS / self.sigma)
         low = np.rint(x * step + np.float32(REACH * STEPS)).astype(np.intp)
         high = low - round(self.full * STEPS / self.sigma)
@@ -52,7 +52,7 @@ class Response:
         """Brightness that has this mean; at most ``full``, and no further below zero than the noise reaches."""
         if self.sigma <= 0:
             return mean
-        x, below = (self.sigma * table for table in _means())
+        x, below = (self.sigma * table for table in means())
         out = np.where(mean < below[-1], np.interp(mean, below, x), mean)
         top = self.full - below[-1]
         return np.asarray(np.where(mean > top, self.full - np.interp(self.full - mean, below, x), out))
@@ -64,14 +64,14 @@ def _mean(u: float) -> float:
 
 
 @lru_cache(maxsize=1)
-def _means() -> Tuple[Array, Array]:
+def means() -> Tuple[Array, Array]:
     """Brightness u = -1 .. REACH and its mean where noise of unit variance is cut off below zero."""
     u = np.linspace(-1.0, REACH, REACH * STEPS)
     return u, np.array([_mean(float(v)) for v in u])
 
 
 @lru_cache(maxsize=1)
-def _tables() -> Tuple[Array, Array]:
+def tables() -> Tuple[Array, Array]:
     """What cutting off below zero adds to max(u, 0), and the share above zero, for u = -REACH .. REACH."""
     u = np.linspace(-REACH, REACH, 2 * REACH * STEPS + 1)
     lift = np.array([_mean(float(v)) - max(float(v), 0.0) for v in u], np.float32)

@@ -21,7 +21,18 @@ from hil.board.errors import KernelError
 Array = np.ndarray
 
 # One subject each; the header first. They travel in the wheel and in the board's bundle as text.
-SOURCES = ("kernels.h", "paint.c", "sun.c")
+SOURCES = (
+    "kernels.h",
+    "paint.c",
+    "sun.c",
+    "pictures.h",
+    "pictures.c",
+    "levels.c",
+    "score.c",
+    "motion.h",
+    "motion.c",
+    "step.c",
+)
 
 # One build for every machine of a kind: no instruction that only some have, and no sum in another order, so that all
 # give the same numbers.

@@ -1,0 +1,440 @@
+/* Brightness of the craft's faces, taken from the picture, and the picture drawn with it: levels.py (shade). */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "pictures.h"
+
+/* What a pixel counts for its face's brightness (levels.py, _levels): well inside, beside a border, elsewhere. */
+#define KINDS 3
+static const double TRUST[KINDS] = {1.051, 0.051, 0.001};
+
+/* Deviations from a mean beyond which a pixel is left out (levels.py, _levels). */
+#define FAR 2.5
+
+/* Groups with fewer pixels well inside are thin (levels.py, shade). */
+#define THIN 3
+
+/* Place of a drawn pixel's face in tables of faces + 1 entries. */
+static inline int64_t held(int32_t face, int64_t faces) { return face < 0 ? 0 : face > faces ? faces : face; }
+
+/* Group of each face in light and in shadow; how many groups there are, 0 where a byte holds too few.
+ * Where shadows are cast, or a byte would not hold all, those that are seen are numbered anew (levels.py, _divided).
+ */
+static int64_t number(const int32_t *seen, const uint8_t *dark, int64_t pixels, const uint16_t *labels,
+                      int64_t faces, int64_t groups, uint8_t *there, uint8_t *to)
+{
+    int64_t i, n = 1, side;
+
+    if (dark == NULL && groups <= LABELS) {
+        for (i = 0; i <= faces; i++)
+            to[i] = to[faces + 1 + i] = (uint8_t)labels[i];
+        return groups;
+    }
+    /* there (2, 65536) : which labels are seen in light and in shadow; to (2, faces + 1) : the same of faces first */
+    memset(there, 0, 2 * 65536);
+    memset(to, 0, (size_t)(2 * (faces + 1)));
+    for (i = 0; i < pixels; i++)
+        to[(dark != NULL && dark[i] ? faces + 1 : 0) + held(seen[i], faces)] = 1;
+    for (i = 0; i < 2 * (faces + 1); i++)
+        if (to[i])
+            there[i <= faces ? labels[i] : 65536 + labels[i - faces - 1]] = 1;
+    there[0] = 0;
+    for (i = 0; i < 2 * 65536; i++)
+        n += there[i];
+    if (n > LABELS)
+        return 0;
+    n = 1;
+    for (i = 0; i < 2 * 65536; i++)
+        if (there[i])
+            there[i] = (uint8_t)n++;
+    for (side = 0; side < 2; side++)
+        for (i = 0; i <= faces; i++)
+            to[side * (faces + 1) + i] = there[side * 65536 + labels[i]];
+    return n;
+}
+
+static void relabel(const int32_t *seen, const uint8_t *dark, int64_t pixels, int64_t faces, const uint8_t *to,
+                    uint8_t *group)
+{
+    int64_t i;
+
+    if (dark == NULL)
+        for (i = 0; i < pixels; i++)
+            group[i] = to[held(seen[i], faces)];
+    else
+        for (i = 0; i < pixels; i++)
+            group[i] = to[(dark[i] ? faces + 1 : 0) + held(seen[i], faces)];
+}
+
+/* Group at each pixel's middle, and whether its corners have the same; both (h, w). */
+static void middles(struct drawing d, uint8_t *centre, uint8_t *solid)
+{
+    const int64_t wide = d.w * d.f, f = d.f, m = f / 2;
+    int64_t x, y;
+
+    for (y = 0; y < d.h; y++) {
+        const uint8_t *top = d.group + y * f * wide, *end = top + (f - 1) * wide, *at = top + m * wide + m;
+        uint8_t *c = centre + y * d.w, *s = solid + y * d.w;
+        if (f == 2) {
+            for (x = 0; x < d.w; x++) {
+                const uint8_t g = end[2 * x + 1];
+                c[x] = g;
+                s[x] = (top[2 * x] == g) & (top[2 * x + 1] == g) & (end[2 * x] == g);
+            }
+            continue;
+        }
+        for (x = 0; x < d.w; x++) {
+            const uint8_t g = at[x * f];
+            const int64_t left = x * f, right = left + f - 1;
+            c[x] = g;
+            s[x] = (top[left] == g) & (top[right] == g) & (end[left] == g) & (end[right] == g);
+        }
+    }
+}
+
+/* Solid pixels with no border of groups on their right or below, and only such about them (3 x 3); inner is scratch. */
+static void cores(const uint8_t *centre, const uint8_t *solid, int64_t h, int64_t w, uint8_t *inner, uint8_t *core)
+{
+    int64_t x, y;
+
+    for (y = 0; y < h; y++) {
+        const uint8_t *c = centre + y * w, *below = y + 1 < h ? c + w : c, *s = solid + y * w;
+        uint8_t *in = inner + y * w;
+        for (x = 0; x + 1 < w; x++)
+            in[x] = s[x] & (c[x] == c[x + 1]) & (c[x] == below[x]);
+        in[w - 1] = s[w - 1] & (c[w - 1] == below[w - 1]);
+    }
+    for (y = 0; y < h; y++) {
+        const uint8_t *b = inner + y * w, *a = y > 0 ? b - w : b, *c = y + 1 < h ? b + w : b;
+        uint8_t *out = core + y * w;
+        out[0] = a[0] & b[0] & c[0];
+        for (x = 1; x < w; x++)
+            out[x] = a[x] & b[x] & c[x] & a[x - 1] & b[x - 1] & c[x - 1];
+        for (x = 0; x + 1 < w; x++)
+            out[x] &= a[x + 1] & b[x + 1] & c[x + 1];
+    }
+}
+
+/* Values of one group and kind, side by side. */
+struct stretch {
+    const float *value;
+    int64_t n;
+};
+
+/* Four sums side by side: one after the other each waits for the last. */
+static double total(struct stretch s)
+{
+    double sum[4] = {0, 0, 0, 0};
+    int64_t i;
+    int j;
+
+    for (i = 0; i + 4 <= s.n; i += 4)
+        for (j = 0; j < 4; j++)
+            sum[j] += (double)s.value[i + j];
+    for (; i < s.n; i++)
+        sum[0] += (double)s.value[i];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+/* Sum and number of values nearer to a mean than a bound, and the sum of their distances from another mean. */
+struct kept {
+    double number, sum, away;
+};
+
+static inline void keep(struct kept *k, double value, double mean, double bound, double other)
+{
+    const double in = fabs(value - mean) < bound ? 1.0 : 0.0;
+
+    k->number += in;
+    k->sum += in * value;
+    k->away += in * fabs(value - other);
+}
+
+static struct kept near(struct stretch s, double mean, double bound, double other)
+{
+    struct kept k[2] = {{0, 0, 0}, {0, 0, 0}};
+    int64_t i;
+
+    for (i = 0; i + 2 <= s.n; i += 2) {
+        keep(&k[0], (double)s.value[i], mean, bound, other);
+        keep(&k[1], (double)s.value[i + 1], mean, bound, other);
+    }
+    if (i < s.n)
+        keep(&k[0], (double)s.value[i], mean, bound, other);
+    k[0].number += k[1].number;
+    k[0].sum += k[1].sum;
+    k[0].away += k[1].away;
+    return k[0];
+}
+
+/* The same over all kinds of one group, each by its trust. */
+static struct kept near_all(const struct stretch *s, double mean, double bound, double other)
+{
+    struct kept out = {0, 0, 0};
+    int k;
+
+    for (k = 0; k < KINDS; k++) {
+        const struct kept part = near(s[k], mean, bound, other);
+        out.number += TRUST[k] * part.number;
+        out.sum += TRUST[k] * part.sum;
+        out.away += TRUST[k] * part.away;
+    }
+    return out;
+}
+
+static double at_least(double a, double least) { return a > least ? a : least; }
+
+/* Mean of one group's values without what lies far off it, trimmed twice. */
+static double mean_of(const struct stretch *s, double sigma)
+{
+    double weight = 0, sum = 0;
+    int k;
+
+    for (k = 0; k < KINDS; k++) {
+        weight += TRUST[k] * (double)s[k].n;
+        sum += TRUST[k] * total(s[k]);
+    }
+    weight = at_least(weight, 1e-9);
+    const double first = sum / weight;
+    const double wide = FAR * near_all(s, first, INFINITY, first).away / weight + sigma;
+    struct kept some = near_all(s, first, wide, first);
+    const double second = some.sum / at_least(some.number, 1e-9);
+    some = near_all(s, first, wide, second);
+    const double narrow = FAR * some.away / at_least(some.number, 1e-9) + sigma;
+    some = near_all(s, second, narrow, second);
+    return some.sum / at_least(some.number, 1e-9);
+}
+
+/* Mean (groups,) of each group's pixels and their number in core (levels.py, _levels). value (h w,) is scratch. */
+static void means(const uint8_t *centre, const uint8_t *solid, const uint8_t *core, const float *gray,
+                  int64_t pixels, int64_t groups, double sigma, double *level, int64_t *area, float *value)
+{
+    int64_t first[KINDS * 256 + 1] = {0}, next[KINDS * 256];
+    int64_t i, g;
+    int pass, k;
+
+    /* sorted by group and kind: first how many there are, then each to its place; most have the last one's kind */
+    for (pass = 0; pass < 2; pass++) {
+        i = 0;
+        while (i < pixels) {
+            const uint8_t c = centre[i], s = solid[i], o = core[i];
+            const int64_t start = i, key = KINDS * c + (o ? 0 : s ? 1 : 2);
+            for (i++; i < pixels && centre[i] == c && solid[i] == s && core[i] == o; i++)
+                continue;
+            if (!s && c == 0)
+                continue;
+            if (pass == 0)
+                first[key + 1] += i - start;
+            else {
+                memcpy(value + next[key], gray + start, (size_t)(i - start) * sizeof *value);
+                next[key] += i - start;
+            }
+        }
+        if (pass == 0)
+            for (g = 0; g < KINDS * 256; g++) {
+                first[g + 1] += first[g];
+                next[g] = first[g];
+            }
+    }
+    for (g = 0; g < groups; g++) {
+        struct stretch s[KINDS];
+        for (k = 0; k < KINDS; k++) {
+            const int64_t at = first[KINDS * g + k];
+            s[k].value = value + at;
+            s[k].n = first[KINDS * g + k + 1] - at;
+        }
+        area[g] = s[0].n;
+        level[g] = s[0].n + s[1].n + s[2].n > 0 ? mean_of(s, sigma) : 0.0;
+    }
+}
+
+/* A drawn pixel of a thin group: its group, and its canvas pixel's place among those that hold any. */
+struct piece {
+    int32_t at;
+    uint8_t own;
+};
+
+/* Canvas pixels (h w,) that hold pieces of thin groups, and the pieces; room for all. */
+struct pieces {
+    struct piece *piece;
+    int32_t *cell;
+    int64_t n, cells;
+};
+
+/* Picture (h, w) drawn with levels (256,): mean over each pixel's drawn ones; and the pieces of thin groups. */
+static void paint(struct drawing d, const uint8_t *centre, const uint8_t *solid, const float *level,
+                  const uint8_t *thin, float *picture, struct pieces *p)
+{
+    const int64_t f = d.f, wide = d.w * f;
+    const float part = 1.0f / (float)(f * f);
+    int64_t x, y, a, b;
+
+    for (y = 0; y < d.h; y++) {
+        const uint8_t *c = centre + y * d.w, *s = solid + y * d.w;
+        for (x = 0; x < d.w; x++) {
+            const uint8_t *from = d.group + y * f * wide + x * f;
+            int some = 0;
+            if (s[x] && f == 2) {
+                picture[y * d.w + x] = level[c[x]];
+                some = thin[c[x]];
+            } else {
+                float sum = 0.0f;
+                for (b = 0; b < f; b++)
+                    for (a = 0; a < f; a++) {
+                        const uint8_t g = from[b * wide + a];
+                        sum += level[g];
+                        some |= thin[g];
+                    }
+                picture[y * d.w + x] = sum * part;
+            }
+            if (!some)
+                continue;
+            for (b = 0; b < f; b++)
+                for (a = 0; a < f; a++)
+                    if (thin[from[b * wide + a]]) {
+                        p->piece[p->n].at = (int32_t)p->cells;
+                        p->piece[p->n++].own = from[b * wide + a];
+                    }
+            p->cell[p->cells++] = (int32_t)(y * d.w + x);
+        }
+    }
+}
+
+/* Brightness of groups that fill no pixel: what is left of the picture there, over what they cover
+ * (levels.py, _thin_levels). work (5 cells,) is scratch.
+ */
+static void thin_levels(const struct pieces *p, const float *gray, int64_t f, const struct response *r,
+                        int64_t groups, double *level, float *picture, float *work)
+{
+    const double part = 1.0 / (double)(f * f);
+    float *drawn = work, *shown = drawn + p->cells, *here = shown + p->cells;
+    double covered[256] = {0}, step[256], change[256], *more = (double *)(void *)(here + p->cells + (p->cells & 1));
+    int64_t i, g;
+    int round;
+
+    for (i = 0; i < p->cells; i++) {
+        more[i] = 0;
+        here[i] = gray[p->cell[i]];
+        drawn[i] = picture[p->cell[i]];
+    }
+    for (i = 0; i < p->n; i++)
+        more[p->piece[i].at] += part;
+    for (i = 0; i < p->n; i++)
+        covered[p->piece[i].own] += more[p->piece[i].at];
+    for (round = 0; round < 2; round++) {
+        memset(step, 0, sizeof step);
+        fly_shown(r, drawn, p->cells, shown, NULL);
+        for (i = 0; i < p->n; i++) {
+            const int64_t at = p->piece[i].at;
+            step[p->piece[i].own] += (double)(here[at] - shown[at]);
+        }
+        for (g = 0; g < groups; g++) {
+            /* what is not thin has no piece */
+            const double after = level[g] + step[g] / (covered[g] + 2.0), top = 1.5 * r->full;
+            const double new = after < 0 ? 0 : after > top ? top : after;
+            change[g] = new - level[g];
+            level[g] = new;
+        }
+        for (i = 0; i < p->cells; i++)
+            more[i] = 0;
+        for (i = 0; i < p->n; i++)
+            more[p->piece[i].at] += change[p->piece[i].own];
+        for (i = 0; i < p->cells; i++)
+            drawn[i] += (float)(more[i] * part);
+    }
+    for (i = 0; i < p->cells; i++)
+        picture[p->cell[i]] = drawn[i];
+}
+
+/* Share (h, w) of each pixel that no face covers. */
+static void emptiness(struct drawing d, float *empty)
+{
+    const int64_t wide = d.w * d.f;
+    int64_t x, y, a, b;
+
+    for (y = 0; y < d.h; y++)
+        for (x = 0; x < d.w; x++) {
+            const uint8_t *from = d.group + y * d.f * wide + x * d.f;
+            int64_t sum = 0;
+            for (b = 0; b < d.f; b++)
+                for (a = 0; a < d.f; a++)
+                    sum += from[b * wide + a] == 0;
+            empty[y * d.w + x] = (float)sum * (1.0f / (float)(d.f * d.f));
+        }
+}
+
+/* Scratch of fly_shade, one piece of memory. */
+struct scratch {
+    uint8_t *there, *to, *solid, *inner;
+    float *value, *work;
+    struct pieces pieces;
+};
+
+static void *laid_out(int64_t faces, int64_t h, int64_t w, int64_t f, struct scratch *s)
+{
+    const size_t cells = (size_t)(h * w), to = (2 * (size_t)(faces + 1) + 7) & ~(size_t)7;
+    const size_t wide = (cells + 8) * sizeof(double), drawn = cells * (size_t)(f * f) * sizeof(struct piece);
+    uint8_t *at = malloc(4 * wide + drawn + 2 * 65536 + to + 2 * cells), *const block = at;
+
+    if (at == NULL)
+        return NULL;
+    s->work = (float *)(void *)at;
+    s->value = (float *)(void *)(at += 3 * wide);
+    s->pieces.cell = (int32_t *)(void *)(at += wide / 2);
+    s->pieces.piece = (struct piece *)(void *)(at += wide / 2);
+    s->pieces.n = s->pieces.cells = 0;
+    s->there = at += drawn;
+    s->to = at += 2 * 65536;
+    s->solid = at += to;
+    s->inner = at + cells;
+    return block;
+}
+
+/* Levels and picture of a drawn craft (levels.py, shade, but for faces that are saturated and what is behind).
+ *
+ * seen : (h f, w f) face + 1. dark : the same, not 0 in shadow, or NULL. labels : (faces + 1,) group + 1 of each.
+ * groups : how many labels there are with the background's. gray : (h, w) the picture, sigma its noise.
+ * Out: group (h f, w f), centre and core (h, w), picture (h, w), level and area (256,), shown : the background's mean
+ * value; empty : (h, w) the background's share of each pixel, unless NULL.
+ * Returns the number of groups, 0 where a byte holds too few, -1 where there is no memory.
+ */
+int64_t fly_shade(const int32_t *seen, const uint8_t *dark, const uint16_t *labels, int64_t faces, int64_t groups,
+                  const float *gray, int64_t h, int64_t w, int64_t f, double sigma, const struct response *r,
+                  uint8_t *group, uint8_t *centre, uint8_t *core, float *picture, double *level, int64_t *area,
+                  double *shown, float *empty)
+{
+    const struct drawing d = {group, h, w, f};
+    struct scratch s;
+    float single[256] = {0};
+    uint8_t thin[256] = {0};
+    void *block = laid_out(faces, h, w, f, &s);
+    int64_t n, g;
+
+    if (block == NULL)
+        return -1;
+    if (h < 1 || w < 1 || f < 1) {
+        free(block);
+        return 0;
+    }
+    n = number(seen, dark, h * w * f * f, labels, faces, groups, s.there, s.to);
+    if (n > 0) {
+        relabel(seen, dark, h * w * f * f, faces, s.to, group);
+        middles(d, centre, s.solid);
+        cores(centre, s.solid, h, w, s.inner, core);
+        means(centre, s.solid, core, gray, h * w, n, sigma, level, area, s.value);
+        *shown = level[0];
+        for (g = 0; g < n; g++) {
+            level[g] = fly_brightness(r, level[g]);
+            single[g] = (float)level[g];
+            thin[g] = area[g] < THIN;
+        }
+        paint(d, centre, s.solid, single, thin, picture, &s.pieces);
+        if (s.pieces.n > 0)
+            thin_levels(&s.pieces, gray, f, r, n, level, picture, s.work);
+        if (empty != NULL)
+            emptiness(d, empty);
+    }
+    free(block);
+    return n;
+}

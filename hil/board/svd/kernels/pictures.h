@@ -1,0 +1,66 @@
+/* Pictures on a canvas, and what is done to all of them: levels.py (blurred), response.py. Rows first, (h, w);
+ * numbers are the picture's own units [grey levels] unless said otherwise.
+ */
+#ifndef FLYAROUND_PICTURES_H
+#define FLYAROUND_PICTURES_H
+
+#include <stdint.h>
+#include <stdlib.h>
+
+/* Brightness groups that a byte holds (levels.py, LABELS). */
+#define LABELS 255
+
+/* Compiled a second time for machines with wider registers, where the C library picks one of two: the same operations
+ * in the same order, eight at a time instead of four, so that the numbers are the same.
+ */
+#if defined(__GNUC__) && defined(__x86_64__) && defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
+#define FASTER __attribute__((target_clones("avx2", "default")))
+#else
+#define FASTER
+#endif
+
+/* Widest blur that a kernel takes [px]; the caller sees to it. */
+#define WIDEST 64
+
+/* A Gaussian as OpenCV makes it: 2 reach + 1 taps, symmetric; a reach of zero is no blur. */
+struct gauss {
+    const float *taps;
+    int64_t reach;
+};
+
+/* What a picture shows of a brightness (response.py, Response): its noise before it is cut off at zero, 0 where the
+ * scale cuts nothing off; where the scale ends; its tables. */
+struct response {
+    double sigma, full;
+    const float *lift, *share; /* (2 REACH STEPS + 1,) of _tables */
+    const double *x, *below;   /* (entries,) of _means, times sigma */
+    int64_t entries;
+    int64_t end; /* where the scale ends, in steps of the tables */
+};
+
+/* Drawn pixels of a canvas. */
+struct drawing {
+    const uint8_t *group; /* (h f, w f) */
+    int64_t h, w, f;      /* canvas pixels, and drawn ones in each, each way */
+};
+
+/* Place i on a line of n, mirrored at its ends without repeating them (BORDER_REFLECT_101). */
+int64_t fly_mirrored(int64_t i, int64_t n);
+
+/* The picture src (h, w) blurred into dst, which may not be src; part (h, w) and line (w + 2 reach) are scratch. */
+void fly_blur_with(const float *src, int64_t h, int64_t w, struct gauss g, float *dst, float *part, float *line);
+
+/* The same of a picture that is zero but for the rows from low to before high. */
+void fly_blur_some(const float *src, int64_t h, int64_t w, int64_t low, int64_t high, struct gauss g, float *dst,
+                   float *part, float *line);
+
+/* The same with scratch of its own; -1 where there is no memory. */
+int fly_blur(const float *src, int64_t h, int64_t w, const struct gauss *g, float *dst);
+
+/* Mean value shown of n brightnesses x, and its derivative where slope is not NULL (Response.of); x may be mean. */
+void fly_shown(const struct response *r, const float *x, int64_t n, float *mean, float *slope);
+
+/* Brightness that has this mean (Response.brightness). */
+double fly_brightness(const struct response *r, double mean);
+
+#endif

@@ -1,0 +1,152 @@
+"""Derivatives of the drawn picture and a step's normal equations by the C kernels: motion.c, step.c."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING, Tuple
+
+import numpy as np
+
+from hil.board.svd.kernels.library import address, laid
+from hil.board.svd.kernels.pictures import Held, gauss, shown
+
+if TYPE_CHECKING:
+    from hil.board.svd.levels import Shading
+    from hil.board.svd.model import CameraIntrinsics
+    from hil.board.svd.shade import Canvas, Faces
+
+Array = np.ndarray
+
+# Most groups with a brightness of their own (step.c), and a matrix with room for them.
+MOST, ROOM = 63, (63 + 7) ** 2
+
+# How the kernel tells two numbers in one.
+PACK = 1000
+
+
+class _Moving(ctypes.Structure):
+    """motion.h: struct moving."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("seen", "level", "behind", "normal", "offset")),
+        ("faces", ctypes.c_int64),
+        *((name, ctypes.c_void_p) for name in ("R", "t")),
+        *((name, ctypes.c_double) for name in ("u", "v", "step_u", "step_v")),
+    ]
+
+
+def _moving(
+    shading: Shading, faces: Faces, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+) -> Held:
+    h, w = canvas.gray.shape
+    level = np.zeros(256)
+    level[: len(shading.level)] = shading.level
+    behind = None if shading.behind is None else laid(shading.behind, "float32")
+    kept = (
+        laid(shading.seen, "int32"),
+        level,
+        *(laid(a, "float64") for a in (faces.normals, faces.offset, R, t)),
+    )
+    seen, _, normals, offset, R, t = kept
+    across, down = canvas.scale
+    n = len(faces.corners)
+    held = _Moving(
+        address(seen, "int32", (h * canvas.fine, w * canvas.fine)),
+        address(level, "float64"),
+        None if behind is None else address(behind, "float32", (h, w)),
+        address(normals, "float64", (n, 3)),
+        address(offset, "float64", (n,)),
+        n,
+        address(R, "float64", (3, 3)),
+        address(t, "float64", (3,)),
+        # as ``Canvas.rays``
+        (0.5 / across - 0.5 + canvas.x0 - camera.cx_px) / camera.fx_px,
+        (0.5 / down - 0.5 + canvas.y0 - camera.cy_px) / camera.fy_px,
+        1.0 / (across * camera.fx_px),
+        1.0 / (down * camera.fy_px),
+    )
+    return Held(ctypes.byref(held), kept if behind is None else (*kept, behind))
+
+
+def motion_images(
+    library: ctypes.CDLL,
+    shading: Shading,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    R: Array,
+    t: Array,
+) -> Array:
+    """As ``motion.motion_images``, of groups that a byte holds."""
+    (h, w), f = canvas.gray.shape, canvas.fine
+    out = np.empty((6, h, w), np.float32)
+    moving = _moving(shading, faces, canvas, camera, R, t)
+    run = library.fly_motion
+    run.restype = ctypes.c_int64
+    done = run(
+        moving.at,
+        ctypes.c_void_p(address(shading.group, "uint8", (h * f, w * f))),
+        ctypes.c_int64(h),
+        ctypes.c_int64(w),
+        ctypes.c_int64(f),
+        ctypes.c_void_p(address(out, "float32")),
+    )
+    if done < 0:
+        raise MemoryError("no memory for the derivatives of a picture")
+    return out
+
+
+def gram(
+    library: ctypes.CDLL,
+    shading: Shading,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    R: Array,
+    t: Array,
+    blurs_px: Tuple[float, float, float],
+    noise: float,
+    slack: float,
+    tukey: float,
+    most: int,
+) -> Tuple[Array, float, int]:
+    """What ``photometric.photo_step`` solves: products (K + 7, K + 7) of its weighted rows.
+
+    Parameters
+    ----------
+    blurs_px : of the optics, of this step, and of both. noise : of the picture blurred so. slack : squared distance
+        that borders may still be off [px^2]. tukey : squared bound in units of a residual's deviation. most : groups
+        whose brightness is found.
+
+    Returns
+    -------
+    The products, the sum of weights, and how many pixels count.
+    """
+    (h, w), f = canvas.gray.shape, canvas.fine
+    out, total = np.empty(ROOM), np.zeros(1)
+    gray, picture = laid(canvas.blurred(blurs_px[1]), "float32"), laid(shading.picture, "float32")
+    moving = _moving(shading, faces, canvas, camera, R, t)
+    run, at = library.fly_step, ctypes.c_void_p
+    run.restype = ctypes.c_int64
+    packed = run(
+        moving.at,
+        at(address(shading.group, "uint8", (h * f, w * f))),
+        at(address(shading.centre, "uint8", (h, w))),
+        at(address(picture, "float32", (h, w))),
+        at(address(gray, "float32", (h, w))),
+        ctypes.c_int64(h),
+        ctypes.c_int64(w),
+        ctypes.c_int64(f),
+        shown(canvas.response).at,
+        *(gauss(b).at for b in blurs_px),
+        ctypes.c_double(noise),
+        ctypes.c_double(slack),
+        ctypes.c_double(tukey),
+        ctypes.c_int64(min(most, MOST - 1)),
+        at(address(out, "float64")),
+        at(address(total, "float64")),
+    )
+    if packed < 0:
+        raise MemoryError("no memory for a step's normal equations")
+    k, rows = packed % PACK + 7, packed // PACK
+    return out[: k * k].reshape(k, k), float(total[0]), int(rows)
