@@ -69,5 +69,7 @@ def draw_segments(canvas: Array, segments: Array, corner: Array, scale: float, w
 
 def label(canvas: Array, text: str) -> None:
     """A caption in the upper left corner."""
-    for colour, weight in (((0, 0, 0), 4), ((255, 255, 255), 1)):
-        cv2.putText(canvas, text, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, weight, cv2.LINE_AA)
+    # the outline is the text itself moved: letters of another weight have another width in OpenCV 5
+    for dx, dy in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, -1), (-1, 1), (1, 1), (0, 0)):
+        colour = (255, 255, 255) if dx == dy == 0 else (0, 0, 0)
+        cv2.putText(canvas, text, (12 + dx, 26 + dy), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 1, cv2.LINE_AA)
