@@ -24,7 +24,7 @@ from simulator.files import write_atomic
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
 __all__ = ["board_model", "evaluate_dataset"]
@@ -41,6 +41,7 @@ def evaluate_dataset(
     methods: tuple[MethodChoice, ...] = (MethodChoice("svd"),),
     model: BoardModel | None = None,
     workers: int = 1,
+    frames: Sequence[int] | None = None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> Metrics:
     """Estimate every frame by every method; write ``metrics.json``, ``frames.csv`` and ``index.html``.
@@ -51,6 +52,7 @@ def evaluate_dataset(
     methods : the first one's figures stand at the top of the metrics.
     model : the model the estimators are given, instead of the target's own.
     workers : processes; times are honest with one.
+    frames : which to take; None: all.
 
     Raises
     ------
@@ -58,8 +60,8 @@ def evaluate_dataset(
         If the folder is not a data set, holds no whole frame, or the report is of something else.
     """
     card = read_card(folder)
-    frames = [k for k in range(card.n_frames) if is_whole(folder, k)]
-    if not frames:
+    whole = [k for k in (range(card.n_frames) if frames is None else frames) if is_whole(folder, k)]
+    if not whole:
         raise UserError(f"data set {folder} has no whole frame; capture some first")
     known = model or board_model(load_target(card.target.name))
     if model is None and known.sha256 != card.target.sha256:
@@ -82,7 +84,7 @@ def evaluate_dataset(
     for row in done:
         append_row(path, row)
     there = {(row.frame, row.method) for row in done}
-    tasks = [(k, label) for k in frames for label in labels if (k, label) not in there]
+    tasks = [(k, label) for k in whole for label in labels if (k, label) not in there]
     total = len(tasks) + len(done)
     setting = (folder, known, msgspec.to_builtins(card.camera), methods)
     for answer in _answers(tasks, setting, workers):

@@ -1,6 +1,6 @@
 """The studies of docs/svd_results.md: methods, solvers, streams, steps towards ours, a wrong model, a wrong exposure.
 
-``python -m hil.evaluate.study SET REPORTS --parts methods,solvers`` prints tables in Markdown.
+``python -m hil.evaluate.study SET REPORTS --parts methods,solvers --feasible 30`` prints tables in Markdown.
 """
 
 from __future__ import annotations
@@ -30,7 +30,18 @@ if TYPE_CHECKING:
 
     from hil.evaluate.metrics import MethodMetrics
 
-LADDER = tuple(tuple(STEPS)[:k] for k in range(len(STEPS) + 1))
+LADDER = tuple(MethodChoice("svd-thesis", None, None, tuple(STEPS)[:k]) for k in range(1, len(STEPS) + 1))
+
+# The thesis's version draws as few points of a figure as a solver takes; the published one gives it all of them, where
+# P3P and AP3P have no use for the fourth.
+FEW = tuple(MethodChoice("svd-thesis", s) for s in ("p3p", *(s for s in SOLVERS if s != "p3p")))
+ALL = tuple(MethodChoice("svd-2018", s) for s in SOLVERS if s not in ("p3p", "ap3p"))
+
+# Its own two streams are the first of ``FEW``, all three the first of ``LADDER``.
+STREAMS = tuple(
+    MethodChoice("svd-thesis", None, k) for k in (("wge",), ("sh",), ("lsd",), ("wge", "sh", "harris"))
+)
+PUBLISHED = (*FEW, *ALL, *STREAMS, *LADDER)
 
 # Waves that make up the shift of a wrong model.
 WAVES = 60
@@ -77,17 +88,17 @@ def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
     )
 
 
-def expose(folder: Path, out: Path, factor: float) -> Path:
-    """The same frames drawn again with ``factor`` times the exposure; labels are the same."""
-    if (out / "dataset.json").is_file():
+def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None = None) -> Path:
+    """The same frames, all or some, drawn again with ``factor`` times the exposure; labels are the same."""
+    card = read_card(folder)
+    asked = range(card.n_frames) if frames is None else frames
+    missing = [k for k in asked if is_whole(folder, k) and not is_whole(out, k)]
+    if not missing and (out / "dataset.json").is_file():
         return out
     (out / "images").mkdir(parents=True, exist_ok=True)
-    card = read_card(folder)
     target = load_target(card.target.name)
     with Renderer() as renderer:
-        for k in range(card.n_frames):
-            if not is_whole(folder, k):
-                continue
+        for k in missing:
             truth = read_truth(frame_paths(folder, k).truth)
             scene = replace(truth.scene, exposure_s=truth.scene.exposure_s * factor)
             frame = take_frame(renderer, scene, target)
@@ -135,8 +146,25 @@ def table(rows: Sequence[tuple[str, MethodMetrics]]) -> str:
     return "\n".join(lines)
 
 
-def run_parts(folder: Path, reports: Path, parts: Sequence[str], workers: int) -> str:
+def feasible_frames(folder: Path, most: int) -> list[int]:
+    """The first ``most`` frames of a set that can be solved."""
+    found: list[int] = []
+    for k in range(read_card(folder).n_frames):
+        if len(found) == most:
+            break
+        if is_whole(folder, k) and read_truth(frame_paths(folder, k).truth).feasible:
+            found.append(k)
+    return found
+
+
+def run_parts(
+    folder: Path, reports: Path, parts: Sequence[str], workers: int, feasible: int | None = None
+) -> str:
     """Every part's table; what was evaluated before is gone on with.
+
+    Parameters
+    ----------
+    feasible : so many of the feasible frames alone; None: all frames.
 
     Raises
     ------
@@ -144,6 +172,7 @@ def run_parts(folder: Path, reports: Path, parts: Sequence[str], workers: int) -
         If the folder is not a data set.
     """
     model = board_model(load_target(read_card(folder).target.name))
+    frames = None if feasible is None else feasible_frames(folder, feasible)
     out = []
 
     def evaluated(
@@ -151,36 +180,39 @@ def run_parts(folder: Path, reports: Path, parts: Sequence[str], workers: int) -
     ) -> list[tuple[str, MethodMetrics]]:
         place = reports / name
         place.mkdir(parents=True, exist_ok=True)
-        metrics = evaluate_dataset(of, place, methods=tuple(choices), model=given, workers=workers)
+        metrics = evaluate_dataset(
+            of, place, methods=tuple(choices), model=given, workers=workers, frames=frames
+        )
         return list(metrics.by_method.items())
+
+    def published(choices: Sequence[MethodChoice]) -> list[tuple[str, MethodMetrics]]:
+        # each frame by all before the next one: what there is at any time compares
+        found = dict(evaluated("published", PUBLISHED))
+        return [(c.label, found[c.label]) for c in choices]
 
     def methods() -> list[tuple[str, MethodMetrics]]:
         return evaluated("methods", [MethodChoice(m) for m in ("svd", "svd-2018", "svd-thesis")])
 
     def solvers() -> list[tuple[str, MethodMetrics]]:
-        # all points of a figure, or as few as the solver takes, drawn at random
-        both = [MethodChoice(m, s) for m in ("svd-2018", "svd-thesis") for s in SOLVERS]
-        return evaluated("solvers", both)
+        return published((*FEW, *ALL))
 
     def streams() -> list[tuple[str, MethodMetrics]]:
-        kinds = (("wge",), ("sh",), ("lsd",), ("wge", "sh"), ("wge", "sh", "lsd"), ("wge", "sh", "harris"))
-        return evaluated("streams", [MethodChoice("svd-thesis", None, k) for k in kinds])
+        return published((FEW[0], *STREAMS[:3], LADDER[0], STREAMS[3]))
 
     def ablation() -> list[tuple[str, MethodMetrics]]:
-        ladder = [MethodChoice("svd-thesis", None, None, steps) for steps in LADDER]
-        return evaluated("ablation", [MethodChoice("svd-2018"), *ladder, MethodChoice("svd")])
+        return [*published((ALL[0], FEW[0], *LADDER)), *evaluated("svd", [MethodChoice("svd")])]
 
     def wrong() -> list[tuple[str, MethodMetrics]]:
-        rows = []
+        rows = evaluated("svd", [MethodChoice("svd")])
         for sigma in MODEL_ERRORS_M:
             found = evaluated(f"model-{sigma}", [MethodChoice("svd")], given=wrong_model(model, sigma))
             rows += [(f"{name}, bent by {1e3 * sigma:g} mm", m) for name, m in found]
         return rows
 
     def exposure() -> list[tuple[str, MethodMetrics]]:
-        rows = []
+        rows = evaluated("svd", [MethodChoice("svd")])
         for factor in EXPOSURE_FACTORS:
-            other = expose(folder, reports / f"set-exposure-{factor}", factor)
+            other = expose(folder, reports / f"set-exposure-{factor}", factor, frames)
             found = evaluated(f"exposure-{factor}", [MethodChoice("svd")], of=other)
             rows += [(f"{name}, exposure x {factor:g}", m) for name, m in found]
         return rows
@@ -207,8 +239,9 @@ def main() -> int:
     parser.add_argument("reports", type=Path, help="folder of the reports, gone on with when it exists")
     parser.add_argument("--parts", default="methods", help="methods,solvers,streams,ablation,model,exposure")
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--feasible", type=int, help="the first so many feasible frames alone")
     options = parser.parse_args()
-    run_parts(options.set, options.reports, options.parts.split(","), options.workers)
+    run_parts(options.set, options.reports, options.parts.split(","), options.workers, options.feasible)
     return 0
 
 

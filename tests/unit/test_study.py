@@ -9,8 +9,8 @@ from hil.board.svd import CameraIntrinsics, make_estimator
 from hil.board.svd.faithful.estimator import FaithfulEstimator
 from hil.evaluate.frame_record import frame_record
 from hil.evaluate.metrics import summarise
-from hil.evaluate.study import LADDER, table, wrong_model
-from hil.evaluate.worker import MethodChoice, board_model
+from hil.evaluate.study import FEW, LADDER, PUBLISHED, table, wrong_model
+from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
 
@@ -37,14 +37,23 @@ def test_each_rung_takes_one_step_more() -> None:
     model = board_model(load_target("cubesat-1u"))
     camera = CameraIntrinsics(320, 240, 500.0, 500.0, 159.5, 119.5)
     configs = []
-    for steps in LADDER[:4]:
-        estimator = make_estimator(model, camera, "svd-thesis", steps=steps)
+    for choice in (FEW[0], *LADDER[:3]):
+        estimator = make_estimator(model, camera, choice.method, choice.solver, choice.streams, choice.steps)
         assert isinstance(estimator, FaithfulEstimator)
         configs.append(estimator.config)
     assert [c.streams[-1] for c in configs] == ["sh", "lsd", "lsd", "lsd"]
     assert [c.regions for c in configs] == ["cdf", "cdf", "proposed", "proposed"]
     assert [c.top for c in configs] == [5, 5, 5, 50]
-    assert MethodChoice("svd-thesis", None, None, LADDER[2]).label == "svd-thesis +lsd +regions"
+    assert LADDER[1].label == "svd-thesis +lsd +regions"
+
+
+def test_no_method_of_the_studies_is_measured_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "hil.board.svd.methods.FaithfulEstimator", lambda _model, _camera, config: str(config)
+    )
+    model, camera = None, CameraIntrinsics(320, 240, 500.0, 500.0, 159.5, 119.5)
+    made = {make_estimator(model, camera, c.method, c.solver, c.streams, c.steps) for c in PUBLISHED}  # type: ignore[arg-type]
+    assert len(made) == len(PUBLISHED) == len({c.label for c in PUBLISHED})
 
 
 def test_the_table_says_what_was_not_there() -> None:
