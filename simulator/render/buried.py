@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.occluders import MARGIN
+from simulator.render.relief import HIGHEST
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -89,7 +90,8 @@ def uncover(corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: floa
 def inside(corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: float) -> BoolArray:
     """(T,) triangles of a closed mesh that lie in one of its convex bodies, or upon it and look into it.
 
-    Screws' feet, the ends of struts: nobody outside sees them.
+    Screws' feet, the ends of struts: nobody outside sees them. Bodies thinner than `relief.HIGHEST` hide nothing here:
+    coarse shadow maps may leave them out, and need what lies under them.
 
     Parameters
     ----------
@@ -103,6 +105,8 @@ def inside(corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: float
     across = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
     for body in bodies:
         ends = body.ends_m.reshape(-1, 3)
+        if -(ends @ body.planes[:, :3].T + body.planes[:, 3]).min(axis=0).max() < HIGHEST * radius_m:
+            continue
         near = (low[0] > ends[:, 0].min() - touch) & (high[0] < ends[:, 0].max() + touch)
         for axis in (1, 2):
             near &= low[axis] > ends[:, axis].min() - touch

@@ -86,3 +86,13 @@ def test_feet_in_a_body_or_upon_it_are_found_and_flush_faces_are_not():
     assert np.array_equal(found[1], up[1] < -1e-3)
     assert found[2].all()
     assert np.array_equal(found[3], up[3] < 1e-3)
+
+
+def test_under_a_thin_plate_everything_stays_since_coarse_shadow_maps_leave_the_plate_out():
+    for height, hides in ((0.0012, False), (0.002, True)):
+        plate, foil = ((-0.4, -0.35, 0.0), (0.45, 0.3, height)), ((0.1, 0.1, -0.05), (0.2, 0.2, 0.5 * height))
+        meshes = [box(*extent) for extent in (plate, foil)]
+        corners = merge(meshes).positions_m.astype(float)[merge(meshes).triangles]
+        corners[12:, :, 2] = np.maximum(corners[12:, :, 2], 0.0)  # all of the foil lies in the plate
+        found = inside(corners, convex_bodies([part_of(meshes[0])], 1.0), 1.0)
+        assert found[12:].any() == hides
