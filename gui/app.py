@@ -81,7 +81,7 @@ def run(request: Request) -> dict[str, Any]:
     session = Session.of(load_scenario(request.scenario), seed=request.seed, recorder=recorder)
     with (
         Window(f"Flyaround - {session.plan.scenario_name}", request.size) as window,
-        RenderedPictures(request.device_index) as source,
+        RenderedPictures(request.device_index, first=session.plan.scene(0)) as source,
     ):
         state = Console(window, session, source, request).run()
     if recorder is not None and request.record is not None and recorder.long_enough:

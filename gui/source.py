@@ -34,11 +34,13 @@ class RenderedPictures:
 
     Parameters
     ----------
-    device_index : EGL device to draw on.
+    device_index : EGL device to draw on. first : the first scene to come, for a quicker first picture.
     """
 
-    def __init__(self, device_index: int | None = None) -> None:
-        self._process: RenderProcess[Frame] = RenderProcess(draw, device_index=device_index, capacity=AHEAD)
+    def __init__(self, device_index: int | None = None, *, first: SceneState | None = None) -> None:
+        self._process: RenderProcess[Frame] = RenderProcess(
+            draw, device_index=device_index, capacity=AHEAD, first=first
+        )
 
     def submit(self, scene: SceneState, *, labels: bool = False, timed: bool = False) -> bool:
         """Queue a scene; False when enough are under way. ``timed``: each pass by itself."""

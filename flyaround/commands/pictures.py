@@ -20,7 +20,7 @@ from simulator.dataset.poses import read_poses
 from simulator.errors import UserError
 from simulator.labels.request import LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
-from simulator.render.earth_maps import EarthMaps, begin_earth_maps
+from simulator.render.earth_maps import EarthMaps, begin_earth_maps, begin_maps_of
 from simulator.scenario_load import load_scenario
 from simulator.scenario_picture import environment_section
 from simulator.scene.state import Bands, SceneState
@@ -75,6 +75,7 @@ def render(
         if poses is not None:
             raise UserError("--poses needs a SCENARIO for camera and light; leave out --from-truth")
         record = read_truth(from_truth)
+        begun = begin_maps_of(record.scene)
         scene, target = record.scene, load_target(record.scene.target.name)
         request = LabelRequest(layers=record.layers, flow=record.flow)
     else:

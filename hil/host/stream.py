@@ -27,7 +27,9 @@ def stream_frames(plan: Plan, *, device_index: int | None = None) -> Iterator[Ho
     Truth travels inside the host only; ``run_host`` decides what leaves it.
     """
     camera: dict[str, Any] = msgspec.to_builtins(plan.camera)
-    with RenderProcess(draw_labelled, device_index=device_index, capacity=AHEAD) as process:
+    with RenderProcess(
+        draw_labelled, device_index=device_index, capacity=AHEAD, first=plan.scene(0)
+    ) as process:
         scenes = (plan.scene(k) for k in range(plan.n_frames))
         for k, frame in enumerate(process.map(scenes)):
             if frame.truth is None:

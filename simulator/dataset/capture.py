@@ -135,7 +135,7 @@ def capture(
     """
     labels = _possible(plan, labels)
     empty_folder(folder, resume=resume)
-    with open_drawer(workers, device_index) as drawer:
+    with open_drawer(workers, device_index, plan.scene(0)) as drawer:
         card = _card(plan, drawer.info, formats, labels)
         if resume:
             card = _same_plan(folder, card)

@@ -10,6 +10,7 @@ from simulator.dataset.check import check_frame
 from simulator.dataset.native import EncodedFrame, encode_frame
 from simulator.labels.frame import Frame, take_frame
 from simulator.labels.request import LabelRequest
+from simulator.render.earth_maps import begin_maps_of
 from simulator.render.process import RenderProcess
 from simulator.render.renderer import Renderer
 from simulator.targets.library import load_target
@@ -99,18 +100,22 @@ def _draw_checked(
 
 
 @contextmanager
-def open_drawer(workers: int, device_index: int | None) -> Iterator[Drawer]:
+def open_drawer(workers: int, device_index: int | None, first: SceneState | None = None) -> Iterator[Drawer]:
     """A drawer in this process for one worker, else one in each of ``workers`` processes.
 
     The bytes are the same: a frame depends on its scene alone.
+
+    Parameters
+    ----------
+    first : the first scene to come, for a quicker first frame.
     """
     with ExitStack() as stack:
         if workers == 1:
-            yield _Here(stack.enter_context(Renderer(device_index=device_index)))
+            yield _Here(stack.enter_context(Renderer(device_index=device_index, begun=begin_maps_of(first))))
         else:
             yield _Workers(
                 [
-                    stack.enter_context(RenderProcess(_draw_checked, device_index=device_index))
+                    stack.enter_context(RenderProcess(_draw_checked, device_index=device_index, first=first))
                     for _ in range(workers)
                 ]
             )

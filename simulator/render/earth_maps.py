@@ -21,7 +21,7 @@ from simulator.scene.multiple_scattering import HEIGHTS, SUNS
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array
     from simulator.render.levels import Levelled
-    from simulator.scene.state import Bands, Environment
+    from simulator.scene.state import Bands, Environment, SceneState
 
 _T = TypeVar("_T")
 _ODD, _EVEN = (6, 12), (4, 8)  # of stand-ins: rows and columns that are no powers of two, and that are
@@ -76,6 +76,13 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
     for pool in (with_maps, others):
         pool.shutdown(wait=False)
     return begun
+
+
+def begin_maps_of(first: SceneState | None) -> dict[Bands, EarthMaps]:
+    """Maps begun for the first scene to be drawn, as `Renderer` takes them; none where it has no Earth."""
+    if first is None or not first.environment.earth:
+        return {}
+    return {first.bands: begin_earth_maps(first.bands, first.environment, first.epoch_utc)}
 
 
 def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from simulator.errors import UserError
 from simulator.memory import keep_freed_memory
+from simulator.render.earth_maps import begin_maps_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -37,6 +38,7 @@ class RenderProcess(Generic[T]):
     work : a module-level function; its result must be picklable.
     device_index : EGL device of the renderer.
     capacity : jobs that may be under way or waiting to be collected.
+    first : the first scene to come, for a quicker first frame: its maps are read while the renderer starts.
 
     Raises
     ------
@@ -46,7 +48,14 @@ class RenderProcess(Generic[T]):
         Anything else that went wrong there, with its traceback, or the exit code of a process that died.
     """
 
-    def __init__(self, work: Callable[..., T], *, device_index: int | None = None, capacity: int = 2) -> None:
+    def __init__(
+        self,
+        work: Callable[..., T],
+        *,
+        device_index: int | None = None,
+        capacity: int = 2,
+        first: SceneState | None = None,
+    ) -> None:
         if capacity < 1:
             raise ValueError(f"capacity must be at least 1, got {capacity}")
         context = multiprocessing.get_context("spawn")
@@ -57,7 +66,7 @@ class RenderProcess(Generic[T]):
         self._blocks: dict[str, shared_memory.SharedMemory] = {}
         self._process = context.Process(
             target=_serve,
-            args=(theirs, work, device_index),
+            args=(theirs, work, device_index, first),
             daemon=True,
             name="flyaround-render",
         )
@@ -254,16 +263,19 @@ class _Results:
                 block.unlink()
 
 
-def _serve(pipe: Connection, work: Callable[..., object], device_index: int | None) -> None:
+def _serve(
+    pipe: Connection, work: Callable[..., object], device_index: int | None, first: SceneState | None
+) -> None:
     """Run in the child: draw what arrives until told to stop or left alone."""
     # Ctrl-C is the parent's to handle; it then closes us
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    keep_freed_memory()
+    begun = begin_maps_of(first)
     from simulator.render.renderer import Renderer  # noqa: PLC0415 - the parent need not load OpenGL
 
-    keep_freed_memory()
     results = _Results(pipe)
     try:
-        with Renderer(device_index=device_index) as renderer:
+        with Renderer(device_index=device_index, begun=begun) as renderer:
             results.send(renderer.info)
             while True:
                 message = pickle.loads(pipe.recv_bytes())  # noqa: S301 - our own parent
