@@ -189,22 +189,21 @@ class SafeEllipseChaser(_Chaser, tag_field="mode", tag="safe_ellipse", frozen=Tr
     centre_along_track_m: Metres = 0.0
 
 
-class VbarChaser(_Chaser, tag_field="mode", tag="vbar", frozen=True, kw_only=True):
+class _StraightChaser(_Chaser, frozen=True, kw_only=True):
+    """Along one axis from ``start_m`` to ``hold_m``."""
+
+    start_m: Metres
+    hold_m: Metres
+    speed_m_s: Annotated[float, Meta(gt=0, le=100)]
+    braking_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.005
+
+
+class VbarChaser(_StraightChaser, tag_field="mode", tag="vbar", frozen=True, kw_only=True):
     """Straight along the velocity axis from ``start_m`` to ``hold_m`` (positive: ahead of the target)."""
 
-    start_m: Metres
-    hold_m: Metres
-    speed_m_s: Annotated[float, Meta(gt=0, le=100)]
-    braking_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.005
 
-
-class RbarChaser(_Chaser, tag_field="mode", tag="rbar", frozen=True, kw_only=True):
+class RbarChaser(_StraightChaser, tag_field="mode", tag="rbar", frozen=True, kw_only=True):
     """Straight along the radial axis from ``start_m`` to ``hold_m`` (positive: above the target)."""
-
-    start_m: Metres
-    hold_m: Metres
-    speed_m_s: Annotated[float, Meta(gt=0, le=100)]
-    braking_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.005
 
 
 class FlyaroundChaser(_Chaser, tag_field="mode", tag="flyaround", frozen=True, kw_only=True):

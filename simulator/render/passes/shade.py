@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 # distinct (material, normal) groups shaded per pixel, with exact areas per quarter of it; the rest joins the last
 MAX_SURFACES, MAX_SURFACES_EXACT = 4, 17
+# a far craft has dozens in each of its few pixels: of four the last, by chance a facet that faces the Sun, stood for so
+# much that pixels came out twice as bright, and flickered
+MAX_SURFACES_FAR, FAR_SAMPLES = 12, 32
 
 
 class ShadePass:
@@ -58,11 +61,12 @@ class ShadePass:
         ----------
         exact : the slopes are those of `EXACT_AREAS`.
         """
+        most = MAX_SURFACES_FAR if lattice.samples > FAR_SAMPLES else MAX_SURFACES
         defines = {
             **_defines(bands, mesh, shadow_window),
             **lattice_defines(lattice),
             **edge_defines(exact=exact),
-            "MAX_SURFACES": MAX_SURFACES_EXACT if exact else MAX_SURFACES,
+            "MAX_SURFACES": MAX_SURFACES_EXACT if exact else most,
             "CELL_PX": CELL_PX,
             **({} if lamp is None else {"LAMP": 1 + get_args(Profile).index(lamp.profile)}),
         }
