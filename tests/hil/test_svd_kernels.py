@@ -24,7 +24,9 @@ from hil.board.svd.course import _middle
 from hil.board.svd.frame import Candidate
 from hil.board.svd.kernels import library
 from hil.board.svd.levels import shade as shaded
+from hil.board.svd.samples import sample_edges
 from hil.board.svd.sunlight import Sunlight, SunTable
+from hil.board.svd.visibility import _visible_samples, occluders, visible_samples
 from hil.evaluate.metrics import compose, summarise
 from simulator.targets.board_file import board_record
 from simulator.targets.library import load_target
@@ -242,6 +244,26 @@ def test_the_middle_of_what_is_seen_is_numpys(tango: BoardModel, choose: pytest.
     by_numpy(choose)
     np.testing.assert_allclose(native, [_middle(craft, canvas, c) for c in poses], atol=1e-3)
     assert np.isnan(native[1]).all()
+
+
+@needs_compiler
+@pytest.mark.parametrize("radius_m", [0.0, 0.02])
+def test_what_hides_the_wireframe_is_numpys(tango: BoardModel, radius_m: float) -> None:
+    samples, occ, rng = sample_edges(tango, 0.01), occluders(tango), np.random.default_rng(9)
+    # round members besides: their outline lies beside them
+    samples = replace(samples, radius_m=np.where(samples.edge % 3 == 0, radius_m, samples.radius_m))
+    differ = hidden = 0
+    for _ in range(12):
+        R, t = some_pose(tango, rng)
+        ours, reference = (see(samples, occ, -R.T @ t) for see in (visible_samples, _visible_samples))
+        np.testing.assert_array_equal(ours[1], reference[1])
+        differ += int((ours[0] != reference[0]).sum())
+        hidden += int((~reference[0]).sum())
+    assert hidden > 2000
+    # a sample on a hiding part's very edge may fall either way
+    assert differ <= 1e-3 * hidden
+    for place in ([np.nan] * 3, [np.inf, 0, 0], [0, 0, 0]):
+        assert len(visible_samples(samples, occ, np.array(place, float))[0]) == len(samples)
 
 
 @needs_compiler

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Tuple
+from functools import cached_property
+from typing import Any, Tuple
 
 import numpy as np
 
+from hil.board.svd.kernels.visible import packed_samples
 from hil.board.svd.model import BoardModel, CameraIntrinsics
 
 Array = np.ndarray
@@ -34,6 +36,11 @@ class EdgeSamples:
 
     def __len__(self) -> int:
         return len(self.points_m)
+
+    @cached_property
+    def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
+        """The samples as the kernels take them, and what keeps their arrays alive."""
+        return packed_samples(self)
 
     def outline(self, idx: Array, C_m: Array) -> Tuple[Array, Array]:
         """Positions (B, M, 3) of samples ``idx`` (B, M) seen from camera centres (B, 3), and tangents.

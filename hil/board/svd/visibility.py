@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Tuple
+from functools import cached_property
+from typing import Any, Tuple
 
 import numpy as np
 
+from hil.board.svd.kernels import visible as kernel
+from hil.board.svd.kernels.library import library
 from hil.board.svd.model import BoardModel
 from hil.board.svd.samples import EdgeSamples
 
@@ -24,6 +27,11 @@ class Occluders:
     e1: Array
     e2: Array
     n: Array
+
+    @cached_property
+    def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
+        """The triangles as the kernels take them, and what keeps their arrays alive."""
+        return kernel.packed_occluders(self)
 
 
 def occluders(model: BoardModel) -> Occluders:
@@ -75,6 +83,14 @@ def facing(samples: EdgeSamples, C_m: Array, X_m: Array) -> Tuple[Array, Array]:
 
 def visible_samples(samples: EdgeSamples, occ: Occluders, C_m: Array) -> Tuple[Array, Array]:
     """(S,) visible and (S,) outline flags from camera centre ``C_m`` (3,), target frame."""
+    native = library()
+    if native is not None:
+        return kernel.visible_samples(native, samples, occ, C_m)
+    return _visible_samples(samples, occ, C_m)
+
+
+def _visible_samples(samples: EdgeSamples, occ: Occluders, C_m: Array) -> Tuple[Array, Array]:
+    """The same by numpy."""
     idx = np.arange(len(samples))[None]
     X = samples.outline(idx, C_m[None])[0][0]
     visible, outline = facing(samples, C_m, X)

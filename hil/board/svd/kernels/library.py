@@ -23,15 +23,16 @@ Array = np.ndarray
 # One subject each; the header first. They travel in the wheel and in the board's bundle as text.
 SOURCES = (
     "kernels.h",
+    "pictures.h",
+    "motion.h",
     "paint.c",
     "sun.c",
-    "pictures.h",
     "pictures.c",
     "levels.c",
     "score.c",
-    "motion.h",
     "motion.c",
     "step.c",
+    "visible.c",
 )
 
 # One build for every machine of a kind: no instruction that only some have, and no sum in another order, so that all
