@@ -19,6 +19,8 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
 from hil.board.svd import quaternion as quat
+from hil.board.svd.kernels import look as kernel
+from hil.board.svd.kernels.library import library
 from hil.board.svd.look.attitudes import bumps
 from hil.board.svd.look.crop import Gaze, seen_through
 from hil.board.svd.look.net import FILLED as LOOK_FILLED
@@ -65,7 +67,8 @@ class Subspaces:
     ----------
     basis : (V, SHAPES, N) float32 orthonormal, zero where there are fewer. size : (V,) how many there are.
     q : (V * TURNS, 4) attitudes against the line of sight, turns of one direction together.
-    bumps : (V * TURNS, ANCHORS) float32, see ``attitudes``. window : (SIDE, SIDE).
+    bumps : (V * TURNS, ANCHORS), see ``attitudes``; float32, or uint16 in steps of 1 / 65535 for the kernels: half the
+        memory, and that is what takes time. window : (SIDE, SIDE).
     """
 
     basis: Array
@@ -107,7 +110,8 @@ class Subspaces:
         about = np.stack([np.cos(turn / 2), 0 * turn, 0 * turn, np.sin(turn / 2)], axis=-1)
         q = quat.multiply(about[None], quat.from_matrix(R)[:, None]).reshape(-1, 4)
         # in parts: a board's memory is small
-        values = np.concatenate([bumps(part).astype(np.float32) for part in np.array_split(q, 16)])
+        stored = np.float32 if library() is None else kernel.quantised
+        values = np.concatenate([stored(bumps(part)) for part in np.array_split(q, 16)])
         return Subspaces(basis, size, q, values, window)
 
     def rank(
@@ -157,7 +161,12 @@ class Subspaces:
         ----------
         coefficients : (R, 4, ANCHORS).
         """
-        each = self.bumps @ coefficients.mean(axis=0).astype(np.float32).T
+        native = library()
+        if native is not None and self.bumps.dtype == np.uint16:
+            mean = coefficients.mean(axis=0)
+            return kernel.likelihood(native, self.bumps, mean, len(self.size), TURNS)
+        table = self.bumps if self.bumps.dtype == np.float32 else kernel.restored(self.bumps)
+        each = table @ coefficients.mean(axis=0).astype(np.float32).T
         each = each.reshape(len(self.size), TURNS, QUARTERS)
         # a look turned by a quarter sees another turn of the same direction
         turned = [np.roll(each[..., k], k * TURNS // QUARTERS, axis=1) for k in range(QUARTERS)]
