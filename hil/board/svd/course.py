@@ -57,17 +57,19 @@ class Left:
     Parameters
     ----------
     share : of the best score that the others must have. apart_rad : how far from every better one they must be.
+    most : how many at most.
     """
 
     share: float
     apart_rad: float
+    most: int = 1000
 
     def of(self, courses: List[Course]) -> Tuple[List[Course], List[Course]]:
         """Those that go on, the best first, and those whose score says enough; what nearly is a better one is gone."""
         going: List[Course] = []
         stay: List[Course] = []
         for c in sorted(courses, key=lambda c: -c.score):
-            if going and c.score < self.share * going[0].score - SLACK:
+            if going and (c.score < self.share * going[0].score - SLACK or len(going) >= self.most):
                 stay.append(c)
             elif all(_differ(c.fit, o.fit, self.apart_rad) for o in going):
                 going.append(c)

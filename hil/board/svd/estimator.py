@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import List, Tuple, Union
+from typing import List, Sequence, Tuple, Union
 
 import numpy as np
 
 from hil.board.svd.base import Estimator
 from hil.board.svd.confidence import ACCEPT_AT, Evidence, doubtful, least_margin
+from hil.board.svd.course import Ranked
 from hil.board.svd.drawn import draw_at
 from hil.board.svd.edges import edge_field, shrink
 from hil.board.svd.ends import Choice
@@ -21,10 +22,10 @@ from hil.board.svd.noise import noise_sigma
 from hil.board.svd.photometric import PhotoFit
 from hil.board.svd.refine import FineFit
 from hil.board.svd.roi import REDUCTION, Region, propose_regions
-from hil.board.svd.score import support
 from hil.board.svd.search import search_region
 from hil.board.svd.turned import check_turned
 from hil.board.svd.verify import ALL_LEADERS, LEADERS, align_leaders, check_leaning, choose_by_picture
+from hil.board.svd.wide import align_wide
 
 Array = np.ndarray
 Chosen = Tuple[Candidate, Union[FineFit, PhotoFit], Evidence, Tuple[Alternative, ...]]
@@ -97,20 +98,24 @@ class PoseEstimator(Estimator):
             if frame.shows_all and regions:
                 search_region(self.craft, frame, regions[0])
             return looked
-        if looked is not None and settled(looked) and not frame.shows_all:
-            return looked
+        wide: List[Ranked] = []
+        if looked is not None and self.first is not None:
+            # hundreds of poses about what is seen, then those that the look named, with shadows
+            wide = align_wide(self.craft, frame, self.first, glances[0], found[0], small)
+            again = self._chosen(frame, list(found), thorough=True, beside=wide)
+            looked = max(looked, again, key=_confidence)
+            if not frame.shows_all and (looked.accepted or settled(looked)):
+                return looked
         # what the look is sure of is where it is: there edges find the attitudes that it does not
         sure = [g.source for g in glances if g.craft > SURE]
         some = sure[:1] or regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
         frame.count("searched", 1)
-        found = [self._asked(c) for c in found]
-        for region in some:
-            found += search_region(self.craft, frame, region)
+        found = [c for region in some for c in search_region(self.craft, frame, region)]
         if found:
-            searched = self._chosen(frame, found, thorough=True)
+            searched = self._chosen(frame, found, thorough=True, beside=wide)
             # not by what they explain: the two were judged on different cuts of the picture
-            return searched if looked is None or searched.confidence >= looked.confidence else looked
-        return self._declined(frame, "no target found")
+            looked = searched if looked is None else max(looked, searched, key=_confidence)
+        return self._declined(frame, "no target found") if looked is None else looked
 
     def _glances(self, frame: Frame, regions: List[Region], reduced: Array) -> List[Glance]:
         """What the first look says of the likeliest places; nothing where the target has none."""
@@ -139,14 +144,10 @@ class PoseEstimator(Estimator):
             for q, t, likely in zip(glance.q, glance.t, glance.log_likely)  # noqa: B905 - Python 3.9 has no strict=
         ]
 
-    def _asked(self, c: Candidate) -> Candidate:
-        """The candidate with its support by edges, as those have that edges propose."""
-        craft = self.craft
-        s = support(c.q, c.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m)
-        return Candidate(c.q, c.t, s, c.field, c.region, c.likely)
-
-    def _chosen(self, frame: Frame, found: List[Candidate], *, thorough: bool = False) -> PoseResult:
-        """The best of the candidates, and whether it is to be accepted."""
+    def _chosen(
+        self, frame: Frame, found: List[Candidate], *, thorough: bool = False, beside: Sequence[Ranked] = ()
+    ) -> PoseResult:
+        """The best of the candidates, and whether it is to be accepted; ``beside`` are poses aligned already."""
         found.sort(key=lambda c: -c.support.total)
         frame.keep("found", found)
         if self.model.faces is None:
@@ -154,6 +155,7 @@ class PoseEstimator(Estimator):
         leaders = align_leaders(
             self.craft, frame, found, ALL_LEADERS if thorough else LEADERS, shadows=thorough
         )
+        leaders = sorted([*leaders, *beside], key=lambda r: -r.score)
         choice = choose_by_picture(self.craft, frame, leaders, thorough=thorough)
         if self.first is None:
             # a first look's weights know which way round their craft is
@@ -178,6 +180,10 @@ class PoseEstimator(Estimator):
 def _all_of(choice: Choice) -> Chosen:
     """What is told of a choice."""
     return choice.best, choice.end.fit, choice.evidence, choice.alternatives
+
+
+def _confidence(result: PoseResult) -> float:
+    return result.confidence
 
 
 def settled(result: PoseResult) -> bool:

@@ -34,6 +34,9 @@ SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("map", "straigh
 # Attitudes handed on from one place, and how much less likely than the first the last may be [log].
 ATTITUDES, LESS = 16, 9.0
 
+# The same of each of many places, attitudes that are compared there, and places whose likelihoods are made at once.
+HELD_ATTITUDES, HELD_COMPARED, HELD_AT_ONCE = 10, 150, 10
+
 # Attitudes closer than this are one [rad].
 APART_RAD = float(np.radians(11.0))
 
@@ -166,6 +169,34 @@ class FirstLook:
             out.append(Glance(source, gaze, Q, t, score[near], sure))
         return out
 
+    def held(
+        self,
+        image: Array,
+        noise: float,
+        source: Region,
+        gazes: Sequence[Gaze],
+        reduced: Optional[Array] = None,
+    ) -> List[Glance]:
+        """What the network says of each gaze as it is, without correcting them; parameters as in ``glances``."""
+        out = []
+        for first in range(0, len(gazes), HELD_AT_ONCE):
+            some = gazes[first : first + HELD_AT_ONCE]
+            said = [self.net(self._turned(image, noise, gaze, reduced)) for gaze in some]
+            likely = self.views.likelihoods(np.stack([coefficients for coefficients, _ in said]))
+            for gaze, own, (_, rest) in zip(some, likely, said):  # noqa: B905 - Python 3.9 has no strict=
+                q, move, score = self.views.rank(
+                    image, self.camera, gaze, own, HELD_ATTITUDES, APART_RAD, reduced, HELD_COMPARED
+                )
+                near = score > score[0] - LESS
+                Q, t = self._placed(gaze, q[near], move[near])
+                out.append(Glance(source, gaze, Q, t, score[near], float(rest[:, 3].mean())))
+        return out
+
+    def _turned(self, image: Array, noise: float, gaze: Gaze, reduced: Optional[Array]) -> Array:
+        """(4, 64, 64, 2) a look from four sides."""
+        one = look(image, noise, self.camera, [gaze], reduced)[0]
+        return np.stack([np.rot90(one, k) for k in range(QUARTERS)])
+
     def _from_four_sides(
         self, image: Array, noise: float, gaze: Gaze, reduced: Optional[Array]
     ) -> Tuple[Array, float, Gaze]:
@@ -176,8 +207,7 @@ class FirstLook:
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         coefficients, sure = [], 0.0
         for _ in range(ROUNDS):
-            one = look(image, noise, self.camera, [gaze], reduced)[0]
-            said, rest = self.net(np.stack([np.rot90(one, k) for k in range(QUARTERS)]))
+            said, rest = self.net(self._turned(image, noise, gaze, reduced))
             x, y = rest[:, 0], rest[:, 1]
             # what is right in a look turned by a quarter is below in the first, and so on
             shift = np.array([x[0] - y[1] - x[2] + y[3], y[0] + x[1] - y[2] - x[3]]) / QUARTERS

@@ -123,21 +123,23 @@ class Subspaces:
         keep: int,
         apart_rad: float,
         reduced: Optional[Array] = None,
+        compared: int = COMPARED,
     ) -> Tuple[Array, Array, Array]:
         """Attitudes q (K, 4), corrections (K, 3) of shift [half sides of a look] and log size, score (K,), best first.
 
         Parameters
         ----------
-        coefficients : (R, 4, ANCHORS) of the network, for looks turned by none, one, two, and three quarters, R times.
-        apart_rad : attitudes nearer to a better one are dropped. reduced : see ``crop.seen_through``.
+        coefficients : (R, 4, ANCHORS) of the network, for looks turned by none, one, two, and three quarters, R times;
+            or (V * TURNS,), what ``likelihoods`` made of them. apart_rad : attitudes nearer to a better one are
+            dropped. reduced : see ``crop.seen_through``. compared : attitudes, the likeliest by the network.
 
         Notes
         -----
         The attitudes compared are some 10 deg apart. What is handed on is the mean of those about a chosen one,
         each by its likelihood: 4 instead of 6 deg off in the median.
         """
-        likely = self.likelihood(coefficients)
-        chosen = np.argpartition(-likely, COMPARED)[:COMPARED]
+        likely = self.likelihood(coefficients) if coefficients.ndim > 1 else coefficients
+        chosen = np.argpartition(-likely, compared)[:compared]
         share, move = self._explained(image, camera, gaze, chosen, reduced)
         likely = likely[chosen] - WEIGHT * np.log(1 - share)
         q = self.q[chosen]
@@ -161,16 +163,21 @@ class Subspaces:
         ----------
         coefficients : (R, 4, ANCHORS).
         """
+        return self.likelihoods(coefficients.mean(axis=0)[None])[0]
+
+    def likelihoods(self, coefficients: Array) -> Array:
+        """(N, V * TURNS) the same of many places; coefficients (N, 4, ANCHORS)."""
         native = library()
         if native is not None and self.bumps.dtype == np.uint16:
-            mean = coefficients.mean(axis=0)
-            return kernel.likelihood(native, self.bumps, mean, len(self.size), TURNS)
+            return np.stack(
+                [kernel.likelihood(native, self.bumps, c, len(self.size), TURNS) for c in coefficients]
+            )
         table = self.bumps if self.bumps.dtype == np.float32 else kernel.restored(self.bumps)
-        each = table @ coefficients.mean(axis=0).astype(np.float32).T
-        each = each.reshape(len(self.size), TURNS, QUARTERS)
+        each = table @ coefficients.reshape(-1, coefficients.shape[-1]).astype(np.float32).T
+        each = each.reshape(len(self.size), TURNS, -1, QUARTERS)
         # a look turned by a quarter sees another turn of the same direction
         turned = [np.roll(each[..., k], k * TURNS // QUARTERS, axis=1) for k in range(QUARTERS)]
-        return np.asarray(np.mean(turned, axis=0)).ravel()
+        return np.ascontiguousarray(np.mean(turned, axis=0).reshape(-1, each.shape[2]).T)
 
     def _explained(
         self,
