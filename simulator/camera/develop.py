@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.camera.detector import detect, detector_sigma, electrons_per_radiance
+from simulator.camera.halves import in_halves
 from simulator.camera.optics import Optics
 from simulator.camera.psf import blur, defocus_px
 from simulator.camera.recipe_noise import arithmetic_of, draw_noise
@@ -27,7 +28,9 @@ if TYPE_CHECKING:
     from simulator.camera.sensor import Sensor
 
 _PERFECT_LENS = Optics()
-_STRIP_VALUES = 1 << 20
+_WORTH_HALVES = (
+    3 << 19
+)  # values of a picture: a megapixel's digital numbers are as soon there from one thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,16 +82,8 @@ def expose(
     if around is not None:
         image = _through_the_lens(image, optics, around)
         disc_px = defocus_px(around.camera, optics, sensor, around.target_distance_m)
-    if gain.size > 1:
-        return blur(_scaled(image, gain.astype(np.float32)), optics, sensor, disc_px, 1.0)
-    return blur(image, optics, sensor, disc_px, float(gain.flat[0]))
-
-
-def _scaled(image: Float32Array, gain: Float32Array) -> Float32Array:
-    """The picture with each band times its gain; rows of whole pixels, as numpy is slow on three at a time."""
-    flat = image.reshape(image.shape[0], -1)
-    by_value = np.tile(gain, image.shape[1])
-    return np.asarray(flat * by_value, np.float32).reshape(image.shape)
+    by_band = gain.astype(np.float32) if gain.size > 1 else float(gain.flat[0])
+    return blur(image, optics, sensor, disc_px, by_band)
 
 
 def _through_the_lens(image: Float32Array, optics: Optics, around: Surroundings) -> Float32Array:
@@ -141,10 +136,9 @@ def digitise(
     random = noise() if noise is not None else draw_noise(signal.shape, sensor, seed, frame_index)
     flat = signal.reshape(signal.shape[0], -1)
     out = np.empty(flat.shape, np.uint8 if sensor.bits <= 8 else np.uint16)
-    # one strip after the other: two threads would wait for Python's lock
-    strip = max(_STRIP_VALUES // max(flat.shape[1], 1), 1)
-    for top in range(0, flat.shape[0], strip):
-        rows = slice(top, top + strip)
+
+    def digitise_rows(first: int, end: int) -> None:
+        rows = slice(first, end)
         values = np.clip(flat[rows], 0.0, 1.0)
         values *= np.float32(full * steps_per_dn)
         if random.factors is not None:
@@ -155,4 +149,6 @@ def digitise(
             np.right_shift(steps, arithmetic.shift, out=steps)
         np.clip(steps, 0, full, out=steps)
         out[rows] = steps
+
+    in_halves(len(flat), digitise_rows, worth=flat.size >= _WORTH_HALVES)
     return out.reshape(signal.shape)

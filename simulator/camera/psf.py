@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.special import j1
 
+from simulator.camera.halves import in_halves
 from simulator.camera.pyramid import Pyramid, fit_kernel, fit_pyramid
 
 if TYPE_CHECKING:
@@ -33,8 +34,8 @@ _WIDEST_DISC_PX = 2.0
 _SEEN = 0.45  # cycles per pixel; at Nyquist itself every kernel without negative taps is off
 _CHECKED = np.linspace(0, 0.5, 26)
 LARGEST_KERNEL = 63
-_ONE_THREAD_VALUES = 1 << 19  # so few OpenCV does not share out
-_WORTH_THREADS = 3 << 19
+_WORTH_HALVES = 1 << 18  # values of a picture
+_PIECE_VALUES = 1 << 18  # stay in a processor's cache; twice as many OpenCV does not share out either
 
 
 def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
@@ -214,10 +215,17 @@ def _joined(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.fft.irfft2(np.fft.rfft2(a, shape) * np.fft.rfft2(b, shape), shape))
 
 
-def blur(image: Float32Array, optics: Optics, sensor: Sensor, disc_px: float, gain: float) -> Float32Array:
-    """The image through the point spread function, times ``gain``; its border is repeated outwards."""
+def blur(
+    image: Float32Array, optics: Optics, sensor: Sensor, disc_px: float, gain: float | Float32Array
+) -> Float32Array:
+    """The image through the point spread function, times ``gain`` (one a band); its border is repeated outwards."""
     pyramid = psf_pyramid(optics, sensor, disc_px)
     kernel = psf_kernel(optics, sensor, disc_px)
+    sigma = _gaussian_on_top_px(optics, sensor, disc_px)
+    if isinstance(gain, np.ndarray):
+        if pyramid is None and kernel is None and sigma > 0:
+            return gaussian_blur(image, sigma, gain)
+        image, gain = scaled(image, gain), 1.0
     if pyramid is not None:
         image, gain = pyramid.blur(image, gain), 1.0
     elif kernel is not None:
@@ -225,32 +233,51 @@ def blur(image: Float32Array, optics: Optics, sensor: Sensor, disc_px: float, ga
         taps = np.ascontiguousarray(kernel[::-1, ::-1] * gain, np.float32)
         image = np.asarray(cv2.filter2D(image, cv2.CV_32F, taps, borderType=cv2.BORDER_REPLICATE))
         gain = 1.0
-    sigma = _gaussian_on_top_px(optics, sensor, disc_px)
     if sigma > 0:
         return gaussian_blur(image, sigma, gain)
     return image if gain == 1.0 else np.asarray(image * np.float32(gain), np.float32)
 
 
-def gaussian_blur(image: Float32Array, sigma_px: float, gain: float) -> Float32Array:
-    """A Gaussian blur times ``gain``; small pictures in pieces, so that OpenCV leaves its threads alone.
+def scaled(image: Float32Array, gain: Float32Array) -> Float32Array:
+    """Rows (K, W, n) of a picture, each band times its gain (n,): whole pixels, as numpy is slow on three at a time."""
+    by_value = np.tile(gain, image.shape[1])
+    return np.asarray(image.reshape(len(image), -1) * by_value, np.float32).reshape(image.shape)
 
-    A megapixel is no sooner ready with them, and they spin for two milliseconds after it, while the driver is to draw
-    the next frame.
+
+def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Array) -> Float32Array:
+    """A Gaussian blur times ``gain``, in pieces of rows, so that OpenCV leaves its threads alone.
+
+    They spin for two milliseconds after it, while the driver is to draw the next frame.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, n). gain : a number, or (n,) one a band, by which the picture is multiplied first.
     """
     taps = gaussian_taps(sigma_px)
-    scaled = (taps * np.float32(gain)).astype(np.float32)
-    reach, rows = len(taps) // 2, len(image)
-    if image.size <= _WORTH_THREADS:
-        rows = max(_ONE_THREAD_VALUES // max(image[0].size, 1), len(taps))
+    down = taps if isinstance(gain, np.ndarray) else (taps * np.float32(gain)).astype(np.float32)
+    reach = len(taps) // 2
+    height, width = len(image), image[0].size
+    most = min(max(_PIECE_VALUES // max(width, 1), 1), height)
+    by_value = np.tile(gain, image.shape[1]) if isinstance(gain, np.ndarray) else None
     out = np.empty(image.shape, np.float32)
-    for first in range(0, len(image), rows):
-        # rows at a cut come out wrong, as if the picture ended there: those above are kept, those below made again
-        above, end = max(first - reach, 0), min(first + rows + reach, len(image))
-        kept = out[above:first].copy()
-        cv2.sepFilter2D(
-            image[above:end], cv2.CV_32F, taps, scaled, dst=out[above:end], borderType=cv2.BORDER_REPLICATE
-        )
-        out[above:first] = kept
+
+    def blur_rows(first: int, end: int) -> None:
+        rows = -(-(end - first) // -(-(end - first) // most))  # pieces of about one size
+        made = np.empty((rows + 2 * reach, *image.shape[1:]), np.float32)
+        lit = np.empty_like(made)
+        for top in range(first, end, rows):
+            bottom = min(top + rows, end)
+            # rows at a cut come out wrong, as if the picture ended there
+            above, below = max(top - reach, 0), min(bottom + reach, height)
+            piece, count = image[above:below], below - above
+            if by_value is not None:
+                flat = lit[:count].reshape(count, width)
+                np.multiply(piece.reshape(count, width), by_value, out=flat)
+                piece = lit[:count]
+            cv2.sepFilter2D(piece, cv2.CV_32F, taps, down, dst=made[:count], borderType=cv2.BORDER_REPLICATE)
+            out[top:bottom] = made[top - above : bottom - above]
+
+    in_halves(height, blur_rows, worth=image.size >= _WORTH_HALVES)
     return out
 
 

@@ -114,9 +114,14 @@ def test_a_wide_measured_kernel_is_drawn_as_it_is_also_where_it_is_lopsided():
 
 @pytest.mark.parametrize("shape", [(1, 1), (9, 500), (64, 31, 3), (131, 40)])
 @pytest.mark.parametrize("sigma_px", [0.4, 1.0, 4.0])
-def test_a_blur_of_some_rows_after_the_others_is_that_of_all_at_once(shape, sigma_px, monkeypatch):
-    monkeypatch.setattr(psf, "_ONE_THREAD_VALUES", 1000)
+def test_a_blur_of_some_rows_beside_the_others_is_that_of_all_at_once(shape, sigma_px, monkeypatch):
+    monkeypatch.setattr(psf, "_PIECE_VALUES", 1000)
+    monkeypatch.setattr(psf, "_WORTH_HALVES", 0)
     image = np.random.default_rng(2).random(shape, np.float32)
     taps = psf.gaussian_taps(sigma_px)
     whole = cv2.sepFilter2D(image, cv2.CV_32F, taps, taps * np.float32(0.3), borderType=cv2.BORDER_REPLICATE)
     np.testing.assert_array_equal(psf.gaussian_blur(image, sigma_px, 0.3), whole.reshape(shape))
+    if len(shape) == 3:
+        gain = np.array([0.7, 1.1, 0.4], np.float32)
+        whole = cv2.sepFilter2D(image * gain, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REPLICATE)
+        np.testing.assert_array_equal(psf.gaussian_blur(image, sigma_px, gain), whole)
