@@ -149,7 +149,15 @@ def photo_step(
     step = relax * damped_step(H, g, scale, 1e-5)
     step = limit_one_step(step, t, radius_m)
     cost = float(np.sqrt(cost / max(total, 1e-12))) / noise
-    return PhotoFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, INFLATION * np.linalg.pinv(H))
+    return PhotoFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, INFLATION * _inverse(H))
+
+
+def _inverse(H: Array) -> Array:
+    """Inverse of a normal matrix, the pseudo-inverse where there is none: that alone costs as much as ten of these."""
+    try:
+        return np.asarray(np.linalg.inv(H))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(H))
 
 
 def _gram(

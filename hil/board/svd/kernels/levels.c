@@ -18,53 +18,102 @@ static const double TRUST[KINDS] = {1.051, 0.051, 0.001};
 /* Place of a drawn pixel's face in tables of faces + 1 entries. */
 static inline int64_t held(int32_t face, int64_t faces) { return face < 0 ? 0 : face > faces ? faces : face; }
 
-/* Group of each face in light and in shadow; how many groups there are, 0 where a byte holds too few.
- * Where shadows are cast, or a byte would not hold all, those that are seen are numbered anew (levels.py, _divided).
+/* Drawn pixels from i on that are looked at together: faces and shadows, the same as the last where they are. */
+#define TOGETHER 4
+
+struct four {
+    uint64_t one, two;
+    uint32_t dark;
+};
+
+/* Whether four pixels are those of last, which they become. */
+static inline int same(const int32_t *seen, const uint8_t *dark, int64_t i, struct four *last)
+{
+    struct four now = {0, 0, 0};
+    int is;
+
+    memcpy(&now.one, seen + i, sizeof now.one);
+    memcpy(&now.two, seen + i + 2, sizeof now.two);
+    if (dark != NULL)
+        memcpy(&now.dark, dark + i, sizeof now.dark);
+    is = now.one == last->one && now.two == last->two && now.dark == last->dark;
+    *last = now;
+    return is;
+}
+
+/* Place in tables (2, faces + 1), those in light first. */
+static inline int64_t place(const int32_t *seen, const uint8_t *dark, int64_t i, int64_t faces)
+{
+    return (dark != NULL && dark[i] ? faces + 1 : 0) + held(seen[i], faces);
+}
+
+/* Which places of the tables occur: there (2, faces + 1). */
+static void occurring(const int32_t *seen, const uint8_t *dark, int64_t pixels, int64_t faces, uint8_t *there)
+{
+    struct four last = {0, 0, 0};
+    int64_t i, j;
+
+    memset(there, 0, (size_t)(2 * (faces + 1)));
+    for (i = 0; i + TOGETHER <= pixels; i += TOGETHER)
+        if (i == 0 || !same(seen, dark, i, &last))
+            for (j = i; j < i + TOGETHER; j++)
+                there[place(seen, dark, j, faces)] = 1;
+    for (; i < pixels; i++)
+        there[place(seen, dark, i, faces)] = 1;
+}
+
+/* Group of each face in light and in shadow, to (2, faces + 1); how many groups there are, 0 where a byte holds too
+ * few. Where shadows are cast, or a byte would not hold all, those that are seen are numbered anew (levels.py,
+ * _divided). new (2, groups) is scratch.
  */
 static int64_t number(const int32_t *seen, const uint8_t *dark, int64_t pixels, const uint16_t *labels,
-                      int64_t faces, int64_t groups, uint8_t *there, uint8_t *to)
+                      int64_t faces, int64_t groups, uint8_t *new, uint8_t *to)
 {
-    int64_t i, n = 1, side;
+    int64_t i, n = 1;
 
     if (dark == NULL && groups <= LABELS) {
         for (i = 0; i <= faces; i++)
             to[i] = to[faces + 1 + i] = (uint8_t)labels[i];
         return groups;
     }
-    /* there (2, 65536) : which labels are seen in light and in shadow; to (2, faces + 1) : the same of faces first */
-    memset(there, 0, 2 * 65536);
-    memset(to, 0, (size_t)(2 * (faces + 1)));
-    for (i = 0; i < pixels; i++)
-        to[(dark != NULL && dark[i] ? faces + 1 : 0) + held(seen[i], faces)] = 1;
-    for (i = 0; i < 2 * (faces + 1); i++)
-        if (to[i])
-            there[i <= faces ? labels[i] : 65536 + labels[i - faces - 1]] = 1;
-    there[0] = 0;
-    for (i = 0; i < 2 * 65536; i++)
-        n += there[i];
+    occurring(seen, dark, pixels, faces, to);
+    memset(new, 0, (size_t)(2 * groups));
+    for (i = 0; i < 2 * (faces + 1); i++) {
+        const int64_t label = labels[i <= faces ? i : i - faces - 1];
+        if (to[i] && label > 0 && label < groups)
+            new[(i <= faces ? 0 : groups) + label] = 1;
+    }
+    for (i = 0; i < 2 * groups; i++)
+        n += new[i];
     if (n > LABELS)
         return 0;
-    n = 1;
-    for (i = 0; i < 2 * 65536; i++)
-        if (there[i])
-            there[i] = (uint8_t)n++;
-    for (side = 0; side < 2; side++)
-        for (i = 0; i <= faces; i++)
-            to[side * (faces + 1) + i] = there[side * 65536 + labels[i]];
+    for (i = 0, n = 1; i < 2 * groups; i++)
+        if (new[i])
+            new[i] = (uint8_t)n++;
+    for (i = 0; i < 2 * (faces + 1); i++) {
+        const int64_t label = labels[i <= faces ? i : i - faces - 1];
+        to[i] = label < groups ? new[(i <= faces ? 0 : groups) + label] : 0;
+    }
     return n;
 }
 
+/* Groups (pixels,) of drawn pixels. */
 static void relabel(const int32_t *seen, const uint8_t *dark, int64_t pixels, int64_t faces, const uint8_t *to,
                     uint8_t *group)
 {
+    struct four last = {0, 0, 0};
+    uint8_t some[TOGETHER] = {0};
     int64_t i;
+    int j;
 
-    if (dark == NULL)
-        for (i = 0; i < pixels; i++)
-            group[i] = to[held(seen[i], faces)];
-    else
-        for (i = 0; i < pixels; i++)
-            group[i] = to[(dark[i] ? faces + 1 : 0) + held(seen[i], faces)];
+    for (i = 0; i + TOGETHER <= pixels; i += TOGETHER) {
+        if (i == 0 || !same(seen, dark, i, &last))
+            for (j = 0; j < TOGETHER; j++)
+                some[j] = to[place(seen, dark, i + j, faces)];
+        memcpy(group + i, some, sizeof some);
+    }
+    for (; i < pixels; i++)
+        group[i] = to[place(seen, dark, i, faces)];
 }
 
 /* Group at each pixel's middle, and whether its corners have the same; both (h, w). */
@@ -93,20 +142,22 @@ static void middles(struct drawing d, uint8_t *centre, uint8_t *solid)
     }
 }
 
-/* Solid pixels with no border of groups on their right or below, and only such about them (3 x 3); inner is scratch. */
-static void cores(const uint8_t *centre, const uint8_t *solid, int64_t h, int64_t w, uint8_t *inner, uint8_t *core)
+/* Solid pixels with no border of groups on their right or below, and only such about them (3 x 3): core. What a pixel
+ * counts for its face's brightness: kind, first it is scratch. All (h, w).
+ */
+static void cores(const uint8_t *centre, const uint8_t *solid, int64_t h, int64_t w, uint8_t *kind, uint8_t *core)
 {
     int64_t x, y;
 
     for (y = 0; y < h; y++) {
         const uint8_t *c = centre + y * w, *below = y + 1 < h ? c + w : c, *s = solid + y * w;
-        uint8_t *in = inner + y * w;
+        uint8_t *in = kind + y * w;
         for (x = 0; x + 1 < w; x++)
             in[x] = s[x] & (c[x] == c[x + 1]) & (c[x] == below[x]);
         in[w - 1] = s[w - 1] & (c[w - 1] == below[w - 1]);
     }
     for (y = 0; y < h; y++) {
-        const uint8_t *b = inner + y * w, *a = y > 0 ? b - w : b, *c = y + 1 < h ? b + w : b;
+        const uint8_t *b = kind + y * w, *a = y > 0 ? b - w : b, *c = y + 1 < h ? b + w : b;
         uint8_t *out = core + y * w;
         out[0] = a[0] & b[0] & c[0];
         for (x = 1; x < w; x++)
@@ -114,6 +165,8 @@ static void cores(const uint8_t *centre, const uint8_t *solid, int64_t h, int64_
         for (x = 0; x + 1 < w; x++)
             out[x] &= a[x + 1] & b[x + 1] & c[x + 1];
     }
+    for (x = 0; x < h * w; x++)
+        kind[x] = (uint8_t)(2 - solid[x] - core[x]);
 }
 
 /* Values of one group and kind, side by side. */
@@ -122,50 +175,52 @@ struct stretch {
     int64_t n;
 };
 
-/* Four sums side by side: one after the other each waits for the last. */
-static double total(struct stretch s)
+/* Sums side by side: one after the other each waits for the last. */
+#define SIDES 4
+
+FASTER static double total(struct stretch s)
 {
-    double sum[4] = {0, 0, 0, 0};
+    double sum[SIDES] = {0};
     int64_t i;
     int j;
 
-    for (i = 0; i + 4 <= s.n; i += 4)
-        for (j = 0; j < 4; j++)
+    for (i = 0; i + SIDES <= s.n; i += SIDES)
+        for (j = 0; j < SIDES; j++)
             sum[j] += (double)s.value[i + j];
     for (; i < s.n; i++)
         sum[0] += (double)s.value[i];
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-/* Sum and number of values nearer to a mean than a bound, and the sum of their distances from another mean. */
+/* Number and sum of values nearer to a mean than a bound, and the sum of their distances from another mean. */
 struct kept {
     double number, sum, away;
 };
 
-static inline void keep(struct kept *k, double value, double mean, double bound, double other)
+FASTER static struct kept near(struct stretch s, double mean, double bound, double other)
 {
-    const double in = fabs(value - mean) < bound ? 1.0 : 0.0;
-
-    k->number += in;
-    k->sum += in * value;
-    k->away += in * fabs(value - other);
-}
-
-static struct kept near(struct stretch s, double mean, double bound, double other)
-{
-    struct kept k[2] = {{0, 0, 0}, {0, 0, 0}};
+    double number[SIDES] = {0}, sum[SIDES] = {0}, away[SIDES] = {0};
+    struct kept out;
     int64_t i;
+    int j;
 
-    for (i = 0; i + 2 <= s.n; i += 2) {
-        keep(&k[0], (double)s.value[i], mean, bound, other);
-        keep(&k[1], (double)s.value[i + 1], mean, bound, other);
+    for (i = 0; i + SIDES <= s.n; i += SIDES)
+        for (j = 0; j < SIDES; j++) {
+            const double v = (double)s.value[i + j], in = fabs(v - mean) < bound ? 1.0 : 0.0;
+            number[j] += in;
+            sum[j] += in * v;
+            away[j] += in * fabs(v - other);
+        }
+    for (; i < s.n; i++) {
+        const double v = (double)s.value[i], in = fabs(v - mean) < bound ? 1.0 : 0.0;
+        number[0] += in;
+        sum[0] += in * v;
+        away[0] += in * fabs(v - other);
     }
-    if (i < s.n)
-        keep(&k[0], (double)s.value[i], mean, bound, other);
-    k[0].number += k[1].number;
-    k[0].sum += k[1].sum;
-    k[0].away += k[1].away;
-    return k[0];
+    out.number = (number[0] + number[1]) + (number[2] + number[3]);
+    out.sum = (sum[0] + sum[1]) + (sum[2] + sum[3]);
+    out.away = (away[0] + away[1]) + (away[2] + away[3]);
+    return out;
 }
 
 /* The same over all kinds of one group, each by its trust. */
@@ -206,36 +261,56 @@ static double mean_of(const struct stretch *s, double sigma)
     return some.sum / at_least(some.number, 1e-9);
 }
 
-/* Mean (groups,) of each group's pixels and their number in core (levels.py, _levels). value (h w,) is scratch. */
-static void means(const uint8_t *centre, const uint8_t *solid, const uint8_t *core, const float *gray,
-                  int64_t pixels, int64_t groups, double sigma, double *level, int64_t *area, float *value)
-{
-    int64_t first[KINDS * 256 + 1] = {0}, next[KINDS * 256];
-    int64_t i, g;
-    int pass, k;
+/* Pixels of one group and kind beside each other. */
+struct run {
+    int32_t start, n, key;
+};
 
-    /* sorted by group and kind: first how many there are, then each to its place; most have the last one's kind */
-    for (pass = 0; pass < 2; pass++) {
-        i = 0;
-        while (i < pixels) {
-            const uint8_t c = centre[i], s = solid[i], o = core[i];
-            const int64_t start = i, key = KINDS * c + (o ? 0 : s ? 1 : 2);
-            for (i++; i < pixels && centre[i] == c && solid[i] == s && core[i] == o; i++)
-                continue;
-            if (!s && c == 0)
-                continue;
-            if (pass == 0)
-                first[key + 1] += i - start;
-            else {
-                memcpy(value + next[key], gray + start, (size_t)(i - start) * sizeof *value);
-                next[key] += i - start;
-            }
-        }
-        if (pass == 0)
-            for (g = 0; g < KINDS * 256; g++) {
-                first[g + 1] += first[g];
-                next[g] = first[g];
-            }
+/* Runs of pixels that count, at most one each; how many. */
+static int64_t runs_of(const uint8_t *centre, const uint8_t *kind, int64_t pixels, struct run *run)
+{
+    const uint64_t ones = 0x0101010101010101u;
+    int64_t i = 0, n = 0;
+
+    while (i < pixels) {
+        const int64_t start = i++;
+        const uint8_t c = centre[start], k = kind[start];
+        uint64_t groups, kinds;
+        while (i + 8 <= pixels && (memcpy(&groups, centre + i, 8), memcpy(&kinds, kind + i, 8), groups == ones * c)
+               && kinds == ones * k)
+            i += 8;
+        while (i < pixels && centre[i] == c && kind[i] == k)
+            i++;
+        if (c > 0 || k < 2)
+            run[n++] = (struct run){(int32_t)start, (int32_t)(i - start), KINDS * c + k};
+    }
+    return n;
+}
+
+/* Mean (groups,) of each group's pixels and their number in core (levels.py, _levels). value (h w,) and run (h w,)
+ * are scratch.
+ */
+static void means(const uint8_t *centre, const uint8_t *kind, const float *gray, int64_t pixels, int64_t groups,
+                  double sigma, double *level, int64_t *area, float *value, struct run *run)
+{
+    const int64_t runs = runs_of(centre, kind, pixels, run);
+    int64_t first[KINDS * 256 + 1] = {0}, next[KINDS * 256];
+    int64_t i, j, g;
+    int k;
+
+    /* sorted by group and kind: first how many there are, then each to its place */
+    for (i = 0; i < runs; i++)
+        first[run[i].key + 1] += run[i].n;
+    for (g = 0; g < KINDS * 256; g++) {
+        first[g + 1] += first[g];
+        next[g] = first[g];
+    }
+    for (i = 0; i < runs; i++) {
+        const float *from = gray + run[i].start;
+        float *to = value + next[run[i].key];
+        for (j = 0; j < run[i].n; j++)
+            to[j] = from[j];
+        next[run[i].key] += run[i].n;
     }
     for (g = 0; g < groups; g++) {
         struct stretch s[KINDS];
@@ -366,16 +441,16 @@ static void emptiness(struct drawing d, float *empty)
 
 /* Scratch of fly_shade, one piece of memory. */
 struct scratch {
-    uint8_t *there, *to, *solid, *inner;
+    uint8_t *new, *to, *solid, *kind;
     float *value, *work;
     struct pieces pieces;
 };
 
-static void *laid_out(int64_t faces, int64_t h, int64_t w, int64_t f, struct scratch *s)
+static void *laid_out(int64_t faces, int64_t groups, int64_t h, int64_t w, int64_t f, struct scratch *s)
 {
     const size_t cells = (size_t)(h * w), to = (2 * (size_t)(faces + 1) + 7) & ~(size_t)7;
     const size_t wide = (cells + 8) * sizeof(double), drawn = cells * (size_t)(f * f) * sizeof(struct piece);
-    uint8_t *at = malloc(4 * wide + drawn + 2 * 65536 + to + 2 * cells), *const block = at;
+    uint8_t *at = malloc(4 * wide + drawn + 2 * (size_t)groups + to + 2 * cells), *const block = at;
 
     if (at == NULL)
         return NULL;
@@ -384,10 +459,10 @@ static void *laid_out(int64_t faces, int64_t h, int64_t w, int64_t f, struct scr
     s->pieces.cell = (int32_t *)(void *)(at += wide / 2);
     s->pieces.piece = (struct piece *)(void *)(at += wide / 2);
     s->pieces.n = s->pieces.cells = 0;
-    s->there = at += drawn;
-    s->to = at += 2 * 65536;
+    s->new = at += drawn;
+    s->to = at += 2 * groups;
     s->solid = at += to;
-    s->inner = at + cells;
+    s->kind = at + cells;
     return block;
 }
 
@@ -408,7 +483,7 @@ int64_t fly_shade(const int32_t *seen, const uint8_t *dark, const uint16_t *labe
     struct scratch s;
     float single[256] = {0};
     uint8_t thin[256] = {0};
-    void *block = laid_out(faces, h, w, f, &s);
+    void *block = laid_out(faces, groups, h, w, f, &s);
     int64_t n, g;
 
     if (block == NULL)
@@ -417,12 +492,12 @@ int64_t fly_shade(const int32_t *seen, const uint8_t *dark, const uint16_t *labe
         free(block);
         return 0;
     }
-    n = number(seen, dark, h * w * f * f, labels, faces, groups, s.there, s.to);
+    n = number(seen, dark, h * w * f * f, labels, faces, groups, s.new, s.to);
     if (n > 0) {
         relabel(seen, dark, h * w * f * f, faces, s.to, group);
         middles(d, centre, s.solid);
-        cores(centre, s.solid, h, w, s.inner, core);
-        means(centre, s.solid, core, gray, h * w, n, sigma, level, area, s.value);
+        cores(centre, s.solid, h, w, s.kind, core);
+        means(centre, s.kind, gray, h * w, n, sigma, level, area, s.value, (struct run *)(void *)s.work);
         *shown = level[0];
         for (g = 0; g < n; g++) {
             level[g] = fly_brightness(r, level[g]);

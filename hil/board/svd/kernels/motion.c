@@ -32,7 +32,7 @@ static inline const float *plane_of(const struct moving *m, const struct rays *r
 static inline float depth_of(const float *n, float x, float y) { return n[0] * x + n[1] * y + n[2]; }
 
 /* Derivatives part (WIDE,) that a border makes between two groups that meet across or down, at a ray; 0 for none. */
-static int moved(const struct moving *m, const struct rays *r, int across, float x, float y, int32_t a, int32_t b,
+static inline int moved(const struct moving *m, const struct rays *r, int across, float x, float y, int32_t a, int32_t b,
                  double change, float *part)
 {
     const float *na = plane_of(m, r, a), *nb = plane_of(m, r, b);
@@ -40,7 +40,7 @@ static int moved(const struct moving *m, const struct rays *r, int across, float
     const float tx = (float)m->t[0], ty = (float)m->t[1], tz = (float)m->t[2];
 
     /* faces seen from the edge have no depth that can be trusted */
-    if (!(inverse > 0.2 / m->t[2] && inverse < 5.0 / m->t[2]))
+    if (!(inverse > r->least && inverse < r->most))
         return 0;
     const float k = (float)(change * (double)inverse), own = across ? x : y;
     const float depth = 1.0f / inverse, X = x * depth - tx, Y = y * depth - ty, Z = depth - tz;
@@ -79,16 +79,16 @@ static inline double light(const struct moving *m, uint8_t group, double ground)
 }
 
 /* What a border on the right of drawn pixel x of a row makes, at the coordinate y of its ray. */
-static void put_right(const struct moving *m, const struct rays *r, struct drawing d, const uint8_t *row,
-                      const int32_t *face, int64_t x, float y, double ground, float *cell, uint8_t *any)
+static void put_right(const struct moving *m, const struct rays *r, const uint8_t *row, const int32_t *face,
+                      int64_t x, float y, double ground, float *cell, uint8_t *any)
 {
-    const int64_t c = x / d.f;
-    const int shared = (x + 1) % d.f == 0;
+    const int64_t c = r->column[x];
+    const int shared = r->end[x];
     const double change = light(m, row[x], ground) - light(m, row[x + 1], ground);
     float part[WIDE];
 
     if (!moved(m, r, 1, r->between[x], y, face[x], face[x + 1],
-               change * (shared ? 0.5 : 1.0) / ((double)(d.f * d.f) * m->step_u), part))
+               change * (shared ? 0.5 * r->across : r->across), part))
         return;
     put(part, cell + WIDE * c);
     any[c] = 1;
@@ -99,20 +99,16 @@ static void put_right(const struct moving *m, const struct rays *r, struct drawi
     }
 }
 
-/* What a border below pixel x of drawn row k makes, in one of the canvas pixels it lies in. */
-static void put_below(const struct moving *m, const struct rays *r, struct drawing d, int64_t k, int64_t x,
-                      double ground, float *cell, uint8_t *any)
+/* What a border below drawn pixel x of a row makes, at the coordinate y of its ray, of which share is asked for. */
+static void put_below(const struct moving *m, const struct rays *r, const uint8_t *row, const uint8_t *below,
+                      const int32_t *face, const int32_t *face_below, int64_t x, float y, double share, double ground,
+                      float *cell, uint8_t *any)
 {
-    const int64_t wide = d.w * d.f, c = x / d.f;
-    const uint8_t *row = d.group + k * wide;
-    const int32_t *face = m->seen + k * wide;
-    const double change = light(m, row[x], ground) - light(m, row[x + wide], ground);
-    const double share = (k + 1) % d.f == 0 ? 0.5 : 1.0;
-    const float y = (float)(m->v + m->step_v * ((double)k + 0.5));
+    const int64_t c = r->column[x];
+    const double change = light(m, row[x], ground) - light(m, below[x], ground);
     float part[WIDE];
 
-    if (!moved(m, r, 0, r->x[x], y, face[x], face[x + wide],
-               change * share / ((double)(d.f * d.f) * m->step_v), part))
+    if (!moved(m, r, 0, r->x[x], y, face[x], face_below[x], change * share * r->down, part))
         return;
     put(part, cell + WIDE * c);
     any[c] = 1;
@@ -121,24 +117,28 @@ static void put_below(const struct moving *m, const struct rays *r, struct drawi
 void fly_moving_row(const struct moving *m, const struct rays *r, struct drawing d, int64_t y, float *cell,
                     uint8_t *any)
 {
-    const int64_t wide = d.w * d.f, high = d.h * d.f, above = y * d.f - 1;
+    const int64_t wide = d.w * d.f, high = d.h * d.f, above = y * d.f - 1, last = (y + 1) * d.f - 1;
     int64_t x, k;
 
     /* from the row above, half of what lies along its lower side */
-    for (k = above < 0 ? 0 : above; k < (y + 1) * d.f; k++) {
-        const uint8_t *row = d.group + k * wide, *below = k + 1 < high ? row + wide : row;
-        const float *behind = m->behind == NULL ? NULL : m->behind + k / d.f * d.w;
+    for (k = above < 0 ? 0 : above; k <= last; k++) {
+        const int64_t under = k + 1 < high ? wide : 0;
+        const uint8_t *row = d.group + k * wide, *below = row + under;
+        const int32_t *face = m->seen + k * wide;
+        const float *behind = m->behind == NULL ? NULL : m->behind + (k == above ? y - 1 : y) * d.w;
         const float ray = (float)(m->v + m->step_v * (double)k);
+        const float between = (float)(m->v + m->step_v * ((double)k + 0.5));
+        const double share = k == above || k == last ? 0.5 : 1.0;
         for (x = 0; x < wide; x++) {
             while (x + 9 <= wide && alike(row, below, x))
                 x += 8;
             if (x >= wide)
                 break;
-            const double ground = behind == NULL ? 0.0 : (double)behind[x / d.f];
+            const double ground = behind == NULL ? 0.0 : (double)behind[r->column[x]];
             if (k != above && x + 1 < wide && row[x] != row[x + 1])
-                put_right(m, r, d, row, m->seen + k * wide, x, ray, ground, cell, any);
+                put_right(m, r, row, face, x, ray, ground, cell, any);
             if (row[x] != below[x])
-                put_below(m, r, d, k, x, ground, cell, any);
+                put_below(m, r, row, below, face, face + under, x, between, share, ground, cell, any);
         }
     }
 }
@@ -146,7 +146,7 @@ void fly_moving_row(const struct moving *m, const struct rays *r, struct drawing
 float *fly_rays_of(const struct moving *m, struct drawing d, struct rays *r)
 {
     const int64_t wide = d.w * d.f;
-    float *block = malloc((size_t)(4 * (m->faces + 1) + 2 * wide) * sizeof *block);
+    float *block = malloc((size_t)(4 * (m->faces + 1) + 4 * wide) * sizeof *block);
     int64_t x;
 
     if (block == NULL)
@@ -154,10 +154,18 @@ float *fly_rays_of(const struct moving *m, struct drawing d, struct rays *r)
     r->near = block;
     r->x = block + 4 * (m->faces + 1);
     r->between = r->x + wide;
+    r->column = (int32_t *)(void *)(r->between + wide);
+    r->end = r->column + wide;
+    r->across = 1.0 / ((double)(d.f * d.f) * m->step_u);
+    r->down = 1.0 / ((double)(d.f * d.f) * m->step_v);
+    r->least = 0.2 / m->t[2];
+    r->most = 5.0 / m->t[2];
     planes(m, r->near);
     for (x = 0; x < wide; x++) {
         r->x[x] = (float)(m->u + m->step_u * (double)x);
         r->between[x] = (float)(m->u + m->step_u * ((double)x + 0.5));
+        r->column[x] = (int32_t)(x / d.f);
+        r->end[x] = (x + 1) % d.f == 0;
     }
     return block;
 }

@@ -20,11 +20,14 @@ struct moving {
 };
 
 /* What the row of a canvas is made from: inverse depth n / d of each face's plane, zero first; the rays' coordinates
- * at drawn pixels and half-way to the next ones.
+ * at drawn columns and half-way to the next ones, the canvas pixel that each lies in, and whether it is its last.
  */
 struct rays {
-    float *near;          /* (faces + 1, 4) */
-    float *x, *between;   /* (w f,) */
+    float *near;           /* (faces + 1, 4) */
+    float *x, *between;    /* (w f,) */
+    int32_t *column, *end; /* (w f,) */
+    double across, down;   /* of a border's brightness, per drawn pixel [1 / px] */
+    double least, most;    /* inverse depths that can be trusted [1 / m] */
 };
 
 /* The rays of a canvas; one piece of memory, to be freed, NULL where there is none. */

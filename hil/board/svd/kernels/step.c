@@ -28,7 +28,7 @@ struct rows {
     float *weight;  /* (n,) */
     int32_t *x;     /* (n,) */
     uint8_t *craft; /* (n,) whether a face is in its middle */
-    int64_t *first; /* (h + 1,) where each row of the canvas begins */
+    int32_t *first; /* (h w + 1,) the first at or after each pixel of the canvas */
     int64_t n;
 };
 
@@ -109,6 +109,14 @@ static inline void take(const struct look *v, struct drawing d, int64_t x, int64
     out->x[n] = (int32_t)x;
 }
 
+static inline void join(uint8_t *restrict to, const uint8_t *restrict from, int64_t n)
+{
+    int64_t x;
+
+    for (x = 0; x < n; x++)
+        to[x] |= from[x];
+}
+
 /* Row y from the rows about it, blurred across already: its pixels whose derivatives count. hit (w,) is scratch. */
 FASTER static void blurred_row(const struct across *ring, int64_t size, const struct look *v, struct drawing d,
                                int64_t y, uint8_t *hit, struct rows *out)
@@ -122,12 +130,11 @@ FASTER static void blurred_row(const struct across *ring, int64_t size, const st
     for (j = -r; j <= r; j++) {
         const struct across *row = ring + fly_mirrored(y + j, d.h) % size;
         cell[r + j] = row->cell;
-        for (x = 0; x < d.w; x++)
-            hit[x] |= row->hit[x];
+        join(hit, row->hit, d.w);
     }
-    out->first[y] = out->n;
     for (x = 0; x < d.w; x++) {
         float sum[WIDE] = {0};
+        out->first[y * d.w + x] = (int32_t)out->n;
         if (!hit[x])
             continue;
         for (j = 0; j <= 2 * r; j++)
@@ -136,7 +143,7 @@ FASTER static void blurred_row(const struct across *ring, int64_t size, const st
         if (larger(larger(fabsf(sum[0]), fabsf(sum[1])), fabsf(sum[2])) > LEAST)
             take(v, d, x, y, sum, out);
     }
-    out->first[y + 1] = out->n;
+    out->first[(y + 1) * d.w] = (int32_t)out->n;
 }
 
 /* All pixels that the pose moves, row by row, so that what is blurred stays near; -1 where there is no memory. */
@@ -342,30 +349,15 @@ static struct box wider(struct box b, int64_t reach, struct drawing d)
     return b;
 }
 
-/* First pixel of row y whose x is no less. */
-static int64_t first_of(const struct rows *rows, int64_t y, int64_t x)
-{
-    int64_t low = rows->first[y], high = rows->first[y + 1];
-
-    while (low < high) {
-        const int64_t middle = (low + high) / 2;
-        if (rows->x[middle] < x)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low;
-}
-
 /* Shares of a group, the canvas's within a box (box's w wide), noted. */
-static void note(const struct rows *rows, struct box b, const float *share, float part, int64_t slot, struct cover *c)
+static void note(const struct rows *rows, int64_t w, struct box b, const float *share, float part, int64_t slot, struct cover *c)
 {
     int64_t y, i;
 
     for (y = b.y0; y < b.y1; y++) {
-        const float *row = share + (y - b.y0) * (b.x1 - b.x0) - b.x0;
-        for (i = first_of(rows, y, b.x0); i < rows->first[y + 1] && rows->x[i] < b.x1; i++) {
-            const float v = row[rows->x[i]];
+        const float *row = share + (y - b.y0) * (b.x1 - b.x0);
+        for (i = rows->first[y * w + b.x0]; i < rows->first[y * w + b.x1]; i++) {
+            const float v = row[rows->x[i] - b.x0];
             if (v > 0) {
                 c->share[c->n] = (struct share){v * part, c->last[i], (int32_t)slot};
                 c->last[i] = (int32_t)c->n++;
@@ -389,7 +381,7 @@ static int cover_rows(struct drawing d, const uint8_t *chosen, int64_t n, struct
     for (k = 0; k < n; k++) {
         const struct box b = wider(box[chosen[k]], reach, d);
         if (b.y0 < b.y1)
-            most += rows->first[b.y1] - rows->first[b.y0];
+            most += rows->first[b.y1 * d.w] - rows->first[b.y0 * d.w];
     }
     c->share = malloc((size_t)(most + 1) * sizeof *c->share);
     if (own == NULL || c->share == NULL || most > INT32_MAX) {
@@ -401,13 +393,13 @@ static int cover_rows(struct drawing d, const uint8_t *chosen, int64_t n, struct
     for (k = 0; k < n; k++) {
         const struct box all = box[chosen[k]], b = wider(all, reach, d);
         const int64_t w = b.x1 - b.x0, h = b.y1 - b.y0;
-        if (all.x0 >= all.x1 || rows->first[b.y0] == rows->first[b.y1])
+        if (all.x0 >= all.x1 || rows->first[b.y0 * d.w] == rows->first[b.y1 * d.w])
             continue;
         const struct box full = {b.x0, all.y0, b.x1, all.y1};
         memset(own, 0, (size_t)(h * w) * sizeof *own);
         counted(d, chosen[k], full, (uint8_t *)line, own + (all.y0 - b.y0) * w);
         fly_blur_some(own, h, w, all.y0 - b.y0, all.y1 - b.y0, g, blurred, scratch, line);
-        note(rows, b, blurred, 1.0f / (float)(d.f * d.f), k, c);
+        note(rows, d.w, b, blurred, 1.0f / (float)(d.f * d.f), k, c);
     }
     free(own);
     return 0;
@@ -495,9 +487,9 @@ struct memory {
 static int laid_out(int64_t h, int64_t w, struct memory *m)
 {
     /* whole lines of each */
-    const size_t n = ((size_t)(h * w) + WIDE - 1) / WIDE * WIDE, floats = (WIDE + 3 + 2 + 4) * n + WIDE;
-    const size_t first = (size_t)(h + 1) * sizeof(int64_t), sums = sizeof(struct sums);
-    uint8_t *block = malloc(first + floats * sizeof(float) + sums + n);
+    const size_t n = ((size_t)(h * w) + WIDE - 1) / WIDE * WIDE, floats = (WIDE + 3 + 3 + 4) * n + 2 * WIDE;
+    const size_t sums = sizeof(struct sums);
+    uint8_t *block = malloc(floats * sizeof(float) + sums + n);
     float *at;
 
     m->block = block;
@@ -505,14 +497,14 @@ static int laid_out(int64_t h, int64_t w, struct memory *m)
     m->cover.n = m->rows.n = 0;
     if (block == NULL)
         return -1;
-    m->rows.first = (int64_t *)(void *)block;
-    m->rows.d = at = aligned((float *)(void *)(m->rows.first + h + 1));
+    m->rows.d = at = aligned((float *)(void *)block);
     m->rows.slope = at += WIDE * n;
     m->rows.edge = at += n;
     m->rows.weight = at += n;
     m->rows.x = (int32_t *)(void *)(at += n);
     m->cover.last = (int32_t *)(void *)(at += n);
-    m->shown = at += n;
+    m->rows.first = (int32_t *)(void *)(at += n);
+    m->shown = at += n + WIDE;
     m->slope = at += n;
     m->drawn = at += n;
     m->sample = at += n;
