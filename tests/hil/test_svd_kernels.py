@@ -126,6 +126,14 @@ def test_who_asks_is_told_what_runs(
 def test_an_array_of_another_kind_is_refused() -> None:
     with pytest.raises(ValueError, match="float32"):
         library.address(np.zeros((2, 3)), "float32")
+    kept = np.arange(6.0)
+    kept.flags.writeable = False
+    assert (
+        library.address(kept, "float64") == library.address(kept.reshape(2, 3), "float64") == kept.ctypes.data
+    )
+    fresh = np.zeros((3, 2))
+    assert library.address(fresh, "float64", (3, 2)) == fresh.ctypes.data
+    assert library.address(np.zeros((0, 3)), "float64", (0, 3)) >= 0
     with pytest.raises(ValueError, match="float64"):
         library.address(np.zeros((4, 6))[:, ::2], "float64")
     with pytest.raises(ValueError, match="float64"):

@@ -46,6 +46,8 @@ WIDE = {"avx2": "-mavx2"}
 CHOICE = "FLYAROUND_KERNELS"
 CHOICES = ("auto", "numpy", "native")
 
+_FIRST = ctypes.c_char
+
 # A compiler that takes longer is stopped [s].
 LONGEST_S = 120.0
 
@@ -166,7 +168,12 @@ def address(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> int
     """
     if a.dtype != kind or not a.flags.c_contiguous or (shape is not None and a.shape != shape):
         raise ValueError(f"a kernel takes {kind} {shape or ''}, not {a.dtype} {a.shape}")
-    return int(a.__array_interface__["data"][0])
+    try:
+        # a fifth of the time of what numpy tells itself
+        return ctypes.addressof(_FIRST.from_buffer(a))
+    except (TypeError, ValueError):
+        # it must not be written to, or is empty
+        return int(a.__array_interface__["data"][0])
 
 
 def laid(a: Array, kind: str) -> Array:
