@@ -178,4 +178,4 @@ def address(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> int
 
 def laid(a: Array, kind: str) -> Array:
     """The array as a kernel takes it: C-contiguous, of this dtype; itself where it is so."""
-    return np.ascontiguousarray(a, dtype=kind)
+    return a if a.dtype == kind and a.flags.c_contiguous else np.ascontiguousarray(a, dtype=kind)

@@ -32,7 +32,7 @@ static int64_t ratio(int64_t a, int64_t b)
 static int64_t nearest(double x)
 {
     const double shift = 6755399441055744.0; /* 1.5 * 2^52 */
-    volatile double sum = x + shift;
+    double sum = x + shift;
     return (int64_t)(sum - shift);
 }
 
@@ -86,41 +86,42 @@ static void put(const struct picture *out, int64_t x, int64_t y, int32_t number)
         out->seen[y * out->w + x] = number;
 }
 
-/* A line one pixel wide between points of 16 binary places: the pixels that OpenCV fills on a polygon's border. */
-static void line(const struct picture *out, struct point a, struct point b, int32_t number)
+/* A line one pixel wide between points of 16 binary places: the pixels that OpenCV fills on a polygon's border.
+ *
+ * inside : whether all of it lies a pixel within the picture, so that nothing needs to be asked.
+ */
+static void line(const struct picture *out, struct point a, struct point b, int inside, int32_t number)
 {
     int64_t dx, dy, step, count, along, aside;
-    struct point swapped;
+    int flat;
 
-    if (!clipped(&a, &b, out->w * ONE - 1, out->h * ONE - 1))
+    if (!inside && !clipped(&a, &b, out->w * ONE - 1, out->h * ONE - 1))
         return;
     dx = b.x - a.x;
     dy = b.y - a.y;
-    if (magnitude(dx) > magnitude(dy)) {
-        if (dx < 0) {
-            swapped = a, a = b, b = swapped;
-            dx = -dx, dy = -dy;
-        }
-        step = ratio(dy * ONE, dx | 1);
-        count = (b.x - a.x) >> 16;
-        put(out, (b.x + ONE / 2) >> 16, (b.y + ONE / 2) >> 16, number);
-        along = (a.x + ONE / 2) >> 16;
-        aside = a.y + ONE / 2;
-        for (; count >= 0; count--, along++, aside += step)
-            put(out, along, aside >> 16, number);
-    } else {
-        if (dy < 0) {
-            swapped = a, a = b, b = swapped;
-            dx = -dx, dy = -dy;
-        }
-        step = ratio(dx * ONE, dy | 1);
-        count = (b.y - a.y) >> 16;
-        put(out, (b.x + ONE / 2) >> 16, (b.y + ONE / 2) >> 16, number);
-        along = (a.y + ONE / 2) >> 16;
-        aside = a.x + ONE / 2;
-        for (; count >= 0; count--, along++, aside += step)
-            put(out, aside >> 16, along, number);
+    flat = magnitude(dx) > magnitude(dy);
+    if ((flat ? dx : dy) < 0) {
+        struct point swapped = a;
+        a = b, b = swapped;
+        dx = -dx, dy = -dy;
     }
+    step = flat ? ratio(dy * ONE, dx | 1) : ratio(dx * ONE, dy | 1);
+    count = (flat ? dx : dy) >> 16;
+    along = ((flat ? a.x : a.y) + ONE / 2) >> 16;
+    aside = (flat ? a.y : a.x) + ONE / 2;
+    put(out, (b.x + ONE / 2) >> 16, (b.y + ONE / 2) >> 16, number);
+    if (inside) {
+        int32_t *at = out->seen + (flat ? along : along * out->w);
+        if (flat)
+            for (; count >= 0; count--, at++, aside += step)
+                at[(aside >> 16) * out->w] = number;
+        else
+            for (; count >= 0; count--, at += out->w, aside += step)
+                at[aside >> 16] = number;
+        return;
+    }
+    for (; count >= 0; count--, along++, aside += step)
+        put(out, flat ? along : aside >> 16, flat ? aside >> 16 : along, number);
 }
 
 /* One of the two sides that a convex polygon is filled between. */
@@ -138,7 +139,7 @@ static void fill(const struct picture *out, const struct point *v, int32_t numbe
 {
     struct side side[2];
     int64_t top, bottom, left, right, y;
-    int k, i, highest = 0, edges = 4;
+    int k, i, highest = 0, edges = 4, inside;
 
     left = right = v[0].x;
     top = bottom = v[0].y;
@@ -153,10 +154,13 @@ static void fill(const struct picture *out, const struct point *v, int32_t numbe
     if (right + 2 * FINER < 0 || bottom + 2 * FINER < 0 || left > (out->w + 1) * FINER ||
         top > (out->h + 1) * FINER)
         return;
+    inside = left >= FINER && top >= FINER && right < (out->w - 1) * FINER && bottom < (out->h - 1) * FINER;
     for (k = 0; k < 4; k++) {
         struct point a = {v[(k + 3) & 3].x * (ONE / FINER), v[(k + 3) & 3].y * (ONE / FINER)};
         struct point b = {v[k].x * (ONE / FINER), v[k].y * (ONE / FINER)};
-        line(out, a, b, number);
+        /* a corner that is there twice is drawn by the lines that meet in it */
+        if (k == 0 || a.x != b.x || a.y != b.y)
+            line(out, a, b, inside, number);
     }
     left = (left + FINER / 2) >> 4;
     right = (right + FINER / 2) >> 4;

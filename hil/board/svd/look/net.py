@@ -80,7 +80,10 @@ class Net:
         """
         x = looks
         for kernel, bias, stride in zip(self.kernels, self.biases, STRIDES):  # noqa: B905 - 3.9
-            x = np.maximum(convolve(x, kernel, stride) + bias, 0.0)
+            x = convolve(x, kernel, stride)
+            # in place: new memory for each would cost as much as a layer's product
+            x += bias
+            np.maximum(x, 0.0, out=x)
         x = np.maximum(x @ self.squeeze[0] + self.squeeze[1], 0.0).reshape(len(x), -1)
         x = np.maximum(x @ self.hidden[0] + self.hidden[1], 0.0)
         out = x @ self.heads[0] + self.heads[1]
