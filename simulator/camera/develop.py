@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.camera.detector import detect, detector_sigma, electrons_per_radiance
-from simulator.camera.halves import in_halves
 from simulator.camera.optics import Optics
 from simulator.camera.psf import blur, defocus_px
 from simulator.camera.recipe_noise import arithmetic_of, draw_noise
 from simulator.camera.shading import veiling_glare, vignetting
+from simulator.camera.sharing import pieces_of, share_out
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,9 +28,7 @@ if TYPE_CHECKING:
     from simulator.camera.sensor import Sensor
 
 _PERFECT_LENS = Optics()
-_WORTH_HALVES = (
-    3 << 19
-)  # values of a picture: a megapixel's digital numbers are as soon there from one thread
+_PIECE_VALUES = 3 << 18  # shorter ones would wait for Python's lock
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,5 +148,5 @@ def digitise(
         np.clip(steps, 0, full, out=steps)
         out[rows] = steps
 
-    in_halves(len(flat), digitise_rows, worth=flat.size >= _WORTH_HALVES)
+    share_out(pieces_of(len(flat), flat.size // _PIECE_VALUES), digitise_rows)
     return out.reshape(signal.shape)

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.special import j1
 
-from simulator.camera.halves import in_halves
 from simulator.camera.pyramid import Pyramid, fit_kernel, fit_pyramid
+from simulator.camera.sharing import pieces_of, share_out
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,8 +34,9 @@ _WIDEST_DISC_PX = 2.0
 _SEEN = 0.45  # cycles per pixel; at Nyquist itself every kernel without negative taps is off
 _CHECKED = np.linspace(0, 0.5, 26)
 LARGEST_KERNEL = 63
-_WORTH_HALVES = 1 << 18  # values of a picture
-_PIECE_VALUES = 1 << 18  # stay in a processor's cache; twice as many OpenCV does not share out either
+_ONE_THREAD_VALUES = 1 << 19  # so few OpenCV does not share out
+_PIECE_VALUES = 1 << 18  # stay in a processor's cache
+_WORTH_TWO = 3 << 19
 
 
 def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
@@ -247,37 +248,56 @@ def scaled(image: Float32Array, gain: Float32Array) -> Float32Array:
 def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Array) -> Float32Array:
     """A Gaussian blur times ``gain``, in pieces of rows, so that OpenCV leaves its threads alone.
 
-    They spin for two milliseconds after it, while the driver is to draw the next frame.
+    They spin for two milliseconds after it, while the driver is to draw the next frame. A picture of more than a
+    megapixel is shared out between two threads of Python; beside one, another draws the noise.
 
     Parameters
     ----------
     image : (H, W) or (H, W, n). gain : a number, or (n,) one a band, by which the picture is multiplied first.
     """
     taps = gaussian_taps(sigma_px)
-    down = taps if isinstance(gain, np.ndarray) else (taps * np.float32(gain)).astype(np.float32)
+    if isinstance(gain, np.ndarray):
+        return _blurred_by_two(image, taps, taps, np.tile(gain, image.shape[1]))
+    down = (taps * np.float32(gain)).astype(np.float32)
+    if image.size >= _WORTH_TWO:
+        return _blurred_by_two(image, taps, down, None)
     reach = len(taps) // 2
-    height, width = len(image), image[0].size
-    most = min(max(_PIECE_VALUES // max(width, 1), 1), height)
-    by_value = np.tile(gain, image.shape[1]) if isinstance(gain, np.ndarray) else None
+    rows = max(_ONE_THREAD_VALUES // max(image[0].size, 1), len(taps))
+    out = np.empty(image.shape, np.float32)
+    for first in range(0, len(image), rows):
+        # rows at a cut come out wrong, as if the picture ended there: those above are kept, those below made again
+        above, end = max(first - reach, 0), min(first + rows + reach, len(image))
+        kept = out[above:first].copy()
+        cv2.sepFilter2D(
+            image[above:end], cv2.CV_32F, taps, down, dst=out[above:end], borderType=cv2.BORDER_REPLICATE
+        )
+        out[above:first] = kept
+    return out
+
+
+def _blurred_by_two(
+    image: Float32Array, across: Float32Array, down: Float32Array, by_value: Float32Array | None
+) -> Float32Array:
+    """`gaussian_blur` by taps along rows and columns, by two threads; by_value: (W n,) factors of a row, if any."""
+    reach, height = len(across) // 2, len(image)
+    pieces = pieces_of(height, image.size // _PIECE_VALUES)
+    shape = (max(end - first for first, end in pieces) + 2 * reach, *image.shape[1:])
+    scratch: list[Float32Array] = []  # kept from piece to piece: new memory takes longer than the work on it
     out = np.empty(image.shape, np.float32)
 
     def blur_rows(first: int, end: int) -> None:
-        rows = -(-(end - first) // -(-(end - first) // most))  # pieces of about one size
-        made = np.empty((rows + 2 * reach, *image.shape[1:]), np.float32)
-        lit = np.empty_like(made)
-        for top in range(first, end, rows):
-            bottom = min(top + rows, end)
-            # rows at a cut come out wrong, as if the picture ended there
-            above, below = max(top - reach, 0), min(bottom + reach, height)
-            piece, count = image[above:below], below - above
-            if by_value is not None:
-                flat = lit[:count].reshape(count, width)
-                np.multiply(piece.reshape(count, width), by_value, out=flat)
-                piece = lit[:count]
-            cv2.sepFilter2D(piece, cv2.CV_32F, taps, down, dst=made[:count], borderType=cv2.BORDER_REPLICATE)
-            out[top:bottom] = made[top - above : bottom - above]
+        above, below = max(first - reach, 0), min(end + reach, height)
+        both = scratch.pop() if scratch else np.empty((2, *shape), np.float32)
+        made, piece = both[0, : below - above], image[above:below]
+        if by_value is not None:
+            lit = both[1, : below - above]
+            np.multiply(piece.reshape(len(piece), -1), by_value, out=lit.reshape(len(lit), -1))
+            piece = lit
+        cv2.sepFilter2D(piece, cv2.CV_32F, across, down, dst=made, borderType=cv2.BORDER_REPLICATE)
+        out[first:end] = made[first - above : end - above]
+        scratch.append(both)
 
-    in_halves(height, blur_rows, worth=image.size >= _WORTH_HALVES)
+    share_out(pieces, blur_rows)
     return out
 
 
