@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from simulator.camera.sharing import pieces_of, share_out
 from simulator.render.context import release
 from simulator.render.projection import PixelRect
 
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import Float32Array
+
+_WORTH_TWO = 3 << 19  # values of a picture that two threads put in order sooner than one
 
 
 class Images:
@@ -103,7 +106,12 @@ class Images:
         ]
         rows = [whole[k::2].view(np.float64).reshape(height // 2, width // 2, self.bands) for k in (0, 1)]
         # in the order of shaders/common/fours.glsl: the upper row's numbers, then the lower one's
-        cv2.mixChannels(pairs, rows, np.repeat(np.arange(2 * self.bands), 2).tolist())
+        order = np.repeat(np.arange(2 * self.bands), 2).tolist()
+
+        def move(first: int, end: int) -> None:
+            cv2.mixChannels([p[first:end] for p in pairs], [r[first:end] for r in rows], order)
+
+        share_out(pieces_of(height // 2, 2 if whole.size >= _WORTH_TWO else 1), move)
         return whole if self.bands == 1 else whole.reshape(height, width, 3)
 
     def read_part(self, rect: PixelRect) -> tuple[Float32Array, Float32Array, tuple[slice, slice]]:
