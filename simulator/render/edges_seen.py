@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from simulator.render.mesh_edges import MeshEdges
     from simulator.render.projection import PixelRect
 
-_SHORTEST_PX = 0.7
+_SHORTEST_PX = 1.3
+"""Shorter ones are left out: of Tango at 6 to 14 m that is half of what 0.7 px leaves, and coverage is off by 1.016 %
+rms of 65 samples' (1.010 with them, 1.36 without any edges); at 20 to 60 m nothing changes."""
+_SHORTEST_EXACT_PX = 0.7  # where the areas of parts that several edges end are summed
 REACH_PX = 1.2
 """An edge so near to another may belong to one thin body with it."""
 # an edge crosses pixels whose centres are up to half a diagonal away: so near, one beside it reaches all of those too,
@@ -92,7 +95,7 @@ class SeenEdges:
             numbers = np.flatnonzero((ends | creases) & ~(beside[0] | beside[1]))
         behind = hidden(self._shells, self._boxes, place, self._radius_m)
         numbers = numbers[~behind.take(self._boxes.of.take(numbers))]
-        numbers = numbers[self._on(numbers, view)]
+        numbers = numbers[self._on(numbers, view, _SHORTEST_EXACT_PX if pairs else _SHORTEST_PX)]
         if not pairs:
             return numbers, (0, 0)
         of_first, of_second = (int(np.count_nonzero(kind.take(numbers))) for kind in kinds[:2])
@@ -130,8 +133,8 @@ class SeenEdges:
             creases &= first
         return first, second, ends, creases
 
-    def _on(self, numbers: IntArray, view: EdgeView) -> BoolArray:
-        """Which of some edges lie in front of the camera, on the window, and are long enough."""
+    def _on(self, numbers: IntArray, view: EdgeView, shortest_px: float) -> BoolArray:
+        """Which of some edges lie in front of the camera, on the window, and are long enough along either axis."""
         R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
         ends = self._ends_m.take(numbers, axis=1).reshape(2, 3, -1)
         x, y, z = np.moveaxis(R @ ends + t[:, None], 1, 0)
@@ -144,6 +147,6 @@ class SeenEdges:
             (x * scale * camera.fx_px + camera.cx_px, rect.x0 - 1, rect.x1),
             (y * scale * camera.fy_px + camera.cy_px, rect.y0 - 1, rect.y1),
         ):
-            long |= np.abs(u[0] - u[1]) > _SHORTEST_PX
+            long |= np.abs(u[0] - u[1]) > shortest_px
             kept &= (np.minimum(u[0], u[1]) < high) & (np.maximum(u[0], u[1]) > low)
         return kept & long
