@@ -200,7 +200,7 @@ class EarthPass:
         if key not in self._kept:
             defines = self._defines(environment, kind, behind=behind, high=high, fours=fours, dark=dark)
             self._kept[key] = self._programs.get(
-                "earth/earth.vert", "earth/earth.frag", defines, _SAMPLERS[self.bands]
+                "earth/earth.vert", "earth/earth.frag", defines, _SAMPLERS[self.bands], hand=not kind.smooth
             )
         return self._kept[key]
 
