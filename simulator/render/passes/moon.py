@@ -113,6 +113,7 @@ class MoonPass:
                 **TABLE_DEFINES,
             },
             samplers,
+            hand=True,
         )
         share = np.ones((256, 4), np.float32)
         if moon.shadow_share is not None:
