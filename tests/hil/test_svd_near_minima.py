@@ -10,7 +10,7 @@ import pytest
 from hil.board.svd import CameraIntrinsics
 from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import craft_box, make_canvas
-from hil.board.svd.confidence import Evidence
+from hil.board.svd.confidence import Evidence, confidence, error_scale
 from hil.board.svd.course import Ranked, laid_over, leaning
 from hil.board.svd.edges import edge_field
 from hil.board.svd.ends import Choice, End, picture_evidence
@@ -168,12 +168,19 @@ def test_half_a_turn_is_told_by_the_finer_picture(craft: Craft, frame: Frame) ->
 
 
 @pytest.mark.parametrize(
-    ("confidence", "margin", "searched"),
+    ("sure", "margin", "searched"),
     [(0.88, 0.2, 0), (0.7, 0.2, 1), (0.7, 0.001, 0), (0.3, 0.001, 1)],
 )
-def test_what_nothing_would_change_is_not_sought_again(
-    confidence: float, margin: float, searched: int
-) -> None:
+def test_what_nothing_would_change_is_not_sought_again(sure: float, margin: float, searched: int) -> None:
     e = Evidence(0.5, 0.5, 0.1, margin, 0.5, 0.5, 0.0, 0.01, 0.01, 200, 300.0, empty=True, score=0.4)
-    declined = PoseResult(False, "declined", Q, T_M, confidence, evidence=e)
+    declined = PoseResult(False, "declined", Q, T_M, sure, evidence=e)
     assert settled(declined) == (not searched)
+
+
+def test_what_is_told_of_errors_grows_with_the_craft_and_leaves_the_decision() -> None:
+    def at(size_px: float) -> Evidence:
+        return Evidence(0.5, 0.5, 0.1, 0.2, 0.5, 0.5, 0.0, 0.01, 0.01, 200, size_px, empty=True, score=0.4)
+
+    told = [error_scale(at(size)) for size in (100.0, 400.0, 1500.0)]
+    assert told[0] < 0.3 * told[1] < 0.3 * 0.3 * told[2]
+    assert len({confidence(at(size)) for size in (100.0, 400.0, 1500.0)}) == 1

@@ -8,7 +8,7 @@ from typing import List, Sequence, Tuple, Union
 import numpy as np
 
 from hil.board.svd.base import Estimator
-from hil.board.svd.confidence import ACCEPT_AT, Evidence, doubtful, least_margin
+from hil.board.svd.confidence import ACCEPT_AT, Evidence, doubtful, error_scale, least_margin
 from hil.board.svd.course import Ranked
 from hil.board.svd.drawn import draw_at
 from hil.board.svd.edges import edge_field, shrink
@@ -174,6 +174,8 @@ class PoseEstimator(Estimator):
         frame.keep("field", best.field)
         if frame.shows_all:
             frame.keep("drawn", draw_at(self.craft, frame, fit.q, fit.t))
+        if evidence.score is not None:
+            fit = replace(fit, covariance=error_scale(evidence) * fit.covariance)
         return self._decided(frame, fit, evidence, alternatives, self.accept_at)
 
 
