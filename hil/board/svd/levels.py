@@ -28,6 +28,9 @@ SATURATED = 4
 # What a pixel beside a border counts for its face's brightness.
 BESIDE = 0.05
 
+# Shares of a pixel that are smaller count as none: tails of a Gaussian.
+SHARE = np.float32(1e-3)
+
 # Brightness of a saturated face above the scale, in scales, that is tried.
 OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
 
@@ -86,7 +89,9 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
         shown = float(ground[0])
         own = (core & (centre == 0)).astype(np.float32)
         behind = _wide_mean(own * (canvas.gray - np.float32(shown)), own)
-        if canvas.clipped > 0:
+        if native and canvas.clipped > 0:
+            behind = native_levels.brighter(native, canvas, behind, shown, float(level[0]))
+        elif canvas.clipped > 0:
             behind = canvas.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
         # the background's share of each pixel, of which the border pixels have a part
         picture = picture + empty * behind
@@ -224,7 +229,9 @@ def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: 
             own[:] = share
         flat.take(rows[a:b], None, out[k, a:b], "clip")
         own[:] = 0.0
-    out[: len(chosen)] *= np.float32(1.0 / (f * f))
+    shares = out[: len(chosen)]
+    shares *= np.float32(1.0 / (f * f))
+    shares[shares < SHARE] = 0.0
     return len(chosen)
 
 

@@ -178,7 +178,7 @@ struct stretch {
 /* Sums side by side: one after the other each waits for the last. */
 #define SIDES 4
 
-FASTER static double total(struct stretch s)
+static double total(struct stretch s)
 {
     double sum[SIDES] = {0};
     int64_t i;
@@ -197,7 +197,7 @@ struct kept {
     double number, sum, away;
 };
 
-FASTER static struct kept near(struct stretch s, double mean, double bound, double other)
+static struct kept near(struct stretch s, double mean, double bound, double other)
 {
     double number[SIDES] = {0}, sum[SIDES] = {0}, away[SIDES] = {0};
     struct kept out;

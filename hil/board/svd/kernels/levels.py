@@ -69,6 +69,21 @@ def shade(
     return (group, level[:n], picture, centre, area[:n], core, share, ground) if n else None
 
 
+def brighter(library: ctypes.CDLL, canvas: Canvas, away: Array, mean: float, level: float) -> Array:
+    """Brightness where the picture's mean differs ``away`` (h, w) from one, as what it differs from a level by."""
+    away = laid(away, "float32")
+    out = np.empty_like(away)
+    library.fly_brighter(
+        shown(canvas.response).at,
+        ctypes.c_void_p(address(away, "float32")),
+        ctypes.c_int64(away.size),
+        ctypes.c_double(mean),
+        ctypes.c_double(level),
+        ctypes.c_void_p(address(out, "float32")),
+    )
+    return out
+
+
 def explained(
     library: ctypes.CDLL,
     picture: Array,

@@ -31,34 +31,43 @@ static inline const float *plane_of(const struct moving *m, const struct rays *r
 
 static inline float depth_of(const float *n, float x, float y) { return n[0] * x + n[1] * y + n[2]; }
 
-/* Derivatives part (WIDE,) that a border makes between two groups that meet across or down, at a ray; 0 for none. */
-static inline int moved(const struct moving *m, const struct rays *r, int across, float x, float y, int32_t a, int32_t b,
-                 double change, float *part)
+/* A border's derivatives, between two groups that meet across or down, at a ray. Numbers, not an array: what is
+ * stored one by one is slow to read in one piece.
+ */
+struct part {
+    float turn_x, turn_y, turn_z, x, y, z;
+    int some; /* whether there are any */
+};
+
+static inline struct part moved(const struct moving *m, const struct rays *r, const int across, float x, float y,
+                                int32_t a, int32_t b, double change)
 {
     const float *na = plane_of(m, r, a), *nb = plane_of(m, r, b);
     const float da = depth_of(na, x, y), db = depth_of(nb, x, y), inverse = da > db ? da : db;
     const float tx = (float)m->t[0], ty = (float)m->t[1], tz = (float)m->t[2];
-
-    /* faces seen from the edge have no depth that can be trusted */
-    if (!(inverse > r->least && inverse < r->most))
-        return 0;
     const float k = (float)(change * (double)inverse), own = across ? x : y;
     const float depth = 1.0f / inverse, X = x * depth - tx, Y = y * depth - ty, Z = depth - tz;
-    part[0] = (-own * Y - (across ? 0.0f : Z)) * k;
-    part[1] = (own * X + (across ? Z : 0.0f)) * k;
-    part[2] = (across ? -Y : X) * k;
-    part[3] = across ? k : 0.0f;
-    part[4] = across ? 0.0f : k;
-    part[5] = -own * k;
-    return 1;
+    struct part p;
+
+    p.turn_x = (-own * Y - (across ? 0.0f : Z)) * k;
+    p.turn_y = (own * X + (across ? Z : 0.0f)) * k;
+    p.turn_z = (across ? -Y : X) * k;
+    p.x = across ? k : 0.0f;
+    p.y = across ? 0.0f : k;
+    p.z = -own * k;
+    /* faces seen from the edge have no depth that can be trusted */
+    p.some = inverse > r->least && inverse < r->most;
+    return p;
 }
 
-static inline void put(const float *part, float *cell)
+static inline void put(struct part p, float *cell)
 {
-    int j;
-
-    for (j = 0; j < 6; j++)
-        cell[j] += part[j];
+    cell[0] += p.turn_x;
+    cell[1] += p.turn_y;
+    cell[2] += p.turn_z;
+    cell[3] += p.x;
+    cell[4] += p.y;
+    cell[5] += p.z;
 }
 
 /* Whether eight drawn pixels from x on have the group of those on their right and below them. */
@@ -85,10 +94,10 @@ static void put_right(const struct moving *m, const struct rays *r, const uint8_
     const int64_t c = r->column[x];
     const int shared = r->end[x];
     const double change = light(m, row[x], ground) - light(m, row[x + 1], ground);
-    float part[WIDE];
+    const struct part part = moved(m, r, 1, r->between[x], y, face[x], face[x + 1],
+                                   change * (shared ? 0.5 * r->across : r->across));
 
-    if (!moved(m, r, 1, r->between[x], y, face[x], face[x + 1],
-               change * (shared ? 0.5 * r->across : r->across), part))
+    if (!part.some)
         return;
     put(part, cell + WIDE * c);
     any[c] = 1;
@@ -106,9 +115,9 @@ static void put_below(const struct moving *m, const struct rays *r, const uint8_
 {
     const int64_t c = r->column[x];
     const double change = light(m, row[x], ground) - light(m, below[x], ground);
-    float part[WIDE];
+    const struct part part = moved(m, r, 0, r->x[x], y, face[x], face_below[x], change * share * r->down);
 
-    if (!moved(m, r, 0, r->x[x], y, face[x], face_below[x], change * share * r->down, part))
+    if (!part.some)
         return;
     put(part, cell + WIDE * c);
     any[c] = 1;

@@ -45,7 +45,7 @@ static inline void weigh_far(const float *const *p, const float *taps, int64_t r
     }
 }
 
-FASTER static void weighed(const float *const *p, const struct gauss *g, float *out, int64_t n)
+static void weighed(const float *const *p, const struct gauss *g, float *out, int64_t n)
 {
     /* a constant reach keeps the sums in registers */
     switch (g->reach) {
@@ -174,4 +174,12 @@ double fly_brightness(const struct response *r, double mean)
     if (mean > r->full - end)
         return r->full - between_points(r->full - mean, r->below, r->x, r->entries);
     return mean < end ? between_points(mean, r->below, r->x, r->entries) : mean;
+}
+
+void fly_brighter(const struct response *r, const float *away, int64_t n, double mean, double level, float *out)
+{
+    int64_t i;
+
+    for (i = 0; i < n; i++)
+        out[i] = (float)fly_brightness(r, (double)(away[i] + (float)mean)) - (float)level;
 }

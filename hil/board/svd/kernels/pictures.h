@@ -10,15 +10,6 @@
 /* Brightness groups that a byte holds (levels.py, LABELS). */
 #define LABELS 255
 
-/* Compiled a second time for machines with wider registers, where the C library picks one of two: the same operations
- * in the same order, eight at a time instead of four, so that the numbers are the same.
- */
-#if defined(__GNUC__) && defined(__x86_64__) && defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
-#define FASTER __attribute__((target_clones("avx2", "default")))
-#else
-#define FASTER
-#endif
-
 /* Widest blur that a kernel takes [px]; the caller sees to it. */
 #define WIDEST 64
 
@@ -62,5 +53,8 @@ void fly_shown(const struct response *r, const float *x, int64_t n, float *mean,
 
 /* Brightness that has this mean (Response.brightness). */
 double fly_brightness(const struct response *r, double mean);
+
+/* The same of n differences from a mean, as differences from a level; out may be away. */
+void fly_brighter(const struct response *r, const float *away, int64_t n, double mean, double level, float *out);
 
 #endif

@@ -11,6 +11,9 @@
 #define MOST 63
 #define FEW 3
 
+/* Shares of a pixel that are smaller count as none (levels.py, SHARE). */
+#define SHARE 1e-3f
+
 /* Least derivative that counts (photometric.py, photo_step). */
 #define LEAST 1e-6f
 
@@ -62,7 +65,7 @@ static inline void add(float *restrict to, const float *restrict from, float k)
 }
 
 /* A row of derivatives blurred across: few pixels have any, so each is spread to where it reaches. */
-FASTER static void spread(const float *cell, const uint8_t *any, int64_t w, struct gauss g, struct across out)
+static void spread(const float *cell, const uint8_t *any, int64_t w, struct gauss g, struct across out)
 {
     const int64_t r = g.reach;
     int64_t p, x;
@@ -117,14 +120,23 @@ static inline void join(uint8_t *restrict to, const uint8_t *restrict from, int6
         to[x] |= from[x];
 }
 
+/* What the taps give of n rows' cells at one place. */
+static inline void weigh(const float *const *cell, int64_t at, const float *taps, const int n, float *sum)
+{
+    int j, l;
+
+    for (j = 0; j < n; j++)
+        for (l = 0; l < WIDE; l++)
+            sum[l] += taps[j] * cell[j][at + l];
+}
+
 /* Row y from the rows about it, blurred across already: its pixels whose derivatives count. hit (w,) is scratch. */
-FASTER static void blurred_row(const struct across *ring, int64_t size, const struct look *v, struct drawing d,
+static void blurred_row(const struct across *ring, int64_t size, const struct look *v, struct drawing d,
                                int64_t y, uint8_t *hit, struct rows *out)
 {
     const int64_t r = v->optics.reach;
     const float *cell[2 * WIDEST + 1];
     int64_t j, x;
-    int l;
 
     memset(hit, 0, (size_t)d.w);
     for (j = -r; j <= r; j++) {
@@ -137,9 +149,15 @@ FASTER static void blurred_row(const struct across *ring, int64_t size, const st
         out->first[y * d.w + x] = (int32_t)out->n;
         if (!hit[x])
             continue;
-        for (j = 0; j <= 2 * r; j++)
-            for (l = 0; l < WIDE; l++)
-                sum[l] += v->optics.taps[j] * cell[j][WIDE * x + l];
+        /* a constant number of taps spares the ends of loops */
+        if (r == 2)
+            weigh(cell, WIDE * x, v->optics.taps, 5, sum);
+        else if (r == 3)
+            weigh(cell, WIDE * x, v->optics.taps, 7, sum);
+        else if (r == 5)
+            weigh(cell, WIDE * x, v->optics.taps, 11, sum);
+        else
+            weigh(cell, WIDE * x, v->optics.taps, (int)(2 * r + 1), sum);
         if (larger(larger(fabsf(sum[0]), fabsf(sum[1])), fabsf(sum[2])) > LEAST)
             take(v, d, x, y, sum, out);
     }
@@ -310,7 +328,7 @@ struct cover {
 };
 
 /* Drawn pixels of a group in each canvas pixel of a box, out (box's w wide). line (w,) is scratch. */
-FASTER static void counted(struct drawing d, uint8_t group, struct box b, uint8_t *line, float *out)
+static void counted(struct drawing d, uint8_t group, struct box b, uint8_t *line, float *out)
 {
     const int64_t wide = d.w * d.f, w = b.x1 - b.x0;
     int64_t x, y, k, j;
@@ -357,9 +375,9 @@ static void note(const struct rows *rows, int64_t w, struct box b, const float *
     for (y = b.y0; y < b.y1; y++) {
         const float *row = share + (y - b.y0) * (b.x1 - b.x0);
         for (i = rows->first[y * w + b.x0]; i < rows->first[y * w + b.x1]; i++) {
-            const float v = row[rows->x[i] - b.x0];
-            if (v > 0) {
-                c->share[c->n] = (struct share){v * part, c->last[i], (int32_t)slot};
+            const float v = row[rows->x[i] - b.x0] * part;
+            if (v >= SHARE) {
+                c->share[c->n] = (struct share){v, c->last[i], (int32_t)slot};
                 c->last[i] = (int32_t)c->n++;
             }
         }
@@ -415,7 +433,7 @@ struct sums {
 /* Products of the weighted rows from one to before another. Single numbers that a wide load would wait for are not
  * stored beside each other.
  */
-FASTER static void add_rows(const struct rows *rows, const struct cover *c, int64_t from, int64_t to, struct sums *sum)
+static void add_rows(const struct rows *rows, const struct cover *c, int64_t from, int64_t to, struct sums *sum)
 {
     static const float pose[WIDE] = {1, 1, 1, 1, 1, 1, 0, 0}, left[WIDE] = {0, 0, 0, 0, 0, 0, 1, 0};
     float own[7][WIDE] = {{0}}, share[MOST];
