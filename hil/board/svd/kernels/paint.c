@@ -29,18 +29,16 @@ static int64_t ratio(int64_t a, int64_t b)
 }
 
 /* Nearest whole number, halves to even as numpy's rint, for |x| < 2^51. */
-static int64_t nearest(double x)
+static double nearest(double x)
 {
     const double shift = 6755399441055744.0; /* 1.5 * 2^52 */
     double sum = x + shift;
-    return (int64_t)(sum - shift);
+    return sum - shift;
 }
 
 static double greater(double a, double b) { return a > b ? a : b; }
 
 static double magnitude(int64_t a) { return a < 0 ? -(double)a : (double)a; }
-
-static int64_t within(int64_t a, int64_t low, int64_t high) { return a < low ? low : a > high ? high : a; }
 
 /* Which sides of the picture a point lies beyond: left 1, right 2, above 4, below 8. */
 static int beyond(struct point p, int64_t right, int64_t bottom)
@@ -215,10 +213,44 @@ static void fill(const struct picture *out, const struct point *v, int32_t numbe
     }
 }
 
-/* shade.py's ``shortened`` for one polygon p (4, 2): what is narrower than a pixel gets its true area. */
-static void shorten(double p[4][2])
+/* Polygons that are worked on together, corner by corner, so that a compiler may use what computes several at once. */
+#define BLOCK 64
+
+struct block {
+    double x[4][BLOCK], y[4][BLOCK]; /* [drawn px] */
+    int32_t number[BLOCK];
+    int64_t n;
+};
+
+/* Those of more than ``least`` [px^2] alone, in their order. */
+static void keep_worth(struct block *b, double least)
 {
-    double ax = p[2][0] - p[0][0], ay = p[2][1] - p[0][1], bx = p[3][0] - p[1][0], by = p[3][1] - p[1][1];
+    uint8_t worth[BLOCK];
+    int64_t i, n = 0;
+    int k;
+
+    for (i = 0; i < b->n; i++) {
+        double d1x = b->x[2][i] - b->x[0][i], d1y = b->y[2][i] - b->y[0][i];
+        double d2x = b->x[3][i] - b->x[1][i], d2y = b->y[3][i] - b->y[1][i];
+        worth[i] = fabs(d1x * d2y - d1y * d2x) > 2.0 * least;
+    }
+    for (i = 0; i < b->n; i++) {
+        if (!worth[i])
+            continue;
+        for (k = 0; k < 4; k++) {
+            b->x[k][n] = b->x[k][i];
+            b->y[k][n] = b->y[k][i];
+        }
+        b->number[n++] = b->number[i];
+    }
+    b->n = n;
+}
+
+/* shade.py's ``shortened`` for polygon i: what is narrower than a pixel gets its true area. */
+static void shorten(struct block *b, int64_t i)
+{
+    double ax = b->x[2][i] - b->x[0][i], ay = b->y[2][i] - b->y[0][i];
+    double bx = b->x[3][i] - b->x[1][i], by = b->y[3][i] - b->y[1][i];
     double first = ax * ax + ay * ay, second = bx * bx + by * by;
     double squared = greater(greater(first, second), 1e-12);
     double area = 0.5 * fabs(ax * by - ay * bx);
@@ -233,73 +265,97 @@ static void shorten(double p[4][2])
     uy = (first > second ? ay : by) / length;
     share = width / (0.98 + 0.19 * width) - 1.0;
     for (k = 0; k < 4; k++)
-        along[k] = p[k][0] * ux + p[k][1] * uy;
+        along[k] = b->x[k][i] * ux + b->y[k][i] * uy;
     middle = 0.25 * (along[0] + along[1] + along[2] + along[3]);
     for (k = 0; k < 4; k++) {
         double away = share * (along[k] - middle);
-        p[k][0] += away * ux;
-        p[k][1] += away * uy;
+        b->x[k][i] += away * ux;
+        b->y[k][i] += away * uy;
     }
 }
 
-/* shade.py's ``inset`` for one polygon p (4, 2): smaller by what its filled border adds. */
-static void draw_in(double p[4][2])
+/* shade.py's ``inset``: smaller by what a filled border adds. */
+static void draw_in(struct block *b)
 {
-    double ax[4], ay[4], bx[4], by[4], squared[4], around = 0.0, twice, far;
-    double d1x = p[2][0] - p[0][0], d1y = p[2][1] - p[0][1], d2x = p[3][0] - p[1][0], d2y = p[3][1] - p[1][1];
+    /* unit normals to the left of each side, and of the side before each corner */
+    double ax[4][BLOCK], ay[4][BLOCK], bx[4][BLOCK], by[4][BLOCK], around[BLOCK] = {0}, far[BLOCK];
+    int64_t i, n = b->n;
     int k;
 
     for (k = 0; k < 4; k++) {
-        double ex = p[(k + 1) & 3][0] - p[k][0], ey = p[(k + 1) & 3][1] - p[k][1], length, scale;
-        squared[k] = ex * ex + ey * ey;
-        length = sqrt(squared[k]);
-        scale = 1.0 / greater(length, 1e-9);
-        around += length;
-        ax[k] = -ey * scale;
-        ay[k] = ex * scale;
+        const double *x0 = b->x[k], *y0 = b->y[k], *x1 = b->x[(k + 1) & 3], *y1 = b->y[(k + 1) & 3];
+        for (i = 0; i < n; i++) {
+            double ex = x1[i] - x0[i], ey = y1[i] - y0[i], squared = ex * ex + ey * ey;
+            double length = sqrt(squared), scale = 1.0 / greater(length, 1e-9);
+            around[i] += length;
+            ax[k][i] = -ey * scale;
+            ay[k][i] = ex * scale;
+        }
     }
-    for (k = 0; k < 4; k++) {
-        bx[k] = ax[(k + 3) & 3];
-        by[k] = ay[(k + 3) & 3];
-    }
-    if (squared[2] < 1e-12) {
+    for (k = 0; k < 4; k++)
+        for (i = 0; i < n; i++) {
+            bx[k][i] = ax[(k + 3) & 3][i];
+            by[k][i] = ay[(k + 3) & 3][i];
+        }
+    for (i = 0; i < n; i++) {
         /* a triangle's last corner is there twice: its two sides are the ones before and after both */
-        bx[3] = ax[1], by[3] = ay[1];
-        ax[2] = ax[3], ay[2] = ay[3];
+        double ex = b->x[3][i] - b->x[2][i], ey = b->y[3][i] - b->y[2][i];
+        int three = ex * ex + ey * ey < 1e-12;
+        double d1x = b->x[2][i] - b->x[0][i], d1y = b->y[2][i] - b->y[0][i];
+        double d2x = b->x[3][i] - b->x[1][i], d2y = b->y[3][i] - b->y[1][i], twice = d1x * d2y - d1y * d2x;
+        double deep = 0.4 * fabs(twice) / greater(around[i], 1e-9);
+        bx[3][i] = three ? ax[1][i] : bx[3][i];
+        by[3][i] = three ? ay[1][i] : by[3][i];
+        ax[2][i] = three ? ax[3][i] : ax[2][i];
+        ay[2][i] = three ? ay[3][i] : ay[2][i];
+        deep = BORDER < deep ? BORDER : deep;
+        far[i] = twice < 0.0 ? -deep : twice > 0.0 ? deep : 0.0;
     }
-    twice = d1x * d2y - d1y * d2x;
-    far = 0.4 * fabs(twice) / greater(around, 1e-9);
-    far = BORDER < far ? BORDER : far;
-    far = twice < 0.0 ? -far : twice > 0.0 ? far : 0.0;
-    for (k = 0; k < 4; k++) {
-        double share = far / greater(1.0 + ax[k] * bx[k] + ay[k] * by[k], 0.3);
-        p[k][0] += (ax[k] + bx[k]) * share;
-        p[k][1] += (ay[k] + by[k]) * share;
-    }
+    for (k = 0; k < 4; k++)
+        for (i = 0; i < n; i++) {
+            double share = far[i] / greater(1.0 + ax[k][i] * bx[k][i] + ay[k][i] * by[k][i], 0.3);
+            b->x[k][i] += (ax[k][i] + bx[k][i]) * share;
+            b->y[k][i] += (ay[k][i] + by[k][i]) * share;
+        }
 }
 
-/* One polygon p (4, 2) [drawn px] of more than ``least`` [px^2], as shade.py's fill_faces paints it. */
-static void paint(const struct picture *out, double p[4][2], double least, int exact, int32_t number)
+/* A coordinate in sixteenths of a pixel; NaN becomes the nearest end. */
+static double sixteenths(double a)
 {
-    struct point v[4];
-    double d1x = p[2][0] - p[0][0], d1y = p[2][1] - p[0][1], d2x = p[3][0] - p[1][0], d2y = p[3][1] - p[1][1];
+    a = a > -FAR_PX ? a : -FAR_PX;
+    a = a < FAR_PX ? a : FAR_PX;
+    return nearest(16.0 * a);
+}
+
+/* The polygons painted in their order, as shade.py's fill_faces does. */
+static void paint(const struct picture *out, struct block *b, double least, int exact)
+{
+    double u[4][BLOCK], v[4][BLOCK];
+    uint8_t bad[BLOCK] = {0};
+    int64_t i;
     int k;
 
-    if (!(fabs(d1x * d2y - d1y * d2x) > 2.0 * least))
-        return;
+    keep_worth(b, least);
     if (exact)
-        shorten(p);
-    draw_in(p);
-    for (k = 0; k < 4; k++) {
-        /* comparisons that NaN fails */
-        if (!(p[k][0] == p[k][0] && p[k][1] == p[k][1]))
-            return;
-        v[k].x = within(nearest(16.0 * (p[k][0] < -FAR_PX ? -FAR_PX : p[k][0] > FAR_PX ? FAR_PX : p[k][0])),
-                        (int64_t)(-FINER * FAR_PX), (int64_t)(FINER * FAR_PX));
-        v[k].y = within(nearest(16.0 * (p[k][1] < -FAR_PX ? -FAR_PX : p[k][1] > FAR_PX ? FAR_PX : p[k][1])),
-                        (int64_t)(-FINER * FAR_PX), (int64_t)(FINER * FAR_PX));
+        for (i = 0; i < b->n; i++)
+            shorten(b, i);
+    draw_in(b);
+    for (k = 0; k < 4; k++)
+        for (i = 0; i < b->n; i++) {
+            bad[i] |= !(b->x[k][i] == b->x[k][i] && b->y[k][i] == b->y[k][i]);
+            u[k][i] = sixteenths(b->x[k][i]);
+            v[k][i] = sixteenths(b->y[k][i]);
+        }
+    for (i = 0; i < b->n; i++) {
+        struct point corner[4];
+        if (bad[i])
+            continue;
+        for (k = 0; k < 4; k++) {
+            corner[k].x = (int64_t)u[k][i];
+            corner[k].y = (int64_t)v[k][i];
+        }
+        fill(out, corner, b->number[i]);
     }
-    fill(out, v, number);
 }
 
 /* shade.py's fill_faces: polygons p (n, 4, 2) into seen (h, w), which holds zeros, as order (n,) + 1. */
@@ -307,42 +363,69 @@ void fly_fill_faces(const double *p, const int64_t *order, int64_t n, double lea
                     int64_t h, int64_t w)
 {
     struct picture out = {seen, h, w};
-    int64_t i;
+    struct block b;
+    int64_t begin, i;
     int k;
 
-    for (i = 0; i < n; i++) {
-        double q[4][2];
-        for (k = 0; k < 8; k++)
-            q[k / 2][k % 2] = p[8 * i + k];
-        paint(&out, q, least, exact, (int32_t)(order[i] + 1));
+    for (begin = 0; begin < n; begin += BLOCK) {
+        b.n = n - begin < BLOCK ? n - begin : BLOCK;
+        for (i = 0; i < b.n; i++) {
+            b.number[i] = (int32_t)(order[begin + i] + 1);
+            for (k = 0; k < 4; k++) {
+                b.x[k][i] = p[8 * (begin + i) + 2 * k];
+                b.y[k][i] = p[8 * (begin + i) + 2 * k + 1];
+            }
+        }
+        paint(&out, &b, least, exact);
     }
 }
 
-/* shade.py's draw_faces: faces order (n,) seen by a pinhole at R (3, 3), t (3,) into seen (h, w), which holds
- * zeros. Depth is kept away from zero as model.py's ``pixels`` does.
+/* Points c (3, n) of the craft on the picture: x and y (n,) [drawn px]. Depth is kept away from zero as model.py's
+ * ``pixels`` does.
  */
+static void project(const double c[3][BLOCK], int64_t n, const double *R, const double *t, const struct view *view,
+                    double *restrict px, double *restrict py)
+{
+    const double r0 = R[0], r1 = R[1], r2 = R[2], r3 = R[3], r4 = R[4], r5 = R[5], r6 = R[6], r7 = R[7], r8 = R[8];
+    const double t0 = t[0], t1 = t[1], t2 = t[2], fx = view->fx, fy = view->fy, cx = view->cx, cy = view->cy;
+    const double x0 = view->x0, y0 = view->y0, across = view->across, down = view->down;
+    int64_t i;
+
+    for (i = 0; i < n; i++) {
+        double x = r0 * c[0][i] + r1 * c[1][i] + r2 * c[2][i] + t0;
+        double y = r3 * c[0][i] + r4 * c[1][i] + r5 * c[2][i] + t1;
+        double z = r6 * c[0][i] + r7 * c[1][i] + r8 * c[2][i] + t2;
+        z = z < 1e-3 ? 1e-3 : z;
+        px[i] = (fx * (x / z) + cx - x0 + 0.5) * across - 0.5;
+        py[i] = (fy * (y / z) + cy - y0 + 0.5) * down - 0.5;
+    }
+}
+
+/* shade.py's draw_faces: faces order (n,) seen by a pinhole at R (3, 3), t (3,) into seen (h, w), which holds zeros. */
 void fly_draw_faces(const struct faces *f, const int64_t *order, int64_t n, const double *R, const double *t,
                     const struct view *view, double least, int exact, int32_t *seen, int64_t h, int64_t w)
 {
     struct picture out = {seen, h, w};
-    int64_t i;
-    int k;
+    struct block b;
+    double c[4][3][BLOCK];
+    int64_t next = 0;
+    int k, a;
 
-    for (i = 0; i < n; i++) {
-        double q[4][2];
-        const double *c;
-        if (order[i] < 0 || order[i] >= f->faces)
-            continue;
-        c = f->corners + 12 * order[i];
-        for (k = 0; k < 4; k++, c += 3) {
-            double x = R[0] * c[0] + R[1] * c[1] + R[2] * c[2] + t[0];
-            double y = R[3] * c[0] + R[4] * c[1] + R[5] * c[2] + t[1];
-            double z = R[6] * c[0] + R[7] * c[1] + R[8] * c[2] + t[2];
-            z = z < 1e-3 ? 1e-3 : z;
-            q[k][0] = (view->fx * (x / z) + view->cx - view->x0 + 0.5) * view->across - 0.5;
-            q[k][1] = (view->fy * (y / z) + view->cy - view->y0 + 0.5) * view->down - 0.5;
+    while (next < n) {
+        for (b.n = 0; next < n && b.n < BLOCK; next++) {
+            const double *corner;
+            if (order[next] < 0 || order[next] >= f->faces)
+                continue;
+            corner = f->corners + 12 * order[next];
+            b.number[b.n] = (int32_t)(order[next] + 1);
+            for (k = 0; k < 4; k++)
+                for (a = 0; a < 3; a++)
+                    c[k][a][b.n] = corner[3 * k + a];
+            b.n++;
         }
-        paint(&out, q, least, exact, (int32_t)(order[i] + 1));
+        for (k = 0; k < 4; k++)
+            project((const double(*)[BLOCK])c[k], b.n, R, t, view, b.x[k], b.y[k]);
+        paint(&out, &b, least, exact);
     }
 }
 
