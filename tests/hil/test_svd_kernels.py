@@ -289,6 +289,7 @@ def test_the_likelihood_of_attitudes_is_numpys() -> None:
     np.testing.assert_allclose(restored(quantised(bumps)), bumps, atol=0.51 / 65535)
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_wider_instructions_change_no_bit(
     tango: BoardModel, choose: pytest.MonkeyPatch, tmp_path: Path
