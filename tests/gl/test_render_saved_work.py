@@ -84,6 +84,24 @@ def test_samples_of_earlier_frames_never_show(renderer, draw_kit):
         assert again.coverage.max() == 1
 
 
+def test_what_the_near_plane_cuts_is_drawn_alike_whatever_was_drawn_before(renderer, draw_kit):
+    # its depths are not clamped to their frame's range, so the samples are cleared each time
+    tango = load_target("tango")
+    camera = Camera(width_px=96, height_px=80, fx_px=60.0, fy_px=60.0, cx_px=47.5, cy_px=39.5)
+    cut = draw_kit.scene(tango, t_m=(0.1, 0.45, 0.35), rotvec_rad=(0.3, 0.2, 0.1), camera=camera)
+    others = [
+        draw_kit.scene(tango, t_m=(0.0, 0.0, z), rotvec_rad=(z, 0.0, 0.2), camera=camera) for z in (2.0, 1.2)
+    ]
+    first = renderer.render(cut, tango, labels=True)
+    assert 0.1 < np.mean(first.coverage > 0) < 1
+    # the label raster, which has depths of its own, sees the craft in the same pixels
+    inside = cv2.erode(np.isfinite(first.depth_m).astype(np.uint8), np.ones((3, 3), np.uint8))
+    assert np.mean(first.coverage[inside > 0] > 0.99) > 0.99
+    for other in others:
+        renderer.render(other, tango)
+        assert np.array_equal(renderer.render(cut, tango, labels=True).radiance, first.radiance)
+
+
 @pytest.mark.parametrize(("off_nadir_deg", "bands"), [(20.0, "mono"), (62.0, "mono"), (62.0, "rgb")])
 def test_pixels_drawn_by_fours_are_those_drawn_one_by_one(
     renderer, draw_kit, off_nadir_deg, bands, monkeypatch
