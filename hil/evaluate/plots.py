@@ -192,6 +192,7 @@ def _histograms(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
             colour = COLOURS[row % len(COLOURS)]
             ax.hist(clipped, bins.tolist(), color=colour, alpha=0.3, label="declined")
             ax.hist(clipped[accepted], bins.tolist(), color=colour, label="accepted")
+            ax.locator_params(axis="y", integer=True, nbins=6)
             ax.axvline(thesis, color=INK, ls="--", lw=1, label="the thesis's mean as printed")
             ax.set(
                 xlabel=label if row == len(methods) - 1 else "",
