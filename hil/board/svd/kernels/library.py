@@ -58,7 +58,7 @@ CHOICES = ("auto", "numpy", "native")
 _FIRST = ctypes.c_char
 
 # A compiler that takes longer is stopped [s].
-LONGEST_S = 120.0
+LONGEST_S = 600.0
 
 
 def library() -> Optional[ctypes.CDLL]:
