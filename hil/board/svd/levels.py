@@ -28,9 +28,6 @@ SATURATED = 4
 # What a pixel beside a border counts for its face's brightness.
 BESIDE = 0.05
 
-# Shares of a pixel that are smaller count as none: tails of a Gaussian.
-SHARE = np.float32(1e-3)
-
 # Brightness of a saturated face above the scale, in scales, that is tried.
 OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
 
@@ -229,9 +226,7 @@ def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: 
             own[:] = share
         flat.take(rows[a:b], None, out[k, a:b], "clip")
         own[:] = 0.0
-    shares = out[: len(chosen)]
-    shares *= np.float32(1.0 / (f * f))
-    shares[shares < SHARE] = 0.0
+    out[: len(chosen)] *= np.float32(1.0 / (f * f))
     return len(chosen)
 
 

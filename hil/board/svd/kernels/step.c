@@ -11,8 +11,8 @@
 #define MOST 63
 #define FEW 3
 
-/* Shares of a pixel that are smaller count as none (levels.py, SHARE). */
-#define SHARE 1e-3f
+/* Shares of a pixel that are smaller count as none (photometric.py, SHARE). */
+#define SHARE 1e-4f
 
 /* Least derivative that counts (photometric.py, photo_step). */
 #define LEAST 1e-6f
