@@ -57,8 +57,9 @@ def sideways(seed: int) -> tuple[np.ndarray, np.ndarray]:
     return q, np.array([np.cos(a) * np.sin(b), np.sin(a) * np.sin(b), -np.cos(b)])
 
 
-# Of 40 draws two of those whose size the first look misses.
-@pytest.mark.parametrize("seed", [10, 26])
+# Of 150 draws two whose size the first look misses (0.87 and 0.71 of it) and whose right pose explains far more than
+# any other (0.25 against 0.00, 0.23 against 0.06): chance does not decide between them.
+@pytest.mark.parametrize("seed", [136, 148])
 def test_a_craft_of_which_a_part_is_lit_is_found(estimator: PoseEstimator, seed: int) -> None:
     craft, (q, sun) = estimator.craft, sideways(seed)
     frame = frame_of(craft, q, sun)
