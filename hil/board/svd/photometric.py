@@ -37,9 +37,6 @@ INFLATION = 150.0
 # Groups of faces whose brightness is found together with the pose, and at the end.
 JOINT, JOINT_AT_END = 16, 40
 
-# Shares of a pixel that are smaller count as none in a step: tails of a Gaussian.
-SHARE = np.float32(1e-4)
-
 # Verification: blur against noise [canvas px], and the residual beyond which more costs no more [noise].
 SCORE_BLUR_PX, BOUND = 0.8, 6.0
 
@@ -184,7 +181,6 @@ def _gram(
     rows, w = _weights(e, drawn, use, shading.centre > 0, noise, blur)
     A = np.zeros((joint + 8, len(rows)), np.float32)
     k = coverage(shading, canvas, joint, optics, rows, A)
-    A[:k][A[:k] < SHARE] = 0.0
     for j, x in enumerate((*D, e)):
         x.ravel().take(rows, out=A[k + j], mode="clip")
     A = A[: k + 7]

@@ -11,9 +11,6 @@
 #define MOST 63
 #define FEW 3
 
-/* Shares of a pixel that are smaller count as none (photometric.py, SHARE). */
-#define SHARE 1e-4f
-
 /* Least derivative that counts (photometric.py, photo_step). */
 #define LEAST 1e-6f
 
@@ -376,7 +373,7 @@ static void note(const struct rows *rows, int64_t w, struct box b, const float *
         const float *row = share + (y - b.y0) * (b.x1 - b.x0);
         for (i = rows->first[y * w + b.x0]; i < rows->first[y * w + b.x1]; i++) {
             const float v = row[rows->x[i] - b.x0] * part;
-            if (v >= SHARE) {
+            if (v > 0) {
                 c->share[c->n] = (struct share){v, c->last[i], (int32_t)slot};
                 c->last[i] = (int32_t)c->n++;
             }
