@@ -1,4 +1,4 @@
-"""Derivatives of the drawn picture and a step's normal equations by the C kernels: motion.c, step.c."""
+"""Derivatives of the drawn picture and normal equations by the C kernels: motion.c, rows.c, cover.c, step.c."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# Most groups with a brightness of their own (step.c), and a matrix with room for them.
+# Most groups with a brightness of their own (cover.h), and a matrix with room for them.
 MOST, ROOM = 63, (63 + 7) ** 2
 
 # How the kernel tells two numbers in one.

@@ -1,0 +1,159 @@
+/* Mean brightness of each group of faces: see means.h. */
+#include <math.h>
+#include <string.h>
+
+#include "means.h"
+
+/* Kinds of pixels: well inside, beside a border, elsewhere; and what each counts (levels.py, _levels). */
+#define KINDS 3
+static const double TRUST[KINDS] = {1.051, 0.051, 0.001};
+
+/* Deviations from a mean beyond which a pixel is left out (levels.py, _levels). */
+#define FAR 2.5
+
+/* Values of one group and kind, side by side. */
+struct stretch {
+    const float *value;
+    int64_t n;
+};
+
+/* Sums side by side: one after the other each waits for the last. */
+#define SIDES 4
+
+static double total(struct stretch s)
+{
+    double sum[SIDES] = {0};
+    int64_t i;
+    int j;
+
+    for (i = 0; i + SIDES <= s.n; i += SIDES)
+        for (j = 0; j < SIDES; j++)
+            sum[j] += (double)s.value[i + j];
+    for (; i < s.n; i++)
+        sum[0] += (double)s.value[i];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+/* Number and sum of values nearer to a mean than a bound, and the sum of their distances from another mean. */
+struct kept {
+    double number, sum, away;
+};
+
+static struct kept near(struct stretch s, double mean, double bound, double other)
+{
+    double number[SIDES] = {0}, sum[SIDES] = {0}, away[SIDES] = {0};
+    struct kept out;
+    int64_t i;
+    int j;
+
+    for (i = 0; i + SIDES <= s.n; i += SIDES)
+        for (j = 0; j < SIDES; j++) {
+            const double v = (double)s.value[i + j], in = fabs(v - mean) < bound ? 1.0 : 0.0;
+            number[j] += in;
+            sum[j] += in * v;
+            away[j] += in * fabs(v - other);
+        }
+    for (; i < s.n; i++) {
+        const double v = (double)s.value[i], in = fabs(v - mean) < bound ? 1.0 : 0.0;
+        number[0] += in;
+        sum[0] += in * v;
+        away[0] += in * fabs(v - other);
+    }
+    out.number = (number[0] + number[1]) + (number[2] + number[3]);
+    out.sum = (sum[0] + sum[1]) + (sum[2] + sum[3]);
+    out.away = (away[0] + away[1]) + (away[2] + away[3]);
+    return out;
+}
+
+/* The same over all kinds of one group, each by its trust. */
+static struct kept near_all(const struct stretch *s, double mean, double bound, double other)
+{
+    struct kept out = {0, 0, 0};
+    int k;
+
+    for (k = 0; k < KINDS; k++) {
+        const struct kept part = near(s[k], mean, bound, other);
+        out.number += TRUST[k] * part.number;
+        out.sum += TRUST[k] * part.sum;
+        out.away += TRUST[k] * part.away;
+    }
+    return out;
+}
+
+static double at_least(double a, double least) { return a > least ? a : least; }
+
+/* Mean of one group's values without what lies far off it, trimmed twice. */
+static double mean_of(const struct stretch *s, double sigma)
+{
+    double weight = 0, sum = 0;
+    int k;
+
+    for (k = 0; k < KINDS; k++) {
+        weight += TRUST[k] * (double)s[k].n;
+        sum += TRUST[k] * total(s[k]);
+    }
+    weight = at_least(weight, 1e-9);
+    const double first = sum / weight;
+    const double wide = FAR * near_all(s, first, INFINITY, first).away / weight + sigma;
+    struct kept some = near_all(s, first, wide, first);
+    const double second = some.sum / at_least(some.number, 1e-9);
+    some = near_all(s, first, wide, second);
+    const double narrow = FAR * some.away / at_least(some.number, 1e-9) + sigma;
+    some = near_all(s, second, narrow, second);
+    return some.sum / at_least(some.number, 1e-9);
+}
+
+/* Runs of pixels that count, at most one each; how many. */
+static int64_t runs_of(const uint8_t *centre, const uint8_t *kind, int64_t pixels, struct run *run)
+{
+    const uint64_t ones = 0x0101010101010101u;
+    int64_t i = 0, n = 0;
+
+    while (i < pixels) {
+        const int64_t start = i++;
+        const uint8_t c = centre[start], k = kind[start];
+        uint64_t groups, kinds;
+        while (i + 8 <= pixels && (memcpy(&groups, centre + i, 8), memcpy(&kinds, kind + i, 8), groups == ones * c)
+               && kinds == ones * k)
+            i += 8;
+        while (i < pixels && centre[i] == c && kind[i] == k)
+            i++;
+        if (c > 0 || k < 2)
+            run[n++] = (struct run){(int32_t)start, (int32_t)(i - start), KINDS * c + k};
+    }
+    return n;
+}
+
+void fly_means(const uint8_t *centre, const uint8_t *kind, const float *gray, int64_t pixels, int64_t groups,
+               double sigma, double *level, int64_t *area, float *value, struct run *run)
+{
+    const int64_t runs = runs_of(centre, kind, pixels, run);
+    int64_t first[KINDS * 256 + 1] = {0}, next[KINDS * 256];
+    int64_t i, j, g;
+    int k;
+
+    /* sorted by group and kind: first how many there are, then each to its place */
+    for (i = 0; i < runs; i++)
+        first[run[i].key + 1] += run[i].n;
+    for (g = 0; g < KINDS * 256; g++) {
+        first[g + 1] += first[g];
+        next[g] = first[g];
+    }
+    for (i = 0; i < runs; i++) {
+        const float *from = gray + run[i].start;
+        float *to = value + next[run[i].key];
+        for (j = 0; j < run[i].n; j++)
+            to[j] = from[j];
+        next[run[i].key] += run[i].n;
+    }
+    for (g = 0; g < groups; g++) {
+        struct stretch s[KINDS];
+        for (k = 0; k < KINDS; k++) {
+            const int64_t at = first[KINDS * g + k];
+            s[k].value = value + at;
+            s[k].n = first[KINDS * g + k + 1] - at;
+        }
+        area[g] = s[0].n;
+        level[g] = s[0].n + s[1].n + s[2].n > 0 ? mean_of(s, sigma) : 0.0;
+    }
+}
