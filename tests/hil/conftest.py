@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from typing import TYPE_CHECKING
 
 import cv2
 import pytest
+
+from hil.board.svd.kernels import library
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -18,3 +22,15 @@ def one_thread() -> Iterator[None]:
     cv2.setNumThreads(1)
     yield
     cv2.setNumThreads(threads)
+
+
+@pytest.fixture
+def native_kernels(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The C kernels or a failure, never numpy beside itself; skips where there is no compiler."""
+    if shutil.which(os.environ.get("CC", "") or "cc") is None:
+        pytest.skip("no C compiler here")
+    monkeypatch.setenv(library.CHOICE, "native")
+    library._loaded.cache_clear()
+    yield
+    monkeypatch.undo()
+    library._loaded.cache_clear()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 
-needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
+needs_compiler = pytest.mark.usefixtures("native_kernels")
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
     from hil.board.svd.shade import Faces
 
-pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
+pytestmark = pytest.mark.usefixtures("native_kernels")
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 SUN = np.array([0.3, -0.5, 0.7])
@@ -100,6 +99,19 @@ def test_brightness_and_score_are_numpys(craft: BoardModel, by_numpy: pytest.Mon
         if one.behind is not None and other.behind is not None:
             np.testing.assert_allclose(one.behind, other.behind, atol=1e-3)
         assert score == pytest.approx(photometric.explained(other, canvas), abs=1e-5)
+
+
+def test_a_face_in_the_first_corner_alone_is_no_background(
+    craft: BoardModel, by_numpy: pytest.MonkeyPatch
+) -> None:
+    faces, canvas, *_ = scene(craft, np.random.default_rng(4), 1)
+    seen = np.zeros((77 * canvas.fine, 101 * canvas.fine), np.int32)
+    seen[0, :4] = 7
+    native = levels.shade(faces, seen, canvas)
+    numpy_from_here(by_numpy)
+    reference = levels.shade(faces, seen, canvas)
+    np.testing.assert_array_equal(native.group > 0, seen > 0)
+    np.testing.assert_allclose(native.picture, reference.picture, atol=1e-3)
 
 
 def test_derivatives_and_steps_are_numpys(craft: BoardModel, by_numpy: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,4 @@
 /* Brightness of the craft's faces, taken from the picture, and the picture drawn with it: levels.py (shade). */
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -49,7 +48,7 @@ static void occurring(const int32_t *seen, const uint8_t *dark, int64_t pixels, 
 
     memset(there, 0, (size_t)(2 * (faces + 1)));
     for (i = 0; i + TOGETHER <= pixels; i += TOGETHER)
-        if (i == 0 || !same(seen, dark, i, &last))
+        if (!same(seen, dark, i, &last) || i == 0)
             for (j = i; j < i + TOGETHER; j++)
                 there[place(seen, dark, j, faces)] = 1;
     for (; i < pixels; i++)
@@ -101,7 +100,7 @@ static void relabel(const int32_t *seen, const uint8_t *dark, int64_t pixels, in
     int j;
 
     for (i = 0; i + TOGETHER <= pixels; i += TOGETHER) {
-        if (i == 0 || !same(seen, dark, i, &last))
+        if (!same(seen, dark, i, &last) || i == 0)
             for (j = 0; j < TOGETHER; j++)
                 some[j] = to[place(seen, dark, i + j, faces)];
         memcpy(group + i, some, sizeof some);
@@ -261,23 +260,6 @@ static void thin_levels(const struct pieces *p, const float *gray, int64_t f, co
         picture[p->cell[i]] = drawn[i];
 }
 
-/* Share (h, w) of each pixel that no face covers. */
-static void emptiness(struct drawing d, float *empty)
-{
-    const int64_t wide = d.w * d.f;
-    int64_t x, y, a, b;
-
-    for (y = 0; y < d.h; y++)
-        for (x = 0; x < d.w; x++) {
-            const uint8_t *from = d.group + y * d.f * wide + x * d.f;
-            int64_t sum = 0;
-            for (b = 0; b < d.f; b++)
-                for (a = 0; a < d.f; a++)
-                    sum += from[b * wide + a] == 0;
-            empty[y * d.w + x] = (float)sum * (1.0f / (float)(d.f * d.f));
-        }
-}
-
 /* Scratch of fly_shade, one piece of memory. */
 struct scratch {
     uint8_t *new, *to, *solid, *kind;
@@ -347,7 +329,7 @@ int64_t fly_shade(const int32_t *seen, const uint8_t *dark, const uint16_t *labe
         if (s.pieces.n > 0)
             thin_levels(&s.pieces, gray, f, r, n, level, picture, s.work);
         if (empty != NULL)
-            emptiness(d, empty);
+            fly_share(d, 0, empty);
     }
     free(block);
     return n;

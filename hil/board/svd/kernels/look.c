@@ -1,6 +1,4 @@
 /* Likelihood of the first look's attitudes, and the small pictures that they are compared with: look/subspaces.py. */
-#include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "kernels.h"

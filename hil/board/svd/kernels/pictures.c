@@ -183,3 +183,19 @@ void fly_brighter(const struct response *r, const float *away, int64_t n, double
     for (i = 0; i < n; i++)
         out[i] = (float)fly_brightness(r, (double)(away[i] + (float)mean)) - (float)level;
 }
+
+void fly_share(struct drawing d, int craft, float *share)
+{
+    const int64_t wide = d.w * d.f;
+    int64_t x, y, a, b;
+
+    for (y = 0; y < d.h; y++)
+        for (x = 0; x < d.w; x++) {
+            const uint8_t *from = d.group + y * d.f * wide + x * d.f;
+            int64_t sum = 0;
+            for (b = 0; b < d.f; b++)
+                for (a = 0; a < d.f; a++)
+                    sum += (from[b * wide + a] != 0) == craft;
+            share[y * d.w + x] = (float)sum * (1.0f / (float)(d.f * d.f));
+        }
+}

@@ -23,8 +23,8 @@ struct gauss {
  * scale cuts nothing off; where the scale ends; its tables. */
 struct response {
     double sigma, full;
-    const float *lift, *share; /* (2 REACH STEPS + 1,) of _tables */
-    const double *x, *below;   /* (entries,) of _means, times sigma */
+    const float *lift, *share; /* (2 REACH STEPS + 1,) of tables */
+    const double *x, *below;   /* (entries,) of means, times sigma */
     int64_t entries;
     int64_t end; /* where the scale ends, in steps of the tables */
 };
@@ -32,7 +32,7 @@ struct response {
 /* Drawn pixels of a canvas. */
 struct drawing {
     const uint8_t *group; /* (h f, w f) */
-    int64_t h, w, f;      /* canvas pixels, and drawn ones in each, each way */
+    int64_t h, w, f;      /* canvas pixels, and drawn ones in each, each way: 15 at most */
 };
 
 /* Place i on a line of n, mirrored at its ends without repeating them (BORDER_REFLECT_101). */
@@ -47,6 +47,9 @@ void fly_blur_some(const float *src, int64_t h, int64_t w, int64_t low, int64_t 
 
 /* The same with scratch of its own; -1 where there is no memory. */
 int fly_blur(const float *src, int64_t h, int64_t w, const struct gauss *g, float *dst);
+
+/* Share (h, w) of each pixel that faces cover (craft 1), or that none does (0). */
+void fly_share(struct drawing d, int craft, float *share);
 
 /* Mean value shown of n brightnesses x, and its derivative where slope is not NULL (Response.of); x may be mean. */
 void fly_shown(const struct response *r, const float *x, int64_t n, float *mean, float *slope);

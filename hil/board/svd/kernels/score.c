@@ -6,7 +6,7 @@
 /* What the noise itself costs, which is nobody's fault (photometric.py, _bounded). */
 #define FREE 1.5f
 
-/* Sum of squared deviations e (n,), each bounded (photometric.py, _bounded). */
+/* Sum of squared deviations e (n,), each bounded (photometric.py, _bounded); one that is no number costs the bound. */
 static double bounded(const float *e, int64_t n, float bound)
 {
     double sum[4] = {0, 0, 0, 0};
@@ -23,23 +23,6 @@ static double bounded(const float *e, int64_t n, float bound)
         sum[0] += cost > 0 ? (double)cost : 0.0;
     }
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
-}
-
-/* Share (h, w) of each pixel that some face covers. */
-static void covering(struct drawing d, float *share)
-{
-    const int64_t wide = d.w * d.f;
-    int64_t x, y, a, b;
-
-    for (y = 0; y < d.h; y++)
-        for (x = 0; x < d.w; x++) {
-            const uint8_t *from = d.group + y * d.f * wide + x * d.f;
-            int64_t sum = 0;
-            for (b = 0; b < d.f; b++)
-                for (a = 0; a < d.f; a++)
-                    sum += from[b * wide + a] != 0;
-            share[y * d.w + x] = (float)sum * (1.0f / (float)(d.f * d.f));
-        }
 }
 
 /* Bounded squared deviations of the picture from the drawn craft, in units of the noise, summed.
@@ -72,7 +55,7 @@ double fly_explained(const float *picture, const uint8_t *group, int64_t h, int6
     for (i = 0; i < n; i++)
         b[i] = (gray[i] - b[i]) * scale;
     if (none != NULL) {
-        covering(d, a);
+        fly_share(d, 1, a);
         fly_blur_with(a, h, w, *cover, share, part, line);
         for (i = 0; i < n; i++)
             b[i] = share[i] > least ? b[i] : none[i];

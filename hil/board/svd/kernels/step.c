@@ -1,4 +1,4 @@
-/* One Gauss-Newton step's normal equations: photometric.py (photo_step, normal_equations). */
+/* One Gauss-Newton step's normal equations: photometric.py (photo_step, projected). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -135,8 +135,10 @@ int64_t fly_step(const struct moving *m, const uint8_t *group, const uint8_t *ce
     int64_t out = -1, n, i, counts = 0;
 
     *weights = 0;
-    if (h < 1 || w < 1 || f < 1)
+    if (h < 1 || w < 1 || f < 1) {
+        memset(G, 0, 49 * sizeof *G);
         return 0;
+    }
     if (laid_out(h, w, &s) != 0)
         return -1;
     const int flat = !(r->sigma > 0);
