@@ -61,19 +61,25 @@ class Shown:
     sources: IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class Geometry:
-    """What is worked out of a mesh before it is uploaded; see `mesh.Mesh`.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shape:
+    """What is known of a target's mesh, uploaded or not.
 
     Parameters
     ----------
     values : (V, 7) of each vertex that is uploaded, as `VERTEX`: the mesh's own, then corners of ``shown``'s pieces.
-    at_chart : (V, 2) places in the atlas. uv : (V, 2) in the textures, or (0, 2).
+    hull_m : (3, K) points of the parts' convex hulls, which hold the mesh, target frame [m]; hulls inside of others
+        are left out. hull_parts : where in ``hull_m`` the second hull's points begin, the third's and so on.
+    center_m, radius_m : bounding sphere, target frame.
+    is_closed : every part is a set of closed shells facing outwards.
+    triangles : (T, 3) vertices of each. planes : (T, 4) of each: unit normal, and its distance from the origin
+        with the sign turned [m]. shells : large bodies that hide others.
+    shown : what pictures are drawn from. charts : how its faces are laid out in an atlas, by the borders of which the
+        mesh is cut. edges : that can show as lines.
+    relief_m : (T,) of ``shown``, how far a flat body stands out of what it lies on.
     """
 
     values: Float32Array
-    at_chart: Float32Array
-    uv: Float32Array
     hull_m: FloatArray
     hull_parts: IntArray
     center_m: FloatArray
@@ -86,6 +92,19 @@ class Geometry:
     charts: Charts
     edges: MeshEdges
     relief_m: Float32Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Geometry(Shape):
+    """A shape with what is uploaded beside its vertices; see `mesh.Mesh`.
+
+    Parameters
+    ----------
+    at_chart : (V, 2) places in the atlas. uv : (V, 2) in the textures, or (0, 2).
+    """
+
+    at_chart: Float32Array
+    uv: Float32Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, cast
 
 import moderngl
@@ -11,15 +11,11 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.render.blocks import MAX_MATERIALS
 from simulator.render.charts import TEXEL
-from simulator.render.geometry import VERTEX, Merged, geometry_of
+from simulator.render.geometry import VERTEX, Merged, Shape, geometry_of
 from simulator.render.patches import EDGE_SHARE, PatchArray, cut
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array, FloatArray, IntArray
-    from simulator.render.charts import Charts
-    from simulator.render.geometry import Shown
-    from simulator.render.mesh_edges import MeshEdges
-    from simulator.render.occluders import ConvexShell
+    from simulator.arrays import Float32Array
     from simulator.targets.model import Material, Target
 
 VERTEX_FORMAT = "3f 3f 1f"
@@ -40,43 +36,20 @@ class Draw:
     material: Material | None
 
 
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """Buffers of one uploaded target.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mesh(Shape):
+    """Buffers of one uploaded target, and its shape.
 
     Parameters
     ----------
-    values : (V, 7) what ``vertices`` holds, as `VERTEX`.
-    hull_m : (3, K) points of the parts' convex hulls, which hold the mesh, target frame [m]; hulls inside of others
-        are left out. hull_parts : where in ``hull_m`` the second hull's points begin, the third's and so on.
-    center_m, radius_m : bounding sphere, target frame.
-    order : which of the target's parts lie in the buffers first, second and so on.
-    charts : how its faces are laid out in an atlas, by the borders of which the mesh is cut.
-    at_chart : the vertices' places in the atlas.
-    is_closed : every part is a set of closed shells facing outwards.
-    triangles : (T, 3) what ``indices`` holds. planes : (T, 4) of each: unit normal, and its distance from the origin
-        with the sign turned [m]. shells : large bodies that hide others.
-    shown : what pictures are drawn from; its pieces' corners follow the mesh's own in the buffers.
-    edges : that can show as lines. relief_m : (T,) of ``shown``, how far a flat body stands out of what it lies on.
+    vertices : of ``values``. indices : of ``triangles``. at_chart : the vertices' places in the atlas.
     uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
+    order : which of the target's parts lie in the buffers first, second and so on.
     """
 
-    values: Float32Array
     vertices: moderngl.Buffer
     indices: moderngl.Buffer
     materials: tuple[Material, ...]
-    hull_m: FloatArray
-    hull_parts: IntArray
-    center_m: FloatArray
-    radius_m: float
-    is_closed: bool
-    triangles: np.typing.NDArray[np.uint32]
-    planes: Float32Array
-    shells: tuple[ConvexShell, ...]
-    shown: Shown
-    charts: Charts
-    edges: MeshEdges
-    relief_m: Float32Array
     at_chart: moderngl.Buffer
     uv: moderngl.Buffer | None = None
     draws: tuple[Draw, ...] = ()
@@ -196,22 +169,10 @@ def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> M
         texel,
     )
     return Mesh(
-        values=made.values,
+        **{field.name: getattr(made, field.name) for field in fields(Shape)},
         vertices=context.buffer(made.values.tobytes()),
         indices=context.buffer(made.triangles.tobytes()),
         materials=target.materials,
-        hull_m=made.hull_m,
-        hull_parts=made.hull_parts,
-        center_m=made.center_m,
-        radius_m=made.radius_m,
-        is_closed=made.is_closed,
-        triangles=made.triangles,
-        planes=made.planes,
-        shells=made.shells,
-        shown=made.shown,
-        charts=made.charts,
-        edges=made.edges,
-        relief_m=made.relief_m,
         at_chart=context.buffer(made.at_chart.tobytes()),
         uv=context.buffer(made.uv.tobytes()) if textured else None,
         draws=tuple(draws),
