@@ -25,12 +25,17 @@ def one_thread() -> Iterator[None]:
 
 
 @pytest.fixture
-def native_kernels(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def choose(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
+    """The environment, by which kernels are chosen anew in this test and in the next."""
+    library._loaded.cache_clear()
+    yield monkeypatch
+    monkeypatch.undo()
+    library._loaded.cache_clear()
+
+
+@pytest.fixture
+def native_kernels(choose: pytest.MonkeyPatch) -> None:
     """The C kernels or a failure, never numpy beside itself; skips where there is no compiler."""
     if shutil.which(os.environ.get("CC", "") or "cc") is None:
         pytest.skip("no C compiler here")
-    monkeypatch.setenv(library.CHOICE, "native")
-    library._loaded.cache_clear()
-    yield
-    monkeypatch.undo()
-    library._loaded.cache_clear()
+    choose.setenv(library.CHOICE, "native")

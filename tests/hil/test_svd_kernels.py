@@ -9,7 +9,6 @@ import zipfile
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import cv2
 import msgspec
@@ -32,21 +31,9 @@ from hil.evaluate.metrics import compose, summarise
 from simulator.targets.board_file import board_record
 from simulator.targets.library import load_target
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 
 needs_compiler = pytest.mark.usefixtures("native_kernels")
-
-
-@pytest.fixture
-def choose(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
-    """The environment, looked at anew by this test and by the next."""
-    library._loaded.cache_clear()
-    yield monkeypatch
-    monkeypatch.undo()
-    library._loaded.cache_clear()
 
 
 @pytest.fixture(scope="module")

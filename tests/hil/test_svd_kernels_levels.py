@@ -19,23 +19,12 @@ from simulator.targets.board_file import board_record
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from hil.board.svd.shade import Faces
 
 pytestmark = pytest.mark.usefixtures("native_kernels")
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 SUN = np.array([0.3, -0.5, 0.7])
-
-
-@pytest.fixture
-def by_numpy(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
-    """The environment, with which ``numpy_from_here`` lets numpy do everything; looked at anew by the next test."""
-    library._loaded.cache_clear()
-    yield monkeypatch
-    monkeypatch.undo()
-    library._loaded.cache_clear()
 
 
 @pytest.fixture(scope="module", params=["bytes number its groups", "more groups than that"])
@@ -78,7 +67,7 @@ def scene(
     return faces, canvas, q, t, Sunlight.of(faces, SUN, 96) if k % 4 > 1 else None
 
 
-def test_brightness_and_score_are_numpys(craft: BoardModel, by_numpy: pytest.MonkeyPatch) -> None:
+def test_brightness_and_score_are_numpys(craft: BoardModel, choose: pytest.MonkeyPatch) -> None:
     rng, cases, native = np.random.default_rng(1), [], []
     for k in range(12):
         faces, canvas, q, t, sun = scene(craft, rng, k, fine=2 + k // 10)
@@ -88,7 +77,7 @@ def test_brightness_and_score_are_numpys(craft: BoardModel, by_numpy: pytest.Mon
         cases.append((faces, seen, canvas, dark))
         shading = levels.shade(*cases[-1])
         native.append((shading, photometric.explained(shading, canvas)))
-    numpy_from_here(by_numpy)
+    numpy_from_here(choose)
     for (one, score), case in zip(native, cases, strict=True):
         other, canvas = levels.shade(*case), case[2]
         # where many groups are seen bytes number them anew
@@ -102,19 +91,19 @@ def test_brightness_and_score_are_numpys(craft: BoardModel, by_numpy: pytest.Mon
 
 
 def test_a_face_in_the_first_corner_alone_is_no_background(
-    craft: BoardModel, by_numpy: pytest.MonkeyPatch
+    craft: BoardModel, choose: pytest.MonkeyPatch
 ) -> None:
     faces, canvas, *_ = scene(craft, np.random.default_rng(4), 1)
     seen = np.zeros((77 * canvas.fine, 101 * canvas.fine), np.int32)
     seen[0, :4] = 7
     native = levels.shade(faces, seen, canvas)
-    numpy_from_here(by_numpy)
+    numpy_from_here(choose)
     reference = levels.shade(faces, seen, canvas)
     np.testing.assert_array_equal(native.group > 0, seen > 0)
     np.testing.assert_allclose(native.picture, reference.picture, atol=1e-3)
 
 
-def test_derivatives_and_steps_are_numpys(craft: BoardModel, by_numpy: pytest.MonkeyPatch) -> None:
+def test_derivatives_and_steps_are_numpys(craft: BoardModel, choose: pytest.MonkeyPatch) -> None:
     rng, cases, native = np.random.default_rng(2), [], []
     for k in range(12):
         faces, canvas, q, t, sun = scene(craft, rng, k, fine=2 + k // 10)
@@ -129,7 +118,7 @@ def test_derivatives_and_steps_are_numpys(craft: BoardModel, by_numpy: pytest.Mo
                 photometric.photo_step(fit, *moving, craft.radius_m, blur, joint=joint),
             )
         )
-    numpy_from_here(by_numpy)
+    numpy_from_here(choose)
     for (images, one), (moving, R, t, fit, blur, joint) in zip(native, cases, strict=True):
         reference = motion.motion_images(*moving, R, t)
         np.testing.assert_allclose(images, reference, atol=1e-5 * np.abs(reference).max())
