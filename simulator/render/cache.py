@@ -1,7 +1,8 @@
 """The user's cache folder: decoded maps and tables that are slow to make, written atomically.
 
 A file's name says what it was made from. Who needs what another thread or program is making waits for it. What no
-program has asked for in `KEPT_DAYS` goes when something new is stored.
+program has asked for in `KEPT_DAYS` goes when something new is stored. What a first picture is drawn from is written
+after it (`Later`).
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ import logging
 import os
 import sys
 import tempfile
+import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, TypeVar
+from typing import IO, TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 import platformdirs
@@ -22,14 +25,17 @@ if sys.platform != "win32":
     import fcntl
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
 KEPT_DAYS = 90
 _DAY_S = 86400.0
 _LONGEST_WAIT_S, _LOOK_AGAIN_S = 120.0, 0.02  # for another that makes the same; it may have been stopped
+_LONGEST_DELAY_S, _LOOK_FOR_END_S = 20.0, 0.25  # of writing: a program may never draw, or end first
 _T = TypeVar("_T", bound=np.generic)
+_Array = np.typing.NDArray[np.generic]
+_unwritten: dict[Path, _Array] = {}  # what this program has made and will write
 log = logging.getLogger(__name__)
 
 
@@ -64,17 +70,88 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
     kept: list[NDArray[_T]] | None = _read(paths, logging.DEBUG)
     if kept is not None:
         return kept
-    with _alone(paths[0].with_suffix(".lock")):
+    with ExitStack() as alone:
+        alone.enter_context(_alone(paths[0].with_suffix(".lock"), lambda: paths[0] in _unwritten))
         kept = _read(paths, logging.WARNING)
-        return [_stored(*pair) for pair in zip(paths, make(), strict=True)] if kept is None else kept
+        if kept is not None:
+            return kept
+        made, later = list(make()), _later.get()
+        if later is None:
+            return [_stored(*pair) for pair in zip(paths, made, strict=True)]
+        later.write(dict(zip(paths, made, strict=True)), alone.pop_all())
+        return made
+
+
+class Later:
+    """What a first picture is drawn from, written when that is done: neither waits for the other.
+
+    Until then other programs that want the same wait, as they do while it is being made.
+    """
+
+    def __init__(self) -> None:
+        self._start, self._changing = threading.Event(), threading.Lock()
+        self._waiting: list[tuple[Mapping[Path, _Array], ExitStack]] = []
+
+    def use(self) -> None:
+        """What this thread makes from here on is written later."""
+        _later.set(self)
+
+    def start(self) -> None:
+        """Begin to write, on a thread; what is made from here on is written at once."""
+        self._start.set()
+
+    def write(self, made: Mapping[Path, _Array], alone: ExitStack) -> None:
+        """Write arrays when it is time; others are let at them then, by closing ``alone``."""
+        _unwritten.update(made)
+        with self._changing:
+            waits = not self._start.is_set()
+            if waits and not self._waiting:
+                threading.Thread(target=self._write_all).start()
+            if waits:
+                self._waiting.append((made, alone))
+        if not waits:
+            _write(made, alone)
+
+    def _write_all(self) -> None:
+        until = time.monotonic() + _LONGEST_DELAY_S
+        while not self._start.wait(_LOOK_FOR_END_S):
+            if time.monotonic() > until or not threading.main_thread().is_alive():
+                break
+        with self._changing:
+            self._start.set()
+            waiting, self._waiting = self._waiting, []
+        while waiting:  # each is forgotten before the next
+            _write(*waiting.pop(0))
+
+
+_later: ContextVar[Later | None] = ContextVar("_later", default=None)
+
+
+def name_of(array: _Array) -> str | None:
+    """The key of an array that came from the cache or will be written to it."""
+    file = getattr(array, "filename", None)
+    path = next((path for path, made in list(_unwritten.items()) if made is array), file)
+    return None if path is None else Path(path).stem
+
+
+def _write(made: Mapping[Path, _Array], alone: ExitStack) -> None:
+    with alone:
+        for path, array in made.items():
+            _stored(path, array)
+    for path in made:
+        _unwritten.pop(path, None)
 
 
 def is_kept(key: str) -> bool:
-    """Whether there is a file of `cached_array`; it may be damaged yet."""
-    return (cache_folder() / f"{key}.npy").is_file()
+    """Whether there is a file of `cached_array`, or will be; it may be damaged yet."""
+    path = cache_folder() / f"{key}.npy"
+    return path in _unwritten or path.is_file()
 
 
 def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:
+    here = [_unwritten.get(path) for path in paths]
+    if all(array is not None for array in here):
+        return cast("list[NDArray[_T]]", here)
     try:
         # mapped, not read: the driver copies it straight from the page cache
         kept = [np.load(path, mmap_mode="r", allow_pickle=False) for path in paths]
@@ -92,8 +169,9 @@ def _stored(path: Path, array: NDArray[_T]) -> NDArray[_T]:
     """The array as it is in the cache now, or itself where it cannot be kept."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
-            np.save(file, array)
+        # open for writing alone numpy writes it as it lies, and leaves Python free meanwhile
+        with tempfile.NamedTemporaryFile("wb", dir=path.parent, suffix=".tmp", delete=False) as file:
+            np.save(file.file, array)
         Path(file.name).replace(path)
         _forget(path.parent)
         # the page cache serves it from here on, this process's own memory is free again
@@ -105,8 +183,8 @@ def _stored(path: Path, array: NDArray[_T]) -> NDArray[_T]:
 
 
 @contextmanager
-def _alone(path: Path) -> Iterator[None]:
-    """While nobody else makes what a lock file stands for.
+def _alone(path: Path, made_here: Callable[[], bool]) -> Iterator[None]:
+    """While nobody else makes what a lock file stands for; or when this program has made it meanwhile.
 
     The system frees the lock of a program that ends. Without locks, as on some network disks, two make the same bytes.
     """
@@ -119,14 +197,15 @@ def _alone(path: Path) -> Iterator[None]:
         return
     with file:
         until = time.monotonic() + _LONGEST_WAIT_S
-        while not _lock(file) and time.monotonic() < until:
+        while not (mine := _lock(file)) and not made_here() and time.monotonic() < until:
             time.sleep(_LOOK_AGAIN_S)
         try:
             yield
         finally:
             # who waits has this file open still, and finds what was made
-            with suppress(OSError):
-                path.unlink()
+            if mine or not made_here():
+                with suppress(OSError):
+                    path.unlink()
 
 
 def _lock(file: IO[bytes]) -> bool:

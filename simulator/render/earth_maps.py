@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from simulator.render.airtables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
+from simulator.render.cache import Later
 from simulator.render.levels import levelled
 from simulator.render.maps import KeptFiles, packed_maps
 from simulator.render.noise import detail_texture
@@ -36,6 +37,7 @@ class EarthMaps:
     ----------
     albedo : that the Earth-shine looks up. maps : one for one band, two for three. months : by number.
     shoals : uploaded only when such water is in view. air : of the scene's thickness.
+    later : writes what is made of them to the cache, when a first picture is drawn.
     """
 
     albedo: Future[Float32Array]
@@ -45,6 +47,7 @@ class EarthMaps:
     months: Future[dict[int, Levelled]]
     shoals: Future[Levelled]
     air: Future[AirTables]
+    later: Later
 
 
 def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
@@ -55,7 +58,8 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
     bands = 1 if of_bands == "mono" else 3
     dates = season(epoch_utc) if environment.seasons else AUGUST
     # what takes longest first: the detail alone is as long as the maps
-    with_maps, others = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+    later = Later()
+    with_maps, others = (ThreadPoolExecutor(1, initializer=later.use) for _ in range(2))
     # sources of the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
     files = KeptFiles()
     sources = with_maps.submit(missing_sources, bands, files)
@@ -72,6 +76,7 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
         months,
         water,
         others.submit(air_tables, of_bands, environment.atmosphere_thickness_km * 1e3),
+        later,
     )
     for pool in (with_maps, others):
         pool.shutdown(wait=False)
@@ -107,6 +112,7 @@ def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> Eart
         _done({dates.before: month, dates.after: month}),
         _done(one if bands == 1 else many),
         _done(AirTables(air, *tables)),
+        Later(),
     )
 
 

@@ -6,13 +6,12 @@ import ctypes
 import sys
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
-from simulator.render.cache import cached_array
+from simulator.render.cache import cached_array, name_of
 
 if TYPE_CHECKING:
     import moderngl
@@ -40,10 +39,10 @@ class Levelled:
 
 def levelled(image: ByteArray) -> Levelled:
     """The image with its levels, kept beside it where it comes from `cached_array`. Needs no OpenGL."""
-    name = getattr(image, "filename", None)
+    name = name_of(image)
     if name is None:
         return Levelled(image, _smaller(image))
-    return Levelled(image, cached_array(f"{Path(name).stem}-levels-{VERSION}", lambda: _smaller(image)))
+    return Levelled(image, cached_array(f"{name}-levels-{VERSION}", lambda: _smaller(image)))
 
 
 def levelled_texture(context: moderngl.Context, levels: Levelled) -> moderngl.Texture:

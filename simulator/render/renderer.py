@@ -199,14 +199,14 @@ class Renderer:
         images = self._images_for(scene)
         sampled = None if layer == "sky" else passes.sample(scene, view, target, clock)
         cells_px = None if sampled is None else sampled.cells_px
-        if scene.bands in self._begun:
+        begun = self._begun.get(scene.bands)
+        if begun is not None:
             self._compile_ahead(scene, view, images, cells_px, clock)
             if sampled is not None:
                 passes.compile_ahead(sampled, scene.bands, images)
         if sampled is not None and sky is None:
-            awaited = self._begun.get(scene.bands)
-            if awaited is not None:
-                awaited.albedo.result()
+            if begun is not None:
+                begun.albedo.result()
             view = replace(view, sky=sky_light(scene))
             self._blocks.frame.write(frame_values(scene, view))
         clock.lap("skylight")
@@ -235,6 +235,8 @@ class Renderer:
             inside = passes.silhouette_inside(scene, target)
             clock.lap("labels")
         self.check("a frame")
+        if begun is not None:
+            begun.later.start()
         return Rendered(radiance, coverage, depth, inside, clock.stage_ms)
 
     def begin_surfaces(

@@ -78,10 +78,17 @@ def _name(month: int) -> str:
 
 
 def _make_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
-    coast = cv2.resize(packed_maps(1)[0][..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
-    land = (coast > 128 + 4).astype(np.uint8)
-    august = _reflectances(_MAP_MONTH, bands)
-    return [_gain(_reflectances(month, bands), august, land) for month in months]
+    even = np.full((HEIGHT, WIDTH) if bands == 1 else (HEIGHT, WIDTH, 4), 128, np.uint8)
+    if bands != 1:
+        even[..., 3] = 255
+    others = [month for month in months if month != _MAP_MONTH]
+    made = {_MAP_MONTH: even}
+    if others:
+        coast = cv2.resize(packed_maps(1)[0][..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+        land = (coast > 128 + 4).astype(np.uint8)
+        august = _reflectances(_MAP_MONTH, bands)
+        made |= {month: _gain(_reflectances(month, bands), august, land) for month in others}
+    return [made[month] for month in months]
 
 
 def _reflectances(month: int, bands: int) -> list[FloatArray]:

@@ -84,19 +84,27 @@ def _make(bands: int, sources: Sources) -> ByteArray:
     if bands != 1:
         out[..., 3] = 255
 
-    def fill(tile: tuple[slice, slice]) -> None:
+    for whole in _TILES:  # one by one: threads would wait for Python at each of their short steps
+        tile = _within(whole, share[whole] > 0)
         near = share[tile] > 0
-        if not near.any():
-            return
+        if not near.size:
+            continue
         over = _reflectance(_over_the_ocean(day, coast, *tile)[near]) * share[tile][near][:, None]
         if bands == 1:
             out[tile][near] = _bytes(np.sqrt(over @ np.array(PAN_WEIGHTS, np.float32)))
         else:
             out[(*tile, slice(0, 3))][near] = _bytes(np.sqrt(over))
-
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(fill, _TILES))
     return out
+
+
+def _within(tile: tuple[slice, slice], wanted: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """The rows and columns of a tile from the first to the last that something (R, C) in it is wanted of."""
+    rows, columns = (np.flatnonzero(wanted.any(axis=k)) for k in (1, 0))
+    ranges = [(found[0], found[-1] + 1) if len(found) else (0, 0) for found in (rows, columns)]
+    first, second = (
+        slice(x.start + int(a), x.start + int(b)) for x, (a, b) in zip(tile, ranges, strict=True)
+    )
+    return first, second
 
 
 def day_and_coast(decode: Decoder = decode_file) -> Sources:

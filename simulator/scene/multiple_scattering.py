@@ -34,9 +34,7 @@ def multiple_scattering(air: Atmosphere, ground_albedo: float = GROUND_ALBEDO) -
     rays, weight = _sphere()
     suns = np.stack([np.sqrt(1 - mu_sun**2), np.zeros_like(mu_sun), mu_sun], axis=1)
     sunlight = _SunTable(air)
-    psi = np.zeros((HEIGHTS, SUNS, len(air.rayleigh_m)))
-    for k, h in enumerate(height):
-        psi[k] = _at(air, sunlight, air.radius_m + float(h), rays, weight, suns, ground_albedo)
+    psi = _second_and_on(air, sunlight, air.radius_m + height, rays, weight, suns, ground_albedo)
     return MultipleScattering(psi, air.thickness_m)
 
 
@@ -75,46 +73,48 @@ class _SunTable:
         return np.asarray(np.exp(-depth) * sun_share(r, mu_sun, self._air.radius_m)[..., None])
 
 
-def _at(
+def _second_and_on(
     air: Atmosphere,
     sunlight: _SunTable,
-    radius_m: float,
+    radius_m: FloatArray,
     rays: FloatArray,
     weight: FloatArray,
     suns: FloatArray,
     albedo: float,
 ) -> FloatArray:
-    """Mean radiance (SUNS, n) of all higher orders at one height, for every height of the Sun."""
-    mu = rays[:, 2]
-    to_top = -radius_m * mu + np.sqrt((radius_m * mu) ** 2 + air.top_m**2 - radius_m**2)
-    under = (radius_m * mu) ** 2 + air.radius_m**2 - radius_m**2
+    """Mean radiance (H, SUNS, n) of all higher orders at some radii (H,), for every height of the Sun."""
+    mu, at = rays[:, 2], radius_m[:, None]
+    to_top = -at * mu + np.sqrt((at * mu) ** 2 + air.top_m**2 - at**2)
+    under = (at * mu) ** 2 + air.radius_m**2 - at**2
     grounded = (under > 0) & (mu < 0)
-    length = np.where(grounded, -radius_m * mu - np.sqrt(np.clip(under, 0, None)), to_top)
-    depth = np.zeros((len(rays), len(air.rayleigh_m)))
-    first = np.zeros((len(rays), len(suns), len(air.rayleigh_m)))
+    length = np.where(grounded, -at * mu - np.sqrt(np.clip(under, 0, None)), to_top)
+    depth = np.zeros((*length.shape, len(air.rayleigh_m)))
+    first = np.zeros((*length.shape, len(suns), len(air.rayleigh_m)))
     scattered = np.zeros_like(depth)
-    start = np.array([0.0, 0.0, radius_m])
+    start = np.array([0.0, 0.0, 1.0]) * radius_m[:, None, None]
     for k in range(_STEPS):
         # dense near the point, where most of the light is
         edge0, edge1 = (k / _STEPS) ** 2, ((k + 1) / _STEPS) ** 2
         t, dt = 0.5 * (edge0 + edge1) * length, (edge1 - edge0) * length
-        p = start + t[:, None] * rays
-        r = np.linalg.norm(p, axis=1)
+        p = start + t[..., None] * rays
+        r = np.linalg.norm(p, axis=-1)
         rayleigh, mie, _ = air.density(r - air.radius_m)
-        scatters = rayleigh[:, None] * air.rayleigh_m + mie[:, None] * air.mie_scattering_m
+        scatters = rayleigh[..., None] * air.rayleigh_m + mie[..., None] * air.mie_scattering_m
         extinction = air.extinction_m(r - air.radius_m)
         # analytic over the step: exact for even air, however thick
-        through = np.exp(-extinction * dt[:, None])
+        through = np.exp(-extinction * dt[..., None])
         arrives = np.exp(-depth) * scatters * (1 - through) / np.maximum(extinction, 1e-30)
-        mu_sun = np.clip(p @ suns.T / r[:, None], -1, 1)
-        first += arrives[:, None] * sunlight(np.broadcast_to(r[:, None], mu_sun.shape), mu_sun)
+        mu_sun = np.clip(p @ suns.T / r[..., None], -1, 1)
+        first += arrives[..., None, :] * sunlight(np.broadcast_to(r[..., None], mu_sun.shape), mu_sun)
         scattered += arrives
-        depth += extinction * dt[:, None]
+        depth += extinction * dt[..., None]
     radiance = first / (4 * np.pi)
-    foot = start + length[:, None] * rays
+    foot = start + length[..., None] * rays
     mu_sun = np.clip(foot @ suns.T / air.radius_m, -1, 1)
     ground = sunlight(np.full(mu_sun.shape, air.radius_m), mu_sun) * np.clip(mu_sun, 0, None)[..., None]
-    radiance += np.where(grounded[:, None, None], np.exp(-depth)[:, None] * ground * albedo / np.pi, 0.0)
-    second = np.einsum("k,ksn->sn", weight, radiance)
-    again = weight @ scattered  # share of light from all around that is scattered on to here
+    reflected = np.exp(-depth)[..., None, :] * ground * albedo / np.pi
+    radiance += np.where(grounded[..., None, None], reflected, 0.0)
+    second = np.stack([np.einsum("k,ksn->sn", weight, one) for one in radiance])
+    # share of light from all around that is scattered on to here
+    again = np.stack([weight @ one for one in scattered])[:, None]
     return np.asarray(second / (1 - again))

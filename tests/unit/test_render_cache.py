@@ -9,7 +9,15 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from simulator.render.cache import KEPT_DAYS, cache_bytes, cached_array, cached_arrays
+from simulator.render.cache import (
+    KEPT_DAYS,
+    Later,
+    cache_bytes,
+    cached_array,
+    cached_arrays,
+    is_kept,
+    name_of,
+)
 
 
 @pytest.fixture
@@ -85,3 +93,42 @@ def test_a_maker_that_fails_leaves_the_next_one_free(folder):
     with pytest.raises(AssertionError):
         cached_array("a", refuse)
     assert cached_array("a", lambda: np.arange(2)).tolist() == [0, 1]
+
+
+def test_what_is_written_later_is_at_hand_in_this_program_and_waited_for_by_others(folder):
+    code = (
+        "import numpy as np; from simulator.render.cache import cached_array\n"
+        "print(cached_array('map', lambda: np.zeros(1)).tolist(), flush=True)"
+    )
+    later = Later()
+    with ThreadPoolExecutor(1, initializer=later.use) as pool:
+        made = pool.submit(cached_array, "map", lambda: np.arange(4)).result()
+    assert not (folder / "map.npy").exists()
+    # another thread has it at once, and knows what it is called
+    assert cached_array("map", refuse) is made
+    assert name_of(made) == "map"
+    assert is_kept("map")
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as other:
+        time.sleep(0.5)
+        assert other.poll() is None
+        later.start()
+        assert other.communicate()[0] == "[0, 1, 2, 3]\n"
+    assert [path.name for path in folder.iterdir()] == ["map.npy"]
+    assert name_of(cached_array("map", refuse)) == "map"
+
+
+def test_a_program_that_ends_before_its_first_picture_leaves_what_it_made(folder):
+    code = (
+        "import numpy as np; from simulator.render.cache import Later, cached_array\n"
+        "Later().use(); cached_array('map', lambda: np.arange(4)); cached_array('more', lambda: np.arange(2))"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=10)
+    assert {path.name for path in folder.iterdir()} == {"map.npy", "more.npy"}
+
+
+def test_what_is_made_after_the_first_picture_is_written_at_once(folder):
+    later = Later()
+    later.start()
+    with ThreadPoolExecutor(1, initializer=later.use) as pool:
+        pool.submit(cached_array, "map", lambda: np.arange(4)).result()
+    assert [path.name for path in folder.iterdir()] == ["map.npy"]

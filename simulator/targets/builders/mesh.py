@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])  # of three coordinates
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -63,12 +65,29 @@ def unit(v: ArrayLike) -> FloatArray:
     return a / np.linalg.norm(a, axis=-1, keepdims=True)
 
 
+def cross(a: ArrayLike, b: ArrayLike) -> FloatArray:
+    """Cross product of vectors (..., 3): what `numpy.cross` gives, a few times sooner for a handful."""
+    first, second = np.asarray(a, float), np.asarray(b, float)
+    forth = np.take(first, _NEXT, axis=-1) * np.take(second, _AFTER, axis=-1)
+    return np.asarray(forth - np.take(first, _AFTER, axis=-1) * np.take(second, _NEXT, axis=-1))
+
+
+def following(points: FloatArray) -> FloatArray:
+    """Points (K, ...) of a closed line, from the second to the first: `numpy.roll` by -1, many times sooner."""
+    return np.concatenate([points[1:], points[:1]])
+
+
+def preceding(points: FloatArray) -> FloatArray:
+    """Points (K, ...) of a closed line, from the last to the one before it."""
+    return np.concatenate([points[-1:], points[:-1]])
+
+
 def across(axis: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Right-handed orthonormal axes ``(u, v, w)`` with ``w`` along ``axis``."""
     w = unit(axis)
     helper = np.eye(3)[int(np.argmin(np.abs(w)))]
-    u = unit(np.cross(helper, w))
-    return u, np.cross(w, u), w
+    u = unit(cross(helper, w))
+    return u, cross(w, u), w
 
 
 def flat_faces(faces: Sequence[ArrayLike]) -> Mesh:
@@ -78,7 +97,7 @@ def flat_faces(faces: Sequence[ArrayLike]) -> Mesh:
     for face in faces:
         p = np.asarray(face, float)
         # Newell's formula: the area vector of a polygon
-        n = unit(np.cross(p - p[0], np.roll(p, -1, axis=0) - p[0]).sum(axis=0))
+        n = unit(cross(p - p[0], following(p) - p[0]).sum(axis=0))
         positions.append(p)
         normals.append(np.tile(n, (len(p), 1)))
         triangles += [(start, start + k, start + k + 1) for k in range(1, len(p) - 1)]
@@ -92,6 +111,6 @@ def convex_solid(faces: Sequence[ArrayLike]) -> Mesh:
     centre = np.concatenate(polygons).mean(axis=0)
     turned = []
     for p in polygons:
-        n = np.cross(p - p[0], np.roll(p, -1, axis=0) - p[0]).sum(axis=0)
+        n = cross(p - p[0], following(p) - p[0]).sum(axis=0)
         turned.append(p if n @ (p.mean(axis=0) - centre) > 0 else p[::-1])
     return flat_faces(turned)

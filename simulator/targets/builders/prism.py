@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.builders.mesh import Mesh, merge, unit
+from simulator.targets.builders.mesh import Mesh, cross, following, merge, preceding, unit
 from simulator.targets.builders.solids import CREASE_RAD
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def rectangle(lo: ArrayLike, hi: ArrayLike) -> FloatArray:
 def offset_polygon(polygon: ArrayLike, inset: float) -> FloatArray:
     """A convex polygon (K, 2), counter-clockwise, with every side moved inwards by ``inset``."""
     p = np.asarray(polygon, float)
-    side = np.roll(p, -1, axis=0) - p
+    side = following(p) - p
     inward = np.column_stack([-side[:, 1], side[:, 0]]) / np.linalg.norm(side, axis=1)[:, None]
     level = (inward * p).sum(axis=1) + inset
     corners = []
@@ -45,7 +45,7 @@ def offset_polygon(polygon: ArrayLike, inset: float) -> FloatArray:
 def signed_area(polygon: FloatArray) -> float:
     """Area of a polygon (K, 2), positive when counter-clockwise."""
     x, y = polygon.T
-    return float(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+    return float(0.5 * np.sum(x * following(y) - y * following(x)))
 
 
 def triangulate(outline: FloatArray, holes: Sequence[FloatArray] = ()) -> IntArray:
@@ -112,16 +112,16 @@ def _in_wedge(before: FloatArray, at: FloatArray, after: FloatArray, p: FloatArr
 
 
 def _clip_ears(points: FloatArray, loop: list[int]) -> IntArray:
-    scale = float(np.ptp(points, axis=0).max()) ** 2
+    scale, places = float(np.ptp(points, axis=0).max()) ** 2, points.tolist()
     triangles = []
     while len(loop) > 3:
         corners = points[loop]
-        a, c = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
+        a, c = preceding(corners), following(corners)
         area = _turn(a, corners, c)
         sides = [((p - q) ** 2).sum(axis=1) for p, q in ((a, corners), (corners, c), (c, a))]
         # fat ears first: slivers shade badly
         quality = np.where(area > 1e-12 * scale, area / np.maximum.reduce(sides), 0.0)
-        best = next((k for k in np.argsort(-quality, kind="stable") if _is_ear(points, loop, k)), -1)
+        best = next((k for k in np.argsort(-quality, kind="stable") if _is_ear(places, loop, k)), -1)
         if best < 0 or quality[best] <= 0:
             raise ValueError("the outline of the plate crosses itself")
         triangles.append((loop[best - 1], loop[best], loop[(best + 1) % len(loop)]))
@@ -130,14 +130,23 @@ def _clip_ears(points: FloatArray, loop: list[int]) -> IntArray:
     return np.asarray(triangles, np.int64)
 
 
-def _is_ear(points: FloatArray, loop: list[int], k: int) -> bool:
-    """Whether no other corner of a loop lies in the triangle of its corner k and the two beside it."""
-    ear = [loop[k - 1], loop[k], loop[(k + 1) % len(loop)]]
-    a, b, c = points[ear]
-    others = points[[n for n in loop if n not in ear]]
-    others = others[~((others[:, None] == points[ear]).all(axis=2)).any(axis=1)]
-    inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
-    return not inside.any()
+def _is_ear(places: list[list[float]], loop: list[int], k: int) -> bool:
+    """Whether no other corner of a loop lies in the triangle of its corner k and the two beside it.
+
+    Parameters
+    ----------
+    places : (x, y) of each point: a few numbers at a time are quicker as they are than as arrays.
+    """
+    ear = (loop[k - 1], loop[k], loop[(k + 1) % len(loop)])
+    corners = [places[n] for n in ear]
+    sides = [(*a, b[0] - a[0], b[1] - a[1]) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    for n in loop:
+        if n in ear or places[n] in corners:  # a bridge has its ends twice
+            continue
+        px, py = places[n]
+        if all(dx * (py - y) - dy * (px - x) >= 0 for x, y, dx, dy in sides):
+            return False
+    return True
 
 
 def prism(
@@ -162,7 +171,7 @@ def prism(
     flat = np.concatenate([rim, *inner])
     cut = triangulate(rim, inner)
     axes = np.stack([np.asarray(u, float), np.asarray(v, float)])
-    n = np.cross(axes[0], axes[1])
+    n = cross(axes[0], axes[1])
     low = np.asarray(origin_m, float) + flat @ axes
     high = low + n * thickness_m
     caps = [
@@ -183,16 +192,16 @@ def _oriented(polygon: ArrayLike, sign: float) -> FloatArray:
 
 
 def _wall(low: FloatArray, high: FloatArray, ring: FloatArray, axes: FloatArray) -> Mesh:
-    side = np.roll(ring, -1, axis=0) - ring
+    side = following(ring) - ring
     flat = unit(np.column_stack([side[:, 1], -side[:, 0], np.zeros(len(side))]))[:, :2]
-    smooth = (flat * np.roll(flat, 1, axis=0)).sum(axis=1) > np.cos(CREASE_RAD)
-    joined = flat + np.roll(flat, 1, axis=0)
+    smooth = (flat * preceding(flat)).sum(axis=1) > np.cos(CREASE_RAD)
+    joined = flat + preceding(flat)
     # at a smooth corner k the walls k-1 and k share a normal
     corner = np.where(smooth[:, None], joined / np.maximum(np.linalg.norm(joined, axis=1), 1e-9)[:, None], 0)
     start = np.where(smooth[:, None], corner, flat)
-    end = np.where(np.roll(smooth, -1)[:, None], np.roll(corner, -1, axis=0), flat)
+    end = np.where(following(smooth)[:, None], following(corner), flat)
     k = len(ring)
-    positions = np.concatenate([low, np.roll(low, -1, axis=0), np.roll(high, -1, axis=0), high])
+    positions = np.concatenate([low, following(low), following(high), high])
     normals = np.concatenate([start, end, end, start]) @ axes
     i = np.arange(k)
     triangles = np.concatenate(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.builders.mesh import Mesh, across, convex_solid, merge, unit
+from simulator.targets.builders.mesh import Mesh, across, convex_solid, cross, following, merge, unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,8 +61,8 @@ def bar(a_m: ArrayLike, b_m: ArrayLike, width_m: float, depth_m: float, up: Arra
     """
     a, b = np.asarray(a_m, float), np.asarray(b_m, float)
     w = unit(b - a)
-    side = unit(np.cross(w, np.asarray(up, float)))
-    rise = np.cross(side, w)
+    side = unit(cross(w, np.asarray(up, float)))
+    rise = cross(side, w)
     ring = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
     low, high = (
         np.array([p + i * side * width_m / 2 + j * rise * depth_m / 2 for i, j in ring]) for p in (a, b)
@@ -116,10 +116,10 @@ def _band(
     j = (i + 1) % n
     if low[0] == 0:
         triangles = np.column_stack([i, n + j, n + i])
-        normals[0] = unit(normals[1] + np.roll(normals[1], -1, axis=0)) if normal[0][0] else normals[0]
+        normals[0] = unit(normals[1] + following(normals[1])) if normal[0][0] else normals[0]
     elif high[0] == 0:
         triangles = np.column_stack([i, j, n + i])
-        normals[1] = unit(normals[0] + np.roll(normals[0], -1, axis=0)) if normal[1][0] else normals[1]
+        normals[1] = unit(normals[0] + following(normals[0])) if normal[1][0] else normals[1]
     else:
         triangles = np.concatenate([np.column_stack([i, j, n + j]), np.column_stack([i, n + j, n + i])])
     return Mesh(np.concatenate(rings), np.concatenate(normals), triangles)
