@@ -21,9 +21,12 @@ from hil.board.svd import quaternion as quat
 from hil.board.svd.course import _middle
 from hil.board.svd.frame import Candidate
 from hil.board.svd.kernels import library
-from hil.board.svd.kernels.look import likelihood, quantised, restored
+from hil.board.svd.kernels.look import likelihood
 from hil.board.svd.levels import shade as shaded
-from hil.board.svd.look.subspaces import QUARTERS, TURNS, Subspaces
+from hil.board.svd.look.attitudes import even_attitudes, turning_bumps
+from hil.board.svd.look.crop import Gaze, look
+from hil.board.svd.look.first import net_for
+from hil.board.svd.look.subspaces import HARMONICS, _circle
 from hil.board.svd.samples import sample_edges
 from hil.board.svd.sunlight import Sunlight, SunTable
 from hil.board.svd.visibility import _visible_samples, occluders, visible_samples
@@ -263,19 +266,6 @@ def test_what_hides_the_wireframe_is_numpys(tango: BoardModel, radius_m: float) 
         assert len(visible_samples(samples, occ, np.array(place, float))[0]) == len(samples)
 
 
-@needs_compiler
-def test_the_likelihood_of_attitudes_is_numpys() -> None:
-    rng = np.random.default_rng(3)
-    bumps = np.maximum(rng.uniform(-2, 1, (6 * TURNS, 64)), 0.0).astype(np.float32)
-    said = rng.normal(0, 4, (2, QUARTERS, 64)).astype(np.float32)
-    nothing = [np.zeros((1, 1, 1), np.float32), np.zeros(6, int), np.zeros((1, 4))]
-    both = [Subspaces(*nothing, b, np.zeros(1)).likelihood(said) for b in (bumps, quantised(bumps))]
-    # half a step of 1 / 65535 in each of 64 products
-    np.testing.assert_allclose(both[1], both[0], atol=1e-3)
-    assert np.ptp(both[0]) > 10
-    np.testing.assert_allclose(restored(quantised(bumps)), bumps, atol=0.51 / 65535)
-
-
 @pytest.mark.slow
 @needs_compiler
 def test_wider_instructions_change_no_bit(
@@ -285,7 +275,11 @@ def test_wider_instructions_change_no_bit(
         pytest.skip("this processor has none")
     choose.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
     faces, (R, t) = tango.faces, some_pose(tango, np.random.default_rng(11))
-    bumps = np.random.default_rng(2).integers(0, 65535, (2 * TURNS, 768)).astype(np.uint16)
+    net, bumps = net_for(tango), turning_bumps(even_attitudes(5))
+    assert net is not None
+    picture = cv2.GaussianBlur(np.random.default_rng(2).uniform(0, 255, (160, 200)), (0, 0), 3.0).astype(
+        np.uint8
+    )
     said = np.random.default_rng(3).normal(0, 4, (4, 768)).astype(np.float32)
     canvas = shade.Canvas(np.zeros((100, 120), np.float32), 1.0, 10.0, 5.0, 1.6, 2, tall=1.02)
 
@@ -297,8 +291,9 @@ def test_wider_instructions_change_no_bit(
         samples, native = sample_edges(tango, 0.02), library.library()
         visible, _ = visible_samples(samples, occluders(tango), -R.T @ t)
         assert native is not None
-        likely = likelihood(native, bumps, said, 2, TURNS)
-        return [a.tobytes() for a in (seen, sun.height, dark, visible, likely)]
+        likely = likelihood(native, bumps, said, HARMONICS, _circle())
+        looks = look(picture, 2.0, CAMERA, [Gaze.at(CAMERA, 90.0, 70.0, 80.0)])
+        return [a.tobytes() for a in (seen, sun.height, dark, visible, likely, looks, *net(looks))]
 
     wide = answers()
     choose.setattr(library, "_wide", lambda: ())

@@ -9,6 +9,9 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
+from hil.board.svd.kernels.area import readable, shrunk
+from hil.board.svd.kernels.library import library
+
 Array = np.ndarray
 
 CHANNELS = 8
@@ -139,9 +142,17 @@ def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) ->
     crop = image[y0:y1, x0:x1]
     factor = max(1.0, max(crop.shape) / longest_px)
     if factor > 1.0:
-        size = (max(8, round(crop.shape[1] / factor)), max(8, round(crop.shape[0] / factor)))
-        crop = cv2.resize(crop, size, interpolation=cv2.INTER_AREA)
+        width, height = max(8, round(crop.shape[1] / factor)), max(8, round(crop.shape[0] / factor))
+        crop = area_mean(crop, width, height)
     return np.asarray(crop, np.float32), factor
+
+
+def area_mean(picture: Array, width: int, height: int) -> Array:
+    """(height, width) float32 means of what each pixel covers, rounded where the picture's are whole numbers."""
+    native = library()
+    if native is not None and height <= picture.shape[0] and width <= picture.shape[1] and readable(picture):
+        return shrunk(native, picture, height, width)
+    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), np.float32)
 
 
 def thin_edges(gx: Array, gy: Array, sigma: float, low: float, high: float) -> Tuple[Array, Array]:

@@ -23,6 +23,7 @@ Array = np.ndarray
 # One subject each; the header first. They travel in the wheel and in the board's bundle as text.
 SOURCES = (
     "kernels.h",
+    "area.h",
     "pictures.h",
     "motion.h",
     "means.h",
@@ -40,6 +41,10 @@ SOURCES = (
     "step.c",
     "visible.c",
     "look.c",
+    "area.c",
+    "crop.c",
+    "attitudes.c",
+    "net.c",
 )
 
 # No sum in another order and no product joined to a sum, so that all machines of a kind give the same numbers; nobody

@@ -1,4 +1,5 @@
-/* Likelihood of the first look's attitudes, and the small pictures that they are compared with: look/subspaces.py. */
+/* Likelihood of the first look's attitudes: look/subspaces.py (likelihoods). */
+#include <stdlib.h>
 #include <string.h>
 
 #include "kernels.h"
@@ -6,64 +7,103 @@
 /* Sums that run side by side, so that a compiler may use what adds several numbers at once. */
 #define LANES 8
 
-/* Quarter turns of a look. */
+/* Quarter turns of a look, and harmonics of a bump's value as a function of the turn (attitudes.py, POWER / 2). */
 #define QUARTERS 4
+#define HARMONICS 10
 
 typedef float lanes __attribute__((vector_size(4 * LANES)));
 
-/* A bump of one, in steps. */
-#define STEPS 65535.0f
+/* Real and imaginary parts of one harmonic. */
+struct wave {
+    float re, im;
+};
 
-/* Products of a row of bumps (n,) with four rows of coefficients (4, n), n a multiple of LANES. */
-static void products(const uint16_t *restrict bumps, const float *restrict coefficients, int64_t n, float out[QUARTERS])
+static float sum_of(lanes a)
 {
-    const float *c0 = coefficients, *c1 = c0 + n, *c2 = c1 + n, *c3 = c2 + n;
-    lanes a0 = {0}, a1 = {0}, a2 = {0}, a3 = {0};
-    int64_t i;
+    float sum = 0.0f;
     int k;
 
+    for (k = 0; k < LANES; k++)
+        sum += a[k];
+    return sum;
+}
+
+static lanes taken(const float *p)
+{
+    lanes a;
+    memcpy(&a, p, sizeof a);
+    return a;
+}
+
+/* Sums over the anchors (n,) of size exp(-i m angle) times what the four looks say, for each harmonic m.
+ *
+ * size, cosine, sine (n,) : of the bumps seen from one direction. said (4, n) : the sum of all looks, even ones less
+ * odd ones, the first less the third, the second less the fourth. A quarter turn is a factor of -i to the power of m.
+ */
+static void waves(const float *size, const float *cosine, const float *sine, const float *said, int64_t n,
+                  struct wave out[HARMONICS + 1])
+{
+    lanes re[HARMONICS + 1] = {{0}}, im[HARMONICS + 1] = {{0}};
+    int64_t i;
+    int m;
+
     for (i = 0; i < n; i += LANES) {
-        lanes b, c;
-        for (k = 0; k < LANES; k++)
-            b[k] = (float)bumps[i + k];
-        memcpy(&c, c0 + i, sizeof c);
-        a0 += b * c;
-        memcpy(&c, c1 + i, sizeof c);
-        a1 += b * c;
-        memcpy(&c, c2 + i, sizeof c);
-        a2 += b * c;
-        memcpy(&c, c3 + i, sizeof c);
-        a3 += b * c;
+        const lanes c = taken(cosine + i), s = taken(sine + i);
+        const lanes even[2] = {taken(said + i), taken(said + n + i)};
+        const lanes a = taken(said + 2 * n + i), b = taken(said + 3 * n + i);
+        /* size exp(-i m angle) */
+        lanes x = taken(size + i), y = {0}, turned;
+        re[0] += x * even[0];
+#pragma GCC unroll 10
+        for (m = 1; m <= HARMONICS; m++) {
+            turned = x * c + y * s;
+            y = y * c - x * s;
+            x = turned;
+            if (m % 2 == 0) {
+                re[m] += x * even[m / 2 % 2];
+                im[m] += y * even[m / 2 % 2];
+            } else if (m % 4 == 1) {
+                re[m] += x * a + y * b;
+                im[m] += y * a - x * b;
+            } else {
+                re[m] += x * a - y * b;
+                im[m] += y * a + x * b;
+            }
+        }
     }
-    for (k = 0; k < QUARTERS; k++)
-        out[k] = 0.0f;
-    for (k = 0; k < LANES; k++) {
-        out[0] += a0[k];
-        out[1] += a1[k];
-        out[2] += a2[k];
-        out[3] += a3[k];
+    for (m = 0; m <= HARMONICS; m++) {
+        out[m].re = sum_of(re[m]);
+        out[m].im = sum_of(im[m]);
     }
 }
 
-/* look/subspaces.py's Subspaces.likelihood: into out (V * turns,).
+/* look/subspaces.py's Subspaces.likelihoods of one place: into out (views, turns).
  *
- * bumps : (V * turns, n) in steps of 1 / 65535. coefficients : (4, n) of looks turned by quarters, n a multiple of 8,
- * turns of four.
+ * bumps : (3, views, n) size, cosine and sine. said : as above, n a multiple of eight. harmonics : (HARMONICS + 1,)
+ * of a bump. circle : (turns, 2) cosine and sine of a turn.
  */
-void fly_likelihood(const uint16_t *bumps, const float *coefficients, int64_t views, int64_t turns, int64_t n,
-                    float *out)
+void fly_likelihood(const float *bumps, const float *said, const float *harmonics, const float *circle, int64_t views,
+                    int64_t turns, int64_t n, float *out)
 {
     int64_t v, turn;
-    int k;
+    int m;
 
-    for (v = 0; v < views * turns; v++)
-        out[v] = 0.0f;
-    for (v = 0; v < views; v++)
-        for (turn = 0; turn < turns; turn++) {
-            float each[QUARTERS];
-            products(bumps + (v * turns + turn) * n, coefficients, n, each);
-            /* a look turned by a quarter sees another turn of the same direction */
-            for (k = 0; k < QUARTERS; k++)
-                out[v * turns + (turn + k * turns / QUARTERS) % turns] += each[k] * (1.0f / (QUARTERS * STEPS));
+    for (v = 0; v < views; v++) {
+        const float *own = bumps + v * n;
+        struct wave w[HARMONICS + 1];
+        waves(own, own + views * n, own + 2 * views * n, said, n, w);
+        for (m = 0; m <= HARMONICS; m++) {
+            w[m].re *= harmonics[m];
+            w[m].im *= harmonics[m];
         }
+        for (turn = 0; turn < turns; turn++) {
+            /* real part of the sum over m of wave times exp(i m turn) */
+            float sum = w[0].re;
+            for (m = 1; m <= HARMONICS; m++) {
+                const float *at = circle + 2 * (m * turn % turns);
+                sum += w[m].re * at[0] - w[m].im * at[1];
+            }
+            out[v * turns + turn] = sum;
+        }
+    }
 }

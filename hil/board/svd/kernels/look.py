@@ -1,8 +1,9 @@
-"""Likelihood of the first look's attitudes by the C kernels: look.c."""
+"""Likelihood of the first look's attitudes, and what they explain, by the C kernels: look.c, attitudes.c."""
 
 from __future__ import annotations
 
 import ctypes
+from typing import Tuple
 
 import numpy as np
 
@@ -10,37 +11,88 @@ from hil.board.svd.kernels.library import address, laid
 
 Array = np.ndarray
 
-# A bump of one, in steps.
-STEPS = 65535
+# What the kernels hold in arrays of their own: harmonics of a bump, side of small pictures [px], shapes, sizes, shifts.
+HARMONICS, SIDE, SHAPES, SIZES, SHIFTS = 10, 24, 8, 3, 3
 
 
-def quantised(bumps: Array) -> Array:
-    """Values 0..1 as uint16, half a step off at most."""
-    return np.rint(np.asarray(bumps) * STEPS).astype(np.uint16)
-
-
-def restored(bumps: Array) -> Array:
-    """float32 values of ``quantised`` ones."""
-    return bumps * np.float32(1.0 / STEPS)
-
-
-def likelihood(library: ctypes.CDLL, bumps: Array, coefficients: Array, views: int, turns: int) -> Array:
-    """As ``Subspaces.likelihood``: (views * turns,) float32.
+def likelihood(library: ctypes.CDLL, bumps: Array, said: Array, harmonics: Array, circle: Array) -> Array:
+    """As ``Subspaces.likelihoods`` of one place: (V * TURNS,) float32.
 
     Parameters
     ----------
-    bumps : (views * turns, N) uint16 of ``quantised``, N a multiple of eight. coefficients : (4, N).
+    bumps : (3, V, N) of ``attitudes.turning_bumps``, N a multiple of eight. said : (4, N) of ``attitudes.quartered``.
+    harmonics : (HARMONICS + 1,) of a bump. circle : (TURNS, 2) cosine and sine of each turn.
     """
-    n = bumps.shape[1]
-    if n % 8 or turns % len(coefficients):
-        raise ValueError(f"a kernel takes rows of a multiple of 8, not {n}, and turns of 4, not {turns}")
-    mean, out = laid(coefficients, "float32"), np.empty(views * turns, np.float32)
+    _, views, n = bumps.shape
+    turns = len(circle)
+    if n % 8:
+        raise ValueError(f"a kernel takes rows of a multiple of 8, not {n}")
+    out, at = np.empty(views * turns, np.float32), ctypes.c_void_p
+    given = laid(said, "float32"), laid(harmonics, "float32"), laid(circle, "float32")
+    shapes = (4, n), (HARMONICS + 1,), (turns, 2)
     library.fly_likelihood(
-        ctypes.c_void_p(address(bumps, "uint16", (views * turns, n))),
-        ctypes.c_void_p(address(mean, "float32", (4, n))),
+        at(address(bumps, "float32", (3, views, n))),
+        *(at(address(a, "float32", shape)) for a, shape in zip(given, shapes)),  # noqa: B905 - 3.9
         ctypes.c_int64(views),
         ctypes.c_int64(turns),
         ctypes.c_int64(n),
-        ctypes.c_void_p(address(out, "float32")),
+        at(address(out, "float32")),
     )
     return out
+
+
+def explained(
+    library: ctypes.CDLL,
+    picture: Array,
+    chosen: Tuple[Array, Array],
+    circle: Array,
+    sizes: Tuple[float, ...],
+    wide: Array,
+    basis: Array,
+    window: Array,
+    taken: Array,
+) -> Tuple[Array, Array]:
+    """Share (C,) that each chosen attitude explains at its best move, and the number of that move (C,).
+
+    Parameters
+    ----------
+    picture : (n, n). chosen : view and turn (C,) of each. circle : (TURNS, 2). wide : (26, 26) blur of one line, its
+        columns the places. basis : (V, SHAPES, SIDE * SIDE) times the window (SIDE, SIDE). taken : (V,) share that
+        noise gives to so many shapes.
+    """
+    side, views = len(picture), len(basis)
+    view, turn = chosen
+    if side < 2 or len(sizes) != SIZES or not _within(view, views) or not _within(turn, len(circle)):
+        raise ValueError("a kernel takes three sizes, and views and turns that there are")
+    # those of one turn together
+    order = np.argsort(turn, kind="stable")
+    m = SIDE + SHIFTS - 1
+    given = (
+        (laid(picture, "float32"), "float32", (side, side)),
+        (laid(view[order], "int64"), "int64", (len(view),)),
+        (laid(turn[order], "int64"), "int64", (len(view),)),
+        (laid(circle, "float64"), "float64", (len(circle), 2)),
+        (np.array(sizes), "float64", (SIZES,)),
+        (laid(np.stack([wide.T, wide]), "float32"), "float32", (2, m, m)),
+        (basis, "float32", (views, SHAPES, SIDE * SIDE)),
+        (laid(window * window, "float32"), "float32", (SIDE, SIDE)),
+        (laid(taken, "float64"), "float64", (views,)),
+    )
+    share, move = np.empty(len(view)), np.empty(len(view), np.int64)
+    at = [ctypes.c_void_p(address(*one)) for one in given]
+    library.fly_attitudes(
+        at[0],
+        ctypes.c_int64(side),
+        *at[1:3],
+        ctypes.c_int64(len(view)),
+        *at[3:],
+        ctypes.c_void_p(address(share, "float64")),
+        ctypes.c_void_p(address(move, "int64")),
+    )
+    back = np.empty(len(order), np.intp)
+    back[order] = np.arange(len(order))
+    return share[back], move[back]
+
+
+def _within(numbers: Array, count: int) -> bool:
+    return not len(numbers) or (int(numbers.min()) >= 0 and int(numbers.max()) < count)

@@ -7,8 +7,11 @@ logarithm of how likely an attitude is. Several separate maxima are the rule: a 
 from __future__ import annotations
 
 from functools import lru_cache
+from math import comb
 
 import numpy as np
+
+from hil.board.svd import quaternion as quat
 
 Array = np.ndarray
 
@@ -36,3 +39,31 @@ def even_attitudes(n: int) -> Array:
 def bumps(q: Array) -> Array:
     """(N, ANCHORS) value of each anchor's bump at attitudes (N, 4)."""
     return np.asarray((q @ even_attitudes(ANCHORS).T) ** POWER)
+
+
+def harmonics() -> Array:
+    """(POWER / 2 + 1,) of a bump as a function of the turn about a direction: cos(x / 2)^POWER = sum_m h_m cos(m x)."""
+    half = POWER // 2
+    h = np.array([comb(POWER, half - m) for m in range(half + 1)]) / 2.0**POWER
+    return np.where(np.arange(half + 1) > 0, 2 * h, h)
+
+
+def turning_bumps(q: Array) -> Array:
+    """(3, N, ANCHORS) float32 size, cosine and sine of each anchor's bump as attitudes (N, 4) are turned.
+
+    Turned by x about the line of sight an attitude sees the bump size * cos((x - angle) / 2)^POWER.
+    """
+    quarter = np.array([0.0, 0.0, 0.0, 1.0])
+    a, b = (v @ even_attitudes(ANCHORS).T for v in (q, quat.multiply(quarter, q)))
+    square = np.maximum(a * a + b * b, 1e-12)
+    return np.stack([square ** (POWER // 2), (a * a - b * b) / square, 2 * a * b / square]).astype(np.float32)
+
+
+def quartered(coefficients: Array) -> Array:
+    """(..., 4, ANCHORS) what looks turned by none to three quarters say, for each power of a quarter turn.
+
+    Their mean, even ones less odd ones, and the first less the third and the second less the fourth, of which a power
+    with an odd exponent is made.
+    """
+    c0, c1, c2, c3 = np.moveaxis(coefficients, -2, 0)
+    return 0.25 * np.stack([c0 + c1 + c2 + c3, c0 - c1 + c2 - c3, c0 - c2, c1 - c3], axis=-2)

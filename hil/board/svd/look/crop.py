@@ -8,6 +8,10 @@ from typing import Optional, Sequence
 import cv2
 import numpy as np
 
+from hil.board.svd.edges import area_mean
+from hil.board.svd.kernels import crop as kernel
+from hil.board.svd.kernels.area import readable
+from hil.board.svd.kernels.library import library
 from hil.board.svd.look.net import FILLED, LOOK_PX, contrast
 from hil.board.svd.model import CameraIntrinsics
 
@@ -66,6 +70,34 @@ def seen_through(
     image : (H, W). sphere_px : diameter of the craft's sphere there. reduced : the whole picture reduced by area
         averaging, which a small camera that takes in much is shown instead.
     """
+    return views_through(image, camera, [gaze], side_px, sphere_px, reduced)[0]
+
+
+def views_through(
+    image: Array,
+    camera: CameraIntrinsics,
+    gazes: Sequence[Gaze],
+    side_px: int,
+    sphere_px: float,
+    reduced: Optional[Array] = None,
+) -> Array:
+    """(N, side, side) the same along many gazes."""
+    native = library()
+    if native is None or camera.distorted or not readable(image):
+        return np.stack([_seen_through(image, camera, g, side_px, sphere_px, reduced) for g in gazes])
+    intrinsics = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
+    given = np.array([[*g.direction, g.diameter_px] for g in gazes])
+    return kernel.seen_through(native, image, reduced, intrinsics, given, side_px, sphere_px)
+
+
+def _seen_through(
+    image: Array,
+    camera: CameraIntrinsics,
+    gaze: Gaze,
+    side_px: int,
+    sphere_px: float,
+    reduced: Optional[Array],
+) -> Array:
     f = 0.5 * (camera.fx_px + camera.fy_px)
     # picture pixels per pixel of the small one
     factor = gaze.diameter_px / sphere_px
@@ -85,8 +117,7 @@ def seen_through(
     )
     part = image[y0:y1, x0:x1]
     if factor > 1.0:
-        size = (max(2, round((x1 - x0) / factor)), max(2, round((y1 - y0) / factor)))
-        part = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+        part = area_mean(part, max(2, round((x1 - x0) / factor)), max(2, round((y1 - y0) / factor)))
     u = ((at[..., 0] - x0 + 0.5) * (part.shape[1] / (x1 - x0)) - 0.5).astype(np.float32)
     v = ((at[..., 1] - y0 + 0.5) * (part.shape[0] / (y1 - y0)) - 0.5).astype(np.float32)
     part = np.asarray(part, np.float32)
@@ -107,5 +138,5 @@ def look(
     image : (H, W). noise : its standard deviation. reduced : see ``seen_through``.
     """
     sphere = FILLED * LOOK_PX
-    pictures = np.stack([seen_through(image, camera, g, LOOK_PX, sphere, reduced) for g in gazes])
+    pictures = views_through(image, camera, gazes, LOOK_PX, sphere, reduced)
     return contrast(pictures, np.array([noise / max(g.diameter_px / sphere, 1.0) for g in gazes]))

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import BinaryIO, Tuple, Union
+from functools import cached_property
+from typing import BinaryIO, Optional, Tuple, Union
 
 import cv2
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
+
+from hil.board.svd.kernels import crop as native_crop
+from hil.board.svd.kernels.library import library
+from hil.board.svd.kernels.net import Layers, convolutions
 
 Array = np.ndarray
 
@@ -78,16 +83,29 @@ class Net:
         ----------
         looks : (B, 64, 64, 2) float32, see ``contrast``.
         """
-        x = looks
+        native = library()
+        if native is not None and self.layers is not None:
+            x = convolutions(native, looks, self.layers)
+        else:
+            x = self._convolved(looks)
+        x = np.maximum(x @ self.squeeze[0] + self.squeeze[1], 0.0).reshape(len(x), -1)
+        x = np.maximum(x @ self.hidden[0] + self.hidden[1], 0.0)
+        out = x @ self.heads[0] + self.heads[1]
+        return out[:, :-4], out[:, -4:]
+
+    @cached_property
+    def layers(self) -> Optional[Layers]:
+        """The convolutions as the kernels take them."""
+        return Layers.of(self.kernels, self.biases, STRIDES)
+
+    def _convolved(self, x: Array) -> Array:
+        """What the convolutions leave of looks."""
         for kernel, bias, stride in zip(self.kernels, self.biases, STRIDES):  # noqa: B905 - 3.9
             x = convolve(x, kernel, stride)
             # in place: new memory for each would cost as much as a layer's product
             x += bias
             np.maximum(x, 0.0, out=x)
-        x = np.maximum(x @ self.squeeze[0] + self.squeeze[1], 0.0).reshape(len(x), -1)
-        x = np.maximum(x @ self.hidden[0] + self.hidden[1], 0.0)
-        out = x @ self.heads[0] + self.heads[1]
-        return out[:, :-4], out[:, -4:]
+        return x
 
 
 def convolve(x: Array, kernel: Array, stride: int) -> Array:
@@ -119,6 +137,9 @@ def contrast(pictures: Array, noise: Array) -> Array:
     Neither channel depends on exposure: the level is measured by the brightest half percent, the contrast by its
     own neighbourhood's, but noise is left small.
     """
+    native = library()
+    if native is not None:
+        return native_crop.contrast(native, pictures, np.asarray(noise))
     count = len(pictures)
     flat = pictures.reshape(count, -1)
     bright = flat.shape[1] - flat.shape[1] // 200

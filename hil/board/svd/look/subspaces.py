@@ -12,6 +12,7 @@ Scharf & Friedlander (1994), Matched subspace detectors, IEEE Trans. Signal Proc
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import List, Optional, Tuple
 
 import cv2
@@ -21,7 +22,7 @@ from numpy.lib.stride_tricks import as_strided
 from hil.board.svd import quaternion as quat
 from hil.board.svd.kernels import look as kernel
 from hil.board.svd.kernels.library import library
-from hil.board.svd.look.attitudes import bumps
+from hil.board.svd.look.attitudes import harmonics, quartered, turning_bumps
 from hil.board.svd.look.crop import Gaze, seen_through
 from hil.board.svd.look.net import FILLED as LOOK_FILLED
 from hil.board.svd.model import BoardModel, CameraIntrinsics
@@ -33,8 +34,8 @@ Array = np.ndarray
 # Directions, turns of the picture, and faces' shapes at most for each direction.
 VIEWS, TURNS, SHAPES = 360, 32, 8
 
-# Quarter turns of a look.
-QUARTERS = 4
+# Quarter turns of a look, and harmonics of what a turn makes of a bump.
+QUARTERS, HARMONICS = 4, harmonics()
 
 # Side of the small pictures [px], share of it that the craft's sphere fills, range they are drawn for [radii].
 SIDE_PX, FILLED, RANGE_RADII = 24, 0.85, 9.0
@@ -65,10 +66,9 @@ class Subspaces:
 
     Parameters
     ----------
-    basis : (V, SHAPES, N) float32 orthonormal, zero where there are fewer. size : (V,) how many there are.
-    q : (V * TURNS, 4) attitudes against the line of sight, turns of one direction together.
-    bumps : (V * TURNS, ANCHORS), see ``attitudes``; float32, or uint16 in steps of 1 / 65535 for the kernels: half the
-        memory, and that is what takes time. window : (SIDE, SIDE).
+    basis : (V, SHAPES, N) float32 orthonormal, times the window; zero where there are fewer. size : (V,) how many
+        there are. q : (V * TURNS, 4) attitudes against the line of sight, turns of one direction together.
+    bumps : (3, V, ANCHORS) of ``attitudes.turning_bumps``. window : (SIDE, SIDE).
     """
 
     basis: Array
@@ -105,14 +105,24 @@ class Subspaces:
             # what earlier shapes have left of a shape must be more than rounding
             new = np.abs(np.diag(upper))[1:] > 0.05
             size[v] = int(new.sum())
-            basis[v, : size[v]] = Q[:, 1:][:, new].T
+            basis[v, : size[v]] = Q[:, 1:][:, new].T * window.ravel()
         turn = 2 * np.pi * np.arange(TURNS) / TURNS
         about = np.stack([np.cos(turn / 2), 0 * turn, 0 * turn, np.sin(turn / 2)], axis=-1)
-        q = quat.multiply(about[None], quat.from_matrix(R)[:, None]).reshape(-1, 4)
-        # in parts: a board's memory is small
-        stored = np.float32 if library() is None else kernel.quantised
-        values = np.concatenate([stored(bumps(part)) for part in np.array_split(q, 16)])
-        return Subspaces(basis, size, q, values, window)
+        straight = quat.from_matrix(R)
+        q = quat.multiply(about[None], straight[:, None]).reshape(-1, 4)
+        return Subspaces(basis, size, q, turning_bumps(straight), window)
+
+    @cached_property
+    def waves(self) -> Array:
+        """(HARMONICS + 1, V, ANCHORS) complex64 harmonics of the bumps; the kernels make them as they go."""
+        size, cosine, sine = (self.bumps[k].astype(float) for k in range(3))
+        step = cosine - 1j * sine
+        out = np.empty((len(HARMONICS), *size.shape), np.complex64)
+        wave = size.astype(complex)
+        for m, h in enumerate(HARMONICS):
+            out[m] = h * wave
+            wave *= step
+        return out
 
     def rank(
         self,
@@ -167,17 +177,17 @@ class Subspaces:
 
     def likelihoods(self, coefficients: Array) -> Array:
         """(N, V * TURNS) the same of many places; coefficients (N, 4, ANCHORS)."""
-        native = library()
-        if native is not None and self.bumps.dtype == np.uint16:
-            return np.stack(
-                [kernel.likelihood(native, self.bumps, c, len(self.size), TURNS) for c in coefficients]
-            )
-        table = self.bumps if self.bumps.dtype == np.float32 else kernel.restored(self.bumps)
-        each = table @ coefficients.reshape(-1, coefficients.shape[-1]).astype(np.float32).T
-        each = each.reshape(len(self.size), TURNS, -1, QUARTERS)
-        # a look turned by a quarter sees another turn of the same direction
-        turned = [np.roll(each[..., k], k * TURNS // QUARTERS, axis=1) for k in range(QUARTERS)]
-        return np.ascontiguousarray(np.mean(turned, axis=0).reshape(-1, each.shape[2]).T)
+        said, native = quartered(coefficients), library()
+        if native is not None:
+            return np.stack([kernel.likelihood(native, self.bumps, c, HARMONICS, _circle()) for c in said])
+        even, odd = said[:, :2], said[:, 2] - 1j * said[:, 3]
+        # a look turned by a quarter sees another turn of the same direction: by a factor of -i to the power of m
+        of_power = [even[:, 0], odd, even[:, 1], odd.conj()]
+        sums = np.stack([w @ of_power[m % QUARTERS].T.astype(np.complex64) for m, w in enumerate(self.waves)])
+        c, s = _circle().T
+        turns = (c + 1j * s)[:, None] ** np.arange(len(HARMONICS))
+        likely = np.real(np.tensordot(turns, sums, axes=1))
+        return np.ascontiguousarray(likely.transpose(2, 1, 0).reshape(len(said), -1), np.float32)
 
     def _explained(
         self,
@@ -192,19 +202,14 @@ class Subspaces:
         picture = seen_through(image, camera, gaze, side, FILLED * 2 * SIDE_PX, reduced)
         picture = cv2.blur(picture, (2, 2), anchor=(0, 0))
         view, turn = chosen // TURNS, chosen % TURNS
-        share = np.zeros(len(chosen))
-        at = np.zeros(len(chosen), int)
-        dof = INDEPENDENT * float(self.window.sum())
-        for k in np.unique(turn):
-            rows = np.flatnonzero(turn == k)
-            X = self._moved(picture, 2 * np.pi * float(k) / TURNS)
-            energy = np.einsum("sp,sp->s", X, X) + 1e-9
-            P = self.basis[view[rows]].reshape(-1, X.shape[1]) @ X.T
-            S = np.einsum("vks,vks->vs", *2 * [P.reshape(len(rows), SHAPES, -1)]) / energy
-            taken = (self.size[view[rows]] / dof)[:, None]
-            S = np.clip((S - taken) / (1 - taken), 0.0, 0.99)
-            at[rows] = S.argmax(axis=1)
-            share[rows] = S.max(axis=1)
+        taken = self.size / (INDEPENDENT * float(self.window.sum()))
+        native = library()
+        if native is None:
+            share, at = self._compared(picture, view, turn, taken)
+        else:
+            share, at = kernel.explained(
+                native, picture, (view, turn), _circle(), SIZES, _wide(), self.basis, self.window, taken
+            )
         moves = _moves()[at]
         # back from the turned small picture to half sides of a look
         angle = 2 * np.pi * turn / TURNS
@@ -213,8 +218,30 @@ class Subspaces:
         x, y = unit * (c * moves[:, 0] - s * moves[:, 1]), unit * (s * moves[:, 0] + c * moves[:, 1])
         return share, np.stack([x, y, moves[:, 2]], axis=-1)
 
-    def _moved(self, picture: Array, turn: float) -> Array:
-        """(moves, N) the picture turned back, at every size and shift, without wide structures and windowed."""
+    def _compared(self, picture: Array, view: Array, turn: Array, taken: Array) -> Tuple[Array, Array]:
+        """Share (C,) that attitudes explain at their best move, and its number (C,).
+
+        Parameters
+        ----------
+        taken : (V,) share that noise gives to as many shapes.
+        """
+        share, at = np.zeros(len(view)), np.zeros(len(view), int)
+        weight = self.window.ravel() ** 2
+        for k in np.unique(turn):
+            rows = np.flatnonzero(turn == k)
+            X = self._moved(picture, 2 * np.pi * float(k) / TURNS)
+            energy = (X * X) @ weight + 1e-9
+            P = self.basis[view[rows]].reshape(-1, X.shape[1]) @ X.T
+            S = np.einsum("vks,vks->vs", *2 * [P.reshape(len(rows), SHAPES, -1)]) / energy
+            own = taken[view[rows]][:, None]
+            S = np.clip((S - own) / (1 - own), 0.0, 0.99)
+            at[rows] = S.argmax(axis=1)
+            share[rows] = S.max(axis=1)
+        return share, at
+
+    @staticmethod
+    def _moved(picture: Array, turn: float) -> Array:
+        """(moves, N) the picture turned back, at every size and shift, without wide structures."""
         n, m, shifts = SIDE_PX, SIDE_PX + 2 * SHIFTS_PX, 2 * SHIFTS_PX + 1
         out = np.empty((len(SIZES), shifts, shifts, n, n), np.float32)
         middle, to = 0.5 * (picture.shape[0] - 1) - 0.5, 0.5 * (m - 1)
@@ -232,12 +259,27 @@ class Subspaces:
             )
             sy, sx = small.strides
             shifted = as_strided(small, (shifts, shifts, n, n), (sy, sx, sy, sx), writeable=False)
-            np.multiply(shifted, self.window, out=of_size)
+            of_size[:] = shifted
         return out.reshape(-1, n * n)
 
 
 def _narrow(picture: Array) -> Array:
     return np.asarray(picture - cv2.GaussianBlur(picture, (0, 0), WIDE_PX))
+
+
+@lru_cache(maxsize=1)
+def _wide() -> Array:
+    """(n, n) float32 the same blur of a line of the moved pictures: columns are what each pixel becomes."""
+    n = SIDE_PX + 2 * SHIFTS_PX
+    taps = round(8 * WIDE_PX + 1) | 1
+    return np.asarray(cv2.GaussianBlur(np.eye(n, dtype=np.float32), (taps, 1), WIDE_PX))
+
+
+@lru_cache(maxsize=1)
+def _circle() -> Array:
+    """(TURNS, 2) cosine and sine of each turn."""
+    angle = 2 * np.pi * np.arange(TURNS) / TURNS
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def _window() -> Array:

@@ -1,0 +1,178 @@
+"""The first look by the C kernels: what it is shown, its network, and its attitudes are those of numpy."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+
+from hil.board.svd import BoardModel, CameraIntrinsics
+from hil.board.svd import quaternion as quat
+from hil.board.svd.edges import area_mean
+from hil.board.svd.kernels import library
+from hil.board.svd.kernels import look as kernel
+from hil.board.svd.kernels.area import shrunk
+from hil.board.svd.kernels.net import Layers, convolutions
+from hil.board.svd.look.attitudes import ANCHORS, bumps, turning_bumps
+from hil.board.svd.look.crop import Gaze, look, views_through
+from hil.board.svd.look.first import net_for
+from hil.board.svd.look.net import convolve
+from hil.board.svd.look.subspaces import QUARTERS, TURNS, Subspaces
+from hil.evaluate.worker import board_model
+from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from ctypes import CDLL
+
+pytestmark = pytest.mark.usefixtures("native_kernels")
+
+CAMERA = CameraIntrinsics(480, 300, 750.0, 740.0, 239.5, 149.5)
+
+
+@pytest.fixture(scope="module")
+def tango() -> BoardModel:
+    return board_model(load_target("tango"))
+
+
+@pytest.fixture(scope="module")
+def views(tango: BoardModel) -> Subspaces:
+    assert tango.faces is not None
+    return Subspaces.of(tango, tango.faces)
+
+
+def native() -> CDLL:
+    handle = library.library()
+    assert handle is not None
+    return handle
+
+
+def numpy_from_here(patch: pytest.MonkeyPatch) -> None:
+    patch.setenv("FLYAROUND_KERNELS", "numpy")
+    library._loaded.cache_clear()
+
+
+def clouds(rng: np.random.Generator) -> np.ndarray:
+    """(300, 480) uint8 of all brightnesses."""
+    rough = cv2.GaussianBlur(rng.normal(0, 1, (300, 480)), (0, 0), 5.0)
+    return np.asarray(
+        np.clip(110 + 60 * rough / rough.std() + rng.normal(0, 3, rough.shape), 0, 255), np.uint8
+    )
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_area_means_are_opencvs(kind: type) -> None:
+    rng = np.random.default_rng(1)
+    picture = rng.uniform(0, 255, (211, 340)).astype(kind)
+    sizes = (
+        (85, 53, 0, 0),
+        (340, 211, 0, 0),
+        (100, 99, 3, 7),
+        (8, 8, 300, 190),
+        (20, 8, 320, 200),
+        (60, 52, 100, 3),
+    )
+    for width, height, x, y in sizes:
+        part = picture[y:, x:]
+        exact = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA).astype(float)
+        off = np.abs(shrunk(native(), part, height, width) - exact)
+        # whole numbers are rounded: a half may fall to either side
+        assert np.quantile(off, 0.995) < 1e-4
+        assert off.max() < (1e-4 if kind is np.float32 else 1.01)
+    with pytest.raises(ValueError, match="a kernel reduces"):
+        shrunk(native(), picture, 212, 340)
+    # what no kernel reads is reduced all the same: columns apart, and as many rows as there are not
+    assert area_mean(picture[:, ::2], 40, 30).shape == (30, 40)
+    assert area_mean(picture[:5], 40, 8).shape == (8, 40)
+
+
+def test_looks_are_numpys_wherever_they_are_at(choose: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(2)
+    picture = clouds(rng)
+    reduced = area_mean(picture, 120, 75)
+    gazes = [
+        Gaze.at(CAMERA, rng.uniform(-200, 700), rng.uniform(-100, 400), size)
+        for size in (12.0, 40.0, 120.0, 400.0, 2000.0)
+        for _ in range(3)
+    ]
+    args = [
+        (p, 2.0, CAMERA, gazes, r) for p in (picture, 7 * picture.astype(np.uint16)) for r in (None, reduced)
+    ]
+    both = [[(look(*a), views_through(a[0], CAMERA, gazes, 31, 20.0, a[4])) for a in args]]
+    numpy_from_here(choose)
+    both.append([(look(*a), views_through(a[0], CAMERA, gazes, 31, 20.0, a[4])) for a in args])
+    for (one, seen), (other, expected) in zip(*both, strict=True):
+        # older OpenCV looks between pixels in 32 steps, and of whole numbers a half may be rounded to either side
+        fine = 2e-4 if cv2.__version__ >= "5" else 2e-2
+        for a, b, unit in ((one, other, 1.0), (seen, expected, float(expected.max()))):
+            off = np.abs(a - b) / unit
+            assert np.quantile(off, 0.999) < fine
+            assert off.max() < 2e-2
+        assert np.ptp(one) > 2
+
+
+def test_the_network_is_numpys_to_what_its_weights_leave_out(
+    tango: BoardModel, choose: pytest.MonkeyPatch
+) -> None:
+    net, rng = net_for(tango), np.random.default_rng(3)
+    assert net is not None
+    gazes = [Gaze.at(CAMERA, *rng.uniform(60, 240, 2), rng.uniform(40, 200)) for _ in range(7)]
+    looks = look(clouds(rng), 2.0, CAMERA, gazes)
+    said = net(looks)
+    broken = net(np.concatenate([looks[:1], np.full_like(looks[:1], np.nan), 1e38 * looks[:1], looks[1:2]]))
+    numpy_from_here(choose)
+    for one, other in zip(said, net(looks), strict=True):
+        # its file has weights of 11 bits
+        np.testing.assert_allclose(one, other, atol=2e-3 * float(np.abs(other).max()))
+    for one, other in zip(said, broken, strict=True):
+        # one look harms no other
+        np.testing.assert_allclose(one[:2], other[[0, 3]], atol=1e-4)
+
+
+def test_a_layer_of_whole_numbers_is_exact() -> None:
+    rng = np.random.default_rng(4)
+    for taps, stride, channels, out in ((5, 2, 2, 24), (3, 2, 6, 16), (3, 1, 4, 37), (3, 2, 10, 128)):
+        kernel, bias = rng.integers(-90, 90, (taps, taps, channels, out)), rng.integers(-500, 500, out)
+        looks = rng.integers(-900, 900, (2, 8, 8, channels)).astype(np.float32)
+        # the largest there may be: a unit of each is worth one
+        kernel[0, 0, 0], looks[:, 0, 0, 0] = 32767, 4095
+        layers = Layers.of([kernel], [bias], [stride])
+        assert layers is not None
+        exact = np.maximum(convolve(looks, kernel.astype(np.float32), stride) + bias, 0)
+        made = convolutions(native(), looks, layers)
+        np.testing.assert_allclose(made, exact, rtol=1e-6, atol=1e-6 * exact.max())
+        with pytest.raises(ValueError, match="channels"):
+            convolutions(native(), np.zeros((1, 8, 8, channels + 2), np.float32), layers)
+    assert Layers.of([np.zeros((3, 3, 3, 8))], [np.zeros(8)], [1]) is None
+
+
+def test_likelihoods_are_the_sum_of_all_bumps(views: Subspaces, choose: pytest.MonkeyPatch) -> None:
+    said = np.random.default_rng(5).normal(0, 4, (2, QUARTERS, ANCHORS)).astype(np.float32)
+    one = views.likelihoods(said)
+    numpy_from_here(choose)
+    other = views.likelihoods(said)
+    some = np.random.default_rng(6).integers(0, len(views.size), 12)
+    each = np.einsum("vtj,nkj->nvtk", bumps(views.q).reshape(-1, TURNS, ANCHORS)[some], said)
+    turned = [np.roll(each[..., k], k * TURNS // QUARTERS, axis=2) for k in range(QUARTERS)]
+    exact = np.mean(turned, axis=0)
+    assert np.ptp(exact) > 5
+    for likely in (one, other):
+        np.testing.assert_allclose(likely.reshape(2, -1, TURNS)[:, some], exact, atol=2e-5)
+    np.testing.assert_allclose(turning_bumps(views.q[::TURNS]), views.bumps, atol=1e-6)
+
+
+def test_attitudes_explain_as_much_as_by_numpy(views: Subspaces, choose: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(7)
+    picture, here = clouds(rng), Gaze.at(CAMERA, 200.0, 140.0, 110.0)
+    chosen = rng.permutation(len(views.q))[:150]
+    share, move = views._explained(picture, CAMERA, here, chosen, None)
+    nothing = np.zeros((8, 8)), (np.array([400]), np.array([0])), np.zeros((TURNS, 2)), (1.0, 1.0, 1.0)
+    with pytest.raises(ValueError, match="turns that there are"):
+        kernel.explained(native(), *nothing, np.zeros((26, 26)), views.basis, views.window, np.zeros(360))
+    numpy_from_here(choose)
+    other, moved = views._explained(picture, CAMERA, here, chosen, None)
+    np.testing.assert_allclose(share, other, atol=2e-3)
+    assert (np.abs(move - moved).max(axis=1) > 1e-6).mean() < 0.03
+    assert np.ptp(other) > 0.1
+    assert quat.angle_rad(views.q[0], views.q[TURNS]) > 0.01
