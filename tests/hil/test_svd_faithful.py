@@ -30,6 +30,7 @@ from hil.board.svd.faithful.streams import (
 from hil.board.svd.gradient import eliminate_weak_gradients
 from hil.board.svd.pnp import solve_points, undistorted_rays
 from hil.board.svd.roi import Region
+from hil.board.svd.three_points import three_point_poses
 
 CAMERA = CameraIntrinsics(640, 480, 900.0, 900.0, 319.5, 239.5)
 HALF = np.array([0.5, 0.4, 0.15])
@@ -104,6 +105,34 @@ def test_every_solver_gives_the_pose_of_exact_points(solver: str) -> None:
     q, t = solve_points(points, rays, solver)
     errors = quat.angle_rad(q, Q) + np.linalg.norm(t - T, axis=1)
     assert errors.min() < 2e-3
+
+
+def test_three_points_of_a_batch_give_the_truth_and_what_opencv_finds() -> None:
+    rng = np.random.default_rng(5)
+    q = quat.normalise(rng.normal(size=(300, 4)))
+    t = np.stack([rng.uniform(-2, 2, 300), rng.uniform(-2, 2, 300), rng.uniform(3, 20, 300)], axis=-1)
+    points = rng.uniform(-0.6, 0.6, (300, 3, 3))
+    seen = np.einsum("nij,nkj->nki", quat.matrix(q), points) + t[:, None]
+    rays = seen[..., :2] / seen[..., 2:]
+    turned, moved, of = three_point_poses(points, rays)
+    off = np.linalg.norm(moved - t[of], axis=1) + quat.angle_rad(turned, q[of])
+    assert max(off[of == k].min() for k in range(300)) < 1e-6
+    # every pose found puts the points where they were seen
+    again = np.einsum("nij,nkj->nki", quat.matrix(turned), points[of]) + moved[:, None]
+    assert np.abs(again[..., :2] / again[..., 2:] - rays[of]).max() < 1e-8
+    for k in range(0, 300, 5):
+        other_q, other_t = solve_points(points[k], rays[k], "p3p")
+        mine = moved[of == k]
+        assert len(mine) == len(other_t)
+        assert all(np.linalg.norm(mine - shift, axis=1).min() < 1e-5 for shift in other_t)
+        assert all(quat.angle_rad(turned[of == k], turn).min() < 1e-5 for turn in other_q)
+
+
+def test_three_points_on_one_line_have_no_pose() -> None:
+    line = np.array([[0.0, 0, 0], [0.5, 0, 0], [1.0, 0, 0]]) @ quat.matrix(Q).T
+    rays = ((line + T)[:, :2] / (line + T)[:, 2:])[None]
+    assert len(three_point_poses(line[None], rays)[2]) == 0
+    assert three_point_poses(np.zeros((0, 3, 3)), np.zeros((0, 3, 2)))[0].shape == (0, 4)
 
 
 def test_a_lens_that_bends_is_undone_before_the_solver() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Callable, Sequence, Tuple
+from typing import Callable, List, Sequence, Tuple
 
 import cv2
 import numpy as np
@@ -96,11 +96,12 @@ _FLAGS = {
 }
 
 
-Solver = Callable[[Array, Array], Tuple[Sequence[Array], Sequence[Array]]]
+Solver = Callable[[Array, Array], Tuple[List[Array], List[Array]]]
 
 
 def point_solver(solver: str) -> Solver:
-    """One of OpenCV's solvers, by name: from object (N, 3) and rays (N, 2) at z = 1 to rotation vectors and shifts.
+    """One of OpenCV's solvers, by name: from object (N, 3) and rays (N, 2) at z = 1 to rotation vectors and shifts,
+    finite or not.
 
     Parameters
     ----------
@@ -109,22 +110,21 @@ def point_solver(solver: str) -> Solver:
     eye = np.eye(3)
     flag = cv2.SOLVEPNP_P3P if solver == "p3p" else getattr(cv2, _FLAGS[solver])
 
-    def solve(object_m: Array, rays: Array) -> Tuple[Sequence[Array], Sequence[Array]]:
+    def solve(object_m: Array, rays: Array) -> Tuple[List[Array], List[Array]]:
         obj, img = np.ascontiguousarray(object_m, float), np.ascontiguousarray(rays, float)
         # IPPE goes astray on points that are not centred
-        centre = obj.mean(axis=0) if solver == "ippe" else np.zeros(3)
+        centre = obj.mean(axis=0) if solver == "ippe" else None
         try:
             if solver == "p3p":
                 # solvePnPGeneric refuses three points
                 _, rv, tv = cv2.solveP3P(obj[:3], img[:3], eye, None, flags=flag)
             else:
-                _, rv, tv, _ = cv2.solvePnPGeneric(obj - centre, img, eye, None, flags=flag)
+                centred = obj if centre is None else obj - centre
+                _, rv, tv, _ = cv2.solvePnPGeneric(centred, img, eye, None, flags=flag)
         except cv2.error:
             return [], []
-        keep = [k for k in range(len(rv)) if np.isfinite(rv[k]).all() and np.isfinite(tv[k]).all()]
-        turns = [np.ravel(rv[k]) for k in keep]
-        shifts = [np.ravel(tv[k]) for k in keep]
-        if solver == "ippe":
+        turns, shifts = [v.ravel() for v in rv], [t.ravel() for t in tv]
+        if centre is not None:
             shifts = [t - quat.matrix(quat.from_rotvec(v)) @ centre for v, t in zip(turns, shifts)]  # noqa: B905 - 3.9
         return turns, shifts
 
@@ -139,9 +139,14 @@ def solve_points(object_m: Array, rays: Array, solver: str = "sqpnp") -> Tuple[A
     object_m : (N, 3). rays : (N, 2) undistorted points at z = 1.
     solver : as ``point_solver``.
     """
-    rv, tv = point_solver(solver)(object_m, rays)
-    q = quat.normalise(quat.from_rotvec(np.array(rv).reshape(-1, 3)))
-    return q, np.array(tv).reshape(-1, 3)
+    return from_rotvecs(*point_solver(solver)(object_m, rays))
+
+
+def from_rotvecs(turns: Sequence[Array], shifts: Sequence[Array]) -> Tuple[Array, Array]:
+    """Q (K, 4), t (K, 3) of rotation vectors and shifts, those that are not finite dropped."""
+    v, t = np.array(turns).reshape(-1, 3), np.array(shifts).reshape(-1, 3)
+    ok = np.isfinite(v).all(axis=1) & np.isfinite(t).all(axis=1)
+    return quat.normalise(quat.from_rotvec(v[ok])), t[ok]
 
 
 def undistorted_rays(camera: CameraIntrinsics, pixels: Array) -> Array:

@@ -253,8 +253,8 @@ def _picture_corners(figures: Figures, streams: Streams, shape: Tuple[int, ...])
     points = np.concatenate([np.zeros((0, 2)), *parts])
     last = np.array([shape[1] - 1.0, shape[0] - 1.0])
     points = points[((points >= BORDER_PX) & (points <= last - BORDER_PX)).all(axis=1)]
-    kept: List[Array] = []
-    for p in points:
-        if all(np.abs(p - k).max() > 2.0 for k in kept):
-            kept.append(p)
-    return np.array(kept).reshape(-1, 2)
+    same = np.abs(points[:, None] - points[None]).max(axis=2) <= 2.0
+    kept = np.zeros(len(points), bool)
+    for k in range(len(points)):
+        kept[k] = not (same[k] & kept).any()
+    return np.asarray(points[kept])

@@ -6,14 +6,14 @@ from typing import Any, Iterator, List, Tuple
 
 import numpy as np
 
-from hil.board.svd import quaternion as quat
 from hil.board.svd.faithful.config import FaithfulConfig
 from hil.board.svd.faithful.figures import Figures
 from hil.board.svd.model import CameraIntrinsics
-from hil.board.svd.pnp import point_solver, undistorted_rays
+from hil.board.svd.pnp import from_rotvecs, point_solver, undistorted_rays
+from hil.board.svd.three_points import three_point_poses
 
 Array = np.ndarray
-Pair = Tuple[Array, Array]
+Pairs = Tuple[Array, Array]
 
 # Pairs of groups solved at most: the search must end.
 BUDGET = 6000
@@ -30,8 +30,8 @@ ORDER = (
 )
 
 
-def correspondences(image: Figures, model: Figures, budget: int = BUDGET) -> Iterator[Pair]:
-    """Pairs of picture points (P, 2) and model points (P, 3), four to six of each; with an antenna where there is one.
+def correspondences(image: Figures, model: Figures, budget: int = BUDGET) -> Iterator[Pairs]:
+    """Pairs of one combination at a time: picture points (N, P, 2) and model points (N, P, 3), P four to six.
 
     Notes
     -----
@@ -45,12 +45,12 @@ def correspondences(image: Figures, model: Figures, budget: int = BUDGET) -> Ite
         total = pairs.shape[0]
         chosen = pairs if total <= share else pairs[np.linspace(0, total - 1, share).astype(int)]
         left -= len(chosen)
-        for i, m, a, b in chosen:
-            points, target = image.of(kind)[i], model.of(kind)[m]
-            if with_antenna:
-                points = np.concatenate([points, image.of("antenna")[a]])
-                target = np.concatenate([target, model.of("antenna")[b]])
-            yield points, target
+        i, m, a, b = chosen.T
+        points, target = image.of(kind)[i], model.of(kind)[m]
+        if with_antenna:
+            points = np.concatenate([points, image.of("antenna")[a]], axis=1)
+            target = np.concatenate([target, model.of("antenna")[b]], axis=1)
+        yield points, target
 
 
 def _pairs(image: Figures, model: Figures, kind: str, *, with_antenna: bool) -> Array:
@@ -72,29 +72,43 @@ def solve_all(
     spoil the figure; inliers are counted afterwards for all poses together.
     """
     rng = np.random.default_rng(2018)
-    solve = point_solver(config.solver)
     needed = _needed(config.solver)
-    turns: List[Array] = []
-    shifts: List[Array] = []
-    solved = 0
     rays = Figures(
         {
             kind: undistorted_rays(camera, p.reshape(-1, 2)).reshape(p.shape)
             for kind, p in image.by_kind.items()
         }
     )
+    turns, shifts = [np.zeros((0, 4))], [np.zeros((0, 3))]
+    solved = 0
     for points, target in correspondences(rays, model):
+        n, size = points.shape[:2]
+        solved += n
         used: Any = slice(None)
-        if config.ransac and len(points) > needed:
-            used = np.sort(rng.permutation(len(points))[:needed])
+        if config.ransac and size > needed:
+            drawn = np.array([rng.permutation(size) for _ in range(n)], int).reshape(n, size)
+            used = np.arange(n)[:, None], np.sort(drawn[:, :needed], axis=1)
         elif config.solver in ("p3p", "ap3p"):
-            used = slice(needed)
-        for turn, shift in zip(*solve(target[used], points[used])):  # noqa: B905 - Python 3.9 has no strict=
-            turns.append(turn)
-            shifts.append(shift)
-        solved += 1
-    v, t = np.array(turns).reshape(-1, 3), np.array(shifts).reshape(-1, 3)
-    return quat.normalise(quat.from_rotvec(v)), t, solved
+            used = np.s_[:, :needed]
+        q, t = _poses(target[used], points[used], config.solver)
+        turns.append(q)
+        shifts.append(t)
+    return np.concatenate(turns), np.concatenate(shifts), solved
+
+
+def _poses(target: Array, points: Array, solver: str) -> Tuple[Array, Array]:
+    """All poses of figures (N, P, 3) seen as (N, P, 2): three points together, OpenCV's solvers one by one."""
+    if solver == "p3p":
+        q, t, _ = three_point_poses(target, points)
+        return q, t
+    solve = point_solver(solver)
+    turns: List[Array] = []
+    shifts: List[Array] = []
+    for figure, seen in zip(target, points):  # noqa: B905 - Python 3.9 has no strict=
+        turn, shift = solve(figure, seen)
+        turns += turn
+        shifts += shift
+    return from_rotvecs(turns, shifts)
 
 
 def _needed(solver: str) -> int:
