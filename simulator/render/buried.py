@@ -91,7 +91,8 @@ def inside(corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: float
     """(T,) triangles of a closed mesh that lie in one of its convex bodies, or upon it and look into it.
 
     Screws' feet, the ends of struts: nobody outside sees them. Bodies thinner than `relief.HIGHEST` hide nothing here:
-    coarse shadow maps may leave them out, and need what lies under them.
+    coarse shadow maps may leave them out, and need what lies under them. What reaches an edge of the body stays: a
+    neighbour may meet the body along that edge, and a raster's rounding of corners opens single pixels between the two.
 
     Parameters
     ----------
@@ -114,8 +115,10 @@ def inside(corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: float
         some = np.flatnonzero(near)
         away = corners_m[some] @ body.planes[:, :3].T + body.planes[:, 3]
         # its own faces, and such as are flush with them, look the way they do
-        shows = (np.abs(away).max(axis=1) < touch) & (across[some] @ body.planes[:, :3].T > 0)
-        found[some] |= (away.max(axis=(1, 2)) < touch) & ~shows.any(axis=1)
+        upon = np.abs(away) < touch
+        shows = upon.all(axis=1) & (across[some] @ body.planes[:, :3].T > 0)
+        at_edge = (upon.sum(axis=2) > 1).any(axis=1)
+        found[some] |= (away.max(axis=(1, 2)) < touch) & ~shows.any(axis=1) & ~at_edge
     return found
 
 

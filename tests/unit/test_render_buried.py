@@ -96,3 +96,15 @@ def test_under_a_thin_plate_everything_stays_since_coarse_shadow_maps_leave_the_
         corners[12:, :, 2] = np.maximum(corners[12:, :, 2], 0.0)  # all of the foil lies in the plate
         found = inside(corners, convex_bodies([part_of(meshes[0])], 1.0), 1.0)
         assert found[12:].any() == hides
+
+
+def test_what_meets_a_bodys_edge_stays_since_rounding_opens_pixels_between_the_two():
+    # a wall of the small one goes on in a wall of the large one
+    body, beside = (
+        (LOW, HIGH),
+        ((HIGH[0] - 0.1, LOW[1] + 0.1, HIGH[2]), (HIGH[0], LOW[1] + 0.2, HIGH[2] + 0.1)),
+    )
+    meshes = [box(*extent) for extent in (body, beside)]
+    corners = merge(meshes).positions_m.astype(float)[merge(meshes).triangles]
+    found = inside(corners, convex_bodies([part_of(mesh) for mesh in meshes], 1.0), 1.0)
+    assert not found.any()
