@@ -4,32 +4,56 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
 from simulator.render.cover import CELL_PX
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, FloatArray
+    from simulator.arrays import BoolArray, Float32Array, FloatArray
     from simulator.render.projection import PixelRect
 
-_SHIFT = 4  # bits of an end's fraction
-_FARTHEST = 1 << 20  # OpenCV's corners must fit in whole numbers with the fraction's bits to spare
+_NEAR_PX = 0.25
+"""How near to a cell's outermost pixels a line passes that counts as crossing it; those are whole squares, with all of
+their samples, so that this is for roundings alone."""
+_LEVEL = 1e-6  # cells: a line that rises by less is level
 
 
 def crossed_cells(lines_px: FloatArray, rect: PixelRect) -> BoolArray:
-    """(rows, columns) of the cells of a rectangle that lines of the image cross, or pass by at half a pixel.
+    """(rows, columns) of the cells of a rectangle that lines of the image cross, or pass by at `_NEAR_PX`.
+
+    Each line is cut where rows of cells begin, and what lies in a row marks the cells from its left end to its right:
+    a sixth of the time in which OpenCV draws the lines into a picture.
 
     Parameters
     ----------
     lines_px : (N, 2, 2) column and row of both ends of each. rect : begins at whole cells.
     """
     rows, columns = -(-rect.height // CELL_PX), -(-rect.width // CELL_PX)
-    # one pixel more on each side: what passes there reaches inside
-    mask = np.zeros((rows * CELL_PX + 2, columns * CELL_PX + 2), np.uint8)
-    at = np.clip(lines_px - [rect.x0 - 1, rect.y0 - 1], -_FARTHEST, _FARTHEST)
-    cv2.polylines(mask, np.rint(at * (1 << _SHIFT)).astype(np.int32), False, 1, shift=_SHIFT)  # type: ignore[call-overload]
-    # the pixels drawn have their middles within half a pixel of the line
-    cv2.dilate(mask, np.ones((3, 3), np.uint8), dst=mask)
-    inner = mask[1:-1, 1:-1].reshape(rows, CELL_PX, -1).max(axis=1)  # one axis after the other is quicker
-    return np.asarray(np.ascontiguousarray(inner).view(np.uint64) != 0)
+    x, y = _in_cells(lines_px, rect)
+    near = np.float32(_NEAR_PX / CELL_PX)
+    upper = y.argmin(axis=0)[None]
+    x0, y0, x1, y1 = (np.take_along_axis(v, end, axis=0)[0] for end in (upper, 1 - upper) for v in (x, y))
+    first = np.clip(np.floor(y0 - near), 0, rows).astype(np.int64)
+    last = np.clip(np.floor(y1 + near), -1, rows - 1).astype(np.int64)
+    counts = np.maximum(last - first + 1, 0)
+    # a piece for each row of cells that a line reaches
+    of = np.repeat(np.arange(len(counts)), counts)
+    row = np.arange(len(of)) - (np.cumsum(counts) - counts - first).take(of)
+    slope, start = ((x1 - x0) / np.maximum(y1 - y0, np.float32(_LEVEL))).take(of), x0.take(of)
+    above = row.astype(np.float32) - y0.take(of)
+    enters, leaves = start + slope * (above - near), start + slope * (above + (1 + near))
+    left = np.maximum(np.minimum(enters, leaves), np.minimum(x0, x1).take(of)) - near
+    right = np.minimum(np.maximum(enters, leaves), np.maximum(x0, x1).take(of)) + near
+    begin = np.clip(np.floor(left), 0, columns).astype(np.int64)
+    end = np.clip(np.floor(right) + 1, 0, columns).astype(np.int64)
+    met = np.flatnonzero(end > begin)
+    width, at = columns + 1, row.take(met) * (columns + 1)
+    begun = np.bincount(at + begin.take(met), minlength=rows * width)
+    ended = np.bincount(at + end.take(met), minlength=rows * width)
+    return np.asarray(np.cumsum((begun - ended).reshape(rows, width), axis=1)[:, :columns] > 0)
+
+
+def _in_cells(lines_px: FloatArray, rect: PixelRect) -> Float32Array:
+    """(2, 2, N) columns and rows of both ends in cells, from the rectangle's upper left corner."""
+    corner = np.array([rect.x0 - 0.5, rect.y0 - 0.5])[:, None, None]
+    return np.asarray((lines_px.transpose(2, 1, 0) - corner) / CELL_PX, np.float32)

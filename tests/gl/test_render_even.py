@@ -28,8 +28,16 @@ def test_every_cell_that_a_line_crosses_is_known():
     assert found.any()
     assert not found.all()
     assert np.all(crossed[found])
-    # and hardly more: those that a line passes by within two pixels
-    assert np.count_nonzero(crossed & ~found) < 0.5 * np.count_nonzero(found)
+    # and hardly more: those that a line passes by within a quarter of a pixel
+    assert np.count_nonzero(crossed & ~found) < 0.1 * np.count_nonzero(found)
+
+
+def test_level_and_upright_lines_and_points_cross_the_cells_they_lie_in():
+    rect = PixelRect(0, 0, 40, 24)
+    lines = np.array([[(9.0, 3.0), (30.0, 3.0)], [(20.0, 30.0), (20.0, 10.0)], [(36.0, 20.0), (36.0, 20.0)]])
+    crossed = crossed_cells(lines, rect)
+    assert [tuple(cell) for cell in np.argwhere(crossed)] == [(0, 1), (0, 2), (0, 3), (1, 2), (2, 2), (2, 4)]
+    assert not crossed_cells(np.zeros((0, 2, 2)), rect).any()
 
 
 def _tank(material):
