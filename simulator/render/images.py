@@ -90,9 +90,9 @@ class Images:
         width, height = self.size
         if fours:
             return self._read_fours()
-        data = self.sky_framebuffer.read(components=self.bands, dtype="f4", alignment=1)
-        image = np.frombuffer(data, np.float32)
-        return image.reshape((height, width) if self.bands == 1 else (height, width, 3))
+        image = np.empty((height, width) if self.bands == 1 else (height, width, 3), np.float32)
+        self.sky_framebuffer.read_into(image, components=self.bands, dtype="f4", alignment=1)
+        return image
 
     def _read_fours(self) -> Float32Array:
         width, height = self.size

@@ -17,7 +17,7 @@ from simulator.render.moonview import moon_view
 from simulator.render.passes.earth import EarthPass, ice_day
 from simulator.render.passes.fours import LEAST_SHARE, FoursPass
 from simulator.render.passes.moon import MoonPass
-from simulator.render.passes.stars import StarPass
+from simulator.render.passes.stars import Spread, StarPass
 from simulator.render.passes.sun import SunPass
 from simulator.render.passes.target import TargetPasses
 from simulator.render.programs import RAYS_UNIT, ProgramLibrary
@@ -140,6 +140,7 @@ class Renderer:
         self._sun = SunPass(self._gl, self._programs)
         self._fours = FoursPass(self._gl, self._programs)
         self._images: Images | None = None
+        self._filled = False  # by the Earth, in the last frame: nothing was to be cleared
         self._moon: MoonPass | None = None
         self._earths: dict[Bands, EarthPass] = {}
         # of the first scene that needs them, until they are uploaded
@@ -197,6 +198,10 @@ class Renderer:
         self._blocks.frame.write(frame_values(scene, view))
         clock.lap("setup")
         images = self._images_for(scene)
+        # a driver's threads empty the images while the first pass is being prepared, where that was right before
+        early = not self._filled and scene.bands not in self._begun
+        if early:
+            images.clear(PixelRect(0, 0, *images.size))
         sampled = None if layer == "sky" else passes.sample(scene, view, target, clock)
         cells_px = None if sampled is None else sampled.cells_px
         begun = self._begun.get(scene.bands)
@@ -214,7 +219,9 @@ class Renderer:
         behind = Sky()
         if layer != "craft":
             behind = self._prepare_sky(scene, view, cells_px, self._earth_pass, clock)
-        images.clear(behind.added_to if behind.fills else PixelRect(0, 0, *images.size))
+        self._filled = behind.fills
+        if not early:
+            images.clear(behind.added_to if behind.fills else PixelRect(0, 0, *images.size))
         if sampled is not None:
             passes.shade(sampled, view, scene.bands, images)
             clock.lap("target.shading")
@@ -224,8 +231,10 @@ class Renderer:
             clock.lap("readback")
             self.check("a craft")
             return Rendered(light, share, None, 1.0, clock.stage_ms, window)
-        fours = self._draw_sky(scene, view, images, behind, clock)
+        fours, starlight = self._draw_sky(scene, view, images, behind, hidden, clock)
         radiance = images.read_radiance(fours=fours)
+        if starlight is not None:
+            starlight.add_to(radiance)
         clock.lap("readback")
         coverage = depth = None
         inside = 1.0
@@ -337,13 +346,26 @@ class Renderer:
         clock.lap("earth.air")
         return Sky(moon, earth, air, tables, cells, corners)
 
-    def _draw_sky(self, scene: SceneState, view: View, images: Images, sky: Sky, clock: StageClock) -> bool:
+    def _draw_sky(
+        self,
+        scene: SceneState,
+        view: View,
+        images: Images,
+        sky: Sky,
+        hidden: PixelRect | None,
+        clock: StageClock,
+    ) -> tuple[bool, Spread | None]:
         """Everything behind the target: each pass adds its light times the share that the target leaves open.
+
+        Parameters
+        ----------
+        hidden : pixels that the target may cover.
 
         Returns
         -------
-        Whether the picture is kept four pixels to a texel.
+        Whether the picture is kept four pixels to a texel, and light to be added when it is read.
         """
+        starlight = None
         environment, earth, moon = scene.environment, sky.earth, sky.moon
         behind = moon is not None and moon.in_front
         fours = self._in_fours(images, sky)
@@ -353,7 +375,7 @@ class Renderer:
             )
             clock.lap("earth.surface")
         if (environment.stars or environment.planets) and not sky.fills:
-            self._stars.run(scene, view, images, earth, sky.air, moon)
+            starlight = self._stars.run(scene, view, images, earth, sky.air, moon, hidden)
             clock.lap("stars")
         if moon is not None and moon.rect is not None and (not sky.fills or moon.in_front):
             if self._moon is None:
@@ -370,7 +392,7 @@ class Renderer:
         if fours and sky.cells is not None:
             self._fours.run(images, sky.cells, sky.cells.others_px)
             clock.lap("earth.fours")
-        return fours
+        return fours, starlight
 
     @staticmethod
     def _in_fours(images: Images, sky: Sky) -> bool:

@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
 from simulator.render.airtables import air_tables
 from simulator.render.catalogue import star_irradiance_w_m2, stars
+from simulator.render.passes.stars import StarPass
+from simulator.render.projection import PixelRect
 from simulator.render.view import build_view
 from simulator.scene.atmosphere import (
     MultipleScattering,
@@ -213,6 +216,32 @@ def test_star_is_where_it_should_be_and_as_bright(renderer, draw_kit, speck):
     assert patch.sum() * solid_angle == pytest.approx(field.irradiance_w_m2[0, vega], rel=0.01)
     # its spectrum averaged over 450-750 nm: 3.05e-11 W m-2 nm-1 (Hayes 1985, IAU Symposium 111)
     assert field.irradiance_w_m2[0, vega] == pytest.approx(3.05e-11 * 300, rel=0.08)
+
+
+@pytest.mark.parametrize("bands", ["mono", "rgb"])
+def test_stars_drawn_and_added_when_the_picture_is_read_give_one_picture(
+    renderer, draw_kit, monkeypatch, bands
+):
+    # a plate before a part of the stars, and among those added some whose pixels lie half beyond the border
+    target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.9)], [draw_kit.white()])
+    scene = draw_kit.scene(target, environment=replace(draw_kit.nothing, stars=True), bands=bands)
+    shared = renderer.render(scene, target).radiance
+    run, added = StarPass.run, []
+
+    def all_drawn(self, scene, view, images, *others):
+        *around, _ = others
+        added.append(run(self, scene, view, images, *around, PixelRect(0, 0, *images.size)))
+        return added[-1]
+
+    monkeypatch.setattr(StarPass, "run", all_drawn)
+    drawn = renderer.render(scene, target).radiance
+    assert not added[0].light[added[0].at > 0].any()
+    lit = np.count_nonzero(drawn)
+    assert lit > 1000
+    assert np.count_nonzero(shared) == lit
+    # shaders know a star's place to a 32-bit float, 2^-16 of a pixel here
+    beside = cv2.dilate(drawn, np.ones((3, 3)))
+    assert np.all(np.abs(shared - drawn) <= 5e-5 * beside)
 
 
 def test_a_star_of_the_suns_colour_is_the_sun_dimmed():

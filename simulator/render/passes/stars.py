@@ -1,7 +1,12 @@
-"""Star pass: stars and planets, points of known irradiance, over the four nearest pixels. Adds to the radiance."""
+"""Star pass: stars and planets, points of known irradiance, over the four nearest pixels. Adds to the radiance.
+
+Those that the target may hide are drawn, the others are added to the picture when it is read back: a point costs a
+software driver a microsecond, and four sums a twentieth of that.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,12 +19,13 @@ from simulator.world.constants import LIGHT_M_S
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import BoolArray, FloatArray
+    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.camera.model import Camera
     from simulator.render.earthview import EarthView
     from simulator.render.images import Images
     from simulator.render.moonview import MoonView
     from simulator.render.programs import Program, ProgramLibrary
+    from simulator.render.projection import PixelRect
     from simulator.render.view import View
     from simulator.scene.atmosphere import Atmosphere
     from simulator.scene.state import SceneState
@@ -28,8 +34,28 @@ _MAX_STARS = 80_000
 _SLACK = 1e-3  # of a cosine: aberration changes lengths by a ten-thousandth
 
 
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Light of points over the pixels next to them.
+
+    Parameters
+    ----------
+    at : (M,) numbers of the pixels, row by row. light : (M, n) radiance to be added, per band [W m-2 sr-1].
+    """
+
+    at: IntArray
+    light: Float32Array
+
+    def add_to(self, radiance: Float32Array) -> None:
+        """Add it to a picture (H, W) or (H, W, n)."""
+        bands = self.light.shape[1]
+        values = radiance.reshape(-1)  # one number an entry: numpy adds rows of several ten times as slowly
+        for band in range(bands):
+            np.add.at(values, self.at * bands + band, self.light[:, band])
+
+
 class StarPass:
-    """Positions and light are worked out in float64 on the CPU; the GPU spreads and adds them."""
+    """Positions and light are worked out in float64 on the CPU, and spread there but where the target may be."""
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context, self._programs = context, programs
@@ -44,15 +70,29 @@ class StarPass:
         earth: EarthView | None,
         air: Atmosphere | None,
         moon: MoonView | None,
-    ) -> None:
-        """Add the stars in view.
+        hidden: PixelRect | None = None,
+    ) -> Spread:
+        """Draw the stars in view that the target may hide.
 
         Parameters
         ----------
         earth : what hides them, ``None`` without Earth. air : what dims them near its limb.
-        moon : what also hides them.
+        moon : what also hides them. hidden : pixels that the target may cover.
+
+        Returns
+        -------
+        the light of the others, to be added to the picture.
         """
         pixels, radiance = stars_in_view(scene, view, earth, air, moon)
+        near: BoolArray = np.zeros(len(pixels), bool)
+        if hidden is not None:
+            low, high = (hidden.x0 - 1, hidden.y0 - 1), (hidden.x1, hidden.y1)
+            near = np.asarray(((pixels > low) & (pixels < high)).all(axis=1))
+        self._draw(pixels[near], radiance[near], images)
+        return spread(pixels[~near], radiance[~near], images.size)
+
+    def _draw(self, pixels: FloatArray, radiance: FloatArray, images: Images) -> None:
+        """Add points, times what the target leaves open of their pixels."""
         if not len(pixels):
             return
         program = self._programs.get(
@@ -73,6 +113,28 @@ class StarPass:
         self._context.blend_func = self._context.ONE, self._context.ONE
         program.bind_textures(t_coverage=images.coverage)
         self._arrays[program].render(mode=self._context.POINTS, vertices=len(points))
+
+
+def spread(pixels: FloatArray, radiance: FloatArray, size: tuple[int, int]) -> Spread:
+    """Points by a tent over their four nearest pixels, as shaders/sky/stars.frag draws it.
+
+    Parameters
+    ----------
+    pixels : (K, 2) places in an image of ``size``. radiance : (K, n) that one whole pixel would have.
+    """
+    width, height = size
+    first = np.floor(pixels)
+    share = (pixels - first).T
+    column, row = first.T.astype(np.int64)
+    at, light = [], []
+    for dx in (0, 1):
+        for dy in (0, 1):
+            x, y = column + dx, row + dy
+            inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+            weight = (share[0] if dx else 1 - share[0]) * (share[1] if dy else 1 - share[1])
+            at.append(np.where(inside, y * width + x, 0))
+            light.append(radiance * (weight * inside)[:, None])
+    return Spread(np.concatenate(at), np.concatenate(light).astype(np.float32))
 
 
 def stars_in_view(
