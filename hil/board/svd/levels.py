@@ -28,6 +28,9 @@ SATURATED = 4
 # What a pixel beside a border counts for its face's brightness.
 BESIDE = 0.05
 
+# Share of a pixel that is as good as none where brightness is found with the pose.
+LITTLE = 1e-3
+
 # Brightness of a saturated face above the scale, in scales, that is tried.
 OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
 
@@ -184,7 +187,7 @@ def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: 
     Parameters
     ----------
     blur_px : standard deviation. rows : (N,) flat indices of the pixels that are asked for, ascending.
-    out : (most + 1 or more, N) float32, zero; receives the shares.
+    out : (most + 1 or more, N) float32, zero; receives the shares above ``LITTLE``.
 
     Returns
     -------
@@ -226,7 +229,9 @@ def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: 
             own[:] = share
         flat.take(rows[a:b], None, out[k, a:b], "clip")
         own[:] = 0.0
-    out[: len(chosen)] *= np.float32(1.0 / (f * f))
+    share = out[: len(chosen)]
+    share *= np.float32(1.0 / (f * f))
+    share[share <= LITTLE] = 0.0
     return len(chosen)
 
 

@@ -7,6 +7,9 @@
 /* Groups in so many middles or fewer have no brightness of their own (levels.py, coverage). */
 #define FEW 3
 
+/* Shares that are no more are none (levels.py, coverage). */
+#define LITTLE 1e-3f
+
 /* Canvas pixels that hold a group: from (x0, y0), to before (x1, y1). */
 struct box {
     int64_t x0, y0, x1, y1;
@@ -20,7 +23,7 @@ static void boxes_of(struct drawing d, struct box *box)
     int g;
 
     for (g = 0; g < 256; g++)
-        box[g] = (struct box){d.w, d.h, 0, 0};
+        box[g] = (struct box){wide, d.h * d.f, 0, 0};
     for (y = 0; y < d.h * d.f; y++) {
         const uint8_t *row = d.group + y * wide;
         for (x = 0; x < wide;) {
@@ -32,11 +35,17 @@ static void boxes_of(struct drawing d, struct box *box)
                 x += 8;
             while (x < wide && row[x] == row[start])
                 x++;
-            b->x0 = start / d.f < b->x0 ? start / d.f : b->x0;
-            b->x1 = (x - 1) / d.f + 1 > b->x1 ? (x - 1) / d.f + 1 : b->x1;
-            b->y0 = y / d.f < b->y0 ? y / d.f : b->y0;
-            b->y1 = y / d.f + 1;
+            b->x0 = start < b->x0 ? start : b->x0;
+            b->x1 = x > b->x1 ? x : b->x1;
+            b->y0 = y < b->y0 ? y : b->y0;
+            b->y1 = y + 1;
         }
+    }
+    /* drawn pixels to canvas pixels */
+    for (g = 0; g < 256; g++) {
+        const struct box b = box[g];
+        box[g] = b.y1 > 0 ? (struct box){b.x0 / d.f, b.y0 / d.f, (b.x1 - 1) / d.f + 1, (b.y1 - 1) / d.f + 1}
+                          : (struct box){d.w, d.h, 0, 0};
     }
 }
 
@@ -112,7 +121,7 @@ static void note(const struct rows *rows, int64_t w, struct box b, const float *
         const float *row = share + (y - b.y0) * (b.x1 - b.x0);
         for (i = rows->first[y * w + b.x0]; i < rows->first[y * w + b.x1]; i++) {
             const float v = row[rows->x[i] - b.x0] * part;
-            if (v > 0) {
+            if (v > LITTLE) {
                 c->share[c->n] = (struct share){v, c->last[i], (int32_t)slot};
                 c->last[i] = (int32_t)c->n++;
             }

@@ -11,65 +11,72 @@
 /* Place of a drawn pixel's face in tables of faces + 1 entries. */
 static inline int64_t held(int32_t face, int64_t faces) { return face < 0 ? 0 : face > faces ? faces : face; }
 
-/* Drawn pixels from i on that are looked at together: faces and shadows, the same as the last where they are. */
-#define TOGETHER 4
-
-struct four {
-    uint64_t one, two;
-    uint32_t dark;
+/* Drawn pixels side by side with one face and one shadow: the first of them, and their place in tables
+ * (2, faces + 1), those in light first. They end where the next ones begin.
+ */
+struct stretch {
+    int32_t start, place;
 };
 
-/* Whether four pixels are those of last, which they become. */
-static inline int same(const int32_t *seen, const uint8_t *dark, int64_t i, struct four *last)
-{
-    struct four now = {0, 0, 0};
-    int is;
+/* Pixels whose borders are found together. */
+#define TOGETHER 512
 
-    memcpy(&now.one, seen + i, sizeof now.one);
-    memcpy(&now.two, seen + i + 2, sizeof now.two);
+/* What differs from the pixel before it, 1, to edge (n,). */
+static void edges(const int32_t *seen, const uint8_t *dark, int64_t n, uint8_t *restrict edge)
+{
+    int64_t i;
+
+    for (i = 0; i < n; i++)
+        edge[i] = seen[i] != seen[i - 1];
     if (dark != NULL)
-        memcpy(&now.dark, dark + i, sizeof now.dark);
-    is = now.one == last->one && now.two == last->two && now.dark == last->dark;
-    *last = now;
-    return is;
+        for (i = 0; i < n; i++)
+            edge[i] |= dark[i] != dark[i - 1];
 }
 
-/* Place in tables (2, faces + 1), those in light first. */
-static inline int64_t place(const int32_t *seen, const uint8_t *dark, int64_t i, int64_t faces)
+/* Stretches of the drawn pixels, room for one each, and one more that begins after the last; how many. */
+static int64_t stretches(const int32_t *seen, const uint8_t *dark, int64_t pixels, int64_t faces, struct stretch *out)
 {
-    return (dark != NULL && dark[i] ? faces + 1 : 0) + held(seen[i], faces);
-}
+    uint8_t edge[TOGETHER];
+    int64_t i, k, j, n = 0;
 
-/* Which places of the tables occur: there (2, faces + 1). */
-static void occurring(const int32_t *seen, const uint8_t *dark, int64_t pixels, int64_t faces, uint8_t *there)
-{
-    struct four last = {0, 0, 0};
-    int64_t i, j;
-
-    memset(there, 0, (size_t)(2 * (faces + 1)));
-    for (i = 0; i + TOGETHER <= pixels; i += TOGETHER)
-        if (!same(seen, dark, i, &last) || i == 0)
-            for (j = i; j < i + TOGETHER; j++)
-                there[place(seen, dark, j, faces)] = 1;
-    for (; i < pixels; i++)
-        there[place(seen, dark, i, faces)] = 1;
+    out[n++].start = 0;
+    for (i = 1; i < pixels; i += TOGETHER) {
+        const int64_t some = pixels - i < TOGETHER ? pixels - i : TOGETHER;
+        edges(seen + i, dark == NULL ? NULL : dark + i, some, edge);
+        memset(edge + some, 0, (size_t)(TOGETHER - some));
+        for (k = 0; k < some; k += 8) {
+            uint64_t eight;
+            memcpy(&eight, edge + k, 8);
+            for (j = k; eight != 0 && j < k + 8; j++)
+                if (edge[j])
+                    out[n++].start = (int32_t)(i + j);
+        }
+    }
+    for (k = 0; k < n; k++) {
+        const int32_t at = out[k].start;
+        out[k].place = (int32_t)((dark != NULL && dark[at] ? faces + 1 : 0) + held(seen[at], faces));
+    }
+    out[n].start = (int32_t)pixels;
+    return n;
 }
 
 /* Group of each face in light and in shadow, to (2, faces + 1); how many groups there are, 0 where a byte holds too
  * few. Where shadows are cast, or a byte would not hold all, those that are seen are numbered anew (levels.py,
  * _divided). new (2, groups) is scratch.
  */
-static int64_t number(const int32_t *seen, const uint8_t *dark, int64_t pixels, const uint16_t *labels,
+static int64_t number(const struct stretch *stretch, int64_t stretches, int shadows, const uint16_t *labels,
                       int64_t faces, int64_t groups, uint8_t *new, uint8_t *to)
 {
     int64_t i, n = 1;
 
-    if (dark == NULL && groups <= LABELS) {
+    if (!shadows && groups <= LABELS) {
         for (i = 0; i <= faces; i++)
             to[i] = to[faces + 1 + i] = (uint8_t)labels[i];
         return groups;
     }
-    occurring(seen, dark, pixels, faces, to);
+    memset(to, 0, (size_t)(2 * (faces + 1)));
+    for (i = 0; i < stretches; i++)
+        to[stretch[i].place] = 1;
     memset(new, 0, (size_t)(2 * groups));
     for (i = 0; i < 2 * (faces + 1); i++) {
         const int64_t label = labels[i <= faces ? i : i - faces - 1];
@@ -91,22 +98,20 @@ static int64_t number(const int32_t *seen, const uint8_t *dark, int64_t pixels, 
 }
 
 /* Groups (pixels,) of drawn pixels. */
-static void relabel(const int32_t *seen, const uint8_t *dark, int64_t pixels, int64_t faces, const uint8_t *to,
-                    uint8_t *group)
+static void relabel(const struct stretch *stretch, int64_t stretches, const uint8_t *to, int64_t pixels, uint8_t *group)
 {
-    struct four last = {0, 0, 0};
-    uint8_t some[TOGETHER] = {0};
-    int64_t i;
-    int j;
+    int64_t i, k;
 
-    for (i = 0; i + TOGETHER <= pixels; i += TOGETHER) {
-        if (!same(seen, dark, i, &last) || i == 0)
-            for (j = 0; j < TOGETHER; j++)
-                some[j] = to[place(seen, dark, i + j, faces)];
-        memcpy(group + i, some, sizeof some);
+    for (k = 0; k < stretches; k++) {
+        const uint8_t own = to[stretch[k].place];
+        const uint64_t eight = 0x0101010101010101u * own;
+        const int64_t end = stretch[k + 1].start;
+        /* what is written beyond the end is written anew by the next */
+        for (i = stretch[k].start; i < end && i + 8 <= pixels; i += 8)
+            memcpy(group + i, &eight, 8);
+        for (; i < end; i++)
+            group[i] = own;
     }
-    for (; i < pixels; i++)
-        group[i] = to[place(seen, dark, i, faces)];
 }
 
 /* Group at each pixel's middle, and whether its corners have the same; both (h, w). */
@@ -265,12 +270,13 @@ struct scratch {
     uint8_t *new, *to, *solid, *kind;
     float *value, *work;
     struct pieces pieces;
+    struct stretch *stretch; /* where the pieces are later */
 };
 
 static void *laid_out(int64_t faces, int64_t groups, int64_t h, int64_t w, int64_t f, struct scratch *s)
 {
     const size_t cells = (size_t)(h * w), to = (2 * (size_t)(faces + 1) + 7) & ~(size_t)7;
-    const size_t wide = (cells + 8) * sizeof(double), drawn = cells * (size_t)(f * f) * sizeof(struct piece);
+    const size_t wide = (cells + 8) * sizeof(double), drawn = (cells * (size_t)(f * f) + 1) * sizeof(struct piece);
     uint8_t *at = malloc(4 * wide + drawn + 2 * (size_t)groups + to + 2 * cells), *const block = at;
 
     if (at == NULL)
@@ -279,6 +285,7 @@ static void *laid_out(int64_t faces, int64_t groups, int64_t h, int64_t w, int64
     s->value = (float *)(void *)(at += 3 * wide);
     s->pieces.cell = (int32_t *)(void *)(at += wide / 2);
     s->pieces.piece = (struct piece *)(void *)(at += wide / 2);
+    s->stretch = (struct stretch *)(void *)s->pieces.piece;
     s->pieces.n = s->pieces.cells = 0;
     s->new = at += drawn;
     s->to = at += 2 * groups;
@@ -305,7 +312,7 @@ int64_t fly_shade(const int32_t *seen, const uint8_t *dark, const uint16_t *labe
     float single[256] = {0};
     uint8_t thin[256] = {0};
     void *block = laid_out(faces, groups, h, w, f, &s);
-    int64_t n, g;
+    int64_t n, g, count;
 
     if (block == NULL)
         return -1;
@@ -313,9 +320,10 @@ int64_t fly_shade(const int32_t *seen, const uint8_t *dark, const uint16_t *labe
         free(block);
         return 0;
     }
-    n = number(seen, dark, h * w * f * f, labels, faces, groups, s.new, s.to);
+    count = stretches(seen, dark, h * w * f * f, faces, s.stretch);
+    n = number(s.stretch, count, dark != NULL, labels, faces, groups, s.new, s.to);
     if (n > 0) {
-        relabel(seen, dark, h * w * f * f, faces, s.to, group);
+        relabel(s.stretch, count, s.to, h * w * f * f, group);
         middles(d, centre, s.solid);
         cores(centre, s.solid, h, w, s.kind, core);
         fly_means(centre, s.kind, gray, h * w, n, sigma, level, area, s.value, (struct run *)(void *)s.work);

@@ -20,18 +20,31 @@ struct stretch {
 /* Sums side by side: one after the other each waits for the last. */
 #define SIDES 4
 
+typedef double doubles __attribute__((vector_size(8 * SIDES)));
+typedef int64_t wholes __attribute__((vector_size(8 * SIDES)));
+
+static inline double sum_of(doubles a) { return (a[0] + a[1]) + (a[2] + a[3]); }
+
+/* Four values from the i-th on; beyond the end they are beside. */
+static inline doubles values(struct stretch s, int64_t i, float beside)
+{
+    float v[SIDES] = {beside, beside, beside, beside};
+
+    if (i + SIDES <= s.n)
+        memcpy(v, s.value + i, sizeof v);
+    else
+        memcpy(v, s.value + i, (size_t)(s.n - i) * sizeof *v);
+    return (doubles){(double)v[0], (double)v[1], (double)v[2], (double)v[3]};
+}
+
 static double total(struct stretch s)
 {
-    double sum[SIDES] = {0};
+    doubles sum = {0};
     int64_t i;
-    int j;
 
-    for (i = 0; i + SIDES <= s.n; i += SIDES)
-        for (j = 0; j < SIDES; j++)
-            sum[j] += (double)s.value[i + j];
-    for (; i < s.n; i++)
-        sum[0] += (double)s.value[i];
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+    for (i = 0; i < s.n; i += SIDES)
+        sum += values(s, i, 0.0f);
+    return sum_of(sum);
 }
 
 /* Number and sum of values nearer to a mean than a bound, and the sum of their distances from another mean. */
@@ -41,28 +54,19 @@ struct kept {
 
 static struct kept near(struct stretch s, double mean, double bound, double other)
 {
-    double number[SIDES] = {0}, sum[SIDES] = {0}, away[SIDES] = {0};
-    struct kept out;
+    const doubles one = {1.0, 1.0, 1.0, 1.0};
+    const wholes size = (wholes){0} + INT64_MAX;
+    doubles number = {0}, sum = {0}, away = {0};
     int64_t i;
-    int j;
 
-    for (i = 0; i + SIDES <= s.n; i += SIDES)
-        for (j = 0; j < SIDES; j++) {
-            const double v = (double)s.value[i + j], in = fabs(v - mean) < bound ? 1.0 : 0.0;
-            number[j] += in;
-            sum[j] += in * v;
-            away[j] += in * fabs(v - other);
-        }
-    for (; i < s.n; i++) {
-        const double v = (double)s.value[i], in = fabs(v - mean) < bound ? 1.0 : 0.0;
-        number[0] += in;
-        sum[0] += in * v;
-        away[0] += in * fabs(v - other);
+    for (i = 0; i < s.n; i += SIDES) {
+        const doubles v = values(s, i, INFINITY);
+        const wholes in = (doubles)((wholes)(v - mean) & size) < bound;
+        number += (doubles)((wholes)one & in);
+        sum += (doubles)((wholes)v & in);
+        away += (doubles)((wholes)(v - other) & size & in);
     }
-    out.number = (number[0] + number[1]) + (number[2] + number[3]);
-    out.sum = (sum[0] + sum[1]) + (sum[2] + sum[3]);
-    out.away = (away[0] + away[1]) + (away[2] + away[3]);
-    return out;
+    return (struct kept){sum_of(number), sum_of(sum), sum_of(away)};
 }
 
 /* The same over all kinds of one group, each by its trust. */

@@ -7,6 +7,9 @@
 /* Numbers kept of a pixel: six derivatives, the residual, and one that fills the line. */
 #define WIDE 8
 
+/* All of them at once; each rounds as it does alone. */
+typedef float lanes __attribute__((vector_size(4 * WIDE), may_alias));
+
 /* A drawn craft that moves. */
 struct moving {
     const int32_t *seen;  /* (h f, w f) face + 1 */

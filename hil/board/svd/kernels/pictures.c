@@ -8,6 +8,9 @@
 #define REACH 4
 #define STEPS 64
 
+/* Pixels of a row that are counted together. */
+#define STRIP 256
+
 int64_t fly_mirrored(int64_t i, int64_t n)
 {
     if (n < 2)
@@ -184,18 +187,36 @@ void fly_brighter(const struct response *r, const float *away, int64_t n, double
         out[i] = (float)fly_brightness(r, (double)(away[i] + (float)mean)) - (float)level;
 }
 
+/* Shares of a row of canvas pixels of two drawn ones each way. count (w,) is scratch. */
+static void shared(const uint8_t *restrict top, const uint8_t *restrict end, int64_t w, uint8_t craft,
+                   uint8_t *restrict count, float *restrict share)
+{
+    int64_t x;
+
+    for (x = 0; x < w; x++)
+        count[x] = (uint8_t)((top[2 * x] != 0) + (top[2 * x + 1] != 0) + (end[2 * x] != 0) + (end[2 * x + 1] != 0));
+    for (x = 0; x < w; x++)
+        share[x] = (float)(craft ? count[x] : 4 - count[x]) * 0.25f;
+}
+
 void fly_share(struct drawing d, int craft, float *share)
 {
     const int64_t wide = d.w * d.f;
     int64_t x, y, a, b;
 
-    for (y = 0; y < d.h; y++)
-        for (x = 0; x < d.w; x++) {
-            const uint8_t *from = d.group + y * d.f * wide + x * d.f;
+    for (y = 0; y < d.h; y++) {
+        const uint8_t *top = d.group + y * d.f * wide;
+        uint8_t count[STRIP];
+        for (x = 0; d.f == 2 && x < d.w; x += STRIP)
+            shared(top + 2 * x, top + wide + 2 * x, d.w - x < STRIP ? d.w - x : STRIP, craft != 0, count,
+                   share + y * d.w + x);
+        for (x = 0; d.f != 2 && x < d.w; x++) {
+            const uint8_t *from = top + x * d.f;
             int64_t sum = 0;
             for (b = 0; b < d.f; b++)
                 for (a = 0; a < d.f; a++)
                     sum += (from[b * wide + a] != 0) == craft;
             share[y * d.w + x] = (float)sum * (1.0f / (float)(d.f * d.f));
         }
+    }
 }

@@ -5,9 +5,6 @@
 
 #include "rows.h"
 
-/* Least derivative that counts (photometric.py, photo_step). */
-#define LEAST 1e-6f
-
 /* Median of the size of normal noise of unit deviation, inverted (photometric.py, _weights). */
 #define ROBUST 1.4826
 
@@ -24,14 +21,6 @@ float *fly_aligned(float *a)
     return (float *)(((uintptr_t)a + bytes - 1) / bytes * bytes);
 }
 
-static inline void add(float *restrict to, const float *restrict from, float k)
-{
-    int j;
-
-    for (j = 0; j < WIDE; j++)
-        to[j] += k * from[j];
-}
-
 /* A row of derivatives blurred across: few pixels have any, so each is spread to where it reaches. */
 static void spread(const float *cell, const uint8_t *any, int64_t w, struct gauss g, struct across out)
 {
@@ -45,35 +34,34 @@ static void spread(const float *cell, const uint8_t *any, int64_t w, struct gaus
         const int64_t low = p - r > 0 ? p - r : 0, high = p + r < w - 1 ? p + r : w - 1;
         if (!any[from])
             continue;
+        const lanes own = *(const lanes *)(const void *)(cell + WIDE * from);
+        lanes *to = (lanes *)(void *)out.cell;
         memset(out.hit + low, 1, (size_t)(high + 1 - low));
         for (x = low; x <= high; x++)
-            add(out.cell + WIDE * x, cell + WIDE * from, g.taps[r + x - p]);
+            to[x] += g.taps[r + x - p] * own;
     }
 }
 
 /* Squared slope of a picture at a pixel by Sobel's masks. */
 static float edge(const float *a, int64_t h, int64_t w, int64_t x, int64_t y)
 {
-    const float *up = a + fly_mirrored(y - 1, h) * w, *at = a + y * w, *down = a + fly_mirrored(y + 1, h) * w;
-    const int64_t l = fly_mirrored(x - 1, w), r = fly_mirrored(x + 1, w);
+    const int64_t above = y > 0 ? y - 1 : fly_mirrored(-1, h), under = y + 1 < h ? y + 1 : fly_mirrored(h, h);
+    const int64_t l = x > 0 ? x - 1 : fly_mirrored(-1, w), r = x + 1 < w ? x + 1 : fly_mirrored(w, w);
+    const float *up = a + above * w, *at = a + y * w, *down = a + under * w;
     const float gx = 0.125f * ((up[r] - up[l]) + 2.0f * (at[r] - at[l]) + (down[r] - down[l]));
     const float gy = 0.125f * ((down[l] - up[l]) + 2.0f * (down[x] - up[x]) + (down[r] - up[r]));
 
     return gx * gx + gy * gy;
 }
 
-static inline float larger(float a, float b) { return a > b ? a : b; }
-
-/* A pixel that the pose moves, its blurred derivatives in a (WIDE,). */
-static inline void take(const struct look *v, struct drawing d, int64_t x, int64_t y, const float *a, struct rows *out)
+/* A pixel that the pose moves, its blurred derivatives in a. */
+static inline void take(const struct look *v, struct drawing d, int64_t x, int64_t y, const lanes *a, struct rows *out)
 {
     const int64_t at = y * d.w + x, n = out->n++;
-    float *to = out->d + WIDE * n;
-    int j;
+    lanes *to = (lanes *)(void *)(out->d + WIDE * n);
 
-    for (j = 0; j < WIDE; j++)
-        to[j] = a[j];
-    to[6] = v->gray[at] - v->drawn[at];
+    *to = *a;
+    (*to)[6] = v->gray[at] - v->drawn[at];
     out->slope[n] = v->slope == NULL ? 1.0f : v->slope[at];
     out->edge[n] = edge(v->drawn, d.h, d.w, x, y);
     out->craft[n] = v->centre[at] > 0;
@@ -89,13 +77,12 @@ static inline void join(uint8_t *restrict to, const uint8_t *restrict from, int6
 }
 
 /* What the taps give of n rows' cells at one place. */
-static inline void weigh(const float *const *cell, int64_t at, const float *taps, const int n, float *sum)
+static inline void weigh(const lanes *const *cell, int64_t x, const float *taps, const int n, lanes *sum)
 {
-    int j, l;
+    int j;
 
     for (j = 0; j < n; j++)
-        for (l = 0; l < WIDE; l++)
-            sum[l] += taps[j] * cell[j][at + l];
+        *sum += taps[j] * cell[j][x];
 }
 
 /* Row y from the rows about it, blurred across already: its pixels whose derivatives count. hit (w,) is scratch. */
@@ -103,31 +90,31 @@ static void blurred_row(const struct across *ring, int64_t size, const struct lo
                                int64_t y, uint8_t *hit, struct rows *out)
 {
     const int64_t r = v->optics.reach;
-    const float *cell[2 * WIDEST + 1];
+    const lanes *cell[2 * WIDEST + 1];
     int64_t j, x;
 
     memset(hit, 0, (size_t)d.w);
     for (j = -r; j <= r; j++) {
         const struct across *row = ring + fly_mirrored(y + j, d.h) % size;
-        cell[r + j] = row->cell;
+        cell[r + j] = (const lanes *)(const void *)row->cell;
         join(hit, row->hit, d.w);
     }
     for (x = 0; x < d.w; x++) {
-        float sum[WIDE] = {0};
+        lanes sum = {0};
         out->first[y * d.w + x] = (int32_t)out->n;
         if (!hit[x])
             continue;
         /* a constant number of taps spares the ends of loops */
         if (r == 2)
-            weigh(cell, WIDE * x, v->optics.taps, 5, sum);
+            weigh(cell, x, v->optics.taps, 5, &sum);
         else if (r == 3)
-            weigh(cell, WIDE * x, v->optics.taps, 7, sum);
+            weigh(cell, x, v->optics.taps, 7, &sum);
         else if (r == 5)
-            weigh(cell, WIDE * x, v->optics.taps, 11, sum);
+            weigh(cell, x, v->optics.taps, 11, &sum);
         else
-            weigh(cell, WIDE * x, v->optics.taps, (int)(2 * r + 1), sum);
-        if (larger(larger(fabsf(sum[0]), fabsf(sum[1])), fabsf(sum[2])) > LEAST)
-            take(v, d, x, y, sum, out);
+            weigh(cell, x, v->optics.taps, (int)(2 * r + 1), &sum);
+        if (fabsf(sum[3]) > v->least_x || fabsf(sum[4]) > v->least_y)
+            take(v, d, x, y, &sum, out);
     }
     out->first[(y + 1) * d.w] = (int32_t)out->n;
 }

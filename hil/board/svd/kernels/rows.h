@@ -21,6 +21,7 @@ struct look {
     const float *drawn, *slope, *gray; /* (h, w) */
     const uint8_t *centre;
     struct gauss optics;
+    float least_x, least_y; /* derivatives by a shift across and down from which a pixel counts */
 };
 
 /* The first place at or after this one that a line of numbers fills a register from. */

@@ -5,46 +5,46 @@
 
 #include "cover.h"
 
+/* Pixels that a shift by a pixel of the canvas changes by less, in units of the noise, are left out
+ * (photometric.py, TELLS).
+ */
+#define TELLS 0.1
+
 /* Pixels whose products are summed in single precision, and what is summed side by side. */
-#define BLOCK 512
+#define BLOCK 2048
 
 /* Sums of products: of the six of the pose and the residual, of each brightness with these, of two brightnesses, of
  * which the first has the larger number.
  */
 struct sums {
-    float own[WIDE][WIDE], mixed[MOST][WIDE], levels[MOST][MOST + 1];
+    lanes own[7], mixed[MOST];
+    float levels[MOST][MOST + 1];
 };
 
-/* Products of the weighted rows from one to before another. Single numbers that a wide load would wait for are not
- * stored beside each other.
- */
+/* Products of the weighted rows from one to before another. */
 static void add_rows(const struct rows *rows, const struct cover *c, int64_t from, int64_t to, struct sums *sum)
 {
-    static const float pose[WIDE] = {1, 1, 1, 1, 1, 1, 0, 0}, left[WIDE] = {0, 0, 0, 0, 0, 0, 1, 0};
-    float own[7][WIDE] = {{0}}, share[MOST];
+    const lanes pose = {1, 1, 1, 1, 1, 1, 0, 0}, left = {0, 0, 0, 0, 0, 0, 1, 0};
+    lanes own[7] = {{0}};
+    float share[MOST];
     int32_t slot[MOST], s;
     int64_t i;
-    int j, k, m;
+    int k, m;
 
     for (i = from; i < to; i++) {
-        const float *d = rows->d + WIDE * i, root = sqrtf(rows->weight[i]), scaled = root * rows->slope[i];
-        float z[WIDE];
+        const float root = sqrtf(rows->weight[i]), scaled = root * rows->slope[i];
+        union { lanes all; float one[WIDE]; } z;
         if (!(rows->weight[i] > 0))
             continue;
-        for (j = 0; j < WIDE; j++)
-            z[j] = d[j] * (pose[j] * scaled + left[j] * root);
-        for (k = 0; k < 7; k++) {
-            const float one = d[k] * (k < 6 ? scaled : root);
-            for (j = 0; j < WIDE; j++)
-                own[k][j] += one * z[j];
-        }
+        z.all = *(const lanes *)(const void *)(rows->d + WIDE * i) * (pose * scaled + left * root);
+        for (k = 0; k < 7; k++)
+            own[k] += z.one[k] * z.all;
         for (s = c->last[i], k = 0; s >= 0; s = c->share[s].before, k++) {
             const float one = c->share[s].value * scaled;
             const int32_t at = c->share[s].slot;
             share[k] = one;
             slot[k] = at;
-            for (j = 0; j < WIDE; j++)
-                sum->mixed[at][j] += one * z[j];
+            sum->mixed[at] += one * z.all;
             for (m = 0; m <= k; m++)
                 sum->levels[slot[m]][at] += share[m] * one;
         }
@@ -142,7 +142,8 @@ int64_t fly_step(const struct moving *m, const uint8_t *group, const uint8_t *ce
     if (laid_out(h, w, &s) != 0)
         return -1;
     const int flat = !(r->sigma > 0);
-    struct look v = {s.drawn, flat ? NULL : s.sample, gray, centre, *both};
+    const double least = TELLS * noise / (fabs(m->t[2]) * (double)f);
+    struct look v = {s.drawn, flat ? NULL : s.sample, gray, centre, *both, (float)(least / m->step_u), (float)(least / m->step_v)};
     if (fly_blur(picture, h, w, optics, s.drawn) != 0)
         goto end;
     fly_shown(r, s.drawn, h * w, s.shown, flat ? NULL : s.slope);
