@@ -94,6 +94,26 @@ class EdgeField:
             out[own] = t.place[t.label.ravel()[at[own]]]
         return out
 
+    def nearest_to(self, flat: Array) -> Tuple[Array, Array]:
+        """Distance (N,) and place (N, 2) of the nearest edge at few places, indices (N,) as ``lookup`` gives them.
+
+        As the tables have them but for the distance's approximation there, in a tenth of the time that they take.
+        """
+        channel, at = np.divmod(flat, self.mask.size)
+        distance, place = np.full(len(flat), 1e4, np.float32), np.zeros((len(flat), 2), np.float32)
+        y, x = np.nonzero(self.mask)
+        theta = np.mod(np.arctan2(self.gy[y, x], self.gx[y, x]), np.pi)
+        edge = np.stack([x, y], axis=-1).astype(np.float32)
+        here = np.stack(np.divmod(at, self.mask.shape[1])[::-1], axis=-1).astype(np.float32)
+        for k in range(CHANNELS):
+            own, near = np.flatnonzero(channel == k), edge[_of_channel(theta, k)]
+            if not len(own) or not len(near):
+                continue
+            away = (here[own, :1] - near[:, 0]) ** 2 + (here[own, 1:] - near[:, 1]) ** 2
+            best = away.argmin(axis=1)
+            distance[own], place[own] = np.sqrt(away[np.arange(len(own)), best]), near[best]
+        return distance, place
+
     @property
     def size(self) -> Tuple[int, int]:
         """Width and height [field px]."""
@@ -242,16 +262,21 @@ def drop_specks(mask: Array, smallest: int) -> Array:
     return np.asarray(keep[labels])
 
 
+def _of_channel(theta: Array, k: int) -> Array:
+    """Which of the directions (N,) are about the ``k``-th of all."""
+    step = np.pi / CHANNELS
+    off = np.abs(np.mod(theta - k * step + np.pi / 2, np.pi) - np.pi / 2)
+    return np.asarray(off < 1.2 * step)
+
+
 def nearest_edges(mask: Array, angle: Array) -> Tuple[NearestEdges, ...]:
     """Distance and way to the nearest edge of each of K directions."""
     h, w = mask.shape
-    step = np.pi / CHANNELS
     at = np.flatnonzero(mask)
     theta = angle.ravel()[at]
     out = []
     for k in range(CHANNELS):
-        off = np.abs(np.mod(theta - k * step + np.pi / 2, np.pi) - np.pi / 2)
-        near = at[off < 1.2 * step]
+        near = at[_of_channel(theta, k)]
         if not len(near):
             far = np.full((h, w), 1e4, np.float32)
             out.append(NearestEdges(far, np.zeros((h, w), np.int32), np.zeros((1, 2), np.float32)))

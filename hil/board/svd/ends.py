@@ -100,7 +100,7 @@ def conclude(
     winner = max(range(len(ends)), key=lambda k: ends[k].score)
     end, fit = ends[winner], ends[winner].fit
     c = starts[winner].start
-    s = support(fit.q, fit.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m)
+    s = support(fit.q, fit.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m, alone=True)
     best = Candidate(fit.q, fit.t, s, c.field, c.region, c.likely)
     poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
     rivals = [r for r in ranked if differs(r.fit.q, r.fit.t, fit.q, fit.t)]

@@ -85,8 +85,15 @@ def support(
     camera: CameraIntrinsics,
     spacing_m: float,
     soft_px: float = 1.5,
+    *,
+    alone: bool = False,
 ) -> Support:
-    """Full-model evidence for one pose, with exact visibility."""
+    """Full-model evidence for one pose, with exact visibility.
+
+    Parameters
+    ----------
+    alone : whether no other pose is asked for on this field, so that its tables are not worth making.
+    """
     R = quat.matrix(q)
     visible, outline = visible_samples(samples, occ, -R.T @ t)
     idx = np.flatnonzero(visible)
@@ -95,15 +102,16 @@ def support(
     pr = project(samples, camera, R[None], t[None], idx[None])
     uv = field.to_field(pr.pixels)[0]
     flat, inside = field.lookup(uv, pr.angle[0])
-    d = field.distance.reshape(-1)[flat]
+    d, place = field.nearest_to(flat) if alone else (field.distance.reshape(-1)[flat], None)
     s = np.exp(-((d / soft_px) ** 2)) * inside
     shape = silhouette(R, t, occ, camera, (field.x0, field.y0), field.factor, field.size)
     if field.empty:
         # against empty space the craft is the brighter side: an edge of the other kind is another edge
         inward = inward_sign(shape, uv, pr.normals[0])
-        e = np.clip(np.rint(field.nearest_at(flat)), 0, np.array(field.size) - 1).astype(np.intp)
-        to = field.direction[e[:, 1], e[:, 0]]
-        agree = inward * (np.cos(to) * pr.normals[0][:, 0] + np.sin(to) * pr.normals[0][:, 1])
+        place = field.nearest_at(flat) if place is None else place
+        e = np.clip(np.rint(place), 0, np.array(field.size) - 1).astype(np.intp)
+        gx, gy = field.gx[e[:, 1], e[:, 0]], field.gy[e[:, 1], e[:, 0]]
+        agree = inward * (gx * pr.normals[0][:, 0] + gy * pr.normals[0][:, 1])
         s = np.where(agree < 0, 0.0, s)
     # where nothing shines there is nothing to contradict: a face in shadow shows no edges
     blind = inside & ~field.lit.reshape(-1)[flat % field.lit.size] & (d > soft_px)
