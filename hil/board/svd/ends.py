@@ -39,15 +39,18 @@ OTHER_END_RAD = float(np.radians(5.0))
 # A rival that is behind by this share of the best score is not asked for a better Sun.
 FAR_BEHIND = 0.5
 
-# Longest side of the picture for the final alignment [px], and its blurs.
-FINAL_PX, FINAL_BLURS, LAST_BLURS = 230, (1.2, 0.8), (0.3, 0.0)
+# Longest side of the picture for the final alignment [px], and the last blurs.
+FINAL_PX, LAST_BLURS = 230, (0.3, 0.0)
+
+# Those before them, on a picture of this share of the size, which shows all that such blurs leave: at first and after
+# an end that moved far, and after one that did not.
+WIDE_SHARE, WIDE_BLURS, NEAR_BLURS = 0.65, (0.8, 0.5), (0.5,)
 
 # The same of a round craft: its turn about the axis is told by small parts alone.
 ROUND_FINAL_PX = 400
 
-# The first of an alignment again after one that moved by less [rad]. After one that moved by more a smaller picture
-# comes before, which shows all that such blurs leave: share of the size.
-FAR_RAD, NEAR_BLURS, FAR_SHARE, FAR_BLURS = float(np.radians(1.0)), (0.8,), 0.65, (2.0, 1.3)
+# An end that moved by more is far off [rad], and what is wider still comes first.
+FAR_RAD, FAR_BLURS = float(np.radians(1.0)), (2.0, 1.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,17 +138,17 @@ def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit, seen: Opt
     seen : faces that ``close`` shows at the start, where they are drawn already.
     """
     box, longest = craft_box(craft, start.q, start.t), ROUND_FINAL_PX if craft.round else FINAL_PX
-    canvas = make_canvas(craft, frame, box, longest)
+    wide = make_canvas(craft, frame, box, round(WIDE_SHARE * longest))
     # drawn as large as it is only once it is there: from afar what is thin and bright attracts more as it was
-    exact = replace(canvas, clipped=frame.clipped, exact=True)
+    exact = replace(make_canvas(craft, frame, box, longest), clipped=frame.clipped, exact=True)
     faces, camera = faces_of(craft), craft.camera.pinhole
     best = None
-    blurs: Tuple[float, ...] = FINAL_BLURS
-    before = begun = start
+    blurs: Tuple[float, ...] = WIDE_BLURS
+    before = start
     here = shadowed(craft, faces, close, before.q, before.t, seen=seen)
     began, sun = here.score, here.sun
     for _ in range(ROUNDS):
-        near = _stepped(craft, canvas, begun, sun, blurs)
+        near = _stepped(craft, wide, before, sun, blurs)
         fit = _stepped(craft, exact, near, sun, LAST_BLURS)
         drawn = photo_draw(fit.q, fit.t, faces, close, camera, sun)
         score = explained(drawn, close)
@@ -156,13 +159,12 @@ def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit, seen: Opt
         moved = quat.angle_rad(before.q, fit.q)
         if moved < MOVED_RAD:
             break
-        before = begun = fit
+        before = fit
         blurs = NEAR_BLURS
         if moved > FAR_RAD:
             # shadows fall elsewhere by now; of a Sun found from nearby they are where they were
             sun = shadowed(craft, faces, close, before.q, before.t, seen=drawn.seen).sun
-            far = make_canvas(craft, frame, box, round(FAR_SHARE * longest))
-            begun, blurs = _stepped(craft, far, before, sun, FAR_BLURS), FINAL_BLURS
+            blurs = (*FAR_BLURS, *WIDE_BLURS)
     assert best is not None  # noqa: S101 - the first round always ends somewhere
     return best
 
