@@ -83,10 +83,15 @@ def shadowed(
     if coarse or best.score < least:
         return best
     for step in STEPS_RAD:
-        for k in range(4):
-            if best.sun is not None:
-                beside = Sunlight.of(faces, _beside(best.sun, step, k), side)
-                best = max(best, tried(beside), key=_score)
+        for axis in range(2):
+            for way in (1.0, -1.0):
+                sun = best.sun
+                if sun is None:
+                    continue
+                best = max(best, tried(Sunlight.of(faces, _beside(sun, step, way * sun.axes[axis]), side)), key=_score)
+                if best.sun is not sun:
+                    # where one side is better the other is not
+                    break
     return best
 
 
@@ -108,7 +113,6 @@ def _score(drawn: Shadowed) -> float:
     return drawn.score
 
 
-def _beside(sun: Sunlight, angle_rad: float, k: int) -> Array:
-    """Direction (3,) beside the Sun's, to one of four sides."""
-    side = (1 - k // 2 * 2) * sun.axes[k % 2]
+def _beside(sun: Sunlight, angle_rad: float, side: Array) -> Array:
+    """Direction (3,) beside the Sun's, towards a unit vector ``side`` (3,) across it."""
     return np.asarray(np.cos(angle_rad) * sun.direction + np.sin(angle_rad) * side)
