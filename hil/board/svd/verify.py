@@ -58,8 +58,8 @@ SMALL_PX, SMALL_BLURS = 120, (1.2, 0.6)
 # Who goes on with each step: share of the best score, and least distance from a better one [rad]. On 128 development
 # frames the pose that won was best after one step far off, or had 0.93 of it; at once close up 0.88. Of poses within
 # these angles the better one ended as near to the truth as the others.
-FIRST_LEFT = (Left(-9.0, 0.0), Left(0.6, 0.05), Left(0.7, 0.1), Left(0.8, 0.1))
-SMALL_LEFT = (Left(0.5, 0.07), Left(0.8, 0.07))
+FIRST_LEFT = (Left(-9.0, 0.0), Left(0.75, 0.05), Left(0.8, 0.1), Left(0.85, 0.1))
+SMALL_LEFT = (Left(0.65, 0.07), Left(0.85, 0.07))
 
 # Poses that lean to another side start far off: the tilt of what is nearly flat has near minima.
 LEANING_BLURS = (2.0, 2.0, 2.0, 1.2, 0.6)
