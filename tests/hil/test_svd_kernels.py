@@ -225,10 +225,13 @@ def test_the_sun_is_sought_as_by_numpy(tango: BoardModel, choose: pytest.MonkeyP
         by_numpy(choose)
         costs.append(table._costs(grouped, shading, canvas, CAMERA, R, t, some, pixels))
         found.append(table.find(grouped, shading, canvas, CAMERA, R, t, 4, pixels))
+        every = table._costs(grouped, shading, canvas, CAMERA, R, t, np.arange(60), pixels)
         choose.delenv("FLYAROUND_KERNELS")
         library._loaded.cache_clear()
         np.testing.assert_allclose(costs[0], costs[1], rtol=1e-5)
-        assert found[0] == found[1]
+        # of directions that leave as much either may be named
+        left = [every[by] for by in found]
+        np.testing.assert_allclose(left[0], left[1], rtol=1e-5)
     nothing = replace(shading, area=np.zeros_like(shading.area))
     assert table.find(grouped, nothing, canvas, CAMERA, R, t, 4, pixels) == []
 
