@@ -180,6 +180,23 @@ def test_nearest_edges_are_told_apart_by_direction() -> None:
     assert np.array_equal(field.nearest_at(everywhere)[near], whole[near])
 
 
+def test_a_few_places_have_the_nearest_edges_of_the_tables() -> None:
+    rng = np.random.default_rng(5)
+    image = cv2.GaussianBlur(rng.uniform(0, 255, (120, 160)).astype(np.float32), (0, 0), 3.0)
+    field = edge_field(
+        cv2.normalize(image, None, 0, 200, cv2.NORM_MINMAX).astype(np.uint8), (0, 0, 160, 120), 1.0, 200
+    )
+    some = rng.choice(field.distance.size, 500, replace=False)
+    table, (distance, place) = field.distance.reshape(-1)[some], field.nearest_to(some)
+    y, x = np.divmod(some % field.mask.size, field.size[0])
+    assert np.allclose(np.hypot(place[:, 0] - x, place[:, 1] - y), distance, atol=1e-4)
+    # the tables' distances are OpenCV's of a mask of 5 x 5, a fortieth off at most
+    assert np.all(np.abs(distance - table) <= 0.025 * table + 1e-3)
+    # an edge that is as near may be another
+    other = np.hypot(*(field.nearest_at(some) - np.stack([x, y], axis=-1)).T)
+    assert np.all(distance <= other + 1e-4)
+
+
 def test_noise_of_a_picture_scales_with_it() -> None:
     rng = np.random.default_rng(3)
     picture = np.clip(rng.normal(90, 4, (480, 640)), 0, 255).astype(np.uint8)

@@ -88,7 +88,11 @@ def shadowed(
                 sun = best.sun
                 if sun is None:
                     continue
-                best = max(best, tried(Sunlight.of(faces, _beside(sun, step, way * sun.axes[axis]), side)), key=_score)
+                best = max(
+                    best,
+                    tried(Sunlight.of(faces, _beside(sun, step, way * sun.axes[axis]), side)),
+                    key=_score,
+                )
                 if best.sun is not sun:
                     # where one side is better the other is not
                     break
