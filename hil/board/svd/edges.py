@@ -254,12 +254,17 @@ def _about(
 
 def drop_specks(mask: Array, smallest: int) -> Array:
     """The mask without connected components of fewer than ``smallest`` pixels."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    if count <= 1:
+    rows, columns = (np.flatnonzero(mask.any(axis=k)) for k in (1, 0))
+    if not len(rows):
         return mask
+    # before empty space the rest is most of the picture
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask[box].astype(np.uint8), connectivity=8)
     keep = stats[:, cv2.CC_STAT_AREA] >= smallest
     keep[0] = False
-    return np.asarray(keep[labels])
+    out = np.zeros_like(mask)
+    np.take(keep, labels, out=out[box])
+    return out
 
 
 def _of_channel(theta: Array, k: int) -> Array:

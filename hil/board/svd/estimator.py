@@ -18,7 +18,7 @@ from hil.board.svd.frame import UNASKED, Alternative, Candidate, Craft, Frame, P
 from hil.board.svd.gradient import eliminate_weak_gradients
 from hil.board.svd.look.first import FirstLook, Glance
 from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.noise import noise_sigma
+from hil.board.svd.noise import noise_sigma, whole_median
 from hil.board.svd.photometric import PhotoFit
 from hil.board.svd.refine import FineFit
 from hil.board.svd.roi import REDUCTION, Region, propose_regions
@@ -84,7 +84,8 @@ class PoseEstimator(Estimator):
         frame.mark("wge")
         regions, busy, frame.likely = propose_regions(small, wge, frame.noise / REDUCTION)
         if busy < BUSY:
-            frame.background = float(np.median(small))
+            # reduced pixels are whole numbers as well
+            frame.background = whole_median(small.astype(np.int32))
         frame.count("regions", len(regions))
         frame.keep("regions", regions)
         frame.mark("roi")

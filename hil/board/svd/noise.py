@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Tuple
+
 import numpy as np
+
+from hil.board.svd.kernels.area import readable
+from hil.board.svd.kernels.library import library
+from hil.board.svd.kernels.noise import masked
 
 Array = np.ndarray
 
@@ -11,6 +17,9 @@ HALVED = 0.58
 
 # Zeros among three by three pixels that are dark, what the mask leaves there, and the least share of such pixels.
 ZEROS, HALVED_AT_ZEROS, LEAST_DARK = 4, 0.512, 0.02
+
+# Pixels well inside the scale that are enough to go by.
+ENOUGH = 300
 
 # Values up to this are counted.
 SMALL = 1 << 14
@@ -24,21 +33,34 @@ def noise_sigma(image: Array, full_scale: float) -> float:
     well inside the scale decide where there are enough of them.
     """
     step = max(1, min(image.shape) // 400)
-    rows = [image[y : y + 3] for y in range(0, image.shape[0] - 2, 3 * step)]
-    if not rows or image.shape[1] < 3:
+    if min(image.shape) < 3:
         return 0.0
+    native = library()
+    if native is not None and image.dtype == np.uint8 and readable(image):
+        middle, inside, bright = masked(native, image, step, full_scale)
+    else:
+        middle, inside, bright = _masked(image, step, full_scale)
+    overall = middle / 6.0 * 1.4826
+    if inside > ENOUGH:
+        overall = max(overall, bright / 6.0 * 1.4826)
+    elif overall > 0:
+        overall /= HALVED
+    return overall
+
+
+def _masked(image: Array, step: int, full_scale: float) -> Tuple[float, int, float]:
+    """Median of the mask, how many of its pixels lie well inside the scale, and the median over them."""
+    rows = [image[y : y + 3] for y in range(0, image.shape[0] - 2, 3 * step)]
     # whole numbers: what is divided by is left to the end
     a: Array = np.stack(rows).astype(np.int16 if image.dtype == np.uint8 else np.int32)
     absolute = _mask(a)
     total = a[:, 0] + a[:, 1] + a[:, 2]
     total = total[:, :-2] + total[:, 1:-1] + total[:, 2:]
-    overall = _median(absolute) / 6.0 * 1.4826
-    inside = (total > 9 * (4 * overall + 0.02 * full_scale)) & (total < 9 * 0.85 * full_scale)
-    if np.count_nonzero(inside) > 300:
-        overall = max(overall, _median(absolute[inside]) / 6.0 * 1.4826)
-    elif overall > 0:
-        overall /= HALVED
-    return overall
+    overall = whole_median(absolute)
+    inside = total > 9 * (4 * (overall / 6.0 * 1.4826) + 0.02 * full_scale)
+    inside &= total < 9 * 0.85 * full_scale
+    number = int(np.count_nonzero(inside))
+    return overall, number, whole_median(absolute[inside]) if number else 0.0
 
 
 def clipped_noise(image: Array) -> float:
@@ -69,7 +91,7 @@ def _mask(a: Array) -> Array:
     return np.abs(col[:, :-2] - 2 * col[:, 1:-1] + col[:, 2:])
 
 
-def _median(values: Array) -> float:
+def whole_median(values: Array) -> float:
     """Median of whole numbers from zero on: small ones are counted, which costs a fifth of sorting them."""
     if int(values.max()) > SMALL:
         return float(np.median(values))

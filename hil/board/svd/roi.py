@@ -83,18 +83,19 @@ def cdf_region(strong: Array, low: float = 0.025, high: float = 0.975) -> Region
 def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
     """Boxes (x0, y0, x1, y1, edge pixels) of the groups of edges closer than ``join_px``, largest first."""
     size = 2 * (join_px // 2) + 1
-    joined = cv2.dilate(mask.view(np.uint8), np.ones((size, size), np.uint8))
-    labels = cv2.connectedComponents(joined, connectivity=8)[1]
-    at = np.flatnonzero(mask)
-    which = labels.ravel()[at]
+    ys, xs = np.divmod(np.flatnonzero(mask), mask.shape[1])
+    if not len(ys):
+        return []
+    # what joins two edges lies between them: the rest of the picture is left out
+    (x0, x1), (y0, y1) = ((int(v.min()), int(v.max()) + 1) for v in (xs, ys))
+    joined = cv2.dilate(mask[y0:y1, x0:x1].view(np.uint8), np.ones((size, size), np.uint8))
+    which = cv2.connectedComponents(joined, connectivity=8)[1][ys - y0, xs - x0]
     # group by group
-    at = at[np.argsort(which, kind="stable")]
+    order = np.argsort(which, kind="stable")
+    ys, xs = ys[order], xs[order]
     number = np.bincount(which)
     number = number[number > 0]
-    if not len(number):
-        return []
     first = np.cumsum(number) - number
-    ys, xs = np.divmod(at, mask.shape[1])
     ends = [f.reduceat(v, first).tolist() for f in (np.minimum, np.maximum) for v in (xs, ys)]
     out = list(zip(*ends, number.tolist()))  # noqa: B905 - Python 3.9 has no strict=
     return sorted(out, key=lambda c: -c[4])
@@ -252,5 +253,6 @@ def _busy_share(mask: Array) -> float:
     th, tw = h // 16, w // 16
     if not th or not tw:
         return 0.0
-    tiles = mask[: th * 16, : tw * 16].reshape(th, 16, tw, 16).sum(axis=(1, 3))
+    y, x = np.divmod(np.flatnonzero(mask[: th * 16, : tw * 16]), tw * 16)
+    tiles = np.bincount(y // 16 * tw + x // 16, minlength=th * tw)
     return float((tiles > 3).mean())

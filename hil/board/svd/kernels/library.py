@@ -47,6 +47,7 @@ SOURCES = (
     "crop.c",
     "attitudes.c",
     "net.c",
+    "noise.c",
 )
 
 # No sum in another order and no product joined to a sum, so that all machines of a kind give the same numbers; nobody

@@ -153,10 +153,14 @@ class Subspaces:
         share, move = self._explained(image, camera, gaze, chosen, reduced)
         likely = likely[chosen] - WEIGHT * np.log(1 - share)
         q = self.q[chosen]
+        # to a rotation both of its quaternions are the same
+        near = np.abs(q @ q.T) >= np.cos(0.5 * apart_rad)
         best: List[int] = []
+        left = np.ones(len(q), bool)
         for i in np.argsort(-likely):
-            if not best or quat.angle_rad(q[best], q[i]).min() > apart_rad:
+            if left[i]:
                 best.append(int(i))
+                left &= ~near[i]
             if len(best) >= keep:
                 break
         cosine = q[best] @ q.T
