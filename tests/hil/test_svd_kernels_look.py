@@ -15,11 +15,13 @@ from hil.board.svd.kernels import library
 from hil.board.svd.kernels import look as kernel
 from hil.board.svd.kernels.area import shrunk
 from hil.board.svd.kernels.net import Layers, convolutions
+from hil.board.svd.lines import lsd_stream
 from hil.board.svd.look.attitudes import ANCHORS, bumps, turning_bumps
 from hil.board.svd.look.crop import Gaze, look, views_through
 from hil.board.svd.look.first import net_for
 from hil.board.svd.look.net import convolve
 from hil.board.svd.look.subspaces import QUARTERS, TURNS, Subspaces
+from hil.board.svd.noise import noise_sigma
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
@@ -160,6 +162,37 @@ def test_likelihoods_are_the_sum_of_all_bumps(views: Subspaces, choose: pytest.M
     for likely in (one, other):
         np.testing.assert_allclose(likely.reshape(2, -1, TURNS)[:, some], exact, atol=2e-5)
     np.testing.assert_allclose(turning_bumps(views.q[::TURNS]), views.bumps, atol=1e-6)
+
+
+def test_noise_is_numpys(choose: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(8)
+    dark = np.clip(rng.normal(0, 3, (301, 400)), 0, 255).astype(np.uint8)
+    pictures = [clouds(rng), clouds(rng)[:, 7:], dark, np.full((64, 64), 255, np.uint8), dark[:3, :3]]
+    ours = [noise_sigma(p, 255.0) for p in pictures]
+    numpy_from_here(choose)
+    assert ours == [noise_sigma(p, 255.0) for p in pictures]
+    assert ours[0] == pytest.approx(3.0, abs=0.3)
+
+
+def test_straight_segments_are_opencvs(choose: pytest.MonkeyPatch) -> None:
+    if not hasattr(cv2, "createLineSegmentDetector"):
+        pytest.skip("this OpenCV has no line segment detector")
+    rng = np.random.default_rng(9)
+    picture = clouds(rng)
+    for _ in range(12):
+        ends = rng.uniform(20, 280, (4, 2)).astype(np.int32)
+        cv2.fillConvexPoly(picture, cv2.convexHull(ends), float(rng.uniform(0, 255)), cv2.LINE_AA)
+    ours = lsd_stream(picture.astype(np.float32), 5.0)
+    # a thin line has two sides
+    assert len(lsd_stream(np.eye(12, dtype=np.float32), 5.0)) == 2
+    assert len(lsd_stream(np.zeros((9, 9), np.float32), 5.0)) == 0
+    numpy_from_here(choose)
+    theirs = lsd_stream(picture.astype(np.float32), 5.0)
+    assert len(theirs) > 50
+    # where edges are equally strong, theirs are begun with in any order
+    off = np.abs(ours[:, None] - theirs[None]).max(axis=2).min(axis=1)
+    assert (off < 0.2).mean() > 0.95
+    assert abs(len(ours) - len(theirs)) < 0.03 * len(theirs)
 
 
 def test_attitudes_explain_as_much_as_by_numpy(views: Subspaces, choose: pytest.MonkeyPatch) -> None:

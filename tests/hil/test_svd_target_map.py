@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+from hil.board.svd.edges import drop_specks
 from hil.board.svd.estimator import BUSY
 from hil.board.svd.gradient import eliminate_weak_gradients
-from hil.board.svd.roi import propose_regions
+from hil.board.svd.roi import clusters, propose_regions
 from hil.board.svd.target_map import CELL_PX, WEIGHTS, Weights, boxes, target_map
 from hil.evaluate.train_target_map import train
 
@@ -86,3 +87,21 @@ def test_a_craft_that_fills_the_frame_is_not_taken_for_a_background() -> None:
     assert busy > BUSY
     assert likely is not None
     assert regions[0].source == "map"
+
+
+@pytest.mark.parametrize("share", [0.002, 0.05, 0.4])
+def test_groups_of_edges_are_those_of_the_whole_picture(share: float) -> None:
+    rng = np.random.default_rng(7)
+    mask = np.zeros((90, 130), bool)
+    mask[20:84, 31:130] = rng.random((64, 99)) < share
+    labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)[1]
+    size = np.bincount(labels.ravel())
+    np.testing.assert_array_equal(drop_specks(mask, 4), mask & (size[labels] >= 4))
+    joined = cv2.connectedComponents(cv2.dilate(mask.astype(np.uint8), np.ones((13, 13), np.uint8)))[1]
+    expected = []
+    for k in np.unique(joined[mask]):
+        y, x = np.nonzero(mask & (joined == k))
+        expected.append((x.min(), y.min(), x.max(), y.max(), len(x)))
+    assert sorted(clusters(mask, 13)) == sorted(expected)
+    assert not drop_specks(mask & False, 4).any()
+    assert clusters(mask & False, 13) == []

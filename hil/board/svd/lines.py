@@ -6,12 +6,18 @@ import cv2
 import numpy as np
 
 from hil.board.svd.gradient import eliminate_weak_gradients
+from hil.board.svd.kernels.library import library
+from hil.board.svd.kernels.segments import segments as native_segments
 
 Array = np.ndarray
 
 # Share of the region's diagonal: least length and largest gap of each stream (svd.md, stage 3).
 WGE_LENGTH, WGE_GAP = 0.15, 0.03
 SH_LENGTH, SH_GAP = 0.05, 0.01
+
+# The line segment detector's own settings: what it reduces a picture to, its blur [px of that], and the least gradient
+# that rounding to bytes cannot turn by its tolerance of directions.
+REDUCED, SIGMA, LEAST = 0.8, 0.6, 2.0 / float(np.sin(np.radians(22.5)))
 
 
 def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
@@ -41,16 +47,30 @@ def cleaned_stream(mask: Array, diagonal_px: float) -> Array:
 
 
 def lsd_stream(image: Array, shortest_px: float) -> Array:
-    """Sub-pixel segments by the line segment detector; none where OpenCV was built without it."""
-    low, high = float(image.min()), float(np.percentile(image, 99.5))
+    """Sub-pixel segments by the line segment detector; none without kernels where OpenCV was built without it."""
+    low, high = float(image.min()), float(np.percentile(image[::2, ::2], 99.5))
     if high <= low:
         return np.zeros((0, 4))
     scaled = np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
+    native = library()
+    segments = _lsd(scaled) if native is None else native_segments(native, _reduced(scaled), LEAST) / REDUCED
+    return segments[np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]) >= shortest_px]
+
+
+def _reduced(picture: Array) -> Array:
+    """A picture of bytes as the line segment detector reduces it."""
+    sigma = SIGMA / REDUCED
+    taps = 1 + 2 * int(np.ceil(sigma * np.sqrt(6 * np.log(10.0))))
+    smooth = cv2.GaussianBlur(picture, (taps, taps), sigma)
+    return cv2.resize(smooth, None, fx=REDUCED, fy=REDUCED, interpolation=cv2.INTER_LINEAR_EXACT)
+
+
+def _lsd(picture: Array) -> Array:
+    """(N, 4) segments by OpenCV."""
     try:
-        found = cv2.createLineSegmentDetector().detect(scaled)[0]
+        found = cv2.createLineSegmentDetector().detect(picture)[0]
     except (cv2.error, AttributeError):
         # removed from 3.4.6-3.4.15 and 4.1.0-4.5.3 for its licence
         return np.zeros((0, 4))
     # None when there is nothing, which OpenCV's stubs do not say
-    segments = np.asarray([] if np.ndim(found) == 0 else found, float).reshape(-1, 4)
-    return segments[np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]) >= shortest_px]
+    return np.asarray([] if np.ndim(found) == 0 else found, float).reshape(-1, 4)

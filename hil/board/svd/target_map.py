@@ -24,6 +24,9 @@ REACHES = (3, 7, 15, 31)
 # Shortest straight segment that says anything [px].
 SEGMENT_PX = 5.0
 
+# Cells weighed at once.
+AT_ONCE = 4096
+
 WEIGHTS = "target_map.npz"
 
 
@@ -64,10 +67,11 @@ def measures(small: Array, noise: float, segments: Optional[Array] = None) -> Ar
     level = np.sqrt(np.clip(small / top, 0.0, 1.5))
     gx, gy = gradient(small, 1.0)
     sigma = noise * gradient_noise(1.0)
+    steep = cv2.magnitude(gx, gy)
     # strength where it stands above the noise, on a scale that neither exposure nor contrast sets
-    strength = np.log1p(np.maximum(cv2.magnitude(gx, gy) / sigma - 3.0, 0.0))
+    strength = cv2.log(np.maximum(steep * np.float32(1.0 / sigma) - np.float32(2.0), np.float32(1.0)))
     local = cv2.GaussianBlur(small, (0, 0), 3.0) + 3.0 * noise + 0.02 * top
-    relative = np.minimum(cv2.magnitude(gx, gy) / local, 2.0)
+    relative = np.minimum(steep / local, 2.0)
     h, w = small.shape[0] // CELL_PX, small.shape[1] // CELL_PX
     dark = cv2.erode(level, np.ones((3, 3), np.uint8))
     layers = [_cells(v, w, h) for v in (level, strength, relative, dark)]
@@ -141,8 +145,14 @@ def target_map(small: Array, noise: float, weights: Weights, segments: Optional[
     # measures less their mean over their scale, taken into the weights
     first = (weights.first / weights.scale[:, None]).astype(np.float32)
     bias = (weights.first_bias - (weights.mean / weights.scale) @ weights.first).astype(np.float32)
-    hidden = np.maximum(first.T @ np.moveaxis(m, -1, 0).reshape(n, -1) + bias[:, None], 0.0)
-    z = weights.second @ hidden + weights.second_bias
+    flat, second = np.moveaxis(m, -1, 0).reshape(n, -1), weights.second.astype(np.float32)
+    z = np.empty(h * w, np.float32)
+    for k in range(0, h * w, AT_ONCE):
+        # in parts that stay in the processor's cache
+        hidden = first.T @ flat[:, k : k + AT_ONCE]
+        hidden += bias[:, None]
+        z[k : k + AT_ONCE] = second @ np.maximum(hidden, 0.0, out=hidden)
+    z += weights.second_bias
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30)))).reshape(h, w)
 
 

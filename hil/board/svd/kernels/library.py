@@ -48,6 +48,7 @@ SOURCES = (
     "attitudes.c",
     "net.c",
     "noise.c",
+    "segments.c",
 )
 
 # No sum in another order and no product joined to a sum, so that all machines of a kind give the same numbers; nobody
