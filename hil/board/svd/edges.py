@@ -263,7 +263,7 @@ def drop_specks(mask: Array, smallest: int) -> Array:
     keep = stats[:, cv2.CC_STAT_AREA] >= smallest
     keep[0] = False
     out = np.zeros_like(mask)
-    np.take(keep, labels, out=out[box])
+    out[box] = keep[labels]
     return out
 
 
