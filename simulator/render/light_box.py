@@ -16,6 +16,7 @@ _LARGEST = 0.85  # of the box: a larger window is not worth a change
 _STEP = 2**0.25  # between the sizes of windows
 _GRID = 32  # places of a window's middle across its width; whole numbers of texels of every map
 _MARGIN = 1 + 4 / _GRID  # for the filter's reach and the middle's rounding
+_ROOM = 1.02  # around the craft as the Sun sees it: five texels and more on each side, for the filter's reach
 _PATCH = 0.1  # of the mesh's radius: the size of a patch
 _MOST_SPLITS = 8  # a triangle's edges are halved that often at most
 _CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
@@ -90,6 +91,23 @@ class SurfacePatches:
         angle = np.arccos(np.clip(np.einsum("ij,ij->i", to, self.normals) / distance, -1, 1))
         own = np.arcsin(np.clip(radius / distance, 0, 1))
         return np.asarray(angle < np.pi / 2 + self.spread_rad + own)
+
+
+def window_around(points_m: FloatArray, light_from_target: FloatArray) -> LightWindow:
+    """The window that holds a craft as the Sun sees it: a third smaller than the box around its sphere, or half of it.
+
+    It depends on where the Sun stands in the craft's frame and on nothing else: on an approach no shadow's edge crawls.
+
+    Parameters
+    ----------
+    points_m : (3, K) whose convex hull holds the craft, target frame.
+    light_from_target : (4, 4) to the clip coordinates of the whole box.
+    """
+    places = light_from_target[:2, :3] @ points_m + light_from_target[:2, 3:]
+    low, high = places.min(axis=1), places.max(axis=1)
+    half = float((high - low).max()) / 2 * _ROOM
+    x, y = (low + high) / 2
+    return LightWindow(float(x), float(y), half) if half < 1 else LightWindow()
 
 
 def light_window(

@@ -41,13 +41,15 @@ class Placement:
     """Where the target is in the image: bounds (not clipped), pixels to draw, depth range.
 
     The pixels to draw begin at whole cells of the cover, and end there or at the image's edge. ``hull_px``: the mesh's
-    ``hull_m`` in the image (2, K), where no lens bends it and all of it is before the camera.
+    ``hull_m`` in the image (2, K), where no lens bends it and all of it is before the camera. ``nearest_m``: camera's z
+    of what is nearest of the mesh; the depth range is of its sphere.
     """
 
     bounds_px: FloatArray
     rect: PixelRect
     near_far_m: tuple[float, float]
     camera_from_target: FloatArray
+    nearest_m: float
     hull_px: FloatArray | None = None
 
     @property
@@ -75,8 +77,8 @@ def locate(
         return None
     width, height = camera.width_px, camera.height_px
     points = R @ mesh.hull_m + t[:, None]
-    hull_px = None
-    if points[2].min() > MIN_NEAR_M:
+    hull_px, nearest = None, max(float(points[2].min()), near)
+    if nearest > MIN_NEAR_M:
         if camera.distortion.is_none:
             # row by row: numpy takes several times as long across rows of two or three
             hull_px = points[:2] / points[2]
@@ -100,6 +102,7 @@ def locate(
         PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1])),
         (near, far),
         camera_from_target,
+        nearest,
         hull_px,
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,14 +32,15 @@ class ShadowChoice:
     sharpest: float = 1.0
 
 
-# the coarse map where its texel is at most a pixel wide, else a fine one, close up a finer
+# the coarse map where its texel is less than a pixel wide, else a fine one, close up a finer
 _COARSE, _FINE, _FINER = ShadowChoice(512, 4, 0.6), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
 _BEST = ShadowChoice(2048, 10, 0.6)
 LOW_RELIEF = 0.3
 """Of a texel: by default the shading looks for blockers at least so much above a face, 0.25 of the texel and more
 (shaders/target/shadow.glsl), and what lies flat on it and stands out by less throws no shadow."""
 _SLACK = 1.3  # for the softness of the disc's own edge
-_SAWN = 2.5  # pixels: texels that are wider than this show as steps
+_PIXEL, _SAWN = 0.9, 2.0  # pixels: wider texels leave their mark on shadows' edges; on all of them, as steps
+_PENUMBRA_M = 3e-3  # radius of the Sun's penumbra 0.6 m behind an edge; it hides the steps of texels no wider
 
 
 def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoice:
@@ -51,9 +52,12 @@ def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoic
     """
     if quality == "high":
         return _BEST
-    if quality == "draft" or box_m / _COARSE.size_px < 1.1 * pixel_m:
-        return _COARSE
-    return _FINE if box_m / _FINE.size_px < _SAWN * pixel_m else _FINER
+    texel_px = box_m / _COARSE.size_px / pixel_m
+    if quality == "draft" or texel_px < _PIXEL:
+        # two thirds of a pixel, while that is no more than a texel
+        return replace(_COARSE, sharpest=min(max(0.65 / texel_px, _COARSE.sharpest), 1.0))
+    texel_m = box_m / _FINE.size_px
+    return _FINE if texel_m < (_SAWN if texel_m < _PENUMBRA_M else _PIXEL) * pixel_m else _FINER
 
 
 def widest_penumbra(sun_sine: float) -> float:

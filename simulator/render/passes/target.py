@@ -13,7 +13,7 @@ from simulator.render.block_values import lens_values
 from simulator.render.charts import TEXEL
 from simulator.render.edges_seen import EdgeView
 from simulator.render.facing import FacingArray
-from simulator.render.light_box import LightWindow, SurfacePatches, light_window
+from simulator.render.light_box import LightWindow, SurfacePatches, light_window, window_around
 from simulator.render.light_view import WIDER
 from simulator.render.mesh import upload
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
@@ -151,14 +151,16 @@ class TargetPasses:
     def _light_window(
         self, mesh: Mesh, place: Placement, camera: Camera, light_from_target: FloatArray, widest: float
     ) -> LightWindow:
-        """What of the shadow map this view needs: all of it while the image holds the target."""
+        """What of the box this view's shadow map needs: all that holds the target while the image does."""
+        # `high` keeps the sphere's box: its window of texels must hold wide penumbrae
+        whole = LightWindow() if widest > 0 else window_around(mesh.hull_m, light_from_target)
         inside = [*(place.bounds_px[:2] >= 0), *(place.bounds_px[2:] <= [camera.width_px, camera.height_px])]
         # a lens that bends sees around the edges of its image's pyramid
         if all(inside) or not camera.distortion.is_none:
-            return LightWindow()
+            return whole
         if mesh not in self._patches:
             self._patches[mesh] = SurfacePatches.of(mesh, _positions(mesh))
-        return light_window(
+        part = light_window(
             self._patches[mesh],
             camera,
             place.camera_from_target,
@@ -166,6 +168,7 @@ class TargetPasses:
             closed=mesh.is_closed,
             widest=widest,
         )
+        return part if part.half < whole.half else whole
 
     def _draw_shadow(
         self, scene: SceneState, view: View, loaded: Loaded, place: Placement
@@ -179,7 +182,7 @@ class TargetPasses:
         window = self._light_window(loaded.mesh, place, camera, light_from_target, widest)
         light_from_target = window.matrix @ light_from_target
         width_m = box_m * window.half
-        pixel_m = place.near_far_m[0] / max(camera.fx_px, camera.fy_px)
+        pixel_m = place.nearest_m / max(camera.fx_px, camera.fy_px)
         choice = choose_shadow(scene.quality, width_m, pixel_m)
         shadow = self._shadow_pass(choice.size_px)
         texel_m = width_m / shadow.size_px
