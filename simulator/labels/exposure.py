@@ -265,12 +265,19 @@ def _over_passing_ground(renderer: Renderer, scene: SceneState, target: Target, 
     stage_ms: dict[str, float] = {"smear": 0.0}
     means: list[Float32Array] = []
     span_s = scene.exposure_s / n_drawings
+    ends = [_corners_px(scene, scene_at(scene, sign * scene.exposure_s / 2), target) for sign in (-1, 1)]
+    motion = float(np.nanmax(np.hypot(*(ends[1] - ends[0]).T), initial=0.0))
+    moments = instants_of(motion, scene.exposure_s)
+    # the driver draws the first craft's samples while the ground's are prepared, and shades it during the last smear
+    first = renderer.begin_craft(scene_at(scene, moments.times_s[0]), target)
     for k in range(n_drawings):
         mid, early, late = (
             scene_at(scene, (k + at) * span_s - scene.exposure_s / 2) for at in (0.5, 0.0, 1.0)
         )
         rendered = renderer.render(mid, target, layer="sky")
         _add_times(stage_ms, rendered.stage_ms)
+        if k == n_drawings - 1:
+            first.shade()
         start = time.perf_counter()
         part = smear(rendered.radiance, partial(_ways_px, mid, early, late))
         means = [np.add(means[0], part, out=means[0])] if means else [part]
@@ -278,12 +285,9 @@ def _over_passing_ground(renderer: Renderer, scene: SceneState, target: Target, 
     mean = means[0]
     if n_drawings > 1:
         mean /= np.float32(n_drawings)
-    ends = [_corners_px(scene, scene_at(scene, sign * scene.exposure_s / 2), target) for sign in (-1, 1)]
-    motion = float(np.nanmax(np.hypot(*(ends[1] - ends[0]).T), initial=0.0))
-    moments = instants_of(motion, scene.exposure_s)
-    crafts = []
+    crafts: list[tuple[Rendered, np.float32]] = []
     for dt, weight in zip(moments.times_s, moments.weights, strict=True):
-        craft = renderer.render(scene_at(scene, dt), target, layer="craft")
+        craft = renderer.render(scene_at(scene, dt), target, layer="craft") if crafts else first.read()
         _add_times(stage_ms, craft.stage_ms)
         crafts.append((craft, np.float32(weight)))
     _put_before(mean, crafts)

@@ -88,9 +88,9 @@ def smear(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArray]) ->
             # what it makes up beyond the piece's edges is cut off with them
             done = cv2.filter2D(around, -1, kernels[j, i], borderType=cv2.BORDER_REPLICATE)
             y, x = y0 - top, x0 - left
-            out[y0:y1, x0:x1] = done[y : y + y1 - y0, x : x + x1 - x0]
-    # a cubic dips below zero beside a sharp light
-    return np.maximum(out, 0, out=out)
+            # a cubic dips below zero beside a sharp light
+            np.maximum(done[y : y + y1 - y0, x : x + x1 - x0], 0, out=out[y0:y1, x0:x1])
+    return out
 
 
 def _tile_size(

@@ -97,6 +97,15 @@ def draw_one_point(array: moderngl.VertexArray) -> None:
     library.glDrawArrays(_POINTS, 0, 1)
 
 
+def flush(context: moderngl.Context) -> None:
+    """Have the driver begin with what it was told; a software driver collects it until it is asked for the picture."""
+    library = opengl()
+    if library is None:
+        context.finish()
+    else:
+        library.glFlush()
+
+
 def _sizes(width: int, height: int) -> list[tuple[int, int]]:
     """Of the levels from the second on, as OpenGL counts them."""
     sizes = []

@@ -13,6 +13,7 @@ from simulator.render.context import create_context, describe
 from simulator.render.earth_maps import begin_earth_maps, stand_ins
 from simulator.render.earthview import earth_view
 from simulator.render.images import Images
+from simulator.render.levels import flush
 from simulator.render.moonview import moon_view
 from simulator.render.passes.earth import EarthPass, ice_day
 from simulator.render.passes.fours import LEAST_SHARE, FoursPass
@@ -74,6 +75,19 @@ class Rendered:
 
 
 @dataclass(frozen=True, eq=False)
+class Craft:
+    """A craft alone, its samples being drawn. Skies of other moments may be drawn before it is shaded.
+
+    Parameters
+    ----------
+    shade : to be called first, and once; the driver is at it when that returns. read : waits for the picture.
+    """
+
+    shade: Callable[[], None]
+    read: Callable[[], Rendered]
+
+
+@dataclass(frozen=True, eq=False)
 class Sky:
     """What is behind the target.
 
@@ -100,6 +114,14 @@ class Sky:
     def added_to(self) -> PixelRect | None:
         """Pixels where the Earth is added to the target's light; it is written to all its others."""
         return None if self.cells is None else self.cells.covered()
+
+
+def _refuse_another(scene: SceneState, target: Target) -> None:
+    if scene.target.sha256 != target.sha256:
+        raise UserError(
+            f"the scene was made for target {scene.target.name} ({scene.target.sha256[:12]}) and is drawn with "
+            f"{target.name} ({target.sha256[:12]}); use the same version of the target file"
+        )
 
 
 class Renderer:
@@ -182,11 +204,11 @@ class Renderer:
         UserError
             If ``target`` is not the one the scene was made for.
         """
-        if scene.target.sha256 != target.sha256:
-            raise UserError(
-                f"the scene was made for target {scene.target.name} ({scene.target.sha256[:12]}) and is drawn with "
-                f"{target.name} ({target.sha256[:12]}); use the same version of the target file"
-            )
+        if layer == "craft":
+            craft = self.begin_craft(scene, target, sky=sky)
+            craft.shade()
+            return craft.read()
+        _refuse_another(scene, target)
         clock = StageClock(self._gl, finish=self.timed)
         passes = self._prepare(scene)
         if scene.environment.earth and scene.bands not in self._earths and scene.bands not in self._begun:
@@ -215,22 +237,15 @@ class Renderer:
             view = replace(view, sky=sky_light(scene))
             self._blocks.frame.write(frame_values(scene, view))
         clock.lap("skylight")
-        hidden = None if sampled is None else sampled.rect
-        behind = Sky()
-        if layer != "craft":
-            behind = self._prepare_sky(scene, view, cells_px, self._earth_pass, clock)
+        behind = self._prepare_sky(scene, view, cells_px, self._earth_pass, clock)
         self._filled = behind.fills
         if not early:
             images.clear(behind.added_to if behind.fills else PixelRect(0, 0, *images.size))
         if sampled is not None:
             passes.shade(sampled, view, scene.bands, images)
             clock.lap("target.shading")
+        hidden = None if sampled is None else sampled.rect
         images.mark_covered(hidden)
-        if layer == "craft":
-            light, share, window = images.read_part(hidden or PixelRect(0, 0, 0, 0))
-            clock.lap("readback")
-            self.check("a craft")
-            return Rendered(light, share, None, 1.0, clock.stage_ms, window)
         fours, starlight = self._draw_sky(scene, view, images, behind, hidden, clock)
         radiance = images.read_radiance(fours=fours)
         if starlight is not None:
@@ -247,6 +262,48 @@ class Renderer:
         if begun is not None:
             begun.later.start()
         return Rendered(radiance, coverage, depth, inside, clock.stage_ms)
+
+    def begin_craft(self, scene: SceneState, target: Target, *, sky: SkyLight | None = None) -> Craft:
+        """Have the driver draw a craft's samples, alone; parameters as of `render`."""
+        _refuse_another(scene, target)
+        clock = StageClock(self._gl, finish=self.timed)
+        passes = self._prepare(scene)
+        bands = len(bands_of(scene.bands))
+        view = build_view(scene, no_light(bands) if sky is None else sky)
+        self._blocks.frame.write(frame_values(scene, view))
+        clock.lap("setup")
+        sampled = passes.sample(scene, view, target, clock)
+        stages = [clock.stage_ms]
+
+        def shade() -> None:
+            clock = StageClock(self._gl, finish=self.timed)
+            stages.append(clock.stage_ms)
+            self._prepare(scene)
+            lit = replace(view, sky=sky_light(scene)) if sky is None and sampled is not None else view
+            self._blocks.frame.write(frame_values(scene, lit))
+            clock.lap("skylight")
+            images = self._images_for(scene)
+            images.clear(PixelRect(0, 0, *images.size))
+            if sampled is not None:
+                passes.shade(sampled, lit, scene.bands, images)
+                flush(self._gl)
+            images.mark_covered(None if sampled is None else sampled.rect)
+            clock.lap("target.shading")
+
+        def read() -> Rendered:
+            self.make_current()
+            clock = StageClock(self._gl, finish=self.timed)
+            part = PixelRect(0, 0, 0, 0) if sampled is None else sampled.rect
+            light, share, window = self._images_for(scene).read_part(part)
+            clock.lap("readback")
+            self.check("a craft")
+            spent: dict[str, float] = {}
+            for stage in (*stages, clock.stage_ms):
+                for name, ms in stage.items():
+                    spent[name] = spent.get(name, 0.0) + ms
+            return Rendered(light, share, None, 1.0, spent, window)
+
+        return Craft(shade, read)
 
     def begin_surfaces(
         self, scene: SceneState, target: Target, *, layers: bool = False
