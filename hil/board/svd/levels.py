@@ -29,7 +29,7 @@ SATURATED = 4
 BESIDE = 0.05
 
 # Share of a pixel that is as good as none where brightness is found with the pose.
-LITTLE = 1e-3
+LITTLE = 2e-4
 
 # Brightness of a saturated face above the scale, in scales, that is tried.
 OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])

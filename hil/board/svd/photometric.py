@@ -35,8 +35,8 @@ RELAX = 1.5
 INFLATION = 150.0
 
 # A pixel that a shift by a pixel of the canvas changes by less, in units of the noise, is left out of a step: these are
-# two in five, and hold less than a two-hundredth of what the picture says.
-TELLS = 0.1
+# one in three, and hold less than a thousandth of what the picture says.
+TELLS = 0.02
 
 # Groups of faces whose brightness is found together with the pose, and at the end.
 JOINT, JOINT_AT_END = 16, 40

@@ -8,7 +8,7 @@
 #define FEW 3
 
 /* Shares that are no more are none (levels.py, coverage). */
-#define LITTLE 1e-3f
+#define LITTLE 2e-4f
 
 /* Canvas pixels that hold a group: from (x0, y0), to before (x1, y1). */
 struct box {

@@ -8,7 +8,7 @@
 /* Pixels that a shift by a pixel of the canvas changes by less, in units of the noise, are left out
  * (photometric.py, TELLS).
  */
-#define TELLS 0.1
+#define TELLS 0.02
 
 /* Pixels whose products are summed in single precision, and what is summed side by side. */
 #define BLOCK 2048
