@@ -76,8 +76,17 @@ def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
             f"{path.parent} holds an evaluation of something else (data set, model or methods differ);"
             " name another folder with -o"
         )
+    return _decoded(lines[1:-1])
+
+
+def rows_there(path: Path) -> list[EvaluatedFrame]:
+    """Rows of an evaluation, whatever it is of; none where there is no file."""
+    return _decoded(path.read_bytes().split(b"\n")[1:-1]) if path.is_file() else []
+
+
+def _decoded(lines: Iterable[bytes]) -> list[EvaluatedFrame]:
     rows = []
-    for line in lines[1:-1]:
+    for line in lines:
         try:
             rows.append(msgspec.json.decode(line, type=EvaluatedFrame))
         except msgspec.DecodeError:

@@ -14,7 +14,7 @@ from hil.board.errors import BoardModelError
 from hil.board.svd import BoardModel
 from hil.board.svd.kernels.library import kernels
 from hil.evaluate.frames import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
-from hil.evaluate.metrics import Metrics, compose, summarise
+from hil.evaluate.metrics import MethodMetrics, Metrics, compose, summarise
 from hil.evaluate.page import write_page
 from hil.evaluate.worker import Evaluator, MethodChoice, answer_in_worker, board_model, start_worker
 from simulator.dataset.card import read_card
@@ -99,7 +99,7 @@ def evaluate_dataset(
         raise UserError(f"no frame of data set {folder} can be read; run flyaround check on it")
     done.sort(key=lambda row: (labels.index(row.method), row.frame))
     metrics = compose(
-        [_metrics(label, [r for r in done if r.method == label]) for label in labels], kernels()
+        [method_metrics(label, [r for r in done if r.method == label]) for label in labels], kernels()
     )
     write_atomic(report / METRICS_JSON, msgspec.json.format(msgspec.json.encode(metrics), indent=1))
     write_atomic(report / FRAMES_CSV, frames_csv(done))
@@ -107,7 +107,8 @@ def evaluate_dataset(
     return metrics
 
 
-def _metrics(label: str, rows: list[EvaluatedFrame]) -> Any:  # noqa: ANN401 - MethodMetrics
+def method_metrics(label: str, rows: Sequence[EvaluatedFrame]) -> MethodMetrics:
+    """The figures of one method's rows."""
     return summarise(
         [r.record for r in rows],
         method=label,

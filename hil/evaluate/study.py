@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,8 +16,10 @@ import msgspec
 import numpy as np
 
 from hil.board.svd import BoardModel
-from hil.board.svd.faithful.config import SOLVERS, STEPS
-from hil.evaluate.run import evaluate_dataset
+from hil.board.svd.faithful.config import OF_OURS, OF_THESIS, SOLVERS
+from hil.evaluate.frames import EvaluatedFrame, rows_there
+from hil.evaluate.run import ROWS, evaluate_dataset, method_metrics
+from hil.evaluate.study_tables import paired, table, units_table, write_into_page
 from hil.evaluate.worker import MethodChoice, board_model
 from simulator.dataset.card import read_card
 from simulator.dataset.native import frame_paths, is_whole, write_frame
@@ -28,23 +31,30 @@ from simulator.targets.library import load_target
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from hil.evaluate.metrics import MethodMetrics
-
-LADDER = tuple(MethodChoice("svd-thesis", None, None, tuple(STEPS)[:k]) for k in range(1, len(STEPS) + 1))
 
 # The thesis's version draws as few points of a figure as a solver takes; the published one gives it all of them, where
 # P3P and AP3P have no use for the fourth.
 FEW = tuple(MethodChoice("svd-thesis", s) for s in ("p3p", *(s for s in SOLVERS if s != "p3p")))
 ALL = tuple(MethodChoice("svd-2018", s) for s in SOLVERS if s not in ("p3p", "ap3p"))
 
-# Its own two streams are the first of ``FEW``, all three the first of ``LADDER``.
+# Its own two streams are the first of ``FEW``, all three the first of ``TOWARDS_OURS``.
 STREAMS = tuple(
     MethodChoice("svd-thesis", None, k) for k in (("wge",), ("sh",), ("lsd",), ("wge", "sh", "harris"))
 )
-PUBLISHED = (*FEW, *ALL, *STREAMS, *LADDER)
+
+# Each thing that ours has and the thesis's version has not, alone and then all; the same between published ones.
+TOWARDS_OURS = (
+    *(MethodChoice("svd-thesis", None, None, (step,)) for step in OF_OURS),
+    MethodChoice("svd-thesis", None, None, tuple(OF_OURS)),
+)
+TOWARDS_THESIS = tuple(MethodChoice("svd-2018", None, None, (step,)) for step in OF_THESIS)
+PUBLISHED = (*FEW, *ALL, *STREAMS, *TOWARDS_THESIS, *TOWARDS_OURS)
 
 # Waves that make up the shift of a wrong model.
 WAVES = 60
+
+SVD = MethodChoice("svd")
+METHODS = (MethodChoice("svd-2018"), MethodChoice("svd-thesis"))
 
 MODEL_ERRORS_M = (0.002, 0.005)
 EXPOSURE_FACTORS = (0.25, 4.0)
@@ -113,39 +123,6 @@ def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None 
     return out
 
 
-def table(rows: Sequence[tuple[str, MethodMetrics]]) -> str:
-    """Rows in Markdown."""
-
-    def share(value: float | None, interval: tuple[float, float] | None) -> str:
-        if value is None or interval is None:
-            return "-"
-        return f"{100 * value:.0f} % ({100 * interval[0]:.0f}-{100 * interval[1]:.0f})"
-
-    def number(value: float | None, factor: float = 1.0) -> str:
-        if value is None:
-            return "-"
-        x = factor * value
-        return f"{x:.0f}" if abs(x) >= 100 else f"{x:.3g}"
-
-    lines = [
-        (
-            "| | coarse | fine | available | false of accepted | median E_R deg, E_T mm (all) | "
-            "mean E_T mm accepted (all) | failures | p50 ms |"
-        ),
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for name, m in rows:
-        wrong = round((m.false_accept or 0.0) * m.n_accepted)
-        lines.append(
-            f"| {name} | {share(m.coarse_success, m.coarse_success_wilson)} | "
-            f"{share(m.fine_success, m.fine_success_wilson)} | {share(m.availability, m.availability_wilson)} | "
-            f"{wrong} of {m.n_accepted} | {number(m.median_E_R_deg_all)}, {number(m.median_E_T_m_all, 1e3)} | "
-            f"{number(m.mean_E_T_m, 1e3)} ({number(m.mean_E_T_m_all, 1e3)}) | "
-            f"{', '.join(f'{n} {k}' for k, n in m.failures.items()) or '-'} | {number(m.time_ms_p50)} |"
-        )
-    return "\n".join(lines)
-
-
 def feasible_frames(folder: Path, most: int) -> list[int]:
     """The first ``most`` frames of a set that can be solved."""
     found: list[int] = []
@@ -157,79 +134,118 @@ def feasible_frames(folder: Path, most: int) -> list[int]:
     return found
 
 
-def run_parts(
-    folder: Path, reports: Path, parts: Sequence[str], workers: int, feasible: int | None = None
-) -> str:
-    """Every part's table; what was evaluated before is gone on with.
+class Study:
+    """The parts of the studies on one data set.
 
     Parameters
     ----------
-    feasible : so many of the feasible frames alone; None: all frames.
-
-    Raises
-    ------
-    UserError
-        If the folder is not a data set.
+    folder : the data set. reports : folder of the evaluations, gone on with when there are any.
+    feasible : so many of the feasible frames alone; None: all frames. workers : processes.
+    evaluate : whether to evaluate what is missing; else tables are of the frames that every method has answered.
     """
-    model = board_model(load_target(read_card(folder).target.name))
-    frames = None if feasible is None else feasible_frames(folder, feasible)
-    out = []
 
-    def evaluated(
-        name: str, choices: Sequence[MethodChoice], of: Path = folder, given: BoardModel | None = None
-    ) -> list[tuple[str, MethodMetrics]]:
-        place = reports / name
-        place.mkdir(parents=True, exist_ok=True)
-        metrics = evaluate_dataset(
-            of, place, methods=tuple(choices), model=given, workers=workers, frames=frames
-        )
-        return list(metrics.by_method.items())
+    def __init__(
+        self, folder: Path, reports: Path, *, feasible: int | None, workers: int, evaluate: bool
+    ) -> None:
+        self.folder, self.reports, self.workers, self.evaluate = folder, reports, workers, evaluate
+        self.name = read_card(folder).scenario_name
+        self.model = board_model(load_target(read_card(folder).target.name))
+        self.frames = None if feasible is None else feasible_frames(folder, feasible)
+        self.parts: dict[str, Callable[[], str]] = {
+            "methods": self.methods,
+            "units": self.units,
+            "solvers": lambda: self.published((*FEW, *ALL), FEW[0]),
+            "streams": lambda: self.published((FEW[0], *STREAMS[:3], TOWARDS_OURS[0], STREAMS[3]), FEW[0]),
+            "thesis": lambda: self.published((ALL[0], *TOWARDS_THESIS, FEW[0]), ALL[0]),
+            "ablation": lambda: self.published((FEW[0], *TOWARDS_OURS), FEW[0]),
+            "model": self.bent,
+            "exposure": self.exposure,
+        }
 
-    def published(choices: Sequence[MethodChoice]) -> list[tuple[str, MethodMetrics]]:
+    def rows(
+        self,
+        name: str,
+        choices: Sequence[MethodChoice],
+        of: Path | None = None,
+        model: BoardModel | None = None,
+    ) -> list[EvaluatedFrame]:
+        """Rows of an evaluation, of the frames that all its methods have answered."""
+        place = self.reports / name
+        if self.evaluate:
+            place.mkdir(parents=True, exist_ok=True)
+            evaluate_dataset(
+                of or self.folder,
+                place,
+                methods=tuple(choices),
+                model=model,
+                workers=self.workers,
+                frames=self.frames,
+            )
+        rows = rows_there(place / ROWS)
+        answered = Counter(r.frame for r in rows)
+        return [r for r in rows if answered[r.frame] == len(choices)]
+
+    def published(self, choices: Sequence[MethodChoice], first: MethodChoice) -> str:
+        """A table of variants of the published methods, with paired counts against one of them."""
         # each frame by all before the next one: what there is at any time compares
-        found = dict(evaluated("published", PUBLISHED))
-        return [(c.label, found[c.label]) for c in choices]
+        rows = self.rows("published", PUBLISHED)
+        return compared(rows, [c.label for c in choices], first.label)
 
-    def methods() -> list[tuple[str, MethodMetrics]]:
-        return evaluated("methods", [MethodChoice(m) for m in ("svd", "svd-2018", "svd-thesis")])
+    def methods(self) -> str:
+        """The three methods; the published ones on as many frames as there are."""
+        return compared(
+            [*self.rows("methods", METHODS), *self.rows("svd", [SVD])],
+            [*(c.label for c in METHODS), SVD.label],
+            METHODS[1].label,
+        )
 
-    def solvers() -> list[tuple[str, MethodMetrics]]:
-        return published((*FEW, *ALL))
+    def units(self) -> str:
+        """The thesis's means of errors, in which unit."""
+        rows = self.rows("methods", METHODS)
+        return units_table(
+            [(c.label, [r.record for r in rows if r.method == c.label]) for c in METHODS[::-1]]
+        )
 
-    def streams() -> list[tuple[str, MethodMetrics]]:
-        return published((FEW[0], *STREAMS[:3], LADDER[0], STREAMS[3]))
-
-    def ablation() -> list[tuple[str, MethodMetrics]]:
-        return [*published((ALL[0], FEW[0], *LADDER)), *evaluated("svd", [MethodChoice("svd")])]
-
-    def wrong() -> list[tuple[str, MethodMetrics]]:
-        rows = evaluated("svd", [MethodChoice("svd")])
+    def bent(self) -> str:
+        """The best method given a wrong model."""
+        found = {"exact": self.rows("svd", [SVD])}
         for sigma in MODEL_ERRORS_M:
-            found = evaluated(f"model-{sigma}", [MethodChoice("svd")], given=wrong_model(model, sigma))
-            rows += [(f"{name}, bent by {1e3 * sigma:g} mm", m) for name, m in found]
-        return rows
+            wrong = wrong_model(self.model, sigma)
+            found[f"bent by {1e3 * sigma:g} mm"] = self.rows(f"model-{sigma}", [SVD], model=wrong)
+        return together(found)
 
-    def exposure() -> list[tuple[str, MethodMetrics]]:
-        rows = evaluated("svd", [MethodChoice("svd")])
+    def exposure(self) -> str:
+        """The best method given a wrong exposure."""
+        found = {"right exposure": self.rows("svd", [SVD])}
         for factor in EXPOSURE_FACTORS:
-            other = expose(folder, reports / f"set-exposure-{factor}", factor, frames)
-            found = evaluated(f"exposure-{factor}", [MethodChoice("svd")], of=other)
-            rows += [(f"{name}, exposure x {factor:g}", m) for name, m in found]
-        return rows
+            place = self.reports / f"set-exposure-{factor}"
+            other = expose(self.folder, place, factor, self.frames) if self.evaluate else place
+            found[f"exposure x {factor:g}"] = self.rows(f"exposure-{factor}", [SVD], of=other)
+        return together(found)
 
-    known: dict[str, Callable[[], list[tuple[str, MethodMetrics]]]] = {
-        "methods": methods,
-        "solvers": solvers,
-        "streams": streams,
-        "ablation": ablation,
-        "model": wrong,
-        "exposure": exposure,
-    }
-    for part in parts:
-        out.append(f"### {part}: {folder.name}\n\n{table(known[part]())}\n")
-        sys.stdout.write(out[-1] + "\n")
-        sys.stdout.flush()
-    return "\n".join(out)
+
+def compared(rows: Sequence[EvaluatedFrame], labels: Sequence[str], first: str) -> str:
+    """A table of some methods, with frames gained and lost against the first."""
+    present = [label for label in labels if any(r.method == label for r in rows)]
+    metrics = [(label, method_metrics(label, [r for r in rows if r.method == label])) for label in present]
+    differ = []
+    for label in present:
+        gained, lost, p = paired(rows, first, label)
+        differ.append("" if label == first else f"{gained}, {lost} ({p:.2g})")
+    return table(metrics, differ)
+
+
+def together(found: dict[str, list[EvaluatedFrame]]) -> str:
+    """A table of one method under several conditions, of the frames that it has answered under all of them."""
+    common = set.intersection(*({r.frame for r in rows} for rows in found.values()))
+    first, *_ = found
+    rows = [
+        msgspec.structs.replace(r, method=name)
+        for name, all_rows in found.items()
+        for r in all_rows
+        if r.frame in common
+    ]
+    return compared(rows, list(found), first)
 
 
 def main() -> int:
@@ -237,11 +253,34 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="hil.evaluate.study", description=__doc__)
     parser.add_argument("set", type=Path, help="a data set written by capture")
     parser.add_argument("reports", type=Path, help="folder of the reports, gone on with when it exists")
-    parser.add_argument("--parts", default="methods", help="methods,solvers,streams,ablation,model,exposure")
+    parser.add_argument(
+        "--parts",
+        default="methods",
+        help="with commas: methods,units,solvers,streams,thesis,ablation,model,exposure",
+    )
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--feasible", type=int, help="the first so many feasible frames alone")
+    parser.add_argument("--tables", action="store_true", help="evaluate nothing: tables of what is there")
+    parser.add_argument(
+        "--page", type=Path, help="a page whose tables (<!-- study PART SCENARIO -->) are replaced"
+    )
     options = parser.parse_args()
-    run_parts(options.set, options.reports, options.parts.split(","), options.workers, options.feasible)
+    study = Study(
+        options.set,
+        options.reports,
+        feasible=options.feasible,
+        workers=options.workers,
+        evaluate=not options.tables,
+    )
+    for part in options.parts.split(","):
+        if part not in study.parts:
+            parser.error(f"unknown part {part!r}: choose from {', '.join(study.parts)}")
+    for part in options.parts.split(","):
+        text = study.parts[part]()
+        sys.stdout.write(f"### {part}: {study.name}\n\n{text}\n\n")
+        sys.stdout.flush()
+        if options.page is not None:
+            write_into_page(options.page, part, study.name, text)
     return 0
 
 

@@ -17,10 +17,12 @@ from hil.evaluate.frame_record import frame_record
 from hil.evaluate.frames import EvaluatedFrame
 from simulator.dataset.native import frame_paths, read_png
 from simulator.errors import UserError
-from simulator.labels.truth import read_truth
+from simulator.labels.truth import Truth, read_truth
 from simulator.targets.board_file import write_board_model
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from simulator.targets.model import Target
 
 
@@ -74,6 +76,14 @@ class Evaluator:
             c.label: make_estimator(model, intrinsics, c.method, c.solver, c.streams, c.steps)
             for c in choices
         }
+        self._last: tuple[int, Truth, NDArray[Any]] | None = None
+
+    def _frame(self, k: int) -> tuple[Truth, NDArray[Any]]:
+        """A frame's truth and image; the last one is kept, for the next method."""
+        if self._last is None or self._last[0] != k:
+            paths = frame_paths(self.folder, k)
+            self._last = k, read_truth(paths.truth), read_png(paths.image)
+        return self._last[1:]
 
     def answer(self, k: int, label: str) -> EvaluatedFrame:
         """Frame ``k`` by the method ``label``.
@@ -83,8 +93,7 @@ class Evaluator:
         UserError
             If the frame's files cannot be read.
         """
-        paths = frame_paths(self.folder, k)
-        truth, image = read_truth(paths.truth), read_png(paths.image)
+        truth, image = self._frame(k)
         trace: dict[str, Any] = {}
         threads = cv2.getNumThreads()
         cv2.setNumThreads(1)

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from hil.board.svd import CameraIntrinsics, make_estimator
+from hil.board.svd.faithful.config import SVD_2018, SVD_THESIS, FaithfulConfig
 from hil.board.svd.faithful.estimator import FaithfulEstimator
 from hil.evaluate.frame_record import frame_record
+from hil.evaluate.frames import EvaluatedFrame
 from hil.evaluate.metrics import summarise
-from hil.evaluate.study import FEW, LADDER, PUBLISHED, table, wrong_model
-from hil.evaluate.worker import board_model
+from hil.evaluate.study import FEW, PUBLISHED, TOWARDS_OURS, TOWARDS_THESIS, compared, wrong_model
+from hil.evaluate.study_tables import mcnemar, paired, table, units_table, write_into_page
+from hil.evaluate.worker import MethodChoice, board_model
+from simulator.errors import UserError
 from simulator.targets.library import load_target
 
 
@@ -33,18 +41,37 @@ def test_a_wrong_model_is_wrong_by_what_was_asked_and_stays_joined() -> None:
     assert np.array_equal(wrong_model(model, 0.005).vertices_m, wrong.vertices_m)
 
 
-def test_each_rung_takes_one_step_more() -> None:
+def configs(choices: Sequence[MethodChoice]) -> list[FaithfulConfig]:
     model = board_model(load_target("cubesat-1u"))
     camera = CameraIntrinsics(320, 240, 500.0, 500.0, 159.5, 119.5)
-    configs = []
-    for choice in (FEW[0], *LADDER[:3]):
-        estimator = make_estimator(model, camera, choice.method, choice.solver, choice.streams, choice.steps)
+    made = []
+    for c in choices:
+        estimator = make_estimator(model, camera, c.method, c.solver, c.streams, c.steps)
         assert isinstance(estimator, FaithfulEstimator)
-        configs.append(estimator.config)
-    assert [c.streams[-1] for c in configs] == ["sh", "lsd", "lsd", "lsd"]
-    assert [c.regions for c in configs] == ["cdf", "cdf", "proposed", "proposed"]
-    assert [c.top for c in configs] == [5, 5, 5, 50]
-    assert LADDER[1].label == "svd-thesis +lsd +regions"
+        made.append(estimator.config)
+    return made
+
+
+def test_each_row_of_the_ablation_is_one_step_from_a_published_method_and_the_last_all() -> None:
+    thesis, *one, every = configs((FEW[0], *TOWARDS_OURS))
+    changed = [
+        [f.name for f in fields(thesis) if getattr(c, f.name) != getattr(thesis, f.name)]
+        for c in (*one, every)
+    ]
+    assert changed[:-1] == [["streams"], ["regions"], ["top"], ["rank"], ["finish"]]
+    assert set(changed[-1]) == {"streams", "regions", "top", "rank", "finish"}
+    old = replace(SVD_2018, name="svd-thesis")
+    # all steps of the thesis together make its version of the published one
+    for c in configs(TOWARDS_THESIS):
+        old = replace(
+            old,
+            **{
+                f.name: getattr(c, f.name)
+                for f in fields(c)
+                if getattr(c, f.name) != getattr(SVD_2018, f.name)
+            },
+        )
+    assert old == SVD_THESIS
 
 
 def test_no_method_of_the_studies_is_measured_twice(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,4 +86,46 @@ def test_no_method_of_the_studies_is_measured_twice(monkeypatch: pytest.MonkeyPa
 def test_the_table_says_what_was_not_there() -> None:
     record = frame_record([1, 0, 0, 0], [0, 0, 5], None, None, accepted=False)
     text = table([("none", summarise([record], method="none", failures=["edges"]))])
-    assert "| none | 0 % (0-79) | 0 % (0-79) | 0 % (0-79) | 0 of 0 | -, - | - (-) | 1 edges | - |" in text
+    assert "| none | 0 % (0-79) | 0 % (0-79) | 0 % (0-79) | 0 of 0 | -, - | - (-) | 1 edges |" in text
+
+
+def answer(frame: int, method: str, error_deg: float, *, feasible: bool = True) -> EvaluatedFrame:
+    turn = np.radians(error_deg) / 2
+    q = (float(np.cos(turn)), float(np.sin(turn)), 0.0, 0.0)
+    record = frame_record(
+        [1, 0, 0, 0], [0, 0, 5], np.array(q), np.array([0, 0, 5.1]), accepted=True, feasible=feasible
+    )
+    return EvaluatedFrame(
+        frame=frame, method=method, record=record, reason="", failure="", confidence=1.0, q_wxyz=q,
+        t_m=(0.0, 0.0, 5.1), stages_ms={"pnp": 1.0}, counts={},
+    )  # fmt: skip
+
+
+def test_paired_counts_are_of_frames_that_both_have_and_their_probability_is_exact() -> None:
+    rows = [answer(k, "a", 1.0 if k < 4 else 90.0) for k in range(12)]
+    rows += [answer(k, "b", 1.0 if k >= 3 else 90.0) for k in range(11)]
+    rows += [answer(20, "a", 90.0, feasible=False), answer(20, "b", 1.0, feasible=False)]
+    assert paired(rows, "a", "b")[:2] == (7, 3)
+    # 2 (1 + 10 + 45 + 120) / 1024
+    assert paired(rows, "a", "b")[2] == pytest.approx(0.34375)
+    assert mcnemar(0, 0) == mcnemar(1, 1) == 1.0
+    assert mcnemar(0, 6) == pytest.approx(2 / 64)
+    assert "| 7, 3 (0.34) |" in compared(rows, ["a", "b", "c"], "a").splitlines()[-1]
+
+
+def test_the_table_of_units_counts_right_poses_apart_and_gives_radians() -> None:
+    rows = [answer(k, "a", 2.0).record for k in range(6)] + [answer(9, "a", 180.0).record]
+    every, _, right = units_table([("black", rows)]).splitlines()[2:]
+    assert right == "| black, right within 10 deg | 6 of 7 | 0.1 (0.1-0.1) | 2 (2-2) | 2 | 0.035 |"
+    assert "| 7 of 7 |" in every
+
+
+def test_a_page_gets_its_table_and_keeps_the_rest(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- study solvers eval-black -->\nold\n<!-- end -->\nafter\n<!-- end -->\n")
+    write_into_page(page, "solvers", "eval-black", "| new |")
+    assert page.read_text() == (
+        "before\n<!-- study solvers eval-black -->\n| new |\n<!-- end -->\nafter\n<!-- end -->\n"
+    )
+    with pytest.raises(UserError, match="study solvers thesis"):
+        write_into_page(page, "solvers", "thesis", "| new |")

@@ -42,14 +42,25 @@ class FaithfulConfig:
     finish: str = "corners"
 
 
-# Steps from a published method towards ours, each on top of the ones before: what the ablation takes.
-STEPS: Dict[str, Dict[str, Any]] = {
+# What the thesis's version has and the published one has not.
+OF_THESIS: Dict[str, Dict[str, Any]] = {
+    "grow": {"roi_growth": 0.05},
+    "clean": {"least_component": 0.04},
+    "merge-each": {"merge_each": ("wge", "sh")},
+    "ransac": {"solver": "p3p", "ransac": True},
+}
+
+# What a published method can take over from ours.
+OF_OURS: Dict[str, Dict[str, Any]] = {
     "lsd": {"streams": ("wge", "sh", "lsd")},
     "regions": {"regions": "proposed"},
     "many": {"top": 50},
     "edge-rank": {"rank": "edges"},
     "edge-finish": {"finish": "edges"},
 }
+
+# Steps away from a published method, each alone or several: what the ablation takes.
+STEPS: Dict[str, Dict[str, Any]] = {**OF_THESIS, **OF_OURS}
 
 SVD_2018 = FaithfulConfig("svd-2018")
 SVD_THESIS = FaithfulConfig(

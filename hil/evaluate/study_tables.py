@@ -1,0 +1,133 @@
+"""Tables of the studies in Markdown: shares with intervals, paired counts, means of errors in both units."""
+
+from __future__ import annotations
+
+import re
+from math import comb
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.evaluate.metrics import bootstrap_intervals
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from hil.evaluate.frame_record import FrameRecord
+    from hil.evaluate.frames import EvaluatedFrame
+    from hil.evaluate.metrics import MethodMetrics
+
+# A pose within this angle of the truth is of the right figure, however coarse.
+RIGHT_DEG = 10.0
+
+
+def mcnemar(gained: int, lost: int) -> float:
+    """Exact two-sided probability that frames which two methods answer differently split so unevenly by chance.
+
+    References
+    ----------
+    McNemar (1947), Psychometrika 12: under equal success each of them falls to either side with one half.
+    """
+    n, k = gained + lost, min(gained, lost)
+    return min(1.0, 2.0 * sum(comb(n, i) for i in range(k + 1)) / 2**n)
+
+
+def paired(rows: Sequence[EvaluatedFrame], first: str, other: str) -> tuple[int, int, float]:
+    """Feasible frames that ``other`` gets right (coarse) and ``first`` does not, the reverse, and ``mcnemar``."""
+    right = {(r.method, r.frame): r.record.coarse for r in rows if r.record.feasible}
+    both = [k for method, k in right if method == first and (other, k) in right]
+    gained = sum(right[other, k] and not right[first, k] for k in both)
+    lost = sum(right[first, k] and not right[other, k] for k in both)
+    return gained, lost, mcnemar(gained, lost)
+
+
+def table(rows: Sequence[tuple[str, MethodMetrics]], differ: Sequence[str] = ()) -> str:
+    """Metrics of each row in Markdown; ``differ``: a last column, by row."""
+    head = (
+        "| | coarse | fine | available | false of accepted | median E_R deg, E_T mm (all) | "
+        "mean E_T mm accepted (all) | failures |"
+    )
+    lines = [head, "|---|---|---|---|---|---|---|---|"]
+    for name, m in rows:
+        wrong = round((m.false_accept or 0.0) * m.n_accepted)
+        lines.append(
+            f"| {name} | {_share(m.coarse_success, m.coarse_success_wilson)} | "
+            f"{_share(m.fine_success, m.fine_success_wilson)} | {_share(m.availability, m.availability_wilson)} | "
+            f"{wrong} of {m.n_accepted} | {_number(m.median_E_R_deg_all)}, {_number(m.median_E_T_m_all, 1e3)} | "
+            f"{_number(m.mean_E_T_m, 1e3)} ({_number(m.mean_E_T_m_all, 1e3)}) | "
+            f"{', '.join(f'{n} {k}' for k, n in m.failures.items()) or '-'} |"
+        )
+    if differ:
+        lines = [
+            a + b
+            for a, b in zip(lines, [" gained, lost (p) |", "---|", *(f" {d} |" for d in differ)], strict=True)
+        ]
+    return "\n".join(lines)
+
+
+def units_table(records: Sequence[tuple[str, Sequence[FrameRecord]]]) -> str:
+    """Means of position and attitude errors over several choices of frames, in degrees and in radians."""
+    chosen: dict[str, Callable[[FrameRecord], bool]] = {
+        "every pose": lambda _: True,
+        "accepted": lambda r: r.accepted,
+        f"right within {RIGHT_DEG:g} deg": lambda r: r.E_R_deg is not None and r.E_R_deg < RIGHT_DEG,
+    }
+    lines = ["| frames | n | mean E_T, m | mean E_R, deg | median E_R, deg | mean E_R, rad |"]
+    lines.append("|---|---|---|---|---|---|")
+    for name, all_records in records:
+        feasible = [r for r in all_records if r.feasible]
+        for what, holds in chosen.items():
+            errors = [
+                (r.E_T_m, r.E_R_deg)
+                for r in feasible
+                if r.E_T_m is not None and r.E_R_deg is not None and holds(r)
+            ]
+            shift, turn = np.array(errors, float).reshape(-1, 2).T
+            turned = "- | - | -"
+            if len(turn):
+                median, mean = float(np.median(turn)), float(np.mean(turn))
+                turned = f"{_mean(turn)} | {_number(median)} | {np.radians(mean):.3f}"
+            lines.append(f"| {name}, {what} | {len(errors)} of {len(feasible)} | {_mean(shift)} | {turned} |")
+    return "\n".join(lines)
+
+
+def write_into_page(page: Path, part: str, name: str, text: str) -> None:
+    """Put a table between ``<!-- study PART NAME -->`` and ``<!-- end -->`` of a page; elsewhere it stays as it is.
+
+    Raises
+    ------
+    UserError
+        If the page has no such place.
+    """
+    before = page.read_text(encoding="utf-8")
+    place = re.compile(rf"(<!-- study {re.escape(part)} {re.escape(name)} -->\n).*?(<!-- end -->)", re.DOTALL)
+    after, found = place.subn(lambda m: f"{m[1]}{text}\n{m[2]}", before)
+    if not found:
+        raise UserError(
+            f"{page} has no place for this table: add the lines <!-- study {part} {name} --> and <!-- end -->"
+        )
+    page.write_text(after, encoding="utf-8")
+
+
+def _share(value: float | None, interval: tuple[float, float] | None) -> str:
+    if value is None or interval is None:
+        return "-"
+    return f"{100 * value:.0f} % ({100 * interval[0]:.0f}-{100 * interval[1]:.0f})"
+
+
+def _number(value: float | None, factor: float = 1.0) -> str:
+    if value is None:
+        return "-"
+    x = factor * value
+    return f"{x:.0f}" if abs(x) >= 100 else f"{x:.3g}"
+
+
+def _mean(values: np.ndarray) -> str:
+    """The mean with its bootstrap interval."""
+    if not len(values):
+        return "-"
+    _, interval = bootstrap_intervals(list(values))
+    around = "" if interval is None else f" ({interval[0]:.3g}-{interval[1]:.3g})"
+    return f"{float(np.mean(values)):.3g}{around}"
