@@ -12,7 +12,6 @@ import re
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-import yaml
 
 from simulator.camera.files_native import CameraFile
 from simulator.errors import UserError
@@ -49,6 +48,8 @@ def read_raw(content: bytes, where: str) -> dict[str, Any]:
         except ValueError as error:
             raise UserError(f"{where} is not JSON: {error}") from error
     else:
+        import yaml  # noqa: PLC0415 - slow to import: most scenarios' cameras need none
+
         # OpenCV's writer says %YAML:1.0, which YAML itself does not allow, and tags its matrices
         text = re.sub(r"^%YAML[: ].*$", "", text, flags=re.MULTILINE).replace("!!opencv-matrix", "")
         try:
@@ -288,7 +289,7 @@ def written(camera: CameraFile, form: str, where: str) -> str:
             "rectification_matrix": {"rows": 3, "cols": 3, "data": [1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0]},
             "projection_matrix": {"rows": 3, "cols": 4, "data": [*K[:3], 0.0, *K[3:6], 0.0, *K[6:], 0.0]},
         }
-        return str(yaml.safe_dump(table, sort_keys=False, default_flow_style=None, width=1000))
+        return _as_yaml(table)
     if form != "kalibr":
         raise UserError(f"there is no camera format {form!r}: choose one of {', '.join(FORMATS)}")
     if len(coefficients) > 4 and any(coefficients[4:]):
@@ -305,6 +306,12 @@ def written(camera: CameraFile, form: str, where: str) -> str:
             "resolution": [c.width_px, c.height_px],
         }
     }
+    return _as_yaml(table)
+
+
+def _as_yaml(table: dict[str, Any]) -> str:
+    import yaml  # noqa: PLC0415 - as above
+
     return str(yaml.safe_dump(table, sort_keys=False, default_flow_style=None, width=1000))
 
 

@@ -22,7 +22,7 @@ _BROAD, _FINE = 512, 1024  # texels of the two fields: one over the whole tile, 
 _BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
 _OPEN = 0.66  # share of the land without woods
 _SEED = 20040800
-_STRIP = 1 << 14  # values that are looked up at a time
+_STRIP, _ROWS = 1 << 14, 32  # values that are looked up at a time; rows of a tile that are coded at a time
 
 
 def detail_texture() -> ByteArray:
@@ -41,18 +41,31 @@ def make_detail() -> ByteArray:
     broad_cloud, broad_land = _field(rng, _BROAD)
     fine_cloud, fine_land = _field(rng, _FINE)
     cloud = _even(_BROAD_WEIGHT * _enlarge(broad_cloud) + _FINE_WEIGHT * np.tile(fine_cloud, (2, 2)))
-    texel_km = PERIOD_KM / SIZE
-    du = (np.roll(cloud, -1, axis=1) - np.roll(cloud, 1, axis=1)) / (2 * texel_km)
-    dv = (np.roll(cloud, -1, axis=0) - np.roll(cloud, 1, axis=0)) / (2 * texel_km)
     land = 0.26 * (_enlarge(broad_land) - 0.5) + 0.42 * (np.tile(fine_land, (2, 2)) - 0.5)
-    slope = 1 / (2 * SLOPE_PER_KM)
     out = np.empty((SIZE, SIZE, 4), np.uint8)
+    for first in range(0, SIZE, _ROWS):
+        rows = slice(first, first + _ROWS)
+        around = cloud.take(range(first - 1, first + _ROWS + 1), axis=0, mode="wrap")
+        out[rows] = _coded(around, land[rows])
+    return out
+
+
+def _coded(around: Float32Array, land: Float32Array) -> ByteArray:
+    """(R, SIZE, 4) of `make_detail`: rows of a tile, which stay in a processor's own memory.
+
+    Parameters
+    ----------
+    around : (R + 2, SIZE) clouds, with the rows above and below.
+    """
+    texel_km, slope = PERIOD_KM / SIZE, 1 / (2 * SLOPE_PER_KM)
+    cloud = around[1:-1]
+    wide = np.concatenate([cloud[:, -1:], cloud, cloud[:, :1]], axis=1)
+    du = (wide[:, 2:] - wide[:, :-2]) / (2 * texel_km)
+    dv = (around[2:] - around[:-2]) / (2 * texel_km)
+    out = np.empty((*land.shape, 4), np.uint8)
     scaled = ((cloud, 1.0, 0.0), (du, slope, 0.5), (dv, slope, 0.5), (land, 1 / GRAIN, 0.5))
     for k, (channel, scale, middle) in enumerate(scaled):
-        # in place: a tile of doubles is 32 MB
-        np.multiply(channel, scale * 255, out=channel)
-        np.add(channel, middle * 255 + 0.5, out=channel)
-        out[..., k] = np.clip(channel, 0, 255, out=channel)
+        out[..., k] = np.clip(channel * (scale * 255) + (middle * 255 + 0.5), 0, 255)
     return out
 
 
