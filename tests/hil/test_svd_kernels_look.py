@@ -202,7 +202,7 @@ def test_attitudes_explain_as_much_as_by_numpy(views: Subspaces, choose: pytest.
     share, move = views._explained(picture, CAMERA, here, chosen, None)
     nothing = np.zeros((8, 8)), (np.array([400]), np.array([0])), np.zeros((TURNS, 2)), (1.0, 1.0, 1.0)
     with pytest.raises(ValueError, match="turns that there are"):
-        kernel.explained(native(), *nothing, np.zeros((26, 26)), views.basis, views.window, np.zeros(360))
+        kernel.explained(native(), *nothing, np.zeros((26, 26)), views.packed, views.window, np.zeros(360))
     numpy_from_here(choose)
     other, moved = views._explained(picture, CAMERA, here, chosen, None)
     np.testing.assert_allclose(share, other, atol=2e-3)

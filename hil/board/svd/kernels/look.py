@@ -8,6 +8,7 @@ from typing import Tuple
 import numpy as np
 
 from hil.board.svd.kernels.library import address, laid
+from hil.board.svd.kernels.net import whole_numbers
 
 Array = np.ndarray
 
@@ -41,6 +42,15 @@ def likelihood(library: ctypes.CDLL, bumps: Array, said: Array, harmonics: Array
     return out
 
 
+def packed(basis: Array) -> Tuple[Array, Array]:
+    """Shapes (V, SHAPES, SIDE * SIDE) in whole numbers, rows as far apart as the moved picture's, and their worth."""
+    views, shapes, _ = basis.shape
+    rows = np.zeros((views, shapes, SIDE, SIDE + SHIFTS - 1), np.float32)
+    rows[..., :SIDE] = basis.reshape(views, shapes, SIDE, SIDE)
+    whole, worth = whole_numbers(rows.reshape(views, shapes, -1))
+    return whole, worth.astype(np.float32)
+
+
 def explained(
     library: ctypes.CDLL,
     picture: Array,
@@ -48,7 +58,7 @@ def explained(
     circle: Array,
     sizes: Tuple[float, ...],
     wide: Array,
-    basis: Array,
+    basis: Tuple[Array, Array],
     window: Array,
     taken: Array,
 ) -> Tuple[Array, Array]:
@@ -57,10 +67,10 @@ def explained(
     Parameters
     ----------
     picture : (n, n). chosen : view and turn (C,) of each. circle : (TURNS, 2). wide : (26, 26) blur of one line, its
-        columns the places. basis : (V, SHAPES, SIDE * SIDE) times the window (SIDE, SIDE). taken : (V,) share that
+        columns the places. basis : of ``packed``. window : (SIDE, SIDE). taken : (V,) share that
         noise gives to so many shapes.
     """
-    side, views = len(picture), len(basis)
+    side, views = len(picture), len(basis[0])
     view, turn = chosen
     if side < 2 or len(sizes) != SIZES or not _within(view, views) or not _within(turn, len(circle)):
         raise ValueError("a kernel takes three sizes, and views and turns that there are")
@@ -74,7 +84,8 @@ def explained(
         (laid(circle, "float64"), "float64", (len(circle), 2)),
         (np.array(sizes), "float64", (SIZES,)),
         (laid(np.stack([wide.T, wide]), "float32"), "float32", (2, m, m)),
-        (basis, "float32", (views, SHAPES, SIDE * SIDE)),
+        (basis[0], "int16", (views, SHAPES, SIDE * m)),
+        (basis[1], "float32", (views, SHAPES)),
         (laid(window * window, "float32"), "float32", (SIDE, SIDE)),
         (laid(taken, "float64"), "float64", (views,)),
     )

@@ -46,17 +46,22 @@ class Layers:
         )
 
 
-def _whole(kernel: Array) -> Tuple[Array, Array]:
-    """Whole weights (D / CHANNELS, k, k C / 2, CHANNELS, 2) of a kernel (k, k, C, D), and what one is worth (D,).
+def whole_numbers(rows: Array) -> Tuple[Array, Array]:
+    """Rows (..., N) in whole numbers, int16, and what one of each row is worth (...).
 
     As large as they may be: no sum of LARGEST times them is more than 32 bits hold.
     """
+    size = np.abs(rows.astype(float))
+    worth = np.maximum(size.sum(axis=-1) * LARGEST / MOST, size.max(axis=-1) / 32767.0)
+    return np.rint(rows / np.maximum(worth, 1e-30)[..., None]).astype(np.int16), worth
+
+
+def _whole(kernel: Array) -> Tuple[Array, Array]:
+    """Whole weights (D / CHANNELS, k, k C / 2, CHANNELS, 2) of a kernel (k, k, C, D), and what one is worth (D,)."""
     k, _, c, d = kernel.shape
-    flat = kernel.reshape(-1, d).astype(float)
-    worth = np.maximum(np.abs(flat).sum(axis=0) * LARGEST / MOST, np.abs(flat).max(axis=0) / 32767.0)
-    whole = np.rint(flat / np.maximum(worth, 1e-30)).astype(np.int16)
-    padded = np.zeros((len(flat), -(-d // CHANNELS) * CHANNELS), np.int16)
-    padded[:, :d] = whole
+    whole, worth = whole_numbers(kernel.reshape(-1, d).T)
+    padded = np.zeros((k * k * c, -(-d // CHANNELS) * CHANNELS), np.int16)
+    padded[:, :d] = whole.T
     pairs = padded.reshape(k, k * c // 2, 2, -1, CHANNELS)
     return np.ascontiguousarray(pairs.transpose(3, 0, 1, 4, 2)), worth
 

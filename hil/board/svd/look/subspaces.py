@@ -124,6 +124,11 @@ class Subspaces:
             wave *= step
         return out
 
+    @cached_property
+    def packed(self) -> Tuple[Array, Array]:
+        """The basis as the kernels take it."""
+        return kernel.packed(self.basis)
+
     def rank(
         self,
         image: Array,
@@ -212,7 +217,7 @@ class Subspaces:
             share, at = self._compared(picture, view, turn, taken)
         else:
             share, at = kernel.explained(
-                native, picture, (view, turn), _circle(), SIZES, _wide(), self.basis, self.window, taken
+                native, picture, (view, turn), _circle(), SIZES, _wide(), self.packed, self.window, taken
             )
         moves = _moves()[at]
         # back from the turned small picture to half sides of a look
