@@ -22,23 +22,36 @@ vec3 tilt_at(vec3 x) {
     return mix(a, b, f.z);
 }
 
-// One set of parallel folds: the side of the crease on which x lies, as a tilt along the folds' normal.
-vec3 fold(vec3 x, vec3 across, float per_m, float wander) {
-    return across * (fract(dot(x, across) * per_m + wander) < 0.5 ? 1.0 : -1.0);
+// What of a wave is left in the mean over a pixel that spans so many of its periods: all below a quarter, none above 3/4.
+float kept(float periods) { return clamp(1.5 - 2.0 * periods, 0.0, 1.0); }
+
+// One set of parallel folds: the side of the crease on which x lies, as a tilt along the folds' normal. Adds it to tilt
+// as far as a pixel of width_m shows it; lost: and the variance of the rest.
+void fold(vec3 x, vec3 across, float per_m, float wander, float size, float width_m, inout vec3 tilt, inout float lost) {
+    float share = kept(per_m * width_m);
+    tilt += across * (fract(dot(x, across) * per_m + wander) < 0.5 ? size * share : -size * share);
+    lost += size * size * (1.0 - share * share);
 }
 
 // Normal n at the point p_m (both camera frame): folds in six directions, 25 to 90 mm apart, that wander, cut the
-// blanket into flat facets; a soft billow of 70 mm lies under them.
-vec3 crinkled(vec3 n, vec3 p_m, float amplitude) {
+// blanket into flat facets; a soft billow of 70 mm lies under them. Facets that a pixel holds many of make it rougher
+// instead: their slopes' variance adds to the lobe's (Olano & Baker 2010, LEAN mapping), or far blankets would flicker.
+vec3 crinkled(vec3 n, vec3 p_m, float amplitude, inout float roughness) {
     mat3 R = mat3(u_camera_from_target);
     vec3 x = (p_m - u_camera_from_target[3].xyz) * R; // R transposed times: into the target frame
+    float width_m = p_m.z / (max(u_intrinsics.x, u_intrinsics.y) * sqrt(max(-dot(n, normalize(p_m)), 0.05)));
     vec3 billow = tilt_at(x * 14.0);
-    vec3 tilt = 0.7 * billow;
-    tilt += 0.30 * fold(x, vec3(0.68, 0.36, 0.64), 11.0, 0.30 * billow.x);
-    tilt += 0.30 * fold(x, vec3(-0.48, 0.80, 0.36), 13.0, 0.30 * billow.y);
-    tilt += 0.25 * fold(x, vec3(0.30, -0.50, 0.81), 17.0, 0.30 * billow.z);
-    tilt += 0.20 * fold(x, vec3(0.89, -0.41, -0.20), 23.0, 0.22 * billow.y);
-    tilt += 0.15 * fold(x, vec3(0.10, 0.95, -0.30), 31.0, 0.22 * billow.z);
-    tilt += 0.15 * fold(x, vec3(-0.60, -0.15, 0.79), 40.0, 0.22 * billow.x);
-    return normalize(n + amplitude * 0.5 * (R * tilt));
+    float share = kept(7.0 * width_m), lost = 0.18 * (1.0 - share * share);
+    vec3 tilt = 0.7 * share * billow;
+    fold(x, vec3(0.68, 0.36, 0.64), 11.0, 0.30 * billow.x, 0.30, width_m, tilt, lost);
+    fold(x, vec3(-0.48, 0.80, 0.36), 13.0, 0.30 * billow.y, 0.30, width_m, tilt, lost);
+    fold(x, vec3(0.30, -0.50, 0.81), 17.0, 0.30 * billow.z, 0.25, width_m, tilt, lost);
+    fold(x, vec3(0.89, -0.41, -0.20), 23.0, 0.22 * billow.y, 0.20, width_m, tilt, lost);
+    fold(x, vec3(0.10, 0.95, -0.30), 31.0, 0.22 * billow.z, 0.15, width_m, tilt, lost);
+    fold(x, vec3(-0.60, -0.15, 0.79), 40.0, 0.22 * billow.x, 0.15, width_m, tilt, lost);
+    float slope = 0.5 * amplitude;
+    // alpha^2 is twice the variance of slopes; a third of it lies along each axis
+    float alpha2 = roughness * roughness * roughness * roughness + lost * slope * slope * (2.0 / 3.0);
+    roughness = sqrt(sqrt(min(alpha2, 1.0)));
+    return normalize(n + slope * (R * tilt));
 }

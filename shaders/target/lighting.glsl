@@ -88,7 +88,7 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
 color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m, vec2 chart, float lit) {
     vec3 v = -normalize(p_m);
 #ifdef CRINKLE
-    if (surface.w > 0.0) n = crinkled(n, p_m, surface.w);
+    if (surface.w > 0.0) n = crinkled(n, p_m, surface.w, surface.x);
 #endif
     float n_v = max(dot(n, v), 1e-3); // 1e-3: a normal averaged at the silhouette may look away
     vec3 l = u_sun_direction.xyz;
