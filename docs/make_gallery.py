@@ -172,8 +172,7 @@ def stars(renderer: fa.Renderer) -> np.ndarray:
 
 def ice(renderer: fa.Renderer) -> np.ndarray:
     """The North Atlantic in March."""
-    world = Environment(clouds=False)
-    scene = above("2026-03-20T12:00:00Z", (56.0, -20.0, 30000.0), 24.0, environment=world)
+    scene = above("2026-03-20T12:00:00Z", (56.0, -20.0, 30000.0), 24.0)
     return exposed(radiance(renderer, scene), 0.98)
 
 
@@ -235,7 +234,7 @@ PICTURES: tuple[tuple[str, Picture, str], ...] = (
     ("moon", moonrise, "The Moon over the limb"),
     ("stars", stars, "Orion rises: stars in calibrated flux and colour, moved to the date"),
     ("seasons", seasons, "Central Europe without clouds: January, April, July, October"),
-    ("ice", ice, "Snow and the sea's ice of March from 30,000 km, without clouds"),
+    ("ice", ice, "Clouds, snow and the sea's ice of March from 30,000 km"),
     ("earthrise", earthrise, "The Earth from 110 km above the Moon"),
 )
 
