@@ -187,6 +187,11 @@ def apart(ranked: List[Ranked]) -> List[Ranked]:
     return out
 
 
+def led(r: Ranked, starts: Sequence[Ranked]) -> bool:
+    """Whether a pose nearly is one of those that were followed to their ends: it ends where that does."""
+    return any(r is o or not _differ(r.fit, o.fit, SAME_RAD) for o in starts)
+
+
 def _differ(fit: PhotoFit, better: PhotoFit, apart_rad: float) -> bool:
     """Whether a pose is another one than a better one: turned by more, or elsewhere."""
     elsewhere = np.linalg.norm(fit.t - better.t) > SAME_SHARE * np.linalg.norm(better.t)

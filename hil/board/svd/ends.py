@@ -10,7 +10,7 @@ import numpy as np
 from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import craft_box, make_canvas
 from hil.board.svd.confidence import Evidence
-from hil.board.svd.course import Ranked, faces_of
+from hil.board.svd.course import Ranked, faces_of, led
 from hil.board.svd.distinct import alternatives, differs, largest_sigma
 from hil.board.svd.frame import Alternative, Candidate, Craft, Frame
 from hil.board.svd.levels import Shading
@@ -106,13 +106,14 @@ def conclude(
     s = support(fit.q, fit.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m, alone=True)
     best = Candidate(fit.q, fit.t, s, c.field, c.region, c.likely)
     poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
-    rivals = [r for r in ranked if differs(r.fit.q, r.fit.t, fit.q, fit.t)]
-    margin = end.began
+    # what was followed to its end is what it is there: a start that led to the winner is no other answer
+    rivals = [r for r in ranked if differs(r.fit.q, r.fit.t, fit.q, fit.t) and not led(r, starts)]
+    margin = here = max(e.began for e in ends if quat.angle_rad(e.fit.q, fit.q) <= OTHER_END_RAD)
     if rivals:
         rival = max(rivals, key=lambda r: r.score)
         explains, there = rival.score, rival.fit
         # with the shadows of a better Sun it explains more: asked where that may settle anything
-        if end.began - explains < FAR_BEHIND * end.began:
+        if here - explains < FAR_BEHIND * here:
             explains = shadowed(craft, faces_of(craft), close, there.q, there.t, seen=rival.seen).score
         margin -= max(explains, 0.0)
     # two that were followed to their ends need not be far apart to be two answers

@@ -31,7 +31,6 @@ LIT_RINGS = (
     (1.5, 0.08, 3),
     (1.5, 0.24, 8),
     (1.78, 0.12, 4),
-    (1.78, 0.36, 9),
 )
 
 # The same before a texture, about a place of the first look, in diameters of its sphere: the size was 0.8 to 1.2 of
@@ -42,15 +41,15 @@ TEXTURED_RINGS = ((0.87, 0.0, 1), (0.87, 0.09, 4), (1.0, 0.1, 5), (1.15, 0.0, 1)
 LIT_SIGMA = 6.0
 
 # Longest side of the picture on which the poses are compared [px], those drawn with shadows there, and those handed on.
-WIDE_PX, SHADED, BEST = 110, 56, 6
+WIDE_PX, SHADED, BEST = 96, 24, 6
 
 # Blurs of their alignment, and who goes on with each step.
 BLURS = (2.0, 2.0, 2.0, 1.2, 1.2)
 LEFT = (
-    Left(-9.0, 0.0, 28),
-    Left(-9.0, 0.05, 18),
-    Left(-9.0, 0.07, 12),
-    Left(-9.0, 0.1, 8),
+    Left(-9.0, 0.0, 14),
+    Left(-9.0, 0.05, 10),
+    Left(-9.0, 0.07, 8),
+    Left(-9.0, 0.1, 6),
     Left(-9.0, 0.1, BEST),
 )
 

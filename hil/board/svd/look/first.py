@@ -34,8 +34,11 @@ SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("map", "straigh
 # Attitudes handed on from one place, and how much less likely than the first the last may be [log].
 ATTITUDES, LESS = 16, 9.0
 
-# The same of each of many places, attitudes that are compared there, and places whose likelihoods are made at once.
-HELD_ATTITUDES, HELD_COMPARED, HELD_AT_ONCE = 10, 150, 10
+# The same of each of many places, attitudes that are compared there, and how many of the places these are.
+HELD_ATTITUDES, HELD_COMPARED, HELD = 3, 150, 16
+
+# What a gaze that the network wants narrower counts against one that it wants wider.
+TOO_WIDE = 0.5
 
 # Attitudes closer than this are one [rad].
 APART_RAD = float(np.radians(11.0))
@@ -177,19 +180,26 @@ class FirstLook:
         gazes: Sequence[Gaze],
         reduced: Optional[Array] = None,
     ) -> List[Glance]:
-        """What the network says of each gaze as it is, without correcting them; parameters as in ``glances``."""
+        """What the network says of the gazes that it would correct least, as they are; parameters as in ``glances``.
+
+        The others are looked at from one side alone.
+        """
+        looks = look(image, noise, self.camera, gazes, reduced)
+        said, rest = self.net(looks)
+        # what is lit is taken for the craft: a gaze that seems too wide may be right
+        size = np.maximum(rest[:, 2], -TOO_WIDE * rest[:, 2])
+        kept = np.argsort(np.hypot(rest[:, 0], rest[:, 1]) + size)[:HELD]
+        others = [self.net(np.stack([np.rot90(looks[g], k) for k in range(1, QUARTERS)])) for g in kept]
+        likely = self.views.likelihoods(np.stack([np.concatenate([said[g][None], o]) for g, (o, _) in zip(kept, others)]))  # noqa: B905 - Python 3.9 has no strict=
         out = []
-        for first in range(0, len(gazes), HELD_AT_ONCE):
-            some = gazes[first : first + HELD_AT_ONCE]
-            said = [self.net(self._turned(image, noise, gaze, reduced)) for gaze in some]
-            likely = self.views.likelihoods(np.stack([coefficients for coefficients, _ in said]))
-            for gaze, own, (_, rest) in zip(some, likely, said):  # noqa: B905 - Python 3.9 has no strict=
-                q, move, score = self.views.rank(
-                    image, self.camera, gaze, own, HELD_ATTITUDES, APART_RAD, reduced, HELD_COMPARED
-                )
-                near = score > score[0] - LESS
-                Q, t = self._placed(gaze, q[near], move[near])
-                out.append(Glance(source, gaze, Q, t, score[near], float(rest[:, 3].mean())))
+        for g, own, (_, more) in zip(kept, likely, others):  # noqa: B905 - Python 3.9 has no strict=
+            q, move, score = self.views.rank(
+                image, self.camera, gazes[g], own, HELD_ATTITUDES, APART_RAD, reduced, HELD_COMPARED
+            )
+            near = score > score[0] - LESS
+            Q, t = self._placed(gazes[g], q[near], move[near])
+            sure = float(np.append(more[:, 3], rest[g, 3]).mean())
+            out.append(Glance(source, gazes[g], Q, t, score[near], sure))
         return out
 
     def _turned(self, image: Array, noise: float, gaze: Gaze, reduced: Optional[Array]) -> Array:
