@@ -14,9 +14,10 @@ from hil.board.svd import BoardModel, CameraIntrinsics
 from hil.board.svd import quaternion as quat
 from hil.board.svd.look.attitudes import ANCHORS, bumps, even_attitudes
 from hil.board.svd.look.crop import Gaze, seen_through
-from hil.board.svd.look.first import net_for
+from hil.board.svd.look.first import FirstLook, net_for
 from hil.board.svd.look.net import FILLED, LOOK_PX, Net, convolve
 from hil.board.svd.look.subspaces import Subspaces
+from hil.board.svd.roi import Region
 from hil.board.svd.shade import Canvas, draw_faces
 from hil.evaluate.first_look_pictures import VIEW_PX
 from hil.evaluate.first_look_samples import Views, sample
@@ -190,7 +191,6 @@ def test_only_the_model_it_was_trained_for_gets_a_network(tango: BoardModel) -> 
 def test_the_true_pose_is_mostly_among_the_proposed_ones(tango: BoardModel, recipe: str, least: int) -> None:
     from hil.board.svd.edges import shrink
     from hil.board.svd.gradient import eliminate_weak_gradients
-    from hil.board.svd.look.first import FirstLook
     from hil.board.svd.noise import noise_sigma
     from hil.board.svd.roi import REDUCTION, propose_regions
     from simulator.labels.frame import take_frame
@@ -224,3 +224,33 @@ def test_the_true_pose_is_mostly_among_the_proposed_ones(tango: BoardModel, reci
                 break
     assert tried == 12
     assert found >= least
+
+
+def test_of_many_gazes_the_one_at_the_craft_is_kept_and_names_its_attitude(tango: BoardModel) -> None:
+    look = FirstLook.prepare(tango, CAMERA)
+    assert look is not None
+    assert tango.faces is not None
+    rng = np.random.default_rng(8)
+    right = near = 0
+    for _ in range(5):
+        q = quat.normalise(rng.normal(size=4))
+        R, centre = quat.matrix(q), np.array([0.2, -0.1, 7.0])
+        t = centre - R @ tango.centre_m
+        canvas = Canvas(np.zeros((300, 480), np.float32), 1.0, 0.0, 0.0, 1.0, 1)
+        seen = draw_faces(tango.faces, tango.faces.order(-R.T @ t), CAMERA, R, t, canvas)
+        lit = np.clip(tango.faces.normals @ (R.T @ np.array([0.5, -0.3, -0.8])), 0.05, 1)
+        bright = np.concatenate([[0], np.array([60, 200, 140])[tango.faces.material % 3] * lit])
+        picture = np.clip(bright[seen] + rng.normal(0, 3, seen.shape), 0, 255).astype(np.uint8)
+        size = 2 * 750.0 * tango.radius_m / 7.0
+        u, v = CAMERA.pixels(centre)
+        gazes = [
+            Gaze.at(CAMERA, u + dx * size, v + dy * size, s * size)
+            for s, dx, dy in ((0.6, 0.3, 0), (0.7, -0.3, 0.1), (1.6, 0, -0.5), (1.0, 0, 0), (1.8, 0.6, 0.4))
+        ]
+        kept = look.held(picture, 3.0, Region(0, 0, 480, 300, "whole"), gazes, 2)
+        assert len(kept) == 2
+        at = [g for g in kept if g.gaze.diameter_px == pytest.approx(size, rel=0.01)]
+        right += bool(at)
+        near += any(np.degrees(quat.angle_rad(g.q, q)).min() < 15 for g in at)
+    assert right >= 4
+    assert near >= 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from hil.board.svd.canvas import craft_box, make_canvas
 from hil.board.svd.confidence import Evidence, confidence, error_scale
 from hil.board.svd.course import Ranked, laid_over, leaning
 from hil.board.svd.edges import edge_field
-from hil.board.svd.ends import Choice, End, picture_evidence
+from hil.board.svd.ends import Choice, End, conclude, picture_evidence
 from hil.board.svd.estimator import settled
 from hil.board.svd.frame import Candidate, Craft, Frame, PoseResult
 from hil.board.svd.levels import blurred
@@ -90,6 +91,25 @@ def test_a_right_pose_stays_and_what_leant_comes_back_to_it(craft: Craft, frame:
     after = check_leaning(craft, frame, before)
     assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 0.5
     assert after.end.score >= before.end.score
+    # nor do those that are on their way make it look doubtful
+    assert after.evidence.margin >= before.evidence.margin
+
+
+def test_a_start_that_led_to_the_winner_is_no_rival_of_it(craft: Craft, frame: Frame) -> None:
+    right = choice_of(craft, frame, Q, T_M)
+    start, end = right.starts[0], right.end
+    turned = quat.normalise(quat.multiply(Q, np.array([0.0, 0.0, 0.0, 1.0])))
+    far = PhotoFit(turned, T_M, 1.0, np.eye(6))
+    other = Ranked(0.9 * end.score, far, replace(right.best, q=turned))
+    # followed from there it comes out a hair better, having begun worse
+    again = replace(end, score=end.score + 1e-4, began=other.score)
+    both = conclude(craft, frame, right.close, [start, other], [start, other], [end, again])
+    alone = conclude(craft, frame, right.close, [start], [start], [end])
+    assert both.evidence.score == again.score
+    assert both.evidence.margin == pytest.approx(alone.evidence.margin)
+    # where nobody followed it, it is an answer that nobody has refuted
+    open_end = conclude(craft, frame, right.close, [start, other], [start], [end])
+    assert open_end.evidence.margin < 0.7 * alone.evidence.margin
 
 
 def test_a_twin_is_laid_over_what_it_could_be_mistaken_for(craft: Craft, frame: Frame) -> None:

@@ -106,15 +106,19 @@ def conclude(
     s = support(fit.q, fit.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m, alone=True)
     best = Candidate(fit.q, fit.t, s, c.field, c.region, c.likely)
     poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
-    # what was followed to its end is what it is there: a start that led to the winner is no other answer
-    rivals = [r for r in ranked if differs(r.fit.q, r.fit.t, fit.q, fit.t) and not led(r, starts)]
-    margin = here = max(e.began for e in ends if quat.angle_rad(e.fit.q, fit.q) <= OTHER_END_RAD)
+    there = [(r, e) for r, e in zip(starts, ends) if quat.angle_rad(e.fit.q, fit.q) <= OTHER_END_RAD]  # noqa: B905
+    margin = here = max(e.began for _, e in there)
+    rivals = [r for r in ranked if differs(r.fit.q, r.fit.t, fit.q, fit.t)]
+    # what was followed to its end is what it is there: a start that led to where another one stood is no other answer;
+    # but a winner that came from afar alone may as well have gone elsewhere
+    if len(there) > 1 or not differs(there[0][0].fit.q, there[0][0].fit.t, fit.q, fit.t):
+        rivals = [r for r in rivals if not led(r, starts)]
     if rivals:
         rival = max(rivals, key=lambda r: r.score)
-        explains, there = rival.score, rival.fit
+        explains, at = rival.score, rival.fit
         # with the shadows of a better Sun it explains more: asked where that may settle anything
         if here - explains < FAR_BEHIND * here:
-            explains = shadowed(craft, faces_of(craft), close, there.q, there.t, seen=rival.seen).score
+            explains = shadowed(craft, faces_of(craft), close, at.q, at.t, seen=rival.seen).score
         margin -= max(explains, 0.0)
     # two that were followed to their ends need not be far apart to be two answers
     for other in ends:

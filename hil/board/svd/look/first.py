@@ -34,8 +34,8 @@ SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("map", "straigh
 # Attitudes handed on from one place, and how much less likely than the first the last may be [log].
 ATTITUDES, LESS = 16, 9.0
 
-# The same of each of many places, attitudes that are compared there, and how many of the places these are.
-HELD_ATTITUDES, HELD_COMPARED, HELD = 3, 150, 16
+# The same of each of many places, and attitudes that are compared there.
+HELD_ATTITUDES, HELD_COMPARED = 3, 150
 
 # What a gaze that the network wants narrower counts against one that it wants wider.
 TOO_WIDE = 0.5
@@ -178,19 +178,21 @@ class FirstLook:
         noise: float,
         source: Region,
         gazes: Sequence[Gaze],
+        keep: int,
         reduced: Optional[Array] = None,
     ) -> List[Glance]:
-        """What the network says of the gazes that it would correct least, as they are; parameters as in ``glances``.
+        """What the network says of the ``keep`` gazes it would correct least, as they are; others as in ``glances``.
 
-        The others are looked at from one side alone.
+        Those that are not kept are looked at from one side alone.
         """
         looks = look(image, noise, self.camera, gazes, reduced)
         said, rest = self.net(looks)
         # what is lit is taken for the craft: a gaze that seems too wide may be right
         size = np.maximum(rest[:, 2], -TOO_WIDE * rest[:, 2])
-        kept = np.argsort(np.hypot(rest[:, 0], rest[:, 1]) + size)[:HELD]
+        kept = np.argsort(np.hypot(rest[:, 0], rest[:, 1]) + size)[:keep]
         others = [self.net(np.stack([np.rot90(looks[g], k) for k in range(1, QUARTERS)])) for g in kept]
-        likely = self.views.likelihoods(np.stack([np.concatenate([said[g][None], o]) for g, (o, _) in zip(kept, others)]))  # noqa: B905 - Python 3.9 has no strict=
+        sides = [np.concatenate([said[g][None], o]) for g, (o, _) in zip(kept, others)]  # noqa: B905 - the same
+        likely = self.views.likelihoods(np.stack(sides))
         out = []
         for g, own, (_, more) in zip(kept, likely, others):  # noqa: B905 - Python 3.9 has no strict=
             q, move, score = self.views.rank(
