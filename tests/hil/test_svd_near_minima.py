@@ -15,8 +15,7 @@ from hil.board.svd.confidence import Evidence, confidence, error_scale
 from hil.board.svd.course import Ranked, laid_over, leaning
 from hil.board.svd.edges import edge_field
 from hil.board.svd.ends import Choice, End, conclude, picture_evidence
-from hil.board.svd.estimator import settled
-from hil.board.svd.frame import Candidate, Craft, Frame, PoseResult
+from hil.board.svd.frame import Candidate, Craft, Frame
 from hil.board.svd.levels import blurred
 from hil.board.svd.photometric import PhotoFit, photo_score
 from hil.board.svd.roi import Region
@@ -185,16 +184,6 @@ def test_half_a_turn_is_told_by_the_finer_picture(craft: Craft, frame: Frame) ->
         assert after.evidence.margin > 0.1 * after.end.score
         other = min(quat.angle_rad(a.q_camera_from_target_wxyz, turned) for a in after.alternatives)
         assert np.degrees(other) < 12
-
-
-@pytest.mark.parametrize(
-    ("sure", "margin", "searched"),
-    [(0.88, 0.2, 0), (0.7, 0.2, 1), (0.7, 0.001, 0), (0.3, 0.001, 1)],
-)
-def test_what_nothing_would_change_is_not_sought_again(sure: float, margin: float, searched: int) -> None:
-    e = Evidence(0.5, 0.5, 0.1, margin, 0.5, 0.5, 0.0, 0.01, 0.01, 200, 300.0, empty=True, score=0.4)
-    declined = PoseResult(False, "declined", Q, T_M, sure, evidence=e)
-    assert settled(declined) == (not searched)
 
 
 def test_what_is_told_of_errors_grows_with_the_craft_and_leaves_the_decision() -> None:

@@ -77,7 +77,7 @@ class Choice:
     Parameters
     ----------
     best : the pose with its edges' support. end : where its alignment ended. evidence, alternatives : what is said of
-        it. close, ranked, starts, ends : as of ``conclude``.
+        it. close, ranked, starts, ends : as of ``conclude``. rival : the best other pose that was not followed.
     """
 
     best: Candidate
@@ -88,17 +88,26 @@ class Choice:
     ranked: List[Ranked]
     starts: List[Ranked]
     ends: List[End]
+    rival: Optional[Ranked] = None
 
 
 def conclude(
-    craft: Craft, frame: Frame, close: Canvas, ranked: List[Ranked], starts: List[Ranked], ends: List[End]
+    craft: Craft,
+    frame: Frame,
+    close: Canvas,
+    ranked: List[Ranked],
+    starts: List[Ranked],
+    ends: List[End],
+    *,
+    sought: bool = False,
 ) -> Choice:
     """The best of the ends, and what the decision on it is made from.
 
     Parameters
     ----------
     close : canvas that all were judged on. ranked : every pose that was aligned there, the best first. starts, ends :
-        those that were aligned to the end, and where each led; at least one.
+        those that were aligned to the end, and where each led; at least one. sought : whether these come of many places
+        and of all about the winner.
     """
     winner = max(range(len(ends)), key=lambda k: ends[k].score)
     end, fit = ends[winner], ends[winner].fit
@@ -110,11 +119,11 @@ def conclude(
     margin = here = max(e.began for _, e in there)
     rivals = [r for r in ranked if differs(r.fit.q, r.fit.t, fit.q, fit.t)]
     # what was followed to its end is what it is there: a start that led to where another one stood is no other answer;
-    # but a winner that came from afar alone may as well have gone elsewhere
-    if len(there) > 1 or not differs(there[0][0].fit.q, there[0][0].fit.t, fit.q, fit.t):
+    # but one that came from afar alone, of few poses asked, may as well have gone elsewhere
+    if sought or len(there) > 1 or not differs(there[0][0].fit.q, there[0][0].fit.t, fit.q, fit.t):
         rivals = [r for r in rivals if not led(r, starts)]
-    if rivals:
-        rival = max(rivals, key=lambda r: r.score)
+    rival = max(rivals, key=lambda r: r.score, default=None)
+    if rival is not None:
         explains, at = rival.score, rival.fit
         # with the shadows of a better Sun it explains more: asked where that may settle anything
         if here - explains < FAR_BEHIND * here:
@@ -132,7 +141,7 @@ def conclude(
     evidence = replace(evidence, likeness=like, covered=covered)
     frame.mark("verify")
     told = alternatives(poses, fit.q, fit.t)
-    return Choice(best, end, evidence, told, close, ranked, starts, ends)
+    return Choice(best, end, evidence, told, close, ranked, starts, ends, rival)
 
 
 def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit, seen: Optional[Array] = None) -> End:

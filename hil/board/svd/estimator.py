@@ -8,7 +8,7 @@ from typing import List, Sequence, Tuple, Union
 import numpy as np
 
 from hil.board.svd.base import Estimator
-from hil.board.svd.confidence import ACCEPT_AT, Evidence, doubtful, error_scale, least_margin
+from hil.board.svd.confidence import ACCEPT_AT, Evidence, doubtful, error_scale
 from hil.board.svd.course import Ranked
 from hil.board.svd.drawn import draw_at
 from hil.board.svd.edges import edge_field, shrink
@@ -38,10 +38,6 @@ GLANCES, LOOKS, EMPTY_LOOKS = 5, 2, 1
 
 # Logit of there being a craft from which its edges are not searched: what the picture cannot settle, they cannot.
 SURE = 2.0
-
-# Confidence of a declined pose from which edges are not searched as well, and where another pose explains the picture
-# as well: of 67 development frames that were searched 18 are so, and one of these was accepted then.
-SETTLED, TIED = 0.82, 0.5
 
 # Longest side of the edges that its poses are supported by [px].
 LOOK_FIELD_PX = 200
@@ -99,13 +95,13 @@ class PoseEstimator(Estimator):
             if frame.shows_all and regions:
                 search_region(self.craft, frame, regions[0])
             return looked
-        wide: List[Ranked] = []
         if looked is not None and self.first is not None:
-            # hundreds of poses about what is seen, then those that the look named, with shadows
+            # poses of many places about what is seen, then those that the look named, with shadows
             wide = align_wide(self.craft, frame, self.first, glances[0], found[0], small)
             again = self._chosen(frame, list(found), thorough=True, beside=wide)
             looked = max(looked, again, key=_confidence)
-            if not frame.shows_all and (looked.accepted or settled(looked)):
+            if not frame.shows_all:
+                # edges would double the time: of 211 frames sought so they set 8 right, and had a wrong one accepted
                 return looked
         # what the look is sure of is where it is: there edges find the attitudes that it does not
         sure = [g.source for g in glances if g.craft > SURE]
@@ -113,7 +109,7 @@ class PoseEstimator(Estimator):
         frame.count("searched", 1)
         found = [c for region in some for c in search_region(self.craft, frame, region)]
         if found:
-            searched = self._chosen(frame, found, thorough=True, beside=wide)
+            searched = self._chosen(frame, found, thorough=True)
             # not by what they explain: the two were judged on different cuts of the picture
             looked = searched if looked is None else max(looked, searched, key=_confidence)
         return self._declined(frame, "no target found") if looked is None else looked
@@ -187,10 +183,3 @@ def _all_of(choice: Choice) -> Chosen:
 
 def _confidence(result: PoseResult) -> float:
     return result.confidence
-
-
-def settled(result: PoseResult) -> bool:
-    """Whether more candidates would hardly change a pose that was declined."""
-    e = result.evidence
-    tied = e is not None and e.margin < least_margin(e)
-    return result.confidence > (TIED if tied else SETTLED)

@@ -8,6 +8,7 @@ import numpy as np
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import Box, craft_box, make_canvas, pinhole_box
+from hil.board.svd.confidence import least_margin
 from hil.board.svd.course import (
     SPREAD_RAD,
     Left,
@@ -46,6 +47,9 @@ FINALISTS, TWIN_SHARE = 3, 0.6
 
 # How many go to the end, and with what share of the best score.
 FINALS, FINAL_LEAD = 2, 0.85
+
+# Rivals that are followed to their ends as well where they seem to explain as much as the winner.
+TIES = 2
 
 # Score from which no other near pose is asked.
 SURE_SCORE = 0.27
@@ -175,7 +179,16 @@ def choose_by_picture(craft: Craft, frame: Frame, leaders: List[Ranked], *, thor
         starts.append(r)
         ends.append(finish(craft, frame, close, r.fit, r.seen))
     frame.mark("refine")
-    return conclude(craft, frame, close, ranked, starts, ends)
+    choice = conclude(craft, frame, close, ranked, starts, ends, sought=thorough)
+    # a tie is one between ends: a rival on its way may lead to the winner, or fall behind
+    for _ in range(TIES):
+        if choice.rival is None or choice.evidence.margin >= least_margin(choice.evidence):
+            break
+        starts.append(choice.rival)
+        ends.append(finish(craft, frame, close, choice.rival.fit, choice.rival.seen))
+        frame.mark("refine")
+        choice = conclude(craft, frame, close, ranked, starts, ends, sought=thorough)
+    return choice
 
 
 def _twins(craft: Craft, close: Canvas, c: Candidate) -> List[Candidate]:
