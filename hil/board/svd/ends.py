@@ -120,7 +120,7 @@ def conclude(
     rivals = [r for r in ranked if differs(r.fit.q, r.fit.t, fit.q, fit.t)]
     # what was followed to its end is what it is there: a start that led to where another one stood is no other answer;
     # but one that came from afar alone, of few poses asked, may as well have gone elsewhere
-    if sought or len(there) > 1 or not differs(there[0][0].fit.q, there[0][0].fit.t, fit.q, fit.t):
+    if sought or not all(differs(r.fit.q, r.fit.t, fit.q, fit.t) for r, _ in there):
         rivals = [r for r in rivals if not led(r, starts)]
     rival = max(rivals, key=lambda r: r.score, default=None)
     if rival is not None:

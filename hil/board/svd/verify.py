@@ -33,7 +33,7 @@ Array = np.ndarray
 LOOKED_AT, TEXTURED_LOOKED_AT, ALL_LOOKED_AT, LEADERS = 8, 16, 24, 4
 
 # The same where those did not settle it, with how many go to the end: all that were found.
-ALL_LEADERS, ALL_FINALISTS, ALL_FINALS, ALL_FINAL_LEAD = 4, 7, 2, 0.75
+ALL_LEADERS, ALL_FINALISTS, ALL_FINALS, ALL_FINAL_LEAD = 4, 7, 3, 0.75
 
 # So many of a region are looked at with shadows, of those that its own edges propose so many at all; how much of a
 # pose another one covers at the same place.

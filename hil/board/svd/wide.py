@@ -39,21 +39,21 @@ TEXTURED_RINGS = ((0.87, 0.0, 1), (0.87, 0.09, 4), (1.0, 0.1, 5), (1.15, 0.0, 1)
 
 # Places that are looked at from four sides: of all, those that the network would correct least. Among 16 of 30 there
 # was a right one in 70 of 72 frames before empty space, among 12 of 16 before a texture in 100 of 102 (seed 9702).
-HELD, TEXTURED_HELD = 16, 12
+HELD, TEXTURED_HELD = 20, 13
 
 # A reduced pixel is lit from so many sigma above empty space.
 LIT_SIGMA = 6.0
 
 # Longest side of the picture on which the poses are compared [px], those drawn with shadows there, and those handed on.
-WIDE_PX, SHADED, BEST = 96, 24, 6
+WIDE_PX, SHADED, BEST = 110, 32, 6
 
 # Blurs of their alignment, and who goes on with each step.
 BLURS = (2.0, 2.0, 2.0, 1.2, 1.2)
 LEFT = (
-    Left(-9.0, 0.0, 14),
-    Left(-9.0, 0.05, 10),
-    Left(-9.0, 0.07, 8),
-    Left(-9.0, 0.1, 6),
+    Left(-9.0, 0.0, 18),
+    Left(-9.0, 0.05, 12),
+    Left(-9.0, 0.07, 9),
+    Left(-9.0, 0.1, 7),
     Left(-9.0, 0.1, BEST),
 )
 
