@@ -44,8 +44,9 @@ HELD, TEXTURED_HELD = 20, 13
 # A reduced pixel is lit from so many sigma above empty space.
 LIT_SIGMA = 6.0
 
-# Longest side of the picture on which the poses are compared [px], those drawn with shadows there, and those handed on.
-WIDE_PX, SHADED, BEST = 110, 32, 6
+# Longest side of the pictures on which all poses are drawn and the better ones compared [px], those drawn with shadows
+# there, and those handed on.
+SIEVE_PX, WIDE_PX, SHADED, BEST = 64, 110, 32, 6
 
 # Blurs of their alignment, and who goes on with each step.
 BLURS = (2.0, 2.0, 2.0, 1.2, 1.2)
@@ -116,9 +117,9 @@ def align_wide(
     ]
     frame.count("sought", len(found))
     frame.mark("first_look")
-    canvas = _canvas(craft, frame, gazes)
+    sieve, canvas = (_canvas(craft, frame, gazes, px) for px in (SIEVE_PX, WIDE_PX))
     # hundreds of drawings would fill the memory of a board: only their scores are kept
-    score = np.array([begin(craft, canvas, c).score for c in found])
+    score = np.array([begin(craft, sieve, c).score for c in found])
     chosen: List[Candidate] = []
     for k in np.argsort(-score):
         c = found[int(k)]
@@ -132,11 +133,11 @@ def align_wide(
     return ranked
 
 
-def _canvas(craft: Craft, frame: Frame, gazes: List[Gaze]) -> Canvas:
-    """A picture that holds the craft wherever it is looked for."""
+def _canvas(craft: Craft, frame: Frame, gazes: List[Gaze], longest: int) -> Canvas:
+    """A picture with a longest side [px] that holds the craft wherever it is looked for."""
     h, w = frame.image.shape
     middle = np.array([craft.camera.pixels(g.direction) for g in gazes])
     reach = 0.55 * np.array([g.diameter_px for g in gazes])[:, None]
     x0, y0 = np.clip((middle - reach).min(axis=0), 0, (w - 32, h - 32)).astype(int).tolist()
     x1, y1 = np.clip((middle + reach).max(axis=0), (x0 + 32, y0 + 32), (w, h)).astype(int).tolist()
-    return make_canvas(craft, frame, pinhole_box(craft.camera, (x0, y0, x1, y1)), WIDE_PX)
+    return make_canvas(craft, frame, pinhole_box(craft.camera, (x0, y0, x1, y1)), longest)

@@ -35,7 +35,7 @@ SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("map", "straigh
 ATTITUDES, LESS = 16, 9.0
 
 # The same of each of many places, and attitudes that are compared there.
-HELD_ATTITUDES, HELD_COMPARED = 3, 150
+HELD_ATTITUDES, HELD_COMPARED = 8, 150
 
 # What a gaze that the network wants narrower counts against one that it wants wider.
 TOO_WIDE = 0.5
