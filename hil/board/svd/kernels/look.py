@@ -31,7 +31,9 @@ def likelihood(library: ctypes.CDLL, bumps: Array, said: Array, harmonics: Array
     out, at = np.empty(views * turns, np.float32), ctypes.c_void_p
     given = laid(said, "float32"), laid(harmonics, "float32"), laid(circle, "float32")
     shapes = (4, n), (HARMONICS + 1,), (turns, 2)
-    library.fly_likelihood(
+    run = library.fly_likelihood
+    run.restype = ctypes.c_int64
+    failed = run(
         at(address(bumps, "float32", (3, views, n))),
         *(at(address(a, "float32", shape)) for a, shape in zip(given, shapes)),  # noqa: B905 - 3.9
         ctypes.c_int64(views),
@@ -39,6 +41,8 @@ def likelihood(library: ctypes.CDLL, bumps: Array, said: Array, harmonics: Array
         ctypes.c_int64(n),
         at(address(out, "float32")),
     )
+    if failed:
+        raise MemoryError("no memory for the likelihood of attitudes")
     return out
 
 
