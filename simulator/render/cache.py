@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 KEPT_DAYS = 90
 _DAY_S = 86400.0
 _LONGEST_WAIT_S, _LOOK_AGAIN_S = 120.0, 0.02  # for another that makes the same; it may have been stopped
-_LONGEST_DELAY_S, _LOOK_FOR_END_S = 20.0, 0.25  # of writing: a program may never draw, or end first
+_LONGEST_DELAY_S, _LOOK_FOR_END_S = 20.0, 0.1  # of writing: a program may never draw, or end first
 _T = TypeVar("_T", bound=np.generic)
 _Array = np.typing.NDArray[np.generic]
 _unwritten: dict[Path, _Array] = {}  # what this program has made and will write
@@ -71,7 +71,7 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
     if kept is not None:
         return kept
     with ExitStack() as alone:
-        alone.enter_context(_alone(paths[0].with_suffix(".lock"), lambda: paths[0] in _unwritten))
+        alone.enter_context(_alone(_lock_of(*paths), lambda: paths[0] in _unwritten))
         kept = _read(paths, logging.WARNING)
         if kept is not None:
             return kept
@@ -83,10 +83,7 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
 
 
 class Later:
-    """What a first picture is drawn from, written when that is done: neither waits for the other.
-
-    Until then other programs that want the same wait, as they do while it is being made.
-    """
+    """What a first picture is drawn from, written when that is done, or as soon as another program wants some of it."""
 
     def __init__(self) -> None:
         self._start, self._changing = threading.Event(), threading.Lock()
@@ -115,7 +112,9 @@ class Later:
     def _write_all(self) -> None:
         until = time.monotonic() + _LONGEST_DELAY_S
         while not self._start.wait(_LOOK_FOR_END_S):
-            if time.monotonic() > until or not threading.main_thread().is_alive():
+            # two programs may each have made what the other needs
+            wanted = any(_is_wanted(_lock_of(*made)) for made, _ in list(self._waiting))
+            if wanted or time.monotonic() > until or not threading.main_thread().is_alive():
                 break
         with self._changing:
             self._start.set()
@@ -182,6 +181,19 @@ def _stored(path: Path, array: NDArray[_T]) -> NDArray[_T]:
     return array
 
 
+def _lock_of(first: Path, *_: Path) -> Path:
+    """The lock file of arrays that are made together."""
+    return first.with_suffix(".lock")
+
+
+def _is_wanted(lock: Path) -> bool:
+    """Whether another program waits for a lock: it then has something written in it."""
+    try:
+        return lock.stat().st_size > 0
+    except OSError:
+        return False
+
+
 @contextmanager
 def _alone(path: Path, made_here: Callable[[], bool]) -> Iterator[None]:
     """While nobody else makes what a lock file stands for; or when this program has made it meanwhile.
@@ -198,6 +210,9 @@ def _alone(path: Path, made_here: Callable[[], bool]) -> Iterator[None]:
     with file:
         until = time.monotonic() + _LONGEST_WAIT_S
         while not (mine := _lock(file)) and not made_here() and time.monotonic() < until:
+            if file.tell() == 0:
+                file.write(b"wanted")
+                file.flush()
             time.sleep(_LOOK_AGAIN_S)
         try:
             yield
