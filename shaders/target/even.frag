@@ -25,7 +25,11 @@ layout(location = 2) out vec4 out_blue;
 #endif
 const float NOTHING = -2.0, UNEVEN = -1.0;
 const int FLAT_STEPS = 2;                     // normals of a flat face differ by no more than the interpolation's rounding
+#ifdef BENT
 const int MOST_BENT = int(0.04 * CODE_SCALE); // steps by which normals may differ in a cell: 2.3 to 4.6 degrees
+#else
+const int MOST_BENT = FLAT_STEPS; // a craft with few bent faces: the Sun on each corner of theirs costs all cells a fifth
+#endif
 const float COPLANAR = 5e-5;                  // of the distance, by which the middle may lie off the corners' plane
 const float AS_INTERPOLATED = 1e-3;           // of the radiance, by which the middle may differ
 const float MOST_CONTRAST = 0.06;             // of the radiance, between corners: beside raised parts light from them bends
@@ -51,7 +55,8 @@ bool is_smooth(vec4 corners, float middle) {
 
 // Share of the Sun that all of a flat cell sees, 0 or 1; negative where that is not the same everywhere, or not known.
 // It is what `sun_visibility` gives where its window holds no blocker, or nothing else. p: the corners and the middle.
-float sun_on_all(vec3 p[5], vec3 n) {
+// asked: without it the cell is uneven whatever the Sun does, and its texels are not looked at.
+float sun_on_all(vec3 p[5], vec3 n, bool asked) {
     float n_l = dot(n, u_sun_direction.xyz);
     if (n_l <= 0.0 || dot(u_sun_irradiance, vec4(1.0)) == 0.0) return 0.0;
     float size = 1.0 / u_shadow.z;
@@ -71,7 +76,7 @@ float sun_on_all(vec3 p[5], vec3 n) {
     low = floor(low) - float(SHADOW_WINDOW / 2 - 1);
     vec2 count = floor(high) + float(SHADOW_WINDOW / 2 + 1) - low;
     known = known && max(count.x, count.y) <= MOST_TEXELS;
-    count = min(count, MOST_TEXELS);
+    count = asked ? min(count, MOST_TEXELS) : vec2(0.0);
     float step_of_map = STEP * u_shadow_range.x;
     float above = -1.0, under = 1.0; // most and least height of the map over the plane
     float j = 0.0;
@@ -137,7 +142,7 @@ void main() {
 #ifdef CRINKLE
     even = even && surface.w == 0.0; // its normals differ from pixel to pixel
 #endif
-    float lit = sun_on_all(p, n);
+    float lit = sun_on_all(p, n, even);
     even = even && lit >= 0.0;
     vec4 red = vec4(0.0), green = vec4(0.0), blue = vec4(0.0);
     color middle = color(0.0);
@@ -145,11 +150,13 @@ void main() {
         ivec2 at = first + place_in_cell(k);
         uvec2 words = textureLod(t_surface, (vec2(pixel_index(at)) + 0.5) * u_texel, 0.0).xy;
         vec3 p_m = camera_ray(vec2(at) + offset) * (k == 4 ? z_middle : dot(z, only(k)));
+#ifdef BENT
         if (bent > FLAT_STEPS) {
             n = decode_normal(vec2(normal_code(words.x)));
             // the plane at the middle is not that of the corners
             even = even && abs(sun_visibility(p_m, n, 1.0, 1.0) - lit) < 1e-3;
         }
+#endif
         middle = shade(base, surface, GRAIN(material), n, n, p_m, chart_of(words.y), max(lit, 0.0));
 #if BANDS == 1
         red += only(k) * middle;

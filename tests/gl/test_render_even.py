@@ -61,6 +61,14 @@ def test_a_craft_of_blankets_is_not_looked_at_for_even_cells(draw_kit):
     assert not even.is_even(draw_kit.target([box, plate], [draw_kit.white(), blanket]))
 
 
+def test_a_craft_is_bent_whose_surface_is_round_in_good_part(draw_kit):
+    box = closed_box("box", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), "white")  # 6 m2 beside the tank's 1.7
+    assert even.is_bent(draw_kit.target([box, _tank("white")], [draw_kit.white()]))
+    assert not even.is_bent(draw_kit.target([box], [draw_kit.white()]))
+    large = closed_box("large", (0.0, 0.0, 0.0), (2.0, 2.0, 2.0), "white")
+    assert not even.is_bent(draw_kit.target([large, _tank("white")], [draw_kit.white()]))
+
+
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
 def test_cells_without_edges_look_as_their_pixels_do(renderer, draw_kit, monkeypatch, bands):
     # a box stands on a plate and throws its shadow there, another cuts through it and has no edge where it does

@@ -30,6 +30,8 @@ LEAST_PER_EDGE = 0.1
 """Cells that the target touches over its mesh's edges: with fewer hardly a cell is without an edge."""
 COLUMNS = 128
 MOST_CRINKLED = 0.3  # of a craft's surface
+LEAST_BENT = 0.1  # of a craft's surface, for cells of bent faces to be worth a look
+_BENT = 0.99985  # cosine of the angle, one degree, between a bent face's plane and its normals
 _NOTHING = -1.5  # below are cells that show nothing of the target, shaders/target/even.frag
 _NAMES = ("in_corners", "in_green", "in_blue")
 
@@ -45,6 +47,19 @@ def is_even(target: Target) -> bool:
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area[part.material in crinkled] += float(np.linalg.norm(across, axis=1).sum())
     return area[True] <= MOST_CRINKLED * sum(area.values())
+
+
+def is_bent(target: Target) -> bool:
+    """Whether much of a target's surface is round: its faces' normals differ from corner to corner."""
+    whole = bent = 0.0
+    for part in target.parts:
+        corners = part.positions_m.astype(float)[np.asarray(part.triangles)]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        double = np.linalg.norm(across, axis=1)
+        normals = part.normals[np.asarray(part.triangles)].astype(float)
+        turned = np.einsum("tkc,tc->tk", normals, across).min(axis=1) < _BENT * double
+        whole, bent = whole + double.sum(), bent + double[turned].sum()
+    return bool(bent > LEAST_BENT * whole)
 
 
 def split_cells(cells_px: FloatArray, seen: SeenEdges, view: EdgeView) -> tuple[FloatArray, FloatArray]:

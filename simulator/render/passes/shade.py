@@ -78,9 +78,18 @@ class ShadePass:
             hand=True,
         )
 
-    def even_program(self, lattice: Lattice, bands: int, mesh: Mesh, shadow_window: int) -> Program:
-        """The program that looks at cells no edge comes near, of a mesh without textures."""
+    def even_program(
+        self, lattice: Lattice, bands: int, mesh: Mesh, shadow_window: int, *, bent: bool
+    ) -> Program:
+        """The program that looks at cells no edge comes near, of a mesh without textures.
+
+        Parameters
+        ----------
+        bent : cells of bent faces may be interpolated too.
+        """
         defines = {**_defines(bands, mesh, shadow_window), **lattice_defines(lattice)}
+        if bent:
+            defines["BENT"] = ""
         return self._programs.get(
             FULL_SCREEN,
             "target/even.frag",

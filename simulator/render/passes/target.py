@@ -17,7 +17,7 @@ from simulator.render.light_box import LightWindow, SurfacePatches, light_window
 from simulator.render.light_view import WIDER
 from simulator.render.mesh import upload
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
-from simulator.render.passes.even import EvenPass, is_even, split_cells
+from simulator.render.passes.even import EvenPass, is_bent, is_even, split_cells
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
 from simulator.render.passes.shade import ShadePass
@@ -61,7 +61,7 @@ MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others 
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A target on the GPU with a vertex array per program; ``is_even`` as `passes.even.is_even` says."""
+    """A target on the GPU with a vertex array per program; ``is_even``, ``is_bent`` as `passes.even` says."""
 
     mesh: Mesh
     shadow: FacingArray
@@ -69,6 +69,7 @@ class Loaded:
     edges: EdgeBuffers
     returned: ReturnedLight
     is_even: bool
+    is_bent: bool
     textures: Textures | None = None
 
 
@@ -140,6 +141,7 @@ class TargetPasses:
             EdgeBuffers(context, mesh.edges, mesh),
             ReturnedLight(context, mesh, FINE_PATCH if fine else PATCH),
             is_even(target),
+            is_bent(target),
             textures,
         )
 
@@ -253,7 +255,7 @@ class TargetPasses:
         if not exact and place.hull_px is not None and loaded.is_even and scene.lamp is None:
             edged, edgeless = split_cells(cells, loaded.edges.seen, edge_view)
             if len(edgeless):
-                even = self._shade.even_program(lattice, bands, mesh, choice.window)
+                even = self._shade.even_program(lattice, bands, mesh, choice.window, bent=loaded.is_bent)
         clock.lap("target.edges")
         return Sampled(
             place.rect,
