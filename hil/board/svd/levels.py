@@ -85,13 +85,13 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
             level[k] += over
             picture = picture + np.float32(over) * part
     behind = None
-    if textured:
+    if textured and made and min(h, w) >= 2:
+        behind = native_levels.behind(native, canvas, (*made[:2], picture, *made[3:]), LOCAL_PX / 4)
+    elif textured:
         shown = float(ground[0])
         own = (core & (centre == 0)).astype(np.float32)
         behind = _wide_mean(own * (canvas.gray - np.float32(shown)), own)
-        if native and canvas.clipped > 0:
-            behind = native_levels.brighter(native, canvas, behind, shown, float(level[0]))
-        elif canvas.clipped > 0:
+        if canvas.clipped > 0:
             behind = canvas.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
         # the background's share of each pixel, of which the border pixels have a part
         picture = picture + empty * behind

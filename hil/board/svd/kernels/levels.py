@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Optional, Tuple
 import numpy as np
 
 from hil.board.svd.kernels.library import address, laid
-from hil.board.svd.kernels.pictures import gauss, shown
+from hil.board.svd.kernels.pictures import gauss
+from hil.board.svd.kernels.pictures import shown as shown_by
 
 if TYPE_CHECKING:
     from hil.board.svd.shade import Canvas, Faces
@@ -60,7 +61,7 @@ def shade(
         ctypes.c_int64(w),
         ctypes.c_int64(f),
         ctypes.c_double(canvas.sigma),
-        shown(canvas.response).at,
+        shown_by(canvas.response).at,
         *(at(a.__array_interface__["data"][0]) for a in (group, centre, core, picture, level, area, ground)),
         at(share.__array_interface__["data"][0]) if empty else None,
     )
@@ -69,18 +70,39 @@ def shade(
     return (group, level[:n], picture, centre, area[:n], core, share, ground) if n else None
 
 
-def brighter(library: ctypes.CDLL, canvas: Canvas, away: Array, mean: float, level: float) -> Array:
-    """Brightness where the picture's mean differs ``away`` (h, w) from one, as what it differs from a level by."""
-    away = laid(away, "float32")
-    out = np.empty_like(away)
-    library.fly_brighter(
-        shown(canvas.response).at,
-        ctypes.c_void_p(address(away, "float32")),
-        ctypes.c_int64(away.size),
-        ctypes.c_double(mean),
-        ctypes.c_double(level),
-        ctypes.c_void_p(address(out, "float32")),
+def behind(
+    library: ctypes.CDLL,
+    canvas: Canvas,
+    made: Tuple[Array, ...],
+    blur_px: float,
+) -> Array:
+    """(h, w) what the background differs from its level by, which is added to the picture that ``made`` holds.
+
+    Parameters
+    ----------
+    made : of ``shade``, the background's share with it. blur_px : of means of 4 x 4 pixels.
+    """
+    _, level, picture, centre, _, core, empty, shown = made
+    h, w = canvas.gray.shape
+    gray, out = laid(canvas.gray, "float32"), np.empty((h, w), np.float32)
+    run, at = library.fly_behind, ctypes.c_void_p
+    run.restype = ctypes.c_int64
+    done = run(
+        at(address(gray, "float32", (h, w))),
+        at(address(core, "bool", (h, w))),
+        at(address(centre, "uint8", (h, w))),
+        ctypes.c_int64(h),
+        ctypes.c_int64(w),
+        ctypes.c_double(float(shown[0])),
+        ctypes.c_double(float(level[0])),
+        shown_by(canvas.response).at,
+        gauss(blur_px).at,
+        at(address(empty, "float32", (h, w))),
+        at(address(out, "float32")),
+        at(address(picture, "float32", (h, w))),
     )
+    if done < 0:
+        raise MemoryError("no memory for the background about the craft")
     return out
 
 
@@ -116,7 +138,7 @@ def explained(
         ctypes.c_int64(w),
         ctypes.c_int64(canvas.fine),
         optics,
-        shown(canvas.response).at,
+        shown_by(canvas.response).at,
         at(address(gray, "float32", (h, w))),
         score,
         ctypes.c_double(noise),

@@ -37,6 +37,7 @@ SOURCES = (
     "levels.c",
     "means.c",
     "score.c",
+    "behind.c",
     "motion.c",
     "rows.c",
     "cover.c",

@@ -179,12 +179,34 @@ double fly_brightness(const struct response *r, double mean)
     return mean < end ? between_points(mean, r->below, r->x, r->entries) : mean;
 }
 
+/* Stretches of like length that a table's points are found by. */
+#define CELLS 256
+
 void fly_brighter(const struct response *r, const float *away, int64_t n, double mean, double level, float *out)
 {
-    int64_t i;
+    const int64_t last = r->entries - 1;
+    const double low = r->below[0], end = r->below[last], per = CELLS / (end - low);
+    int32_t first[CELLS + 1];
+    int64_t i, k = 0;
 
-    for (i = 0; i < n; i++)
-        out[i] = (float)fly_brightness(r, (double)(away[i] + (float)mean)) - (float)level;
+    for (i = 0; i <= CELLS; i++) {
+        while (k + 1 < last && r->below[k + 1] <= low + (double)i / per)
+            k++;
+        first[i] = (int32_t)k;
+    }
+    for (i = 0; i < n; i++) {
+        const double at = (double)(away[i] + (float)mean);
+        if (r->sigma > 0 && at > low && at < end && at <= r->full - end) {
+            const double *x = r->below, *y = r->x;
+            for (k = first[(int)((at - low) * per)]; k > 0 && x[k] > at; k--)
+                continue;
+            for (; x[k + 1] <= at; k++)
+                continue;
+            out[i] = (float)(y[k] + (y[k + 1] - y[k]) / (x[k + 1] - x[k]) * (at - x[k])) - (float)level;
+        } else {
+            out[i] = (float)fly_brightness(r, at) - (float)level;
+        }
+    }
 }
 
 /* Shares of a row of canvas pixels of two drawn ones each way. count (w,) is scratch. */
