@@ -42,9 +42,9 @@ FAR_BEHIND = 0.5
 # Longest side of the picture for the final alignment [px], and the last blurs.
 FINAL_PX, LAST_BLURS = 230, (0.3, 0.0)
 
-# Those before them, on a picture of this share of the size, which shows all that such blurs leave: at first and after
-# an end that moved far, and after one that did not.
-WIDE_SHARE, WIDE_BLURS, NEAR_BLURS = 0.65, (0.8, 0.5), (0.5,)
+# Those before them: share of that size, at first and after an end that moved far, and after one that did not. A smaller
+# picture shows all that such blurs leave; before a texture of 105 development frames four fewer were fine with it.
+EMPTY_WIDE, TEXTURED_WIDE = (0.65, (0.8, 0.5), (0.5,)), (1.0, (1.2, 0.8), (0.8,))
 
 # The same of a round craft: its turn about the axis is told by small parts alone.
 ROUND_FINAL_PX = 400
@@ -152,12 +152,14 @@ def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit, seen: Opt
     seen : faces that ``close`` shows at the start, where they are drawn already.
     """
     box, longest = craft_box(craft, start.q, start.t), ROUND_FINAL_PX if craft.round else FINAL_PX
-    wide = make_canvas(craft, frame, box, round(WIDE_SHARE * longest))
+    share, at_first, near_by = TEXTURED_WIDE if frame.background < 0 else EMPTY_WIDE
+    sharp = make_canvas(craft, frame, box, longest)
+    wide = make_canvas(craft, frame, box, round(share * longest)) if share < 1 else sharp
     # drawn as large as it is only once it is there: from afar what is thin and bright attracts more as it was
-    exact = replace(make_canvas(craft, frame, box, longest), clipped=frame.clipped, exact=True)
+    exact = replace(sharp, clipped=frame.clipped, exact=True)
     faces, camera = faces_of(craft), craft.camera.pinhole
     best = None
-    blurs: Tuple[float, ...] = WIDE_BLURS
+    blurs: Tuple[float, ...] = at_first
     before = start
     here = shadowed(craft, faces, close, before.q, before.t, seen=seen)
     began, sun = here.score, here.sun
@@ -174,11 +176,11 @@ def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit, seen: Opt
         if moved < MOVED_RAD:
             break
         before = fit
-        blurs = NEAR_BLURS
+        blurs = near_by
         if moved > FAR_RAD:
             # shadows fall elsewhere by now; of a Sun found from nearby they are where they were
             sun = shadowed(craft, faces, close, before.q, before.t, seen=drawn.seen).sun
-            blurs = (*FAR_BLURS, *WIDE_BLURS)
+            blurs = (*FAR_BLURS, *at_first)
     assert best is not None  # noqa: S101 - the first round always ends somewhere
     return best
 
