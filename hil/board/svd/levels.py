@@ -85,7 +85,7 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
             level[k] += over
             picture = picture + np.float32(over) * part
     behind = None
-    if textured and made and min(h, w) >= 2:
+    if textured and native is not None and made and min(h, w) >= 2:
         behind = native_levels.behind(native, canvas, (*made[:2], picture, *made[3:]), LOCAL_PX / 4)
     elif textured:
         shown = float(ground[0])
