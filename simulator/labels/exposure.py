@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
     from simulator.render.passes.labels import Surfaces
-    from simulator.render.renderer import Rendered, Renderer
+    from simulator.render.rendered import Rendered
+    from simulator.render.renderer import Renderer
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 

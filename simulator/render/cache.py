@@ -134,11 +134,13 @@ def name_of(array: _Array) -> str | None:
 
 
 def _write(made: Mapping[Path, _Array], alone: ExitStack) -> None:
-    with alone:
-        for path, array in made.items():
-            _stored(path, array)
-    for path in made:
-        _unwritten.pop(path, None)
+    try:
+        with alone:
+            for path, array in made.items():
+                _stored(path, array)
+    finally:
+        for path in made:
+            _unwritten.pop(path, None)
 
 
 def is_kept(key: str) -> bool:
@@ -203,7 +205,7 @@ def _alone(path: Path, made_here: Callable[[], bool]) -> Iterator[None]:
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        file = path.open("ab")
+        file = path.open("ab", buffering=0)
     except OSError:  # `_stored` says so
         yield
         return
@@ -211,8 +213,8 @@ def _alone(path: Path, made_here: Callable[[], bool]) -> Iterator[None]:
         until = time.monotonic() + _LONGEST_WAIT_S
         while not (mine := _lock(file)) and not made_here() and time.monotonic() < until:
             if file.tell() == 0:
-                file.write(b"wanted")
-                file.flush()
+                with suppress(OSError):  # a full disk: the other writes when its picture is drawn
+                    file.write(b"wanted")
             time.sleep(_LOOK_AGAIN_S)
         try:
             yield

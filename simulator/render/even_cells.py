@@ -26,7 +26,8 @@ def crossed_cells(lines_px: FloatArray, rect: PixelRect) -> BoolArray:
 
     Parameters
     ----------
-    lines_px : (N, 2, 2) column and row of both ends of each. rect : begins at whole cells.
+    lines_px : (N, 2, 2) column and row of both ends of each, finite and nearer than 1e6 px: farther off 32-bit floats
+        round by more than the margin. rect : begins at whole cells.
     """
     rows, columns = -(-rect.height // CELL_PX), -(-rect.width // CELL_PX)
     x, y = _in_cells(lines_px, rect)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Self
 
 from simulator.errors import UserError
 from simulator.render.block_values import earth_values, frame_values, moon_values
@@ -24,6 +24,7 @@ from simulator.render.passes.target import TargetPasses
 from simulator.render.programs import RAYS_UNIT, ProgramLibrary
 from simulator.render.projection import PixelRect
 from simulator.render.rays import RayTextures
+from simulator.render.rendered import Craft, Layer, Rendered
 from simulator.render.skylight import no_light
 from simulator.render.timing import StageClock
 from simulator.render.view import build_view, sky_light
@@ -46,45 +47,6 @@ if TYPE_CHECKING:
     from simulator.scene.atmosphere import Atmosphere
     from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target
-
-
-Layer = Literal["all", "craft", "sky"]
-"""What is drawn: everything; the target alone, in the scene's own light; or all that it hides, without it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Rendered:
-    """One noise-free picture.
-
-    Parameters
-    ----------
-    radiance : (H, W) for mono, (H, W, 3) for rgb, row 0 at the top [W m-2 sr-1 in the band].
-    coverage : (H, W) share of each pixel that the target covers; with labels only.
-    depth_m : (H, W) camera z of the target's nearest surface at the pixel's centre, NaN outside; with labels only.
-    silhouette_inside : share of the target's whole silhouette that falls on the image; with labels only.
-    stage_ms : time spent per stage [ms].
-    window : rows and columns that radiance and coverage are of; the whole image but for a craft alone.
-    """
-
-    radiance: Float32Array
-    coverage: Float32Array | None
-    depth_m: Float32Array | None
-    silhouette_inside: float
-    stage_ms: dict[str, float]
-    window: tuple[slice, slice] = (slice(None), slice(None))
-
-
-@dataclass(frozen=True, eq=False)
-class Craft:
-    """A craft alone, its samples being drawn. Skies of other moments may be drawn before it is shaded.
-
-    Parameters
-    ----------
-    shade : to be called first, and once; the driver is at it when that returns. read : waits for the picture.
-    """
-
-    shade: Callable[[], None]
-    read: Callable[[], Rendered]
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,8 +173,7 @@ class Renderer:
         _refuse_another(scene, target)
         clock = StageClock(self._gl, finish=self.timed)
         passes = self._prepare(scene)
-        if scene.environment.earth and scene.bands not in self._earths and scene.bands not in self._begun:
-            self._begun[scene.bands] = begin_earth_maps(scene.bands, scene.environment, scene.epoch_utc)
+        self._begin_maps(scene)
         bands = len(bands_of(scene.bands))
         # what Earth and Moon light is worked out while the driver draws the samples, which need none of it; in the
         # first frame the maps that it depends on are still being decoded
@@ -268,6 +229,8 @@ class Renderer:
         _refuse_another(scene, target)
         clock = StageClock(self._gl, finish=self.timed)
         passes = self._prepare(scene)
+        if sky is None:
+            self._begin_maps(scene)
         bands = len(bands_of(scene.bands))
         view = build_view(scene, no_light(bands) if sky is None else sky)
         self._blocks.frame.write(frame_values(scene, view))
@@ -343,6 +306,11 @@ class Renderer:
         if self._programs.lens:
             self._rays.of(scene.camera).use(RAYS_UNIT)
         return self._target_passes()
+
+    def _begin_maps(self, scene: SceneState) -> None:
+        """Have a first frame's Earth decoded while its craft is made ready."""
+        if scene.environment.earth and scene.bands not in self._earths and scene.bands not in self._begun:
+            self._begun[scene.bands] = begin_earth_maps(scene.bands, scene.environment, scene.epoch_utc)
 
     def _compile_ahead(
         self,

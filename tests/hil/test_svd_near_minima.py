@@ -111,6 +111,18 @@ def test_a_start_that_led_to_the_winner_is_no_rival_of_it(craft: Craft, frame: F
     assert open_end.evidence.margin < 0.7 * alone.evidence.margin
 
 
+def test_an_end_at_another_place_is_a_rival_though_its_attitude_is_the_winners(
+    craft: Craft, frame: Frame
+) -> None:
+    right = choice_of(craft, frame, Q, T_M)
+    start, end = right.starts[0], right.end
+    farther = replace(end.fit, t=1.15 * T_M)
+    beyond = Ranked(0.9 * end.score, farther, replace(right.best, t=farther.t))
+    led_there = replace(end, fit=farther, score=0.97 * end.score, began=beyond.score)
+    both = conclude(craft, frame, right.close, [start, beyond], [start, beyond], [end, led_there])
+    assert both.evidence.margin == pytest.approx(0.03 * end.score)
+
+
 def test_a_twin_is_laid_over_what_it_could_be_mistaken_for(craft: Craft, frame: Frame) -> None:
     held = choice_of(craft, frame, Q, T_M)
     q, t = twins(craft, [held.best])

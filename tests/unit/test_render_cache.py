@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from simulator.render.cache import (
     is_kept,
     name_of,
 )
+
+FULL = Path("/dev/full")
 
 
 @pytest.fixture
@@ -149,3 +152,17 @@ def test_what_is_made_after_the_first_picture_is_written_at_once(folder):
     with ThreadPoolExecutor(1, initializer=later.use) as pool:
         pool.submit(cached_array, "map", lambda: np.arange(4)).result()
     assert [path.name for path in folder.iterdir()] == ["map.npy"]
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="needs a device that is full")
+def test_who_waits_on_a_full_disk_waits_for_the_first_picture(folder):
+    import fcntl
+
+    (folder / "map.lock").symlink_to(FULL)
+    with FULL.open("ab") as held, ThreadPoolExecutor(1) as pool:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        waiting = pool.submit(cached_array, "map", lambda: np.arange(4))
+        time.sleep(0.2)
+        assert not waiting.done()
+        fcntl.flock(held, fcntl.LOCK_UN)
+        assert waiting.result(timeout=10).tolist() == [0, 1, 2, 3]

@@ -115,7 +115,7 @@ def conclude(
     s = support(fit.q, fit.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m, alone=True)
     best = Candidate(fit.q, fit.t, s, c.field, c.region, c.likely)
     poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
-    there = [(r, e) for r, e in zip(starts, ends) if quat.angle_rad(e.fit.q, fit.q) <= OTHER_END_RAD]  # noqa: B905
+    there = [(r, e) for r, e in zip(starts, ends) if _same_end(e.fit, fit)]  # noqa: B905
     margin = here = max(e.began for _, e in there)
     rivals = [r for r in ranked if differs(r.fit.q, r.fit.t, fit.q, fit.t)]
     # what was followed to its end is what it is there: a start that led to where another one stood is no other answer;
@@ -131,7 +131,7 @@ def conclude(
         margin -= max(explains, 0.0)
     # two that were followed to their ends need not be far apart to be two answers
     for other in ends:
-        if quat.angle_rad(other.fit.q, fit.q) > OTHER_END_RAD:
+        if not _same_end(other.fit, fit):
             margin = min(margin, end.score - other.score)
     evidence = picture_evidence(craft, best, fit, end.score, margin)
     drawn = end.drawn
@@ -142,6 +142,11 @@ def conclude(
     frame.mark("verify")
     told = alternatives(poses, fit.q, fit.t)
     return Choice(best, end, evidence, told, close, ranked, starts, ends, rival)
+
+
+def _same_end(a: PhotoFit, b: PhotoFit) -> bool:
+    """Whether two ends are one answer: the same attitude at the same place."""
+    return bool(quat.angle_rad(a.q, b.q) <= OTHER_END_RAD) and not differs(a.q, a.t, b.q, b.t)
 
 
 def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit, seen: Optional[Array] = None) -> End:

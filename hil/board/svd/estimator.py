@@ -91,18 +91,16 @@ class PoseEstimator(Estimator):
         frame.keep("glances", glances)
         frame.mark("first_look")
         looked = self._chosen(frame, found) if found else None
-        if looked is not None and looked.accepted:
-            if frame.shows_all and regions:
-                search_region(self.craft, frame, regions[0])
-            return looked
-        if looked is not None and self.first is not None:
+        if looked is not None and not looked.accepted and self.first is not None:
             # poses of many places about what is seen, then those that the look named, with shadows
             wide = align_wide(self.craft, frame, self.first, glances[0], found[0], small)
             again = self._chosen(frame, list(found), thorough=True, beside=wide)
+            # edges besides would double the time: of 211 frames they set 8 right, and had a wrong pose accepted
             looked = max(looked, again, key=_confidence)
-            if not frame.shows_all:
-                # edges would double the time: of 211 frames sought so they set 8 right, and had a wrong one accepted
-                return looked
+        if looked is not None and (looked.accepted or self.first is not None):
+            if frame.shows_all and regions:
+                search_region(self.craft, frame, regions[0])
+            return looked
         # what the look is sure of is where it is: there edges find the attitudes that it does not
         sure = [g.source for g in glances if g.craft > SURE]
         some = sure[:1] or regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]

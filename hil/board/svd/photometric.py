@@ -182,7 +182,7 @@ def _gram(
     e = canvas.blurred(blur) - drawn
     D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t)]
     across, down = canvas.scale
-    least = TELLS * noise / (abs(float(t[2])) * canvas.fine)
+    least = TELLS * noise / (max(abs(float(t[2])), 1e-9) * canvas.fine)
     use = (np.abs(D[3]) > least * across * camera.fx_px) | (np.abs(D[4]) > least * down * camera.fy_px)
     rows, w = _weights(e, drawn, use, shading.centre > 0, noise, blur)
     A = np.zeros((joint + 8, len(rows)), np.float32)

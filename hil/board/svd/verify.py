@@ -18,6 +18,7 @@ from hil.board.svd.course import (
     begin,
     laid_over,
     leaning,
+    led,
     spread_out,
     with_shadows,
 )
@@ -183,6 +184,8 @@ def choose_by_picture(craft: Craft, frame: Frame, leaders: List[Ranked], *, thor
     # a tie is one between ends: a rival on its way may lead to the winner, or fall behind
     for _ in range(TIES):
         if choice.rival is None or choice.evidence.margin >= least_margin(choice.evidence):
+            break
+        if led(choice.rival, starts):  # it is where it leads already
             break
         starts.append(choice.rival)
         ends.append(finish(craft, frame, close, choice.rival.fit, choice.rival.seen))

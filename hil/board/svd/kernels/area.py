@@ -18,6 +18,7 @@ def readable(image: Array) -> bool:
         image.ndim == 2
         and image.dtype.name in KINDS
         and image.dtype.isnative
+        and image.flags.aligned
         and image.size
         and image.strides[1] == image.itemsize
         and image.strides[0] >= image.shape[1] * image.itemsize

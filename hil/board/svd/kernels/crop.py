@@ -34,7 +34,7 @@ def seen_through(
     whole = None if reduced is None else laid(reduced, "float32")
     if min(image.shape) < 2 or (whole is not None and min(whole.shape) < 2):
         raise ValueError("a picture for the first look must have two rows and two columns")
-    camera, given = laid(np.asarray(intrinsics), "float64"), laid(gazes, "float64")
+    camera, given = laid(np.asarray(intrinsics), "float64"), laid(gazes.reshape(-1, 4), "float64")
     out = np.empty((len(given), side_px, side_px), np.float32)
     run, at, n = library.fly_seen_through, ctypes.c_void_p, ctypes.c_int64
     run.restype = n
