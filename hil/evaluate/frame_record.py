@@ -136,9 +136,13 @@ def _nees(error: np.ndarray, covariance: ArrayLike | None) -> float | None:
     if covariance is None:
         return None
     C = np.asarray(covariance, float)
-    if C.shape != (6, 6) or not np.isfinite(C).all() or np.linalg.eigvalsh(C)[0] <= 0:
+    if C.shape != (6, 6) or not np.isfinite(C).all():
         return None
-    return float(error @ np.linalg.solve(C, error))
+    variances, axes = np.linalg.eigh(C)
+    # below rounding a variance says nothing, be it above zero
+    if variances[0] <= np.finfo(float).eps * variances[-1]:
+        return None
+    return float(np.sum((axes.T @ error) ** 2 / variances))
 
 
 def _rotation_between(q_true_wxyz: ArrayLike, q_est_wxyz: ArrayLike) -> np.ndarray:

@@ -172,5 +172,6 @@ def test_errors_drawn_from_a_covariance_are_chi_square_over_it() -> None:
     # of six degrees of freedom: median 5.35, 95 % below 12.59
     assert figures.median_nees == pytest.approx(5.35, abs=0.5)
     assert figures.nees_inside_95 == pytest.approx(0.95, abs=0.025)
-    for missing in (None, np.zeros((6, 6)), np.full((6, 6), np.nan)):
+    flat = np.array([[6.0, 8, 5, 6, 6, 7], [4.0, 8, 5, 5, 2, 5]])  # its eigenvalues round to above zero
+    for missing in (None, np.zeros((6, 6)), np.full((6, 6), np.nan), flat.T @ flat):
         assert frame_record(q, t, q, t, accepted=True, covariance=missing).nees is None
