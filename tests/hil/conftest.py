@@ -10,9 +10,14 @@ import cv2
 import pytest
 
 from hil.board.svd.kernels import library
+from hil.board.svd.look.subspaces import Subspaces
+from hil.evaluate.worker import board_model
+from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from hil.board.svd import BoardModel
 
 
 @pytest.fixture
@@ -39,3 +44,16 @@ def native_kernels(choose: pytest.MonkeyPatch) -> None:
     if shutil.which(os.environ.get("CC", "") or "cc") is None:
         pytest.skip("no C compiler here")
     choose.setenv(library.CHOICE, "native")
+
+
+@pytest.fixture(scope="session")
+def tango() -> BoardModel:
+    """Tango as a board gets it."""
+    return board_model(load_target("tango"))
+
+
+@pytest.fixture(scope="session")
+def views(tango: BoardModel) -> Subspaces:
+    """Its faces as the first look knows them."""
+    assert tango.faces is not None
+    return Subspaces.of(tango, tango.faces)

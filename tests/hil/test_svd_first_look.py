@@ -21,8 +21,6 @@ from hil.board.svd.roi import Region
 from hil.board.svd.shade import Canvas, draw_faces
 from hil.evaluate.first_look_pictures import VIEW_PX
 from hil.evaluate.first_look_samples import Views, sample
-from hil.evaluate.worker import board_model
-from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,15 +28,13 @@ if TYPE_CHECKING:
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 
 
-@pytest.fixture(scope="module")
-def tango() -> BoardModel:
-    return board_model(load_target("tango"))
-
-
-@pytest.fixture(scope="module")
-def views(tango: BoardModel) -> Subspaces:
-    assert tango.faces is not None
-    return Subspaces.of(tango, tango.faces)
+def faces_seen(model: BoardModel, q: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """(300, 480) numbers of the faces that show, from 1, of a craft whose centre is at (3,) m in the camera's frame."""
+    assert model.faces is not None
+    R = quat.matrix(q)
+    t = centre - R @ model.centre_m
+    canvas = Canvas(np.zeros((300, 480), np.float32), 1.0, 0.0, 0.0, 1.0, 1)
+    return draw_faces(model.faces, model.faces.order(-R.T @ t), CAMERA, R, t, canvas)
 
 
 @pytest.mark.parametrize(("side", "stride"), [(5, 2), (3, 2), (3, 1)])
@@ -157,11 +153,8 @@ def test_faces_tell_the_attitude_place_and_size_of_a_craft_of_any_brightness(
     rng = np.random.default_rng(5)
     found = 0
     for _ in range(6):
-        q = quat.normalise(rng.normal(size=4))
-        R, centre = quat.matrix(q), np.array([0.3, -0.2, 8.0])
-        t = centre - R @ tango.centre_m
-        canvas = Canvas(np.zeros((300, 480), np.float32), 1.0, 0.0, 0.0, 1.0, 1)
-        seen = draw_faces(tango.faces, tango.faces.order(-R.T @ t), CAMERA, R, t, canvas)
+        q, centre = quat.normalise(rng.normal(size=4)), np.array([0.3, -0.2, 8.0])
+        seen = faces_seen(tango, q, centre)
         bright = np.concatenate([[0], rng.uniform(20, 200, tango.faces.groups)])
         picture = bright[np.concatenate([[0], tango.faces.group + 1])[seen]] + rng.normal(0, 3, seen.shape)
         gaze = Gaze(centre / np.linalg.norm(centre), 0.97 * 2 * 750.0 * tango.radius_m / 8.0)
@@ -233,12 +226,9 @@ def test_of_many_gazes_the_one_at_the_craft_is_kept_and_names_its_attitude(tango
     rng = np.random.default_rng(8)
     right = near = 0
     for _ in range(5):
-        q = quat.normalise(rng.normal(size=4))
-        R, centre = quat.matrix(q), np.array([0.2, -0.1, 7.0])
-        t = centre - R @ tango.centre_m
-        canvas = Canvas(np.zeros((300, 480), np.float32), 1.0, 0.0, 0.0, 1.0, 1)
-        seen = draw_faces(tango.faces, tango.faces.order(-R.T @ t), CAMERA, R, t, canvas)
-        lit = np.clip(tango.faces.normals @ (R.T @ np.array([0.5, -0.3, -0.8])), 0.05, 1)
+        q, centre = quat.normalise(rng.normal(size=4)), np.array([0.2, -0.1, 7.0])
+        seen = faces_seen(tango, q, centre)
+        lit = np.clip(tango.faces.normals @ (quat.matrix(q).T @ np.array([0.5, -0.3, -0.8])), 0.05, 1)
         bright = np.concatenate([[0], np.array([60, 200, 140])[tango.faces.material % 3] * lit])
         picture = np.clip(bright[seen] + rng.normal(0, 3, seen.shape), 0, 255).astype(np.uint8)
         size = 2 * 750.0 * tango.radius_m / 7.0

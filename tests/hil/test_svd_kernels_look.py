@@ -22,8 +22,6 @@ from hil.board.svd.look.first import net_for
 from hil.board.svd.look.net import convolve
 from hil.board.svd.look.subspaces import QUARTERS, TURNS, Subspaces
 from hil.board.svd.noise import noise_sigma
-from hil.evaluate.worker import board_model
-from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
     from ctypes import CDLL
@@ -31,17 +29,6 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.usefixtures("native_kernels")
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 740.0, 239.5, 149.5)
-
-
-@pytest.fixture(scope="module")
-def tango() -> BoardModel:
-    return board_model(load_target("tango"))
-
-
-@pytest.fixture(scope="module")
-def views(tango: BoardModel) -> Subspaces:
-    assert tango.faces is not None
-    return Subspaces.of(tango, tango.faces)
 
 
 def native() -> CDLL:
