@@ -231,7 +231,7 @@ def compared(rows: Sequence[EvaluatedFrame], labels: Sequence[str], first: str) 
     differ = []
     for label in present:
         gained, lost, p = paired(rows, first, label)
-        differ.append("" if label == first else f"{gained}, {lost} ({p:.2g})")
+        differ.append("" if label == first else f"{gained}, {lost} ({max(p, 1e-99):.2g})")
     return table(metrics, differ)
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.stats import binomtest
 
 from hil.evaluate.metrics import bootstrap_intervals
 from simulator.errors import UserError
@@ -30,8 +30,7 @@ def mcnemar(gained: int, lost: int) -> float:
     ----------
     McNemar (1947), Psychometrika 12: under equal success each of them falls to either side with one half.
     """
-    n, k = gained + lost, min(gained, lost)
-    return min(1.0, 2.0 * sum(comb(n, i) for i in range(k + 1)) / 2**n)
+    return float(binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
 
 
 def paired(rows: Sequence[EvaluatedFrame], first: str, other: str) -> tuple[int, int, float]:
