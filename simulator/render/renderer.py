@@ -13,7 +13,6 @@ from simulator.render.context import create_context, describe
 from simulator.render.earth_maps import begin_earth_maps, stand_ins
 from simulator.render.earthview import earth_view
 from simulator.render.images import Images
-from simulator.render.levels import flush
 from simulator.render.moonview import moon_view
 from simulator.render.passes.earth import EarthPass, ice_day
 from simulator.render.passes.fours import LEAST_SHARE, FoursPass
@@ -249,7 +248,6 @@ class Renderer:
             images.clear(PixelRect(0, 0, *images.size))
             if sampled is not None:
                 passes.shade(sampled, lit, scene.bands, images)
-                flush(self._gl)
             images.mark_covered(None if sampled is None else sampled.rect)
             clock.lap("target.shading")
 

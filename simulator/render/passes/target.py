@@ -13,6 +13,7 @@ from simulator.render.block_values import lens_values
 from simulator.render.charts import TEXEL
 from simulator.render.edges_seen import EdgeView
 from simulator.render.facing import FacingArray
+from simulator.render.levels import flush
 from simulator.render.light_box import LightWindow, SurfacePatches, light_window, window_around
 from simulator.render.light_view import WIDER
 from simulator.render.mesh import upload
@@ -209,7 +210,8 @@ class TargetPasses:
         """Draw what the samples of the target's pixels see, and its shadows; nothing where it touches no pixel.
 
         The order keeps a software driver's threads busy: they draw one thing while the next is being prepared. The
-        samples come first, which take longest.
+        samples come first, which take longest. A driver collects commands until the next framebuffer's first one comes,
+        or until it is told to begin: it is told to, or its threads would rest while that pass is worked out.
         """
         loaded = self._load(target, fine=scene.quality == "high")
         loaded.returned.begin(scene.bands)
@@ -243,13 +245,16 @@ class TargetPasses:
                 loaded.gbuffer.array, size, mesh, loaded.textures, scene.bands, cut=place.is_cut
             )
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
+        flush(self._context)
         clock.lap("target.geometry")
         shadow_map, choice = self._draw_shadow(scene, view, loaded, place)
+        flush(self._context)
         clock.lap("target.shadow")
         exact = scene.quality == "high"
         edge_view = EdgeView(camera, place.rect, place.near_far_m[0], place.camera_from_target)
         edges = self._edges.begin(None if bent else loaded.edges, edge_view, exact=exact)
         slope = self._edges.run(edges, lattice, size)
+        flush(self._context)
         edged, edgeless, even = cells, cells[:0], None
         bands = len(bands_of(scene.bands))
         if not exact and place.hull_px is not None and loaded.is_even and scene.lamp is None:
@@ -283,7 +288,7 @@ class TargetPasses:
             self._shade.run(images.target_framebuffer, sampled.rect, cells, program, textures, ahead=True)
 
     def shade(self, sampled: Sampled, view: View, bands: Bands, images: Images) -> None:
-        """Draw the target's radiance and coverage into ``images``, in the light of ``view``."""
+        """Have the driver draw radiance and coverage into ``images``, in the light of ``view``."""
         light = sampled.returned.update(bands, view)
         textures = {**sampled.textures, "t_open": light.visibility, "t_returned": light.returned}
         sampled.program.set("u_stamp", sampled.stamp)
@@ -296,6 +301,7 @@ class TargetPasses:
         self._shade.run(images.target_framebuffer, sampled.rect, cells, sampled.program, textures)
         if even is not None:
             self._even.fill(even, sampled.rect, len(bands_of(bands)))
+        flush(self._context)
 
     def begin_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
         """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""
