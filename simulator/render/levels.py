@@ -14,6 +14,8 @@ import numpy as np
 from simulator.render.cache import cached_array, name_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import moderngl
 
     from simulator.arrays import ByteArray
@@ -99,11 +101,11 @@ def draw_one_point(array: moderngl.VertexArray) -> None:
 
 def flush(context: moderngl.Context) -> None:
     """Have the driver begin with what it was told; a software driver collects it until it is asked for the picture."""
-    library = opengl()
-    if library is None:
+    begin = _gl_flush()
+    if begin is None:
         context.finish()
     else:
-        library.glFlush()
+        begin()
 
 
 def _sizes(width: int, height: int) -> list[tuple[int, int]]:
@@ -122,6 +124,13 @@ def _smaller(image: ByteArray) -> ByteArray:
         last = np.asarray(cv2.resize(last, size, interpolation=cv2.INTER_AREA), np.uint8)
         levels.append(last.ravel())
     return np.concatenate(levels)
+
+
+@lru_cache(maxsize=1)
+def _gl_flush() -> Callable[[], None] | None:
+    """The call, which keeps Python's lock: a thread that waits for it would have it a hundred times as long."""
+    library = opengl()
+    return None if library is None else ctypes.PYFUNCTYPE(None)(("glFlush", library))
 
 
 @lru_cache(maxsize=1)
