@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
 
     import moderngl
-    from numpy.typing import NDArray
 
     from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.render.mesh import Mesh
@@ -41,7 +40,9 @@ class AtlasTextures:
     def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], made: Transfer) -> None:
         self._made, self.pair = made, pair
         self.visibility, self.returned = pair
-        self._image = np.zeros((self.returned.width * self.returned.height, len(made.returned)), np.uint16)
+        self._image = np.zeros(
+            (self.returned.width * self.returned.height, self.returned.components), np.float32
+        )
         self.visibility.write(made.visibility.tobytes(), alignment=1)
         self._last: bytes = b""
 
@@ -60,7 +61,7 @@ class AtlasTextures:
             light = _weighted(sky[band], even)
             if sun[band] > 0:
                 light += _weighted(sun[band] * RETURNED_STEP * shares, table[rows].astype(np.float32))
-            self._image[:, band] = half_bits(np.maximum(light, 0, out=light))
+            np.maximum(light, 0, out=self._image[:, band])
         self.returned.write(self._image, alignment=1)
 
     def release(self) -> None:
@@ -87,8 +88,10 @@ class ReturnedLight:
         """Bake on another thread, unless that is done already: a second's work that needs no OpenGL."""
         if bands in self._kept or bands in self._begun:
             return
-        size, n = self._mesh.charts.size_px, 1 if bands == "mono" else 3
-        pair = self._context.texture(size, 4), self._context.texture(size, n, dtype="f2")
+        size, channels = self._mesh.charts.size_px, 1 if bands == "mono" else 4
+        # 32-bit floats, and four of them for three bands: a software driver looks them up as quickly as 16-bit ones,
+        # which take as long to make as all the rest
+        pair = self._context.texture(size, 4), self._context.texture(size, channels, dtype="f4")
         for texture in pair:
             texture.filter = (self._context.LINEAR, self._context.LINEAR)
             texture.repeat_x = texture.repeat_y = False
@@ -141,16 +144,6 @@ def _returned_share(materials: Sequence[Material], bands: Bands) -> FloatArray:
 def _weighted(weights: FloatArray, rows: Float32Array) -> Float32Array:
     """(N,) sum of some rows (K, N) by their weights; a library's product would depend on its number of threads."""
     return np.asarray(np.einsum("k,kn->n", weights.astype(np.float32), rows))
-
-
-def half_bits(values: Float32Array) -> NDArray[np.uint16]:
-    """Bits of the 16-bit floats nearest to values from 0 to 65504, as ``astype`` finds them in three times the time."""
-    bits = values.view(np.uint32)
-    # the exponent's bias falls by 112; the mantissa is rounded to ten bits, ties to even
-    normal = (bits - np.uint32((112 << 23) - 0xFFF) + (bits >> 13 & 1)) >> 13
-    # below 2^-14 steps are even: those of 32-bit floats between a half and one
-    small = (values + np.float32(0.5)).view(np.uint32) - np.uint32(0x3F000000)
-    return np.where(values < np.float32(2.0**-14), small, normal).astype(np.uint16)
 
 
 def _between(directions: FloatArray, towards: FloatArray) -> tuple[IntArray, FloatArray]:
