@@ -8,9 +8,10 @@ its own flow; before it the craft is drawn at the instants that its own motion a
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,15 +72,27 @@ def crop(camera: Camera, x0: int, y0: int, width_px: int, height_px: int) -> Cam
     )
 
 
-def image_motion_px(scene: SceneState, target: Target, span_s: float) -> float:
+def moments_of(scene: SceneState) -> Callable[[float], SceneState]:
+    """`scene_at` of one scene, which works out each moment once: an exposure's ends are asked for again and again."""
+    return cache(partial(scene_at, scene))
+
+
+def image_motion_px(
+    scene: SceneState, target: Target, span_s: float, at: Callable[[float], SceneState] | None = None
+) -> float:
     """Largest way that anything on the image goes in ``span_s`` about mid-exposure [px].
 
     Followed are the corners of the box about the craft, and a grid of directions: where one meets the Earth, the
     ground there, else the sky.
+
+    Parameters
+    ----------
+    at : `moments_of` the scene.
     """
     if span_s == 0:
         return 0.0
-    early, late = (_places_px(scene, scene_at(scene, sign * span_s / 2), target) for sign in (-1, 1))
+    at = at or moments_of(scene)
+    early, late = (_places_px(scene, at(sign * span_s / 2), target) for sign in (-1, 1))
     way = np.hypot(*(late - early).T)
     return float(np.nanmax(way, initial=0.0))
 
@@ -87,23 +100,20 @@ def image_motion_px(scene: SceneState, target: Target, span_s: float) -> float:
 def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
     """A motion that `image_motion_px` is never above, for a fraction of its cost; infinite where it is not known."""
     camera, size = scene.camera, float(np.linalg.norm(box_3d_m(target), axis=1).max())
-    t = np.asarray(scene.t_camera_from_target_m)
+    t = scene.t_camera_from_target_m
     body = BODIES[scene.central_body]
     moon = scene.central_body == "moon"
-    r = np.asarray(scene.r_camera_eci_m) - (np.asarray(scene.r_moon_eci_m) if moon else 0.0)
-    height = float(np.linalg.norm(r)) - body.radius_m
+    height = math.dist(scene.r_camera_eci_m, scene.r_moon_eci_m if moon else (0.0, 0.0, 0.0)) - body.radius_m
     if not camera.distortion.is_none or t[2] <= 2 * size or height <= 1e3:
         return float("inf")
-    v = np.asarray(scene.v_camera_eci_m_s)
-    passing = float(np.linalg.norm(np.asarray(scene.v_target_eci_m_s) - v))
-    turning = float(np.linalg.norm(scene.omega_camera_rad_s))
-    spinning = float(np.linalg.norm(scene.omega_target_rad_s))
+    passing = math.dist(scene.v_target_eci_m_s, scene.v_camera_eci_m_s)
+    turning, spinning = math.hypot(*scene.omega_camera_rad_s), math.hypot(*scene.omega_target_rad_s)
     craft = (passing + size * spinning) / (t[2] - size)
-    ground = (float(np.linalg.norm(v)) + FASTEST_GROUND_M_S) / height
+    ground = (math.hypot(*scene.v_camera_eci_m_s) + FASTEST_GROUND_M_S) / height
     # an angle's image grows with the square of the distance from the axis
     x = max(camera.cx_px, camera.width_px - camera.cx_px) / camera.fx_px
     y = max(camera.cy_px, camera.height_px - camera.cy_px) / camera.fy_px
-    aside = max(float(np.hypot(x, y)), (float(np.hypot(t[0], t[1])) + size) / (t[2] - size))
+    aside = max(math.hypot(x, y), (math.hypot(t[0], t[1]) + size) / (t[2] - size))
     rate = turning + max(craft, ground if scene.environment.earth else 0.0)
     # a quarter more: rates change within the span by far less
     return 1.25 * span_s * rate * max(camera.fx_px, camera.fy_px) * (1 + aside**2)
@@ -173,11 +183,11 @@ def instants_of(motion_px: float, exposure_s: float) -> Instants:
     return Instants(tuple((exposure_s * at).tolist()), (1 / n,) * n)
 
 
-def instants(scene: SceneState, target: Target) -> Instants:
-    """The instants to draw a whole scene at."""
+def instants(scene: SceneState, target: Target, at: Callable[[float], SceneState] | None = None) -> Instants:
+    """The instants to draw a whole scene at; ``at``: `moments_of` the scene."""
     if not scene.shutter.motion_blur or motion_bound_px(scene, target, scene.exposure_s) < STILL_PX:
         return Instants()
-    return instants_of(image_motion_px(scene, target, scene.exposure_s), scene.exposure_s)
+    return instants_of(image_motion_px(scene, target, scene.exposure_s, at), scene.exposure_s)
 
 
 def row_bands(scene: SceneState, target: Target) -> tuple[RowBand, ...]:
@@ -207,20 +217,21 @@ class Exposed:
 
 def integrate(renderer: Renderer, scene: SceneState, target: Target) -> Exposed:
     """Draw a scene over its exposure."""
-    bands, moments = row_bands(scene, target), instants(scene, target)
+    at = moments_of(scene)
+    bands, moments = row_bands(scene, target), instants(scene, target, at)
     if len(bands) == 1 and len(moments) == 1 and bands[0].dt_s == 0:
         rendered = renderer.render(scene, target)
         return Exposed(rendered.radiance, rendered.stage_ms, 1)
-    n_drawings = 0 if len(bands) > 1 else drawings_of_ground(scene)
+    n_drawings = 0 if len(bands) > 1 else drawings_of_ground(scene, at)
     if n_drawings:
-        return _over_passing_ground(renderer, scene, target, n_drawings)
+        return _over_passing_ground(renderer, scene, target, n_drawings, at)
     parts: dict[int, Float32Array] = {}
     stage_ms: dict[str, float] = {}
     for band in bands:
         camera = crop(scene.camera, 0, band.y0, scene.camera.width_px, band.y1 - band.y0)
         total: Float32Array | None = None
         for dt, weight in zip(moments.times_s, moments.weights, strict=True):
-            moved = replace(scene_at(scene, band.dt_s + dt), camera=camera)
+            moved = replace(at(band.dt_s + dt), camera=camera)
             rendered = renderer.render(moved, target)
             part = rendered.radiance * np.float32(weight)
             total = part if total is None else np.add(total, part, out=total)
@@ -233,12 +244,18 @@ def integrate(renderer: Renderer, scene: SceneState, target: Target) -> Exposed:
     return Exposed(radiance, stage_ms, len(bands) * len(moments))
 
 
-def drawings_of_ground(scene: SceneState) -> int:
-    """How often ground that fills the image is to be drawn and smeared; 0 where it does not, or goes too far."""
+def drawings_of_ground(scene: SceneState, at: Callable[[float], SceneState] | None = None) -> int:
+    """How often ground that fills the image is to be drawn and smeared; 0 where it does not, or goes too far.
+
+    Parameters
+    ----------
+    at : `moments_of` the scene.
+    """
     far = float(np.linalg.norm(scene.r_camera_eci_m)) > LOW_ORBIT_M
     if not scene.environment.earth or scene.central_body != "earth" or far:
         return 0  # the Moon may be before the ground
-    early, late = (scene_at(scene, sign * scene.exposure_s / 2) for sign in (-1, 1))
+    at = at or moments_of(scene)
+    early, late = (at(sign * scene.exposure_s / 2) for sign in (-1, 1))
     c = scene.camera
     across = [np.linspace(-0.5, size - 0.5, 5) for size in (c.width_px, c.height_px)]
     places = np.stack(np.meshgrid(*across), axis=-1).reshape(-1, 2)
@@ -261,34 +278,38 @@ def _all_ground(scene: SceneState, pixels: FloatArray) -> bool:
     return bool(np.all((along > 0) & (r @ r - along**2 < POLE_M**2)))
 
 
-def _over_passing_ground(renderer: Renderer, scene: SceneState, target: Target, n_drawings: int) -> Exposed:
+def _over_passing_ground(
+    renderer: Renderer,
+    scene: SceneState,
+    target: Target,
+    n_drawings: int,
+    at: Callable[[float], SceneState],
+) -> Exposed:
     """The ground's mean, and before it the craft's: what of one changes while the other's edge passes is left out."""
     stage_ms: dict[str, float] = {"smear": 0.0}
     means: list[Float32Array] = []
     span_s = scene.exposure_s / n_drawings
-    ends = [_corners_px(scene, scene_at(scene, sign * scene.exposure_s / 2), target) for sign in (-1, 1)]
+    ends = [_corners_px(scene, at(sign * scene.exposure_s / 2), target) for sign in (-1, 1)]
     motion = float(np.nanmax(np.hypot(*(ends[1] - ends[0]).T), initial=0.0))
     moments = instants_of(motion, scene.exposure_s)
     # the driver draws the first craft's samples while the ground's are prepared, and shades it during the last smear
-    first = renderer.begin_craft(scene_at(scene, moments.times_s[0]), target)
+    first = renderer.begin_craft(at(moments.times_s[0]), target)
     for k in range(n_drawings):
-        mid, early, late = (
-            scene_at(scene, (k + at) * span_s - scene.exposure_s / 2) for at in (0.5, 0.0, 1.0)
-        )
+        mid, early, late = (at((k + part) * span_s - scene.exposure_s / 2) for part in (0.5, 0.0, 1.0))
         rendered = renderer.render(mid, target, layer="sky")
         _add_times(stage_ms, rendered.stage_ms)
         if k == n_drawings - 1:
             first.shade()
         start = time.perf_counter()
-        part = smear(rendered.radiance, partial(_ways_px, mid, early, late))
-        means = [np.add(means[0], part, out=means[0])] if means else [part]
+        smeared = smear(rendered.radiance, partial(_ways_px, mid, early, late))
+        means = [np.add(means[0], smeared, out=means[0])] if means else [smeared]
         stage_ms["smear"] += (time.perf_counter() - start) * 1e3
     mean = means[0]
     if n_drawings > 1:
         mean /= np.float32(n_drawings)
     crafts: list[tuple[Rendered, np.float32]] = []
     for dt, weight in zip(moments.times_s, moments.weights, strict=True):
-        craft = renderer.render(scene_at(scene, dt), target, layer="craft") if crafts else first.read()
+        craft = renderer.render(at(dt), target, layer="craft") if crafts else first.read()
         _add_times(stage_ms, craft.stage_ms)
         crafts.append((craft, np.float32(weight)))
     _put_before(mean, crafts)

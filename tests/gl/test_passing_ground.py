@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.dataset.contact_sheet import smaller
+from simulator.labels import exposure
 from simulator.labels.exposure import drawings_of_ground, image_motion_px, integrate
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
@@ -85,6 +86,14 @@ def test_the_smear_is_the_mean_of_four_times_the_instants(renderer, plan, exposu
     assert rms < 0.005
     assert rms < 0.5 * unsmeared
     assert signal.mean() == pytest.approx(wanted.mean(), rel=1e-3)
+
+
+def test_each_moment_of_an_exposure_is_worked_out_once(renderer, plan, monkeypatch):
+    asked = []
+    monkeypatch.setattr(exposure, "scene_at", lambda scene, dt_s: asked.append(dt_s) or scene_at(scene, dt_s))
+    integrate(renderer, _exposed(plan, 0.1), plan.target)
+    assert len(asked) == len(set(asked))
+    assert len(asked) > 2
 
 
 def test_sky_in_view_is_drawn_instant_by_instant(plan):
