@@ -11,6 +11,7 @@ Tango's, so that both span the same sizes in the image; size is half the diagona
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -284,6 +285,7 @@ def scaled_range_m(target: Target) -> tuple[float, float]:
     return near, far
 
 
+@lru_cache(maxsize=4)
 def _radius_m(target: Target) -> float:
     return float(max(np.linalg.norm(p.positions_m, axis=1).max() for p in target.parts))
 

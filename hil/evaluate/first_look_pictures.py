@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 VIEW_PX, DRAWN_PX, FILLED = 72, 144, 0.97
 
 # Nothing but the craft, lit by the Sun and the Earth.
-CRAFT_ALONE = Environment(earth=False, stars=False, sun=False, moon=False, planets=False)
+CRAFT_ALONE = Environment(earth=False, stars=False, sun=False, moon=False, planets=False, sea_ice=False)
 
 # Backgrounds: the SPEED camera's picture at a quarter of its size [px].
 EARTH_PX = (480, 300)
@@ -67,6 +67,7 @@ def turned_to(scene: SceneState, centre_m: FloatArray, radius_m: float, side_px:
         camera=camera,
         sensor=sensor_preset("ideal"),
         environment=CRAFT_ALONE,
+        quality="draft",
         q_camera_from_target_wxyz=quat(
             quat_from_matrix(turn @ matrix_from_quat(scene.q_camera_from_target_wxyz))
         ),

@@ -2,6 +2,9 @@
 
 python -m hil.evaluate.first_look_pictures tango -n 30000 -o VIEWS
 python -m hil.evaluate.train_first_look tango VIEWS -o hil/board/svd/look/tango.npz --minutes 50
+
+A craft that is not the first may begin with what another's network sees (`--start tango`): a third of the time is
+enough.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from torch.nn import functional
 
 from hil.board.svd import quaternion as quat
 from hil.board.svd.look.attitudes import ANCHORS, bumps, even_attitudes
+from hil.board.svd.look.first import read_net
 from hil.board.svd.look.net import LOOK_PX, STRIDES, VERSION, Net
 from hil.evaluate.first_look_samples import Batch, Views, sample
 from hil.evaluate.worker import board_model
@@ -44,6 +48,9 @@ REPORTS = 10
 
 # Attitudes that a report looks among.
 GRID = 6000
+
+# Looks by which another craft's network is taken over.
+STATISTICS = 512
 
 # Share of the weights' running mean that each step keeps.
 KEEP = 0.998
@@ -78,6 +85,29 @@ def start_weights(seed: int) -> Tree:
     layer("heads", (HIDDEN, ANCHORS + 4), 0.01)
     del out["heads_scale"]
     return {k: torch.tensor(v, dtype=torch.float32, requires_grad=True) for k, v in out.items()}
+
+
+def weights_of(net: Net, looks: torch.Tensor, seed: int) -> Tree:
+    """Weights that see what another craft's network sees, and know no attitude of this one yet.
+
+    Parameters
+    ----------
+    looks : (B, 64, 64, 2) of which each normalisation takes the mean and spread that it undoes.
+    """
+    weights = start_weights(seed)
+    layers = {f"kernel{k}": pair for k, pair in enumerate(zip(net.kernels, net.biases, strict=True))}
+    for name, (kernel, bias) in (layers | {"squeeze": net.squeeze, "hidden": net.hidden}).items():
+        with torch.no_grad():
+            weights[name].copy_(torch.from_numpy(kernel))
+            # the layers before this one are right by now
+            _, seen = forward(weights, None, looks)
+            spread = torch.sqrt(seen[f"{name}_var"] + EPSILON)
+            weights[f"{name}_scale"].copy_(spread)
+            weights[f"{name}_bias"].copy_(torch.from_numpy(bias) + seen[f"{name}_mean"])
+    with torch.no_grad():
+        for key, there in zip(("heads", "heads_bias"), net.heads, strict=True):
+            weights[key][..., ANCHORS:] = torch.from_numpy(there[..., ANCHORS:])
+    return weights
 
 
 def forward(weights: Tree, running: Tree | None, looks: torch.Tensor) -> tuple[torch.Tensor, Tree]:
@@ -206,12 +236,22 @@ def recall(net: Net, batch: Batch, most: int = 32) -> str:
     return "; ".join([*shares, f"box {np.round(np.median(e, axis=0), 3)}, craft {right:.3f}"])
 
 
-def train(views: Views, minutes: float, seed: int, report: Callable[[str, Tree], None]) -> Tree:
-    """Running means of weights and statistics after ``minutes``: Adam with decay of the weights, falling rate."""
+def train(
+    views: Views, minutes: float, seed: int, report: Callable[[str, Tree], None], start: Net | None = None
+) -> Tree:
+    """Running means of weights and statistics after ``minutes``: Adam with decay of the weights, falling rate.
+
+    Parameters
+    ----------
+    start : network of another craft to begin with, or None for random weights.
+    """
     # one thread: boards and desks alike have other work
     torch.set_num_threads(1)
     rng = np.random.default_rng(seed)
-    weights = start_weights(seed)
+    if start is None:
+        weights = start_weights(seed)
+    else:
+        weights = weights_of(start, torch.from_numpy(sample(views, rng, STATISTICS).looks), seed)
     adam = torch.optim.AdamW(
         [
             {"params": [w for w in weights.values() if w.ndim > 1], "weight_decay": DECAY},
@@ -226,7 +266,7 @@ def train(views: Views, minutes: float, seed: int, report: Callable[[str, Tree],
         grid = quat.multiply(quat.multiply(p, even_attitudes(COMPARED)), r)
         grids.append((grid, torch.tensor(bumps(grid).T, dtype=torch.float32)))
     means: Tree = {}
-    start, count, done, told = time.monotonic(), 0, 0.0, 0.0
+    began, count, done, told = time.monotonic(), 0, 0.0, 0.0
     losses = np.zeros(3)
     with ThreadPoolExecutor(1) as pool:
         ahead = pool.submit(sample, views, rng, BATCH)
@@ -235,7 +275,7 @@ def train(views: Views, minutes: float, seed: int, report: Callable[[str, Tree],
             ahead = pool.submit(sample, views, rng, BATCH)
             grid, basis = grids[count % TURNS]
             count += 1
-            done = (time.monotonic() - start) / (60 * minutes)
+            done = (time.monotonic() - began) / (60 * minutes)
             for group in adam.param_groups:
                 falling = 0.5 * (1 + np.cos(np.pi * min(done, 1.0)))
                 group["lr"] = RATE * min(1.0, count / 200) * falling + 1e-5
@@ -272,6 +312,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=50.0)
     parser.add_argument("--views-used", type=int, default=None)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--start", default=None, help="craft whose network to begin with")
     options = parser.parse_args()
     n = options.views_used or len(np.load(options.views / "pose.npy", mmap_mode="r"))
     views = Views.read(options.views, 0, n - n // 20)
@@ -281,7 +322,12 @@ def main() -> None:
         write(options.output, folded(means), options.target)
         print(text, "|", recall(Net.read(str(options.output)), held), flush=True)  # noqa: T201
 
-    report("end", train(views, options.minutes, options.seed, report))
+    start = None
+    if options.start is not None:
+        start = read_net(options.start)
+        if start is None:
+            parser.error(f"--start: no network is shipped for '{options.start}'")
+    report("end", train(views, options.minutes, options.seed, report, start))
 
 
 if __name__ == "__main__":

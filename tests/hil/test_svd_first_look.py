@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,19 +11,19 @@ import pytest
 from scipy.signal import correlate
 
 from hil.board.svd import BoardModel, CameraIntrinsics
+from hil.board.svd import look as look_folder
 from hil.board.svd import quaternion as quat
 from hil.board.svd.look.attitudes import ANCHORS, bumps, even_attitudes
 from hil.board.svd.look.crop import Gaze, seen_through
-from hil.board.svd.look.first import FirstLook, net_for
+from hil.board.svd.look.first import FirstLook, Glance, net_for
 from hil.board.svd.look.net import FILLED, LOOK_PX, Net, convolve
 from hil.board.svd.look.subspaces import Subspaces
 from hil.board.svd.roi import Region
 from hil.board.svd.shade import Canvas, draw_faces
 from hil.evaluate.first_look_pictures import VIEW_PX
 from hil.evaluate.first_look_samples import Views, sample
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from hil.evaluate.worker import board_model
+from simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 
@@ -176,6 +176,40 @@ def test_only_the_model_it_was_trained_for_gets_a_network(tango: BoardModel) -> 
     assert net_for(replace(tango, name="../tango")) is None
     edges = tuple(replace(e, a_m=1.1 * e.a_m, b_m=1.1 * e.b_m) for e in tango.wireframe)
     assert net_for(replace(tango, wireframe=edges)) is None
+
+
+@pytest.mark.parametrize("path", sorted(Path(look_folder.__path__[0]).glob("*.npz")), ids=lambda p: p.stem)
+def test_every_network_that_is_shipped_is_of_its_craft_as_it_is_now(path: Path) -> None:
+    model = board_model(load_target(path.stem))
+    net = net_for(model)
+    assert net is not None
+    assert net.name == path.stem
+    assert model.faces is not None  # its poses are judged by them
+
+
+def test_what_the_network_says_of_a_pose_is_that_of_the_attitudes_near_it(tango: BoardModel) -> None:
+    look = FirstLook.prepare(tango, CAMERA)
+    assert look is not None
+    gaze = Gaze.at(CAMERA, 380.0, 60.0, 90.0)
+    true = quat.normalise(np.array([0.5, -0.4, 0.7, 0.2]))
+    # a likelihood with a ridge at the true attitude, and a lower one half a turn from it
+    half = quat.multiply(true, np.array([0.0, 0.0, 0.0, 1.0]))
+    likely = np.full(len(look.views.q), -9.0)
+    for q, value in ((half, -2.5), (true, 0.0)):
+        likely[quat.angle_rad(look.views.q, q) < np.radians(12.0)] = value
+    none = np.zeros(0)
+    here = Glance(Region(0, 0, 1, 1, "map"), gaze, np.zeros((0, 4)), np.zeros((0, 3)), none, 3.0, likely)
+    flat = np.zeros(len(likely))
+    there = replace(here, gaze=Gaze.at(CAMERA, 60.0, 250.0, 90.0), likely=flat)
+
+    def said(q_look: np.ndarray) -> float:
+        R = gaze.swing() @ quat.matrix(q_look)
+        t = 9.0 * gaze.direction - R @ tango.centre_m
+        return look.log_likelihood([there, here], quat.from_matrix(R), t)
+
+    assert said(true) == 0.0
+    assert said(half) == -2.5
+    assert said(quat.multiply(true, quat.from_rotvec([0.0, 0.9, 0.0]))) == -9.0
 
 
 @pytest.mark.slow

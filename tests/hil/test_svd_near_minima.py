@@ -22,7 +22,7 @@ from hil.board.svd.roi import Region
 from hil.board.svd.score import support
 from hil.board.svd.search import twins
 from hil.board.svd.shade import Canvas, draw_faces
-from hil.board.svd.turned import check_turned
+from hil.board.svd.turned import Prior, check_turned
 from hil.board.svd.verify import SMALL_PX, check_leaning, choose_by_picture
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
@@ -196,6 +196,24 @@ def test_half_a_turn_is_told_by_the_finer_picture(craft: Craft, frame: Frame) ->
         assert after.evidence.margin > 0.1 * after.end.score
         other = min(quat.angle_rad(a.q_camera_from_target_wxyz, turned) for a in after.alternatives)
         assert np.degrees(other) < 12
+
+
+def test_a_first_look_is_heard_about_half_a_turn_and_does_not_decide_it_alone(
+    craft: Craft, frame: Frame
+) -> None:
+    turned = quat.normalise(quat.multiply(Q, craft.model.symmetry_wxyz[0]))
+    choice = choice_of(craft, frame, turned, T_M)
+
+    def believes(q: np.ndarray) -> Prior:
+        return lambda a, _: 0.0 if quat.angle_rad(a, q) < 0.2 else -9.0
+
+    alone, agreed, against = (
+        check_turned(craft, frame, choice, prior) for prior in (None, believes(Q), believes(turned))
+    )
+    for after in (alone, agreed, against):
+        # clear as this picture is, a belief of 4 at most does not turn it
+        assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 0.5
+    assert agreed.evidence.margin >= alone.evidence.margin > against.evidence.margin + 0.02
 
 
 def test_what_is_told_of_errors_grows_with_the_craft_and_leaves_the_decision() -> None:

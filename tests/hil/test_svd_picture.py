@@ -376,8 +376,12 @@ def test_each_witness_alone_can_make_a_pose_doubtful() -> None:
         assert decide(doubtful) != ""
         assert confidence(doubtful) < confidence(told) or "margin" in doubt
     # weights of one craft say less of another: a narrow margin is none, and it must look better than that
-    other = replace(told, tried=False)
+    other = replace(told, tried=False, looked=False)
     assert "confidence" in decide(other)
+    # a first look of its own makes up for that, but not for the margin
+    looked = replace(told, tried=False)
+    assert decide(looked) == ""
+    assert "ambiguous" in decide(replace(looked, margin=0.019))
     clear = replace(other, margin=0.1, likeness=0.995, drawn=0.75)
     assert decide(clear) == ""
     assert "ambiguous" in decide(replace(clear, margin=0.015))

@@ -112,7 +112,9 @@ def test_nothing_lit_proposes_no_place_and_a_texture_proposes_them_about_the_loo
     assert gazes_about_lit(craft, dark, np.full((75, 120), DARK, np.float32)) == []
     gaze = Gaze.at(CAMERA, 200.0, 120.0, 90.0)
     source = Region(150.0, 80.0, 250.0, 160.0, "map")
-    about = gazes_about(craft, Glance(source, gaze, np.zeros((0, 4)), np.zeros((0, 3)), np.zeros(0), 3.0))
+    none = np.zeros(0)
+    glance = Glance(source, gaze, np.zeros((0, 4)), np.zeros((0, 3)), none, 3.0, none)
+    about = gazes_about(craft, glance)
     at = np.array([CAMERA.pixels(g.direction) for g in about])
     assert np.allclose(at.mean(axis=0), [200.0, 120.0], atol=0.5)
     assert {round(g.diameter_px) for g in about} == {78, 90, 103}

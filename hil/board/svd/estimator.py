@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import List, Sequence, Tuple, Union
 
 import numpy as np
 
 from hil.board.svd.base import Estimator
-from hil.board.svd.confidence import ACCEPT_AT, Evidence, doubtful, error_scale
+from hil.board.svd.confidence import ACCEPT_AT, TRIED, Evidence, doubtful, error_scale
 from hil.board.svd.course import Ranked
 from hil.board.svd.drawn import draw_at
 from hil.board.svd.edges import edge_field, shrink
@@ -62,6 +63,7 @@ class PoseEstimator(Estimator):
         self.accept_at = accept_at
         self.craft = Craft.prepare(model, camera)
         self.first = FirstLook.prepare(model, camera)
+        self.tried = self.first is not None and model.name in TRIED
 
     def _estimate(self, frame: Frame) -> PoseResult:
         return self.initialise(frame)
@@ -90,11 +92,11 @@ class PoseEstimator(Estimator):
         found = [c for g in glances for c in self._candidates(frame, g)]
         frame.keep("glances", glances)
         frame.mark("first_look")
-        looked = self._chosen(frame, found) if found else None
+        looked = self._chosen(frame, found, glances) if found else None
         if looked is not None and not looked.accepted and self.first is not None:
             # poses of many places about what is seen, then those that the look named, with shadows
             wide = align_wide(self.craft, frame, self.first, glances[0], found[0], small)
-            again = self._chosen(frame, list(found), thorough=True, beside=wide)
+            again = self._chosen(frame, list(found), glances, thorough=True, beside=wide)
             # edges besides would double the time: of 211 frames they set 8 right, and had a wrong pose accepted
             looked = max(looked, again, key=_confidence)
         if looked is not None and (looked.accepted or self.first is not None):
@@ -107,7 +109,7 @@ class PoseEstimator(Estimator):
         frame.count("searched", 1)
         found = [c for region in some for c in search_region(self.craft, frame, region)]
         if found:
-            searched = self._chosen(frame, found, thorough=True)
+            searched = self._chosen(frame, found, glances, thorough=True)
             # not by what they explain: the two were judged on different cuts of the picture
             looked = searched if looked is None else max(looked, searched, key=_confidence)
         return self._declined(frame, "no target found") if looked is None else looked
@@ -140,7 +142,13 @@ class PoseEstimator(Estimator):
         ]
 
     def _chosen(
-        self, frame: Frame, found: List[Candidate], *, thorough: bool = False, beside: Sequence[Ranked] = ()
+        self,
+        frame: Frame,
+        found: List[Candidate],
+        glances: Sequence[Glance],
+        *,
+        thorough: bool = False,
+        beside: Sequence[Ranked] = (),
     ) -> PoseResult:
         """The best of the candidates, and whether it is to be accepted; ``beside`` are poses aligned already."""
         found.sort(key=lambda c: -c.support.total)
@@ -152,9 +160,11 @@ class PoseEstimator(Estimator):
         )
         leaders = sorted([*leaders, *beside], key=lambda r: -r.score)
         choice = choose_by_picture(self.craft, frame, leaders, thorough=thorough)
-        if self.first is None:
-            # a first look's weights know which way round their craft is
-            choice = check_turned(self.craft, frame, choice)
+        if not self.tried:
+            # of a round craft a few small parts say which way round it is, and confidence was not fitted on them
+            first = self.first if glances else None
+            prior = None if first is None else partial(first.log_likelihood, glances)
+            choice = check_turned(self.craft, frame, choice, prior)
         result = self._told(frame, _all_of(choice))
         if thorough or not result.accepted or not doubtful(choice.evidence):
             return result
@@ -164,7 +174,7 @@ class PoseEstimator(Estimator):
     def _told(self, frame: Frame, chosen: Chosen) -> PoseResult:
         """The result of a choice, and whether it is to be accepted."""
         best, fit, evidence, alternatives = chosen
-        evidence = replace(evidence, tried=self.first is not None)
+        evidence = replace(evidence, tried=self.tried, looked=self.first is not None)
         frame.count("edges", evidence.edges)
         frame.keep("field", best.field)
         if frame.shows_all:

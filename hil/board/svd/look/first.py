@@ -43,6 +43,9 @@ TOO_WIDE = 0.5
 # Attitudes closer than this are one [rad].
 APART_RAD = float(np.radians(11.0))
 
+# How near to a pose the attitudes are that tell its likelihood [rad]: about the step from one to the next.
+NEAR_RAD = float(np.radians(10.0))
+
 # A place this much less sure of a craft than the surest is left out [logit].
 DOUBT = 4.0
 
@@ -67,6 +70,7 @@ class Glance:
     ----------
     gaze : the corrected direction and size. q (K, 4), t (K, 3), log_likely (K,) : poses, the likeliest first.
     craft : logit of there being a craft. source : the proposal it started from.
+    likely : (V * TURNS,) logarithm of each attitude's likelihood against the line of sight, see ``Subspaces.q``.
     """
 
     source: Region
@@ -75,6 +79,7 @@ class Glance:
     t: Array
     log_likely: Array
     craft: float
+    likely: Array
 
     def region(self, camera: CameraIntrinsics) -> Region:
         """Square about the craft's sphere; may reach beyond the picture."""
@@ -166,10 +171,11 @@ class FirstLook:
         for source, coefficients, sure, gaze in sorted(looked, key=lambda g: -g[2]):
             if sure < surest - DOUBT:
                 break
-            q, move, score = self.views.rank(image, camera, gaze, coefficients, ATTITUDES, APART_RAD, reduced)
+            likely = self.views.likelihood(coefficients)
+            q, move, score = self.views.rank(image, camera, gaze, likely, ATTITUDES, APART_RAD, reduced)
             near = score > score[0] - LESS
             Q, t = self._placed(gaze, q[near], move[near])
-            out.append(Glance(source, gaze, Q, t, score[near], sure))
+            out.append(Glance(source, gaze, Q, t, score[near], sure, likely))
         return out
 
     def held(
@@ -201,8 +207,21 @@ class FirstLook:
             near = score > score[0] - LESS
             Q, t = self._placed(gazes[g], q[near], move[near])
             sure = float(np.append(more[:, 3], rest[g, 3]).mean())
-            out.append(Glance(source, gazes[g], Q, t, score[near], sure))
+            out.append(Glance(source, gazes[g], Q, t, score[near], sure, own))
         return out
+
+    def log_likelihood(self, glances: Sequence[Glance], q: Array, t: Array) -> float:
+        """What the network alone says of a pose's attitude: the best near it, against the likeliest of all.
+
+        Parameters
+        ----------
+        glances : of one picture, at least one; that which looks nearest is asked. q (4,), t (3,) : the pose.
+        """
+        centre = t + quat.matrix(q) @ self.centre_m
+        glance = max(glances, key=lambda g: float(g.gaze.direction @ centre))
+        seen = quat.multiply(quat.from_matrix(glance.gaze.swing().T), q)
+        near = np.abs(self.views.q @ seen) > np.cos(0.5 * NEAR_RAD)
+        return float(glance.likely[near].max() - glance.likely.max())
 
     def _turned(self, image: Array, noise: float, gaze: Gaze, reduced: Optional[Array]) -> Array:
         """(4, 64, 64, 2) a look from four sides."""
