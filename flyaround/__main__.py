@@ -13,6 +13,7 @@ from hil.board.errors import BoardModelError
 from hil.link.errors import LinkError
 from simulator.errors import UserError
 from simulator.memory import keep_freed_memory
+from simulator.threads import use_one_for_matrices
 
 INTERRUPTED = 130
 
@@ -20,6 +21,7 @@ INTERRUPTED = 130
 def main() -> None:
     """Run the command line and exit."""
     keep_freed_memory()
+    use_one_for_matrices()
     sys.exit(run(sys.argv[1:]))
 
 

@@ -15,7 +15,9 @@ SCENE = "tango-earth-10m-1024"
 _PROGRAM = f"""
 import sys
 from simulator.memory import keep_freed_memory
+from simulator.threads import use_one_for_matrices
 keep_freed_memory()  # as the program does
+use_one_for_matrices()
 from simulator.render.earth_maps import begin_earth_maps
 from simulator.scenario_load import load_scenario
 scenario = load_scenario("{SCENE}")

@@ -20,6 +20,9 @@ from simulator.render.cache import cached_array
 if TYPE_CHECKING:
     from collections.abc import Callable
     from concurrent.futures import Future
+    from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from simulator.arrays import ByteArray, Float32Array
 
@@ -38,8 +41,8 @@ PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/s
 _ICE_LATITUDE_DEG = 50.0  # there is none nearer to the equator
 _ICE_REFLECTANCE = 0.22  # water brighter than this is ice, drawn as land
 _ICE_REACH = 8  # texels beyond a strip that the blur of the ice looks at
-# a strip stays in a processor's own memory; whole maps in floats would pass through the main memory ten times
-_STRIPS = [slice(row, row + 16) for row in range(0, HEIGHT, 16)]
+# whole maps in floats would pass through the main memory ten times; lower strips hand on Python's lock too often
+_STRIPS = [slice(row, row + 32) for row in range(0, HEIGHT, 32)]
 
 
 class KeptFiles:
@@ -107,10 +110,29 @@ def decode_file(name: str, flags: int) -> ByteArray:
     UserError
         If the file is missing or damaged.
     """
-    image = cv2.imdecode(np.frombuffer(asset_bytes(name), np.uint8), flags)
+    try:
+        with resources.as_file(resources.files("assets").joinpath("earth", name)) as path:
+            image = _decoded_once(path, flags)
+    except FileNotFoundError as error:
+        raise _missing(name) from error
+    if image is None:
+        image = cv2.imdecode(np.frombuffer(asset_bytes(name), np.uint8), flags)
     if image is None:
         raise UserError(f"the map assets/earth/{name} cannot be decoded; install Flyaround again")
     return np.asarray(image, np.uint8)
+
+
+def _decoded_once(path: Path, flags: int) -> NDArray[np.generic] | None:
+    """A picture decoded into NumPy's own memory: what OpenCV returns is copied to there, 100 MB of new pages.
+
+    None where this OpenCV (before 4.11) or this name (on Windows) has to go another way.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(path)
+    try:
+        return cv2.imread(str(path), None, flags)
+    except (cv2.error, TypeError):
+        return None
 
 
 def decode_map(
@@ -176,40 +198,50 @@ def _spread(filled: Float32Array, share: Float32Array) -> Float32Array:
 
 
 def _pack_panchromatic(files: KeptFiles, *, day_again: bool) -> ByteArray:
-    """The texture of one band; ``day_again`` says that the day's map will be asked for once more."""
+    """The texture of one band; ``day_again`` says that the day's map will be asked for once more.
+
+    Channels go straight into it, and what they are made of is freed first: new memory takes longer than the arithmetic.
+    """
+    out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
     with ThreadPoolExecutor(2) as pool:
         shore = pool.submit(decode_map, COAST, cv2.IMREAD_GRAYSCALE, decode=files)
-        coast, root, beside = _panchromatic_land(pool, day_map(files), shore)
-        del shore
-        if not day_again:  # before the largest of the arrays is needed
+        day = day_map(files)
+        shore.exception()  # waited for: both are decoded
+        if not day_again:
             files.forget()
-        clouds, night = pool.map(lambda name: decode_map(name, cv2.IMREAD_GRAYSCALE), (CLOUDS, NIGHT))
+        beside = _panchromatic_land(pool, day, shore, out)
+        del day, shore
         # the picture of the clouds shows their light: thin ones cover more than they whiten
         thin = np.round(np.sqrt(np.arange(256) / 255) * 255).astype(np.uint8)
-        out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
+        clouds, night = pool.map(lambda name: decode_map(name, cv2.IMREAD_GRAYSCALE), (CLOUDS, NIGHT))
 
         def merge(rows: slice) -> None:
-            land = beside[rows]
-            cv2.copyTo(root[rows], _inland(coast[rows]), land)
-            cv2.merge([land, cv2.LUT(clouds[rows], thin), night[rows], coast[rows]], dst=out[rows])
+            land = _enlarged_root(beside, rows)
+            inland = _inland(np.asarray(cv2.extractChannel(out[rows], 3), np.uint8))
+            cv2.copyTo(cv2.extractChannel(out[rows], 0), inland, land)
+            for k, channel in enumerate((land, cv2.LUT(clouds[rows], thin), night[rows])):
+                cv2.insertChannel(channel, out[rows], k)
 
         list(pool.map(merge, _STRIPS))
     return out
 
 
 def _panchromatic_land(
-    pool: ThreadPoolExecutor, day_bgr: ByteArray, shore: Future[ByteArray]
-) -> tuple[ByteArray, ByteArray, ByteArray]:
-    """Distance to the coast with the ice as land, and square roots of the reflectance: everywhere, and beside the land.
+    pool: ThreadPoolExecutor, day_bgr: ByteArray, shore: Future[ByteArray], out: ByteArray
+) -> Float32Array:
+    """Square root of the reflectance, and distance to the coast with the ice as land, into the first and last channel.
 
     Parameters
     ----------
     shore : the distance to the coast, under way; it is changed.
+
+    Returns
+    -------
+    Reflectance beside the land, at a quarter of the size.
     """
     coast = shore.result()
     # red, green, blue are the third, second, first channel of the picture
     table = (to_reflectance()[:, None] * np.array(PAN_WEIGHTS[::-1], np.float32))[None]
-    root = np.empty((HEIGHT, WIDTH), np.uint8)
     small = (HEIGHT // 4, WIDTH // 4)
     means, shares = np.empty(small, np.float32), np.empty(small, np.float32)
 
@@ -226,12 +258,13 @@ def _panchromatic_land(
             ice = cv2.convertScaleAbs(np.clip(128 + (smooth - _ICE_REFLECTANCE) * 400, 0, 200))
             ice[ice <= 120] = 0
             coast[rows] = np.maximum(coast[rows], ice)
-        root[rows] = cv2.convertScaleAbs(cv2.sqrt(reflectance), alpha=255.0)
+        cv2.insertChannel(cv2.convertScaleAbs(cv2.sqrt(reflectance), alpha=255.0), out[rows], 0)
+        cv2.insertChannel(coast[rows], out[rows], 3)
         quarter = slice(rows.start // 4, rows.stop // 4)
         means[quarter], shares[quarter] = _quarter(reflectance, _inland(coast[rows]))
 
     list(pool.map(reduce, _STRIPS))
-    return coast, root, _enlarged_root(_spread(means, shares))
+    return _spread(means, shares)
 
 
 def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
@@ -247,11 +280,11 @@ def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
 
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(reduce, _STRIPS))
-        beside = _enlarged_root(_spread(means, shares))
+        beside = _spread(means, shares)
         out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
 
         def merge(rows: slice) -> None:
-            land = beside[rows]
+            land = _enlarged_root(beside, rows)
             cv2.copyTo(cv2.LUT(day_bgr[rows], roots), _inland(coast[rows]), land)
             cv2.cvtColor(land, cv2.COLOR_BGR2RGBA, dst=out[rows])
 
@@ -264,7 +297,16 @@ def _inland(coast: ByteArray) -> ByteArray:
     return np.asarray(cv2.threshold(np.ascontiguousarray(coast), 128 + 12, 1, cv2.THRESH_BINARY)[1], np.uint8)
 
 
-def _enlarged_root(reflectance: Float32Array) -> ByteArray:
-    """Square root in 8 bits, even steps of what the eye, and shot noise, sees; at the maps' size."""
-    root = cv2.convertScaleAbs(cv2.sqrt(reflectance), alpha=255.0)
-    return np.asarray(cv2.resize(root, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR), np.uint8)
+def _enlarged_root(reflectance: Float32Array, rows: slice) -> ByteArray:
+    """Square root in 8 bits, even steps of what the eye, and shot noise, sees; some rows of the maps' size.
+
+    Parameters
+    ----------
+    reflectance : at a quarter of the size.
+    """
+    first, last = rows.start // 4, -(-rows.stop // 4)
+    around = slice(max(first - 1, 0), min(last + 1, len(reflectance)))  # a row more is looked at
+    root = cv2.convertScaleAbs(cv2.sqrt(reflectance[around]), alpha=255.0)
+    large = cv2.resize(root, (WIDTH, 4 * len(root)), interpolation=cv2.INTER_LINEAR)
+    start = rows.start - 4 * around.start
+    return np.asarray(large[start : start + rows.stop - rows.start], np.uint8)

@@ -21,6 +21,7 @@ GLSL_VERSION = "#version 410 core"
 FULL_SCREEN = "common/full_screen.vert"
 RAYS_UNIT = 15
 """Texture unit of the rays; the passes' own samplers count up from 0."""
+_WORD = re.compile(r"\w+")
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
 
 
@@ -41,6 +42,16 @@ def read_source(path: str, seen: set[str] | None = None) -> str:
         return "" if name in seen else read_source(name, seen)
 
     return _INCLUDE.sub(expand, text)
+
+
+def _head(source: str, defines: Mapping[str, object]) -> str:
+    """A shader's version, and the defines that it or they themselves speak of.
+
+    Two programs whose vertex shaders then are one text are one to a driver's cache: llvmpipe compiles it once.
+    """
+    spoken = set(_WORD.findall(source + " ".join(str(value) for value in defines.values())))
+    used = (f"#define {k} {v}" for k, v in defines.items() if k.split("(")[0] in spoken)
+    return "\n".join([GLSL_VERSION, *used]) + "\n"
 
 
 class ProgramLibrary:
@@ -89,27 +100,22 @@ class ProgramLibrary:
             return self._asked[asked]
         key = (vertex, fragment, tuple(sorted((k, str(v)) for k, v in defines.items())), samplers, self.lens)
         if key not in self._built:
-            head = (
-                "\n".join(
-                    [
-                        GLSL_VERSION,
-                        f"#define LENS {int(self.lens)}",
-                        *(f"#define {k} {v}" for k, v in defines.items()),
-                    ]
-                )
-                + "\n"
-            )
-            head += "".join(block.glsl for block in self._blocks)
             own, pixel = read_source(vertex), None if fragment is None else read_source(fragment)
             if hand and pixel is not None:
                 own, pixel = hand_on(own, pixel, (f for b in self._blocks for f in b.fields), self._slots)
-            source = head + own
+            known = {"LENS": int(self.lens), **defines}
+            blocks = "".join(block.glsl for block in self._blocks)
+
+            def whole(text: str) -> str:
+                return _head(text, known) + blocks + text
+
+            source = whole(own)
             cut = self.lens and "raster_position(" in source.split("void main")[-1]
-            shared = head + read_source("target/subdivide.glsl") if cut else ""
+            shared = whole(read_source("target/subdivide.glsl")) if cut else ""
             self._built[key] = Program(
                 self._context.program(
                     vertex_shader=source,
-                    fragment_shader=None if pixel is None else head + pixel,
+                    fragment_shader=None if pixel is None else whole(pixel),
                     tess_control_shader=shared + control_stage(source, MOST_PIECES) if cut else None,
                     tess_evaluation_shader=shared + evaluation_stage(source) if cut else None,
                     varyings=varyings,

@@ -1,5 +1,8 @@
 """The first frame's programs are compiled while its maps are decoded, and leave no trace in it."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -45,3 +48,24 @@ def test_the_bench_starts_a_program_that_draws():
     elapsed_ms, peak_mb = start._start(str(cache_folder()))
     assert elapsed_ms > 300
     assert 300 < peak_mb < 1500
+
+
+FRAME = """
+import hashlib
+from simulator.loop import plan_flight
+from simulator.render.renderer import Renderer
+from simulator.scenario_load import load_scenario
+plan = plan_flight(load_scenario("tango-earth-10m-1024"), n=1)
+with Renderer() as renderer:
+    print(hashlib.sha256(renderer.render(plan.scene(0), plan.target).radiance.tobytes()).hexdigest())
+"""
+
+
+@pytest.mark.slow
+def test_a_frame_from_an_empty_cache_is_the_one_from_a_full_one(tmp_path):
+    caches = {"FLYAROUND_CACHE_DIR": str(tmp_path), "MESA_SHADER_CACHE_DIR": str(tmp_path / "shaders")}
+    made, kept = (
+        subprocess.check_output([sys.executable, "-c", FRAME], env=os.environ | caches) for _ in range(2)
+    )
+    assert made == kept
+    assert list(tmp_path.glob("earth-*.npy"))
