@@ -3,7 +3,8 @@
     python -m hil.evaluate.first_look_pictures tango -n 12000 -o DIR
 
 Each view is one sample of the recipes `eval-black` and `eval-earth` (for any target), seen by a camera turned to the
-craft's centre and as narrow as the craft's sphere, so that a picture of 72 pixels holds it wholly. Written as arrays:
+craft's centre and as narrow as the craft's sphere, so that a picture of 72 pixels holds it wholly; in draft quality and
+without the light of sea ice, which no picture of 72 pixels tells (Tango's were drawn with both). Written as arrays:
 ``views.npy`` (N, 72, 72) signal of the craft, premultiplied by ``cover.npy``, its share of each pixel; ``pose.npy``
 (N, 8) attitude against the line of sight (w x y z), range over radius, direction to the Sun; ``earths.npy``
 (M, 300, 480) signal.

@@ -314,6 +314,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--start", default=None, help="craft whose network to begin with")
     options = parser.parse_args()
+    start = None if options.start is None else read_net(options.start)
+    if options.start is not None and start is None:
+        parser.error(f"--start: no network is shipped for '{options.start}'")
     n = options.views_used or len(np.load(options.views / "pose.npy", mmap_mode="r"))
     views = Views.read(options.views, 0, n - n // 20)
     held = sample(Views.read(options.views, n - n // 20, n), np.random.default_rng(1), 300)
@@ -322,11 +325,6 @@ def main() -> None:
         write(options.output, folded(means), options.target)
         print(text, "|", recall(Net.read(str(options.output)), held), flush=True)  # noqa: T201
 
-    start = None
-    if options.start is not None:
-        start = read_net(options.start)
-        if start is None:
-            parser.error(f"--start: no network is shipped for '{options.start}'")
     report("end", train(views, options.minutes, options.seed, report, start))
 
 

@@ -99,12 +99,14 @@ def draw_one_point(array: moderngl.VertexArray) -> None:
     library.glDrawArrays(_POINTS, 0, 1)
 
 
-def flush(context: moderngl.Context) -> None:
-    """Have the driver begin with what it was told; a software driver collects it until it is asked for the picture."""
+def flush() -> None:
+    """Have the driver begin with what it was told; a software driver collects it until it is asked for the picture.
+
+    Where OpenGL has no name that Python finds, the driver begins when the next image is drawn or this one is read: to
+    wait here until it is done would cost more than that.
+    """
     begin = _gl_flush()
-    if begin is None:
-        context.finish()
-    else:
+    if begin is not None:
         begin()
 
 

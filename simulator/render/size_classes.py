@@ -51,7 +51,8 @@ class SizeClasses(Generic[B]):
         near = [found for found in near if found[0] * found[1] <= most]
         buffers = None
         if near:
-            *larger, at_hand = min(near, key=lambda found: found[0] * found[1])
+            # of the same area the one that is right as it is: another grown to its size would take its place
+            *larger, at_hand = min(near, key=lambda found: (found[0] * found[1], found[:2] != found[2]))
             size = (larger[0], larger[1])
             buffers = self._kept.pop(at_hand)
             if at_hand != size:

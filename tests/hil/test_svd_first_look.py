@@ -210,6 +210,14 @@ def test_what_the_network_says_of_a_pose_is_that_of_the_attitudes_near_it(tango:
     assert said(true) == 0.0
     assert said(half) == -2.5
     assert said(quat.multiply(true, quat.from_rotvec([0.0, 0.9, 0.0]))) == -9.0
+    assert look.log_likelihood([here], np.full(4, np.nan), np.zeros(3)) == -np.inf
+    # where the attitudes compared are few, the nearest one is asked
+    i = int(quat.angle_rad(look.views.q, true).argmax())
+    few = replace(look, views=replace(look.views, q=look.views.q[[i]]))
+    only = replace(here, likely=np.array([-1.5]))
+    assert (
+        few.log_likelihood([only], quat.from_matrix(gaze.swing() @ quat.matrix(true)), gaze.direction) == 0.0
+    )
 
 
 @pytest.mark.slow

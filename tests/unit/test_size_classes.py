@@ -1,6 +1,8 @@
 """Buffers by size class: few are made, none is much too large."""
 
-from simulator.render.size_classes import GRAIN_PX, LARGER, SizeClasses
+import numpy as np
+
+from simulator.render.size_classes import GRAIN_PX, KEPT, LARGER, SizeClasses
 
 
 class Counted:
@@ -48,3 +50,17 @@ def test_sizes_at_hand_have_an_area_together():
     huge = classes.at_least(3 * side, 2 * side)
     assert classes.at_least(3 * side, 2 * side) is huge
     assert Counted.made - Counted.freed == 1
+
+
+def test_no_buffer_is_lost_where_another_grown_to_the_class_would_have_the_same_area():
+    # each is freed by hand: one that is put out of the books without it stays for ever
+    windows = [(4, 2), (3, 4), (4, 3), (3, 3)]
+    rng = np.random.default_rng(3)
+    windows += [tuple(int(k) for k in side) for side in rng.integers(1, 6, (400, 2))]
+    Counted.made = Counted.freed = 0
+    classes = SizeClasses(Counted)
+    for width, height in windows:
+        buffers = classes.at_least(width * GRAIN_PX, height * GRAIN_PX)
+        assert buffers.size[0] >= width * GRAIN_PX
+        assert buffers.size[1] >= height * GRAIN_PX
+        assert Counted.made - Counted.freed <= KEPT

@@ -245,16 +245,16 @@ class TargetPasses:
                 loaded.gbuffer.array, size, mesh, loaded.textures, scene.bands, cut=place.is_cut
             )
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
-        flush(self._context)
+        flush()
         clock.lap("target.geometry")
         shadow_map, choice = self._draw_shadow(scene, view, loaded, place)
-        flush(self._context)
+        flush()
         clock.lap("target.shadow")
         exact = scene.quality == "high"
         edge_view = EdgeView(camera, place.rect, place.near_far_m[0], place.camera_from_target)
         edges = self._edges.begin(None if bent else loaded.edges, edge_view, exact=exact)
         slope = self._edges.run(edges, lattice, size)
-        flush(self._context)
+        flush()
         edged, edgeless, even = cells, cells[:0], None
         bands = len(bands_of(scene.bands))
         if not exact and place.hull_px is not None and loaded.is_even and scene.lamp is None:
@@ -301,7 +301,7 @@ class TargetPasses:
         self._shade.run(images.target_framebuffer, sampled.rect, cells, sampled.program, textures)
         if even is not None:
             self._even.fill(even, sampled.rect, len(bands_of(bands)))
-        flush(self._context)
+        flush()
 
     def begin_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
         """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""

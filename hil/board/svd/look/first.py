@@ -220,8 +220,10 @@ class FirstLook:
         centre = t + quat.matrix(q) @ self.centre_m
         glance = max(glances, key=lambda g: float(g.gaze.direction @ centre))
         seen = quat.multiply(quat.from_matrix(glance.gaze.swing().T), q)
-        near = np.abs(self.views.q @ seen) > np.cos(0.5 * NEAR_RAD)
-        return float(glance.likely[near].max() - glance.likely.max())
+        cosine = np.abs(self.views.q @ seen)
+        # the nearest one at least; a pose that is no number has none
+        near = cosine >= min(np.cos(0.5 * NEAR_RAD), cosine.max())
+        return float(np.max(glance.likely[near], initial=-np.inf) - glance.likely.max())
 
     def _turned(self, image: Array, noise: float, gaze: Gaze, reduced: Optional[Array]) -> Array:
         """(4, 64, 64, 2) a look from four sides."""
