@@ -15,7 +15,7 @@ from hil.board.svd import look as look_folder
 from hil.board.svd import quaternion as quat
 from hil.board.svd.look.attitudes import ANCHORS, bumps, even_attitudes
 from hil.board.svd.look.crop import Gaze, seen_through
-from hil.board.svd.look.first import FirstLook, Glance, net_for
+from hil.board.svd.look.first import FirstLook, Glance, net_for, worth_asking
 from hil.board.svd.look.net import FILLED, LOOK_PX, Net, convolve
 from hil.board.svd.look.subspaces import Subspaces
 from hil.board.svd.roi import Region
@@ -286,3 +286,18 @@ def test_of_many_gazes_the_one_at_the_craft_is_kept_and_names_its_attitude(tango
         near += any(np.degrees(quat.angle_rad(g.q, q)).min() < 15 for g in at)
     assert right >= 4
     assert near >= 3
+
+
+def test_a_whole_craft_is_asked_beside_a_part_of_it_that_looks_like_one() -> None:
+    camera = CameraIntrinsics(960, 600, 1500.0, 1500.0, 480.0, 300.0)
+    part, whole = Gaze.at(camera, 470.0, 274.0, 43.0), Gaze.at(camera, 485.0, 270.0, 626.0)
+    elsewhere = Gaze.at(camera, 60.0, 60.0, 130.0)
+
+    # both are sure of a craft by themselves: an instrument on a white plate, and the craft about it
+    assert worth_asking([22.2, 16.4], [part, whole], 1500.0) == [0, 1]
+    # the part of a whole that is surer says nothing, nor does a doubtful whole, nor another place
+    assert worth_asking([22.2, 16.4], [whole, part], 1500.0) == [0]
+    assert worth_asking([12.0, 5.0], [part, whole], 1500.0) == [0]
+    assert worth_asking([22.2, 16.4], [part, elsewhere], 1500.0) == [0]
+    # what is nearly as sure is asked wherever it is
+    assert worth_asking([12.0, 5.0, 9.0], [part, whole, elsewhere], 1500.0) == [0, 2]

@@ -46,8 +46,12 @@ APART_RAD = float(np.radians(11.0))
 # How near to a pose the attitudes are that tell its likelihood [rad]: about the step from one to the next.
 NEAR_RAD = float(np.radians(10.0))
 
-# A place this much less sure of a craft than the surest is left out [logit].
-DOUBT = 4.0
+# A place this much less sure of a craft than the surest is left out, unless it is sure by itself [logit] and the
+# surest may be a part of it: an instrument on a white plate looks like a far craft in front of a bright Earth.
+DOUBT, CERTAIN = 4.0, 8.0
+
+# By how much a whole is wider than its part.
+WIDER = 1.5
 
 # Starts looked at a second time.
 SECOND = 5
@@ -166,11 +170,10 @@ class FirstLook:
             if len(chosen) < keep and all(_apart(gazes[k], gazes[j], f) for j in chosen):
                 chosen.append(int(k))
         looked = [(starts[k][0], *self._from_four_sides(image, noise, gazes[k], reduced)) for k in chosen]
-        surest = max(craft for _, _, craft, _ in looked)
+        looked.sort(key=lambda g: -g[2])
+        worth = worth_asking([sure for *_, sure, _ in looked], [gaze for *_, gaze in looked], f)
         out = []
-        for source, coefficients, sure, gaze in sorted(looked, key=lambda g: -g[2]):
-            if sure < surest - DOUBT:
-                break
+        for source, coefficients, sure, gaze in (looked[k] for k in worth):
             likely = self.views.likelihood(coefficients)
             q, move, score = self.views.rank(image, camera, gaze, likely, ATTITUDES, APART_RAD, reduced)
             near = score > score[0] - LESS
@@ -290,6 +293,26 @@ def _views(drawn: _Drawn) -> Subspaces:
     faces = drawn.model.faces
     assert faces is not None  # noqa: S101 - the caller asked
     return Subspaces.of(drawn.model, faces)
+
+
+def worth_asking(sure: Sequence[float], gazes: Sequence[Gaze], f_px: float) -> List[int]:
+    """Which of the places that were looked at are handed on.
+
+    Parameters
+    ----------
+    sure : logit of a craft at each, the surest first. gazes : at each. f_px : focal length.
+    """
+    return [
+        k
+        for k in range(len(sure))
+        if sure[k] >= sure[0] - DOUBT or (sure[k] > CERTAIN and _holds(gazes[k], gazes[0], f_px))
+    ]
+
+
+def _holds(a: Gaze, b: Gaze, f_px: float) -> bool:
+    """Whether what a gaze is at may be a part of what a wider one is at."""
+    off = f_px * np.linalg.norm(a.direction - b.direction)
+    return bool(a.diameter_px > WIDER * b.diameter_px and off < 0.5 * a.diameter_px)
 
 
 def _apart(a: Gaze, b: Gaze, f_px: float) -> bool:
