@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.board.svd import CameraIntrinsics
+from hil.board.svd import CameraIntrinsics, estimator
 from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import craft_box, make_canvas
 from hil.board.svd.confidence import Evidence, confidence, error_scale
 from hil.board.svd.course import Ranked, laid_over, leaning
 from hil.board.svd.edges import edge_field
 from hil.board.svd.ends import Choice, End, conclude, picture_evidence
+from hil.board.svd.estimator import PoseEstimator
 from hil.board.svd.frame import Candidate, Craft, Frame
 from hil.board.svd.levels import blurred
 from hil.board.svd.photometric import PhotoFit, photo_score
@@ -223,3 +224,72 @@ def test_what_is_told_of_errors_grows_with_the_craft_and_leaves_the_decision() -
     told = [error_scale(at(size)) for size in (100.0, 400.0, 1500.0)]
     assert told[0] < 0.3 * told[1] < 0.3 * 0.3 * told[2]
     assert len({confidence(at(size)) for size in (100.0, 400.0, 1500.0)}) == 1
+
+
+def untried(craft: Craft, monkeypatch: pytest.MonkeyPatch, held: Choice) -> PoseEstimator:
+    """An estimator of a craft whose confidence was not fitted, that comes by a choice and takes it for doubtful."""
+    monkeypatch.setattr(estimator, "align_leaders", lambda *_, **__: [])
+    monkeypatch.setattr(estimator, "choose_by_picture", lambda *_, **__: held)
+    monkeypatch.setattr(estimator, "doubtful", lambda _: True)
+    made = PoseEstimator(craft.model, CAMERA, accept_at=0.0)
+    made.tried = False
+    return made
+
+
+def test_half_a_turn_that_was_judged_is_not_brought_back_by_the_score_alone(
+    craft: Craft, frame: Frame, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turned = quat.normalise(quat.multiply(Q, craft.model.symmetry_wxyz[0]))
+    held = choice_of(craft, frame, turned, T_M)
+    made = untried(craft, monkeypatch, held)
+    # as if its witnesses had said so, here against the score
+    monkeypatch.setattr(estimator, "check_turned", lambda _, __, choice, ___: choice)
+    told = made._chosen(frame, [held.best], ())
+    assert np.degrees(quat.angle_rad(told.q_camera_from_target_wxyz, turned)) < 15
+    made.tried = True
+    told = made._chosen(frame, [held.best], ())
+    assert np.degrees(quat.angle_rad(told.q_camera_from_target_wxyz, Q)) < 0.5
+
+
+def test_a_pose_that_leaning_moved_is_held_against_its_half_turns_again(
+    craft: Craft, frame: Frame, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turned = quat.normalise(quat.multiply(Q, craft.model.symmetry_wxyz[0]))
+    wrong = leaning(craft, choice_of(craft, frame, turned, T_M).best)[0]
+    held = choice_of(craft, frame, wrong.q, wrong.t)
+    made = untried(craft, monkeypatch, held)
+    judged: list[np.ndarray] = []
+
+    def turns(*given: Any) -> Choice:
+        judged.append(given[2].end.fit.q)
+        # at first they say nothing: that end is far from any that could be told apart
+        return held if len(judged) == 1 else check_turned(*given)
+
+    monkeypatch.setattr(estimator, "check_turned", turns)
+    told = made._chosen(frame, [held.best], ())
+    assert len(judged) == 2
+    assert np.degrees(quat.angle_rad(judged[1], wrong.q)) > 3
+    assert np.degrees(quat.angle_rad(told.q_camera_from_target_wxyz, Q)) < 0.5
+
+
+def test_what_half_turns_left_in_doubt_leaning_does_not_make_clear(
+    craft: Craft, frame: Frame, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = choice_of(craft, frame, Q, T_M)
+    asked = 0.11 * right.end.score
+    held = replace(right, evidence=replace(right.evidence, margin=asked))
+    made = untried(craft, monkeypatch, held)
+    # what leant ended at a worse place: the pose stands, and its margin is worked out anew without half turns
+    clearer = replace(held, evidence=replace(held.evidence, margin=0.9 * held.end.score))
+    monkeypatch.setattr(estimator, "check_leaning", lambda *_, **__: clearer)
+    seen: list[float] = []
+    decided = made._decided
+
+    def decide(f: Frame, fit: Any, evidence: Evidence, *rest: Any) -> Any:
+        seen.append(evidence.margin)
+        return decided(f, fit, evidence, *rest)
+
+    monkeypatch.setattr(made, "_decided", decide)
+    monkeypatch.setattr(estimator, "check_turned", lambda _, __, choice, ___: choice)
+    made._chosen(frame, [held.best], ())
+    assert seen == [asked, asked]

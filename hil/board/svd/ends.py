@@ -144,6 +144,12 @@ def conclude(
     return Choice(best, end, evidence, told, close, ranked, starts, ends, rival)
 
 
+def no_clearer(choice: Choice, than: Evidence) -> Choice:
+    """A choice that stands out no more than was said of it before."""
+    evidence = choice.evidence
+    return replace(choice, evidence=replace(evidence, margin=min(evidence.margin, than.margin)))
+
+
 def _same_end(a: PhotoFit, b: PhotoFit) -> bool:
     """Whether two ends are one answer: the same attitude at the same place."""
     return bool(quat.angle_rad(a.q, b.q) <= OTHER_END_RAD) and not differs(a.q, a.t, b.q, b.t)

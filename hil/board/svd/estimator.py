@@ -13,7 +13,7 @@ from hil.board.svd.confidence import ACCEPT_AT, TRIED, Evidence, doubtful, error
 from hil.board.svd.course import Ranked
 from hil.board.svd.drawn import draw_at
 from hil.board.svd.edges import edge_field, shrink
-from hil.board.svd.ends import Choice
+from hil.board.svd.ends import Choice, no_clearer
 from hil.board.svd.finish import choose
 from hil.board.svd.frame import UNASKED, Alternative, Candidate, Craft, Frame, PoseResult
 from hil.board.svd.gradient import eliminate_weak_gradients
@@ -155,21 +155,41 @@ class PoseEstimator(Estimator):
         frame.keep("found", found)
         if self.model.faces is None:
             return self._told(frame, choose(self.craft, frame, found))
-        leaders = align_leaders(
-            self.craft, frame, found, ALL_LEADERS if thorough else LEADERS, shadows=thorough
-        )
-        leaders = sorted([*leaders, *beside], key=lambda r: -r.score)
-        choice = choose_by_picture(self.craft, frame, leaders, thorough=thorough)
+        choice = self._compared(frame, found, beside, thorough=thorough)
         if not self.tried:
-            # of a round craft a few small parts say which way round it is, and confidence was not fitted on them
-            first = self.first if glances else None
-            prior = None if first is None else partial(first.log_likelihood, glances)
-            choice = check_turned(self.craft, frame, choice, prior)
+            choice = self._turned(frame, choice, glances)
         result = self._told(frame, _all_of(choice))
         if thorough or not result.accepted or not doubtful(choice.evidence):
             return result
         frame.count("checked", 1)
-        return self._told(frame, _all_of(check_leaning(self.craft, frame, choice)))
+        return self._told(frame, _all_of(self._held_against_near_minima(frame, choice, glances)))
+
+    def _compared(
+        self, frame: Frame, found: List[Candidate], beside: Sequence[Ranked], *, thorough: bool
+    ) -> Choice:
+        """The best of the candidates and of poses aligned already, by the picture alone."""
+        keep = ALL_LEADERS if thorough else LEADERS
+        leaders = align_leaders(self.craft, frame, found, keep, shadows=thorough)
+        leaders = sorted([*leaders, *beside], key=lambda r: -r.score)
+        return choose_by_picture(self.craft, frame, leaders, thorough=thorough)
+
+    def _turned(self, frame: Frame, choice: Choice, glances: Sequence[Glance]) -> Choice:
+        """The same held against its near-symmetries, about which the first look is heard where there is one.
+
+        Of a round craft a few small parts say which way round it is, and confidence was not fitted on them.
+        """
+        first = self.first if glances else None
+        prior = None if first is None else partial(first.log_likelihood, glances)
+        return check_turned(self.craft, frame, choice, prior)
+
+    def _held_against_near_minima(self, frame: Frame, choice: Choice, glances: Sequence[Glance]) -> Choice:
+        """A doubtful choice beside poses that lean about it; of an untried craft the last word is its half turns'."""
+        if self.tried:
+            return check_leaning(self.craft, frame, choice)
+        leant = check_leaning(self.craft, frame, choice, symmetries=False)
+        if leant.end is choice.end:
+            return no_clearer(leant, choice.evidence)
+        return no_clearer(self._turned(frame, leant, glances), leant.evidence)
 
     def _told(self, frame: Frame, chosen: Chosen) -> PoseResult:
         """The result of a choice, and whether it is to be accepted."""

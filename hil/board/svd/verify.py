@@ -22,6 +22,7 @@ from hil.board.svd.course import (
     spread_out,
     with_shadows,
 )
+from hil.board.svd.distinct import DISTINCT_RAD
 from hil.board.svd.ends import Choice, End, conclude, finish
 from hil.board.svd.frame import Candidate, Craft, Frame
 from hil.board.svd.search import MARGIN, twins
@@ -201,27 +202,36 @@ def _twins(craft: Craft, close: Canvas, c: Candidate) -> List[Candidate]:
     return laid_over(craft, close, out, c)
 
 
-def _turned(craft: Craft, close: Canvas, held: Candidate) -> List[Ranked]:
-    """Twins of a pose near its end, aligned with their shadows.
+def _turned(craft: Craft, close: Canvas, held: Candidate, *, symmetries: bool = True) -> List[Ranked]:
+    """Twins of a pose near its end, aligned with their shadows; those by near-symmetries only where told to.
 
     Those of a pose on its way were a few degrees off, which against a texture costs the right one its lead: of ten
     poses that were lost on development frames it explains 0.05 to 0.2 more at its own end.
     """
-    courses = [with_shadows(craft, close, begin(craft, close, c)) for c in _twins(craft, close, held)]
+    asked = _twins(craft, close, held)
+    if not symmetries:
+        turned = [quat.multiply(held.q, s) for s in craft.model.symmetry_wxyz]
+        asked = [c for c in asked if all(quat.angle_rad(c.q, q) > DISTINCT_RAD for q in turned)]
+    courses = [with_shadows(craft, close, begin(craft, close, c)) for c in asked]
     return align_together(craft, close, courses, SMALL_BLURS, SMALL_LEFT)
 
 
-def check_leaning(craft: Craft, frame: Frame, choice: Choice) -> Choice:
+def check_leaning(craft: Craft, frame: Frame, choice: Choice, *, symmetries: bool = True) -> Choice:
     """A choice again beside poses that lean to every side of its end, the best of them aligned to its end.
 
     What is nearly flat has near minima of its tilt, 5 to 17 deg apart, and edges and likeness agree with each: on 300
     development frames four of six wrong poses that were accepted lay in one, and the right one explained more.
+
+    Parameters
+    ----------
+    symmetries : ask its near-symmetries as well. Not where ``check_turned`` has judged them by more than this score,
+        which is a coarse picture's and would bring back what that has refused.
     """
     end = choice.end
     held = Candidate(end.fit.q, end.fit.t, choice.best.support, choice.best.field, choice.best.region)
     about = [with_shadows(craft, choice.close, begin(craft, choice.close, c)) for c in leaning(craft, held)]
     ranked = align_together(craft, choice.close, about, CHECK_BLURS, CHECK_LEFT)
-    ranked += _turned(craft, choice.close, held)
+    ranked += _turned(craft, choice.close, held, symmetries=symmetries)
     ranked.sort(key=lambda r: -r.score)
     frame.count("judged", len(ranked))
     frame.mark("twins")
