@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,9 +15,11 @@ from hil.board.svd.edges import edge_field
 from hil.board.svd.frame import UNASKED, Candidate, Craft, Frame
 from hil.board.svd.levels import _boxes
 from hil.board.svd.look.net import convolve
+from hil.board.svd.photometric import PhotoFit, explained, photo_draw, photo_step
 from hil.board.svd.refine import limit_one_step, limit_step
 from hil.board.svd.response import Response
 from hil.board.svd.roi import Region
+from hil.board.svd.shade import Canvas, Faces
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
@@ -65,6 +69,53 @@ def test_one_step_is_limited_as_one_of_many() -> None:
     np.testing.assert_array_equal(
         limit_one_step(broken, T_M, 0.7), limit_step(broken[None], T_M[None], 0.7)[0]
     )
+
+
+def test_one_attitude_is_what_it_is_among_many() -> None:
+    q, p = RNG.normal(size=(2, 500, 4))
+    q[0], q[1], q[2, 0] = 0.0, [0.0, -1.0, 0.0, 0.0], np.nan
+    unit = quat.normalise(q)
+    np.testing.assert_array_equal([quat.normalise(one) for one in q], unit)
+    np.testing.assert_array_equal(
+        [quat.angle_rad(*two) for two in zip(p, unit, strict=True)], quat.angle_rad(p, unit)
+    )
+    # among them half turns, whose scalar part is no pivot
+    unit[3:200, 0] = 0.0
+    R = quat.matrix(quat.normalise(unit[1:]))
+    np.testing.assert_array_equal([quat.from_matrix(one) for one in R], quat.from_matrix(R))
+    assert quat.length(p[0]) == np.linalg.norm(p[0])
+
+
+def test_what_a_canvas_keeps_of_a_craft_is_not_taken_for_another_ones() -> None:
+    """Arguments of kernels are kept with a canvas: other faces, another camera or another canvas have their own."""
+    craft = Craft.prepare(board_model(load_target("tango")), CAMERA)
+    frame = Frame(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
+    frame.noise = 3.0
+    q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
+    box, fit = craft_box(craft, q, T_M), PhotoFit(q, T_M, 9.9, np.eye(6))
+    assert craft.model.faces is not None
+    fine, other = craft.model.faces.grouped(6), replace(CAMERA, fx_px=360.0, cx_px=118.0)
+    shared = make_canvas(craft, frame, box, 90)
+
+    def stepped(faces: Faces, camera: CameraIntrinsics, canvas: Canvas) -> tuple[float, PhotoFit | None]:
+        drawn = photo_draw(q, T_M, faces, canvas, camera)
+        return explained(drawn, canvas), photo_step(fit, drawn, faces, canvas, camera, craft.radius_m, 0.8)
+
+    for faces, camera in (
+        (craft.model.faces, CAMERA),
+        (fine, CAMERA),
+        (fine, other),
+        (craft.model.faces, other),
+    ):
+        (score, there), (own, alone) = (
+            stepped(faces, camera, canvas) for canvas in (shared, make_canvas(craft, frame, box, 90))
+        )
+        assert score == own
+        assert there is not None
+        assert alone is not None
+        np.testing.assert_array_equal([*there.q, *there.t], [*alone.q, *alone.t])
+    brighter = replace(shared, clipped=2.0, sigma=5.0)
+    assert explained(photo_draw(q, T_M, fine, brighter, CAMERA), brighter) != own
 
 
 @pytest.mark.parametrize("top", [120.0, 254.0])

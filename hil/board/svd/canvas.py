@@ -35,9 +35,7 @@ def make_canvas(craft: Craft, frame: Frame, box: Box, longest_px: int) -> Canvas
         gray, factor = shrink(frame.image, *box, longest_px)
         whole = frame.image.shape[1::-1]
     full = 255.0 if frame.image.dtype == np.uint8 else float(frame.image.max())
-    plain = (
-        frame.background if frame.background >= 0 else cv2.GaussianBlur(gray, (0, 0), 0.06 * max(gray.shape))
-    )
+    plain = frame.background if frame.background >= 0 else None
     h, w = gray.shape
     wide, high = (min(b, n) - a for a, b, n in zip(box[:2], box[2:], whole))  # noqa: B905 - Python 3.9 has no strict=
     across = wide / w

@@ -159,7 +159,7 @@ def align_together(
         for c in going:
             key = (c.fit.q.tobytes(), c.fit.t.tobytes(), c.sun, blur)
             on = _once(known, key, c.start, partial(_moved, craft, canvas, c, blur))
-            moved = np.any(on.fit.q != c.fit.q) or np.any(on.fit.t != c.fit.t)
+            moved = on.fit.q.tolist() != c.fit.q.tolist() or on.fit.t.tolist() != c.fit.t.tolist()
             (courses if moved else done).append(on)
     out = []
     for c in (*courses, *done):
@@ -194,7 +194,8 @@ def led(r: Ranked, starts: Sequence[Ranked]) -> bool:
 
 def _differ(fit: PhotoFit, better: PhotoFit, apart_rad: float) -> bool:
     """Whether a pose is another one than a better one: turned by more, or elsewhere."""
-    elsewhere = np.linalg.norm(fit.t - better.t) > SAME_SHARE * np.linalg.norm(better.t)
+    away = fit.t - better.t
+    elsewhere = away.dot(away) > SAME_SHARE**2 * better.t.dot(better.t)
     return bool(elsewhere or quat.angle_rad(fit.q, better.q) > apart_rad)
 
 

@@ -74,12 +74,14 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     seen : drawn by ``draw_faces``. dark : (H, W) drawn pixels on which another face casts its shadow.
     """
     h, w = canvas.gray.shape
-    textured = bool(np.ndim(canvas.plain))
+    textured = canvas.textured
     native = library()
     made = native and native_levels.shade(native, faces, seen, canvas, dark, empty=textured)
     group, level, picture, centre, area, core, empty, ground = made or _shaded(faces, seen, canvas, dark)
-    for k in 1 + np.argsort(-area[1:], kind="stable")[:SATURATED]:
-        if area[k] >= 60 and level[k] > 0.97 * canvas.full:
+    bright = (area >= 60) & (level > 0.97 * canvas.full)
+    # hardly any picture has one
+    for k in 1 + np.argsort(-area[1:], kind="stable")[:SATURATED] if bright[1:].any() else ():
+        if bright[k]:
             part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
             over = _overexposed(picture, part, canvas)
             level[k] += over
@@ -117,7 +119,7 @@ def _shaded(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array]) ->
     ground = mean[:1].copy()
     _thin_levels(level, picture, group, area < 3, canvas)
     empty = np.zeros((0, 0), np.float32)
-    if np.ndim(canvas.plain):
+    if canvas.textured:
         empty = cv2.resize((group == 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
     return group, level, picture, centre, area, core, empty, ground
 

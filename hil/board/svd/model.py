@@ -138,7 +138,7 @@ class BoardModel:
         """Radius of the sphere about ``centre_m`` that holds the wireframe [m]."""
         return float(np.linalg.norm(self.ends_m - self.centre_m, axis=1).max())
 
-    @property
+    @cached_property
     def ends_m(self) -> Array:
         """(2E, 3) all edge ends [m]."""
         return np.array([p for e in self.wireframe for p in (e.a_m, e.b_m)])

@@ -51,8 +51,7 @@ def noise_sigma(image: Array, full_scale: float) -> float:
 def _masked(image: Array, step: int, full_scale: float) -> Tuple[float, int, float]:
     """Median of the mask, how many of its pixels lie well inside the scale, and the median over them."""
     rows = [image[y : y + 3] for y in range(0, image.shape[0] - 2, 3 * step)]
-    # whole numbers: what is divided by is left to the end
-    a: Array = np.stack(rows).astype(np.int16 if image.dtype == np.uint8 else np.int32)
+    a = _wider(np.stack(rows))
     absolute = _mask(a)
     total = a[:, 0] + a[:, 1] + a[:, 2]
     total = total[:, :-2] + total[:, 1:-1] + total[:, 2:]
@@ -74,15 +73,21 @@ def clipped_noise(image: Array) -> float:
     if not rows or image.shape[1] < 3:
         return 0.0
     a = np.stack(rows)
-    zeros = (a == 0).sum(axis=1)
+    black = (a == 0).view(np.uint8)
+    zeros = black[:, 0] + black[:, 1] + black[:, 2]
     dark = zeros[:, :-2] + zeros[:, 1:-1] + zeros[:, 2:] >= ZEROS
     if float(dark.mean()) < LEAST_DARK:
         return 0.0
-    lap = _mask(a.astype(np.float32))[dark] / 6.0
+    lap = _mask(_wider(a))[dark].astype(np.float32) / 6.0
     # the numbers are whole: the middle fifth of them has a mean that is not
     n = len(lap)
     middle = np.partition(lap, (2 * n // 5, 3 * n // 5))[2 * n // 5 : 3 * n // 5 + 1]
     return float(middle.mean()) * 1.4826 / HALVED_AT_ZEROS
+
+
+def _wider(a: Array) -> Array:
+    """Whole numbers with room for the mask: what it is divided by is left to the end."""
+    return a.astype(np.int16 if a.dtype == np.uint8 else np.int32)
 
 
 def _mask(a: Array) -> Array:

@@ -232,16 +232,23 @@ def projected(G: Array) -> Tuple[Array, Array, float]:
     G : (K + 7, K + 7) products of K levels' derivatives, six of the pose and the residual, all weighted.
     """
     k = len(G) - 7
-    L = G[:k, :k] + (1e-6 * np.trace(G[:k, :k]) / max(k, 1) + 1e-12) * np.eye(k)
+    L = _loaded(G[:k, :k], 1e-6, 1e-12)
     left = G[k:, k:] - G[k:, :k] @ np.linalg.solve(L, G[:k, k:])
     return left[:6, :6], left[:6, 6], max(float(left[6, 6]), 0.0)
 
 
 def damped_step(H: Array, g: Array, scale: Array, damping: float) -> Array:
     """(6,) step of the damped normal equations, in parameters of like size."""
-    A = H * scale[:, None] * scale[None, :]
-    A = A + (damping * np.trace(A) / 6 + 1e-9) * np.eye(6)
+    A = _loaded(H * scale[:, None] * scale[None, :], damping, 1e-9)
     return np.asarray(np.linalg.solve(A, g * scale) * scale)
+
+
+def _loaded(A: Array, share: float, least: float) -> Array:
+    """The matrix with ``share`` of its diagonal's mean and ``least`` added to each of that."""
+    A = A.copy()
+    diagonal = A.ravel()[:: len(A) + 1]
+    diagonal += share * diagonal.sum() / max(len(A), 1) + least
+    return A
 
 
 def photo_score(
@@ -265,19 +272,19 @@ def photo_score(
 
 def explained(shading: Shading, canvas: Canvas) -> float:
     """The same of a craft that is drawn already."""
-    gray = canvas.blurred(SCORE_BLUR_PX)
-    noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     if "none" not in canvas.kept:
-        none = (gray - canvas.plain) / noise
-        canvas.kept["none"] = none, _bounded(none)
-    none, least = canvas.kept["none"]
+        noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
+        none = (canvas.blurred(SCORE_BLUR_PX) - canvas.background) / noise
+        canvas.kept["none"] = noise, none, _bounded(none)
+    noise, none, least = canvas.kept["none"]
     native = library()
     if native is None or shading.group.dtype != np.uint8:
         return 1.0 - _left(shading, canvas, noise, none) / max(least, 1e-9)
-    blurs = OPTICS_PX / canvas.factor, SCORE_BLUR_PX, 1.0
-    bare = none if np.ndim(canvas.plain) else None
-    picture, group = shading.picture, shading.group
-    left = native_levels.explained(native, picture, group, canvas, blurs, noise, BOUND**2, bare, COVERED)
+    if "told" not in canvas.kept:
+        blurs, bare = (OPTICS_PX / canvas.factor, SCORE_BLUR_PX, 1.0), none if canvas.textured else None
+        canvas.kept["told"] = native_levels.comparison(canvas, blurs, noise, BOUND**2, bare, COVERED)
+    told = canvas.kept["told"]
+    left = native_levels.explained(native, shading.picture, shading.group, canvas, told)
     return 1.0 - left / max(least, 1e-9)
 
 
@@ -285,7 +292,7 @@ def _left(shading: Shading, canvas: Canvas, noise: float, none: Array) -> float:
     """As ``kernels.levels.explained``, by numpy."""
     drawn = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))[0]
     e = (canvas.blurred(SCORE_BLUR_PX) - blurred(drawn, SCORE_BLUR_PX)) / noise
-    if np.ndim(canvas.plain):
+    if canvas.textured:
         # clutter beside the craft is no pose's merit or fault
         h, w = e.shape
         cover = cv2.resize((shading.group > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
@@ -321,7 +328,7 @@ def likeness(shading: Shading, canvas: Canvas) -> Tuple[float, float]:
     drawn = canvas.response.of(drawn)[0][on].astype(float)
     gray = canvas.blurred(SCORE_BLUR_PX)
     noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
-    none = ((gray - canvas.plain) / noise)[on]
+    none = ((gray - canvas.background) / noise)[on]
     gray = gray[on].astype(float)
     if len(gray) < 30 or not gray.std() * drawn.std() > 0:
         return 0.0, 0.0

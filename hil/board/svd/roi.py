@@ -83,21 +83,26 @@ def cdf_region(strong: Array, low: float = 0.025, high: float = 0.975) -> Region
 def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
     """Boxes (x0, y0, x1, y1, edge pixels) of the groups of edges closer than ``join_px``, largest first."""
     size = 2 * (join_px // 2) + 1
-    ys, xs = np.divmod(np.flatnonzero(mask), mask.shape[1])
-    if not len(ys):
+    rows, columns = (np.flatnonzero(mask.any(axis=k)).tolist() for k in (1, 0))
+    if not rows:
         return []
     # what joins two edges lies between them: the rest of the picture is left out
-    (x0, x1), (y0, y1) = ((int(v.min()), int(v.max()) + 1) for v in (xs, ys))
-    joined = cv2.dilate(mask[y0:y1, x0:x1].view(np.uint8), np.ones((size, size), np.uint8))
-    which = cv2.connectedComponents(joined, connectivity=8)[1][ys - y0, xs - x0]
-    # group by group
-    order = np.argsort(which, kind="stable")
-    ys, xs = ys[order], xs[order]
+    y0, x0 = rows[0], columns[0]
+    part = mask[y0 : rows[-1] + 1, x0 : columns[-1] + 1]
+    joined = cv2.dilate(part.view(np.uint8), np.ones((size, size), np.uint8))
+    at = np.flatnonzero(part)
+    which = cv2.connectedComponents(joined, connectivity=8)[1].ravel().take(at)
+    # group by group, and within each row by row
+    at = at.take(np.argsort(which, kind="stable"))
     number = np.bincount(which)
     number = number[number > 0]
-    first = np.cumsum(number) - number
-    ends = [f.reduceat(v, first).tolist() for f in (np.minimum, np.maximum) for v in (xs, ys)]
-    out = list(zip(*ends, number.tolist()))  # noqa: B905 - Python 3.9 has no strict=
+    last = np.cumsum(number) - 1
+    first = last - number + 1
+    y = at // part.shape[1]
+    x = at - y * part.shape[1]
+    left, right = (f.reduceat(x, first) + x0 for f in (np.minimum, np.maximum))
+    ends = left, y[first] + y0, right, y[last] + y0, number
+    out = list(zip(*(v.tolist() for v in ends)))  # noqa: B905 - Python 3.9 has no strict=
     return sorted(out, key=lambda c: -c[4])
 
 
@@ -151,7 +156,7 @@ def propose_regions(
         segments = straight_segments(small)
         weights = _weights()
         if weights is not None:
-            likely = target_map(small, noise_small, weights, segments)
+            likely = target_map(small, noise_small, weights, segments, (gx, gy))
             if _on_craft(mask, likely) > OWN_EDGES:
                 # a craft near by fills the frame with edges of its own: nothing else is there
                 return regions, 0.0, None
@@ -253,6 +258,5 @@ def _busy_share(mask: Array) -> float:
     th, tw = h // 16, w // 16
     if not th or not tw:
         return 0.0
-    y, x = np.divmod(np.flatnonzero(mask[: th * 16, : tw * 16]), tw * 16)
-    tiles = np.bincount(y // 16 * tw + x // 16, minlength=th * tw)
-    return float((tiles > 3).mean())
+    tiles = cv2.resize(mask[: th * 16, : tw * 16].astype(np.float32), (tw, th), interpolation=cv2.INTER_AREA)
+    return float((tiles > 3.0 / 256.0).mean())

@@ -28,6 +28,9 @@ Array = np.ndarray
 # What OpenCV's polygon filling adds on every side [px]: with it the drawn area is the true one.
 BORDER_PX = 0.48
 
+# Blur that leaves of a texture what it would be without the craft: share of the region's longer side.
+TEXTURE = 0.06
+
 # Width below which what is drawn is too wide all the same [px].
 NARROW_PX = 1.2
 
@@ -199,7 +202,8 @@ class Canvas:
     ----------
     gray : (h, w) float32. sigma : its noise. x0, y0 : the region's corner, picture pixels.
     factor : picture pixels per pixel of it. fine : drawn pixels per pixel of it, each way.
-    full : where its scale ends. plain : what it would be without the craft, (h, w) or one level.
+    full : where its scale ends. plain : what it would be without the craft, (h, w) or one level; None for itself
+        under a wide blur, see ``background``.
     tall : rows' picture pixels over columns': a region is no whole number of equal pixels both ways, and to take
         it for one moves the range by a thousandth.
     """
@@ -211,17 +215,29 @@ class Canvas:
     factor: float
     fine: int
     full: float = 255.0
-    plain: Union[float, Array] = 0.0
+    plain: Union[float, Array, None] = 0.0
     tall: float = 1.0
     clipped: float = 0.0
     exact: bool = False
 
-    @property
+    @cached_property
+    def textured(self) -> bool:
+        """Whether what lies behind the craft has no one level."""
+        return self.plain is None or np.ndim(self.plain) > 0
+
+    @cached_property
+    def background(self) -> Union[float, Array]:
+        """What it would be without the craft, made when asked for: most that is aligned on a texture never is."""
+        if self.plain is None:
+            return cv2.GaussianBlur(self.gray, (0, 0), TEXTURE * max(self.gray.shape))
+        return self.plain
+
+    @cached_property
     def response(self) -> Response:
         """What the picture shows of a brightness."""
         return Response(self.clipped, self.full)
 
-    @property
+    @cached_property
     def scale(self) -> Tuple[float, float]:
         """Drawn pixels per picture pixel, across and down."""
         return self.fine / self.factor, self.fine / (self.factor * self.tall)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
+from hil.board.svd import quaternion as quat
 from hil.board.svd.kernels import sun as kernel
 from hil.board.svd.kernels.library import library
 from hil.board.svd.levels import Shading
@@ -36,6 +37,8 @@ SPREAD, BOUND = 0.15, 4.0
 # The Sun behind the craft lights nothing that is seen: least cosine between it and the way to the camera.
 BEHIND = -0.6
 
+AXES = np.eye(3)
+
 # Least angle between two directions that are both proposed: cosine.
 APART = float(np.cos(np.radians(15.0)))
 
@@ -61,9 +64,9 @@ class Sunlight:
     @staticmethod
     def of(faces: Faces, direction: Array, n: int = MAP_PX) -> Sunlight:
         """The craft painted from ``direction`` (3,), target frame."""
-        s = direction / np.linalg.norm(direction)
-        e1 = across(s, np.eye(3)[int(np.argmin(np.abs(s)))])
-        e1 = e1 / np.linalg.norm(e1)
+        s = direction / quat.length(direction)
+        e1 = across(s, AXES[int(np.argmin(np.abs(s)))])
+        e1 = e1 / quat.length(e1)
         axes = np.stack([e1, across(s, e1)])
         native = library()
         if native is None:
@@ -93,6 +96,11 @@ class Sunlight:
         y = (origin[1] + pitch * np.arange(n)).astype(np.float32)
         height = np.take(top, seen) + np.take(fall[:, 0], seen) * x + np.take(fall[:, 1], seen) * y[:, None]
         return Sunlight(s, axes, origin, pitch, height, seen)
+
+    @cached_property
+    def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
+        """The picture as the kernels take it, and what keeps its arrays alive."""
+        return kernel.packed_sun(self)
 
     def shadows(
         self, faces: Faces, seen: Array, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
@@ -186,7 +194,7 @@ class SunTable:
         shading : drawn at the pose ``R``, ``t``. camera : a pinhole. number : directions at most; none where too
             little of the craft is seen. pixels : looked at, at most.
         """
-        side = self.directions @ (-R.T @ t) / np.linalg.norm(t)
+        side = self.directions @ (-R.T @ t) / quat.length(t)
         some = np.flatnonzero(side > BEHIND)
         costs = self._costs(faces, shading, canvas, camera, R, t, some, pixels)
         if costs is None:
@@ -288,7 +296,8 @@ def _cost(value: Array, own: Array, lit: Array) -> Array:
 
 def across(a: Array, b: Array) -> Array:
     """(3,) vector product; numpy's own takes longer than all the rest of a direction's axes."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    (u, v, w), (x, y, z) = a.tolist(), b.tolist()
+    return np.array([v * z - w * y, w * x - u * z, u * y - v * x])
 
 
 def rays_to_faces(

@@ -55,17 +55,22 @@ class Weights:
             )
 
 
-def measures(small: Array, noise: float, segments: Optional[Array] = None) -> Array:
+def measures(
+    small: Array,
+    noise: float,
+    segments: Optional[Array] = None,
+    slopes: Optional[Tuple[Array, Array]] = None,
+) -> Array:
     """(h, w, F) float32 measures of each cell.
 
     Parameters
     ----------
     small : (H, W) float32 reduced picture. noise : its standard deviation.
-    segments : what ``straight_segments`` finds in it, where that is known already.
+    segments, slopes : what ``straight_segments`` finds in it, and its gradient, where that is known already.
     """
     top = max(float(np.percentile(small[::4, ::4], 99.5)), 8.0 * noise)
     level = np.sqrt(np.clip(small / top, 0.0, 1.5))
-    gx, gy = gradient(small, 1.0)
+    gx, gy = slopes or gradient(small, 1.0)
     sigma = noise * gradient_noise(1.0)
     steep = cv2.magnitude(gx, gy)
     # strength where it stands above the noise, on a scale that neither exposure nor contrast sets
@@ -98,10 +103,12 @@ def _cells(layer: Array, w: int, h: int) -> Array:
 
 def _straightness(gx: Array, gy: Array, sigma: float, w: int, h: int) -> Array:
     """How much of the gradient about a cell runs one way: 1 along a straight edge, 0 in texture."""
-    weight = np.minimum(gx * gx + gy * gy, (20 * sigma) ** 2)
-    scale = weight / np.maximum(gx * gx + gy * gy, 1e-12)
+    xx, yy = gx * gx, gy * gy
+    energy = xx + yy
+    weight = np.minimum(energy, (20 * sigma) ** 2)
+    scale = weight / np.maximum(energy, 1e-12)
     c, s, total = (
-        cv2.blur(_cells(v, w, h), (5, 5)) for v in ((gx * gx - gy * gy) * scale, 2 * gx * gy * scale, weight)
+        cv2.blur(_cells(v, w, h), (5, 5)) for v in ((xx - yy) * scale, 2 * gx * gy * scale, weight)
     )
     return np.asarray(np.hypot(c, s) / (total + (3 * sigma) ** 2))
 
@@ -138,9 +145,15 @@ def _segments(segments: Array, w: int, h: int) -> List[Array]:
     return [*out[:3], about - np.hypot(c, s)]
 
 
-def target_map(small: Array, noise: float, weights: Weights, segments: Optional[Array] = None) -> Array:
-    """(h, w) probability that a cell shows the craft; ``segments`` as in ``measures``."""
-    m = measures(small, noise, segments)
+def target_map(
+    small: Array,
+    noise: float,
+    weights: Weights,
+    segments: Optional[Array] = None,
+    slopes: Optional[Tuple[Array, Array]] = None,
+) -> Array:
+    """(h, w) probability that a cell shows the craft; others as in ``measures``."""
+    m = measures(small, noise, segments, slopes)
     h, w, n = m.shape
     # measures less their mean over their scale, taken into the weights
     first = (weights.first / weights.scale[:, None]).astype(np.float32)
@@ -170,7 +183,7 @@ def boxes(probability: Array, most: int = 4) -> List[Tuple[float, float, float, 
             x, y, bw, bh, area = (int(v) for v in stats[k])
             if area < 6 or min(bw, bh) < 2:
                 continue
-            inside = smooth[labels == k]
+            inside = smooth[y : y + bh, x : x + bw][labels[y : y + bh, x : x + bw] == k]
             # what of the evidence about it a box holds, less what it holds that is none
             score = float((inside - 0.3).sum()) / float(np.sqrt(bw * bh))
             found.append((score, (float(x), float(y), float(x + bw), float(y + bh))))

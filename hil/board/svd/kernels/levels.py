@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.kernels.library import address, laid
-from hil.board.svd.kernels.pictures import gauss
+from hil.board.svd.kernels.library import address, begins, laid
+from hil.board.svd.kernels.pictures import Held, gauss
 from hil.board.svd.kernels.pictures import shown as shown_by
 
 if TYPE_CHECKING:
@@ -38,9 +38,8 @@ def shade(
     group (h, w), the background's share of each (h, w), else empty, and the background's mean value (1,); None where
     a byte holds too few groups.
     """
-    (h, w), f, n = canvas.gray.shape, canvas.fine, faces.groups + 1
-    seen, gray, labels = laid(seen, "int32"), laid(canvas.gray, "float32"), laid(faces.labels, "uint16")
-    light = None if dark is None else laid(dark, "bool")
+    (h, w), f = canvas.gray.shape, canvas.fine
+    seen, light = laid(seen, "int32"), None if dark is None else laid(dark, "bool")
     group, centre, core = (
         np.empty((h * f, w * f), np.uint8),
         np.empty((h, w), np.uint8),
@@ -53,21 +52,41 @@ def shade(
     n = run(
         at(address(seen, "int32", group.shape)),
         None if light is None else at(address(light, "bool", group.shape)),
-        at(address(labels, "uint16", (len(faces.corners) + 1,))),
-        ctypes.c_int64(len(faces.corners)),
-        ctypes.c_int64(n),
-        at(address(gray, "float32")),
-        ctypes.c_int64(h),
-        ctypes.c_int64(w),
-        ctypes.c_int64(f),
-        ctypes.c_double(canvas.sigma),
-        shown_by(canvas.response).at,
-        *(at(a.__array_interface__["data"][0]) for a in (group, centre, core, picture, level, area, ground)),
-        at(share.__array_interface__["data"][0]) if empty else None,
+        *_of_craft(faces, canvas).at,
+        at(begins(group)),
+        at(begins(centre)),
+        at(begins(core)),
+        at(begins(picture)),
+        at(begins(level)),
+        at(begins(area)),
+        at(begins(ground)),
+        at(begins(share)) if empty else None,
     )
     if n < 0:
         raise MemoryError("no memory to find the brightness of faces")
     return (group, level[:n], picture, centre, area[:n], core, share, ground) if n else None
+
+
+def _of_craft(faces: Faces, canvas: Canvas) -> Held:
+    """What ``shade`` is told of a craft and a canvas, kept for the next pose."""
+    of, held = canvas.kept.get("shade", (None, None))
+    if of is not faces:
+        (h, w), n = canvas.gray.shape, len(faces.corners)
+        arrays = laid(faces.labels, "uint16"), laid(canvas.gray, "float32")
+        held = Held(
+            (
+                ctypes.c_void_p(address(arrays[0], "uint16", (n + 1,))),
+                ctypes.c_int64(n),
+                ctypes.c_int64(faces.groups + 1),
+                ctypes.c_void_p(address(arrays[1], "float32")),
+                *(ctypes.c_int64(side) for side in (h, w, canvas.fine)),
+                ctypes.c_double(canvas.sigma),
+                shown_by(canvas.response).at,
+            ),
+            arrays,
+        )
+        canvas.kept["shade"] = faces, held
+    return held
 
 
 def behind(
@@ -111,42 +130,60 @@ def explained(
     picture: Array,
     group: Array,
     canvas: Canvas,
-    blurs_px: Tuple[float, float, float],
-    noise: float,
-    bound: float,
-    none: Optional[Array],
-    covered: float,
+    told: Held,
 ) -> float:
     """Bounded squared deviations from the drawn ``picture`` summed, as in ``photometric.explained``.
 
     Parameters
     ----------
-    group : (H, W) bytes. blurs_px : of the optics, the score, and what is covered. none : (h, w) deviations without
-        the craft, which hold where no more than ``covered`` of a pixel is.
+    group : (H, W) bytes. told : by ``comparison``.
     """
     h, w = canvas.gray.shape
-    gray = laid(canvas.blurred(blurs_px[1]), "float32")
     picture = laid(picture, "float32")
-    bare = None if none is None else laid(none, "float32")
-    optics, score, cover = (gauss(b).at for b in blurs_px)
     run, at = library.fly_explained, ctypes.c_void_p
     run.restype = ctypes.c_double
     out = run(
         at(address(picture, "float32", (h, w))),
         at(address(group, "uint8", (h * canvas.fine, w * canvas.fine))),
-        ctypes.c_int64(h),
-        ctypes.c_int64(w),
-        ctypes.c_int64(canvas.fine),
-        optics,
-        shown_by(canvas.response).at,
-        at(address(gray, "float32", (h, w))),
-        score,
-        ctypes.c_double(noise),
-        ctypes.c_double(bound),
-        None if bare is None else at(address(bare, "float32", (h, w))),
-        cover,
-        ctypes.c_double(covered),
+        *told.at,
     )
     if out < 0:
         raise MemoryError("no memory to compare a drawn craft with the picture")
     return float(out)
+
+
+def comparison(
+    canvas: Canvas,
+    blurs_px: Tuple[float, float, float],
+    noise: float,
+    bound: float,
+    none: Optional[Array],
+    covered: float,
+) -> Held:
+    """What ``explained`` is told of a canvas, the same for every pose.
+
+    Parameters
+    ----------
+    blurs_px : of the optics, the score, and what is covered. none : (h, w) deviations without the craft, which hold
+        where no more than ``covered`` of a pixel is.
+    """
+    h, w = canvas.gray.shape
+    gray = laid(canvas.blurred(blurs_px[1]), "float32")
+    bare = None if none is None else laid(none, "float32")
+    optics, score, cover = (gauss(b) for b in blurs_px)
+    at = ctypes.c_void_p
+    told = (
+        *(ctypes.c_int64(side) for side in (h, w, canvas.fine)),
+        optics.at,
+        shown_by(canvas.response).at,
+        at(address(gray, "float32", (h, w))),
+        score.at,
+        ctypes.c_double(noise),
+        ctypes.c_double(bound),
+        None if bare is None else at(address(bare, "float32", (h, w))),
+        cover.at,
+        ctypes.c_double(covered),
+    )
+    # the blurs' weights live as long as the canvas, too
+    arrays = *optics.arrays, *score.arrays, *cover.arrays, gray
+    return Held(told, arrays if bare is None else (*arrays, bare))

@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
-from typing import Optional, Tuple
+from typing import Any, Callable, Optional, Tuple
 
 import numpy as np
 
@@ -71,7 +71,13 @@ WIDE = {"avx2": "-mavx2"}
 CHOICE = "FLYAROUND_KERNELS"
 CHOICES = ("auto", "numpy", "native")
 
-_FIRST = ctypes.c_char
+# Numbers that arrays hold: made once, for to compare with a name makes a dtype of it each time.
+KINDS = {
+    kind: np.dtype(kind)
+    for kind in ("bool", "uint8", "uint16", "int16", "int32", "int64", "float32", "float64")
+}
+
+_FIRST: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 # A compiler that takes longer is stopped [s].
 LONGEST_S = 600.0
@@ -184,18 +190,23 @@ def address(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> int
 
     Parameters
     ----------
-    kind : its dtype, e.g. ``float32``. shape : what the kernel takes it for, where that is known.
+    kind : its dtype, one of ``KINDS``. shape : what the kernel takes it for, where that is known.
 
     Raises
     ------
     ValueError
         If the array is another: a kernel would read beside it.
     """
-    if a.dtype != kind or not a.flags.c_contiguous or (shape is not None and a.shape != shape):
+    if a.dtype != KINDS[kind] or not a.flags.c_contiguous or (shape is not None and a.shape != shape):
         raise ValueError(f"a kernel takes {kind} {shape or ''}, not {a.dtype} {a.shape}")
+    return begins(a)
+
+
+def begins(a: Array) -> int:
+    """The same of an array that the caller has just made, which is what it should be."""
     try:
         # a fifth of the time of what numpy tells itself
-        return ctypes.addressof(_FIRST.from_buffer(a.data))
+        return ctypes.addressof(_FIRST(a))
     except (TypeError, ValueError):
         # it must not be written to, or is empty
         return int(a.__array_interface__["data"][0])
@@ -203,4 +214,4 @@ def address(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> int
 
 def laid(a: Array, kind: str) -> Array:
     """The array as a kernel takes it: C-contiguous, of this dtype; itself where it is so."""
-    return a if a.dtype == kind and a.flags.c_contiguous else np.ascontiguousarray(a, dtype=kind)
+    return a if a.dtype == KINDS[kind] and a.flags.c_contiguous else np.ascontiguousarray(a, dtype=kind)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
 
-from hil.board.svd.kernels.library import address, laid
+from hil.board.svd.kernels.library import address, begins, laid
 
 if TYPE_CHECKING:
     from hil.board.svd.model import CameraIntrinsics
@@ -36,9 +36,13 @@ class _View(ctypes.Structure):
 
 
 def view(camera: CameraIntrinsics, canvas: Canvas) -> ctypes.Structure:
-    """What a canvas shows of a pinhole's picture: struct view."""
-    across, down = canvas.scale
-    return _View(camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, canvas.x0, canvas.y0, across, down)
+    """What a canvas shows of a pinhole's picture: struct view, kept for the next pose."""
+    of, held = canvas.kept.get("view", (None, None))
+    if of is not camera:
+        c, (across, down) = camera, canvas.scale
+        held = _View(c.fx_px, c.fy_px, c.cx_px, c.cy_px, canvas.x0, canvas.y0, across, down)
+        canvas.kept["view"] = camera, held
+    return held
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +122,7 @@ def draw_faces(
         ctypes.byref(view(camera, canvas)),
         ctypes.c_double(least_px),
         ctypes.c_int(canvas.exact),
-        ctypes.c_void_p(address(seen, "int32")),
+        ctypes.c_void_p(begins(seen)),
         ctypes.c_int64(h),
         ctypes.c_int64(w),
     )

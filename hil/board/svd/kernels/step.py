@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
-from hil.board.svd.kernels.library import address, laid
+from hil.board.svd.kernels.library import address, begins, laid
 from hil.board.svd.kernels.pictures import Held, gauss, shown
 
 if TYPE_CHECKING:
@@ -42,30 +42,42 @@ def _moving(
     level = np.zeros(256)
     level[: len(shading.level)] = shading.level
     behind = None if shading.behind is None else laid(shading.behind, "float32")
-    kept = (
-        laid(shading.seen, "int32"),
-        level,
-        *(laid(a, "float64") for a in (faces.normals, faces.offset, R, t)),
-    )
-    seen, _, normals, offset, R, t = kept
-    across, down = canvas.scale
-    n = len(faces.corners)
+    seen, R, t = laid(shading.seen, "int32"), laid(R, "float64"), laid(t, "float64")
+    planes, rays = _of_craft(faces, canvas, camera)
     held = _Moving(
         address(seen, "int32", (h * canvas.fine, w * canvas.fine)),
-        address(level, "float64"),
+        begins(level),
         None if behind is None else address(behind, "float32", (h, w)),
-        address(normals, "float64", (n, 3)),
-        address(offset, "float64", (n,)),
-        n,
+        *planes.at,
         address(R, "float64", (3, 3)),
         address(t, "float64", (3,)),
-        # as ``Canvas.rays``
-        (0.5 / across - 0.5 + canvas.x0 - camera.cx_px) / camera.fx_px,
-        (0.5 / down - 0.5 + canvas.y0 - camera.cy_px) / camera.fy_px,
-        1.0 / (across * camera.fx_px),
-        1.0 / (down * camera.fy_px),
+        *rays,
     )
+    kept = (seen, level, R, t, *planes.arrays)
     return Held(ctypes.byref(held), kept if behind is None else (*kept, behind))
+
+
+def _of_craft(
+    faces: Faces, canvas: Canvas, camera: CameraIntrinsics
+) -> Tuple[Held, Tuple[float, float, float, float]]:
+    """Planes of a craft and rays of a canvas as ``struct moving`` has them, kept for the next pose."""
+    of, told = canvas.kept.get("moving", ((None, None), None))
+    if of[0] is not faces or of[1] is not camera:
+        n, (across, down) = len(faces.corners), canvas.scale
+        arrays = laid(faces.normals, "float64"), laid(faces.offset, "float64")
+        planes = address(arrays[0], "float64", (n, 3)), address(arrays[1], "float64", (n,)), n
+        told = (
+            Held(planes, arrays),
+            # as ``Canvas.rays``
+            (
+                (0.5 / across - 0.5 + canvas.x0 - camera.cx_px) / camera.fx_px,
+                (0.5 / down - 0.5 + canvas.y0 - camera.cy_px) / camera.fy_px,
+                1.0 / (across * camera.fx_px),
+                1.0 / (down * camera.fy_px),
+            ),
+        )
+        canvas.kept["moving"] = (faces, camera), told
+    return told
 
 
 def motion_images(
@@ -143,8 +155,8 @@ def gram(
         ctypes.c_double(slack),
         ctypes.c_double(tukey),
         ctypes.c_int64(min(most, MOST - 1)),
-        at(address(out, "float64")),
-        at(address(total, "float64")),
+        at(begins(out)),
+        at(begins(total)),
     )
     if packed < 0:
         raise MemoryError("no memory for a step's normal equations")

@@ -103,21 +103,10 @@ def shadows(
     t: Array,
 ) -> Array:
     """As ``Sunlight.shadows``."""
-    n = len(sun.height)
-    frame, at = np.vstack([sun.axes, sun.direction]), np.array([*sun.origin, sun.pitch_m])
-    kind = "uint16" if sun.seen.dtype == np.uint16 else "int32"
-    of_sun = _Sun(
-        address(frame, "float64", (3, 3)),
-        address(at, "float64", (3,)),
-        address(sun.height, "float32", (n, n)),
-        address(sun.seen, kind, (n, n)),
-        n,
-        sun.seen.itemsize,
-    )
     R, t, dark = laid(R, "float64"), laid(t, "float64"), np.zeros(seen.shape, bool)
     failed = library.fly_shadows(
         ctypes.byref(packed.pointers),
-        ctypes.byref(of_sun),
+        ctypes.byref(sun.packed[0]),
         ctypes.byref(view(camera, canvas)),
         ctypes.c_void_p(address(R, "float64", (3, 3))),
         ctypes.c_void_p(address(t, "float64", (3,))),
@@ -128,6 +117,22 @@ def shadows(
     )
     _checked(failed)
     return dark
+
+
+def packed_sun(sun: Sunlight) -> Tuple[Any, Tuple[Array, ...]]:
+    """The Sun's picture as the kernels take it, and what keeps its arrays alive."""
+    n = len(sun.height)
+    frame, at = np.vstack([sun.axes, sun.direction]), np.array([*sun.origin, sun.pitch_m])
+    kind = "uint16" if sun.seen.dtype == np.uint16 else "int32"
+    held = _Sun(
+        address(frame, "float64", (3, 3)),
+        address(at, "float64", (3,)),
+        address(sun.height, "float32", (n, n)),
+        address(sun.seen, kind, (n, n)),
+        n,
+        sun.seen.itemsize,
+    )
+    return held, (frame, at, sun.height, sun.seen)
 
 
 def packed_table(table: SunTable) -> Tuple[Any, Tuple[Array, ...]]:
@@ -167,10 +172,11 @@ def costs(
     good[0] = False
     h, w = canvas.gray.shape
     gray, group, some = laid(canvas.gray, "float32"), laid(faces.group, "int64"), laid(some, "int64")
-    centre = shading.centre if shading.centre.dtype == np.uint8 else laid(shading.centre, "uint16")
+    kind = "uint8" if shading.centre.dtype == np.uint8 else "uint16"
+    centre = laid(shading.centre, kind)
     picture = _LookedAt(
         address(shading.seen, "int32", (h * canvas.fine, w * canvas.fine)),
-        address(centre, centre.dtype.name, (h, w)),
+        address(centre, kind, (h, w)),
         address(good, "bool"),
         address(gray, "float32"),
         address(group, "int64"),

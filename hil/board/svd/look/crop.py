@@ -8,6 +8,7 @@ from typing import Optional, Sequence
 import cv2
 import numpy as np
 
+from hil.board.svd import quaternion as quat
 from hil.board.svd.edges import area_mean
 from hil.board.svd.kernels import crop as kernel
 from hil.board.svd.kernels.area import readable
@@ -46,11 +47,11 @@ class Gaze:
         """
         half = 0.5 * self.diameter_px / (FILLED * f_px)
         d = self.swing() @ np.array([half * shift[0], half * shift[1], 1.0])
-        return Gaze(d / np.linalg.norm(d), self.diameter_px * float(np.exp(log_size)))
+        return Gaze(d / quat.length(d), self.diameter_px * float(np.exp(log_size)))
 
     def swing(self) -> Array:
         """(3, 3) the shortest turn of the boresight to this direction."""
-        x, y, z = self.direction
+        x, y, z = self.direction.tolist()
         c = 1.0 / (1.0 + max(z, -0.99))
         return np.array([[1 - x * x * c, -x * y * c, x], [-x * y * c, 1 - y * y * c, y], [-x, -y, z]])
 
