@@ -10,159 +10,299 @@
 /* Shares that are no more are none (levels.py, coverage). */
 #define LITTLE 2e-4f
 
-/* Canvas pixels that hold a group: from (x0, y0), to before (x1, y1). */
-struct box {
-    int64_t x0, y0, x1, y1;
+/* Columns of a canvas's row, from one to before another: none where they are in no order. */
+struct span {
+    int32_t from, to;
 };
 
-/* Where each group is (256,). */
-static void boxes_of(struct drawing d, struct box *box)
+static const struct span NONE = {INT32_MAX, 0};
+
+/* The first place after i whose byte is another, n where there is none. */
+static int64_t alike(const uint8_t *a, int64_t i, int64_t n)
+{
+    const uint8_t own = a[i];
+    const uint64_t same = 0x0101010101010101u * own;
+    uint64_t eight;
+
+    for (i++; i + 8 <= n && (memcpy(&eight, a + i, 8), eight == same); i += 8)
+        continue;
+    while (i < n && a[i] == own)
+        i++;
+    return i;
+}
+
+/* Columns (n, h) of each canvas row in which the chosen groups are. */
+static void spans(struct drawing d, const uint8_t *chosen, int64_t n, struct span *span)
 {
     const int64_t wide = d.w * d.f;
-    int64_t x, y, start;
-    int g;
+    struct span *of[256] = {NULL};
+    int64_t x, y, k, start;
 
-    for (g = 0; g < 256; g++)
-        box[g] = (struct box){wide, d.h * d.f, 0, 0};
+    for (k = 0; k < n * d.h; k++)
+        span[k] = NONE;
+    for (k = 0; k < n; k++)
+        of[chosen[k]] = span + k * d.h;
     for (y = 0; y < d.h * d.f; y++) {
         const uint8_t *row = d.group + y * wide;
         for (x = 0; x < wide;) {
-            const uint64_t same = 0x0101010101010101u * row[x];
-            struct box *b = box + row[x];
-            uint64_t eight;
-            start = x++;
-            while (x + 8 <= wide && (memcpy(&eight, row + x, 8), eight == same))
-                x += 8;
-            while (x < wide && row[x] == row[start])
-                x++;
-            b->x0 = start < b->x0 ? start : b->x0;
-            b->x1 = x > b->x1 ? x : b->x1;
-            b->y0 = y < b->y0 ? y : b->y0;
-            b->y1 = y + 1;
+            struct span *s = of[row[x]];
+            start = x;
+            x = alike(row, x, wide);
+            if (s == NULL)
+                continue;
+            /* drawn pixels */
+            s += y / d.f;
+            s->from = start < s->from ? (int32_t)start : s->from;
+            s->to = x > s->to ? (int32_t)x : s->to;
         }
     }
-    /* drawn pixels to canvas pixels */
-    for (g = 0; g < 256; g++) {
-        const struct box b = box[g];
-        box[g] = b.y1 > 0 ? (struct box){b.x0 / d.f, b.y0 / d.f, (b.x1 - 1) / d.f + 1, (b.y1 - 1) / d.f + 1}
-                          : (struct box){d.w, d.h, 0, 0};
+    for (k = 0; k < n * d.h; k++) {
+        span[k].from = span[k].from == INT32_MAX ? INT32_MAX : span[k].from / (int32_t)d.f;
+        span[k].to = (span[k].to + (int32_t)d.f - 1) / (int32_t)d.f;
     }
 }
 
 int64_t fly_choose(const uint8_t *centre, int64_t pixels, int64_t most, uint8_t *chosen)
 {
     int64_t count[256] = {0}, i, start, n = 1;
-    int g, best;
+    int some[256], labels = 0, g, best;
 
     for (i = 0; i < pixels;) {
-        for (start = i++; i < pixels && centre[i] == centre[start]; i++)
-            continue;
+        start = i;
+        i = alike(centre, i, pixels);
         count[centre[start]] += i - start;
     }
+    for (g = 1; g < 256; g++)
+        if (count[g] > FEW)
+            some[labels++] = g;
     chosen[0] = 0;
-    while (n <= most && n < MOST) {
-        for (g = 1, best = 0; g < 256; g++)
-            if (count[g] > FEW && (best == 0 || count[g] > count[best]))
-                best = g;
-        if (best == 0)
-            break;
-        count[best] = 0;
-        chosen[n++] = (uint8_t)best;
+    for (; n <= most && n < MOST && n <= labels; n++) {
+        for (g = 0, best = 0; g < labels; g++)
+            best = count[some[g]] > count[some[best]] ? g : best;
+        count[some[best]] = 0;
+        chosen[n] = (uint8_t)some[best];
     }
     return n;
 }
 
-/* Drawn pixels of a group in each canvas pixel of a box, out (box's w wide). line (w,) is scratch. */
-static void counted(struct drawing d, uint8_t group, struct box b, uint8_t *line, float *out)
+static inline struct span both(struct span a, struct span b)
 {
-    const int64_t wide = d.w * d.f, w = b.x1 - b.x0;
-    int64_t x, y, k, j;
-
-    for (y = b.y0; y < b.y1; y++, out += w) {
-        memset(line, 0, (size_t)w);
-        for (k = 0; k < d.f; k++) {
-            const uint8_t *row = d.group + (y * d.f + k) * wide + b.x0 * d.f;
-            if (d.f == 2)
-                for (x = 0; x < w; x++)
-                    line[x] = (uint8_t)(line[x] + (row[2 * x] == group) + (row[2 * x + 1] == group));
-            else
-                for (x = 0; x < w; x++)
-                    for (j = 0; j < d.f; j++)
-                        line[x] = (uint8_t)(line[x] + (row[d.f * x + j] == group));
-        }
-        for (x = 0; x < w; x++)
-            out[x] = (float)line[x];
-    }
+    return (struct span){a.from > b.from ? a.from : b.from, a.to < b.to ? a.to : b.to};
 }
 
-/* A box wider by reach on all sides within the canvas, in whole lines of pixels where there is room. */
-static struct box wider(struct box b, int64_t reach, struct drawing d)
+/* out (h,) from row top to before end = what the spans of rows there no farther than reach cover with all between.
+ * work (h + 2 reach,) is scratch: what covers some rows from each on covers twice as many with what begins after them.
+ */
+static void about(const struct span *in, int64_t top, int64_t end, int64_t reach, struct span *work, struct span *out)
 {
-    int64_t more;
+    const int64_t n = end - top + 2 * reach;
+    int64_t k, some, more;
 
-    b.x0 = b.x0 > reach ? b.x0 - reach : 0;
-    b.y0 = b.y0 > reach ? b.y0 - reach : 0;
-    b.x1 = b.x1 + reach < d.w ? b.x1 + reach : d.w;
-    b.y1 = b.y1 + reach < d.h ? b.y1 + reach : d.h;
-    more = (WIDE - (b.x1 - b.x0) % WIDE) % WIDE;
-    if (b.x1 + more <= d.w)
-        b.x1 += more;
-    else if (b.x0 >= more)
-        b.x0 -= more;
-    return b;
-}
-
-/* Shares of a group, the canvas's within a box (box's w wide), noted. */
-static void note(const struct rows *rows, int64_t w, struct box b, const float *share, float part, int64_t slot, struct cover *c)
-{
-    int64_t y, i;
-
-    for (y = b.y0; y < b.y1; y++) {
-        const float *row = share + (y - b.y0) * (b.x1 - b.x0);
-        for (i = rows->first[y * w + b.x0]; i < rows->first[y * w + b.x1]; i++) {
-            const float v = row[rows->x[i] - b.x0] * part;
-            if (v > LITTLE) {
-                c->share[c->n] = (struct share){v, c->last[i], (int32_t)slot};
-                c->last[i] = (int32_t)c->n++;
-            }
+    for (k = 0; k < reach; k++)
+        work[k] = work[n - 1 - k] = NONE;
+    memcpy(work + reach, in + top, (size_t)(end - top) * sizeof *work);
+    for (some = 1; some < 2 * reach + 1; some += more) {
+        more = some < 2 * reach + 1 - some ? some : 2 * reach + 1 - some;
+        for (k = 0; k + more < n; k++) {
+            const struct span next = work[k + more];
+            work[k].from = next.from < work[k].from ? next.from : work[k].from;
+            work[k].to = next.to > work[k].to ? next.to : work[k].to;
         }
     }
+    memcpy(out + top, work, (size_t)(end - top) * sizeof *work);
+}
+
+/* Whole lines of numbers about a span, on rows w wide. */
+static struct span lines(struct span s, int64_t w)
+{
+    const int32_t to = (s.to + WIDE - 1) / WIDE * WIDE;
+
+    return (struct span){s.from / WIDE * WIDE, to < w ? to : (int32_t)w};
+}
+
+/* Drawn pixels of a group in the canvas pixels s of row y, into out (w,). count (w,) is scratch. */
+static void counted(struct drawing d, uint8_t group, int64_t y, struct span s, uint8_t *restrict count, float *restrict out)
+{
+    const int64_t wide = d.w * d.f, n = s.to - s.from;
+    const uint8_t *row = d.group + y * d.f * wide + s.from * d.f, *next = row + wide;
+    int64_t x, k, j;
+
+    if (d.f == 2)
+        for (x = 0; x < n; x++)
+            count[x] = (uint8_t)((row[2 * x] == group) + (row[2 * x + 1] == group) + (next[2 * x] == group)
+                                 + (next[2 * x + 1] == group));
+    else
+        for (x = 0; x < n; x++)
+            for (count[x] = 0, k = 0; k < d.f; k++)
+                for (j = 0; j < d.f; j++)
+                    count[x] = (uint8_t)(count[x] + (row[k * wide + d.f * x + j] == group));
+    for (x = 0; x < n; x++)
+        out[s.from + x] = (float)count[x];
+}
+
+/* Scratch of a group's shares: see fly_cover_rows. */
+struct scratch {
+    struct span *hold, *reached, *asked, *needed; /* (h,) */
+    struct span *work;                            /* (h + 2 reach,) */
+    float *part;                                  /* (h, w) blurred across */
+    float *line, *nothing, *row;                  /* (w + 2 reach,), of zeros (w,), (w,) */
+    uint8_t *count;                               /* (w,) */
+};
+
+/* A share of row, noted while they are group by group. */
+struct noted {
+    float value;
+    int32_t row;
+};
+
+/* Row y of a group blurred across: columns to of part, where the group is in those of hold. */
+static void across(struct drawing d, uint8_t group, int64_t y, struct span hold, struct span to, const struct gauss *g,
+                   const struct scratch *s)
+{
+    const int64_t r = g->reach, w = d.w;
+    const float *p[2 * WIDEST + 1];
+    float *own = s->line + r;
+    int64_t x;
+
+    memset(s->line, 0, (size_t)(w + 2 * r) * sizeof *s->line);
+    counted(d, group, y, hold, s->count, own);
+    for (x = 1; x <= r && hold.from <= r; x++)
+        own[-x] = own[fly_mirrored(-x, w)];
+    for (x = 1; x <= r && hold.to >= w - r; x++)
+        own[w - 1 + x] = own[fly_mirrored(w - 1 + x, w)];
+    for (x = 0; x <= 2 * r; x++)
+        p[x] = s->line + to.from + x;
+    fly_weighed(p, g, s->part + y * w + to.from, to.to - to.from);
+}
+
+/* Shares of a group, which is in the columns span of each row, noted; where no row of pixels is, none is worked out. */
+static struct noted *note(struct drawing d, uint8_t group, const struct span *span, const struct gauss *g,
+                          const struct rows *rows, const struct scratch *s, int32_t *count, struct noted *to)
+{
+    const float part = 1.0f / (float)(d.f * d.f);
+    const int64_t r = g->reach, w = d.w;
+    const float *p[2 * WIDEST + 1];
+    struct span all = NONE;
+    int64_t top = 0, end = d.h, y, j, i;
+
+    while (top < end && span[top].from >= span[top].to)
+        top++;
+    while (top < end && span[end - 1].from >= span[end - 1].to)
+        end--;
+    if (top == end)
+        return to;
+    top = top > r ? top - r : 0;
+    end = end + r < d.h ? end + r : d.h;
+    for (y = top; y < end; y++) {
+        const struct span h = span[y];
+        s->hold[y] = NONE;
+        if (h.from < h.to) {
+            s->hold[y].from = h.from > r ? h.from - (int32_t)r : 0;
+            s->hold[y].to = h.to + r < w ? h.to + (int32_t)r : (int32_t)w;
+        }
+        all.from = s->hold[y].from < all.from ? s->hold[y].from : all.from;
+        all.to = s->hold[y].to > all.to ? s->hold[y].to : all.to;
+    }
+    about(s->hold, top, end, r, s->work, s->reached);
+    for (y = top; y < end; y++) {
+        const int32_t first = rows->first[y * w], last = rows->first[(y + 1) * w];
+        s->asked[y] = NONE;
+        if (first < last)
+            s->asked[y] = both((struct span){rows->x[first], rows->x[last - 1] + 1}, s->reached[y]);
+        if (s->asked[y].from >= s->asked[y].to)
+            s->asked[y] = NONE;
+    }
+    about(s->asked, top, end, r, s->work, s->needed);
+    all = lines(all, w);
+    for (y = top; y < end; y++) {
+        const struct span here = both(s->hold[y], s->needed[y]);
+        s->needed[y] = here;
+        if (here.from >= here.to)
+            continue;
+        memset(s->part + y * w + all.from, 0, (size_t)(all.to - all.from) * sizeof *s->part);
+        across(d, group, y, span[y], lines(here, w), g, s);
+    }
+    for (y = top; y < end; y++) {
+        const struct span a = s->asked[y];
+        if (a.from >= a.to)
+            continue;
+        const struct span all_of = lines(a, w);
+        for (j = -r; j <= r; j++) {
+            const int64_t from = y + j >= 0 && y + j < d.h ? y + j : fly_mirrored(y + j, d.h);
+            p[r + j] = from >= top && from < end && s->needed[from].from < s->needed[from].to ? s->part + from * w + all_of.from : s->nothing;
+        }
+        fly_weighed(p, g, s->row + all_of.from, all_of.to - all_of.from);
+        for (i = rows->first[y * w + a.from]; i < rows->first[y * w + a.to]; i++) {
+            const float v = s->row[rows->x[i]] * part;
+            const int counts = v > LITTLE;
+            /* what does not count is written over */
+            *to = (struct noted){v, (int32_t)i};
+            to += counts;
+            count[i] += counts;
+        }
+    }
+    return to;
+}
+
+/* Scratch in one piece of memory, to be freed. */
+static void *laid_out(struct drawing d, int64_t reach, struct scratch *s)
+{
+    const size_t h = (size_t)d.h, w = (size_t)d.w, floats = h * w + (w + 2 * (size_t)reach) + 2 * w;
+    void *block = malloc((5 * h + 2 * (size_t)reach) * sizeof *s->hold + floats * sizeof(float) + w);
+
+    if (block == NULL)
+        return NULL;
+    s->hold = block;
+    s->reached = s->hold + h;
+    s->asked = s->reached + h;
+    s->needed = s->asked + h;
+    s->work = s->needed + h;
+    s->part = (float *)(void *)(s->work + h + 2 * reach);
+    s->line = s->part + h * w;
+    s->nothing = s->line + w + 2 * reach;
+    s->row = s->nothing + w;
+    s->count = (uint8_t *)(void *)(s->row + w);
+    memset(s->nothing, 0, w * sizeof *s->nothing);
+    return block;
 }
 
 int fly_cover_rows(struct drawing d, const uint8_t *chosen, int64_t n, struct gauss g, const struct rows *rows,
                    struct cover *c)
 {
-    /* one more than the blur reaches: what it mirrors at the box's edge is empty then */
-    const int64_t reach = g.reach + 1, size = d.h * d.w;
-    float *own = malloc((size_t)(3 * size + 2 * d.w + 2 * reach) * sizeof *own);
-    float *blurred = own + size, *scratch = blurred + size, *line = scratch + size;
-    struct box box[256];
-    int64_t k, most = 0;
+    struct scratch s;
+    void *block = laid_out(d, g.reach, &s);
+    struct span *span = malloc((size_t)(n * d.h) * sizeof *span);
+    /* no more than all groups in all rows, of which few are ever written */
+    struct noted *noted = malloc((size_t)(n * rows->n + 1) * sizeof *noted), *end = noted;
+    int64_t i, k, sum = 0, ends[MOST] = {0};
 
-    boxes_of(d, box);
+    c->share = NULL;
+    if (block == NULL || span == NULL || noted == NULL || n * rows->n > INT32_MAX)
+        goto end;
+    spans(d, chosen, n, span);
+    memset(c->first, 0, (size_t)(rows->n + 1) * sizeof *c->first);
     for (k = 0; k < n; k++) {
-        const struct box b = wider(box[chosen[k]], reach, d);
-        if (b.y0 < b.y1)
-            most += rows->first[b.y1 * d.w] - rows->first[b.y0 * d.w];
+        end = note(d, chosen[k], span + k * d.h, &g, rows, &s, c->first, end);
+        ends[k] = end - noted;
     }
-    c->share = malloc((size_t)(most + 1) * sizeof *c->share);
-    if (own == NULL || c->share == NULL || most > INT32_MAX) {
-        free(own);
-        return -1;
+    c->share = malloc((size_t)(end - noted + 1) * sizeof *c->share);
+    if (c->share == NULL)
+        goto end;
+    /* row by row: where each begins, which moves to where it ends while it is filled */
+    for (i = 0; i <= rows->n; i++) {
+        const int32_t some = i < rows->n ? c->first[i] : 0;
+        c->first[i] = (int32_t)sum;
+        sum += some;
     }
-    for (k = 0; k < rows->n; k++)
-        c->last[k] = -1;
-    for (k = 0; k < n; k++) {
-        const struct box all = box[chosen[k]], b = wider(all, reach, d);
-        const int64_t w = b.x1 - b.x0, h = b.y1 - b.y0;
-        if (all.x0 >= all.x1 || rows->first[b.y0 * d.w] == rows->first[b.y1 * d.w])
-            continue;
-        const struct box full = {b.x0, all.y0, b.x1, all.y1};
-        memset(own, 0, (size_t)(h * w) * sizeof *own);
-        counted(d, chosen[k], full, (uint8_t *)line, own + (all.y0 - b.y0) * w);
-        fly_blur_some(own, h, w, all.y0 - b.y0, all.y1 - b.y0, g, blurred, scratch, line);
-        note(rows, d.w, b, blurred, 1.0f / (float)(d.f * d.f), k, c);
-    }
-    free(own);
-    return 0;
+    for (i = 0, k = 0; k < n; k++)
+        for (; i < ends[k]; i++)
+            c->share[c->first[noted[i].row]++] = (struct share){noted[i].value, (int32_t)k};
+    for (i = rows->n; i > 0; i--)
+        c->first[i] = c->first[i - 1];
+    c->first[0] = 0;
+end:
+    free(block);
+    free(span);
+    free(noted);
+    return c->share == NULL ? -1 : 0;
 }

@@ -34,21 +34,32 @@ static inline void weigh(const float *const *p, const float *taps, const int r, 
     }
 }
 
-/* The same for reaches that are no constant: line by line. */
-static inline void weigh_far(const float *const *p, const float *taps, int64_t r, float *restrict out, int64_t n)
+/* Numbers side by side, wherever they lie: each of them rounds as it does alone. */
+#define LINE 8
+typedef float line __attribute__((vector_size(4 * LINE), aligned(4), may_alias));
+
+static inline line at(const float *a) { return *(const line *)(const void *)a; }
+
+/* The same for reaches that are no constant. */
+static void weigh_far(const float *const *p, const float *taps, int64_t r, float *out, int64_t n)
 {
     int64_t x, j;
 
-    for (x = 0; x < n; x++)
-        out[x] = taps[r] * p[r][x];
-    for (j = 1; j <= r; j++) {
-        const float *a = p[r - j], *b = p[r + j], k = taps[r + j];
-        for (x = 0; x < n; x++)
-            out[x] += k * (a[x] + b[x]);
+    for (x = 0; x + LINE <= n; x += LINE) {
+        line sum = taps[r] * at(p[r] + x);
+        for (j = 1; j <= r; j++)
+            sum += taps[r + j] * (at(p[r - j] + x) + at(p[r + j] + x));
+        *(line *)(void *)(out + x) = sum;
+    }
+    for (; x < n; x++) {
+        float sum = taps[r] * p[r][x];
+        for (j = 1; j <= r; j++)
+            sum += taps[r + j] * (p[r - j][x] + p[r + j][x]);
+        out[x] = sum;
     }
 }
 
-static void weighed(const float *const *p, const struct gauss *g, float *out, int64_t n)
+void fly_weighed(const float *const *p, const struct gauss *g, float *out, int64_t n)
 {
     /* a constant reach keeps the sums in registers */
     switch (g->reach) {
@@ -64,8 +75,7 @@ static void weighed(const float *const *p, const struct gauss *g, float *out, in
     }
 }
 
-void fly_blur_some(const float *src, int64_t h, int64_t w, int64_t low, int64_t high, struct gauss g, float *dst,
-                   float *part, float *line)
+void fly_blur_with(const float *src, int64_t h, int64_t w, struct gauss g, float *dst, float *part, float *line)
 {
     const float *p[2 * WIDEST + 1];
     const int64_t r = g.reach;
@@ -77,26 +87,20 @@ void fly_blur_some(const float *src, int64_t h, int64_t w, int64_t low, int64_t 
     }
     for (j = 0; j <= 2 * r; j++)
         p[j] = line + j;
-    memset(part, 0, (size_t)(h * w) * sizeof *part);
-    for (y = low; y < high; y++) {
+    for (y = 0; y < h; y++) {
         const float *row = src + y * w;
         memcpy(line + r, row, (size_t)w * sizeof *line);
         for (x = 1; x <= r; x++) {
             line[r - x] = row[fly_mirrored(-x, w)];
             line[r + w - 1 + x] = row[fly_mirrored(w - 1 + x, w)];
         }
-        weighed(p, &g, part + y * w, w);
+        fly_weighed(p, &g, part + y * w, w);
     }
     for (y = 0; y < h; y++) {
         for (j = -r; j <= r; j++)
             p[r + j] = part + fly_mirrored(y + j, h) * w;
-        weighed(p, &g, dst + y * w, w);
+        fly_weighed(p, &g, dst + y * w, w);
     }
-}
-
-void fly_blur_with(const float *src, int64_t h, int64_t w, struct gauss g, float *dst, float *part, float *line)
-{
-    fly_blur_some(src, h, w, 0, h, g, dst, part, line);
 }
 
 int fly_blur(const float *src, int64_t h, int64_t w, const struct gauss *g, float *dst)

@@ -38,12 +38,11 @@ struct drawing {
 /* Place i on a line of n, mirrored at its ends without repeating them (BORDER_REFLECT_101). */
 int64_t fly_mirrored(int64_t i, int64_t n);
 
+/* out (n,) = what the taps give of the lines p[0 .. 2 reach], of which out is none. */
+void fly_weighed(const float *const *p, const struct gauss *g, float *out, int64_t n);
+
 /* The picture src (h, w) blurred into dst, which may not be src; part (h, w) and line (w + 2 reach) are scratch. */
 void fly_blur_with(const float *src, int64_t h, int64_t w, struct gauss g, float *dst, float *part, float *line);
-
-/* The same of a picture that is zero but for the rows from low to before high. */
-void fly_blur_some(const float *src, int64_t h, int64_t w, int64_t low, int64_t high, struct gauss g, float *dst,
-                   float *part, float *line);
 
 /* The same with scratch of its own; -1 where there is no memory. */
 int fly_blur(const float *src, int64_t h, int64_t w, const struct gauss *g, float *dst);

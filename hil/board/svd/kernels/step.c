@@ -26,27 +26,28 @@ static void add_rows(const struct rows *rows, const struct cover *c, int64_t fro
 {
     const lanes pose = {1, 1, 1, 1, 1, 1, 0, 0}, left = {0, 0, 0, 0, 0, 0, 1, 0};
     lanes own[7] = {{0}};
-    float share[MOST];
-    int32_t slot[MOST], s;
     int64_t i;
     int k, m;
 
     for (i = from; i < to; i++) {
         const float root = sqrtf(rows->weight[i]), scaled = root * rows->slope[i];
+        const struct share *share = c->share + c->first[i];
+        const int shares = (int)(c->first[i + 1] - c->first[i]);
+        float part[MOST];
         union { lanes all; float one[WIDE]; } z;
         if (!(rows->weight[i] > 0))
             continue;
         z.all = *(const lanes *)(const void *)(rows->d + WIDE * i) * (pose * scaled + left * root);
         for (k = 0; k < 7; k++)
             own[k] += z.one[k] * z.all;
-        for (s = c->last[i], k = 0; s >= 0; s = c->share[s].before, k++) {
-            const float one = c->share[s].value * scaled;
-            const int32_t at = c->share[s].slot;
-            share[k] = one;
-            slot[k] = at;
+        for (k = 0; k < shares; k++) {
+            const int32_t at = share[k].slot;
+            const float one = share[k].value * scaled;
+            float *levels = sum->levels[at];
+            part[k] = one;
             sum->mixed[at] += one * z.all;
             for (m = 0; m <= k; m++)
-                sum->levels[slot[m]][at] += share[m] * one;
+                levels[share[m].slot] += part[m] * one;
         }
     }
     memcpy(sum->own, own, sizeof own);
@@ -90,14 +91,14 @@ struct memory {
 static int laid_out(int64_t h, int64_t w, struct memory *m)
 {
     /* whole lines of each */
-    const size_t n = ((size_t)(h * w) + WIDE - 1) / WIDE * WIDE, floats = (WIDE + 3 + 3 + 4) * n + 2 * WIDE;
+    const size_t n = ((size_t)(h * w) + WIDE - 1) / WIDE * WIDE, floats = (WIDE + 3 + 3 + 4) * n + 3 * WIDE;
     const size_t sums = sizeof(struct sums);
     uint8_t *block = malloc(floats * sizeof(float) + sums + n);
     float *at;
 
     m->block = block;
     m->cover.share = NULL;
-    m->cover.n = m->rows.n = 0;
+    m->rows.n = 0;
     if (block == NULL)
         return -1;
     m->rows.d = at = fly_aligned((float *)(void *)block);
@@ -105,8 +106,8 @@ static int laid_out(int64_t h, int64_t w, struct memory *m)
     m->rows.edge = at += n;
     m->rows.weight = at += n;
     m->rows.x = (int32_t *)(void *)(at += n);
-    m->cover.last = (int32_t *)(void *)(at += n);
-    m->rows.first = (int32_t *)(void *)(at += n);
+    m->cover.first = (int32_t *)(void *)(at += n);
+    m->rows.first = (int32_t *)(void *)(at += n + WIDE);
     m->shown = at += n + WIDE;
     m->slope = at += n;
     m->drawn = at += n;
