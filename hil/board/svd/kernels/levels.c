@@ -47,9 +47,13 @@ static int64_t stretches(const int32_t *seen, const uint8_t *dark, int64_t pixel
         for (k = 0; k < some; k += 8) {
             uint64_t eight;
             memcpy(&eight, edge + k, 8);
-            for (j = k; eight != 0 && j < k + 8; j++)
-                if (edge[j])
-                    out[n++].start = (int32_t)(i + j);
+            if (eight == 0)
+                continue;
+            /* what begins none is written over: nobody can tell beforehand which of them do */
+            for (j = k; j < k + 8; j++) {
+                out[n].start = (int32_t)(i + j);
+                n += edge[j];
+            }
         }
     }
     for (k = 0; k < n; k++) {

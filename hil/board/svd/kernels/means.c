@@ -107,23 +107,39 @@ static double mean_of(const struct stretch *s, double sigma)
     return some.sum / at_least(some.number, 1e-9);
 }
 
+/* Pixels whose borders are found together. */
+#define TOGETHER 512
+
 /* Runs of pixels that count, at most one each; how many. */
 static int64_t runs_of(const uint8_t *centre, const uint8_t *kind, int64_t pixels, struct run *run)
 {
-    const uint64_t ones = 0x0101010101010101u;
-    int64_t i = 0, n = 0;
+    uint8_t edge[TOGETHER];
+    int64_t i, j, k, all = 0, n = 0;
 
-    while (i < pixels) {
-        const int64_t start = i++;
-        const uint8_t c = centre[start], k = kind[start];
-        uint64_t groups, kinds;
-        while (i + 8 <= pixels && (memcpy(&groups, centre + i, 8), memcpy(&kinds, kind + i, 8), groups == ones * c)
-               && kinds == ones * k)
-            i += 8;
-        while (i < pixels && centre[i] == c && kind[i] == k)
-            i++;
-        if (c > 0 || k < 2)
-            run[n++] = (struct run){(int32_t)start, (int32_t)(i - start), KINDS * c + k};
+    run[all++].start = 0;
+    for (i = 1; i < pixels; i += TOGETHER) {
+        const int64_t some = pixels - i < TOGETHER ? pixels - i : TOGETHER;
+        const uint8_t *c = centre + i, *l = kind + i;
+        for (j = 0; j < some; j++)
+            edge[j] = (c[j] != c[j - 1]) | (l[j] != l[j - 1]);
+        memset(edge + some, 0, (size_t)(TOGETHER - some));
+        for (j = 0; j < some; j += 8) {
+            uint64_t eight;
+            memcpy(&eight, edge + j, 8);
+            if (eight == 0)
+                continue;
+            /* what begins none is written over: nobody can tell beforehand which of them do */
+            for (k = j; k < j + 8 && k < some; k++) {
+                run[all].start = (int32_t)(i + k);
+                all += edge[k];
+            }
+        }
+    }
+    for (i = 0; i < all; i++) {
+        const int32_t start = run[i].start, end = i + 1 < all ? run[i + 1].start : (int32_t)pixels;
+        const uint8_t c = centre[start], l = kind[start];
+        run[n] = (struct run){start, end - start, KINDS * c + l};
+        n += (c > 0) | (l < 2);
     }
     return n;
 }
