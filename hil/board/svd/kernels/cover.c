@@ -121,7 +121,8 @@ static struct span lines(struct span s, int64_t w)
 }
 
 /* Drawn pixels of a group in the canvas pixels s of row y, into out (w,). count (w,) is scratch. */
-static void counted(struct drawing d, uint8_t group, int64_t y, struct span s, uint8_t *restrict count, float *restrict out)
+static void counted(struct drawing d, uint8_t group, int64_t y, struct span s, uint8_t *restrict count,
+                    float *restrict out)
 {
     const int64_t wide = d.w * d.f, n = s.to - s.from;
     const uint8_t *row = d.group + y * d.f * wide + s.from * d.f, *next = row + wide;
@@ -229,7 +230,8 @@ static struct noted *note(struct drawing d, uint8_t group, const struct span *sp
         const struct span all_of = lines(a, w);
         for (j = -r; j <= r; j++) {
             const int64_t from = y + j >= 0 && y + j < d.h ? y + j : fly_mirrored(y + j, d.h);
-            p[r + j] = from >= top && from < end && s->needed[from].from < s->needed[from].to ? s->part + from * w + all_of.from : s->nothing;
+            const int some = from >= top && from < end && s->needed[from].from < s->needed[from].to;
+            p[r + j] = some ? s->part + from * w + all_of.from : s->nothing;
         }
         fly_weighed(p, g, s->row + all_of.from, all_of.to - all_of.from);
         for (i = rows->first[y * w + a.from]; i < rows->first[y * w + a.to]; i++) {
