@@ -28,6 +28,7 @@ _LINUX = ("libGL.so.1", "libOpenGL.so.0")
 _POINTS = 0
 _TEXTURE_2D, _UNSIGNED_BYTE, _UNPACK_ALIGNMENT = 0x0DE1, 0x1401, 0x0CF5
 _FORMATS = {1: (0x8229, 0x1903), 4: (0x8058, 0x1908)}  # R8 and RED, RGBA8 and RGBA
+_OWN_NAME = "name made here"
 VERSION = 1  # of how levels are made; part of the cache's key
 
 
@@ -48,7 +49,10 @@ def levelled(image: ByteArray) -> Levelled:
 
 
 def levelled_texture(context: moderngl.Context, levels: Levelled) -> moderngl.Texture:
-    """A texture with all its levels; without an OpenGL to be called by name the driver makes them."""
+    """A texture with all its levels; without an OpenGL to be called by name the driver makes them.
+
+    `release_levelled` frees it: of names that it did not make moderngl only lets go.
+    """
     image = levels.image
     height, width = image.shape[:2]
     components = image.size // (width * height)
@@ -60,6 +64,7 @@ def levelled_texture(context: moderngl.Context, levels: Levelled) -> moderngl.Te
     name = ctypes.c_uint()
     library.glGenTextures(1, ctypes.byref(name))
     texture = context.external_texture(name.value, (width, height), components, 0, "f1")
+    texture.extra = _OWN_NAME
     # before the first level: a driver that expects no others moves everything when they come
     texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
     texture.use(0)
@@ -73,6 +78,14 @@ def levelled_texture(context: moderngl.Context, levels: Levelled) -> moderngl.Te
             _TEXTURE_2D, level, inner, w, h, 0, outer, _UNSIGNED_BYTE, ctypes.c_void_p(data.ctypes.data)
         )
     return texture
+
+
+def release_levelled(texture: moderngl.Texture) -> None:
+    """Free a texture of `levelled_texture`, or any other."""
+    name, library = texture.glo, opengl() if texture.extra == _OWN_NAME else None
+    texture.release()
+    if library is not None:
+        library.glDeleteTextures(1, ctypes.byref(ctypes.c_uint(name)))
 
 
 def single_textures(context: moderngl.Context, levels: Levelled) -> list[moderngl.Texture]:
@@ -143,6 +156,7 @@ def opengl() -> ctypes.CDLL | None:
             library = ctypes.CDLL(name)
             library.glTexImage2D.argtypes = [*[ctypes.c_int] * 8, ctypes.c_void_p]
             library.glGenTextures.argtypes = [ctypes.c_int, ctypes.c_void_p]
+            library.glDeleteTextures.argtypes = [ctypes.c_int, ctypes.c_void_p]
         except (OSError, AttributeError):
             continue
         return library

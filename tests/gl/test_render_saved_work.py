@@ -18,7 +18,7 @@ from simulator.render.cells import earth_cells
 from simulator.render.cover import CELL_PX, hulls_cover
 from simulator.render.earthview import earth_view
 from simulator.render.float_depth import MOST_RANGES
-from simulator.render.levels import levelled, levelled_texture, opengl
+from simulator.render.levels import levelled, levelled_texture, opengl, release_levelled
 from simulator.render.passes import target as target_passes
 from simulator.render.projection import PixelRect
 from simulator.render.renderer import Renderer
@@ -183,7 +183,7 @@ def test_levels_of_a_kept_map_are_means_of_four_texels(renderer, tmp_path, monke
         # each level is rounded anew
         assert np.abs(found - means).max() <= (1 if level == 1 else 6)
     assert renderer._gl.error == "GL_NO_ERROR"
-    texture.release()
+    release_levelled(texture)
 
 
 @pytest.mark.slow

@@ -12,7 +12,13 @@ import numpy as np
 
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from simulator.render.earth_maps import AUGUST
-from simulator.render.levels import draw_one_point, levelled, levelled_texture, single_textures
+from simulator.render.levels import (
+    draw_one_point,
+    levelled,
+    levelled_texture,
+    release_levelled,
+    single_textures,
+)
 from simulator.render.maps import WIDTH as MAP_WIDTH
 from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from simulator.render.passes.air import TABLE_DEFINES, AirPass
@@ -171,7 +177,7 @@ class EarthPass:
         maps += [] if self._ice is None else [self._ice[1]]
         for texture in maps:
             if isinstance(texture, moderngl.Texture):
-                texture.release()
+                release_levelled(texture)
         for air in self._airs.values():
             air.frame.release()
         for buffer, array in self._arrays.values():
@@ -382,7 +388,7 @@ class EarthPass:
             self._shoals = self._mapped(self._shoals.result())
         if self._ice is None or self._ice[0] != day:
             if self._ice is not None:
-                self._ice[1].release()
+                release_levelled(self._ice[1])
             self._ice = (day, self._mapped(levelled(sea_ice(day))))
         return {"t_ice": self._ice[1], "t_shoals": self._shoals}
 
