@@ -25,6 +25,7 @@ from hil.board.svd.refine import align_to_field
 from hil.board.svd.roi import propose_regions, straight_windows
 from hil.board.svd.samples import jacobian, project, sample_edges
 from hil.board.svd.templates import build_views, sphere_directions
+from hil.board.svd.vectors import cross
 from hil.board.svd.visibility import hidden, occluders, visible_samples
 
 CAMERA = CameraIntrinsics(640, 480, 800.0, 800.0, 320.0, 240.0)
@@ -391,3 +392,10 @@ def test_good_evidence_is_accepted() -> None:
 def test_weak_evidence_is_declined_and_says_why(change: dict[str, float], word: str) -> None:
     assert word in decide(evidence(**change), 0.8)
     assert confidence(evidence(**change)) <= confidence(evidence())
+
+
+def test_a_vector_product_is_numpys_to_the_bit() -> None:
+    rng = np.random.default_rng(5)
+    a, b = rng.normal(size=(4, 50, 3)), rng.normal(size=(50, 3)) * 1e-3
+    assert np.array_equal(cross(a, b), np.cross(a, b))
+    assert np.array_equal(cross(a[0, 0], b[0]), np.cross(a[0, 0], b[0]))

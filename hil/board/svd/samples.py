@@ -10,6 +10,7 @@ import numpy as np
 
 from hil.board.svd.kernels.visible import packed_samples
 from hil.board.svd.model import BoardModel, CameraIntrinsics
+from hil.board.svd.vectors import cross
 
 Array = np.ndarray
 
@@ -49,7 +50,7 @@ class EdgeSamples:
         """
         X, T, r = self.points_m[idx], self.tangents[idx], self.radius_m[idx]
         if np.any(r):
-            across = np.cross(T, X - C_m[:, None, :])
+            across = cross(T, X - C_m[:, None, :])
             across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
             X = X + across * r[..., None]
         return X, T
@@ -93,14 +94,17 @@ class Projection:
     Parameters
     ----------
     pixels : (B, M, 2). normals : (B, M, 2) unit, across the projected edge.
-    angle : (B, M) direction of the normal, 0..pi.
     points_camera_m : (B, M, 3).
     """
 
     pixels: Array
     normals: Array
-    angle: Array
     points_camera_m: Array
+
+    @property
+    def angle(self) -> Array:
+        """(B, M) direction of the normal, 0..pi."""
+        return np.mod(np.arctan2(self.normals[..., 1], self.normals[..., 0]), np.pi)
 
 
 def project(samples: EdgeSamples, camera: CameraIntrinsics, R: Array, t: Array, idx: Array) -> Projection:
@@ -119,7 +123,7 @@ def project(samples: EdgeSamples, camera: CameraIntrinsics, R: Array, t: Array, 
     n = np.stack([-dv / norm, du / norm], axis=-1)
     xd, yd = camera.distort(x, y)
     uv = np.stack([camera.fx_px * xd + camera.cx_px, camera.fy_px * yd + camera.cy_px], axis=-1)
-    return Projection(uv, n, np.mod(np.arctan2(n[..., 1], n[..., 0]), np.pi), P)
+    return Projection(uv, n, P)
 
 
 def jacobian(pr: Projection, camera: CameraIntrinsics, t: Array) -> Array:
@@ -132,4 +136,4 @@ def jacobian(pr: Projection, camera: CameraIntrinsics, t: Array) -> Array:
     g = np.stack([gx, gy, gz], axis=-1)
     arm = P - t[:, None, :]
     # d(w x arm) . g = w . (arm x g)
-    return np.concatenate([np.cross(arm, g), g], axis=-1)
+    return np.concatenate([cross(arm, g), g], axis=-1)

@@ -12,6 +12,7 @@ from hil.board.svd.kernels import visible as kernel
 from hil.board.svd.kernels.library import library
 from hil.board.svd.model import BoardModel
 from hil.board.svd.samples import EdgeSamples
+from hil.board.svd.vectors import cross
 
 Array = np.ndarray
 
@@ -57,8 +58,8 @@ def hidden(occ: Occluders, C_m: Array, X_m: Array, skin_m: Array) -> Array:
     if not len(T):
         return np.zeros(len(X_m), bool)
     D = (X_m - C_m).astype(np.float32)
-    q = np.cross(T, e1)
-    A = np.concatenate([-n, np.cross(e2, T), q]).astype(np.float32)
+    q = cross(T, e1)
+    A = np.concatenate([-n, cross(e2, T), q]).astype(np.float32)
     B = D @ A.T
     m = len(T)
     det, u, v = B[:, :m], B[:, m : 2 * m], B[:, 2 * m :]

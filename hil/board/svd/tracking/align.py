@@ -12,6 +12,7 @@ from hil.board.svd import quaternion as quat
 from hil.board.svd.model import CameraIntrinsics
 from hil.board.svd.refine import gauss_newton_step, parameter_scale
 from hil.board.svd.samples import EdgeSamples, jacobian, project
+from hil.board.svd.vectors import cross
 from hil.board.svd.visibility import Occluders, visible_samples
 
 Array = np.ndarray
@@ -125,10 +126,10 @@ def outline_polarity(samples: EdgeSamples, R: Array, t: Array) -> Array:
     turned_away = (samples.faces == 2) & (seen.sum(axis=1) == 1)
     outward = np.where(seen[:, :1], samples.normals[:, 1], samples.normals[:, 0])
     round_member = samples.radius_m != 0
-    grazed = np.cross(T, X - C) * np.sign(samples.radius_m)[:, None]
+    grazed = cross(T, X - C) * np.sign(samples.radius_m)[:, None]
     outward = np.where(round_member[:, None], grazed, outward)
     # the projected normal is the projected tangent turned by a quarter: its sense in space is sight x tangent
-    n = np.cross(T, sight)
+    n = cross(T, sight)
     side = np.sign(np.einsum("sj,sj->s", outward, n))
     return np.asarray(np.where(turned_away | round_member, -0.5 * side, 0.0))
 
