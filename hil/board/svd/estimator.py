@@ -23,6 +23,7 @@ from hil.board.svd.noise import noise_sigma, whole_median
 from hil.board.svd.photometric import PhotoFit
 from hil.board.svd.refine import FineFit
 from hil.board.svd.roi import REDUCTION, Region, propose_regions
+from hil.board.svd.rolled import check_rolled
 from hil.board.svd.search import search_region
 from hil.board.svd.turned import check_turned
 from hil.board.svd.verify import ALL_LEADERS, LEADERS, align_leaders, check_leaning, choose_by_picture
@@ -157,7 +158,7 @@ class PoseEstimator(Estimator):
             return self._told(frame, choose(self.craft, frame, found))
         choice = self._compared(frame, found, beside, thorough=thorough)
         if not self.tried:
-            choice = self._turned(frame, choice, glances)
+            choice = self._turned(frame, check_rolled(self.craft, frame, choice), glances)
         result = self._told(frame, _all_of(choice))
         if thorough or not result.accepted or not doubtful(choice.evidence):
             return result

@@ -24,7 +24,13 @@ def is_round(model: BoardModel) -> bool:
     """Whether much of the craft's outline lies on curved surfaces, where no edge of the wireframe is."""
     if model.outlines is None:
         return False
-    return float(np.mean(model.outlines.radius_m > GENTLE * model.radius_m)) > ROUND
+    return float(np.mean(curved(model))) > ROUND
+
+
+def curved(model: BoardModel) -> Array:
+    """(V, N) which points of the outlines lie on gently curved surfaces."""
+    assert model.outlines is not None  # noqa: S101 - the caller asked
+    return np.asarray(model.outlines.radius_m > GENTLE * model.radius_m)
 
 
 def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> ViewTable:

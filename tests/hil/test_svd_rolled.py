@@ -1,0 +1,123 @@
+"""Ends of round crafts held by near minima of their turn about the axis, and which of two drawings a picture is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.board.svd import CameraIntrinsics
+from hil.board.svd import quaternion as quat
+from hil.board.svd.canvas import craft_box, make_canvas
+from hil.board.svd.course import Ranked, faces_of
+from hil.board.svd.edges import edge_field
+from hil.board.svd.ends import Choice, End, finish, picture_evidence
+from hil.board.svd.frame import Candidate, Craft, Frame
+from hil.board.svd.levels import OPTICS_PX, blurred
+from hil.board.svd.photometric import PhotoFit
+from hil.board.svd.roi import Region
+from hil.board.svd.rolled import axis, check_rolled
+from hil.board.svd.score import support
+from hil.board.svd.shade import Canvas, draw_faces
+from hil.board.svd.shadowed import shadowed
+from hil.board.svd.turned import preference
+from hil.board.svd.verify import SMALL_PX
+from hil.evaluate.worker import board_model
+from simulator.targets.library import load_target
+
+CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
+SUN = np.array([0.5, -0.3, -0.8])
+# from the side: the capsule's wall fills half of what is seen
+Q = quat.normalise(np.array([0.6, 0.65, 0.25, -0.35]))
+T_M = np.array([0.1, -0.1, 22.0])
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@pytest.fixture(scope="module")
+def dragon() -> Craft:
+    return Craft.prepare(board_model(load_target("dragon")), CAMERA)
+
+
+@pytest.fixture(scope="module")
+def frame(dragon: Craft) -> Frame:
+    """The board's own drawing of the craft under one lamp, with noise."""
+    faces, R, fine = faces_of(dragon), quat.matrix(Q), 3
+    plain = Canvas(np.zeros((300, 480), np.float32), 2.0, 0.0, 0.0, 1.0, fine)
+    seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, plain)
+    lit = np.array([60.0, 200.0, 140.0])[faces.material % 3] * np.clip(faces.normals @ (R.T @ SUN), 0.1, 1)
+    drawn = np.concatenate([[0.0], lit])[seen].astype(np.float32)
+    small = blurred(drawn.reshape(300, fine, 480, fine).mean(axis=(1, 3)), 1.0)
+    noisy = small + np.random.default_rng(3).normal(0, 3.0, small.shape)
+    frame = Frame(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
+    frame.noise, frame.background = 3.0, 0.0
+    return frame
+
+
+def rolled(craft: Craft, angle_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    along, through = axis(craft.model)
+    q = quat.normalise(quat.multiply(Q, quat.from_rotvec(np.radians(angle_deg) * along)))
+    return q, quat.matrix(Q) @ through + T_M - quat.matrix(q) @ through
+
+
+def choice_at(craft: Craft, frame: Frame, q: np.ndarray, t: np.ndarray) -> Choice:
+    """A choice whose alignment began at a pose and ended where that led."""
+    box = craft_box(craft, q, t)
+    close = make_canvas(craft, frame, box, SMALL_PX)
+    field = edge_field(frame.image, box, frame.noise, 200, background=0.0)
+    s = support(q, t, craft.samples, craft.occ, field, CAMERA, craft.spacing_m)
+    best = Candidate(q, t, s, field, Region(*map(float, box), "look"))
+    start = PhotoFit(q, t, 1.0, 1e-4 * np.eye(6))
+    end: End = finish(craft, frame, close, start)
+    ranked = Ranked(end.began, start, best)
+    evidence = picture_evidence(craft, best, end.fit, end.score, end.score)
+    return Choice(best, end, evidence, (), close, [ranked], [ranked], [end])
+
+
+@pytest.mark.parametrize("name", ["dragon", "soyuz-ms", "tianzhou"])
+def test_the_axis_of_a_round_craft_is_found_from_its_walls(name: str) -> None:
+    target = load_target(name)
+    model = board_model(target)
+    along, through = axis(model)
+    # their frames: z along the axis, through the origin; parts beside the hull lean it a little
+    assert abs(along[2]) > np.cos(np.radians(5.0))
+    assert np.linalg.norm(through[:2]) < 0.03 * model.radius_m
+
+
+@pytest.mark.parametrize("angle_deg", [-8.0, 7.0])
+def test_a_turn_about_the_axis_that_holds_is_left_for_the_right_one(
+    dragon: Craft, frame: Frame, angle_deg: float
+) -> None:
+    before = choice_at(dragon, frame, *rolled(dragon, angle_deg))
+    after = check_rolled(dragon, frame, before)
+    assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 1.0
+    assert after.end.score >= before.end.score
+    # the one it was is told of as a rival where it is another answer
+    if np.degrees(quat.angle_rad(before.end.fit.q, Q)) > 6.0:
+        assert after.evidence.margin <= after.end.score - before.end.score + 1e-9
+
+
+def test_the_right_turn_stays(dragon: Craft, frame: Frame) -> None:
+    before = choice_at(dragon, frame, Q, T_M)
+    after = check_rolled(dragon, frame, before)
+    assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 1.0
+    assert after.end.score >= before.end.score
+
+
+def test_what_neither_drawing_explains_does_not_speak_for_one(dragon: Craft, frame: Frame) -> None:
+    (q, t), faces = rolled(dragon, 40.0), faces_of(dragon)
+    canvas = replace(make_canvas(dragon, frame, craft_box(dragon, Q, T_M), 240), exact=True)
+    right, wrong = (shadowed(dragon, faces, canvas, *p) for p in ((Q, T_M), (q, t)))
+    a, b = (
+        canvas.response.of(blurred(d.shading.picture, OPTICS_PX / canvas.factor))[0] for d in (right, wrong)
+    )
+    # foil creased at random, on all that is lit
+    creases = blurred(np.random.default_rng(1).normal(0, 1.0, a.shape).astype(np.float32), 1.5)
+    creased = a * (1.0 + 0.3 * creases / creases.std())
+    for gray, least in ((a, 0.95), (creased, 0.7)):
+        seen = replace(canvas, gray=gray.astype(np.float32))
+        assert preference(right, wrong, seen) > least
+        assert preference(wrong, right, seen) == pytest.approx(-preference(right, wrong, seen))
+    between = replace(canvas, gray=(0.5 * (a + b)).astype(np.float32))
+    assert abs(preference(right, wrong, between)) < 0.05
