@@ -83,6 +83,7 @@ def levelled_texture(context: moderngl.Context, levels: Levelled) -> moderngl.Te
 def release_levelled(texture: moderngl.Texture) -> None:
     """Free a texture of `levelled_texture`, or any other."""
     name, library = texture.glo, opengl() if texture.extra == _OWN_NAME else None
+    texture.extra = None  # another texture may take the name
     texture.release()
     if library is not None:
         library.glDeleteTextures(1, ctypes.byref(ctypes.c_uint(name)))

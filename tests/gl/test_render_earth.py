@@ -1,5 +1,6 @@
 """The Earth's layers: months, relief, parallax of the clouds, presets."""
 
+import ctypes
 from dataclasses import replace
 
 import cv2
@@ -209,6 +210,7 @@ def test_the_ice_of_a_past_day_is_freed(draw, monkeypatch):
     library, names = opengl(), set()
     if library is None:
         pytest.skip("moderngl frees the textures that it makes")
+    monkeypatch.setattr(library.glIsTexture, "restype", ctypes.c_ubyte)
 
     def upload(context, levels):
         texture = levelled_texture(context, levels)

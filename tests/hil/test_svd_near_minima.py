@@ -251,6 +251,15 @@ def test_half_a_turn_that_was_judged_is_not_brought_back_by_the_score_alone(
     assert np.degrees(quat.angle_rad(told.q_camera_from_target_wxyz, Q)) < 0.5
 
 
+def test_another_end_is_a_rival_still_where_half_turns_are_judged(craft: Craft, frame: Frame) -> None:
+    right = choice_of(craft, frame, Q, T_M)
+    beside = quat.normalise(quat.multiply(Q, quat.from_rotvec(np.radians([0.0, 0.0, 8.0]))))
+    other = End(PhotoFit(beside, T_M, 1.0, 1e-4 * np.eye(6)), right.end.score - 0.004, None, 0.1)
+    both = replace(right, starts=[right.starts[0]] * 2, ends=[right.end, other])
+    assert check_turned(craft, frame, right).evidence.margin > 0.01
+    assert check_turned(craft, frame, both).evidence.margin == pytest.approx(0.004)
+
+
 def test_a_pose_that_leaning_moved_is_held_against_its_half_turns_again(
     craft: Craft, frame: Frame, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from dataclasses import replace
 
 import numpy as np
@@ -114,8 +115,32 @@ def test_what_a_canvas_keeps_of_a_craft_is_not_taken_for_another_ones() -> None:
         assert there is not None
         assert alone is not None
         np.testing.assert_array_equal([*there.q, *there.t], [*alone.q, *alone.t])
-    brighter = replace(shared, clipped=2.0, sigma=5.0)
-    assert explained(photo_draw(q, T_M, fine, brighter, CAMERA), brighter) != own
+    brighter, alone_so = (
+        replace(canvas, clipped=2.0, sigma=5.0) for canvas in (shared, make_canvas(craft, frame, box, 90))
+    )
+    score, own = (explained(photo_draw(q, T_M, fine, c, CAMERA), c) for c in (brighter, alone_so))
+    assert score == own
+    assert score != explained(photo_draw(q, T_M, fine, shared, CAMERA), shared)
+
+
+def test_what_a_canvas_keeps_outlives_the_responses_of_others() -> None:
+    craft = Craft.prepare(board_model(load_target("tango")), CAMERA)
+    frame = Frame(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
+    frame.noise, faces = 3.0, craft.model.faces
+    q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
+    assert faces is not None
+    plain = make_canvas(craft, frame, craft_box(craft, q, T_M), 90)
+
+    def score(canvas: Canvas) -> float:
+        return explained(photo_draw(q, T_M, faces, canvas, CAMERA), canvas)
+
+    kept = replace(plain, clipped=4.0)
+    before = score(kept)
+    # more than are kept anywhere
+    for k in range(20):
+        score(replace(plain, clipped=1.0 + 0.1 * k))
+    gc.collect()
+    assert score(kept) == before
 
 
 @pytest.mark.parametrize("top", [120.0, 254.0])

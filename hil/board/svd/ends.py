@@ -115,7 +115,7 @@ def conclude(
     s = support(fit.q, fit.t, craft.samples, craft.occ, c.field, craft.camera, craft.spacing_m, alone=True)
     best = Candidate(fit.q, fit.t, s, c.field, c.region, c.likely)
     poses = [(r.fit.q, r.fit.t, r.score) for r in ranked]
-    there = [(r, e) for r, e in zip(starts, ends) if _same_end(e.fit, fit)]  # noqa: B905
+    there = [(r, e) for r, e in zip(starts, ends) if same_end(e.fit, fit)]  # noqa: B905
     margin = here = max(e.began for _, e in there)
     rivals = [r for r in ranked if differs(r.fit.q, r.fit.t, fit.q, fit.t)]
     # what was followed to its end is what it is there: a start that led to where another one stood is no other answer;
@@ -131,7 +131,7 @@ def conclude(
         margin -= max(explains, 0.0)
     # two that were followed to their ends need not be far apart to be two answers
     for other in ends:
-        if not _same_end(other.fit, fit):
+        if not same_end(other.fit, fit):
             margin = min(margin, end.score - other.score)
     evidence = picture_evidence(craft, best, fit, end.score, margin)
     drawn = end.drawn
@@ -150,7 +150,7 @@ def no_clearer(choice: Choice, than: Evidence) -> Choice:
     return replace(choice, evidence=replace(evidence, margin=min(evidence.margin, than.margin)))
 
 
-def _same_end(a: PhotoFit, b: PhotoFit) -> bool:
+def same_end(a: PhotoFit, b: PhotoFit) -> bool:
     """Whether two ends are one answer: the same attitude at the same place."""
     return bool(quat.angle_rad(a.q, b.q) <= OTHER_END_RAD) and not differs(a.q, a.t, b.q, b.t)
 

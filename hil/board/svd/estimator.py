@@ -189,7 +189,8 @@ class PoseEstimator(Estimator):
             return check_leaning(self.craft, frame, choice)
         leant = check_leaning(self.craft, frame, choice, symmetries=False)
         if leant.end is choice.end:
-            return no_clearer(leant, choice.evidence)
+            # the half turns are named still
+            return replace(no_clearer(leant, choice.evidence), alternatives=choice.alternatives)
         return no_clearer(self._turned(frame, leant, glances), leant.evidence)
 
     def _told(self, frame: Frame, chosen: Chosen) -> PoseResult:

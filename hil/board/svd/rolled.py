@@ -75,12 +75,12 @@ def _better_turn(craft: Craft, frame: Frame, choice: Choice) -> Optional[Choice]
     score, q, t = max((turned(a) for a in ROLLS_RAD), key=lambda r: r[0])
     frame.count("rolled", len(ROLLS_RAD) + 1)
     frame.mark("twins")
-    if score <= own:
+    if not score > own:
         return None
     there = PhotoFit(q, t, end.fit.cost, end.fit.covariance)
     led = finish(craft, frame, close, there)
     frame.mark("refine")
-    if led.score <= end.score + NO_WORSE:
+    if not led.score > end.score + NO_WORSE:
         return None
     c = choice.best
     start = Ranked(score, there, Candidate(q, t, c.support, c.field, c.region, c.likely))

@@ -11,7 +11,7 @@ from hil.board.svd import quaternion as quat
 from hil.board.svd.canvas import craft_box, make_canvas
 from hil.board.svd.course import Ranked, faces_of
 from hil.board.svd.distinct import DISTINCT_RAD, alternatives
-from hil.board.svd.ends import Choice, End, conclude, finish
+from hil.board.svd.ends import Choice, End, conclude, finish, same_end
 from hil.board.svd.frame import Candidate, Craft, Frame
 from hil.board.svd.levels import OPTICS_PX, blurred
 from hil.board.svd.photometric import PhotoFit
@@ -90,8 +90,14 @@ def check_turned(craft: Craft, frame: Frame, choice: Choice, prior: Optional[Pri
     twins = [quat.multiply(q, s) for s in symmetries]
     others = [r for r in choice.ranked if all(quat.angle_rad(r.fit.q, w) > DISTINCT_RAD for w in twins)]
     new = conclude(craft, frame, choice.close, others, [best.start], [best.end])
-    behind = clear * best.end.score * MARGIN_OF_LIKELIHOOD
-    evidence = replace(new.evidence, margin=min(new.evidence.margin, behind))
+    behind = clear * max(best.end.score, 0.0) * MARGIN_OF_LIKELIHOOD
+    # ends of before, of another turn about the axis say, are answers still
+    rivals = [
+        best.end.score - e.score
+        for e in choice.ends
+        if not same_end(e.fit, best.end.fit) and all(quat.angle_rad(e.fit.q, w) > DISTINCT_RAD for w in twins)
+    ]
+    evidence = replace(new.evidence, margin=min([new.evidence.margin, behind, *rivals]))
     poses = [(r.fit.q, r.fit.t, r.score) for r in others]
     poses += [(h.end.fit.q, h.end.fit.t, h.end.score) for h in held if h is not best]
     frame.count("turned", len(held))

@@ -8,7 +8,7 @@ Array = np.ndarray
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Vector product of ``a`` and ``b`` (..., 3) to the last bit as numpy's own, which takes twice as long or more."""
+    """Vector product (float64) of ``a`` and ``b`` (..., 3), to the last bit numpy's own, which takes twice as long."""
     out = np.empty(np.broadcast(a, b).shape)
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3

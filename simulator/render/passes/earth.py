@@ -388,7 +388,8 @@ class EarthPass:
             self._shoals = self._mapped(self._shoals.result())
         if self._ice is None or self._ice[0] != day:
             if self._ice is not None:
-                release_levelled(self._ice[1])
+                past, self._ice = self._ice[1], None
+                release_levelled(past)
             self._ice = (day, self._mapped(levelled(sea_ice(day))))
         return {"t_ice": self._ice[1], "t_shoals": self._shoals}
 

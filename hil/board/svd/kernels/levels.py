@@ -72,7 +72,10 @@ def _of_craft(faces: Faces, canvas: Canvas) -> Held:
     of, held = canvas.kept.get("shade", (None, None))
     if of is not faces:
         (h, w), n = canvas.gray.shape, len(faces.corners)
-        arrays = laid(faces.labels, "uint16"), laid(canvas.gray, "float32")
+        arrays, response = (
+            (laid(faces.labels, "uint16"), laid(canvas.gray, "float32")),
+            shown_by(canvas.response),
+        )
         held = Held(
             (
                 ctypes.c_void_p(address(arrays[0], "uint16", (n + 1,))),
@@ -81,9 +84,10 @@ def _of_craft(faces: Faces, canvas: Canvas) -> Held:
                 ctypes.c_void_p(address(arrays[1], "float32")),
                 *(ctypes.c_int64(side) for side in (h, w, canvas.fine)),
                 ctypes.c_double(canvas.sigma),
-                shown_by(canvas.response).at,
+                response.at,
             ),
-            arrays,
+            # others' responses may have taken this one's place where it is kept
+            (*arrays, *response.arrays),
         )
         canvas.kept["shade"] = faces, held
     return held
@@ -171,11 +175,11 @@ def comparison(
     gray = laid(canvas.blurred(blurs_px[1]), "float32")
     bare = None if none is None else laid(none, "float32")
     optics, score, cover = (gauss(b) for b in blurs_px)
-    at = ctypes.c_void_p
+    response, at = shown_by(canvas.response), ctypes.c_void_p
     told = (
         *(ctypes.c_int64(side) for side in (h, w, canvas.fine)),
         optics.at,
-        shown_by(canvas.response).at,
+        response.at,
         at(address(gray, "float32", (h, w))),
         score.at,
         ctypes.c_double(noise),
@@ -184,6 +188,6 @@ def comparison(
         cover.at,
         ctypes.c_double(covered),
     )
-    # the blurs' weights live as long as the canvas, too
-    arrays = *optics.arrays, *score.arrays, *cover.arrays, gray
+    # the blurs' weights and the response's tables live as long as the canvas, too
+    arrays = *optics.arrays, *score.arrays, *cover.arrays, *response.arrays, gray
     return Held(told, arrays if bare is None else (*arrays, bare))

@@ -218,10 +218,18 @@ class FirstLook:
 
         Parameters
         ----------
-        glances : of one picture, at least one; that which looks nearest is asked. q (4,), t (3,) : the pose.
+        glances : of one picture, at least one; that which looks nearest is asked, and at what is as wide. q (4,),
+            t (3,) : the pose.
         """
         centre = t + quat.matrix(q) @ self.centre_m
-        glance = max(glances, key=lambda g: float(g.gaze.direction @ centre))
+        f, distance = 0.5 * (self.camera.fx_px + self.camera.fy_px), float(np.linalg.norm(centre))
+        wide = 2 * f / np.sqrt(max((distance / self.radius_m) ** 2 - 1.0, 1e-6))
+
+        def beside(g: Glance) -> float:
+            off = f * np.linalg.norm(g.gaze.direction - centre / distance) / wide
+            return float(off + abs(np.log(g.gaze.diameter_px / wide)))
+
+        glance = min(glances, key=beside)
         seen = quat.multiply(quat.from_matrix(glance.gaze.swing().T), q)
         cosine = np.abs(self.views.q @ seen)
         # the nearest one at least; a pose that is no number has none
