@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lamp_lit import lamp_lit
 
 from hil.board.svd import CameraIntrinsics, estimator
 from hil.board.svd import quaternion as quat
@@ -17,12 +18,10 @@ from hil.board.svd.edges import edge_field
 from hil.board.svd.ends import Choice, End, conclude, picture_evidence
 from hil.board.svd.estimator import PoseEstimator
 from hil.board.svd.frame import Candidate, Craft, Frame
-from hil.board.svd.levels import blurred
 from hil.board.svd.photometric import PhotoFit, photo_score
 from hil.board.svd.roi import Region
 from hil.board.svd.score import support
 from hil.board.svd.search import twins
-from hil.board.svd.shade import Canvas, draw_faces
 from hil.board.svd.turned import Prior, check_turned
 from hil.board.svd.verify import SMALL_PX, check_leaning, choose_by_picture
 from hil.evaluate.worker import board_model
@@ -43,18 +42,7 @@ def craft() -> Craft:
 
 @pytest.fixture(scope="module")
 def frame(craft: Craft) -> Frame:
-    """The board's own drawing of the craft under one lamp, with noise."""
-    faces, R, fine = craft.model.faces, quat.matrix(Q), 3
-    assert faces is not None
-    plain = Canvas(np.zeros((300, 480), np.float32), 2.0, 0.0, 0.0, 1.0, fine)
-    seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, plain)
-    lit = np.array([60.0, 200.0, 140.0])[faces.material % 3] * np.clip(faces.normals @ (R.T @ SUN), 0.1, 1)
-    drawn = np.concatenate([[0.0], lit])[seen].astype(np.float32)
-    small = blurred(drawn.reshape(300, fine, 480, fine).mean(axis=(1, 3)), 1.0)
-    noisy = small + np.random.default_rng(3).normal(0, 3.0, small.shape)
-    frame = Frame(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
-    frame.noise, frame.background = 3.0, 0.0
-    return frame
+    return lamp_lit(craft, CAMERA, Q, T_M, SUN)
 
 
 def choice_of(craft: Craft, frame: Frame, q: np.ndarray, t: np.ndarray) -> Choice:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lamp_lit import lamp_lit
 
 from hil.board.svd import CameraIntrinsics
 from hil.board.svd import quaternion as quat
@@ -19,7 +20,6 @@ from hil.board.svd.photometric import PhotoFit
 from hil.board.svd.roi import Region
 from hil.board.svd.rolled import axis, check_rolled
 from hil.board.svd.score import support
-from hil.board.svd.shade import Canvas, draw_faces
 from hil.board.svd.shadowed import shadowed
 from hil.board.svd.turned import preference
 from hil.board.svd.verify import SMALL_PX
@@ -42,17 +42,7 @@ def dragon() -> Craft:
 
 @pytest.fixture(scope="module")
 def frame(dragon: Craft) -> Frame:
-    """The board's own drawing of the craft under one lamp, with noise."""
-    faces, R, fine = faces_of(dragon), quat.matrix(Q), 3
-    plain = Canvas(np.zeros((300, 480), np.float32), 2.0, 0.0, 0.0, 1.0, fine)
-    seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, plain)
-    lit = np.array([60.0, 200.0, 140.0])[faces.material % 3] * np.clip(faces.normals @ (R.T @ SUN), 0.1, 1)
-    drawn = np.concatenate([[0.0], lit])[seen].astype(np.float32)
-    small = blurred(drawn.reshape(300, fine, 480, fine).mean(axis=(1, 3)), 1.0)
-    noisy = small + np.random.default_rng(3).normal(0, 3.0, small.shape)
-    frame = Frame(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
-    frame.noise, frame.background = 3.0, 0.0
-    return frame
+    return lamp_lit(dragon, CAMERA, Q, T_M, SUN)
 
 
 def rolled(craft: Craft, angle_deg: float) -> tuple[np.ndarray, np.ndarray]:
