@@ -21,6 +21,7 @@ from hil.board.svd.refine import limit_one_step, limit_step
 from hil.board.svd.response import Response
 from hil.board.svd.roi import Region
 from hil.board.svd.shade import Canvas, Faces
+from hil.board.svd.vectors import length
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
@@ -84,7 +85,7 @@ def test_one_attitude_is_what_it_is_among_many() -> None:
     unit[3:200, 0] = 0.0
     R = quat.matrix(quat.normalise(unit[1:]))
     np.testing.assert_array_equal([quat.from_matrix(one) for one in R], quat.from_matrix(R))
-    assert quat.length(p[0]) == np.linalg.norm(p[0])
+    assert length(p[0]) == np.linalg.norm(p[0])
 
 
 def test_what_a_canvas_keeps_of_a_craft_is_not_taken_for_another_ones() -> None:

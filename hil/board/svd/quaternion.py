@@ -25,11 +25,6 @@ def multiply(p: Array, q: Array) -> Array:
     )
 
 
-def length(v: Array) -> float:
-    """Of one vector (N,), as ``np.linalg.norm`` gives it in a third of the time."""
-    return math.sqrt(v.dot(v))
-
-
 def normalise(q: Array) -> Array:
     """(..., 4) scaled to unit length, with a scalar part that is not negative."""
     q = np.asarray(q, float)

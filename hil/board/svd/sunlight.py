@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd import quaternion as quat
 from hil.board.svd.kernels import sun as kernel
 from hil.board.svd.kernels.library import library
 from hil.board.svd.levels import Shading
 from hil.board.svd.shade import Canvas, Faces, fill_faces
+from hil.board.svd.vectors import cross, length
 
 if TYPE_CHECKING:
     from hil.board.svd.model import CameraIntrinsics
@@ -64,10 +64,10 @@ class Sunlight:
     @staticmethod
     def of(faces: Faces, direction: Array, n: int = MAP_PX) -> Sunlight:
         """The craft painted from ``direction`` (3,), target frame."""
-        s = direction / quat.length(direction)
-        e1 = across(s, AXES[int(np.argmin(np.abs(s)))])
-        e1 = e1 / quat.length(e1)
-        axes = np.stack([e1, across(s, e1)])
+        s = direction / length(direction)
+        e1 = cross(s, AXES[int(np.argmin(np.abs(s)))])
+        e1 = e1 / length(e1)
+        axes = np.stack([e1, cross(s, e1)])
         native = library()
         if native is None:
             return Sunlight._of(faces, s, axes, n)
@@ -194,7 +194,7 @@ class SunTable:
         shading : drawn at the pose ``R``, ``t``. camera : a pinhole. number : directions at most; none where too
             little of the craft is seen. pixels : looked at, at most.
         """
-        side = self.directions @ (-R.T @ t) / quat.length(t)
+        side = self.directions @ (-R.T @ t) / length(t)
         some = np.flatnonzero(side > BEHIND)
         costs = self._costs(faces, shading, canvas, camera, R, t, some, pixels)
         if costs is None:
@@ -292,12 +292,6 @@ def _cost(value: Array, own: Array, lit: Array) -> Array:
     scale = SPREAD * float(np.std(value)) + 0.2
     away = (value - level) * np.float32(1.0 / scale)
     return np.asarray(np.minimum(away * away, np.float32(BOUND)).mean(axis=1))
-
-
-def across(a: Array, b: Array) -> Array:
-    """(3,) vector product; numpy's own takes longer than all the rest of a direction's axes."""
-    (u, v, w), (x, y, z) = a.tolist(), b.tolist()
-    return np.array([v * z - w * y, w * x - u * z, u * y - v * x])
 
 
 def rays_to_faces(

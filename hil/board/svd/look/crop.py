@@ -8,13 +8,13 @@ from typing import Optional, Sequence
 import cv2
 import numpy as np
 
-from hil.board.svd import quaternion as quat
 from hil.board.svd.edges import area_mean
 from hil.board.svd.kernels import crop as kernel
 from hil.board.svd.kernels.area import readable
 from hil.board.svd.kernels.library import library
 from hil.board.svd.look.net import FILLED, LOOK_PX, contrast
 from hil.board.svd.model import CameraIntrinsics
+from hil.board.svd.vectors import length
 
 Array = np.ndarray
 
@@ -47,7 +47,7 @@ class Gaze:
         """
         half = 0.5 * self.diameter_px / (FILLED * f_px)
         d = self.swing() @ np.array([half * shift[0], half * shift[1], 1.0])
-        return Gaze(d / quat.length(d), self.diameter_px * float(np.exp(log_size)))
+        return Gaze(d / length(d), self.diameter_px * float(np.exp(log_size)))
 
     def swing(self) -> Array:
         """(3, 3) the shortest turn of the boresight to this direction."""
