@@ -46,7 +46,7 @@ def create_context(device_index: int | None = None) -> moderngl.Context:
     if device_index is not None:
         options["device_index"] = device_index
     try:
-        context = moderngl.create_context(standalone=True, **options)
+        context = _ask_for_context(options)
     except Exception as error:
         # moderngl raises bare Exception from its loader, whatever the cause
         where = "" if device_index is None else f" on device {device_index}"
@@ -54,6 +54,17 @@ def create_context(device_index: int | None = None) -> moderngl.Context:
         raise UserError(f"no headless OpenGL by EGL{where} ({error}); {advice}") from error
     check_version(context)
     return context
+
+
+def _ask_for_context(options: dict[str, Any]) -> moderngl.Context:
+    """A context of the version that the passes need, or what else there is, for `check_version` to name.
+
+    NVIDIA's driver gives the very version it is asked for, 3.3 unless told otherwise; Mesa gives its newest.
+    """
+    try:
+        return moderngl.create_context(require=REQUIRED_VERSION, standalone=True, **options)
+    except Exception:  # noqa: BLE001 - the loader raises nothing else
+        return moderngl.create_context(standalone=True, **options)
 
 
 def _keep_narrow_vectors_from_avx() -> None:

@@ -1,0 +1,23 @@
+"""The context that draws: what is asked of the driver."""
+
+import moderngl
+
+from simulator.render.context import REQUIRED_VERSION, create_context
+
+
+def test_the_version_that_the_passes_need_is_asked_for(monkeypatch):
+    # NVIDIA's driver gives 3.3 to who asks for that, and 4.1 to who asks for 4.1; Mesa's gives its newest to both
+    asked = []
+    create = moderngl.create_context
+
+    def asking(**options):
+        asked.append(options.get("require"))
+        return create(**options)
+
+    monkeypatch.setattr(moderngl, "create_context", asking)
+    context = create_context()
+    try:
+        assert context.version_code >= REQUIRED_VERSION
+        assert asked == [REQUIRED_VERSION]
+    finally:
+        context.release()
