@@ -31,9 +31,7 @@ def run_bench(
     UserError
         If a scene is not one of the bench's.
     """
-    for name in scenes:
-        if name not in BENCH_SCENES:
-            raise UserError(f"unknown bench scene '{name}' in --scene; choose from {', '.join(BENCH_SCENES)}")
+    check_scenes(scenes)
     machine, costs = bench_scenes(
         scenes or BENCH_SCENES, n_frames=n_frames, device_index=device_index, progress=progress
     )
@@ -50,3 +48,10 @@ def run_bench(
         "estimator": [asdict(p) for p in bench_estimator()] if parts else [],
         "capture": [asdict(p) for p in bench_capture()] if parts else [],
     }
+
+
+def check_scenes(names: tuple[str, ...]) -> None:
+    """Raise ``UserError`` where a scene is not one of the bench's."""
+    for name in names:
+        if name not in BENCH_SCENES:
+            raise UserError(f"unknown bench scene '{name}' in --scene; choose from {', '.join(BENCH_SCENES)}")

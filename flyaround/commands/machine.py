@@ -12,11 +12,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from flyaround.bench import run_bench
+from flyaround.bench import check_scenes, run_bench
 from flyaround.demo import run_demo
 from flyaround.doctor import examine
 from flyaround.progress import progress_bar
 from simulator.bench.scaling import bench_scaling
+from simulator.bench.throughput import THROUGHPUT_SCENES, bench_throughput
 
 
 def bench(
@@ -28,12 +29,21 @@ def bench(
             "--scaling", help="Instead: cost against pixels, and against triangles up to a million."
         ),
     ] = False,
+    processes: Annotated[
+        int | None,
+        typer.Option(
+            min=1, max=64, help="Instead: frames a second of 1, 2, 4 ... so many processes that draw at once."
+        ),
+    ] = None,
     gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Frame cost per scene beside a reference pass of the same run."""
     if scaling:
         _bench_scaling(gpu, as_json=as_json)
+        return
+    if processes is not None:
+        _bench_throughput(processes, tuple(scene or ()), gpu, as_json=as_json)
         return
     with progress_bar("bench", quiet=as_json) as progress:
         document = run_bench(n_frames=frames, scenes=tuple(scene or ()), device_index=gpu, progress=progress)
@@ -93,6 +103,31 @@ def _bench_scaling(gpu: int | None, *, as_json: bool) -> None:
                 "" if power is None else f"power {power:.2f}",
             )
         Console().print(table)
+
+
+def _bench_throughput(processes: int, scenes: tuple[str, ...], gpu: int | None, *, as_json: bool) -> None:
+    check_scenes(scenes)
+    with progress_bar("bench", quiet=as_json) as progress:
+        machine, rates = bench_throughput(
+            scenes or THROUGHPUT_SCENES, most=processes, device_index=gpu, progress=progress
+        )
+    if as_json:
+        document = {
+            "schema": "flyaround.throughput",
+            "version": 1,
+            "machine": asdict(machine),
+            "rates": [asdict(r) for r in rates],
+        }
+        typer.echo(json.dumps(document, indent=1))
+        return
+    table = Table("scene", "processes", "frames/s")
+    for rate in rates:
+        table.add_row(
+            f"{rate.name} {rate.width_px}x{rate.height_px}", str(rate.processes), f"{rate.frames_per_s:.1f}"
+        )
+    console = Console()
+    console.print(f"{machine.gl_renderer}, {machine.threads} threads")
+    console.print(table)
 
 
 def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:

@@ -50,12 +50,14 @@ class Scaling:
     Parameters
     ----------
     by_pixels : the Earth behind Tango at growing sizes. by_triangles : a craft of growing meshes before space.
+    by_wall : the powers are those of the wall time, as a GPU's work is none of the processor's.
     """
 
     by_pixels: tuple[Cost, ...]
     by_triangles: tuple[Cost, ...]
     pixel_powers: tuple[float, ...]
     triangle_powers: tuple[float, ...]
+    by_wall: bool
 
 
 def bench_scaling(
@@ -69,6 +71,7 @@ def bench_scaling(
     total = len(scales) + len(triangles)
     by_pixels, by_triangles = [], []
     with Renderer(device_index=device_index) as renderer:
+        by_wall = not renderer.info.is_software
         plan = plan_flight(load_scenario(PIXEL_SCENE), n=1)
         for scale in scales:
             scene = replace(plan.scene(0), camera=scaled(plan.camera, scale))
@@ -83,8 +86,9 @@ def bench_scaling(
     return Scaling(
         by_pixels=tuple(by_pixels),
         by_triangles=tuple(by_triangles),
-        pixel_powers=_powers([(c.pixels, c.cpu_ms) for c in by_pixels]),
-        triangle_powers=_powers([(c.triangles, c.cpu_ms) for c in by_triangles]),
+        pixel_powers=_powers([(c.pixels, c.wall_ms if by_wall else c.cpu_ms) for c in by_pixels]),
+        triangle_powers=_powers([(c.triangles, c.wall_ms if by_wall else c.cpu_ms) for c in by_triangles]),
+        by_wall=by_wall,
     )
 
 

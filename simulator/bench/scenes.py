@@ -99,14 +99,19 @@ def bench_scenes(
         for done, name in enumerate(names):
             costs.append(_bench_one(renderer, reference, name, n_frames))
             progress(done + 1, len(names))
-        info = renderer.info
-    machine = BenchMachine(
-        gl_renderer=info.renderer, gl_version=info.version, threads=len(os.sched_getaffinity(0))
-    )
+        machine = bench_machine(renderer)
     return machine, tuple(costs)
 
 
-def _scenes(name: str, n_frames: int) -> tuple[Plan, tuple[SceneState, ...]]:
+def bench_machine(renderer: Renderer) -> BenchMachine:
+    """What a renderer draws with."""
+    info = renderer.info
+    return BenchMachine(
+        gl_renderer=info.renderer, gl_version=info.version, threads=len(os.sched_getaffinity(0))
+    )
+
+
+def bench_views(name: str, n_frames: int) -> tuple[Plan, tuple[SceneState, ...]]:
     """A short span around the scenario's middle: neighbouring frames, all different."""
     scenario_name, _, variant = name.partition("+")
     scenario = load_scenario(scenario_name)
@@ -136,7 +141,7 @@ def _scenes(name: str, n_frames: int) -> tuple[Plan, tuple[SceneState, ...]]:
 def _bench_one(renderer: Renderer, reference: ReferencePass, name: str, n_frames: int) -> SceneCost:
     blocks = -(-n_frames // BLOCK)
     # one more frame in each block: the first after the reference pass finds the caches full of other things
-    plan, scenes = _scenes(name, n_frames + blocks)
+    plan, scenes = bench_views(name, n_frames + blocks)
     size = (plan.camera.width_px, plan.camera.height_px)
     laps, reference_laps, rows = [], [], []
     for scene in scenes[:2]:

@@ -15,7 +15,7 @@ from simulator.camera.optics import Optics
 from simulator.camera.psf import blur, defocus_px
 from simulator.camera.recipe_noise import arithmetic_of, draw_noise
 from simulator.camera.shading import veiling_glare, vignetting
-from simulator.camera.sharing import pieces_of, share_out
+from simulator.camera.sharing import pieces_of, share_out, threads
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from simulator.camera.sensor import Sensor
 
 _PERFECT_LENS = Optics()
-_PIECE_VALUES = 3 << 18  # shorter ones would wait for Python's lock
+_PIECE_VALUES = 3 << 18  # of two threads: shorter ones would wait for Python's lock
+_SHORT_VALUES = 3 << 16  # of more threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,5 +149,6 @@ def digitise(
         np.clip(steps, 0, full, out=steps)
         out[rows] = steps
 
-    share_out(pieces_of(len(flat), flat.size // _PIECE_VALUES), digitise_rows)
+    piece = _PIECE_VALUES if threads() <= 2 else _SHORT_VALUES
+    share_out(pieces_of(len(flat), flat.size // piece), digitise_rows)
     return out.reshape(signal.shape)

@@ -287,7 +287,10 @@ def _blurred_by_two(
 
     def blur_rows(first: int, end: int) -> None:
         above, below = max(first - reach, 0), min(end + reach, height)
-        both = scratch.pop() if scratch else np.empty((2, *shape), np.float32)
+        try:
+            both = scratch.pop()
+        except IndexError:
+            both = np.empty((2, *shape), np.float32)
         made, piece = both[0, : below - above], image[above:below]
         if by_value is not None:
             lit = both[1, : below - above]

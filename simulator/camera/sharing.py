@@ -1,4 +1,4 @@
-"""Work on a picture's rows by two threads at once, piece by piece: the driver's threads rest by then.
+"""Work on a picture's rows by several threads at once, piece by piece: a software driver's threads rest by then.
 
 Worth it for a few long calls that leave Python's lock alone. The result must not depend on where the rows are cut.
 """
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
+MOST_THREADS = 6  # more of them wait for Python's lock
+
+
 def pieces_of(rows: int, count: int) -> list[tuple[int, int]]:
     """First row and end of ``count`` pieces, at most, of about one size."""
     count = max(min(count, rows), 1)
@@ -22,9 +25,9 @@ def pieces_of(rows: int, count: int) -> list[tuple[int, int]]:
 
 
 def share_out(pieces: list[tuple[int, int]], work: Callable[[int, int], None]) -> None:
-    """Call ``work(first, end)`` for every piece, here and on another thread.
+    """Call ``work(first, end)`` for every piece, here and on other threads.
 
-    Each takes the next piece that is left. The other one may be late, as another thread's work (the noise) holds its
+    Each takes the next piece that is left. Another one may be late, as another thread's work (the noise) holds its
     processor: then nothing waits for it.
     """
     left = deque(pieces)
@@ -33,20 +36,32 @@ def share_out(pieces: list[tuple[int, int]], work: Callable[[int, int], None]) -
         while left:
             try:
                 first, end = left.popleft()
-            except IndexError:  # the other thread was quicker
+            except IndexError:  # another thread was quicker
                 return
             work(first, end)
 
     if len(pieces) < 2:
         take()
         return
-    other = _thread(os.getpid()).submit(take)
+    others = [_pool(os.getpid()).submit(take) for _ in range(min(threads(), len(pieces)) - 1)]
     take()
-    if not other.cancel():
-        other.result()
+    for other in others:
+        if not other.cancel():
+            other.result()
 
 
 @lru_cache(maxsize=1)
-def _thread(_process: int) -> ThreadPoolExecutor:
-    """One thread that waits for work. A forked process needs its own."""
-    return ThreadPoolExecutor(1, thread_name_prefix="flyaround-rows")
+def threads() -> int:
+    """How many share the work, this one too: two on the smallest machines, which a software driver has to itself."""
+    return min(max(_processors(), 2), MOST_THREADS)
+
+
+def _processors() -> int:
+    """That this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@lru_cache(maxsize=1)
+def _pool(_process: int) -> ThreadPoolExecutor:
+    """Threads that wait for work. A forked process needs its own."""
+    return ThreadPoolExecutor(threads() - 1, thread_name_prefix="flyaround-rows")

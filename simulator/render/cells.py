@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -229,6 +230,41 @@ def earth_cells(earth: EarthView, camera: Camera, target_px: FloatArray | None, 
         bool(np.min(sun) < _MOONLIT_MU),
         halved,
     )
+
+
+def all_alike(earth: EarthView, camera: Camera) -> Cells:
+    """The cells that Earth and air may touch as one kind, which any pixel may be: nothing is worked out of them."""
+    size, rect = cell_size_px(camera), earth.rect
+    columns, rows = -(-camera.width_px // size), -(-camera.height_px // size)
+    radius = float(np.linalg.norm(earth.camera))
+    # the farthest from the equator that is in view, and a degree
+    latitude = abs(np.arcsin(earth.camera[2] / radius)) + np.arccos(1 / max(radius, 1.0)) + np.radians(1.0)
+    kind = CellKind(
+        air=False,
+        fine=False,
+        smooth=False,
+        covered=True,
+        night=True,
+        icy=bool(np.sin(min(latitude, np.pi / 2)) > _ICE_SINE),
+        shoal=True,
+        level=0.0,
+    )
+    every = _middles(0, 0, columns, rows, size)
+    none = np.zeros(0, np.int64)
+    touched = (
+        every[:0]
+        if rect is None
+        else _middles(rect.x0 // size, rect.y0 // size, -(-rect.x1 // size), -(-rect.y1 // size), size)
+    )
+    return Cells(size, (size * columns, size * rows), {kind: touched}, every, True, (none, none))
+
+
+@lru_cache(maxsize=8)
+def _middles(x0: int, y0: int, x1: int, y1: int, size: int) -> Float32Array:
+    """(K, 2) middles [px] of the cells from column ``x0`` and row ``y0`` to before ``x1`` and ``y1``."""
+    column, row = np.meshgrid(np.arange(x0, x1), np.arange(y0, y1))
+    middles = np.stack([column.ravel(), row.ravel()], axis=1).astype(np.float32)
+    return (middles + np.float32(0.5)) * np.float32(size) - np.float32(0.5)
 
 
 def _kind(code: int) -> CellKind:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 from simulator.errors import UserError
 from simulator.render.block_values import earth_values, frame_values, moon_values
 from simulator.render.blocks import Blocks
-from simulator.render.cells import earth_cells
+from simulator.render.cells import all_alike, earth_cells
 from simulator.render.context import create_context, describe
 from simulator.render.earth_maps import begin_earth_maps, stand_ins
 from simulator.render.earthview import earth_view
@@ -95,6 +95,8 @@ class Renderer:
     timed : wait for the driver after every pass, so that ``stage_ms`` is each pass's own time. Without it the passes
         queue up, nothing stalls, and their time shows in the read-back. May be changed between frames.
     begun : `begin_earth_maps` of the first scenes to be drawn, for a quicker first frame.
+    thrifty : have Python find what need not be drawn, or may be interpolated. A software driver takes a fraction of the
+        time then, and a GPU would wait for it. ``None``: where a software driver draws.
 
     Raises
     ------
@@ -109,11 +111,13 @@ class Renderer:
         context: moderngl.Context | None = None,
         timed: bool = False,
         begun: Mapping[Bands, EarthMaps] | None = None,
+        thrifty: bool | None = None,
     ) -> None:
         self.timed = timed
         self._owns_context = context is None
         self._gl = create_context(device_index) if context is None else context
         self.info: GlInfo = describe(self._gl)
+        self._thrifty = self.info.is_software if thrifty is None else thrifty
         self._blocks = Blocks.create(self._gl)
         self._programs = ProgramLibrary(self._gl, self._blocks.all())
         self._targets: dict[bool, TargetPasses] = {}
@@ -323,7 +327,7 @@ class Renderer:
         Some cells are drawn from stand-ins of the maps. All that they touch is cleared or drawn again.
         """
         maps = stand_ins(scene.bands, scene.environment, scene.epoch_utc)
-        earth = EarthPass(self._gl, self._programs, scene.bands, maps)
+        earth = EarthPass(self._gl, self._programs, scene.bands, maps, thrifty=self._thrifty)
         sky = self._prepare_sky(scene, view, hidden_px, lambda _: earth, clock)
         if sky.cells is not None:
             behind = sky.moon is not None and sky.moon.in_front
@@ -354,7 +358,10 @@ class Renderer:
         if earth.rect is None:
             clock.lap("earth.setup")
             return Sky(moon=moon, earth=earth, air=air)
-        cells = earth_cells(earth, scene.camera, hidden_px, ice_day(scene))
+        if self._thrifty:
+            cells = earth_cells(earth, scene.camera, hidden_px, ice_day(scene))
+        else:
+            cells = all_alike(earth, scene.camera)
         clock.lap("earth.setup")
         tables, corners = None, None
         if air is not None:
@@ -428,12 +435,14 @@ class Renderer:
         """The spacecraft's passes for the lens at hand: programs and vertex arrays with it and without are apart."""
         lens = self._programs.lens
         if lens not in self._targets:
-            self._targets[lens] = TargetPasses(self._gl, self._programs, self._blocks)
+            self._targets[lens] = TargetPasses(self._gl, self._programs, self._blocks, thrifty=self._thrifty)
         return self._targets[lens]
 
     def _earth_pass(self, bands: Bands) -> EarthPass:
         if bands not in self._earths:
-            self._earths[bands] = EarthPass(self._gl, self._programs, bands, self._begun.pop(bands))
+            self._earths[bands] = EarthPass(
+                self._gl, self._programs, bands, self._begun.pop(bands), thrifty=self._thrifty
+            )
             self.check("uploading the Earth's maps")
         return self._earths[bands]
 

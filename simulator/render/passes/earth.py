@@ -139,11 +139,19 @@ class EarthPass:
     Parameters
     ----------
     begun : of a scene of these bands; it is waited for here.
+    thrifty : as of `simulator.render.renderer.Renderer`.
     """
 
     def __init__(
-        self, context: moderngl.Context, programs: ProgramLibrary, bands: Bands, begun: EarthMaps
+        self,
+        context: moderngl.Context,
+        programs: ProgramLibrary,
+        bands: Bands,
+        begun: EarthMaps,
+        *,
+        thrifty: bool = True,
     ) -> None:
+        self._thrifty = thrifty
         self._context, self._programs = context, programs
         self.bands = 1 if bands == "mono" else 3
         self._airs: dict[float, Air] = {}
@@ -369,9 +377,8 @@ class EarthPass:
             return self._details[min(max(round(level), 0), len(self._details) - 1)]
         if self._detail is None:
             self._detail = levelled_texture(self._context, self._detail_levels)
-        smallest = (
-            self._context.LINEAR_MIPMAP_LINEAR if quality == "high" else self._context.LINEAR_MIPMAP_NEAREST
-        )
+        two = quality == "high" or not self._thrifty
+        smallest = self._context.LINEAR_MIPMAP_LINEAR if two else self._context.LINEAR_MIPMAP_NEAREST
         self._detail.filter = (smallest, self._context.LINEAR)
         return self._detail
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from simulator.render.block_values import lens_values
 from simulator.render.charts import TEXEL
+from simulator.render.cover import whole
 from simulator.render.edges_seen import EdgeView
 from simulator.render.facing import FacingArray
 from simulator.render.levels import flush
@@ -102,9 +103,16 @@ class TargetPasses:
     """Shadow, geometry, shading and labels of the spacecraft; meshes are kept by the target's SHA-256.
 
     The preset `high` has its own, with nodes of baked light closer together. Labels are drawn from the other.
+
+    Parameters
+    ----------
+    thrifty : as of `simulator.render.renderer.Renderer`.
     """
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: Blocks) -> None:
+    def __init__(
+        self, context: moderngl.Context, programs: ProgramLibrary, blocks: Blocks, *, thrifty: bool
+    ) -> None:
+        self._thrifty = thrifty
         self._context, self._programs, self._blocks = context, programs, blocks
         self._shadows: dict[int, ShadowPass] = {}
         self._gbuffer = GBufferPass(context, programs)
@@ -136,9 +144,11 @@ class TargetPasses:
         gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
         return Loaded(
             mesh,
-            FacingArray(context, mesh, shadow.program.gl),
+            FacingArray(context, mesh, shadow.program.gl, whole=not self._thrifty),
             # textures are bound by stretches of the index buffer
-            FacingArray(context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None),
+            FacingArray(
+                context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None or not self._thrifty
+            ),
             EdgeBuffers(context, mesh.edges, mesh),
             ReturnedLight(context, mesh, FINE_PATCH if fine else PATCH),
             is_even(target),
@@ -220,7 +230,7 @@ class TargetPasses:
         if place is None:
             return None
         bent = self._programs.lens  # edges are curves then, and not weighted
-        cells = find_cover(mesh, place)
+        cells = find_cover(mesh, place) if self._thrifty else whole(place.rect)
         if not len(cells):
             return None
         lattice = choose_lattice(scene.quality, place, cells, dense=bent or loaded.textures is not None)
@@ -257,7 +267,13 @@ class TargetPasses:
         flush()
         edged, edgeless, even = cells, cells[:0], None
         bands = len(bands_of(scene.bands))
-        if not exact and place.hull_px is not None and loaded.is_even and scene.lamp is None:
+        if (
+            self._thrifty
+            and not exact
+            and place.hull_px is not None
+            and loaded.is_even
+            and scene.lamp is None
+        ):
             edged, edgeless = split_cells(cells, loaded.edges.seen, edge_view)
             if len(edgeless):
                 even = self._shade.even_program(lattice, bands, mesh, choice.window, bent=loaded.is_bent)

@@ -1,0 +1,120 @@
+"""Frames a second of several processes that draw at once: one process hardly fills a GPU, whatever it draws."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from simulator.bench.scenes import BenchMachine, bench_machine, bench_views
+from simulator.labels.frame import take_frame
+from simulator.memory import keep_freed_memory
+from simulator.render.renderer import Renderer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from multiprocessing.queues import Queue
+    from multiprocessing.synchronize import Event
+
+THROUGHPUT_SCENES = ("tango-earth-10m", "tango-space-10m", "tango-close-3m")
+SECONDS = 5.0
+_DIFFERENT = 30  # scenes, drawn in turn
+_WARM_UP = 3
+_START_TIMEOUT_S = 240.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Throughput:
+    """What ``processes`` with a renderer each draw, read back and develop together [frames/s]."""
+
+    name: str
+    width_px: int
+    height_px: int
+    processes: int
+    frames_per_s: float
+
+
+def bench_throughput(
+    names: tuple[str, ...] = THROUGHPUT_SCENES,
+    *,
+    most: int,
+    device_index: int | None = None,
+    seconds: float = SECONDS,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+) -> tuple[BenchMachine, tuple[Throughput, ...]]:
+    """Let 1, 2, 4 and so on up to ``most`` processes take frames of a scene for some seconds, without labels.
+
+    Raises
+    ------
+    RuntimeError
+        If a process ends before its time, or does not begin.
+    """
+    counts = [n for n in (2**k for k in range(most.bit_length())) if n < most] + [most]
+    found: list[Throughput] = []
+    with Renderer(device_index=device_index) as renderer:
+        machine = bench_machine(renderer)
+    for name in names:
+        plan, _ = bench_views(name, 1)
+        for n in counts:
+            rate = _rate(name, n, device_index, seconds)
+            camera = plan.camera
+            found.append(
+                Throughput(
+                    name=name,
+                    width_px=camera.width_px,
+                    height_px=camera.height_px,
+                    processes=n,
+                    frames_per_s=rate,
+                )
+            )
+            progress(len(found), len(names) * len(counts))
+    return machine, tuple(found)
+
+
+def _rate(name: str, processes: int, device_index: int | None, seconds: float) -> float:
+    context = multiprocessing.get_context("spawn")
+    told: Queue[int] = context.Queue()
+    begin = context.Event()
+    running = [
+        context.Process(target=_take_frames, args=(name, device_index, seconds, told, begin), daemon=True)
+        for _ in range(processes)
+    ]
+    try:
+        for one in running:
+            one.start()
+        for _ in running:
+            _next(told, running)
+        begin.set()
+        return sum(_next(told, running) for _ in running) / seconds
+    finally:
+        for one in running:
+            one.join(timeout=10)
+            if one.is_alive():
+                one.terminate()
+
+
+def _next(told: Queue[int], running: list[multiprocessing.context.SpawnProcess]) -> int:
+    """What the next process says."""
+    end = time.monotonic() + _START_TIMEOUT_S
+    while told.empty():
+        if any(one.exitcode not in {None, 0} for one in running) or time.monotonic() > end:
+            raise RuntimeError("a process that draws for the bench ended or did not begin; see its message")
+        time.sleep(0.02)
+    return told.get()
+
+
+def _take_frames(name: str, device_index: int | None, seconds: float, told: Queue[int], begin: Event) -> None:
+    """Run in a process: say when all is ready, then how many frames were taken in the time."""
+    keep_freed_memory()
+    plan, scenes = bench_views(name, _DIFFERENT)
+    with Renderer(device_index=device_index) as renderer:
+        for scene in scenes[:_WARM_UP]:
+            take_frame(renderer, scene, plan.target, labels=False)
+        told.put(0)
+        begin.wait()
+        end, taken = time.perf_counter() + seconds, 0
+        while time.perf_counter() < end:
+            take_frame(renderer, scenes[taken % len(scenes)], plan.target, labels=False)
+            taken += 1
+    told.put(taken)
