@@ -21,6 +21,8 @@ from typing import IO, TYPE_CHECKING, TypeVar, cast
 import numpy as np
 import platformdirs
 
+from simulator.shipped import is_shipped, shipped_array
+
 if sys.platform != "win32":
     import fcntl
 
@@ -55,7 +57,7 @@ def cache_bytes() -> int:
 
 
 def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
-    """The array stored under ``key``, made and stored when it is not there or cannot be read.
+    """The array stored under ``key``; shipped or made, and stored, when it is not there or cannot be read.
 
     Parameters
     ----------
@@ -75,7 +77,8 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
         kept = _read(paths, logging.WARNING)
         if kept is not None:
             return kept
-        made, later = list(make()), _later.get()
+        shipped: list[NDArray[_T]] | None = _shipped(keys)
+        made, later = list(make()) if shipped is None else shipped, _later.get()
         if later is None:
             return [_stored(*pair) for pair in zip(paths, made, strict=True)]
         later.write(dict(zip(paths, made, strict=True)), alone.pop_all())
@@ -144,9 +147,14 @@ def _write(made: Mapping[Path, _Array], alone: ExitStack) -> None:
 
 
 def is_kept(key: str) -> bool:
-    """Whether there is a file of `cached_array`, or will be; it may be damaged yet."""
+    """Whether there is a file of `cached_array`, or will be, or one is shipped; it may be damaged yet."""
     path = cache_folder() / f"{key}.npy"
-    return path in _unwritten or path.is_file()
+    return path in _unwritten or path.is_file() or is_shipped(path.name)
+
+
+def _shipped(keys: Sequence[str]) -> list[NDArray[_T]] | None:
+    arrays = [shipped_array(key) for key in keys]
+    return None if any(array is None for array in arrays) else cast("list[NDArray[_T]]", arrays)
 
 
 def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:

@@ -16,6 +16,7 @@ from simulator.render.patches import EDGE_SHARE, PatchArray, cut
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array
+    from simulator.render.geometry import Geometry
     from simulator.targets.model import Material, Target
 
 VERTEX_FORMAT = "3f 3f 1f"
@@ -112,7 +113,22 @@ class Mesh(Shape):
 
 
 def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> Mesh:
-    """Merge the parts and upload them.
+    """Merge the parts and upload them; parameters as of `prepared`."""
+    made, draws, order = prepared(target, texel)
+    return Mesh(
+        **{field.name: getattr(made, field.name) for field in fields(Shape)},
+        vertices=context.buffer(made.values.tobytes()),
+        indices=context.buffer(made.triangles.tobytes()),
+        materials=target.materials,
+        at_chart=context.buffer(made.at_chart.tobytes()),
+        uv=context.buffer(made.uv.tobytes()) if len(made.uv) else None,
+        draws=draws,
+        order=order,
+    )
+
+
+def prepared(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw, ...], tuple[int, ...]]:
+    """The parts merged, with all that is made of them; the draws and the parts' order of `Mesh`. Needs no OpenGL.
 
     Parameters
     ----------
@@ -168,13 +184,4 @@ def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> M
         numbers,
         texel,
     )
-    return Mesh(
-        **{field.name: getattr(made, field.name) for field in fields(Shape)},
-        vertices=context.buffer(made.values.tobytes()),
-        indices=context.buffer(made.triangles.tobytes()),
-        materials=target.materials,
-        at_chart=context.buffer(made.at_chart.tobytes()),
-        uv=context.buffer(made.uv.tobytes()) if textured else None,
-        draws=tuple(draws),
-        order=tuple(order),
-    )
+    return made, tuple(draws), tuple(order)

@@ -12,6 +12,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.render.charts import Charts
     from simulator.render.first_hits import Int32Array, Tracer
@@ -58,11 +60,7 @@ def look_around(
     ----------
     planes : (T, 3) normals of the triangles. directions : (D, 3) unit vectors. radius_m : of the craft.
     """
-    face = planes[charts.triangle].astype(float)
-    sliver = np.abs(face).max(axis=1) < 0.5
-    face[sliver] = charts.face_normals[charts.chart[sliver]]
-    cosines = np.maximum(charts.normals.astype(np.float32) @ directions.T.astype(np.float32), 0)
-    cosines *= (face @ directions.T) > GRAZING
+    face, cosines = _above(charts, planes, directions)
     covered, probed = _covered(charts.places_m, face, cosines, tracer, directions, radius_m)
     origins = charts.places_m + face * np.where(covered, RELIEF * radius_m, LIFT * radius_m)[:, None]
     is_open = np.zeros(cosines.shape, bool)
@@ -91,6 +89,50 @@ def look_around(
         direction=np.repeat(np.arange(len(found)), [len(f[0]) for f in found]),
         met=met,
         from_behind=from_behind,
+    )
+
+
+def _above(charts: Charts, planes: Float32Array, directions: FloatArray) -> tuple[FloatArray, Float32Array]:
+    """(N, 3) normal of the face that each node lies on, and the cosines of `Seen`."""
+    face = planes[charts.triangle].astype(float)
+    sliver = np.abs(face).max(axis=1) < 0.5
+    face[sliver] = charts.face_normals[charts.chart[sliver]]
+    cosines = np.maximum(charts.normals.astype(np.float32) @ directions.T.astype(np.float32), 0)
+    cosines *= (face @ directions.T) > GRAZING
+    return face, cosines
+
+
+def coded(seen: Seen, patch: IntArray) -> NDArray[np.uint32]:
+    """(N, D) what each node sees, as numbers that pack well: 0 where it did not look, 1 open, 2 on a patch's front.
+
+    Parameters
+    ----------
+    patch : (N,) of each node; 2 more for each, and 1 more for its back.
+    """
+    codes = seen.is_open.astype(np.uint32)
+    codes[seen.node, seen.direction] = 2 + 2 * patch[seen.met] + seen.from_behind
+    return codes
+
+
+def decoded(
+    codes: NDArray[np.integer],
+    patch: IntArray,
+    charts: Charts,
+    planes: Float32Array,
+    directions: FloatArray,
+) -> Seen:
+    """What was `coded`, in the same order; each ``met`` is its patch's first node."""
+    direction, node = np.nonzero(codes.T > 1)
+    met = codes[node, direction].astype(np.int64) - 2
+    _, first = np.unique(patch, return_index=True)
+    return Seen(
+        directions=directions,
+        cosines=_above(charts, planes, directions)[1],
+        is_open=codes == 1,
+        node=node,
+        direction=direction,
+        met=first[met >> 1],
+        from_behind=(met & 1).astype(bool),
     )
 
 

@@ -19,13 +19,14 @@ from scipy.sparse import coo_matrix
 from simulator.render.cache import cached_arrays
 from simulator.render.first_hits import make_tracer
 from simulator.render.geometry import VERTEX
-from simulator.render.sight import look_around
+from simulator.render.sight import coded, decoded, look_around
 from simulator.render.skylight import spiral
+from simulator.shipped import shipped_array
 
 if TYPE_CHECKING:
     from simulator.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
     from simulator.render.charts import Charts
-    from simulator.render.mesh import Mesh
+    from simulator.render.geometry import Shape
     from simulator.render.sight import Seen
 
 _T = TypeVar("_T", bound=np.generic)
@@ -73,7 +74,7 @@ def harmonics(directions: FloatArray) -> FloatArray:
     )
 
 
-def baked_transfer(mesh: Mesh, reflectance: FloatArray, patch: int = PATCH) -> Transfer:
+def baked_transfer(mesh: Shape, reflectance: FloatArray, patch: int = PATCH) -> Transfer:
     """Light between the parts of a mesh; looked around for once a geometry, and kept in the cache with the result.
 
     Parameters
@@ -81,22 +82,57 @@ def baked_transfer(mesh: Mesh, reflectance: FloatArray, patch: int = PATCH) -> T
     reflectance : (M, n) of each material, per band. patch : nodes along each side of one that returns light.
     """
     charts = mesh.charts
-    vertices = mesh.values.view(VERTEX).ravel()[: len(charts.uv)]
-    shape = hashlib.sha256(vertices.tobytes() + mesh.triangles.tobytes() + charts.uv.tobytes())
+    shape = _hash_of(mesh)
+    sight = f"sight-{_names(patch)}-{shape.hexdigest()[:24]}"
     shape.update(np.round(reflectance, 6).tobytes())
-    key = f"transfer-{VERSION}-{DIRECTIONS}{f'-{patch}' if patch != PATCH else ''}-{shape.hexdigest()[:24]}"
-    materials = np.rint(vertices["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
-    directions = spiral(DIRECTIONS)
+    key = f"transfer-{_names(patch)}-{shape.hexdigest()[:24]}"
+    materials = np.rint(_vertices(mesh)["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
 
     def bake() -> tuple[np.typing.NDArray[np.generic], np.typing.NDArray[np.generic]]:
-        tracer = make_tracer(vertices["position_m"][mesh.triangles])
-        seen = look_around(charts, mesh.planes[:, :3], tracer, directions, mesh.radius_m)
+        seen = _shipped_sight(sight, mesh, patch) or _seen(mesh)
         return solve(charts, seen, reflectance[materials], patch, closed=mesh.is_closed)
 
     visibility, returned = (np.asarray(array) for array in cached_arrays((f"{key}-sky", key), bake))
+    directions = spiral(DIRECTIONS)
     basis = (harmonics(directions) * (RETURNED_STEP * 4 * np.pi / DIRECTIONS)).astype(np.float32)
     sky = np.stack([product_in_blocks(basis.T, band.astype(np.float32)) for band in returned])
     return Transfer(visibility, returned, sky, directions)
+
+
+def sight_to_ship(mesh: Shape, patch: int = PATCH) -> tuple[str, np.typing.NDArray[np.unsignedinteger]]:
+    """Key and `coded` numbers of what a mesh's nodes see, whatever its materials: what a bake takes longest for."""
+    codes = coded(_seen(mesh), _patches(mesh.charts, patch)[0])
+    small = codes.max() <= np.iinfo(np.uint16).max
+    key = f"sight-{_names(patch)}-{_hash_of(mesh).hexdigest()[:24]}"
+    return key, codes.astype(np.uint16) if small else codes
+
+
+def _shipped_sight(key: str, mesh: Shape, patch: int) -> Seen | None:
+    codes = shipped_array(key)
+    if codes is None:
+        return None
+    numbers = _patches(mesh.charts, patch)[0]
+    return decoded(
+        np.asarray(codes, codes.dtype), numbers, mesh.charts, mesh.planes[:, :3], spiral(DIRECTIONS)
+    )
+
+
+def _seen(mesh: Shape) -> Seen:
+    tracer = make_tracer(_vertices(mesh)["position_m"][mesh.triangles])
+    return look_around(mesh.charts, mesh.planes[:, :3], tracer, spiral(DIRECTIONS), mesh.radius_m)
+
+
+def _vertices(mesh: Shape) -> np.typing.NDArray[np.void]:
+    return mesh.values.view(VERTEX).ravel()[: len(mesh.charts.uv)]
+
+
+def _hash_of(mesh: Shape) -> hashlib._Hash:
+    data = _vertices(mesh).tobytes() + mesh.triangles.tobytes() + mesh.charts.uv.tobytes()
+    return hashlib.sha256(data)
+
+
+def _names(patch: int) -> str:
+    return f"{VERSION}-{DIRECTIONS}{f'-{patch}' if patch != PATCH else ''}"
 
 
 def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:
@@ -181,8 +217,10 @@ def _patches(charts: Charts, side: int) -> tuple[IntArray, int]:
     index = np.arange(len(charts.chart)) - charts.first[charts.chart]
     across = charts.counts[charts.chart, 0]
     i, j = index % across // side, index // across // side
-    _, patch = np.unique(np.column_stack([charts.chart, i, j]), axis=0, return_inverse=True)
-    return patch.ravel(), int(patch.max()) + 1
+    # one number, in the order of the three
+    number = (charts.chart * (i.max() + 1) + i) * (j.max() + 1) + j
+    _, patch = np.unique(number, return_inverse=True)
+    return patch, int(patch.max()) + 1
 
 
 def _spread(charts: Charts, good: BoolArray, values: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Targets by name: built once by code, kept as target files in the user's cache, always read from there.
+"""Targets by name: built once by code, or shipped, kept as target files in the user's cache, always read from there.
 
 What is drawn is therefore what was exported. Each target comes in three levels of detail: ``tango`` is Tango in
 full, ``tango@medium`` and ``tango@low`` have fewer triangles and the same labels. The SHA-256 covers the geometry, so
@@ -17,15 +17,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simulator.errors import UserError, near_names
+from simulator.files import write_atomic
+from simulator.shipped import shipped_bytes
 from simulator.targets.cache import cache_folder
 from simulator.targets.detail import DETAILS, Detail, level_name, split_level
 from simulator.targets.glb import load_glb
 from simulator.targets.importing.install import user_file, user_targets
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from simulator.targets.model import Target
 
 log = logging.getLogger(__name__)
+_HERE = Path(__file__).parent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,10 +122,22 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
 @functools.cache
 def source_key() -> str:
     """Hash of the code that builds targets, so that an edit never meets an old file."""
-    here = Path(__file__).parent
+    return _hash_of(sorted(_HERE.rglob("*.py")))
+
+
+def shipped_name(name: str) -> str:
+    """What a target that is shipped with the program is called there.
+
+    Only code that all targets are built with and Tango's own counts: no other craft is shipped.
+    """
+    files = [*_HERE.glob("*.py"), *_HERE.joinpath("builders").glob("*.py"), _HERE / "craft" / "labels.py"]
+    return f"{name}-{_hash_of(sorted(files))}.glb"
+
+
+def _hash_of(files: Sequence[Path]) -> str:
     digest = hashlib.sha256()
-    for file in sorted(here.rglob("*.py")):
-        digest.update(file.relative_to(here).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
+    for file in files:
+        digest.update(file.relative_to(_HERE).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
     return digest.hexdigest()[:16]
 
 
@@ -135,15 +152,22 @@ def _built_in(entry: TargetEntry, detail: Detail) -> Target:
         except UserError as error:
             # a damaged cache is not the user's mistake: build again
             log.warning("rebuilding %s: %s", name, error)
-    from simulator.targets.glb_write import write_glb  # noqa: PLC0415 - slow to import, needed here alone
-
-    built: Target = getattr(importlib.import_module(entry.module), entry.function)(detail)
+    shipped = shipped_bytes(shipped_name(name))
+    write = functools.partial(write_atomic, data=shipped) if shipped else _builder(entry, detail, name)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # the hash does not cover the name: builders need not know how levels are called
-        write_glb(replace(built, name=name), path)
+        write(path)
     except (OSError, UserError) as error:
         raise UserError(
             f"cannot keep target {name} in {path.parent}; set FLYAROUND_CACHE_DIR to a folder you may write to"
         ) from error
-    return load_glb(path)
+    return load_glb(path, checked=shipped is not None)
+
+
+def _builder(entry: TargetEntry, detail: Detail, name: str) -> Callable[[Path], None]:
+    """Build a target; the result writes it."""
+    from simulator.targets.glb_write import write_glb  # noqa: PLC0415 - slow to import, needed here alone
+
+    built: Target = getattr(importlib.import_module(entry.module), entry.function)(detail)
+    # the hash does not cover the name: builders need not know how levels are called
+    return functools.partial(write_glb, replace(built, name=name))

@@ -6,7 +6,7 @@ import trimesh
 
 from simulator.render.charts import make_charts
 from simulator.render.first_hits import EmbreeTracer, GridTracer
-from simulator.render.sight import look_around
+from simulator.render.sight import coded, decoded, look_around
 from simulator.render.skylight import spiral
 from simulator.targets.library import load_target
 
@@ -85,3 +85,22 @@ def test_a_sheet_under_low_tiles_is_as_bright_in_the_gaps_as_one_without():
     )
     assert under.any()
     assert open_share(seen)[under & (charts.face_normals[charts.chart][:, 2] > 0.9)].max() < 0.01
+
+
+def test_what_is_seen_comes_back_from_its_code_in_the_same_order():
+    pytest.importorskip("embreex")
+    plate = trimesh.creation.box(extents=(0.2, 0.2, 0.01))
+    ball = trimesh.creation.icosphere(2, 0.1)
+    bowl = trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 2] > 0]).apply_translation(
+        (0, 0, 0.1)
+    )
+    mesh = trimesh.util.concatenate([plate, bowl])
+    charts, seen = looked(mesh, 0.02)
+    patch = np.random.default_rng(2).integers(0, 40, len(charts.chart))
+    patch = np.unique(patch, return_inverse=True)[1]
+    again = decoded(coded(seen, patch), patch, charts, np.asarray(mesh.face_normals, np.float32), spiral(128))
+    assert len(seen.node) > 1000
+    assert seen.from_behind.any()
+    for name in ("cosines", "is_open", "node", "direction", "from_behind"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(seen, name), err_msg=name)
+    np.testing.assert_array_equal(patch[again.met], patch[seen.met])

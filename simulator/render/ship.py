@@ -1,0 +1,78 @@
+"""What ``assets/made`` holds, and how it is made: what a first start of the standard scenes would take longest for.
+
+`python -m simulator.render.ship` makes it again, where code that it is made by has changed; a test says so.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.airtables import air_tables
+from simulator.render.mesh import prepared
+from simulator.render.shoals import shoals
+from simulator.render.transfer import sight_to_ship
+from simulator.shipped import SUFFIX, made_anew
+from simulator.targets.library import load_target, shipped_name
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+FOLDER = Path(__file__).parents[2] / "assets" / "made"
+TARGET = "tango"
+_LEVEL = 22  # of zstd: the smallest
+
+
+def made() -> Iterator[tuple[str, bytes]]:
+    """Names and contents of the files; each is made anew, from what is shipped of the others."""
+    yield shipped_name(TARGET), next(iter(_kept(lambda: load_target(TARGET), "targets/*.glb").values()))
+    yield from _kept(lambda: [air_tables(bands, 100e3) for bands in ("mono", "rgb")], "*.npy").items()
+    yield from _kept(lambda: shoals(1), "*.npy").items()
+    target = load_target(TARGET)
+    yield from _kept(lambda: prepared(target), "*.npy").items()
+    key, codes = sight_to_ship(prepared(target)[0])
+    data = io.BytesIO()
+    np.save(data, codes)
+    yield f"{key}.npy", data.getvalue()
+
+
+def _kept(make: Callable[[], object], pattern: str) -> dict[str, bytes]:
+    """Files that an empty cache holds when something has been made."""
+    chosen = os.environ.get("FLYAROUND_CACHE_DIR")
+    with TemporaryDirectory() as folder:
+        os.environ["FLYAROUND_CACHE_DIR"] = folder
+        try:
+            with made_anew():
+                make()
+            return {path.name: path.read_bytes() for path in sorted(Path(folder).glob(pattern))}
+        finally:
+            if chosen is None:
+                del os.environ["FLYAROUND_CACHE_DIR"]
+            else:
+                os.environ["FLYAROUND_CACHE_DIR"] = chosen
+
+
+def main() -> None:
+    """Write what is missing, and remove what is no longer asked for."""
+    import zstandard  # noqa: PLC0415 - the rest of the module is for tests too
+
+    FOLDER.mkdir(exist_ok=True)
+    current = set()
+    compressor = zstandard.ZstdCompressor(level=_LEVEL)
+    for name, data in made():
+        current.add(name + SUFFIX)
+        file = FOLDER / (name + SUFFIX)
+        if not file.is_file() or zstandard.ZstdDecompressor().decompress(file.read_bytes()) != data:
+            file.write_bytes(compressor.compress(data))
+    for file in FOLDER.glob(f"*{SUFFIX}"):
+        if file.name not in current:
+            file.unlink()
+
+
+if __name__ == "__main__":
+    main()

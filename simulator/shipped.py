@@ -1,0 +1,71 @@
+"""What is slow to make and the same for everyone: shipped with the program, under the name that the cache keeps it by.
+
+A first start reads it where it would make it. A name says what the thing was made from, so that an edit never meets an
+old file; `python -m simulator.render.ship` makes what lies in ``assets/made`` again.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+from contextlib import contextmanager
+from contextvars import ContextVar
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from importlib.resources.abc import Traversable
+
+    from numpy.typing import NDArray
+
+SUFFIX = ".zst"
+log = logging.getLogger(__name__)
+_made_anew: ContextVar[bool] = ContextVar("_made_anew", default=False)
+
+
+@contextmanager
+def made_anew() -> Iterator[None]:
+    """Within, and on this thread, nothing is found to be shipped: for who makes or tests what is."""
+    token = _made_anew.set(True)
+    try:
+        yield
+    finally:
+        _made_anew.reset(token)
+
+
+def is_shipped(name: str) -> bool:
+    """Whether there is such a file; it may be damaged."""
+    return not _made_anew.get() and _file(name).is_file()
+
+
+def shipped_bytes(name: str) -> bytes | None:
+    """What is shipped under a name of the cache, with its suffix; ``None`` where nothing is, or it is damaged."""
+    if _made_anew.get():
+        return None
+    try:
+        packed = _file(name).read_bytes()
+    except FileNotFoundError:
+        return None
+    import zstandard  # noqa: PLC0415 - a start with a full cache has no use for it
+
+    try:
+        return zstandard.ZstdDecompressor().decompress(packed)
+    except zstandard.ZstdError as error:
+        log.warning("assets/made/%s%s is damaged (%s) and made again", name, SUFFIX, error)
+        return None
+
+
+def shipped_array(key: str) -> NDArray[np.generic] | None:
+    """The array that is shipped under a key of the cache."""
+    data = shipped_bytes(f"{key}.npy")
+    if data is None:
+        return None
+    made: NDArray[np.generic] = np.load(io.BytesIO(data), allow_pickle=False)
+    return made
+
+
+def _file(name: str) -> Traversable:
+    return resources.files("assets").joinpath("made", name + SUFFIX)

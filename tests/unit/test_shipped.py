@@ -1,0 +1,108 @@
+"""What is shipped ready made: the same as its makers make now, used by an empty cache, done without where damaged."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zstandard
+
+from simulator import shipped
+from simulator.render import ship
+from simulator.render.cache import cached_array, is_kept
+from simulator.render.geometry import _unpacked
+from simulator.render.stored import _described
+from simulator.targets import library
+from simulator.targets.glb import load_glb
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty cache, and a folder of its own for what is shipped."""
+    monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(shipped, "_file", lambda name: tmp_path / (name + shipped.SUFFIX))
+    return tmp_path
+
+
+def put(folder, name, data):
+    (folder / (name + shipped.SUFFIX)).write_bytes(zstandard.ZstdCompressor().compress(data))
+
+
+def array_bytes(array):
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def refuse():
+    raise AssertionError
+
+
+def close(name, mine, made, tmp_path):
+    """Whether two files hold the same to the rounding of a processor's own sines and sums."""
+    if name.endswith(".glb"):
+        targets = []
+        for data in (mine, made):
+            path = tmp_path / "a.glb"
+            path.write_bytes(data)
+            targets.append(load_glb(path))
+        pairs = zip(*(t.parts for t in targets), strict=True)
+        return all(np.allclose(a.positions_m, b.positions_m, rtol=0, atol=1e-6) for a, b in pairs)
+    a, b = (np.load(io.BytesIO(data)) for data in (mine, made))
+    if name.startswith("geometry"):
+        both = []
+        for packed in (a, b):
+            _described(_unpacked(packed), arrays := [])
+            both.append(arrays)
+        return all(
+            x.shape == y.shape and np.allclose(x, y, rtol=1e-6, atol=1e-9) for x, y in zip(*both, strict=True)
+        )
+    if a.shape != b.shape or a.dtype != b.dtype:
+        return False
+    if name.startswith(("sight", "shoals")):  # codes: a ray through an edge may count to either side of it
+        return (a != b).mean() < 1e-3
+    return np.allclose(a, b, rtol=1e-5, atol=1e-7)
+
+
+def test_what_is_shipped_is_what_is_made_now(tmp_path):
+    made = dict(ship.made())
+    files = {file.name.removesuffix(shipped.SUFFIX): file for file in ship.FOLDER.glob("*.zst")}
+    advice = "make it again by `python -m simulator.render.ship`"
+    assert files.keys() == made.keys(), advice
+    for name, file in files.items():
+        data = zstandard.ZstdDecompressor().decompress(file.read_bytes())
+        assert close(name, data, made[name], tmp_path), f"{name}: {advice}"
+
+
+def test_all_that_is_shipped_is_small():
+    assert sum(Path(file).stat().st_size for file in ship.FOLDER.iterdir()) < 3e6
+
+
+def test_an_empty_cache_takes_what_is_shipped_and_keeps_it(folder):
+    put(folder, "a.npy", array_bytes(np.arange(5)))
+    assert is_kept("a")
+    assert cached_array("a", refuse).tolist() == [0, 1, 2, 3, 4]
+    (folder / "a.npy.zst").unlink()
+    assert cached_array("a", refuse).tolist() == [0, 1, 2, 3, 4]
+
+
+def test_what_is_damaged_is_made(folder, caplog):
+    (folder / "a.npy.zst").write_bytes(b"half of a file")
+    assert cached_array("a", lambda: np.arange(2)).tolist() == [0, 1]
+    assert "damaged" in caplog.text
+
+
+def test_nothing_is_shipped_for_who_makes_it(folder):
+    put(folder, "a.npy", array_bytes(np.arange(5)))
+    with shipped.made_anew():
+        assert not is_kept("a")
+        assert cached_array("a", lambda: np.arange(2)).tolist() == [0, 1]
+    assert shipped.is_shipped("a.npy")
+
+
+def test_tango_is_not_built_where_it_is_shipped(tmp_path, monkeypatch):
+    monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(library, "_builder", lambda *_: refuse())
+    assert library.load_target("tango").name == "tango"
+    with pytest.raises(AssertionError):
+        library.load_target("tango@low")
