@@ -8,10 +8,17 @@
 // average for bodies thinner than a pixel. With EXACT_AREAS (preset `high`), what the samples miss of each edge's area
 // adds up: where all of the edges end parts of one material, that material's share of the pixel is known, and so is what
 // it leaves to others.
+//
+// A sample taken for one on the other side moves the edge by its share of the pixel. So sides are found as a rasteriser
+// finds them, from vertices at whole substeps (substeps.glsl) by whole numbers: no driver's interpolation has a part in it.
 #include "target/lattice.glsl"
 #include "target/slope.glsl"
-flat in vec2 v_across;
-noperspective in float v_distance;
+// All whole numbers here count steps across the edge: sample (i, j) is i * v_along.y - j * v_along.x of them from the
+// pixel's own, and lies below the edge where that is less than v_line . (pixel, 1).
+flat in vec3 v_across; // xy: n, unit vector across the edge in the image; z: a step [px]
+flat in vec3 v_along;  // xy: along the edge in the lattice's buffer [substeps]; z: how far the edge lies before a whole step
+flat in vec3 v_area;   // heights of the triangles whose areas differ by what an edge leaves of a pixel; a step in those
+flat in ivec3 v_line;
 #ifdef EXACT_AREAS
 #include "target/twofold.glsl"
 flat in vec4 v_part; // one at the material's number modulo four, its sign that of the edge's first face
@@ -25,25 +32,22 @@ layout(location = 0) out vec4 out_slope;
 layout(location = 0) out float out_slope; // packed_slope
 #endif
 
-// Area of the unit square around 0 where n . x < d, n a unit vector: a difference of triangles.
-float area_below(vec2 n, float d) {
-    vec2 m = max(abs(n), 1e-4);
-    float t = d + 0.5 * (m.x + m.y);
-    vec4 q = max(vec4(t, t - m.x, t - m.y, t - m.x - m.y), 0.0);
-    q *= q;
-    return clamp((q.x - q.y - q.z + q.w) / (2.0 * m.x * m.y), 0.0, 1.0);
-}
-
 void main() {
-    vec2 n = v_across;
-    float d = v_distance, count = 0.0, moment = 0.0;
-#define BELOW(k, i, j) { float at = dot(n, sample_offset(ivec2(i, j))); \
-        float below = float(at < d); count += below; moment += below * at; }
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    // the terms may wrap around, their sum does not; where it is rounded it is far from all samples'
+    float limit = float(v_line.x * pixel.x + v_line.y * pixel.y + v_line.z) + LATTICE_PHASE * v_along.y;
+    float count = 0.0, moment = 0.0;
+#define BELOW(k, i, j) { float at = (float(i) + LATTICE_PHASE) * v_along.y - float(j) * v_along.x; \
+        float below = float(at < limit); count += below; moment += below * at; }
     FOR_EACH_SAMPLE(BELOW)
+    moment *= v_across.z; // [px]
+    float from_centre = limit - v_along.z;
+    vec2 height = max(v_area.xy - abs(from_centre) * v_area.z, 0.0);
+    float lesser = height.x * height.x - height.y * height.y, area = from_centre > 0.0 ? 1.0 - lesser : lesser;
+    float missed = area * float(SAMPLES) - count;
     // without samples on one side there is nothing to weigh
-    float area = area_below(n, d), missed = area * float(SAMPLES) - count;
     float slope = abs(moment) > 1e-3 ? missed / moment : 0.0;
-    vec2 steep = n * clamp(slope, -STEEPEST, STEEPEST);
+    vec2 steep = v_across.xy * clamp(slope, -STEEPEST, STEEPEST);
 #ifdef EXACT_AREAS
     // image rows run downwards: what is left of an edge has the smaller coordinate across it
     float side = gl_PrimitiveID < u_outlines.x ? 1.0 : gl_PrimitiveID < u_outlines.x + u_outlines.y ? -1.0 : 0.0;

@@ -1,6 +1,10 @@
 // Target vertices into the sample lattice; normals into the camera frame and their code.
 #include "target/pack.glsl"
+#if LENS
 #include "target/raster.glsl"
+#else
+#include "target/substeps.glsl"
+#endif
 in vec3 in_position_m;
 in vec3 in_normal;
 in float in_material;
@@ -17,7 +21,11 @@ flat out uint v_material;
 out vec2 v_steps;
 #endif
 void main() {
+#if LENS
     gl_Position = raster_position(u_lattice_clip_from_target, in_position_m);
+#else
+    gl_Position = at_whole_substeps(lattice_clip(in_position_m));
+#endif
     vec3 n = mat3(u_camera_from_target) * in_normal;
     v_chart = in_chart;
     v_material_word = material_word(in_material);

@@ -45,6 +45,7 @@ TARGET = (
     Field("mat4", "u_lattice_clip_from_target"),
     Field("mat4", "u_camera_from_target"),
     Field("vec4", "u_lattice"),  # s0, t0; near, far [m]
+    Field("vec4", "u_lattice_px"),  # xy: size of the lattice's viewport [samples]
 )
 
 # worked out while the samples are drawn, which do not need it

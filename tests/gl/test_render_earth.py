@@ -44,7 +44,7 @@ def draw(renderer, speck):
 def test_dates_lie_between_their_months():
     for month, day in ANCHORS.items():
         for shift in (-20, 20):
-            moment = np.datetime64("2027-01-01") + int(day - 1 + shift)
+            moment = np.datetime64("2027-01-01") + np.timedelta64(int(day - 1 + shift), "D")
             now = season(f"{moment}T00:00:00Z")
             assert 0 <= now.share <= 1
             assert (now.after if shift < 0 else now.before) == month or abs(ANCHORS[7] - ANCHORS[8]) > 20

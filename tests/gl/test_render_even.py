@@ -101,7 +101,9 @@ def test_cells_without_edges_look_as_their_pixels_do(renderer, draw_kit, monkeyp
         every.reshape(-1, looks[0].corners.shape[1] // 4)[:, 0]
     )
     assert len(looks[0].others_px) > 5
-    # light between the parts, beside the boxes, is baked on nodes and bends there
-    assert np.abs(near - every).max() < 5e-3 * every.max()
+    # light between the parts, beside the boxes, is baked on nodes and bends there: a cell whose middle is off by the
+    # 0.1 % that is allowed may be off by 0.83 % elsewhere, 0.57 % of the brightest. There is one: GPUs, which filter
+    # textures by weights of eight bits, find its middle to be just within, and llvmpipe just beyond
+    assert np.abs(near - every).max() < 6e-3 * every.max()
     assert np.sqrt(np.mean((near - every) ** 2)) < 3e-4 * every.max()
     assert np.any(near != every)

@@ -122,13 +122,8 @@ class EdgePass:
             seen, outlines = buffers.seen.numbers(view, pairs=exact)
         return EdgeList(image, view.rect, buffers, seen, outlines, exact)
 
-    def run(self, edges: EdgeList, lattice: Lattice, lattice_size: tuple[int, int]) -> moderngl.Texture:
-        """Slopes of the samples' weights in the pixels of the list's rectangle, its first pixel at (0, 0).
-
-        Parameters
-        ----------
-        lattice_size : of the viewport that the faces were drawn to [samples].
-        """
+    def run(self, edges: EdgeList, lattice: Lattice) -> moderngl.Texture:
+        """Slopes of the samples' weights in the pixels of the list's rectangle, its first pixel at (0, 0)."""
         image, rect, buffers, seen = edges.image, edges.rect, edges.buffers, edges.seen
         if buffers is None or not len(seen):
             return image.slope
@@ -139,7 +134,6 @@ class EdgePass:
         defines = {**lattice_defines(lattice), **edge_defines(exact=edges.exact), "REACH_PX": REACH_PX}
         program = self._programs.get("target/edge.vert", "target/edge.frag", defines)
         program.set("u_window", rect.viewport)
-        program.set("u_lattice_px", lattice_size)
         layout, names = "3f 3f 1f 4x", ["in_start_m", "in_end_m", "in_corner"]
         if edges.exact:
             program.set("u_outlines", tuple(2 * n for n in edges.outlines))

@@ -243,6 +243,7 @@ class TargetPasses:
                 "u_lattice_clip_from_target": lattice_clip @ place.camera_from_target,
                 "u_camera_from_target": place.camera_from_target,
                 "u_lattice": [*origin, *place.near_far_m],
+                "u_lattice_px": [*size, 0, 0],
             }
         )
         self._blocks.materials.write(_material_values(mesh.materials, scene.bands))
@@ -263,7 +264,7 @@ class TargetPasses:
         exact = scene.quality == "high"
         edge_view = EdgeView(camera, place.rect, place.near_far_m[0], place.camera_from_target)
         edges = self._edges.begin(None if bent else loaded.edges, edge_view, exact=exact)
-        slope = self._edges.run(edges, lattice, size)
+        slope = self._edges.run(edges, lattice)
         flush()
         edged, edgeless, even = cells, cells[:0], None
         bands = len(bands_of(scene.bands))
