@@ -23,7 +23,7 @@ uniform vec2 u_level;       // of the maps and of the detail
 #define MAP_LEVEL u_level.x
 #define DETAIL_LEVEL u_level.y
 #else
-#define MAP_LEVEL (-log2(g.sharp * TEXEL_KM))
+#define MAP_LEVEL map_level(g.sharp * TEXEL_KM, sin(PI * g.uv.y))
 #define DETAIL_LEVEL (-log2(g.sharp * DETAIL_TEXEL_KM))
 #endif
 
@@ -102,8 +102,9 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     color root = LAND_ROOT(MAP_LEVEL);
 #endif
 #if HIGH
-    // the map's own contrast of 5 to 20 km, which its making and its magnification took
-    root = max(root + SHARPEN * (root - LAND_ROOT(max(MAP_LEVEL, 0.0) + 2.0)), 0.3 * root);
+    // the map's own contrast of 5 to 20 km, which its making and its magnification took; from far away nothing did
+    float sharpen = SHARPEN * clamp(1.0 - 0.5 * MAP_LEVEL, 0.0, 1.0);
+    root = max(root + sharpen * (root - LAND_ROOT(max(MAP_LEVEL, 0.0) + 2.0)), 0.3 * root);
 #endif
     color reflectance = root * root;
     // deserts and snow are even: what grows patchily elsewhere does not grow there

@@ -63,16 +63,16 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
     # sources of the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
     files = KeptFiles()
     sources = with_maps.submit(missing_sources, bands, files)
-    maps = with_maps.submit(lambda: [levelled(image) for image in packed_maps(bands, files)])
+    maps = with_maps.submit(lambda: [levelled(image, globe=True) for image in packed_maps(bands, files)])
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = with_maps.submit(_months, sorted({dates.before, dates.after}), bands)
     # few pictures wait for them
-    water = with_maps.submit(lambda: levelled(shoals(bands, sources.result())))
+    water = with_maps.submit(lambda: levelled(shoals(bands, sources.result()), globe=True))
     begun = EarthMaps(
         albedo,
         maps,
-        others.submit(lambda: levelled(detail_texture())),
-        others.submit(lambda: levelled(relief())),
+        others.submit(lambda: levelled(detail_texture(), globe=False)),
+        others.submit(lambda: levelled(relief(), globe=True)),
         months,
         water,
         others.submit(air_tables, of_bands, environment.atmosphere_thickness_km * 1e3),
@@ -117,7 +117,7 @@ def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> Eart
 
 
 def _black(size: tuple[int, int], bands: int) -> Levelled:
-    return levelled(np.zeros(size if bands == 1 else (*size, 4), np.uint8))
+    return levelled(np.zeros(size if bands == 1 else (*size, 4), np.uint8), globe=True)
 
 
 def _done(value: _T) -> Future[_T]:
@@ -127,4 +127,5 @@ def _done(value: _T) -> Future[_T]:
 
 
 def _months(months: list[int], bands: int) -> dict[int, Levelled]:
-    return dict(zip(months, map(levelled, month_gains(months, bands)), strict=True))
+    made = (levelled(gain, globe=True) for gain in month_gains(months, bands))
+    return dict(zip(months, made, strict=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import itertools
 import sys
 from dataclasses import dataclass
 from functools import lru_cache
@@ -29,23 +30,30 @@ _POINTS = 0
 _TEXTURE_2D, _UNSIGNED_BYTE, _UNPACK_ALIGNMENT = 0x0DE1, 0x1401, 0x0CF5
 _FORMATS = {1: (0x8229, 0x1903), 4: (0x8058, 0x1908)}  # R8 and RED, RGBA8 and RGBA
 _OWN_NAME = "name made here"
-VERSION = 1  # of how levels are made; part of the cache's key
+VERSION = 2  # of how levels are made; part of the cache's key
 
 
 @dataclass(frozen=True, eq=False)
 class Levelled:
-    """An image (H, W) or (H, W, 4) and its smaller levels, one after the other, each texel the mean of four."""
+    """An image (H, W) or (H, W, 4) and its smaller levels, one after the other, as `levelled` makes them."""
 
     image: ByteArray
     smaller: ByteArray
 
 
-def levelled(image: ByteArray) -> Levelled:
-    """The image with its levels, kept beside it where it comes from `cached_array`. Needs no OpenGL."""
+def levelled(image: ByteArray, *, globe: bool) -> Levelled:
+    """The image with its levels, kept beside it where it comes from `cached_array`. Needs no OpenGL.
+
+    Parameters
+    ----------
+    globe : it is a map of a whole globe, row 0 at the north pole. In its smaller levels a texel is the mean of a piece
+        of ground as wide as it is high, where towards the poles columns run together: a driver chooses a level by one
+        size of a pixel on the ground.
+    """
     name = name_of(image)
     if name is None:
-        return Levelled(image, _smaller(image))
-    return Levelled(image, cached_array(f"{name}-levels-{VERSION}", lambda: _smaller(image)))
+        return Levelled(image, _smaller(image, globe=globe))
+    return Levelled(image, cached_array(f"{name}-levels-{VERSION}", lambda: _smaller(image, globe=globe)))
 
 
 def levelled_texture(context: moderngl.Context, levels: Levelled) -> moderngl.Texture:
@@ -133,13 +141,35 @@ def _sizes(width: int, height: int) -> list[tuple[int, int]]:
     return sizes
 
 
-def _smaller(image: ByteArray) -> ByteArray:
+def _smaller(image: ByteArray, *, globe: bool) -> ByteArray:
     """The levels from the second on, one after the other."""
     levels, last = [], np.asarray(image)
     for size in _sizes(image.shape[1], image.shape[0]):
         last = np.asarray(cv2.resize(last, size, interpolation=cv2.INTER_AREA), np.uint8)
-        levels.append(last.ravel())
+        levels.append((_as_wide_as_high(last) if globe else last).ravel())
     return np.concatenate(levels)
+
+
+def _as_wide_as_high(level: ByteArray) -> ByteArray:
+    """A map of a globe, each texel the mean of so many of its row that they are as wide on the ground as a row is high.
+
+    By odd numbers of them, from latitude 60 degrees on.
+    """
+    height, width = level.shape[:2]
+    latitude = (0.5 - (np.arange(height) + 0.5) / height) * np.pi
+    wide = np.minimum(1 / np.cos(latitude) * width / (2 * height), width)
+    counts = 2 * ((wide - 1) / 2 + 0.5).astype(int) + 1
+    counts = np.minimum(counts, width - 1 + width % 2)
+    out = level.copy()
+    starts = np.flatnonzero(np.diff(counts, prepend=0))
+    for first, end in itertools.pairwise([*starts.tolist(), height]):
+        count = int(counts[first])
+        if count < 3:
+            continue
+        rows, reach = level[first:end], count // 2
+        around = np.concatenate([rows[:, width - reach :], rows, rows[:, :reach]], axis=1)
+        out[first:end] = cv2.blur(around, (count, 1))[:, reach : reach + width].reshape(rows.shape)
+    return out
 
 
 @lru_cache(maxsize=1)

@@ -204,7 +204,7 @@ class EarthPass:
 
     def _month(self, month: int) -> moderngl.Texture:
         if month not in self._months:
-            self._months[month] = self._mapped(levelled(month_gain(month, self.bands)))
+            self._months[month] = self._mapped(levelled(month_gain(month, self.bands), globe=True))
         return self._months[month]
 
     def _program(
@@ -385,7 +385,7 @@ class EarthPass:
     def _high_valleys(self) -> moderngl.Texture:
         """The land's valleys: made or read, and uploaded, when `high` is first asked for."""
         if self._valleys is None:
-            self._valleys = self._mapped(levelled(valley_texture()))
+            self._valleys = self._mapped(levelled(valley_texture(), globe=False))
             self._valleys.repeat_y = True
         return self._valleys
 
@@ -397,7 +397,7 @@ class EarthPass:
             if self._ice is not None:
                 past, self._ice = self._ice[1], None
                 release_levelled(past)
-            self._ice = (day, self._mapped(levelled(sea_ice(day))))
+            self._ice = (day, self._mapped(levelled(sea_ice(day), globe=True)))
         return {"t_ice": self._ice[1], "t_shoals": self._shoals}
 
     def _textures(self, images: Images, air: AirPass) -> dict[str, moderngl.Texture]:
