@@ -50,7 +50,7 @@ def bench_throughput(
     RuntimeError
         If a process ends before its time, or does not begin.
     """
-    counts = [n for n in (2**k for k in range(most.bit_length())) if n < most] + [most]
+    counts = counts_up_to(most)
     found: list[Throughput] = []
     with Renderer(device_index=device_index) as renderer:
         machine = bench_machine(renderer)
@@ -70,6 +70,11 @@ def bench_throughput(
             )
             progress(len(found), len(names) * len(counts))
     return machine, tuple(found)
+
+
+def counts_up_to(most: int) -> list[int]:
+    """1, 2, 4 and so on, and ``most`` itself."""
+    return [2**k for k in range(most.bit_length()) if 2**k < most] + [most]
 
 
 def _rate(name: str, processes: int, device_index: int | None, seconds: float) -> float:
@@ -112,7 +117,8 @@ def _take_frames(name: str, device_index: int | None, seconds: float, told: Queu
         for scene in scenes[:_WARM_UP]:
             take_frame(renderer, scene, plan.target, labels=False)
         told.put(0)
-        begin.wait()
+        if not begin.wait(_START_TIMEOUT_S):  # nobody is left who would give the sign
+            return
         end, taken = time.perf_counter() + seconds, 0
         while time.perf_counter() < end:
             take_frame(renderer, scenes[taken % len(scenes)], plan.target, labels=False)
