@@ -185,7 +185,7 @@ class Renderer:
         clock.lap("setup")
         images = self._images_for(scene)
         # a driver's threads empty the images while the first pass is being prepared, where that was right before
-        early = not self._filled and scene.bands not in self._begun
+        early = not (self._filled and self._thrifty) and scene.bands not in self._begun
         if early:
             images.clear(PixelRect(0, 0, *images.size))
         sampled = None if layer == "sky" else passes.sample(scene, view, target, clock)
