@@ -464,6 +464,10 @@ class Renderer:
             self._images = None
         for passes in self._targets.values():
             passes.release()
+        for earth in self._earths.values():
+            earth.release()
+        if self._moon is not None:
+            self._moon.release()
         self._rays.release()
         if self._owns_context:
             # EGL keeps a context, and all its textures, for as long as it is a thread's current one

@@ -14,10 +14,12 @@ import pytest
 from simulator.camera.model import Distortion
 from simulator.dataset.contact_sheet import smaller
 from simulator.labels.frame import take_frame
+from simulator.render.context import create_context
 from simulator.render.passes.target import MOST_LOADED
 from simulator.render.renderer import Renderer
 from simulator.render.valleys import valley_texture
 from simulator.scene.state import Environment
+from simulator.world.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 
@@ -49,6 +51,33 @@ def _in_use(kind, size=None):
     found = [one for one in gc.get_objects() if type(one) is kind]
     found = [one for one in found if not isinstance(one.mglo, moderngl.InvalidObject)]
     return sum(size is None or one.size == size for one in found)
+
+
+def test_a_closed_renderer_leaves_no_maps_in_another_s_context(draw_kit):
+    target = draw_kit.target([draw_kit.plate("plate", "white", (0, 0, 0), 0.3)], [draw_kit.white()])
+    scene = replace(draw_kit.scene(target, t_m=(0, 0, 4.0)), environment=Environment())
+    scene = replace(scene, r_moon_eci_m=tuple(np.asarray(scene.r_camera_eci_m) + _ahead_m(scene, 3.8e8)))
+    context = create_context()
+    try:
+        with Renderer(context=context) as passing:
+            passing.render(scene, target)
+            held = _maps_in_use(context)
+        assert held >= 3, "the Earth's maps and the Moon's were drawn from"
+        assert _maps_in_use(context) == 0
+        assert context.error == "GL_NO_ERROR"
+    finally:
+        context.release()
+
+
+def _maps_in_use(context):
+    """Textures of a context that are maps of a globe and not freed."""
+    found = [one for one in gc.get_objects() if type(one) is moderngl.Texture and one.ctx is context]
+    return sum(not isinstance(one.mglo, moderngl.InvalidObject) and one.width >= 2000 for one in found)
+
+
+def _ahead_m(scene, distance_m):
+    """Along the boresight, inertial axes [m]."""
+    return matrix_from_quat(scene.q_camera_from_eci_wxyz)[2] * distance_m
 
 
 def test_a_closed_renderer_gives_its_maps_back(draw_kit):

@@ -78,6 +78,11 @@ class MoonPass:
             texture.repeat_x = texture.repeat_y = False
         self._arrays: dict[Program, moderngl.VertexArray] = {}
 
+    def release(self) -> None:
+        """Free maps, tables and vertex arrays; the programs are the library's."""
+        for one in (*self._arrays.values(), self._map, *self._craters, self._phase, self._umbra):
+            one.release()
+
     def run(
         self,
         images: Images,
