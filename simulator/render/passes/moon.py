@@ -80,8 +80,10 @@ class MoonPass:
 
     def release(self) -> None:
         """Free maps, tables and vertex arrays; the programs are the library's."""
-        for one in (*self._arrays.values(), self._map, *self._craters, self._phase, self._umbra):
-            one.release()
+        for array in self._arrays.values():
+            array.release()
+        for texture in (self._map, *self._craters, self._phase, self._umbra):
+            texture.release()
 
     def run(
         self,
