@@ -16,14 +16,20 @@ def renderers():
 
 
 @pytest.fixture(scope="module")
-def renderer(renderers):
-    """One GL context for all tests of a file that draw, and for those of the files after it."""
+def renderer(renderers, request):
+    """One GL context for all tests of a file that draw, and for those of the files after it.
+
+    A file of tests of what is left out or interpolated says THRIFTY = True: with a GPU nothing is.
+    """
     from simulator.render.renderer import Renderer
 
-    if renderers and len(renderers[0]._programs._built) > MOST_PROGRAMS:
-        renderers.pop().close()
+    thrifty = getattr(request.module, "THRIFTY", None)
+    if renderers:
+        wanted = renderers[0].info.is_software if thrifty is None else thrifty
+        if renderers[0]._thrifty != wanted or len(renderers[0]._programs._built) > MOST_PROGRAMS:
+            renderers.pop().close()
     if not renderers:
-        renderers.append(Renderer())
+        renderers.append(Renderer(thrifty=thrifty))
     return renderers[0]
 
 

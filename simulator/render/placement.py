@@ -117,6 +117,14 @@ def find_cover(mesh: Mesh, place: Placement) -> FloatArray:
     return hulls_cover(place.rect, place.hull_px, mesh.hull_parts)
 
 
+def outline_px(place: Placement) -> FloatArray:
+    """(K, 2) places [px] that span what the target may touch, without looking for its cells; as `find_cover` else."""
+    if place.hull_px is None:
+        return whole(place.rect)
+    rect = place.rect
+    return np.clip(place.hull_px.T, [rect.x0, rect.y0], [rect.x1 - 1, rect.y1 - 1])
+
+
 def choose_lattice(
     quality: Quality, place: Placement, cells_px: FloatArray, *, dense: bool = False
 ) -> Lattice:
@@ -124,7 +132,7 @@ def choose_lattice(
 
     Parameters
     ----------
-    cells_px : (K, 2) centres of the cells that the target may touch.
+    cells_px : (K, 2) centres of the cells that the target may touch, or its outline.
     dense : more samples, where no edges weigh them: through a lens that bends, and inside textures.
     """
     if np.max(place.bounds_px[2:] - place.bounds_px[:2]) <= TINY_PX:

@@ -12,6 +12,7 @@ from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above
 
 pytestmark = pytest.mark.gl
+THRIFTY = True
 CAMERA = Camera(width_px=64, height_px=64, fx_px=180.0, fy_px=180.0, cx_px=31.5, cy_px=31.5)
 
 

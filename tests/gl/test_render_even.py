@@ -11,6 +11,7 @@ from simulator.targets.model import Part
 from tests.harness.boxes import closed_box
 
 pytestmark = pytest.mark.gl
+THRIFTY = True
 
 
 def test_every_cell_that_a_line_crosses_is_known():

@@ -19,6 +19,7 @@ from simulator.scene.atmosphere import earth_atmosphere, ground_irradiance, opti
 from simulator.scene.state import Environment
 
 LATTICES = {lattice for choices in PRESETS.values() for lattice, _ in choices} | {TINY_LATTICE}
+THRIFTY = True
 
 
 @pytest.mark.parametrize("lattice", sorted(LATTICES, key=str), ids=lambda lattice: f"{lattice.samples}")

@@ -28,6 +28,7 @@ from simulator.scene.state import Environment
 from simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl
+THRIFTY = True
 
 POSES = (
     ((0.1, -0.05, 4.0), (0.3, 0.4, 0.2)),

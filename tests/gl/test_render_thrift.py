@@ -7,6 +7,8 @@ import pytest
 
 from simulator.bench.scaling import scaled
 from simulator.loop import plan_flight
+from simulator.render.lattice import SEVEN
+from simulator.render.passes import target as passes
 from simulator.render.renderer import Renderer
 from simulator.scenario_load import load_scenario
 
@@ -53,6 +55,22 @@ def test_a_picture_hardly_depends_on_what_is_left_out(renderers, name, bands):
     assert lavish.radiance.mean() == pytest.approx(thrifty.radiance.mean(), rel=0.01)
     blocks = _blocks(thrifty.radiance)
     assert np.abs(blocks - _blocks(lavish.radiance)).max() < 0.06 * blocks.max()
+
+
+@pytest.mark.gl
+def test_the_lattice_is_the_same_though_its_buffer_is_not(renderers, monkeypatch):
+    # a craft that fills much of a large picture: its rectangle has more samples than the default lattice may have
+    chosen, choose = [], passes.choose_lattice
+    monkeypatch.setattr(
+        passes, "choose_lattice", lambda *a, **k: chosen.append(choose(*a, **k)) or chosen[-1]
+    )
+    plan = plan_flight(load_scenario("tango-close-3m"), n=1)
+    scene = plan.scene(0)
+    scene = replace(scene, t_camera_from_target_m=tuple(0.9 * m for m in scene.t_camera_from_target_m))
+    for one in renderers:
+        one.make_current()
+        one.render(scene, plan.target)
+    assert chosen[0] == chosen[1] == SEVEN
 
 
 @pytest.mark.gl

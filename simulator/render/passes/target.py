@@ -31,7 +31,7 @@ from simulator.render.passes.shadow import (
     widest_penumbra,
 )
 from simulator.render.passes.textured import TexturedGBufferPass
-from simulator.render.placement import CELL_REACH_PX, choose_lattice, find_cover, locate
+from simulator.render.placement import CELL_REACH_PX, choose_lattice, find_cover, locate, outline_px
 from simulator.render.projection import PixelRect, clip_from_camera
 from simulator.render.returned_light import ReturnedLight
 from simulator.render.textures import Textures
@@ -233,7 +233,9 @@ class TargetPasses:
         cells = find_cover(mesh, place) if self._thrifty else whole(place.rect)
         if not len(cells):
             return None
-        lattice = choose_lattice(scene.quality, place, cells, dense=bent or loaded.textures is not None)
+        # the same lattice whoever draws: a GPU that is given the whole rectangle has more samples, and room for them
+        extent = cells if self._thrifty else outline_px(place)
+        lattice = choose_lattice(scene.quality, place, extent, dense=bent or loaded.textures is not None)
         size, origin = lattice.window(cells, CELL_REACH_PX)
         lattice_clip = clip_from_camera(camera, *place.near_far_m, lattice.buffer_from_pixel(origin), size)
         if bent:
