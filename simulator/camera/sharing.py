@@ -11,6 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+from simulator.threads import usable_processors
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -53,12 +55,7 @@ def share_out(pieces: list[tuple[int, int]], work: Callable[[int, int], None]) -
 @lru_cache(maxsize=1)
 def threads() -> int:
     """How many share the work, this one too: two on the smallest machines, which a software driver has to itself."""
-    return min(max(_processors(), 2), MOST_THREADS)
-
-
-def _processors() -> int:
-    """That this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(max(usable_processors(), 2), MOST_THREADS)
 
 
 @lru_cache(maxsize=1)

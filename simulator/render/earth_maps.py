@@ -18,6 +18,7 @@ from simulator.render.shoals import missing_sources, shoals
 from simulator.render.skylight import albedo_of_day
 from simulator.scene.atmosphere import earth_atmosphere
 from simulator.scene.multiple_scattering import HEIGHTS, SUNS
+from simulator.threads import beside_the_caller
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array
@@ -59,7 +60,8 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
     dates = season(epoch_utc) if environment.seasons else AUGUST
     # what takes longest first: the detail alone is as long as the maps
     later = Later()
-    with_maps, others = (ThreadPoolExecutor(1, initializer=later.use) for _ in range(2))
+    pools = [ThreadPoolExecutor(1, initializer=later.use) for _ in range(min(beside_the_caller(), 2))]
+    with_maps, others = pools[0], pools[-1]
     # sources of the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
     files = KeptFiles()
     sources = with_maps.submit(missing_sources, bands, files)
@@ -78,7 +80,7 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
         others.submit(air_tables, of_bands, environment.atmosphere_thickness_km * 1e3),
         later,
     )
-    for pool in (with_maps, others):
+    for pool in pools:
         pool.shutdown(wait=False)
     return begun
 

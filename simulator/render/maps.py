@@ -16,6 +16,8 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.render.cache import cached_array
+from simulator.render.opencv_threads import one_thread
+from simulator.threads import beside_the_caller
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -203,24 +205,33 @@ def _pack_panchromatic(files: KeptFiles, *, day_again: bool) -> ByteArray:
     Channels go straight into it, and what they are made of is freed first: new memory takes longer than the arithmetic.
     """
     out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
-    with ThreadPoolExecutor(2) as pool:
+    # the picture of the clouds shows their light: thin ones cover more than they whiten
+    thin = np.round(np.sqrt(np.arange(256) / 255) * 255).astype(np.uint8)
+
+    def clouds() -> None:
+        picture = decode_map(CLOUDS, cv2.IMREAD_GRAYSCALE)
+        cv2.insertChannel(cv2.LUT(picture, thin, picture), out, 1)  # in its place: new memory takes longer
+
+    def night() -> None:
+        cv2.insertChannel(decode_map(NIGHT, cv2.IMREAD_GRAYSCALE), out, 2)
+
+    with one_thread(), ThreadPoolExecutor(beside_the_caller()) as pool:
+        # all is decoded first: that needs Python's lock a few times, the strips for each of their short steps
+        for channel in [pool.submit(clouds), pool.submit(night)]:
+            channel.result()
         shore = pool.submit(decode_map, COAST, cv2.IMREAD_GRAYSCALE, decode=files)
-        day = day_map(files)
+        day = pool.submit(day_map, files).result()
         shore.exception()  # waited for: both are decoded
         if not day_again:
             files.forget()
         beside = _panchromatic_land(pool, day, shore, out)
         del day, shore
-        # the picture of the clouds shows their light: thin ones cover more than they whiten
-        thin = np.round(np.sqrt(np.arange(256) / 255) * 255).astype(np.uint8)
-        clouds, night = pool.map(lambda name: decode_map(name, cv2.IMREAD_GRAYSCALE), (CLOUDS, NIGHT))
 
         def merge(rows: slice) -> None:
             land = _enlarged_root(beside, rows)
             inland = _inland(np.asarray(cv2.extractChannel(out[rows], 3), np.uint8))
             cv2.copyTo(cv2.extractChannel(out[rows], 0), inland, land)
-            for k, channel in enumerate((land, cv2.LUT(clouds[rows], thin), night[rows])):
-                cv2.insertChannel(channel, out[rows], k)
+            cv2.insertChannel(land, out[rows], 0)
 
         list(pool.map(merge, _STRIPS))
     return out
@@ -278,7 +289,7 @@ def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
         reflectance = np.asarray(cv2.LUT(day_bgr[rows], table), np.float32)
         means[quarter], shares[quarter] = _quarter(reflectance, _inland(coast[rows]))
 
-    with ThreadPoolExecutor(2) as pool:
+    with one_thread(), ThreadPoolExecutor(beside_the_caller()) as pool:
         list(pool.map(reduce, _STRIPS))
         beside = _spread(means, shares)
         out = np.empty((HEIGHT, WIDTH, 4), np.uint8)

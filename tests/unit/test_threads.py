@@ -1,7 +1,11 @@
-"""A program's matrices take one thread, unless the user says otherwise."""
+"""A program's matrices take one thread, unless the user says otherwise; who works beside a caller leaves it one."""
 
 import os
 
+import cv2
+
+from simulator import threads
+from simulator.render.opencv_threads import OneThread
 from simulator.threads import use_one_for_matrices
 
 NAME = "OPENBLAS_NUM_THREADS"
@@ -17,3 +21,25 @@ def test_the_users_choice_is_kept(monkeypatch):
     monkeypatch.setenv(NAME, "3")
     use_one_for_matrices()
     assert os.environ[NAME] == "3"
+
+
+def test_the_caller_keeps_a_processor_and_somebody_works_beside_it(monkeypatch):
+    for processors, beside in ((1, 1), (2, 1), (16, 15)):
+        monkeypatch.setattr(threads, "usable_processors", lambda count=processors: count)
+        assert threads.beside_the_caller() == beside
+
+
+def test_opencv_has_its_threads_back_when_the_last_has_left():
+    before = cv2.getNumThreads()
+    try:
+        cv2.setNumThreads(3)
+        alone = OneThread()
+        first, second = alone(), alone()
+        with first:
+            assert cv2.getNumThreads() == 1
+            second.__enter__()
+        assert cv2.getNumThreads() == 1
+        second.__exit__(None, None, None)
+        assert cv2.getNumThreads() == 3
+    finally:
+        cv2.setNumThreads(before)
