@@ -6,7 +6,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray
@@ -115,5 +114,7 @@ def _fine(camera: Camera, coarse: FloatArray) -> Float32Array:
 @lru_cache(maxsize=8)
 def _weights(nodes: int, count: int) -> Float32Array:
     """(count, nodes) share of each node of an even grid in points between its ends."""
+    from scipy.interpolate import make_interp_spline  # noqa: PLC0415 - slow to import, and few cameras shade
+
     spline = make_interp_spline(np.linspace(0, 1, nodes), np.eye(nodes), k=min(3, nodes - 1))
     return np.asarray(spline(np.linspace(0, 1, count)), np.float32)

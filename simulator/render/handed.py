@@ -20,6 +20,7 @@ LEAST_SLOTS = 15
 SPARE_SLOTS = 4
 """Of those that the driver has, left to what shaders hand on by themselves."""
 _PLAIN = re.compile(r"^uniform (float|vec[234]|mat[34]|u?int|[iu]vec[234]) ([\w, ]+);.*$", re.MULTILINE)
+_WORD = re.compile(r"\w+")
 _MAIN = re.compile(r"^void main\(\)", re.MULTILINE)
 
 
@@ -35,9 +36,10 @@ def hand_on(vertex: str, fragment: str, fields: Iterable[Field], slots: int) -> 
     slots : vectors of four to be used, at most. A matrix takes one a column, all else one.
     """
     values: list[tuple[str, str, str]] = []  # type, expression, name as an input
+    words = set(_WORD.findall(fragment))
     for field in fields:
         name = field.name
-        if not re.search(rf"\b{name}\b", fragment):
+        if name not in words:
             continue
         if not field.count:
             values.append((field.glsl_type, name, f"v_{name}"))
@@ -61,7 +63,9 @@ def hand_on(vertex: str, fragment: str, fields: Iterable[Field], slots: int) -> 
         kept.append((kind, expression, name))
     for _, expression, name in kept:
         end = "" if expression.endswith("]") else r"\b"
-        fragment = re.sub(rf"\b{re.escape(expression)}{end}", name, fragment)
+        text = re.escape(expression)
+        # whole words; a pattern that begins with a text is found at once, one that begins with \b letter by letter
+        fragment = re.sub(rf"{text}(?<!\w{text}){end}", name, fragment)
     # a declaration of plain uniforms is by now one of their inputs' names
     taken = {name: (kind, expression) for kind, expression, name in kept}
     fragment = _PLAIN.sub(lambda found: _declared(found, taken), fragment)

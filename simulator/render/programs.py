@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -35,13 +36,18 @@ def read_source(path: str, seen: set[str] | None = None) -> str:
     """
     seen = set() if seen is None else seen
     seen.add(path)
-    text = resources.files("shaders").joinpath(path).read_text(encoding="utf-8")
+    text = _text(path)
 
     def expand(match: re.Match[str]) -> str:
         name = match.group(1)
         return "" if name in seen else read_source(name, seen)
 
     return _INCLUDE.sub(expand, text)
+
+
+@cache
+def _text(path: str) -> str:
+    return resources.files("shaders").joinpath(path).read_text(encoding="utf-8")
 
 
 def _head(source: str, defines: Mapping[str, object]) -> str:

@@ -6,7 +6,6 @@ from collections import OrderedDict
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import RectBivariateSpline
 
 if TYPE_CHECKING:
     import moderngl
@@ -24,6 +23,7 @@ def ray_table(camera: Camera) -> Float32Array:
 
     Exact rays every eighth pixel, a spline of the fifth degree between: within 1e-6 px for lenses that can be drawn.
     """
+    from scipy.interpolate import RectBivariateSpline  # noqa: PLC0415 - slow to import, and most lenses are straight
 
     def nodes(length: int) -> np.ndarray:
         return np.linspace(-1.5, length + 0.5, max(int(np.ceil((length + 2) / _STEP_PX)), 6) + 1)

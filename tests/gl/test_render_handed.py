@@ -38,6 +38,12 @@ def test_what_every_fragment_reads_the_same_is_handed_on():
         assert f"v_{name.replace('[', '_').rstrip(']')} = {name};" in vertex
 
 
+def test_a_name_within_a_longer_one_is_left_alone():
+    fragment = "uniform vec4 u_sun_w;\nvoid main() { light = u_sun * my_u_sun + u_sunset + u_sun_w; }\n"
+    _, made = hand_on(VERTEX, fragment, FIELDS, slots=16)
+    assert "light = v_u_sun * my_u_sun + u_sunset + v_u_sun_w;" in made
+
+
 def test_what_finds_no_slot_stays_a_uniform():
     vertex, fragment = hand_on(VERTEX, FRAGMENT, FIELDS, slots=2)
     assert "v_u_sun * u_sky[2] + v_u_sky_0 +" in fragment
