@@ -93,10 +93,11 @@ def _make_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
 
 def _reflectances(month: int, bands: int) -> list[FloatArray]:
     """(H, W) of a month's map: one of the whole band, or red, green and blue."""
-    image, table = decode_map(_name(month), cv2.IMREAD_COLOR, (WIDTH, HEIGHT))[..., ::-1], to_reflectance()
+    image = decode_map(_name(month), cv2.IMREAD_COLOR, (WIDTH, HEIGHT))
+    channels = [cv2.LUT(channel, to_reflectance()) for channel in cv2.split(image)[::-1]]
     if bands == 1:
-        return [np.asarray(sum(w * table[image[..., k]] for k, w in enumerate(PAN_WEIGHTS)))]
-    return [np.asarray(table[image[..., k]]) for k in range(3)]
+        return [np.asarray(sum(w * channel for w, channel in zip(PAN_WEIGHTS, channels, strict=True)))]
+    return [np.asarray(channel) for channel in channels]
 
 
 def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) -> ByteArray:

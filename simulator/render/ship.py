@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.airtables import air_tables
+from simulator.render.edge_pairs import distances_beside
 from simulator.render.mesh import prepared
 from simulator.render.shoals import shoals
 from simulator.render.transfer import sight_to_ship
@@ -35,7 +36,9 @@ def made() -> Iterator[tuple[str, bytes]]:
     yield from _kept(lambda: shoals(1), "*.npy").items()
     target = load_target(TARGET)
     yield from _kept(lambda: prepared(target), "*.npy").items()
-    key, codes = sight_to_ship(prepared(target)[0])
+    geometry = prepared(target)[0]
+    yield from _kept(lambda: distances_beside(geometry.edges), "*.npy").items()
+    key, codes = sight_to_ship(geometry)
     data = io.BytesIO()
     np.save(data, codes)
     yield f"{key}.npy", data.getvalue()

@@ -237,15 +237,14 @@ def _spread(charts: Charts, good: BoolArray, values: FloatArray) -> FloatArray:
     ]
     for _ in range(4):
         lacking = np.flatnonzero(~known)
-        total, weight = (
-            np.zeros((len(lacking), values.shape[1]), np.float32),
-            np.zeros(len(lacking), np.float32),
-        )
+        total = np.zeros((len(lacking), values.shape[1]), np.float32)
+        weight = np.zeros(len(lacking), np.float32)
         for step, w in steps:
             near = node[at[lacking] + step]
             use = (owner[at[lacking] + step] == charts.chart[lacking]) & known[near]
-            total += (w * use).astype(np.float32)[:, None] * out[near]
-            weight += (w * use).astype(np.float32)
+            which = np.flatnonzero(use)  # few of them, and each has a hundred values
+            total[which] += np.float32(w) * out[near[which]]
+            weight[which] += np.float32(w)
         new = weight > 0
         out[lacking[new]] = total[new] / weight[new, None]
         known[lacking[new]] = True
