@@ -193,7 +193,7 @@ def test_the_bench_times_frames_without_waits_and_passes_apart(draw_kit):
     passes = cost.passes_ms_p50
     own = sum(ms for name, ms in passes.items() if name.startswith("render."))
     assert machine.threads > 0
-    assert cost.reference_ms > 1
+    assert cost.reference_ms > 0.1  # an H100 takes 0.8 ms
     # each pass is waited for: their times add up to the drawing of the same frames
     assert own == pytest.approx(passes["render"], rel=0.2)
     assert cost.frame_ms_p50 == pytest.approx(cost.render_ms_p50 + cost.sensor_ms_p50, rel=0.1)
