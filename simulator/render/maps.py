@@ -43,8 +43,9 @@ PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/s
 _ICE_LATITUDE_DEG = 50.0  # there is none nearer to the equator
 _ICE_REFLECTANCE = 0.22  # water brighter than this is ice, drawn as land
 _ICE_REACH = 8  # texels beyond a strip that the blur of the ice looks at
-# whole maps in floats would pass through the main memory ten times; lower strips hand on Python's lock too often
-_STRIPS = [slice(row, row + 32) for row in range(0, HEIGHT, 32)]
+# whole maps in floats would pass through the main memory ten times; lower strips hand on Python's lock too often.
+# Ice is looked for in strips that reach beyond its latitude, where one of them must end
+_STRIPS = [slice(row, row + 112) for row in range(0, HEIGHT, 112)]
 
 
 class KeptFiles:

@@ -13,7 +13,7 @@ def test_strips_are_those_of_the_whole_map():
     beside = np.random.default_rng(41).random((maps.HEIGHT // 4, maps.WIDTH // 4), np.float32)
     root = cv2.convertScaleAbs(cv2.sqrt(beside), alpha=255.0)
     whole = cv2.resize(root, (maps.WIDTH, maps.HEIGHT), interpolation=cv2.INTER_LINEAR)
-    for rows in (maps._STRIPS[0], maps._STRIPS[60], maps._STRIPS[-1]):
+    for rows in (maps._STRIPS[0], maps._STRIPS[20], maps._STRIPS[-1]):
         np.testing.assert_array_equal(maps._enlarged_root(beside, rows), whole[rows])
 
 
@@ -34,3 +34,9 @@ def test_an_opencv_that_cannot_decode_into_given_memory_gives_the_same(monkeypat
 def test_a_missing_map_is_the_users_to_mend():
     with pytest.raises(UserError, match="missing; install Flyaround again"):
         maps.decode_file("day_of_nowhere.jpg", cv2.IMREAD_COLOR)
+
+
+def test_a_strip_ends_where_ice_is_looked_for_no_more():
+    # otherwise the height of the strips would say where
+    edges = [maps.HEIGHT * (0.5 + sign * maps._ICE_LATITUDE_DEG / 180) for sign in (-1, 1)]
+    assert {rows.start for rows in maps._STRIPS}.issuperset(edges)

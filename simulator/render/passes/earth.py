@@ -156,17 +156,17 @@ class EarthPass:
         self.bands = 1 if bands == "mono" else 3
         self._airs: dict[float, Air] = {}
         self._names: Bands = bands
-        # in the order in which they are ready
+        # in the order in which they are ready where one thread makes them all
+        # one at a time: what is uploaded need not stay in memory until the next is
+        waiting = begun.maps.result()
+        self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
+        self._months = {k: self._mapped(levels) for k, levels in begun.months.result().items()}
         self._detail_levels = begun.detail.result()
         self._details = single_textures(context, self._detail_levels)
         self._detail: moderngl.Texture | None = None
         self._valleys: moderngl.Texture | None = None  # of `high`
         self._relief = self._mapped(begun.relief.result())
         self._keep_air(begun.air.result())
-        # one at a time: what is uploaded need not stay in memory until the next is
-        waiting = begun.maps.result()
-        self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
-        self._months = {k: self._mapped(levels) for k, levels in begun.months.result().items()}
         self._ice: tuple[str, moderngl.Texture] | None = None  # of a day
         self._shoals: Future[Levelled] | moderngl.Texture = begun.shoals
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}

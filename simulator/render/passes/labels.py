@@ -6,6 +6,7 @@ One sample a pixel, at its centre: mask, depth, normals and parts come from one 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from simulator.camera.model import Camera
     from simulator.render.blocks import Blocks
     from simulator.render.mesh import Mesh
-    from simulator.render.programs import ProgramLibrary
+    from simulator.render.programs import Program, ProgramLibrary
     from simulator.targets.model import Target
 
 _SILHOUETTE_SIDE_PX = 512  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved
@@ -85,13 +86,17 @@ class LabelPass:
     """Draws the target once more at one sample a pixel. Reads the mesh; owns what it writes."""
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: Blocks) -> None:
-        self._context, self._lens = context, blocks.lens
-        self._programs = {
-            layers: programs.get("target/labels.vert", "target/labels.frag", {"LAYERS": int(layers)})
-            for layers in (False, True)
-        }
+        self._context, self._lens, self._library = context, blocks.lens, programs
         self._arrays: dict[str, _Arrays] = {}
         self._aside = context.framebuffer([context.texture((1, 1), 1)])
+
+    @cached_property
+    def _programs(self) -> dict[bool, Program]:
+        """With and without layers, compiled with the first labels: many a picture is drawn without."""
+        return {
+            layers: self._library.get("target/labels.vert", "target/labels.frag", {"LAYERS": int(layers)})
+            for layers in (False, True)
+        }
 
     def _arrays_of(self, target: Target, mesh: Mesh) -> _Arrays:
         if target.sha256 not in self._arrays:
