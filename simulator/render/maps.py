@@ -73,15 +73,20 @@ def packed_maps(bands: int, files: KeptFiles | None = None) -> list[ByteArray]:
     files : of a caller who has made more of the same; they are forgotten here.
     """
     files = KeptFiles() if files is None else files
-    key = hashlib.sha256(f"{VERSION} {_REFLECTANCE_SCALE} {_REFLECTANCE_POWER} {_ICE_REFLECTANCE}".encode())
-    for name in (DAY, CLOUDS, NIGHT, COAST):
-        key.update(f"{name} {asset_size(name)}".encode())
-    stem = key.hexdigest()[:16]
+    stem = maps_key()
     maps = [cached_array(f"earth-pan-{stem}", lambda: _pack_panchromatic(files, day_again=bands == 3))]
     if bands == 3:
         maps.append(cached_array(f"earth-rgb-{stem}", lambda: _pack_colour(day_map(files), maps[0][..., 3])))
     files.forget()
     return maps
+
+
+def maps_key() -> str:
+    """What the packed maps are made of, for keys of the cache."""
+    key = hashlib.sha256(f"{VERSION} {_REFLECTANCE_SCALE} {_REFLECTANCE_POWER} {_ICE_REFLECTANCE}".encode())
+    for name in (DAY, CLOUDS, NIGHT, COAST):
+        key.update(f"{name} {asset_size(name)}".encode())
+    return key.hexdigest()[:16]
 
 
 def asset_size(name: str) -> int:

@@ -14,7 +14,15 @@ import cv2
 import numpy as np
 
 from simulator.render.cache import cached_array, cached_arrays
-from simulator.render.maps import PAN_WEIGHTS, asset_size, decode_map, land_only, packed_maps, to_reflectance
+from simulator.render.maps import (
+    PAN_WEIGHTS,
+    asset_size,
+    decode_map,
+    land_only,
+    maps_key,
+    packed_maps,
+    to_reflectance,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -84,11 +92,20 @@ def _make_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
     others = [month for month in months if month != _MAP_MONTH]
     made = {_MAP_MONTH: even}
     if others:
-        coast = cv2.resize(packed_maps(1)[0][..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
-        land = (coast > 128 + 4).astype(np.uint8)
+        land = land_of_months()
         august = _reflectances(_MAP_MONTH, bands)
         made |= {month: _gain(_reflectances(month, bands), august, land) for month in others}
     return [made[month] for month in months]
+
+
+def land_of_months() -> ByteArray:
+    """(1024, 2048) 1 where the packed maps have land, 0 elsewhere."""
+
+    def make() -> ByteArray:
+        coast = cv2.resize(packed_maps(1)[0][..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+        return (coast > 128 + 4).astype(np.uint8)
+
+    return np.asarray(cached_array(f"land-{_VERSION}-{maps_key()}", make))
 
 
 def _reflectances(month: int, bands: int) -> list[FloatArray]:

@@ -16,7 +16,9 @@ import numpy as np
 from simulator.render.airtables import air_tables
 from simulator.render.edge_pairs import distances_beside
 from simulator.render.mesh import prepared
+from simulator.render.seasons import land_of_months
 from simulator.render.shoals import shoals
+from simulator.render.skylight import kept_albedo
 from simulator.render.transfer import sight_to_ship
 from simulator.shipped import SUFFIX, made_anew
 from simulator.targets.library import load_target, shipped_name
@@ -34,6 +36,8 @@ def made() -> Iterator[tuple[str, bytes]]:
     yield shipped_name(TARGET), next(iter(_kept(lambda: load_target(TARGET), "targets/*.glb").values()))
     yield from _kept(lambda: [air_tables(bands, 100e3) for bands in ("mono", "rgb")], "*.npy").items()
     yield from _kept(lambda: shoals(1), "*.npy").items()
+    of_maps = _kept(lambda: (land_of_months(), kept_albedo(clouds=True)), "*.npy")
+    yield from ((name, data) for name, data in of_maps.items() if name.startswith(("land", "albedo")))
     target = load_target(TARGET)
     yield from _kept(lambda: prepared(target), "*.npy").items()
     geometry = prepared(target)[0]

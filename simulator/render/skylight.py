@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from simulator.render.cache import cached_array
-from simulator.render.maps import CLOUDS, COAST, DAY, packed_maps
+from simulator.render.maps import maps_key, packed_maps
 from simulator.render.sea_ice import sea_ice
 from simulator.scene.moonlight import moonlight_share
 
@@ -251,12 +251,16 @@ def _with_ice(year: int, day: int, clouds: bool) -> Float32Array:  # noqa: FBT00
 
 @cache
 def _reduced_maps(clouds: bool) -> Float32Array:  # noqa: FBT001 - a key of the cache
-    names = "-".join(name.split(".")[0] for name in (DAY, CLOUDS, COAST))
-    return np.asarray(cached_array(f"albedo-3-{int(clouds)}-{names}", lambda: _reduce_maps(clouds=clouds)))
+    return kept_albedo(clouds=clouds)
+
+
+def kept_albedo(*, clouds: bool) -> Float32Array:
+    """(2, 64, 128) albedo, and by how much it grows with that of the sea; from the cache after the first call."""
+    key = f"albedo-4-{int(clouds)}-{maps_key()}"
+    return np.asarray(cached_array(key, lambda: _reduce_maps(clouds=clouds)))
 
 
 def _reduce_maps(*, clouds: bool) -> Float32Array:
-    """(2, 64, 128) albedo, and by how much it grows with that of the sea."""
     packed = packed_maps(1)[0]
     # every fourth texel is plenty for cells of 3 degrees
     part = np.asarray(packed[::4, ::4], np.float32) / 255
