@@ -3,6 +3,7 @@
 // Samples place an edge only as well as they are dense. But where an edge crosses a pixel is known from the mesh, and so
 // is the pixel's area on either side. Weights 1 + slope . x, for samples at x (pixels from the pixel's centre), keep
 // their sum, and give the samples below the edge its area when slope = n (N area - count) / sum of n . x over them.
+// Where all samples lie on one side, the edge's direction and the area beyond it are told instead (slope.glsl).
 // A hidden edge does nothing: both its sides show one surface.
 // A pixel that several edges cross or pass by (a gap between cells, a strut) keeps equal weights, which are right on the
 // average for bodies thinner than a pixel. With EXACT_AREAS (preset `high`), what the samples miss of each edge's area
@@ -54,6 +55,8 @@ void main() {
     vec4 of_part = v_part * (side * whole_steps(missed));
     out_slope = vec4(twofold(vec3(whole_steps(steep), of_part.z), of_part.xyw), 1.0);
 #else
-    out_slope = packed_slope(steep);
+    bool none_below = count < 0.5;
+    float beyond = none_below ? area : count > float(SAMPLES) - 0.5 ? 1.0 - area : 0.0;
+    out_slope = packed_slope(beyond > LEAST_SLIVER ? sliver(none_below ? -v_across.xy : v_across.xy, beyond) : steep);
 #endif
 }

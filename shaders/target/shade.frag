@@ -28,6 +28,9 @@ uniform vec4 u_window; // x0, y0, width, height of the pixels that hold the targ
 layout(location = 0) out vec4 out_radiance;
 layout(location = 1) out float out_coverage;
 
+// Beyond a pixel's corner, so far that the sample nearest to that place lies beyond any edge that leaves the corner [px].
+const float NEXT_PX = 0.3;
+
 // Samples whose normals differ by less than this many steps of the code (5 to 10 degrees) are one surface.
 const int SAME_NORMAL = int(0.085 * CODE_SCALE);
 // Normals of a flat face differ by no more than the interpolation's rounding.
@@ -48,13 +51,26 @@ void main() {
     vec3 steep, even;
     split_twofold(edge.xyz, steep, even);
     vec2 slope = edge.w < 1.5 ? steep.xy : vec2(0.0);
+    const float share_of_own = 1.0;
 #else
     vec2 slope = lone_slope(edge.x);
+    // what lies beyond an edge that no sample is beyond is seen by the next one there
+    float beyond = sliver_area(slope);
+    vec2 towards = slope / max(length(slope), 1e-3);
+    ivec2 next = sample_near(towards * (0.5 * (abs(towards.x) + abs(towards.y)) + NEXT_PX));
+    FETCH(_next, next.x, next.y)
+    float next_weight = float(SAMPLES) * beyond, share_of_own = 1.0 - beyond;
+    if (beyond > 0.0) slope = vec2(0.0); else g_next = 0u;
 #endif
     float weight_covered = 0.0;
-#define WEIGHT(i, j) (1.0 + dot(slope, sample_offset(ivec2(i, j))))
-#define COUNT(k, i, j) if (g##k != 0u) { ++covered; weight_covered += WEIGHT(i, j); } differs |= g##k ^ g0;
+#define WEIGHT(i, j) (share_of_own + dot(slope, sample_offset(ivec2(i, j))))
+#define COUNT_AS(k, w) if (g##k != 0u) { ++covered; weight_covered += w; }
+#define COUNT(k, i, j) COUNT_AS(k, WEIGHT(i, j)) differs |= g##k ^ g0;
     FOR_EACH_SAMPLE(COUNT)
+#ifndef EXACT_AREAS
+    COUNT_AS(_next, next_weight)
+    if (beyond > 0.0) differs |= g_next ^ g0;
+#endif
     if (covered == 0) discard;
     weight_covered = clamp(weight_covered, 0.0, float(SAMPLES));
 #ifdef EXACT_AREAS
@@ -127,6 +143,7 @@ void main() {
         bool apart = quarters;
 #else
         FOR_EACH_SAMPLE(LEAD)
+        LEAD(_next, next.x, next.y)
 #define GATHERS(k, i, j)
         bool apart = differs != 0u;
 #endif
@@ -143,10 +160,14 @@ void main() {
             ivec2 total = ivec2(0);
             members = 0;
             weight = 0.0;
-#define GATHER(k, i, j) { ivec2 c = normal_code(g##k); ivec2 d = abs(c - code); \
+#define GATHER_AS(k, i, j, w) { ivec2 c = normal_code(g##k); ivec2 d = abs(c - code); \
             if (material_of(g##k) == material && max(d.x, d.y) < SAME_NORMAL GATHERS(k, i, j)) \
-            { ++members; weight += WEIGHT(i, j); total += c; SPREAD(d); g##k = 0u; ADD_TEXEL(i, j) } }
+            { ++members; weight += w; total += c; SPREAD(d); g##k = 0u; ADD_TEXEL(i, j) } }
+#define GATHER(k, i, j) GATHER_AS(k, i, j, WEIGHT(i, j))
             FOR_EACH_SAMPLE(GATHER)
+#ifndef EXACT_AREAS
+            GATHER_AS(_next, next.x, next.y, next_weight)
+#endif
             mean_code = vec2(total) / float(members);
         }
 #ifdef EXACT_AREAS

@@ -72,8 +72,8 @@ class Lattice:
         low, high = [], []
         for cx, cy in (self.s, self.t):
             counter = cells_px @ [float(cx), float(cy)]
-            # samples of a pixel lie at most this many steps from its own index
-            margin = (reach_px + 1) * (abs(cx) + abs(cy))
+            # samples of a pixel, and the next one beyond it, lie at most this many steps from its own index
+            margin = (reach_px + 1.25) * (abs(cx) + abs(cy))
             low.append(int(np.floor(counter.min() - margin)))
             high.append(int(np.ceil(counter.max() + margin)))
         return (high[0] - low[0] + 1, high[1] - low[1] + 1), (low[0], low[1])

@@ -95,7 +95,8 @@ def test_a_third_of_the_bands_each_in_rgb(renderer, draw_kit):
 def test_straight_edges(renderer, draw_kit, quality, rms_px, largest_px):
     # before any optics, over every slope
     errors = []
-    for angle_deg in (0.0, 3.0, 10.0, 14.0, 26.6, 33.7, 45.0, 56.3, 63.4, 76.0, 84.0, 89.0):
+    turns = (0.0, 3.0, 10.0, 14.0, 26.6, 33.7, 45.0, 56.3, 63.4, 76.0, 84.0, 89.0)
+    for angle_deg in (*turns, *(-turn for turn in turns[1:])):
         errors += _edge_errors(renderer, draw_kit, angle_deg, quality)
     assert np.sqrt(np.mean(np.square(errors))) <= rms_px
     assert np.abs(errors).max() <= largest_px
