@@ -57,6 +57,6 @@ void main() {
 #else
     bool none_below = count < 0.5;
     float beyond = none_below ? area : count > float(SAMPLES) - 0.5 ? 1.0 - area : 0.0;
-    out_slope = packed_slope(beyond > LEAST_SLIVER ? sliver(none_below ? -v_across.xy : v_across.xy, beyond) : steep);
+    out_slope = beyond > 0.0 ? packed_sliver(none_below ? -v_across.xy : v_across.xy, beyond) : packed_slope(steep);
 #endif
 }

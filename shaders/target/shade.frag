@@ -53,14 +53,13 @@ void main() {
     vec2 slope = edge.w < 1.5 ? steep.xy : vec2(0.0);
     const float share_of_own = 1.0;
 #else
-    vec2 slope = lone_slope(edge.x);
+    LoneEdge lone = lone_edge(edge.x);
+    vec2 slope = lone.slope;
     // what lies beyond an edge that no sample is beyond is seen by the next one there
-    float beyond = sliver_area(slope);
-    vec2 towards = slope / max(length(slope), 1e-3);
-    ivec2 next = sample_near(towards * (0.5 * (abs(towards.x) + abs(towards.y)) + NEXT_PX));
+    ivec2 next = sample_near(lone.towards * (0.5 * (abs(lone.towards.x) + abs(lone.towards.y)) + NEXT_PX));
     FETCH(_next, next.x, next.y)
-    float next_weight = float(SAMPLES) * beyond, share_of_own = 1.0 - beyond;
-    if (beyond > 0.0) slope = vec2(0.0); else g_next = 0u;
+    float next_weight = float(SAMPLES) * lone.beyond, share_of_own = 1.0 - lone.beyond;
+    if (lone.beyond == 0.0) g_next = 0u;
 #endif
     float weight_covered = 0.0;
 #define WEIGHT(i, j) (share_of_own + dot(slope, sample_offset(ivec2(i, j))))
@@ -69,7 +68,7 @@ void main() {
     FOR_EACH_SAMPLE(COUNT)
 #ifndef EXACT_AREAS
     COUNT_AS(_next, next_weight)
-    if (beyond > 0.0) differs |= g_next ^ g0;
+    if (lone.beyond > 0.0) differs |= g_next ^ g0;
 #endif
     if (covered == 0) discard;
     weight_covered = clamp(weight_covered, 0.0, float(SAMPLES));

@@ -88,10 +88,6 @@ def rotated(a: int, b: int = 1) -> Lattice:
     return Lattice((b, a), (a, -b))
 
 
-# weighted (shaders/target/edge.frag), its edges are less off than those of any lattice of up to eleven samples
-SEVEN = Lattice((1, 2), (3, -1))
-
-
 @lru_cache
 def lattice_defines(lattice: Lattice) -> Mapping[str, object]:
     """The lattice as GLSL: a macro that applies F to every sample, so that no loop indexes an array."""

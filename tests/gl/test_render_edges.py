@@ -50,8 +50,8 @@ def test_each_pixel_at_an_edge_shows_the_area_inside(renderer, draw_kit, quality
             d, place = (pixels - start) @ n, (pixels - start) @ along
             at_edge = (np.abs(d) < 0.75) & (place > 3) & (place < length - 3)
             shown = coverage[at_edge]
-            # a sliver that no sample meets is not shown, whatever is weighed
-            met = (shown > 1e-6) & (shown < 1 - 1e-6)
+            # in `high` a sliver that no sample meets is not shown; else the next one beyond it stands for it
+            met = (shown > 1e-6) & (shown < 1 - 1e-6) if quality == "high" else np.ones(len(shown), bool)
             errors.append((shown - _area_inside(n, d[at_edge]))[met])
             seen += np.count_nonzero(at_edge)
     errors = np.concatenate(errors)

