@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.cover import CELL_PX, hulls_cover, whole
-from simulator.render.lattice import Lattice, rotated
+from simulator.render.lattice import SEVEN, Lattice, rotated
 from simulator.render.projection import PixelRect, lens_bounds_px
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
 # lattices to try in order, and the largest buffer [samples] it may take
 LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
     "draft": ((rotated(2), np.inf),),
-    "default": ((rotated(2), np.inf),),
+    "default": ((SEVEN, 16e6), (rotated(2), np.inf)),
     "high": (
         (rotated(8), 6e6),
         (rotated(6), 9e6),

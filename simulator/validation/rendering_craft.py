@@ -48,7 +48,7 @@ outlines of one part before another are silhouettes as well. Our picture's light
 apart by default and 0.9 cm in `high` (docs/adr/0009). Left in `high` are, most of all, a
 frame's rim mirrored in the cells beside it, light between parts in crevices narrower than a node, and the Sun in the
 1.4 mm gaps between cells, a third of a pixel wide. By default each surface in a pixel is lit as at one point, gaps have
-the area that five samples find, and the shadow map's texels are 1 to 3 mm: of the pixels in which it differs from
+the area that seven samples find, and the shadow map's texels are 1 to 3 mm: of the pixels in which it differs from
 `high` by more than a tenth (8 to 12 % in the three views), 39 to 90 % lie beside edges 0.2 mm to 1 cm high, cells' rims
 and gaps above all, and 6 to 34 % beside higher ones. Their cure, shading the parts of a pixel apart, takes a sixth of
 `high`'s frame. So the 95th percentile is asked of `high`, the preset made for likeness, and reported of `default`, the
