@@ -47,7 +47,8 @@ def read_source(path: str, seen: set[str] | None = None) -> str:
 
 @cache
 def _text(path: str) -> str:
-    return resources.files("shaders").joinpath(path).read_text(encoding="utf-8")
+    """One file, its continued lines joined: GLSL has them from 4.20 on, and a strict driver of 4.10 refuses them."""
+    return resources.files("shaders").joinpath(path).read_text(encoding="utf-8").replace("\\\n", " ")
 
 
 def _head(source: str, defines: Mapping[str, object]) -> str:

@@ -1,0 +1,27 @@
+"""Shaders as a driver of OpenGL 4.1 is given them."""
+
+from importlib import resources
+
+import pytest
+
+from simulator.render.programs import read_source
+
+FOLDER = resources.files("shaders")
+FILES = sorted(
+    f"{folder.name}/{file.name}"
+    for folder in FOLDER.iterdir()
+    if folder.is_dir() and not folder.name.startswith("__")
+    for file in folder.iterdir()
+)
+
+
+def test_there_are_shaders():
+    assert {"target/shade.frag", "earth/earth.frag"} <= set(FILES)
+
+
+@pytest.mark.parametrize("path", FILES)
+def test_no_line_is_continued(path):
+    # in GLSL from 4.20 on; Mesa's and NVIDIA's drivers take it in 4.10 too, the reference compiler does not
+    text = read_source(path)
+    assert "\\\n" not in text
+    assert "\\" not in text
