@@ -43,35 +43,32 @@ void main() {
     vec2 place = (vec2(origin) + 0.5) * u_texel;
 #define AT(i, j) (place + vec2(i, j) * u_texel)
 #define FETCH(k, i, j) uvec2 words##k = textureLod(t_surface, AT(i, j), 0.0).xy; uint g##k = surface_of(words##k);
+    FOR_EACH_SAMPLE(FETCH)
     int covered = 0;
     uint differs = 0u;
     vec4 edge = textureLod(t_slope, (gl_FragCoord.xy - u_window.xy) * u_slope_texel, 0.0);
-#define WEIGHT(i, j) (share_of_own + dot(slope, sample_offset(ivec2(i, j))))
 #ifdef EXACT_AREAS
     vec3 steep, even;
     split_twofold(edge.xyz, steep, even);
     vec2 slope = edge.w < 1.5 ? steep.xy : vec2(0.0);
     const float share_of_own = 1.0;
-#define EACH(F) FOR_EACH_SAMPLE(F)
 #else
-    // What lies beyond an edge that no sample is beyond is seen by the next one there, which takes the last one's place.
     LoneEdge lone = lone_edge(edge.x);
     vec2 slope = lone.slope;
-    bool takes_next = lone.beyond > 0.0;
+    // what lies beyond an edge that no sample is beyond is seen by the next one there
     ivec2 next = sample_near(lone.towards * (0.5 * (abs(lone.towards.x) + abs(lone.towards.y)) + NEXT_PX));
-    ivec2 last = takes_next ? next : LAST_SAMPLE;
-    float share_of_own = takes_next ? (1.0 - lone.beyond) * (float(SAMPLES) / float(SAMPLES - 1)) : 1.0;
-    float last_weight = takes_next ? float(SAMPLES) * lone.beyond : WEIGHT(LAST_SAMPLE.x, LAST_SAMPLE.y);
-#define EACH(F) FOR_ALL_BUT_THE_LAST(F) F(_last, last.x, last.y)
+    FETCH(_next, next.x, next.y)
+    float next_weight = float(SAMPLES) * lone.beyond, share_of_own = 1.0 - lone.beyond;
+    if (lone.beyond == 0.0) g_next = 0u;
 #endif
-    EACH(FETCH)
     float weight_covered = 0.0;
-#define COUNT_AS(k, w) if (g##k != 0u) { ++covered; weight_covered += w; } differs |= g##k ^ g0;
-#define COUNT(k, i, j) COUNT_AS(k, WEIGHT(i, j))
-#ifdef EXACT_AREAS
+#define WEIGHT(i, j) (share_of_own + dot(slope, sample_offset(ivec2(i, j))))
+#define COUNT_AS(k, w) if (g##k != 0u) { ++covered; weight_covered += w; }
+#define COUNT(k, i, j) COUNT_AS(k, WEIGHT(i, j)) differs |= g##k ^ g0;
     FOR_EACH_SAMPLE(COUNT)
-#else
-    FOR_ALL_BUT_THE_LAST(COUNT) COUNT_AS(_last, last_weight)
+#ifndef EXACT_AREAS
+    COUNT_AS(_next, next_weight)
+    if (lone.beyond > 0.0) differs |= g_next ^ g0;
 #endif
     if (covered == 0) discard;
     weight_covered = clamp(weight_covered, 0.0, float(SAMPLES));
@@ -144,7 +141,8 @@ void main() {
 #define GATHERS(k, i, j) && QUARTER(i, j) == quarter IN_PLANE(k, i, j)
         bool apart = quarters;
 #else
-        EACH(LEAD)
+        FOR_EACH_SAMPLE(LEAD)
+        LEAD(_next, next.x, next.y)
 #define GATHERS(k, i, j)
         bool apart = differs != 0u;
 #endif
@@ -165,10 +163,9 @@ void main() {
             if (material_of(g##k) == material && max(d.x, d.y) < SAME_NORMAL GATHERS(k, i, j)) \
             { ++members; weight += w; total += c; SPREAD(d); g##k = 0u; ADD_TEXEL(i, j) } }
 #define GATHER(k, i, j) GATHER_AS(k, i, j, WEIGHT(i, j))
-#ifdef EXACT_AREAS
             FOR_EACH_SAMPLE(GATHER)
-#else
-            FOR_ALL_BUT_THE_LAST(GATHER) GATHER_AS(_last, last.x, last.y, last_weight)
+#ifndef EXACT_AREAS
+            GATHER_AS(_next, next.x, next.y, next_weight)
 #endif
             mean_code = vec2(total) / float(members);
         }

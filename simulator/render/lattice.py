@@ -95,8 +95,7 @@ SEVEN = Lattice((1, 2), (3, -1))
 @lru_cache
 def lattice_defines(lattice: Lattice) -> Mapping[str, object]:
     """The lattice as GLSL: a macro that applies F to every sample, so that no loop indexes an array."""
-    calls = [f"F({k}, {i}, {j})" for k, (i, j, _, _) in enumerate(lattice.offsets())]
-    last = lattice.offsets()[-1]
+    each = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in enumerate(lattice.offsets()))
     # the same, beginning with those in the middle of the pixel's quarters
     middle = sorted(
         enumerate(lattice.offsets()), key=lambda p: np.hypot(abs(p[1][2]) - 0.25, abs(p[1][3]) - 0.25)
@@ -107,9 +106,7 @@ def lattice_defines(lattice: Lattice) -> Mapping[str, object]:
         "LATTICE_T": f"ivec2{lattice.t}",
         "LATTICE_PHASE": lattice.phase,
         "SAMPLES": lattice.samples,
-        "FOR_EACH_SAMPLE(F)": " ".join(calls),
-        "FOR_ALL_BUT_THE_LAST(F)": " ".join(calls[:-1]),
-        "LAST_SAMPLE": f"ivec2({last[0]}, {last[1]})",
+        "FOR_EACH_SAMPLE(F)": each,
         "FOR_EACH_SAMPLE_OF_QUARTERS(F)": quarters,
     }
     return MappingProxyType(defines)
