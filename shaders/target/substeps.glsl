@@ -4,7 +4,7 @@
 // vertex lies half-way between two steps, the arithmetic before the rounding decides, and drivers' differ. So vertices are
 // rounded here: what a driver makes of them then lies next to a whole step, and it finds the same one.
 const float SUBSTEPS = 256.0;
-const float FARTHEST = 4194304.0; // steps from the buffer's corner; a driver cuts what is beyond by itself
+const float FARTHEST = 2097152.0; // steps from the buffer's corner: products of ways between ends and a remainder fit 32 bits
 
 vec4 lattice_clip(vec3 p_m) {
     precise vec4 clip = u_lattice_clip_from_target * vec4(p_m, 1.0);
