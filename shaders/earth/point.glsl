@@ -47,14 +47,6 @@ color daylight(float mu) {
 }
 #endif
 
-// Level of a map of the globe, whose first one's columns run together towards the poles: what is narrower than a pixel
-// there is taken from the second, whose texels show as wide a piece of ground as they are high (simulator/render/levels.py).
-// texels: a row's height over the pixel's footprint [1]. narrow: cosine of the latitude.
-float map_level(float texels, float narrow) {
-    float level = -log2(texels);
-    return min(level - log2(max(narrow, 0.02)), max(level, 1.0));
-}
-
 // A point of the ground as one pixel sees it.
 struct GroundPoint {
     vec2 uv;        // of the maps
@@ -146,7 +138,7 @@ GroundPoint ground_point(EarthRay ray, GroundAir air) {
     vec3 level_sun = (sun - mu * p) * direct;
     g.toward = detail_vector(p, level_sun) * (2.0 * SLOPE_PER_KM / slant);
     // the slopes of whole mountains, and the months; coarser when the pixel is
-    float coarse = map_level(g.sharp * 9.95, length(n.xy));
+    float coarse = -log2(g.sharp * 9.95);
     vec3 relief = textureLod(t_relief, g.uv, coarse).xyz;
     vec3 to_east = vec3(-n.y, n.x, 0.0) * inversesqrt(max(dot(n.xy, n.xy), 1e-6));
     vec3 to_north = cross(n, to_east);

@@ -23,7 +23,7 @@ uniform vec2 u_level;       // of the maps and of the detail
 #define MAP_LEVEL u_level.x
 #define DETAIL_LEVEL u_level.y
 #else
-#define MAP_LEVEL map_level(g.sharp * TEXEL_KM, sin(PI * g.uv.y))
+#define MAP_LEVEL (-log2(g.sharp * TEXEL_KM))
 #define DETAIL_LEVEL (-log2(g.sharp * DETAIL_TEXEL_KM))
 #endif
 
