@@ -63,7 +63,11 @@ def shipped_array(key: str) -> NDArray[np.generic] | None:
     data = shipped_bytes(f"{key}.npy")
     if data is None:
         return None
-    made: NDArray[np.generic] = np.load(io.BytesIO(data), allow_pickle=False)
+    try:
+        made: NDArray[np.generic] = np.load(io.BytesIO(data), allow_pickle=False)
+    except (ValueError, EOFError) as error:
+        log.warning("assets/made/%s.npy%s holds no array (%s) and is made again", key, SUFFIX, error)
+        return None
     return made
 
 

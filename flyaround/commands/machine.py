@@ -18,6 +18,7 @@ from flyaround.doctor import examine
 from flyaround.progress import progress_bar
 from simulator.bench.scaling import bench_scaling
 from simulator.bench.throughput import THROUGHPUT_SCENES, bench_throughput
+from simulator.errors import UserError
 
 
 def bench(
@@ -39,6 +40,8 @@ def bench(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Frame cost per scene beside a reference pass of the same run."""
+    if scaling and processes is not None:
+        raise UserError("--scaling and --processes are two benches; ask for one of them")
     if scaling:
         _bench_scaling(gpu, as_json=as_json)
         return

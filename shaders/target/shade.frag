@@ -178,7 +178,7 @@ void main() {
         weight = clamp(weight, 0.0, weight_left);
         float z = camera_z(textureLod(t_depth, AT(at.x, at.y), 0.0).x);
         vec3 p_m = camera_ray(vec2(pixel) + sample_offset(at)) * z;
-        float share = float(members) / float(SAMPLES);
+        float share = min(float(members) / float(SAMPLES), 1.0); // the next sample is one more
         vec4 base = u_material_color[material], surface = u_material_surface[material];
         vec3 geometric = decode_normal(mean_code), n = geometric;
 #ifdef TEXTURED

@@ -79,7 +79,7 @@ def counts_up_to(most: int) -> list[int]:
 
 def _rate(name: str, processes: int, device_index: int | None, seconds: float) -> float:
     context = multiprocessing.get_context("spawn")
-    told: Queue[int] = context.Queue()
+    told: Queue[float] = context.Queue()
     begin = context.Event()
     running = [
         context.Process(target=_take_frames, args=(name, device_index, seconds, told, begin), daemon=True)
@@ -91,15 +91,18 @@ def _rate(name: str, processes: int, device_index: int | None, seconds: float) -
         for _ in running:
             _next(told, running)
         begin.set()
-        return sum(_next(told, running) for _ in running) / seconds
-    finally:
+        rate = sum(_next(told, running) for _ in running)
         for one in running:
             one.join(timeout=10)
-            if one.is_alive():
-                one.terminate()
+        return rate
+    finally:
+        for one in running:  # all at once: of those that wait none ends by itself
+            one.terminate()
+        for one in running:
+            one.join()
 
 
-def _next(told: Queue[int], running: list[multiprocessing.context.SpawnProcess]) -> int:
+def _next(told: Queue[float], running: list[multiprocessing.context.SpawnProcess]) -> float:
     """What the next process says."""
     end = time.monotonic() + _START_TIMEOUT_S
     while told.empty():
@@ -109,18 +112,21 @@ def _next(told: Queue[int], running: list[multiprocessing.context.SpawnProcess])
     return told.get()
 
 
-def _take_frames(name: str, device_index: int | None, seconds: float, told: Queue[int], begin: Event) -> None:
-    """Run in a process: say when all is ready, then how many frames were taken in the time."""
+def _take_frames(
+    name: str, device_index: int | None, seconds: float, told: Queue[float], begin: Event
+) -> None:
+    """Run in a process: say when all is ready, then how many frames a second were taken."""
     keep_freed_memory()
     plan, scenes = bench_views(name, _DIFFERENT)
     with Renderer(device_index=device_index) as renderer:
         for scene in scenes[:_WARM_UP]:
             take_frame(renderer, scene, plan.target, labels=False)
-        told.put(0)
+        told.put(0.0)
         if not begin.wait(_START_TIMEOUT_S):  # nobody is left who would give the sign
             return
-        end, taken = time.perf_counter() + seconds, 0
-        while time.perf_counter() < end:
+        start, spent, taken = time.perf_counter(), 0.0, 0
+        while spent < seconds:
             take_frame(renderer, scenes[taken % len(scenes)], plan.target, labels=False)
             taken += 1
-    told.put(taken)
+            spent = time.perf_counter() - start
+    told.put(taken / spent)

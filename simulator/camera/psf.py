@@ -257,10 +257,10 @@ def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Arr
     """
     taps = gaussian_taps(sigma_px)
     if isinstance(gain, np.ndarray):
-        return _blurred_by_two(image, taps, taps, np.tile(gain, image.shape[1]))
+        return _blurred_in_pieces(image, taps, taps, np.tile(gain, image.shape[1]))
     down = (taps * np.float32(gain)).astype(np.float32)
     if image.size >= _WORTH_TWO:
-        return _blurred_by_two(image, taps, down, None)
+        return _blurred_in_pieces(image, taps, down, None)
     reach = len(taps) // 2
     rows = max(_ONE_THREAD_VALUES // max(image[0].size, 1), len(taps))
     out = np.empty(image.shape, np.float32)
@@ -275,10 +275,10 @@ def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Arr
     return out
 
 
-def _blurred_by_two(
+def _blurred_in_pieces(
     image: Float32Array, across: Float32Array, down: Float32Array, by_value: Float32Array | None
 ) -> Float32Array:
-    """`gaussian_blur` by taps along rows and columns, by two threads; by_value: (W n,) factors of a row, if any."""
+    """`gaussian_blur` by taps along rows and columns, shared out; by_value: (W n,) factors of a row, if any."""
     reach, height = len(across) // 2, len(image)
     pieces = pieces_of(height, image.size // _PIECE_VALUES)
     shape = (max(end - first for first, end in pieces) + 2 * reach, *image.shape[1:])

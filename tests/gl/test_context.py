@@ -1,8 +1,11 @@
 """The context that draws: what is asked of the driver."""
 
 import moderngl
+import pytest
 
 from simulator.render.context import REQUIRED_VERSION, create_context
+
+pytestmark = pytest.mark.gl
 
 
 def test_the_version_that_the_passes_need_is_asked_for(monkeypatch):

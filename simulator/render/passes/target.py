@@ -233,7 +233,7 @@ class TargetPasses:
         cells = find_cover(mesh, place) if self._thrifty else whole(place.rect)
         if not len(cells):
             return None
-        # the same lattice whoever draws: a GPU that is given the whole rectangle has more samples, and room for them
+        # nearly always the same lattice whoever draws: the whole rectangle, which a GPU is given, has more samples
         extent = cells if self._thrifty else outline_px(place)
         lattice = choose_lattice(scene.quality, place, extent, dense=bent or loaded.textures is not None)
         size, origin = lattice.window(cells, CELL_REACH_PX)
