@@ -22,3 +22,22 @@ def usable_processors() -> int:
 def beside_the_caller() -> int:
     """Threads that keep the processors busy which a caller that goes on working leaves free; at least one."""
     return max(usable_processors() - 1, 1)
+
+
+def share_processors(processes: int) -> None:
+    """Have a software driver in this process start its share of threads, unless the user has chosen.
+
+    By default llvmpipe starts one for each processor, in each process: of two that draw at once, four threads wait for
+    each other, and both together take a fifth to a third longer (docs/validation/scaling.md). With no more than
+    one processor to itself a process draws by its own thread alone. For a process's start: the driver looks when
+    its context is made.
+
+    Parameters
+    ----------
+    processes : that draw at once, this one too; of one alone nothing is changed.
+    """
+    if processes > 1:
+        share = usable_processors() // processes
+        os.environ.setdefault(
+            "LP_NUM_THREADS", str(share if share > 1 or processes < usable_processors() else 0)
+        )

@@ -55,6 +55,9 @@ def host(
         float, typer.Option("--timeout", min=0.1, help="Seconds to wait for a board or a pose.")
     ] = 30.0,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed (default: the scenario's).")] = None,
+    workers: Annotated[
+        int, typer.Option(min=1, max=64, help="Processes that draw in turn: more frames a second.")
+    ] = 1,
     gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
@@ -90,7 +93,7 @@ def host(
             done += 1
             progress(done, plan.n_frames)
 
-        summary = run_host(stream_frames(plan, device_index=gpu), config, on_row=count)
+        summary = run_host(stream_frames(plan, device_index=gpu, workers=workers), config, on_row=count)
     document = msgspec.json.encode(summary)
     if as_json:
         typer.echo(msgspec.json.format(document, indent=1).decode())

@@ -123,10 +123,13 @@ def _bench_throughput(processes: int, scenes: tuple[str, ...], gpu: int | None, 
         }
         typer.echo(json.dumps(document, indent=1))
         return
-    table = Table("scene", "processes", "frames/s")
+    table = Table("scene", "processes", "frames/s", "reference ms")
     for rate in rates:
         table.add_row(
-            f"{rate.name} {rate.width_px}x{rate.height_px}", str(rate.processes), f"{rate.frames_per_s:.1f}"
+            f"{rate.name} {rate.width_px}x{rate.height_px}",
+            str(rate.processes),
+            f"{rate.frames_per_s:.1f}",
+            f"{rate.reference_ms:.1f}",
         )
     console = Console()
     console.print(f"{machine.gl_renderer}, {machine.threads} threads")

@@ -1,4 +1,4 @@
-"""Frames for a board: a plan drawn in a process of its own, one frame ahead of the link."""
+"""Frames for a board: a plan drawn in processes of their own, a frame ahead of the link."""
 
 from __future__ import annotations
 
@@ -10,28 +10,29 @@ import numpy as np
 from hil.host.run import HostFrame
 from simulator.dataset.draw import draw_labelled
 from simulator.labels.truth import truth_to_json
-from simulator.render.process import RenderProcess
+from simulator.render.processes import RenderProcesses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from simulator.loop import Plan
 
-# Frames drawn ahead of the one on the wire: one keeps the renderer busy while the board thinks.
+# Frames of each process drawn ahead of the one on the wire: one keeps it busy while the board thinks.
 AHEAD = 2
 
 
-def stream_frames(plan: Plan, *, device_index: int | None = None) -> Iterator[HostFrame]:
-    """Draw the plan's frames in order in another process and yield them as the host sends them.
+def stream_frames(plan: Plan, *, device_index: int | None = None, workers: int = 1) -> Iterator[HostFrame]:
+    """Draw the plan's frames in ``workers`` other processes and yield them in order, as the host sends them.
 
     Truth travels inside the host only; ``run_host`` decides what leaves it.
     """
     camera: dict[str, Any] = msgspec.to_builtins(plan.camera)
-    with RenderProcess(
-        draw_labelled, device_index=device_index, capacity=AHEAD, first=plan.scene(0)
-    ) as process:
+    with RenderProcesses(
+        draw_labelled, workers, device_index=device_index, capacity=AHEAD, first=plan.scene(0)
+    ) as processes:
         scenes = (plan.scene(k) for k in range(plan.n_frames))
-        for k, frame in enumerate(process.map(scenes)):
+        no_options: dict[str, object] = {}
+        for k, frame in enumerate(processes.map((scene, no_options) for scene in scenes)):
             if frame.truth is None:
                 raise RuntimeError("a streamed frame needs its truth")
             yield HostFrame(

@@ -7,32 +7,50 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from simulator.bench.scenes import BenchMachine, bench_machine, bench_views
 from simulator.labels.frame import take_frame
 from simulator.memory import keep_freed_memory
+from simulator.render.reference_pass import ReferencePass
 from simulator.render.renderer import Renderer
+from simulator.threads import share_processors
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.queues import Queue
     from multiprocessing.synchronize import Event
 
-THROUGHPUT_SCENES = ("tango-earth-10m", "tango-space-10m", "tango-close-3m")
+THROUGHPUT_SCENES = (
+    "tango-earth-10m",
+    "tango-earth-10m-1024",
+    "tango-space-10m",
+    "tango-space-10m+1024",
+    "tango-close-3m",
+    "tango-close-3m+1024",
+    "tango-earth-10m-1024+rgb",
+    "tango-earth-10m-1024+blur",
+)
 SECONDS = 5.0
 _DIFFERENT = 30  # scenes, drawn in turn
 _WARM_UP = 3
+_REFERENCE_LAPS = 5
 _START_TIMEOUT_S = 240.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Throughput:
-    """What ``processes`` with a renderer each draw, read back and develop together [frames/s]."""
+    """What ``processes`` with a renderer each draw, read back and develop together [frames/s].
+
+    ``reference_ms`` is of a reference pass of the scene's size in a process alone, just before.
+    """
 
     name: str
     width_px: int
     height_px: int
     processes: int
     frames_per_s: float
+    reference_ms: float
 
 
 def bench_throughput(
@@ -54,21 +72,22 @@ def bench_throughput(
     found: list[Throughput] = []
     with Renderer(device_index=device_index) as renderer:
         machine = bench_machine(renderer)
-    for name in names:
-        plan, _ = bench_views(name, 1)
-        for n in counts:
-            rate = _rate(name, n, device_index, seconds)
-            camera = plan.camera
-            found.append(
-                Throughput(
-                    name=name,
-                    width_px=camera.width_px,
-                    height_px=camera.height_px,
-                    processes=n,
-                    frames_per_s=rate,
+    with ReferencePass(device_index=device_index) as reference:
+        for name in names:
+            camera = bench_views(name, 1)[0].camera
+            size = (camera.width_px, camera.height_px)
+            for n in counts:
+                found.append(
+                    Throughput(
+                        name=name,
+                        width_px=size[0],
+                        height_px=size[1],
+                        processes=n,
+                        reference_ms=float(np.median(reference.laps_ms(size, _REFERENCE_LAPS))),
+                        frames_per_s=_rate(name, n, device_index, seconds),
+                    )
                 )
-            )
-            progress(len(found), len(names) * len(counts))
+                progress(len(found), len(names) * len(counts))
     return machine, tuple(found)
 
 
@@ -82,7 +101,9 @@ def _rate(name: str, processes: int, device_index: int | None, seconds: float) -
     told: Queue[float] = context.Queue()
     begin = context.Event()
     running = [
-        context.Process(target=_take_frames, args=(name, device_index, seconds, told, begin), daemon=True)
+        context.Process(
+            target=_take_frames, args=(name, processes, device_index, seconds, told, begin), daemon=True
+        )
         for _ in range(processes)
     ]
     try:
@@ -113,10 +134,16 @@ def _next(told: Queue[float], running: list[multiprocessing.context.SpawnProcess
 
 
 def _take_frames(
-    name: str, device_index: int | None, seconds: float, told: Queue[float], begin: Event
+    name: str,
+    processes: int,
+    device_index: int | None,
+    seconds: float,
+    told: Queue[float],
+    begin: Event,
 ) -> None:
-    """Run in a process: say when all is ready, then how many frames a second were taken."""
+    """Run in one of ``processes``: say when all is ready, then how many frames a second were taken."""
     keep_freed_memory()
+    share_processors(processes)
     plan, scenes = bench_views(name, _DIFFERENT)
     with Renderer(device_index=device_index) as renderer:
         for scene in scenes[:_WARM_UP]:

@@ -19,6 +19,7 @@ from simulator.dataset.check_layers import check_against_mesh, check_layers
 from simulator.dataset.check_rows import check_rows
 from simulator.dataset.check_signal import check_states_by_signal
 from simulator.dataset.check_wireframe import check_wireframe
+from simulator.dataset.mask_pixels import is_binary
 from simulator.dataset.native import frame_paths, is_whole, read_layer, read_png
 from simulator.dataset.speed import FOLDER as SPEED_FOLDER
 from simulator.errors import UserError
@@ -158,7 +159,7 @@ def check_frame(
     wrong += _check_bookkeeping(k, truth, card)
     if truth.camera != card.camera:
         wrong.append("camera differs from the card's")
-    if not np.isin(mask, (0, 255)).all():
+    if not is_binary(mask):
         wrong.append("mask has values other than 0 and 255")
     if abs(float(np.linalg.norm(truth.q_camera_from_target_wxyz)) - 1) > 1e-9:
         wrong.append("quaternion is not of unit length")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from simulator.dataset.mask_pixels import lit_pixels
 from simulator.labels.boxes import amodal_box
 from simulator.labels.exposure import pose_at_rows
 from simulator.labels.keypoints import geometric_states
@@ -233,7 +234,7 @@ def doubtful_pixels(
     reach = np.ones((2 * OUTLINE_TOLERANCE_PX + 1,) * 2, np.uint8)
     extra = (mask > 0) & (np.asarray(cv2.dilate(outer, reach)) == 0)
     missing = (np.asarray(cv2.erode(inner, reach, borderValue=0)) > 0) & (mask == 0)
-    return np.argwhere(extra | missing)[:, ::-1]
+    return lit_pixels((extra | missing).view(np.uint8))
 
 
 def _twice_area(corners_px: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from simulator.dataset.check_geometry import doubtful_pixels, project_with_opencv, rays_with_opencv
 from simulator.dataset.check_rows import pose_of_row
+from simulator.dataset.mask_pixels import is_binary
 from simulator.dataset.probe import DEPTH_M, DEPTH_RELATIVE, Layers, Probe, Prober, sample_pixels
 from simulator.dataset.raycast import ray_caster
 from simulator.labels.exposure import BAND_PX
@@ -160,7 +161,7 @@ def _check_amodal(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
     x, y = -origin[0], -origin[1]
     if amodal.ndim != 2 or not np.array_equal(amodal[y : y + height, x : x + width], mask):
         return ["the amodal mask is not the visible mask on the image"]
-    if not np.isin(amodal, (0, 255)).all():
+    if not is_binary(amodal):
         return ["the amodal mask has values other than 0 and 255"]
     return []
 

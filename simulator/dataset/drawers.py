@@ -11,7 +11,7 @@ from simulator.dataset.native import EncodedFrame, encode_frame
 from simulator.labels.frame import Frame, take_frame
 from simulator.labels.request import LabelRequest
 from simulator.render.earth_maps import begin_maps_of
-from simulator.render.process import RenderProcess
+from simulator.render.processes import RenderProcesses
 from simulator.render.renderer import Renderer
 from simulator.targets.library import load_target
 
@@ -57,12 +57,12 @@ class _Here:
 
 
 class _Workers:
-    def __init__(self, processes: list[RenderProcess[CheckedFrame]]) -> None:
+    def __init__(self, processes: RenderProcesses[CheckedFrame]) -> None:
         self._processes = processes
 
     @property
     def info(self) -> GlInfo:
-        return self._processes[0].info
+        return self._processes.info
 
     def frames(
         self,
@@ -70,19 +70,9 @@ class _Workers:
         target: Target,  # noqa: ARG002 - each loads its own
         card: DatasetCard,
     ) -> Iterator[CheckedFrame]:
-        """The n-th job goes to process n modulo their number, so results come back in order."""
-        n = len(self._processes)
-        asked = given = 0
-        for k, scene, request in jobs:
-            process = self._processes[asked % n]
-            if not process.has_room:
-                yield self._processes[given % n].result()
-                given += 1
-            process.submit(scene, request=request, k=k, card=card)
-            asked += 1
-        while given < asked:
-            yield self._processes[given % n].result()
-            given += 1
+        yield from self._processes.map(
+            (scene, {"request": request, "k": k, "card": card}) for k, scene, request in jobs
+        )
 
 
 def _checked(k: int, frame: Frame, card: DatasetCard, target: Target) -> CheckedFrame:
@@ -113,9 +103,5 @@ def open_drawer(workers: int, device_index: int | None, first: SceneState | None
         if workers == 1:
             yield _Here(stack.enter_context(Renderer(device_index=device_index, begun=begin_maps_of(first))))
         else:
-            yield _Workers(
-                [
-                    stack.enter_context(RenderProcess(_draw_checked, device_index=device_index, first=first))
-                    for _ in range(workers)
-                ]
-            )
+            processes = RenderProcesses(_draw_checked, workers, device_index=device_index, first=first)
+            yield _Workers(stack.enter_context(processes))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from simulator.dataset.check_geometry import rays_with_opencv
 from simulator.dataset.check_rows import pose_of_row
+from simulator.dataset.mask_pixels import lit_pixels
 from simulator.dataset.raycast import Hits, RayCaster, ray_caster
 from simulator.labels.exposure import BAND_PX
 
@@ -136,12 +137,13 @@ def sample_pixels(truth: Truth, mask: ByteArray, layers: Layers, prober: Prober)
     """(K, 2) pixels x, y to ask about: at random on the mask and beside it, where a part is and where it should be."""
     rng = np.random.default_rng([truth.seed, truth.frame_index, 0x1ABE1])
     n = N_ROLLING if truth.row_poses else N_SAMPLES
-    on = np.argwhere(mask > 0)
-    beside = np.argwhere((np.asarray(cv2.dilate(mask, np.ones((9, 9), np.uint8))) > 0) & (mask == 0))
+    on = lit_pixels(mask)
+    near = np.asarray(cv2.dilate(mask, np.ones((9, 9), np.uint8)))
+    beside = lit_pixels(np.where(mask == 0, near, np.uint8(0)))
     chosen = [group[rng.integers(0, len(group), m)] for group, m in ((on, n), (beside, n // 4)) if len(group)]
     if "parts" in layers and len(on) and not truth.row_poses:
-        parts = layers["parts"][on[:, 0], on[:, 1]]
+        parts = layers["parts"][on[:, 1], on[:, 0]]
         order = rng.permutation(len(on))
         _, first = np.unique(parts[order], return_index=True)
-        chosen += [on[order[first]], prober.where_parts_should_be()[:, ::-1]]
-    return np.concatenate(chosen)[:, ::-1] if chosen else np.zeros((0, 2), np.int64)
+        chosen += [on[order[first]], prober.where_parts_should_be()]
+    return np.concatenate(chosen) if chosen else np.zeros((0, 2), np.int64)

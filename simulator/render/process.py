@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 from simulator.errors import UserError
 from simulator.memory import keep_freed_memory
 from simulator.render.earth_maps import begin_maps_of
+from simulator.threads import share_processors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -39,6 +40,7 @@ class RenderProcess(Generic[T]):
     device_index : EGL device of the renderer.
     capacity : jobs that may be under way or waiting to be collected.
     first : the first scene to come, for a quicker first frame: its maps are read while the renderer starts.
+    drawing : processes that draw at once, this one too: a software driver shares the processors out among them.
 
     Raises
     ------
@@ -55,6 +57,7 @@ class RenderProcess(Generic[T]):
         device_index: int | None = None,
         capacity: int = 2,
         first: SceneState | None = None,
+        drawing: int = 1,
     ) -> None:
         if capacity < 1:
             raise ValueError(f"capacity must be at least 1, got {capacity}")
@@ -66,7 +69,7 @@ class RenderProcess(Generic[T]):
         self._blocks: dict[str, shared_memory.SharedMemory] = {}
         self._process = context.Process(
             target=_serve,
-            args=(theirs, work, device_index, first),
+            args=(theirs, work, device_index, first, drawing),
             daemon=True,
             name="flyaround-render",
         )
@@ -264,12 +267,17 @@ class _Results:
 
 
 def _serve(
-    pipe: Connection, work: Callable[..., object], device_index: int | None, first: SceneState | None
+    pipe: Connection,
+    work: Callable[..., object],
+    device_index: int | None,
+    first: SceneState | None,
+    drawing: int,
 ) -> None:
     """Run in the child: draw what arrives until told to stop or left alone."""
     # Ctrl-C is the parent's to handle; it then closes us
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     keep_freed_memory()
+    share_processors(drawing)
     begun = begin_maps_of(first)
     from simulator.render.renderer import Renderer  # noqa: PLC0415 - the parent need not load OpenGL
 

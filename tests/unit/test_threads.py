@@ -6,9 +6,10 @@ import cv2
 
 from simulator import threads
 from simulator.render.opencv_threads import OneThread
-from simulator.threads import use_one_for_matrices
+from simulator.threads import share_processors, use_one_for_matrices
 
 NAME = "OPENBLAS_NUM_THREADS"
+DRIVER = "LP_NUM_THREADS"
 
 
 def test_matrices_take_one_thread_where_nobody_has_chosen(monkeypatch):
@@ -43,3 +44,24 @@ def test_opencv_has_its_threads_back_when_the_last_has_left():
         assert cv2.getNumThreads() == 3
     finally:
         cv2.setNumThreads(before)
+
+
+def test_processes_that_draw_at_once_share_the_processors(monkeypatch):
+    # (processors, processes): threads of the driver of each; none where a process has but one processor
+    shares = {(2, 2): "0", (2, 4): "0", (3, 2): "1", (4, 2): "2", (16, 4): "4", (16, 12): "1", (16, 16): "0"}
+    for (processors, processes), share in shares.items():
+        monkeypatch.setenv(DRIVER, "")  # noted, so that what is chosen below goes with the test
+        monkeypatch.delenv(DRIVER)
+        monkeypatch.setattr(threads, "usable_processors", lambda count=processors: count)
+        share_processors(processes)
+        assert os.environ[DRIVER] == share, (processors, processes)
+
+
+def test_a_process_that_draws_alone_has_all_and_the_users_number_of_threads_is_kept(monkeypatch):
+    monkeypatch.setenv(DRIVER, "")
+    monkeypatch.delenv(DRIVER)
+    share_processors(1)
+    assert DRIVER not in os.environ
+    monkeypatch.setenv(DRIVER, "3")
+    share_processors(2)
+    assert os.environ[DRIVER] == "3"
