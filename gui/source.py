@@ -10,7 +10,7 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.labels.frame import Frame, take_frame
 from simulator.render.process import RenderProcess
-from simulator.targets.library import load_target
+from simulator.targets.library import target_in_use
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,7 +25,7 @@ AHEAD = 2
 def draw(renderer: Renderer, scene: SceneState, *, labels: bool = False, timed: bool = False) -> Frame:
     """What the render process does for each scene; the radiance stays there, the window has no use for it."""
     renderer.timed = timed
-    frame = take_frame(renderer, scene, load_target(scene.target.name), labels=labels)
+    frame = take_frame(renderer, scene, target_in_use(scene.target.name, scene.target.sha256), labels=labels)
     return replace(frame, radiance=np.zeros((0, 0), np.float32), depth_m=None)
 
 

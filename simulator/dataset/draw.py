@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from simulator.labels.frame import Frame, take_frame
 from simulator.labels.request import LabelRequest
-from simulator.targets.library import load_target
+from simulator.targets.library import target_in_use
 
 if TYPE_CHECKING:
     from simulator.render.renderer import Renderer
@@ -18,4 +18,4 @@ TRUTH_ALONE = LabelRequest()
 
 def draw_labelled(renderer: Renderer, scene: SceneState, request: LabelRequest = TRUTH_ALONE) -> Frame:
     """What a drawing process does for each job."""
-    return take_frame(renderer, scene, load_target(scene.target.name), labels=request)
+    return take_frame(renderer, scene, target_in_use(scene.target.name, scene.target.sha256), labels=request)

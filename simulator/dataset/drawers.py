@@ -13,7 +13,7 @@ from simulator.labels.request import LabelRequest
 from simulator.render.earth_maps import begin_maps_of
 from simulator.render.processes import RenderProcesses
 from simulator.render.renderer import Renderer
-from simulator.targets.library import load_target
+from simulator.targets.library import target_in_use
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -85,7 +85,7 @@ def _checked(k: int, frame: Frame, card: DatasetCard, target: Target) -> Checked
 def _draw_checked(
     renderer: Renderer, scene: SceneState, *, request: LabelRequest, k: int, card: DatasetCard
 ) -> CheckedFrame:
-    target = load_target(scene.target.name)
+    target = target_in_use(scene.target.name, scene.target.sha256)
     return _checked(k, take_frame(renderer, scene, target, labels=request), card, target)
 
 

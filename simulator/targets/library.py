@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 _HERE = Path(__file__).parent
+MOST_IN_USE = 4  # targets that one process keeps: megabytes each
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +118,21 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
         f"unknown target {text!r}: name one of {', '.join(near)}, or another that "
         "`flyaround targets` lists (with @medium or @low for fewer triangles), or give the path of a .glb target file"
     )
+
+
+@functools.lru_cache(maxsize=MOST_IN_USE)
+def target_in_use(name: str, sha256: str) -> Target:
+    """`load_target`, the same object again for the same craft: what is worked out of its mesh is kept with it.
+
+    For processes that are told a target's name with each frame. A mesh that the user imports anew has another hash and
+    is read anew.
+
+    Parameters
+    ----------
+    sha256 : of the target that is meant.
+    """
+    del sha256  # tells targets of one name apart
+    return load_target(name)
 
 
 @functools.cache

@@ -1,0 +1,52 @@
+"""Processes that are told a target's name with each frame read it once: reading took two thirds of a frame."""
+
+import pytest
+
+from gui import source
+from simulator.dataset import draw, drawers
+from simulator.loop import plan_flight
+from simulator.scenario_load import load_scenario
+from simulator.targets import library
+
+NAME = "cubesat-1u"
+
+
+@pytest.fixture
+def reads(monkeypatch):
+    names = []
+    read = library.load_glb
+
+    def count(path, **options):
+        names.append(path.name)
+        return read(path, **options)
+
+    monkeypatch.setattr(library, "load_glb", count)
+    library.target_in_use.cache_clear()
+    yield names
+    library.target_in_use.cache_clear()
+
+
+def test_a_target_in_use_is_the_same_object_until_its_mesh_is_another(reads):
+    first = library.target_in_use(NAME, "a")
+    assert library.target_in_use(NAME, "a") is first
+    assert len(reads) == 1
+    assert library.target_in_use(NAME, "b") is not first  # imported anew
+    assert len(reads) == 2
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("drawn_by", ["stream", "capture", "console"])
+def test_frames_of_one_target_read_it_once(reads, renderer, monkeypatch, drawn_by):
+    plan = plan_flight(load_scenario("tango-space-10m"), n=3)
+    reads.clear()
+    if drawn_by == "capture":  # what the frame's check finds is not asked here
+        monkeypatch.setattr(drawers, "_checked", lambda _k, frame, _card, _target: frame)
+    for k in range(2):
+        scene = plan.scene(k)
+        if drawn_by == "stream":
+            draw.draw_labelled(renderer, scene)
+        elif drawn_by == "capture":
+            drawers._draw_checked(renderer, scene, request=draw.TRUTH_ALONE, k=k, card=None)
+        else:
+            source.draw(renderer, scene, labels=True)
+    assert len(reads) == 1
