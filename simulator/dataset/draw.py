@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from simulator.labels.frame import Frame, take_frame
 from simulator.labels.request import LabelRequest
@@ -16,6 +19,8 @@ if TYPE_CHECKING:
 TRUTH_ALONE = LabelRequest()
 
 
-def draw_labelled(renderer: Renderer, scene: SceneState, request: LabelRequest = TRUTH_ALONE) -> Frame:
-    """What a drawing process does for each job."""
-    return take_frame(renderer, scene, target_in_use(scene.target.name, scene.target.sha256), labels=request)
+def draw_labelled(renderer: Renderer, scene: SceneState) -> Frame:
+    """What a drawing process does for each job; the radiance and the mask stay there, a stream has no use for them."""
+    target = target_in_use(scene.target.name, scene.target.sha256)
+    frame = take_frame(renderer, scene, target, labels=TRUTH_ALONE)
+    return replace(frame, radiance=np.zeros((0, 0), np.float32), mask=None, depth_m=None)
