@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Self
-
-import numpy as np
 
 from simulator.errors import UserError
 from simulator.labels.frame import Frame, take_frame
@@ -26,7 +23,7 @@ def draw(renderer: Renderer, scene: SceneState, *, labels: bool = False, timed: 
     """What the render process does for each scene; the radiance stays there, the window has no use for it."""
     renderer.timed = timed
     frame = take_frame(renderer, scene, target_in_use(scene.target.name, scene.target.sha256), labels=labels)
-    return replace(frame, radiance=np.zeros((0, 0), np.float32), depth_m=None)
+    return frame.without_radiance()
 
 
 class RenderedPictures:

@@ -132,7 +132,7 @@ def _bench_throughput(processes: int, scenes: tuple[str, ...], gpu: int | None, 
             f"{rate.reference_ms:.1f}",
         )
     console = Console()
-    console.print(f"{machine.gl_renderer}, {machine.threads} threads")
+    console.print(f"{machine.gl_renderer}, {machine.threads} processors")
     console.print(table)
 
 

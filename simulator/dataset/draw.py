@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from simulator.labels.frame import Frame, take_frame
 from simulator.labels.request import LabelRequest
 from simulator.targets.library import target_in_use
@@ -23,4 +21,4 @@ def draw_labelled(renderer: Renderer, scene: SceneState) -> Frame:
     """What a drawing process does for each job; the radiance and the mask stay there, a stream has no use for them."""
     target = target_in_use(scene.target.name, scene.target.sha256)
     frame = take_frame(renderer, scene, target, labels=TRUTH_ALONE)
-    return replace(frame, radiance=np.zeros((0, 0), np.float32), mask=None, depth_m=None)
+    return replace(frame.without_radiance(), mask=None)

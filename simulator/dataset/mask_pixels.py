@@ -1,4 +1,4 @@
-"""Pixels of a mask, by calls that take a tenth of what NumPy's take for the same."""
+"""Pixels of a mask, in a third or less of the time of `numpy.argwhere` and `numpy.isin`."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ if TYPE_CHECKING:
 
 
 def is_binary(mask: ByteArray) -> bool:
-    """Whether a mask of any size holds nothing but 0 and 255."""
+    """Whether a mask of any size is of bytes that are 0 or 255."""
     # 255 and 0 become 0 and 1, all else is more
+    if mask.dtype != np.uint8:
+        return False
     return mask.size == 0 or int((mask + np.uint8(1)).max()) <= 1
 
 

@@ -71,6 +71,10 @@ class Frame:
     layers: dict[str, NDArray[Any]] = field(default_factory=dict)
     stage_ms: dict[str, float] = field(default_factory=dict)
 
+    def without_radiance(self) -> Frame:
+        """The same less radiance and depth, which need not leave the process that drew them for a window or a board."""
+        return replace(self, radiance=np.zeros((0, 0), np.float32), depth_m=None)
+
 
 def take_frame(
     renderer: Renderer, scene: SceneState, target: Target, *, labels: bool | LabelRequest = True

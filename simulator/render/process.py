@@ -17,7 +17,7 @@ from simulator.render.earth_maps import begin_maps_of
 from simulator.threads import share_processors
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterator
     from multiprocessing.connection import Connection
 
     from simulator.render.context import GlInfo
@@ -137,14 +137,6 @@ class RenderProcess(Generic[T]):
         """Everything in flight, oldest first."""
         while self._in_flight:
             yield self.result()
-
-    def map(self, scenes: Iterable[SceneState], **options: object) -> Iterator[T]:
-        """Results of many scenes in order, keeping the process busy."""
-        for scene in scenes:
-            if not self.has_room:
-                yield self.result()
-            self.submit(scene, **options)
-        yield from self.results()
 
     def close(self) -> None:
         """Let the renderer finish its job, and end the process."""

@@ -57,7 +57,15 @@ class RenderProcesses(Generic[T]):
         return self._processes[0].info
 
     def map(self, jobs: Iterable[tuple[SceneState, Mapping[str, object]]]) -> Iterator[T]:
-        """Results of many jobs (scene, options) in order; the n-th is done by process n modulo their number."""
+        """Results of many jobs (scene, options) in order; the n-th is done by process n modulo their number.
+
+        Raises
+        ------
+        RuntimeError
+            If results of a map that was broken off are still to come: they would be taken for this one's.
+        """
+        if any(process.in_flight for process in self._processes):
+            raise RuntimeError("frames of a map that was broken off are under way; open other processes")
         count = len(self._processes)
         asked = given = 0
         for scene, options in jobs:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 _HERE = Path(__file__).parent
-MOST_IN_USE = 4  # targets that one process keeps: megabytes each
+_MOST_IN_USE = 4  # targets that one process keeps: megabytes each
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +120,7 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
     )
 
 
-@functools.lru_cache(maxsize=MOST_IN_USE)
+@functools.lru_cache(maxsize=_MOST_IN_USE)
 def target_in_use(name: str, sha256: str) -> Target:
     """`load_target`, the same object again for the same craft: what is worked out of its mesh is kept with it.
 
@@ -130,9 +130,19 @@ def target_in_use(name: str, sha256: str) -> Target:
     Parameters
     ----------
     sha256 : of the target that is meant.
+
+    Raises
+    ------
+    UserError
+        As `load_target`, and where what has the name now is another target; it is looked for again the next time.
     """
-    del sha256  # tells targets of one name apart
-    return load_target(name)
+    target = load_target(name)
+    if target.sha256 != sha256:
+        raise UserError(
+            f"target {name} has changed ({target.sha256[:12]}) since the scene was made ({sha256[:12]}); "
+            "plan it anew, or import the former mesh again"
+        )
+    return target
 
 
 @functools.cache

@@ -37,7 +37,7 @@ def test_two_processes_draw_as_one_does():
     assert 0.4 < rates[0].frames_per_s / here < 2.5
     assert 0.4 < rates[1].frames_per_s / here < 2 * 2.5
     assert machine.gl_renderer
-    assert all(1 < r.reference_ms < 5000 for r in rates)
+    assert all(0 < r.reference_ms < 5000 for r in rates)
 
 
 @pytest.mark.gl

@@ -4,6 +4,7 @@ import pytest
 
 from gui import source
 from simulator.dataset import draw, drawers
+from simulator.errors import UserError
 from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
 from simulator.targets import library
@@ -26,12 +27,16 @@ def reads(monkeypatch):
     library.target_in_use.cache_clear()
 
 
-def test_a_target_in_use_is_the_same_object_until_its_mesh_is_another(reads):
-    first = library.target_in_use(NAME, "a")
-    assert library.target_in_use(NAME, "a") is first
+def test_a_target_in_use_is_the_same_object_and_another_is_not_taken_for_it(reads):
+    sha256 = library.load_target(NAME).sha256
+    reads.clear()
+    first = library.target_in_use(NAME, sha256)
+    assert library.target_in_use(NAME, sha256) is first
     assert len(reads) == 1
-    assert library.target_in_use(NAME, "b") is not first  # imported anew
-    assert len(reads) == 2
+    for _ in range(2):  # looked for each time: it may have come back
+        with pytest.raises(UserError, match="has changed"):
+            library.target_in_use(NAME, "of another")
+    assert len(reads) == 3
 
 
 @pytest.mark.gl

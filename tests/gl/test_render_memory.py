@@ -15,7 +15,7 @@ from simulator.camera.model import Distortion
 from simulator.dataset.contact_sheet import smaller
 from simulator.labels.frame import take_frame
 from simulator.render.context import create_context
-from simulator.render.passes.target import MOST_LOADED
+from simulator.render.passes.loaded import MOST_LOADED
 from simulator.render.renderer import Renderer
 from simulator.render.valleys import valley_texture
 from simulator.scene.state import Environment
@@ -131,7 +131,7 @@ def test_targets_that_others_follow_are_forgotten(renderer, draw_kit, distortion
         targets.add(target)
         scene = draw_kit.scene(target, t_m=(0, 0, 4.0), camera=camera)
         assert np.max(take_frame(renderer, scene, target).radiance) > 0
-        meshes.update(one.mesh for passes in renderer._targets.values() for one in passes._loaded.values())
+        meshes.update(one.mesh for passes in renderer._targets.values() for one in passes._loaded)
 
     for round_of in range(3):
         for k in range(begun, begun + MOST_LOADED + 1):

@@ -34,7 +34,12 @@ def test_results_in_order_and_equal_to_ours(renderer, draw_kit, target):
     scenes = [draw_kit.scene(target, frame_index=k, t_m=(0.1 * k, 0, 5)) for k in range(5)]
     with RenderProcess(draw, capacity=2, first=scenes[0]) as process:
         assert process.info == renderer.info
-        results = list(process.map(scenes, target=target))
+        results = []
+        for scene in scenes:
+            if not process.has_room:
+                results.append(process.result())
+            process.submit(scene, target=target)
+        results += process.results()
         process.submit(scenes[0], target=target, scale=2.0)
         process.submit(scenes[1], target=target)
         assert not process.has_room

@@ -19,6 +19,7 @@ from simulator.render.cover import CELL_PX, hulls_cover
 from simulator.render.earthview import earth_view
 from simulator.render.float_depth import MOST_RANGES
 from simulator.render.levels import VERSION, levelled, levelled_texture, opengl, release_levelled
+from simulator.render.passes import loaded as loaded_targets
 from simulator.render.passes import target as target_passes
 from simulator.render.projection import PixelRect
 from simulator.render.renderer import Renderer
@@ -201,7 +202,7 @@ def test_the_bench_times_frames_without_waits_and_passes_apart(draw_kit):
 
 def test_few_targets_stay_on_the_gpu_and_come_back_the_same(draw_kit, monkeypatch):
     made, upload = [], target_passes.upload
-    monkeypatch.setattr(target_passes, "MOST_LOADED", 2)
+    monkeypatch.setattr(loaded_targets, "MOST_LOADED", 2)
     monkeypatch.setattr(target_passes, "upload", lambda *a: made.append(upload(*a)) or made[-1])
     targets = [
         draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), half)], [draw_kit.white()])

@@ -1,4 +1,4 @@
-"""Frames as the host draws them in its other process."""
+"""Frames as the host draws them in its other processes."""
 
 import numpy as np
 import pytest

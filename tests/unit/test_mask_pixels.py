@@ -23,3 +23,8 @@ def test_any_other_value_is_noticed(value):
     assert is_binary(mask)
     mask[3, 5] = value
     assert not is_binary(mask)
+
+
+def test_a_mask_of_wider_numbers_is_none():
+    assert not is_binary(np.full((2, 2), 255, np.uint16))
+    assert not is_binary(np.full((2, 2), 65535, np.uint16))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,64 +13,40 @@ from simulator.render.cover import whole
 from simulator.render.edges_seen import EdgeView
 from simulator.render.facing import FacingArray
 from simulator.render.levels import flush
-from simulator.render.light_box import LightWindow, SurfacePatches, light_window, window_around
-from simulator.render.light_view import WIDER
 from simulator.render.mesh import upload
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.even import EvenPass, is_bent, is_even, split_cells
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
+from simulator.render.passes.loaded import Loaded, LoadedTargets
+from simulator.render.passes.materials import material_values
+from simulator.render.passes.self_shadow import SelfShadow
 from simulator.render.passes.shade import ShadePass
-from simulator.render.passes.shadow import (
-    LOW_RELIEF,
-    ShadowChoice,
-    ShadowPass,
-    choose_shadow,
-    widest_penumbra,
-)
 from simulator.render.passes.textured import TexturedGBufferPass
 from simulator.render.placement import CELL_REACH_PX, choose_lattice, find_cover, locate, outline_px
 from simulator.render.projection import PixelRect, clip_from_camera
 from simulator.render.returned_light import ReturnedLight
 from simulator.render.textures import Textures
 from simulator.render.transfer import PATCH
-from simulator.scene.bands import bands_of, reflectance
+from simulator.scene.bands import bands_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     import moderngl
     from numpy.typing import ArrayLike
 
     from simulator.arrays import FloatArray
-    from simulator.camera.model import Camera
     from simulator.render.blocks import Blocks
     from simulator.render.images import Images
-    from simulator.render.mesh import Mesh
-    from simulator.render.placement import Placement
     from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.timing import StageClock
     from simulator.render.view import View
     from simulator.scene.state import Bands, SceneState
-    from simulator.targets.model import Material, Target
+    from simulator.targets.model import Target
 
 # between nodes of baked light in the preset `high`, of the target's radius; and nodes along a patch that returns light
 FINE_TEXEL, FINE_PATCH = 0.012, 2
-MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others are uploaded again
-
-
-@dataclass(frozen=True, eq=False)
-class Loaded:
-    """A target on the GPU with a vertex array per program; ``is_even``, ``is_bent`` as `passes.even` says."""
-
-    mesh: Mesh
-    shadow: FacingArray
-    gbuffer: FacingArray
-    edges: EdgeBuffers
-    returned: ReturnedLight
-    is_even: bool
-    is_bent: bool
-    textures: Textures | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,29 +88,18 @@ class TargetPasses:
     ) -> None:
         self._thrifty = thrifty
         self._context, self._programs, self._blocks = context, programs, blocks
-        self._shadows: dict[int, ShadowPass] = {}
+        self._shadow = SelfShadow(context, programs, blocks)
         self._gbuffer = GBufferPass(context, programs)
         self._textured: TexturedGBufferPass | None = None  # made with the first mesh that has textures
         self._edges = EdgePass(context, programs)
         self._shade = ShadePass(context, programs)
         self._even = EvenPass(context, programs)
         self._labels = LabelPass(context, programs, blocks)
-        self._loaded: dict[tuple[str, bool], Loaded] = {}
-        self._patches: dict[Mesh, SurfacePatches] = {}  # of targets that were seen in part
+        self._loaded = LoadedTargets(self._upload, self._labels.forget)
 
-    def _load(self, target: Target, *, fine: bool = False) -> Loaded:
-        key = target.sha256, fine
-        # the last used is the last of them
-        loaded = self._loaded.pop(key, None) or self._upload(target, fine=fine)
-        self._loaded[key] = loaded
-        while len(self._loaded) > MOST_LOADED:
-            self._forget(next(iter(self._loaded)))
-        return loaded
-
-    def _upload(self, target: Target, *, fine: bool) -> Loaded:
+    def _upload(self, target: Target, fine: bool) -> Loaded:  # noqa: FBT001 - called by what keeps them
         context = self._context
         mesh = upload(context, target, FINE_TEXEL if fine else TEXEL)
-        shadow = self._shadow_pass(512)
         textures = None
         if mesh.uv is not None:
             self._textured = self._textured or TexturedGBufferPass(context, self._programs)
@@ -144,7 +107,7 @@ class TargetPasses:
         gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
         return Loaded(
             mesh,
-            FacingArray(context, mesh, shadow.program.gl, whole=not self._thrifty),
+            FacingArray(context, mesh, self._shadow.program, whole=not self._thrifty),
             # textures are bound by stretches of the index buffer
             FacingArray(
                 context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None or not self._thrifty
@@ -156,66 +119,6 @@ class TargetPasses:
             textures,
         )
 
-    def _shadow_pass(self, size: int) -> ShadowPass:
-        if size not in self._shadows:
-            self._shadows[size] = ShadowPass(self._context, self._programs, size)
-        return self._shadows[size]
-
-    def _light_window(
-        self, mesh: Mesh, place: Placement, camera: Camera, light_from_target: FloatArray, widest: float
-    ) -> LightWindow:
-        """What of the box this view's shadow map needs: all that holds the target while the image does."""
-        # `high` keeps the sphere's box: its window of texels must hold wide penumbrae
-        whole = LightWindow() if widest > 0 else window_around(mesh.hull_m, light_from_target)
-        inside = [*(place.bounds_px[:2] >= 0), *(place.bounds_px[2:] <= [camera.width_px, camera.height_px])]
-        # a lens that bends sees around the edges of its image's pyramid
-        if all(inside) or not camera.distortion.is_none:
-            return whole
-        if mesh not in self._patches:
-            self._patches[mesh] = SurfacePatches.of(mesh, _positions(mesh))
-        part = light_window(
-            self._patches[mesh],
-            camera,
-            place.camera_from_target,
-            light_from_target,
-            closed=mesh.is_closed,
-            widest=widest,
-        )
-        return part if part.half < whole.half else whole
-
-    def _draw_shadow(
-        self, scene: SceneState, view: View, loaded: Loaded, place: Placement
-    ) -> tuple[moderngl.Texture, ShadowChoice]:
-        """Draw the shadow map and say what the shading needs to know of it; the map in shade is an old one."""
-        camera = scene.camera
-        box_m = 2 * loaded.mesh.radius_m * WIDER
-        light_from_target = ShadowPass.light_from_target(loaded.mesh, view)
-        # by default no penumbra is wider than three texels
-        widest = widest_penumbra(view.sun_sine) if scene.quality == "high" else 0.0
-        window = self._light_window(loaded.mesh, place, camera, light_from_target, widest)
-        light_from_target = window.matrix @ light_from_target
-        width_m = box_m * window.half
-        pixel_m = place.nearest_m / max(camera.fx_px, camera.fy_px)
-        choice = choose_shadow(scene.quality, width_m, pixel_m)
-        shadow = self._shadow_pass(choice.size_px)
-        texel_m = width_m / shadow.size_px
-        if view.sun_visible_fraction > 0:
-            exact = scene.quality == "high"  # its filter has depths of its own that it takes for none
-            flat = None if exact else loaded.mesh.relief_m < LOW_RELIEF * texel_m
-            shadow.run(loaded.shadow, view, light_from_target, flat, clear=exact)
-        near, far = shadow.depths
-        half = np.diag([0.5, 0.5, 0.5 * (far - near), 1.0])
-        half[:3, 3] = 0.5, 0.5, 0.5 * (near + far)
-        self._blocks.shadow.write(
-            {
-                "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
-                # a texel in metres and as a depth, its share of the map, and the radius of the sharpest shadow
-                "u_shadow": [texel_m, texel_m / box_m * (far - near), 1 / shadow.size_px, choice.sharpest],
-                "u_shadow_range": [far - near, 0, 0, 0],
-            }
-        )
-        return shadow.map, choice
-
     def sample(self, scene: SceneState, view: View, target: Target, clock: StageClock) -> Sampled | None:
         """Draw what the samples of the target's pixels see, and its shadows; nothing where it touches no pixel.
 
@@ -223,7 +126,7 @@ class TargetPasses:
         samples come first, which take longest. A driver collects commands until the next framebuffer's first one comes,
         or until it is told to begin: it is told to, or its threads would rest while that pass is worked out.
         """
-        loaded = self._load(target, fine=scene.quality == "high")
+        loaded = self._loaded.get(target, fine=scene.quality == "high")
         loaded.returned.begin(scene.bands)
         mesh, camera = loaded.mesh, scene.camera
         place = locate(mesh, _matrix(view.R_camera_from_target, view.t_camera_from_target_m), camera)
@@ -248,7 +151,7 @@ class TargetPasses:
                 "u_lattice_px": [*size, 0, 0],
             }
         )
-        self._blocks.materials.write(_material_values(mesh.materials, scene.bands))
+        self._blocks.materials.write(material_values(mesh.materials, scene.bands))
         clock.lap("target.setup")
         texels: dict[str, moderngl.Texture] = {}
         if self._textured is None or loaded.textures is None:
@@ -260,7 +163,7 @@ class TargetPasses:
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
         flush()
         clock.lap("target.geometry")
-        shadow_map, choice = self._draw_shadow(scene, view, loaded, place)
+        shadow_map, choice = self._shadow.draw(scene, view, loaded, place)
         flush()
         clock.lap("target.shadow")
         exact = scene.quality == "high"
@@ -324,7 +227,7 @@ class TargetPasses:
 
     def begin_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
         """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""
-        mesh, camera = self._load(target).mesh, scene.camera
+        mesh, camera = self._loaded.get(target).mesh, scene.camera
         place = locate(mesh, _matrix_of(scene), camera)
         pending = None
         if place is not None:
@@ -353,7 +256,7 @@ class TargetPasses:
 
     def silhouette_inside(self, scene: SceneState, target: Target) -> float:
         """Share of the whole silhouette that falls on the image; 0 where nothing is before the camera."""
-        mesh, camera = self._load(target).mesh, scene.camera
+        mesh, camera = self._loaded.get(target).mesh, scene.camera
         place = locate(mesh, _matrix_of(scene), camera, clip=False)
         if place is None:
             return 0.0
@@ -363,28 +266,8 @@ class TargetPasses:
 
     def release(self) -> None:
         """Free the uploaded targets."""
-        for key in tuple(self._loaded):
-            self._forget(key)
+        self._loaded.release()
         self._labels.release()
-
-    def _forget(self, key: tuple[str, bool]) -> None:
-        """Free one uploaded target."""
-        loaded = self._loaded.pop(key)
-        self._patches.pop(loaded.mesh, None)
-        if not key[1]:  # labels are drawn from the coarser mesh in every preset
-            self._labels.forget(key[0])
-        loaded.mesh.release()
-        loaded.shadow.release()
-        loaded.gbuffer.release()
-        loaded.edges.release()
-        loaded.returned.release()
-        if loaded.textures is not None:
-            loaded.textures.release()
-
-
-def _positions(mesh: Mesh) -> FloatArray:
-    """(K, 3) vertices of a mesh [m]."""
-    return mesh.values[:, :3].astype(float)
 
 
 def _matrix(R: FloatArray, t_m: ArrayLike) -> FloatArray:
@@ -397,30 +280,3 @@ def _matrix(R: FloatArray, t_m: ArrayLike) -> FloatArray:
 def _matrix_of(scene: SceneState) -> FloatArray:
     """(4, 4) camera from target."""
     return _matrix(scene.camera_from_target.R, scene.t_camera_from_target_m)
-
-
-def _four(bands: FloatArray) -> list[float]:
-    """One or three bands as the vec4 of a uniform block."""
-    return [*(float(v) for v in bands), *([0.0] * (4 - len(bands)))]
-
-
-@lru_cache(maxsize=16)
-def _material_values(materials: tuple[Material, ...], bands: Bands) -> Mapping[str, FloatArray]:
-    """Members of the block ``Materials``; the same object again for the same materials, which need no second upload."""
-    color, surface, grain = np.zeros((256, 4)), np.zeros((256, 4)), np.zeros((256, 4))
-    for k, material in enumerate(materials, start=1):
-        albedo = reflectance(bands, np.asarray(material.base_color))
-        color[k, : len(albedo)] = albedo
-        color[k, 3] = material.metallic
-        surface[k] = [
-            max(material.roughness, 0.03),  # below this a highlight is narrower than the Sun's own disc
-            material.clearcoat,
-            max(material.clearcoat_roughness, 0.03),
-            material.crinkle,
-        ]
-        if material.anisotropy > 0:
-            strength = material.anisotropy * (-1 if material.turned else 1)
-            grain[k] = [*(np.asarray(material.grain) / np.linalg.norm(material.grain)), strength]
-    return MappingProxyType(
-        {"u_material_color": color, "u_material_surface": surface, "u_material_grain": grain}
-    )
