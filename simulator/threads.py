@@ -27,10 +27,10 @@ def beside_the_caller() -> int:
 def share_processors(processes: int) -> None:
     """Have a software driver in this process start its share of threads, unless the user has chosen.
 
-    By default llvmpipe starts one for each processor, in each process: of two that draw at once, four threads wait for
-    each other, and both together take a fifth to a third longer (docs/validation/scaling.md). With no more than
-    one processor to itself a process draws by its own thread alone. For a process's start: the driver looks when
-    its context is made.
+    By default llvmpipe starts one for each processor, in each process: of two that draw at once, four threads get in
+    each other's way, which costs up to a third of the frames (docs/validation/scaling.md). With no more than one
+    processor to itself a process draws by its own thread alone. For a process's start: the driver looks when its
+    context is made.
 
     Parameters
     ----------
