@@ -79,8 +79,7 @@ class SelfShadow:
         window = self._light_window(loaded, place, camera, light_from_target, widest)
         light_from_target = window.matrix @ light_from_target
         width_m = box_m * window.half
-        pixel_m = place.nearest_m / max(camera.fx_px, camera.fy_px)
-        choice = choose_shadow(scene.quality, width_m, pixel_m)
+        choice = choose_shadow(scene.quality, width_m, place.pixel_m(camera))
         shadow = self._pass(choice.size_px)
         texel_m = width_m / shadow.size_px
         if view.sun_visible_fraction > 0:

@@ -138,7 +138,10 @@ class TargetPasses:
             return None
         # nearly always the same lattice whoever draws: the whole rectangle, which a GPU is given, has more samples
         extent = cells if self._thrifty else outline_px(place)
-        lattice = choose_lattice(scene.quality, place, extent, dense=bent or loaded.textures is not None)
+        pixel_m = place.pixel_m(camera)
+        lattice = choose_lattice(
+            scene.quality, place, extent, pixel_m, dense=bent or loaded.textures is not None
+        )
         size, origin = lattice.window(cells, CELL_REACH_PX)
         lattice_clip = clip_from_camera(camera, *place.near_far_m, lattice.buffer_from_pixel(origin), size)
         if bent:
