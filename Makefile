@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow lint bench validation docs schemas format system clean
+.PHONY: demo test test-slow test-portable lint bench validation docs schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -14,6 +14,10 @@ test: $(STAMP) system lint
 
 test-slow: $(STAMP) system
 	$(BIN)/pytest -q -m slow
+
+# As on other processors: minutes for each factor; FACTORS="blas-prescott worst" runs some of them.
+test-portable: $(STAMP) system
+	$(BIN)/python tools/portable.py $(FACTORS)
 
 lint: $(STAMP)
 	$(BIN)/ruff format --check .

@@ -75,13 +75,25 @@ def test_the_axis_of_a_round_craft_is_found_from_its_walls(name: str) -> None:
     assert np.linalg.norm(through[:2]) < 0.03 * model.radius_m
 
 
-@pytest.mark.parametrize("angle_deg", [-8.0, 7.0])
+def held(craft: Craft, frame: Frame, angles_deg: tuple[float, ...]) -> Choice:
+    """The first of some turns that its near minimum holds.
+
+    Which minimum an alignment falls into hangs on the last bit near the border between two: starts 7 to 9 deg off come
+    out either way on one processor or another, those beyond stay; and one alone proves nothing.
+    """
+    for angle in angles_deg:
+        choice = choice_at(craft, frame, *rolled(craft, angle))
+        if np.degrees(quat.angle_rad(choice.end.fit.q, Q)) > 6.0:
+            return choice
+    pytest.fail(f"no alignment that starts at {angles_deg} deg stays beyond 6 deg")
+
+
+@pytest.mark.parametrize("angles_deg", [(-10.0, -11.0, -9.0), (9.0, 10.0, 8.0)])
 def test_a_turn_about_the_axis_that_holds_is_left_for_the_right_one(
-    dragon: Craft, frame: Frame, angle_deg: float
+    dragon: Craft, frame: Frame, angles_deg: tuple[float, ...]
 ) -> None:
-    before = choice_at(dragon, frame, *rolled(dragon, angle_deg))
+    before = held(dragon, frame, angles_deg)
     after = check_rolled(dragon, frame, before)
-    assert np.degrees(quat.angle_rad(before.end.fit.q, Q)) > 6.0
     assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 1.0
     # the one it was is another answer, and told of as a rival
     assert 0 < after.evidence.margin <= after.end.score - before.end.score + 1e-9

@@ -1,0 +1,191 @@
+"""The fast suite's numerical tests as on other processors: one factor changed at a time, then the worst together.
+
+``python tools/portable.py [FACTOR ...]``; ``PYTEST_ADDOPTS`` reaches the tests. Each factor is first shown to act, in
+a process of its own: an environment variable that a library ignores would prove nothing. What this machine's processor
+cannot bear is said and left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+NUMERICAL = ("tests/unit", "tests/property", "tests/reference", "tests/hil/test_svd_*.py")
+ESTIMATOR = ("tests/hil/test_svd_*.py", "tests/hil/test_evaluate*.py")
+DRAWN = ("tests/gl",)
+
+BLAS = """
+import numpy, scipy.linalg, threadpoolctl
+cores = {p["architecture"] for p in threadpoolctl.threadpool_info() if p["internal_api"] == "openblas"}
+assert cores == {CORE}, f"OpenBLAS runs as {cores}"
+"""
+NUMPY = """
+from numpy._core._multiarray_umath import __cpu_features__ as features
+on = [name for name in {NAMES!r} if features[name]]
+assert not on, f"NumPy still uses {on}"
+"""
+KERNELS = """
+from hil.board.svd.kernels.library import kernels
+assert kernels().startswith({NAME!r}), kernels()
+"""
+THREADS = """
+import numpy, scipy.linalg, threadpoolctl
+threads = {p["num_threads"] for p in threadpoolctl.threadpool_info() if p["internal_api"] == "openblas"}
+assert threads == {NUMBER}, f"OpenBLAS uses {threads} threads"
+"""
+VECTORS = """
+from simulator.render.context import create_context
+info = create_context().info["GL_RENDERER"]
+assert "{BITS} bits" in info, info
+"""
+
+# X86_V3 is AVX2 and FMA, X86_V4 and the others AVX-512; NumPy ignores names that it does not know (numpy 2.4's names).
+AVX512 = ("X86_V4", "AVX512_ICL", "AVX512_SPR")
+AVX2 = ("X86_V3", *AVX512)
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One thing about a machine that changes how numbers are rounded.
+
+    Parameters
+    ----------
+    name : for the command line. environment : variables that set it. shown : program that fails unless they act.
+    tests : what to run. needs : flags that /proc/cpuinfo must name.
+    """
+
+    name: str
+    environment: dict[str, str]
+    shown: str
+    tests: tuple[str, ...] = NUMERICAL
+    needs: tuple[str, ...] = ()
+
+
+def _blas(core: str, *needs: str) -> Factor:
+    # of the cores that are one on 64 bits it tells the oldest
+    told = "Katmai" if core == "Prescott" else core
+    return Factor(
+        f"blas-{core.lower()}",
+        {"OPENBLAS_CORETYPE": core},
+        BLAS.replace("{CORE}", repr({told})),
+        needs=needs,
+    )
+
+
+def _numpy(name: str, features: tuple[str, ...], *needs: str) -> Factor:
+    return Factor(
+        name,
+        {"NPY_DISABLE_CPU_FEATURES": " ".join(features)},
+        NUMPY.replace("{NAMES!r}", repr(features)),
+        needs=needs,
+    )
+
+
+def _kernels(name: str) -> Factor:
+    return Factor(
+        f"kernels-{name}", {"FLYAROUND_KERNELS": name}, KERNELS.replace("{NAME!r}", repr(name)), ESTIMATOR
+    )
+
+
+def _threads(number: int) -> Factor:
+    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "LP_NUM_THREADS")
+    # the library takes no more than there are processors
+    most = min(number, os.cpu_count() or 1)
+    return Factor(
+        f"threads-{number}",
+        dict.fromkeys(names, str(number)),
+        THREADS.replace("{NUMBER}", f"{{{most}}}"),
+        (*NUMERICAL, *DRAWN),
+    )
+
+
+def _vectors(bits: int) -> Factor:
+    return Factor(
+        f"vectors-{bits}", {"LP_NATIVE_VECTOR_WIDTH": str(bits)}, VECTORS.replace("{BITS}", str(bits)), DRAWN
+    )
+
+
+def factors() -> tuple[Factor, ...]:
+    """All factors, the worst together last."""
+    single = (
+        _blas("Haswell", "avx2"),
+        _blas("Prescott"),
+        _blas("SkylakeX", "avx512f", "avx512vl"),
+        _numpy("numpy-no-avx512", AVX512, "avx512f"),
+        _numpy("numpy-no-avx2", AVX2, "avx2"),
+        _kernels("native"),
+        _kernels("numpy"),
+        _threads(1),
+        _threads(2),
+        _vectors(128),
+        _vectors(256),
+    )
+    by_name = {factor.name: factor for factor in single}
+    together = [
+        by_name[n] for n in ("blas-prescott", "numpy-no-avx2", "kernels-numpy", "threads-1", "vectors-128")
+    ]
+    environment = {name: value for factor in together for name, value in factor.environment.items()}
+    shown = "\n".join(factor.shown for factor in together)
+    return (*single, Factor("worst", environment, shown, (*NUMERICAL, *DRAWN)))
+
+
+def _missing(factor: Factor) -> list[str]:
+    """What the factor needs of the processor and does not find."""
+    try:
+        told = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").split()
+    except OSError:
+        return list(factor.needs)
+    return [flag for flag in factor.needs if flag not in told]
+
+
+def _files(patterns: tuple[str, ...]) -> list[str]:
+    return [str(path.relative_to(ROOT)) for pattern in patterns for path in sorted(ROOT.glob(pattern))]
+
+
+def run(factor: Factor) -> str:
+    """``passed``, or what failed; the tests' own output goes to the terminal."""
+    environment = {**os.environ, **factor.environment}
+    shown = subprocess.run(
+        [sys.executable, "-c", factor.shown],
+        env=environment,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if shown.returncode != 0:
+        return f"does not act: {(shown.stderr.strip().splitlines() or ['ended without a word'])[-1]}"
+    command = [sys.executable, "-m", "pytest", "-q", "-m", "not slow", *_files(factor.tests)]
+    done = subprocess.run(command, env=environment, cwd=ROOT, check=False)
+    return "passed" if done.returncode == 0 else f"pytest ended with {done.returncode}"
+
+
+def main() -> int:
+    """Run the factors asked for, all by default; 1 if one does not pass."""
+    known = factors()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("factor", nargs="*", choices=[*(f.name for f in known), []], help="default: all")
+    asked = parser.parse_args()
+    results = []
+    for factor in known:
+        if asked.factor and factor.name not in asked.factor:
+            continue
+        missing = _missing(factor)
+        start = time.monotonic()
+        print(f"\n== {factor.name}: {factor.environment}", flush=True)
+        said = f"left out: this processor has no {', '.join(missing)}" if missing else run(factor)
+        results.append((factor.name, said, time.monotonic() - start))
+    print()
+    for name, said, seconds in results:
+        print(f"{name:16} {seconds:6.0f} s  {said}")
+    return int(any(said != "passed" and not said.startswith("left out") for _, said, _ in results))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
