@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Files of tests that run at once; each may take a gigabyte and a half.
+JOBS ?= 2
 STAMP := $(VENV)/.installed
 
 .PHONY: demo test test-slow test-portable lint bench validation docs schemas format system clean
@@ -10,7 +12,7 @@ demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
 
 test: $(STAMP) system lint
-	$(BIN)/pytest -q -m "not slow"
+	$(BIN)/pytest -q -m "not slow" -n $(JOBS) --dist loadfile
 
 test-slow: $(STAMP) system
 	$(BIN)/pytest -q -m slow

@@ -1,9 +1,18 @@
 """Fixtures shared by all tests: one renderer at a time, small plans."""
 
+import os
+
 import pytest
+
+from simulator.threads import share_processors
 
 MOST_PROGRAMS = 120
 """A driver keeps three megabytes for each until its context goes: the suite's four hundred were over a gigabyte."""
+
+
+def pytest_configure():
+    """Workers that draw at once (pytest-xdist) share the processors, as drawing processes do."""
+    share_processors(int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
 
 
 @pytest.fixture(scope="session")
