@@ -1,8 +1,8 @@
 """The fast suite's numerical tests as on other processors: one factor changed at a time, then the worst together.
 
-``python tools/portable.py [FACTOR ...]``; ``PYTEST_ADDOPTS`` reaches the tests. Each factor is first shown to act, in
-a process of its own: an environment variable that a library ignores would prove nothing. What this machine's processor
-cannot bear is said and left out.
+``python tools/portable.py [FACTOR ...]``; ``PYTEST_ADDOPTS`` reaches the tests, ``JOBS`` files at once. Each factor
+is first shown to act, in a process of its own: an environment variable that a library ignores would prove nothing.
+What this machine's processor cannot bear is said and left out.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-NUMERICAL = ("tests/unit", "tests/property", "tests/reference", "tests/hil/test_svd_*.py")
 ESTIMATOR = ("tests/hil/test_svd_*.py", "tests/hil/test_evaluate*.py")
-DRAWN = ("tests/gl",)
+NUMERICAL = ("tests/unit", "tests/property", "tests/reference", *ESTIMATOR)
+DRAWN = ("tests/gl/test_*.py",)
+PICTURES = ("tests/gl/test_same_bytes.py", "tests/gl/test_render_target.py")
 
 BLAS = """
 import numpy, scipy.linalg, threadpoolctl
@@ -101,7 +102,7 @@ def _threads(number: int) -> Factor:
         f"threads-{number}",
         dict.fromkeys(names, str(number)),
         THREADS.replace("{NUMBER}", f"{{{most}}}"),
-        (*NUMERICAL, *DRAWN),
+        (*NUMERICAL, *PICTURES),
     )
 
 
@@ -161,7 +162,8 @@ def run(factor: Factor) -> str:
     )
     if shown.returncode != 0:
         return f"does not act: {(shown.stderr.strip().splitlines() or ['ended without a word'])[-1]}"
-    command = [sys.executable, "-m", "pytest", "-q", "-m", "not slow", *_files(factor.tests)]
+    files = ("-n", os.environ.get("JOBS", "2"), "--dist", "loadfile", *_files(factor.tests))
+    command = [sys.executable, "-m", "pytest", "-q", "-m", "not slow", *files]
     done = subprocess.run(command, env=environment, cwd=ROOT, check=False)
     return "passed" if done.returncode == 0 else f"pytest ended with {done.returncode}"
 
