@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 import sys
 
-from rich.console import Console
 from rich.text import Text
 
 from flyaround.cli import app
+from flyaround.terminal import terminal
 from hil.board.errors import BoardModelError
 from hil.link.errors import LinkError
 from simulator.errors import UserError
@@ -27,7 +27,7 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run one command line and return its exit code: 0 success, 1 a check that failed, 2 a user's mistake."""
-    stderr = Console(stderr=True)
+    stderr = terminal(stderr=True)
     try:
         app(args=arguments, prog_name="flyaround")
     except (UserError, LinkError, BoardModelError) as error:

@@ -6,10 +6,10 @@ import logging
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.logging import RichHandler
 
 from flyaround.commands.lazily import LazyCommands
+from flyaround.terminal import terminal
 
 app = typer.Typer(
     name="flyaround",
@@ -41,5 +41,5 @@ def options(
 ) -> None:
     """Options of every command."""
     level = (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)]
-    handler = RichHandler(console=Console(stderr=True), show_path=verbose > 1, rich_tracebacks=False)
+    handler = RichHandler(console=terminal(stderr=True), show_path=verbose > 1, rich_tracebacks=False)
     logging.basicConfig(level=level, format="%(name)s: %(message)s", handlers=[handler], force=True)

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
-from rich.console import Console
 
 from flyaround.demo_page import DemoResults, write_page
 from flyaround.progress import progress_bar
+from flyaround.terminal import say
 from hil.host.exchange import LinkConfig
 from hil.host.report import write_report
 from hil.host.run import HostFrame, RunConfig, run_host
@@ -61,11 +61,9 @@ def run_demo(folder: Path, *, overwrite: bool, executable: str) -> Path:
         shutil.rmtree(folder)
     empty_folder(folder)
     write_json(folder / MARK, {"scenario": SCENARIO, "complete": False})
-    console = Console(stderr=True)
-
     scenario = load_scenario(SCENARIO)
     plan = plan_flight(scenario, n=N_IMAGES)
-    console.print(f"{scenario.title}: {scenario.duration_s:.0f} s of simulated time")
+    say(f"{scenario.title}: {scenario.duration_s:.0f} s of simulated time", stderr=True)
     with progress_bar("capture 20 images") as progress:
         captured = capture(plan, folder / "dataset", formats=("native", "speed"), progress=progress)
     with progress_bar("check every label") as progress:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from flyaround.progress import progress_bar
+from flyaround.terminal import say, terminal
 from hil.board.svd import CameraIntrinsics, make_estimator
 from hil.evaluate.worker import board_model
 from simulator.camera.files import load_camera
@@ -75,8 +75,8 @@ def compare(
     for key, label in FIGURES.items():
         medians = document["summary"].values()
         table.add_row(label, *(f"{m[side][key]:.4g}" for m in medians for side in ("reference", "ours")))
-    Console().print(table)
-    Console().print(f"page: {output / 'index.html'}")
+    terminal().print(table)
+    say(f"page: {output / 'index.html'}")
 
 
 def _estimated(target: Target, reference: Reference) -> FoundPose | None:

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
+from rich.text import Text
 
 from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
 from flyaround.plans import choose_plan
 from flyaround.progress import progress_bar
+from flyaround.terminal import say
 from simulator.dataset.capture import FORMATS, parse_formats
 from simulator.dataset.capture import capture as capture_plan
 from simulator.dataset.check import check_dataset
@@ -90,7 +91,7 @@ def capture(
             )
         )
     else:
-        Console().print(
+        say(
             f"{summary.n_written} frames written to {summary.folder} ({summary.n_kept} were there, "
             f"{summary.n_feasible} of the new ones feasible, {len(summary.quarantined)} quarantined)"
         )
@@ -109,10 +110,9 @@ def check(
         faults = [{"frame": f.frame, "what": f.what} for f in report.faults]
         typer.echo(json.dumps({"frames": report.n_frames, "labels": report.n_labels, "faults": faults}))
     else:
-        console = Console()
         for fault in report.faults:
             where = "card" if fault.frame is None else f"frame {fault.frame}"
-            console.print(f"[red]{where}[/red]: {fault.what}", highlight=False)
-        console.print(f"{report.n_frames} frames, {report.n_labels} labels, {len(report.faults)} faults")
+            say(Text.assemble((where, "red"), f": {fault.what}"))
+        say(f"{report.n_frames} frames, {report.n_labels} labels, {len(report.faults)} faults")
     if report.faults:
         raise typer.Exit(1)

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from flyaround.progress import progress_bar
+from flyaround.terminal import say, terminal
 from hil.board.errors import BoardModelError
 from hil.board.svd import METHODS, BoardModel, CameraIntrinsics, make_estimator
 from hil.board.svd.debug.stages import write_stage_pictures
@@ -131,7 +131,7 @@ def estimate(
             f"{row['confidence']:.2f}",
             f"{sum(row['stages_ms'].values()):.0f}",
         )
-    Console().print(table)
+    terminal().print(table)
 
 
 def evaluate(
@@ -190,8 +190,8 @@ def evaluate(
             continue
         values = [getattr(m, name) for m in metrics.by_method.values()]
         table.add_row(name, *("" if v is None else f"{v:.4g}" for v in values))
-    Console().print(table)
-    Console().print(f"page: {output / 'index.html'}")
+    terminal().print(table)
+    say(f"page: {output / 'index.html'}")
 
 
 def split_names(streams: str | None) -> list[str] | None:

@@ -10,9 +10,9 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 
+from flyaround.terminal import say, terminal
 from simulator.camera.files import list_cameras, load_camera, read_camera_file
 from simulator.camera.files_foreign import FORMATS, written
 from simulator.dataset.contact_sheet import write_contact_sheets
@@ -60,7 +60,7 @@ def fly(
     if as_json:
         typer.echo(json.dumps(summary))
     else:
-        Console().print(f"{len(rows)} states in {output / 'states.csv'}")
+        say(f"{len(rows)} states in {output / 'states.csv'}")
 
 
 def scenarios(
@@ -84,7 +84,7 @@ def scenarios(
         table.add_row(s.name, s.title, f"{s.duration_s:g}")
     for r in RECIPES:
         table.add_row(r.name, r.title, "recipe")
-    Console().print(table)
+    terminal().print(table)
 
 
 def cameras(
@@ -138,4 +138,4 @@ def cameras(
             f"{c.cx_px:g} {c.cy_px:g}",
             c.distortion.model,
         )
-    Console().print(table)
+    terminal().print(table)

@@ -9,10 +9,10 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 
 from flyaround.commands.estimation import check_method
 from flyaround.progress import progress_bar
+from flyaround.terminal import say, terminal
 from hil.board.agent import run_board
 from hil.board.svd import METHODS
 from hil.host.bundle import write_bundle
@@ -98,12 +98,13 @@ def host(
     if as_json:
         typer.echo(msgspec.json.format(document, indent=1).decode())
     else:
-        Console().print_json(document.decode())
+        terminal().print_json(document.decode())
     if summary.ended != "completed":
         # what was sent is in the ledger; a script must not take a run without a board for a whole one
-        Console(stderr=True).print(
+        say(
             f"flyaround: the board left after {summary.sent} of {plan.n_frames} frames and did not come back within"
-            f" {timeout_s:g} s: start it again, and this run with it"
+            f" {timeout_s:g} s: start it again, and this run with it",
+            stderr=True,
         )
         raise typer.Exit(1)
 
@@ -119,7 +120,7 @@ def board(
         path = Path(folder) / f"{target}.board.json"
         write_board_model(load_target(target), path)
         summary = run_board(url, str(path), method=method)
-    Console(stderr=True).print(f"{summary.frames} frames, {summary.accepted} accepted: {summary.ended}")
+    say(f"{summary.frames} frames, {summary.accepted} accepted: {summary.ended}", stderr=True)
     if not summary.goodbye:
         raise typer.Exit(1)
 
@@ -136,9 +137,7 @@ def bundle(
         raise UserError(f"{path} is a folder; name the file to write, e.g. {path / 'board.pyz'}")
     names = list(dict.fromkeys(targets or ["tango"]))
     size = write_bundle(path, [load_target(name) for name in names])
-    Console().print(
-        f"{path}: {size / 1024:.0f} kB. On the board: python3 {path.name} tcp://HOST:5600 --model {names[0]}"
-    )
+    say(f"{path}: {size / 1024:.0f} kB. On the board: python3 {path.name} tcp://HOST:5600 --model {names[0]}")
 
 
 def report(
@@ -150,7 +149,7 @@ def report(
     if as_json:
         typer.echo(json.dumps({"report": str(page)}))
     else:
-        Console().print(f"report: {page}")
+        say(f"report: {page}")
 
 
 app = typer.Typer(name="hil", help="Hardware in the loop: host, board, reports.", no_args_is_help=True)

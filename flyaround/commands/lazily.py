@@ -9,6 +9,8 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
+from flyaround.terminal import with_literal_help
+
 COMMANDS = {
     "sim": "console",
     "render": "pictures",
@@ -32,6 +34,10 @@ GROUPS = {"hil": "hil", "targets": "targets"}
 class LazyCommands(TyperGroup):
     """The commands of the two tables above."""
 
+    def __init__(self, **options: Any) -> None:  # noqa: ANN401 - click's own
+        super().__init__(**options)
+        with_literal_help(self)
+
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401, ARG002 - click's own signature
         """Names, in the order of the help page."""
         return [*COMMANDS, *GROUPS]
@@ -39,11 +45,12 @@ class LazyCommands(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - click's own signature
         """One command, its module imported now; ``None`` where there is no such name."""
         if cmd_name in GROUPS:
-            self.commands.setdefault(cmd_name, get_group(_module(GROUPS[cmd_name]).app))
+            if cmd_name not in self.commands:
+                self.add_command(with_literal_help(get_group(_module(GROUPS[cmd_name]).app)), cmd_name)
         elif cmd_name in COMMANDS and cmd_name not in self.commands:
             one = typer.Typer(add_completion=False)
             one.command(cmd_name)(getattr(_module(COMMANDS[cmd_name]), cmd_name))
-            self.add_command(get_command(one), cmd_name)
+            self.add_command(with_literal_help(get_command(one)), cmd_name)
         elif cmd_name not in self.commands:
             # the parent class proposes the nearest of the names that it knows
             for name in self.list_commands(ctx):

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from flyaround.bench import check_scenes, run_bench
 from flyaround.demo import run_demo
 from flyaround.doctor import examine
 from flyaround.progress import progress_bar
+from flyaround.terminal import say, terminal
 from simulator.bench.scaling import bench_scaling
 from simulator.bench.throughput import THROUGHPUT_SCENES, bench_throughput
 from simulator.errors import UserError
@@ -71,7 +72,7 @@ def bench(
             f"{s['reference_ms']:.1f}",
             f"{s['frame_ms_p50'] / s['reference_ms']:.2f}",
         )
-    console = Console()
+    console = terminal()
     console.print(f"{document['machine']['gl_renderer']}, {document['machine']['threads']} threads")
     console.print(table)
     for part in ("start", "world", "sensor", "link", "estimator", "capture"):
@@ -105,7 +106,7 @@ def _bench_scaling(gpu: int | None, *, as_json: bool) -> None:
                 f"{cost.first_ms / 1e3:.1f}",
                 "" if power is None else f"power {power:.2f}",
             )
-        Console().print(table)
+        terminal().print(table)
 
 
 def _bench_throughput(processes: int, scenes: tuple[str, ...], gpu: int | None, *, as_json: bool) -> None:
@@ -131,7 +132,7 @@ def _bench_throughput(processes: int, scenes: tuple[str, ...], gpu: int | None, 
             f"{rate.frames_per_s:.1f}",
             f"{rate.reference_ms:.1f}",
         )
-    console = Console()
+    console = terminal()
     console.print(f"{machine.gl_renderer}, {machine.threads} processors")
     console.print(table)
 
@@ -142,10 +143,14 @@ def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] 
     if as_json:
         typer.echo(json.dumps([asdict(f) for f in findings], indent=1))
     else:
-        table = Table("part", "state", "what to do")
+        table = Table("part", "state")
         for f in findings:
-            table.add_row(f.part, f"[green]{f.found}[/green]" if f.ok else f"[red]{f.found}[/red]", f.advice)
-        Console().print(table)
+            table.add_row(f.part, Text(f.found, "green" if f.ok else "red"))
+        terminal().print(table)
+        # below the table and not in it: a command stays in one piece, to be copied
+        for f in findings:
+            if f.advice:
+                say(f"- {f.part}: {f.advice}")
     if not all(f.ok or not f.required for f in findings):
         raise typer.Exit(1)
 
@@ -158,4 +163,4 @@ def demo(
 ) -> None:
     """Fly, capture and check 20 images, run 30 frames through a board process, and make a page of it."""
     page = run_demo(output, overwrite=overwrite, executable=sys.executable)
-    Console().print(f"open {page}")
+    say(f"open {page}")

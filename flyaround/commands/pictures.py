@@ -11,11 +11,11 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
 from flyaround.progress import progress_bar
+from flyaround.terminal import say, terminal
 from simulator.dataset.poses import read_poses
 from simulator.errors import UserError
 from simulator.labels.request import LabelRequest, parse_labels
@@ -107,11 +107,9 @@ def render(
         text = truth_path.read_text()
         typer.echo(json.dumps({**json.loads(text), "stage_ms": stage_ms}) if timings else text)
     else:
-        Console().print(
-            f"{output} and {truth_path} ({frame.stage_ms['render'] + frame.stage_ms['sensor']:.0f} ms)"
-        )
+        say(f"{output} and {truth_path} ({frame.stage_ms['render'] + frame.stage_ms['sensor']:.0f} ms)")
         if timings:
-            Console().print(_times_table(stage_ms))
+            terminal().print(_times_table(stage_ms))
 
 
 def _times_table(stage_ms: dict[str, float]) -> Table:
@@ -153,4 +151,4 @@ def _render_poses(
     if as_json:
         typer.echo(json.dumps({"frames": written}))
     else:
-        Console().print(f"{len(written)} images and their truth: {written[0]['image']} and on")
+        say(f"{len(written)} images and their truth: {written[0]['image']} and on")

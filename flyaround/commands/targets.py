@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from flyaround.contact_page import write_contact_sheet
 from flyaround.progress import progress_bar
+from flyaround.terminal import say, terminal
 from simulator.errors import UserError
 from simulator.files import empty_folder
 from simulator.targets.board_file import write_board_model
@@ -50,19 +50,18 @@ def overview(
         for t in rows:
             write_glb(t, export / f"{t.name}.glb")
             write_board_model(t, export / f"{t.name}.board.json")
-    console = Console(stderr=as_json)
     if contact_sheet is not None:
         folder = contact_sheet.parent if contact_sheet.suffix == ".html" else contact_sheet
         page = "index.html" if folder == contact_sheet else contact_sheet.name
         with progress_bar("contact sheet", quiet=as_json) as progress:
             made = write_contact_sheet(rows, folder, page=page, progress=progress)
-        console.print(f"{made}", highlight=False, soft_wrap=True)
+        say(f"{made}", stderr=as_json)
     if docs is not None:
         from flyaround.contact_docs import write_docs  # noqa: PLC0415 - the page alone needs it
 
         built_in = [t for t in rows if t.name in built_in_targets()]
         with progress_bar("docs", quiet=as_json) as progress:
-            console.print(f"{write_docs(built_in, docs, progress)}", highlight=False, soft_wrap=True)
+            say(f"{write_docs(built_in, docs, progress)}", stderr=as_json)
     if as_json:
         typer.echo(json.dumps([_summary(t) for t in rows]))
     elif contact_sheet is None and docs is None:
@@ -120,12 +119,11 @@ def add(
         }
         typer.echo(json.dumps(document))
         return
-    console = Console()
     for line in lines:
-        console.print(f"- {line}", highlight=False, soft_wrap=True)
-    console.print(f"target {chosen!r} in {path}", highlight=False, soft_wrap=True)
+        say(f"- {line}")
+    say(f"target {chosen!r} in {path}")
     if page is not None:
-        console.print(f"look at it: {page}", highlight=False, soft_wrap=True)
+        say(f"look at it: {page}")
 
 
 def remove(
@@ -137,7 +135,7 @@ def remove(
     if as_json:
         typer.echo(json.dumps({"removed": name, "path": str(path)}))
     else:
-        Console().print(f"removed {name!r} ({path})", highlight=False, soft_wrap=True)
+        say(f"removed {name!r} ({path})")
 
 
 def _name_of(file: Path) -> str:
@@ -151,7 +149,7 @@ def _sheet_of(target: Target) -> Path | None:
     try:
         return write_contact_sheet([target], sheet_folder(target.name))
     except UserError as error:
-        Console(stderr=True).print(f"no contact sheet: {error}", highlight=False, soft_wrap=True)
+        say(f"no contact sheet: {error}", stderr=True)
         return None
 
 
@@ -164,9 +162,7 @@ def _loaded() -> list[Target]:
         except UserError as error:
             if name not in user_targets():
                 raise
-            Console(stderr=True).print(
-                f"target {name!r} is left out: {error}", highlight=False, soft_wrap=True
-            )
+            say(f"target {name!r} is left out: {error}", stderr=True)
     return rows
 
 
@@ -188,7 +184,7 @@ def _print_table(rows: list[Target]) -> None:
         triangles = sum(len(p.triangles) for p in t.parts)
         counts = (len(t.parts), triangles, len(t.keypoints), len(t.wireframe))
         table.add_row(t.name, t.title, *(str(c) for c in counts), f"{t.mass.mass_kg:.1f}")
-    Console().print(table)
+    terminal().print(table)
 
 
 app = typer.Typer(
