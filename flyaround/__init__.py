@@ -12,12 +12,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from hil.board.svd import PoseResult
+    from hil.evaluate.estimate import estimate
     from simulator.camera.files import list_cameras, load_camera
     from simulator.camera.model import Camera
     from simulator.camera.sensor import Sensor
     from simulator.dataset.capture import capture
     from simulator.dataset.check import check_dataset
     from simulator.dataset.picture import render_scene, save_picture
+    from simulator.dataset.poses import scene_at
     from simulator.errors import UserError
     from simulator.labels.frame import Frame, take_frame
     from simulator.labels.overlay import draw_truth
@@ -33,12 +36,15 @@ if TYPE_CHECKING:
     from simulator.targets.model import Target
     from simulator.world.pose import Pose
 
+    __version__: str
+
 __all__ = [
     "Camera",
     "Environment",
     "Frame",
     "Plan",
     "Pose",
+    "PoseResult",
     "Renderer",
     "Scenario",
     "SceneState",
@@ -47,9 +53,11 @@ __all__ = [
     "Target",
     "Truth",
     "UserError",
+    "__version__",
     "capture",
     "check_dataset",
     "draw_truth",
+    "estimate",
     "list_cameras",
     "list_scenarios",
     "list_targets",
@@ -62,6 +70,7 @@ __all__ = [
     "render_scene",
     "run_frames",
     "save_picture",
+    "scene_at",
     "take_frame",
     "write_glb",
 ]
@@ -73,6 +82,7 @@ _HOMES = {
     "Frame": "simulator.labels.frame",
     "Plan": "simulator.loop",
     "Pose": "simulator.world.pose",
+    "PoseResult": "hil.board.svd",
     "Renderer": "simulator.render.renderer",
     "Scenario": "simulator.scenario",
     "SceneState": "simulator.scene.state",
@@ -84,6 +94,7 @@ _HOMES = {
     "capture": "simulator.dataset.capture",
     "check_dataset": "simulator.dataset.check",
     "draw_truth": "simulator.labels.overlay",
+    "estimate": "hil.evaluate.estimate",
     "list_cameras": "simulator.camera.files",
     "list_scenarios": "simulator.scenario_load",
     "list_targets": "simulator.targets.library",
@@ -96,12 +107,17 @@ _HOMES = {
     "render_scene": "simulator.dataset.picture",
     "run_frames": "simulator.loop",
     "save_picture": "simulator.dataset.picture",
+    "scene_at": "simulator.dataset.poses",
     "take_frame": "simulator.labels.frame",
     "write_glb": "simulator.targets.glb_write",
 }
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - the type checker reads the imports above
+    if name == "__version__":
+        from importlib.metadata import version  # noqa: PLC0415 - slow to import, needed here alone
+
+        return version("flyaround")
     if name not in _HOMES:
         raise AttributeError(f"module 'flyaround' has no attribute {name!r}")
     value = getattr(import_module(_HOMES[name]), name)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import msgspec
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from flyaround.progress import progress_bar
 from flyaround.terminal import say, terminal
@@ -18,6 +18,9 @@ from hil.board.svd.debug.stages import write_stage_pictures
 from hil.board.svd.faithful.config import SOLVERS, STEPS, STREAMS
 from hil.board.svd.kernels.library import kernels
 from hil.board.svd.methods import PUBLISHED
+from hil.evaluate.estimate import checked_picture
+from hil.evaluate.grey import PLAIN, about_pictures
+from hil.evaluate.metrics import MethodMetrics
 from hil.evaluate.run import evaluate_dataset
 from hil.evaluate.worker import MethodChoice, board_model
 from simulator.camera.files import load_camera
@@ -48,7 +51,10 @@ Steps = Annotated[
 
 
 def estimate(
-    images: Annotated[list[Path], typer.Argument(help="PNG images, 8 or 16 bits.")],
+    images: Annotated[
+        list[Path],
+        typer.Argument(help="PNG images, 8 or 16 bits; colour is taken in grey, and that is said."),
+    ],
     target: Annotated[str, typer.Option(help="Target name.")] = "tango",
     camera: Annotated[str, typer.Option(help="CAMERA.json, or the name of a built-in camera.")] = "speed",
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
@@ -81,15 +87,11 @@ def estimate(
     if debug is not None:
         empty_folder(debug, option="--debug")
     for k, path in enumerate(images):
-        image = read_png(path)
-        if image.shape[:2] != (intrinsics.height_px, intrinsics.width_px):
-            raise UserError(
-                f"{path} is {image.shape[1]} x {image.shape[0]} pixels, the camera {camera} {intrinsics.width_px} x "
-                f"{intrinsics.height_px}: give the camera that took it with --camera"
-            )
+        taken = read_png(path)
+        image = checked_picture(taken, intrinsics, str(path))
         trace: dict[str, Any] | None = None if debug is None else {"every_stage": True}
         result = estimator.estimate(image, trace)
-        if debug is not None and trace is not None and image.ndim == 2:
+        if debug is not None and trace is not None:
             place = debug if len(images) == 1 else debug / f"{k:03d}_{path.stem}"
             place.mkdir(exist_ok=True)
             write_stage_pictures(place, image, trace, result, estimator.model, estimator.camera)
@@ -97,6 +99,7 @@ def estimate(
         rows.append(
             {
                 "image": str(path),
+                "picture": about_pictures(taken),
                 "accepted": bool(result.accepted),
                 "reason": result.reason,
                 "q_camera_from_target_wxyz": None if q is None else [float(x) for x in q],
@@ -120,7 +123,7 @@ def estimate(
     if as_json:
         typer.echo(json.dumps(rows if len(rows) > 1 else rows[0], indent=1))
         return
-    table = Table("image", "outcome", "q wxyz", "t [m]", "confidence", "ms")
+    table = Table(Column("image", overflow="fold"), "outcome", "q wxyz", "t [m]", "confidence", "ms")
     for row in rows:
         q, t = row["q_camera_from_target_wxyz"], row["t_camera_from_target_m"]
         table.add_row(
@@ -132,6 +135,9 @@ def estimate(
             f"{sum(row['stages_ms'].values()):.0f}",
         )
     terminal().print(table)
+    for row in rows:
+        if row["picture"] != PLAIN:
+            say(f"{row['image']}: {row['picture']}")
 
 
 def evaluate(
@@ -185,12 +191,12 @@ def evaluate(
         typer.echo((output / "metrics.json").read_text())
         return
     table = Table("figure", *metrics.by_method)
-    for name in (n for n, v in msgspec.structs.asdict(metrics).items() if isinstance(v, (int, float))):
-        if name == "version":
-            continue
+    for name in MethodMetrics.__struct_fields__:
         values = [getattr(m, name) for m in metrics.by_method.values()]
-        table.add_row(name, *("" if v is None else f"{v:.4g}" for v in values))
+        if any(isinstance(v, (int, float)) for v in values):
+            table.add_row(name, *("" if v is None else f"{v:.4g}" for v in values))
     terminal().print(table)
+    say(f"pictures: {metrics.pictures}")
     say(f"page: {output / 'index.html'}")
 
 

@@ -134,11 +134,14 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
     Parameters
     ----------
     kernels : what the estimators' inner loops ran in: ``native``, or ``numpy`` with the reason.
+    pictures : what they were, in words. grey_from_colour : whether they were in colour and taken in grey.
     """
 
     schema: str = SCHEMA
     version: int = VERSION
     kernels: str = ""
+    pictures: str = ""
+    grey_from_colour: bool = False
     by_method: dict[str, MethodMetrics] = {}
 
 
@@ -216,12 +219,14 @@ def summarise(
     )
 
 
-def compose(methods: Sequence[MethodMetrics], kernels: str = "") -> Metrics:
+def compose(
+    methods: Sequence[MethodMetrics], kernels: str = "", pictures: str = "", *, grey_from_colour: bool = False
+) -> Metrics:
     """The document of ``metrics.json``: the first method's figures at the top, every method's by name.
 
     Parameters
     ----------
-    kernels : what the estimators ran in.
+    kernels : what the estimators ran in. pictures, grey_from_colour : as of `Metrics`.
 
     Raises
     ------
@@ -231,7 +236,13 @@ def compose(methods: Sequence[MethodMetrics], kernels: str = "") -> Metrics:
     if not methods:
         raise ValueError("metrics need at least one method")
     top = {name: getattr(methods[0], name) for name in MethodMetrics.__struct_fields__}
-    return Metrics(by_method={m.method: m for m in methods}, kernels=kernels, **top)
+    return Metrics(
+        by_method={m.method: m for m in methods},
+        kernels=kernels,
+        pictures=pictures,
+        grey_from_colour=grey_from_colour,
+        **top,
+    )
 
 
 def metrics_json_schema() -> dict[str, Any]:

@@ -11,6 +11,7 @@ import msgspec
 from hil.board.svd import BoardModel, CameraIntrinsics
 from hil.evaluate.failures import KINDS
 from hil.evaluate.gallery import failure_tile
+from hil.evaluate.grey import grey
 from hil.evaluate.plots import CAPTIONS, draw_plots
 from simulator.dataset.native import frame_paths, read_png
 from simulator.files import write_atomic
@@ -79,7 +80,7 @@ def write_page(
             f"<p class=dim>{html.escape(card.scenario_name)}, seed {card.seed}, "
             f"target {html.escape(card.target.name)}, "
             f"{metrics.n} frames, {metrics.n_feasible} feasible; model {html.escape(model.sha256[:12])}; "
-            f"kernels {html.escape(metrics.kernels)}</p>"
+            f"kernels {html.escape(metrics.kernels)}; pictures: {html.escape(metrics.pictures)}</p>"
         ),
         "<h2>Methods</h2>",
         _methods_table(list(metrics.by_method.values())),
@@ -266,8 +267,7 @@ def _gallery(
             truth, image = read_truth(paths.truth), read_png(paths.image)
             estimate = None if r.q_wxyz is None else (r.q_wxyz, r.t_m)
             true = (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
-            mono = image if image.ndim == 2 else image[..., 1]
-            tile = failure_tile(mono, truth.box_px, model, camera, true, estimate)
+            tile = failure_tile(grey(image), truth.box_px, model, camera, true, estimate)
             name = f"{label.replace(' ', '-')}-{kind}-{r.frame:06d}.jpg"
             cv2.imwrite(str(place / name), tile, [cv2.IMWRITE_JPEG_QUALITY, 88])
             errors = (

@@ -14,11 +14,12 @@ from hil.board.errors import BoardModelError
 from hil.board.svd import BoardModel
 from hil.board.svd.kernels.library import kernels
 from hil.evaluate.frames import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
+from hil.evaluate.grey import about_pictures
 from hil.evaluate.metrics import MethodMetrics, Metrics, compose, summarise
 from hil.evaluate.page import write_page
 from hil.evaluate.worker import Evaluator, MethodChoice, answer_in_worker, board_model, start_worker
 from simulator.dataset.card import read_card
-from simulator.dataset.native import is_whole
+from simulator.dataset.native import frame_paths, is_whole, read_png
 from simulator.errors import UserError
 from simulator.files import write_atomic
 from simulator.targets.library import load_target
@@ -98,13 +99,29 @@ def evaluate_dataset(
     if not done:
         raise UserError(f"no frame of data set {folder} can be read; run flyaround check on it")
     done.sort(key=lambda row: (labels.index(row.method), row.frame))
+    kind, colour = _pictures(folder, done)
     metrics = compose(
-        [method_metrics(label, [r for r in done if r.method == label]) for label in labels], kernels()
+        [method_metrics(label, [r for r in done if r.method == label]) for label in labels],
+        kernels(),
+        kind,
+        grey_from_colour=colour,
     )
     write_atomic(report / METRICS_JSON, msgspec.json.format(msgspec.json.encode(metrics), indent=1))
     write_atomic(report / FRAMES_CSV, frames_csv(done))
     write_page(report, folder, card, known, metrics, done)
     return metrics
+
+
+def _pictures(folder: Path, rows: Sequence[EvaluatedFrame]) -> tuple[str, bool]:
+    """What a data set's pictures are, by the first that was evaluated, and whether they are in colour."""
+    for row in rows:
+        try:
+            image = read_png(frame_paths(folder, row.frame).image)
+        except UserError:
+            # a resumed run's rows outlive a picture that was lost since
+            continue
+        return about_pictures(image), image.ndim == 3
+    return "", False
 
 
 def method_metrics(label: str, rows: Sequence[EvaluatedFrame]) -> MethodMetrics:

@@ -15,6 +15,7 @@ from hil.board.svd.noise import noise_sigma
 from hil.evaluate.failures import failure_kind
 from hil.evaluate.frame_record import frame_record
 from hil.evaluate.frames import EvaluatedFrame
+from hil.evaluate.grey import grey
 from simulator.dataset.native import frame_paths, read_png
 from simulator.errors import UserError
 from simulator.labels.truth import Truth, read_truth
@@ -79,10 +80,10 @@ class Evaluator:
         self._last: tuple[int, Truth, NDArray[Any]] | None = None
 
     def _frame(self, k: int) -> tuple[Truth, NDArray[Any]]:
-        """A frame's truth and image; the last one is kept, for the next method."""
+        """A frame's truth and image, in grey; the last one is kept, for the next method."""
         if self._last is None or self._last[0] != k:
             paths = frame_paths(self.folder, k)
-            self._last = k, read_truth(paths.truth), read_png(paths.image)
+            self._last = k, read_truth(paths.truth), grey(read_png(paths.image))
         return self._last[1:]
 
     def answer(self, k: int, label: str) -> EvaluatedFrame:
@@ -113,7 +114,7 @@ class Evaluator:
             covariance=result.covariance,
         )
         failure = ""
-        if truth.feasible and not record.coarse and image.ndim == 2:
+        if truth.feasible and not record.coarse:
             failure = failure_kind(
                 image,
                 truth.box_px,

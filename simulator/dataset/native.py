@@ -53,7 +53,7 @@ def encode_png(image: NDArray[np.unsignedinteger]) -> bytes:
 
 
 def read_png(path: Path) -> NDArray[np.unsignedinteger]:
-    """Read a PNG as written: mono (H, W) or RGB (H, W, 3).
+    """Read a PNG as written: mono (H, W) or RGB (H, W, 3); transparency, which none of ours has, is left out.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def read_png(path: Path) -> NDArray[np.unsignedinteger]:
     dtype = image.dtype.type
     if dtype not in (np.uint8, np.uint16):
         raise UserError(f"image {path} holds {image.dtype} pixels; save it with 8 or 16 bits")
-    return np.ascontiguousarray(image if image.ndim == 2 else image[..., ::-1])
+    return np.ascontiguousarray(image if image.ndim == 2 else image[..., 2::-1])
 
 
 def layer_path(folder: Path, stem: str, name: str) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from simulator.world.rotation import matrix_from_quat
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from numpy.typing import ArrayLike
+
+    from simulator.arrays import FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
@@ -60,16 +63,61 @@ def _pose(path: Path, line: int, row: dict[str, str]) -> Pose:
         if not np.isfinite(value):
             raise UserError(f"{path} line {line}: {name} is {cells[name]!r}; give a finite number")
         values.append(value)
-    q, t = np.array(values[:4]), np.array(values[4:])
+    return _checked(np.array(values[:4]), np.array(values[4:]), f"{path} line {line}")
+
+
+def _checked(q: FloatArray, t: FloatArray, where: str) -> Pose:
+    """The target's pose in the camera, if it is one that can be drawn."""
     if not 0.5 < np.linalg.norm(q) < 2:
-        raise UserError(
-            f"{path} line {line}: the quaternion's length is {np.linalg.norm(q):g}; it must be one"
-        )
+        raise UserError(f"{where}: the quaternion's length is {np.linalg.norm(q):g}; it must be one")
     if not NEAREST_M < np.linalg.norm(t) < FARTHEST_M:
         raise UserError(
-            f"{path} line {line}: the target is {np.linalg.norm(t):g} m away, allowed: {NEAREST_M:g} to {FARTHEST_M:g}"
+            f"{where}: the target is {np.linalg.norm(t):g} m away, allowed: {NEAREST_M:g} to {FARTHEST_M:g}"
         )
     return Pose.of("camera", "target", q, t)
+
+
+class ScenePlan(Protocol):
+    """What has scenes of one target by number: a plan of a flight or of a recipe."""
+
+    @property
+    def target(self) -> Target:
+        """The model that is drawn."""
+
+    def scene(self, k: int) -> SceneState:
+        """The snapshot of frame k."""
+
+
+def scene_at(
+    plan: ScenePlan,
+    q_camera_from_target_wxyz: ArrayLike,
+    t_camera_from_target_m: ArrayLike,
+    *,
+    frame: int = 0,
+    index: int | None = None,
+) -> SceneState:
+    """A frame's scene with the target at a pose of one's own: camera, light and background are the frame's.
+
+    Parameters
+    ----------
+    q_camera_from_target_wxyz : (4,) unit quaternion, Hamilton, scalar first; it is normalised.
+    t_camera_from_target_m : (3,) origin of the target's axes in the camera's: x right, y down, z forward [m].
+    frame : of the plan, whose moment it is.
+    index : number of the picture, which keys its noise; ``frame`` unless given.
+
+    Raises
+    ------
+    UserError
+        If the pose is not finite, the quaternion not of unit length, or the target too near or too far.
+    """
+    q, t = (np.asarray(x, float) for x in (q_camera_from_target_wxyz, t_camera_from_target_m))
+    if q.shape != (4,) or t.shape != (3,) or not (np.isfinite(q).all() and np.isfinite(t).all()):
+        raise UserError(
+            f"the pose is {q.tolist()}, {t.tolist()}: give a quaternion of four numbers, scalar first, and a "
+            "position of three [m]"
+        )
+    pose = _checked(q, t, "the pose")
+    return scene_with_pose(plan.scene(frame), plan.target, pose, frame if index is None else index)
 
 
 def scene_with_pose(scene: SceneState, target: Target, pose: Pose, frame_index: int) -> SceneState:

@@ -1,0 +1,115 @@
+"""The board's estimator on one picture of one's own: file or array, camera and target by name or as objects."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from hil.board.errors import BoardModelError
+from hil.board.svd import CameraIntrinsics, make_estimator
+from hil.evaluate.grey import grey
+from hil.evaluate.worker import MethodChoice, board_model
+from simulator.camera.files import load_camera
+from simulator.camera.model import Camera
+from simulator.dataset.native import read_png
+from simulator.errors import UserError
+from simulator.targets.library import load_target
+from simulator.targets.model import Target
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.board.svd import Estimator, PoseResult
+
+_MOST_IN_USE = 4  # estimators that one process keeps: some seconds to make, tens of megabytes each
+
+
+def estimate(
+    image: NDArray[np.unsignedinteger] | str | Path,
+    camera: Camera | str | Path,
+    target: Target | str | Path = "tango",
+    *,
+    method: str = "svd",
+) -> PoseResult:
+    """The pose of a target in one picture, as `flyaround estimate` gives it.
+
+    The first call for a target and a camera prepares an estimator, which takes seconds; it is kept for the next.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) uint8 or uint16 of the camera's size, or the file of one. Colour is taken in grey.
+    camera : that took it: a camera, the name of a built-in one, or a file.
+    target : the craft in it: a target, a name of `list_targets`, or a target file.
+    method : ``svd``, or another of ``hil.board.svd.METHODS``.
+
+    Returns
+    -------
+    PoseResult
+        ``accepted``, ``reason`` of a decline, ``q_camera_from_target_wxyz``, ``t_camera_from_target_m`` [m],
+        ``confidence``, ``covariance``, ``stages_ms``. A decline still carries its best pose, if there is one.
+
+    Raises
+    ------
+    UserError
+        If the picture cannot be read or is not of the camera's size, or a name is unknown.
+    """
+    craft = target if isinstance(target, Target) else load_target(target)
+    intrinsics = camera if isinstance(camera, Camera) else load_camera(camera)
+    where = "the picture" if isinstance(image, np.ndarray) else str(image)
+    pixels = image if isinstance(image, np.ndarray) else read_png(Path(image))
+    checked = checked_picture(pixels, intrinsics, where)
+    # one that remembers the pictures it was shown is made anew
+    find = _made if MethodChoice(method).in_order else _kept
+    return find(_Craft(craft.name, craft.sha256, craft), intrinsics, method).estimate(checked)
+
+
+def checked_picture(
+    image: NDArray[np.unsignedinteger], camera: Camera, where: str
+) -> NDArray[np.unsignedinteger]:
+    """A picture as estimators take it, in grey.
+
+    Raises
+    ------
+    UserError
+        If it has no pixels of 8 or 16 bits, or is not of the camera's size; ``where`` names it.
+    """
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
+        raise UserError(
+            f"{where} is an array of shape {image.shape}: give (height, width), or with 3 channels"
+        )
+    if image.dtype not in (np.uint8, np.uint16):
+        raise UserError(f"{where} holds {image.dtype} pixels: give uint8 or uint16")
+    if image.shape[:2] != (camera.height_px, camera.width_px):
+        raise UserError(
+            f"{where} is {image.shape[1]} x {image.shape[0]} pixels, the camera {camera.width_px} x "
+            f"{camera.height_px}: give the camera that took it (--camera)"
+        )
+    return grey(image)
+
+
+@dataclass(frozen=True)
+class _Craft:
+    """A target as the key of what is prepared for it: same name and hash, same craft."""
+
+    name: str
+    sha256: str
+    target: Target = field(compare=False)
+
+
+def _made(craft: _Craft, camera: Camera, method: str) -> Estimator:
+    try:
+        return make_estimator(
+            board_model(craft.target), CameraIntrinsics.from_dict(msgspec.to_builtins(camera)), method
+        )
+    except BoardModelError as error:
+        raise UserError(str(error)) from error
+
+
+@functools.lru_cache(maxsize=_MOST_IN_USE)
+def _kept(craft: _Craft, camera: Camera, method: str) -> Estimator:
+    return _made(craft, camera, method)
