@@ -76,7 +76,7 @@ def run(request: Request) -> dict[str, Any]:
     _check_screenshot(request.screenshot)
     if request.record is not None:
         # said now, and not after the flight
-        empty_folder(request.record)
+        empty_folder(request.record, option="--record")
     recorder = None if request.record is None else Recorder()
     session = Session.of(load_scenario(request.scenario), seed=request.seed, recorder=recorder)
     with (

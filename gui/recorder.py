@@ -45,7 +45,7 @@ class Recorder:
         UserError
             If the folder is not empty or cannot be written.
         """
-        empty_folder(folder)
+        empty_folder(folder, option="--record")
         recording = Recording.of(self.states)
         write_atomic(folder / "flight.npz", recording.to_bytes())
         path = folder / "replay.toml"

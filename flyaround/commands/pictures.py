@@ -35,7 +35,8 @@ def render(
         typer.Option(
             "--output",
             "-o",
-            help=".png image, .npy raw numbers, .exr radiance; truth goes to .json beside it.",
+            help=".png image, .npy raw numbers, .exr radiance; truth goes to .json beside it. "
+            "Earlier ones of that name are replaced. With --poses also a folder.",
         ),
     ] = Path("frame.png"),
     time_s: Annotated[
@@ -98,8 +99,14 @@ def render(
             raise UserError("--timings is about one picture; leave out --poses")
         _render_poses(scene, target, request, poses, output, gpu, begun, as_json=as_json)
         return
-    from simulator.dataset.picture import render_scene, save_picture, time_passes  # noqa: PLC0415 - slow to import: maps are begun before
+    from simulator.dataset.picture import (  # noqa: PLC0415 - slow to import: maps are begun before
+        check_picture_path,
+        render_scene,
+        save_picture,
+        time_passes,
+    )
 
+    check_picture_path(output)
     frame = render_scene(scene, target, labels=request, device_index=gpu, begun=begun)
     truth_path = save_picture(frame, output)
     stage_ms = time_passes(scene, target, device_index=gpu) if timings else {}
@@ -136,9 +143,17 @@ def _render_poses(
     as_json: bool,
 ) -> None:
     """One picture for each row: OUT-000000.png and so on."""
-    from simulator.dataset.picture import render_poses, save_picture  # noqa: PLC0415 - slow to import: maps are begun before
+    from simulator.dataset.picture import (  # noqa: PLC0415 - slow to import: maps are begun before
+        check_picture_path,
+        render_poses,
+        save_picture,
+    )
 
     rows = read_poses(poses)
+    # a folder takes them under the name that a single picture has by default
+    output = output / "frame.png" if output.is_dir() else output
+    for k in range(len(rows)):
+        check_picture_path(output.with_name(f"{output.stem}-{k:06d}{output.suffix}"))
     written = []
     with progress_bar("render", quiet=as_json) as progress:
         for k, frame in enumerate(

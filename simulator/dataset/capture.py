@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
@@ -27,7 +28,6 @@ from simulator.labels.truth import FlowLabel
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from simulator.camera.model import Camera
     from simulator.dataset.drawers import CheckedFrame
@@ -108,7 +108,7 @@ def parse_formats(text: str) -> tuple[str, ...]:
 
 def capture(
     plan: Plan,
-    folder: Path,
+    folder: str | Path,
     *,
     formats: tuple[str, ...] = ("native",),
     labels: tuple[str, ...] = (),
@@ -133,6 +133,7 @@ def capture(
     UserError
         If the folder is not empty (without ``resume``), belongs to another plan, or cannot be written.
     """
+    folder = Path(folder)
     labels = _possible(plan, labels)
     empty_folder(folder, resume=resume)
     with open_drawer(workers, device_index, plan.scene(0)) as drawer:

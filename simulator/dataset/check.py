@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +33,6 @@ from simulator.world.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -59,7 +59,7 @@ class CheckReport:
 
 
 def check_dataset(
-    folder: Path, progress: Callable[[int, int], None] = lambda _done, _of: None
+    folder: str | Path, progress: Callable[[int, int], None] = lambda _done, _of: None
 ) -> CheckReport:
     """Check every frame of a data set.
 
@@ -68,6 +68,7 @@ def check_dataset(
     UserError
         If the folder is not a data set.
     """
+    folder = Path(folder)
     card = read_card(folder)
     faults: list[Fault] = []
     target: Target | None = load_target(card.target.name)

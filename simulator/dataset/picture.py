@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,6 @@ from simulator.render.renderer import Renderer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from simulator.labels.request import LabelRequest
     from simulator.render.earth_maps import EarthMaps
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from simulator.world.pose import Pose
 
 SUFFIXES = (".png", ".npy", ".exr")
+
+# A record says in its first line what it is.
+_HEAD_BYTES = 512
 
 
 def render_scene(
@@ -82,20 +85,53 @@ def render_poses(
             yield take_frame(renderer, scene_with_pose(scene, target, pose, k), target, labels=labels)
 
 
-def save_picture(frame: Frame, path: Path) -> Path:
-    """Write the image by its ending, the truth to ``.json`` and the layers beside it; returns the truth's path.
+def check_picture_path(path: str | Path) -> Path:
+    """A place that a picture and its truth can be written to; an earlier picture there is replaced.
 
     Raises
     ------
     UserError
-        If the ending is not known or the folder cannot be written.
+        If the ending is not known, the folder does not exist, or the record would replace a file that is none.
     """
+    path = Path(path)
+    if path.is_dir():
+        raise UserError(f"{path} is a folder; name a file in it, for example {path / 'frame.png'}")
+    if not path.suffix:
+        raise UserError(
+            f"{path} has no ending that says how to write it; end the name in {' or '.join(SUFFIXES)}"
+        )
     if path.suffix not in SUFFIXES:
         raise UserError(
             f"cannot write '{path.suffix}' images ({path}); end the name in {' or '.join(SUFFIXES)}"
         )
     if not path.parent.is_dir():
         raise UserError(f"folder {path.parent} does not exist; make it, or name another place with -o")
+    beside = path.with_suffix(".json")
+    if beside.exists() and not _is_truth(beside):
+        raise UserError(
+            f"the truth of {path} would replace {beside}, which is not a truth record; choose another name with -o"
+        )
+    return path
+
+
+def _is_truth(path: Path) -> bool:
+    """Whether a file calls itself a truth record, whole or not."""
+    try:
+        with path.open("rb") as file:
+            return b'"flyaround.truth"' in file.read(_HEAD_BYTES)
+    except OSError:
+        return False
+
+
+def save_picture(frame: Frame, path: str | Path) -> Path:
+    """Write the image by its ending, the truth to ``.json`` and the layers beside it; returns the truth's path.
+
+    Raises
+    ------
+    UserError
+        If the ending is not known, the folder cannot be written, or ``.json`` is there and no truth record.
+    """
+    path = check_picture_path(path)
     if frame.truth is None:
         raise RuntimeError("a saved picture needs its truth")
     write_atomic(path, _encode(frame, path.suffix))

@@ -112,7 +112,7 @@ def truth_to_json(truth: Truth) -> bytes:
     return msgspec.json.format(msgspec.json.encode(truth), indent=1) + b"\n"
 
 
-def read_truth(path: Path) -> Truth:
+def read_truth(path: str | Path) -> Truth:
     """Read and validate a truth record.
 
     Raises
@@ -120,6 +120,7 @@ def read_truth(path: Path) -> Truth:
     UserError
         If the file is missing, is not JSON, or a field is wrong.
     """
+    path = Path(path)
     try:
         data = path.read_bytes()
     except OSError as error:

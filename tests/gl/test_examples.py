@@ -7,6 +7,8 @@ from pathlib import Path
 import cv2
 import pytest
 
+import flyaround as fa
+
 pytestmark = pytest.mark.gl
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -29,6 +31,18 @@ def test_own_sink():
     values = _run("own_sink.py").split("[")[1].rstrip("]\n").split(",")
     assert len(values) == 4
     assert min(int(v) for v in values) > 50
+
+
+def test_own_pose(tmp_path):
+    text = _run("own_pose.py", str(tmp_path))
+    assert "accepted: True" in text
+    # a pose right to a hundredth of the range of 8 m
+    assert float(text.split("off by [m]:")[1]) < 0.08
+    truth = fa.read_truth(tmp_path / "own_pose.json")
+    assert truth.t_camera_from_target_m == pytest.approx((0.4, -0.2, 8.0), abs=1e-12)
+    norm = 0.98**0.5
+    q = [x / norm for x in (0.3, 0.8, 0.4, -0.3)]
+    assert truth.q_camera_from_target_wxyz == pytest.approx(q, abs=1e-12)
 
 
 def test_every_example_is_tested():

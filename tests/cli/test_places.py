@@ -1,0 +1,77 @@
+"""Where output goes: the option that names the place is the one that is told, nothing of another's is replaced."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import flyaround as fa
+from flyaround.__main__ import run
+
+SCENARIO = "tango-space-10m"
+
+
+@pytest.fixture
+def full(tmp_path: Path) -> Path:
+    folder = tmp_path / "full"
+    folder.mkdir()
+    (folder / "mine.txt").write_text("keep")
+    return folder
+
+
+def _fails(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    assert run([str(a) for a in arguments]) == 2
+    return capsys.readouterr().err
+
+
+def test_a_full_folder_of_the_console_is_told_by_its_option(
+    full: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("glfw")
+    pytest.importorskip("imgui_bundle")
+    said = _fails(capsys, "sim", SCENARIO, "--record", full)
+    assert "name a new one with --record" in said
+    assert "-o" not in said.split()
+
+
+def test_a_picture_without_an_ending_or_in_the_place_of_a_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "has no ending" in _fails(capsys, "render", SCENARIO, "-o", tmp_path / "picture")
+    assert "is a folder; name a file in it" in _fails(capsys, "render", SCENARIO, "-o", tmp_path)
+
+
+def test_a_record_never_replaces_a_file_that_is_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    camera = tmp_path / "camera.json"
+    camera.write_text(json.dumps({"fx_px": 1.0}))
+    said = _fails(capsys, "render", SCENARIO, "-o", tmp_path / "camera.png")
+    assert "would replace" in said
+    assert "camera.json" in said
+    assert camera.read_text() == json.dumps({"fx_px": 1.0})
+    assert [p.name for p in tmp_path.iterdir()] == ["camera.json"]
+
+
+def test_poses_go_to_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    poses, out = tmp_path / "poses.csv", tmp_path / "out"
+    poses.write_text("q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m\n1,0,0,0,0,0,9\n")
+    assert "has no ending" in _fails(capsys, "render", SCENARIO, "--poses", poses, "-o", out)
+    out.mkdir()
+    assert run(["render", SCENARIO, "--poses", str(poses), "-o", str(out), "--quality", "draft"]) == 0
+    assert {p.name for p in out.iterdir()} == {"frame-000000.png", "frame-000000.json"}
+
+
+def test_the_public_functions_take_text_for_a_path(full: Path) -> None:
+    with pytest.raises(fa.UserError, match="cannot read truth"):
+        fa.read_truth(f"{full}/none.json")
+    with pytest.raises(fa.UserError, match="not a data set"):
+        fa.check_dataset(str(full))
+    with pytest.raises(fa.UserError, match="not empty"):
+        fa.capture(fa.plan_flight(fa.load_scenario(SCENARIO), n=1), str(full))
+
+
+def test_the_version_is_told() -> None:
+    assert fa.__version__.count(".") >= 1
