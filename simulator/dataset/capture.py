@@ -240,9 +240,13 @@ def _same_plan(folder: Path, card: DatasetCard) -> DatasetCard:
     old = read_card(folder)
     for field in ("scenario", "seed", "n_frames", "every_s", "camera", "target", "labels"):
         if getattr(old, field) != getattr(card, field):
+            which = "another " + field
+            if field == "labels":
+                which = (
+                    f"other labels ({','.join(old.labels) or 'none'}, here {','.join(card.labels) or 'none'})"
+                )
             raise UserError(
-                f"{folder} was captured with another {field}; "
-                "resume with the same command, or name a new folder"
+                f"{folder} was captured with {which}; resume with the same command, or name a new folder"
             )
     for field in ("gl_renderer", "gl_version", "flyaround"):
         if getattr(old.machine, field) != getattr(card.machine, field):

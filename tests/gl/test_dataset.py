@@ -255,6 +255,16 @@ def test_resume_refuses_another_plan(copy):
         capture(_plan(seed=99), copy, resume=True)
 
 
+def test_resume_refuses_other_labels_and_leaves_what_is_there(copy, plan):
+    card, names = (copy / "dataset.json").read_bytes(), sorted(p.name for p in (copy / "images").iterdir())
+    frame_paths(copy, 1).truth.unlink()
+    # half a data set with depth and half without would be neither
+    with pytest.raises(UserError, match=r"other labels \(none, here depth\)"):
+        capture(plan, copy, labels=("depth",), resume=True)
+    assert (copy / "dataset.json").read_bytes() == card
+    assert sorted(p.name for p in (copy / "images").iterdir()) == [n for n in names if n != "000001.json"]
+
+
 def test_resume_keeps_the_formats_and_needs_a_card(copy, plan, tmp_path):
     capture(plan, copy, resume=True)
     assert json.loads((copy / "dataset.json").read_text())["formats"] == ["native", "speed"]

@@ -1,0 +1,60 @@
+"""The guard of the keep-out sphere acts as late as braking allows: neither later nor earlier."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from simulator.world.gravity import Gravity
+from simulator.world.orbit import propagate
+from simulator.world.pointing import Pointing
+from simulator.world.safety import KeepOut
+from simulator.world.scripted import Steered, fly_script
+
+RADIUS_M, BRAKE_M_S2, PERIOD_S = 10.0, 0.05, 0.5
+SPHERE = KeepOut(radius_m=RADIUS_M)
+STILL = np.zeros(3)
+
+
+def _overruled(p: tuple[float, ...], v: tuple[float, ...], asked=STILL, keep_out: KeepOut = SPHERE) -> bool:
+    return keep_out.guard(np.array(p), np.array(v), np.asarray(asked, float), PERIOD_S, BRAKE_M_S2)[1]
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.5, 1.5])
+@pytest.mark.parametrize("push", [0.0, 0.03])
+def test_it_acts_where_braking_would_only_just_stop_outside(speed: float, push: float) -> None:
+    # after the period that the command is held, v^2 / 2 a is the way to a stop
+    after = speed + push * PERIOD_S
+    needed = speed * PERIOD_S + push * PERIOD_S**2 / 2 + after**2 / (2 * BRAKE_M_S2)
+    asked = (0.0, push, 0.0)
+    for margin, acts in ((1.02, False), (0.98, True)):
+        assert _overruled((0.0, -RADIUS_M - margin * needed, 0.0), (0.0, speed, 0.0), asked) is acts
+
+
+def test_who_passes_by_or_leaves_is_left_alone() -> None:
+    assert not _overruled((0.0, -10.5, 0.0), (1.0, 0.0, 0.0))
+    assert not _overruled((0.0, -10.1, 0.0), (0.0, -1.0, 0.0))
+
+
+def test_in_the_corridor_it_acts_where_braking_would_only_just_stop_inside() -> None:
+    corridor = KeepOut(radius_m=RADIUS_M, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_rad=0.25)
+    # 8 m from its tip the cone is 2.04 m wide; from 0.41 m/s a stop takes 1.89 m, from 0.44 m/s 2.16 m
+    for sideways, acts in ((0.41, False), (0.44, True)):
+        assert _overruled((0.0, -8.0, 0.0), (sideways, 0.0, 0.0), keep_out=corridor) is acts
+
+
+def test_a_flight_is_overruled_when_it_must_be_and_not_before() -> None:
+    orbit = propagate((7.078e6, 0.0, 0.0), (0.0, 7504.0, 0.0), 40.0, Gravity(j2=0.0))
+    speed, start = 0.5, 25.0
+    script = Steered(
+        position_lvlh_m=(0.0, -start, 0.0),
+        velocity_lvlh_m_s=(0.0, speed, 0.0),
+        brake_m_s2=BRAKE_M_S2,
+        period_s=PERIOD_S,
+    )
+    track = fly_script(orbit, script, 1.06e-3, Pointing(), SPHERE)
+    braking_m = speed**2 / (2 * BRAKE_M_S2)
+    # a period of looking ahead, another of the grid; gravity bends the way by centimetres
+    assert track.guarded_s == pytest.approx(
+        (start - RADIUS_M - braking_m) / speed - PERIOD_S, abs=2 * PERIOD_S
+    )
