@@ -59,7 +59,7 @@ def run_demo(folder: Path, *, overwrite: bool, executable: str) -> Path:
     started = time.monotonic()
     if overwrite and (folder / MARK).is_file():
         shutil.rmtree(folder)
-    empty_folder(folder)
+    empty_folder(folder, advice="replace an earlier demo with --overwrite")
     write_json(folder / MARK, {"scenario": SCENARIO, "complete": False})
     scenario = load_scenario(SCENARIO)
     plan = plan_flight(scenario, n=N_IMAGES)

@@ -37,13 +37,14 @@ def write_json(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value
     write_atomic(path, (json.dumps(value, indent=1, allow_nan=False) + "\n").encode())
 
 
-def empty_folder(path: Path, *, option: str = "-o", resume: bool | None = None) -> Path:
+def empty_folder(path: Path, *, option: str = "-o", resume: bool | None = None, advice: str = "") -> Path:
     """Make ``path`` a folder that output may go to.
 
     Parameters
     ----------
     option : that names the folder on the command line.
     resume : whether to go on with what is there; None for a command that never does.
+    advice : what else can be done about a full folder.
 
     Raises
     ------
@@ -62,6 +63,11 @@ def empty_folder(path: Path, *, option: str = "-o", resume: bool | None = None) 
             f"cannot write to folder {path}: {error.strerror or error}; name another with {option}"
         ) from error
     if full and not resume:
-        going_on = "" if resume is None else ", or continue it with --resume"
-        raise UserError(f"output folder {path} is not empty; name a new one with {option}{going_on}")
+        choices = [
+            f"name a new one with {option}",
+            *(["continue it with --resume"] if resume is not None else []),
+        ]
+        if advice:
+            choices.append(advice)
+        raise UserError(f"output folder {path} is not empty; {', or '.join(choices)}")
     return path

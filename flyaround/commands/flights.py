@@ -6,11 +6,12 @@ import csv
 import io
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from flyaround.terminal import say, terminal
 from simulator.camera.files import list_cameras, load_camera, read_camera_file
@@ -23,13 +24,16 @@ from simulator.recipe import RECIPES
 from simulator.scenario_load import list_scenarios, load_scenario
 from simulator.scenario_write import replay_scenario
 from simulator.world.flight_messages import flight_messages
-from simulator.world.flight_table import fly_table
+from simulator.world.flight_table import fly_table, summarise_flight
 from simulator.world.recording import record
 
 
 def fly(
     scenario: Annotated[str, typer.Argument(help="Built-in name or TOML file.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for states.csv and scenario.json.")],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder for states.csv and scenario.json: new or empty."),
+    ],
     every_s: Annotated[float, typer.Option("--every", help="Seconds between rows.")] = 1.0,
     oem: Annotated[bool, typer.Option("--oem", help="Write target.oem and chaser.oem (CCSDS).")] = False,
     aem: Annotated[bool, typer.Option("--aem", help="Write target.aem and chaser.aem (CCSDS).")] = False,
@@ -37,12 +41,20 @@ def fly(
         bool,
         typer.Option("--record", help="Write flight.npz and replay.toml, a scenario that flies it again."),
     ] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an earlier flight in that folder.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
-    """Propagate only: the states of both craft as a table."""
+    """Propagate only: states of both craft as a table, with phases, thrust and events; the delta-v it takes."""
     plan = plan_flight(load_scenario(scenario), every_s=every_s)
-    empty_folder(output)
+    earlier = _earlier_flight(output) if overwrite else ()
+    if not earlier:
+        empty_folder(output, advice="replace an earlier flight with --overwrite")
     rows = fly_table(plan.flight, plan.times_s)
+    # what is replaced was there until what replaces it is ready
+    for file in earlier:
+        file.unlink()
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
     writer.writeheader()
@@ -56,11 +68,55 @@ def fly(
     if with_recording:
         write_atomic(output / "flight.npz", record(plan.flight, plan.times_s).to_bytes())
         write_atomic(output / "replay.toml", replay_scenario(plan.scenario, "flight.npz").encode())
-    summary = {"rows": len(rows), "states": str(output / "states.csv")}
+    summary = {"states": str(output / "states.csv"), **summarise_flight(plan.flight, rows)}
     if as_json:
         typer.echo(json.dumps(summary))
     else:
-        say(f"{len(rows)} states in {output / 'states.csv'}")
+        _tell_flight(summary)
+
+
+def _earlier_flight(folder: Path) -> tuple[Path, ...]:
+    """Files of an earlier flight in a folder.
+
+    Raises
+    ------
+    UserError
+        If the folder holds something else.
+    """
+    found = tuple(sorted(folder.iterdir())) if folder.is_dir() else ()
+    foreign = [p.name for p in found if p.name not in FLIGHT_FILES or not p.is_file()]
+    if foreign:
+        raise UserError(f"{folder} holds {foreign[0]}, which fly did not write; name another folder with -o")
+    return found
+
+
+def _tell_flight(summary: dict[str, Any]) -> None:
+    """A flight in a few lines: where its states are, what it did, what it took."""
+    say(f"{summary['rows']} states in {summary['states']}")
+    phases = (f"{p['phase']} {p['from_s']:g} to {p['to_s']:g} s" for p in summary["phases"])
+    say(f"phases: {', '.join(phases)}")
+    if summary["delta_v_m_s"] is None:
+        say("delta-v: not known, the path is followed exactly; [chaser.thrusters] in the scenario flies it")
+    else:
+        used = summary["propellant_kg"]
+        mass = "" if used is None else f", {used:.4g} kg of propellant from {summary['mass_kg'][0]:g} kg"
+        say(f"delta-v: {summary['delta_v_m_s']:.4g} m/s{mass}")
+    say(f"nearest: {summary['min_range_m']:.2f} m at {summary['min_range_s']:g} s")
+    for event in summary["events"]:
+        say(Text(f"at {event['t_s']:g} s: {event['what']}", "red" if event["kind"] == "abort" else ""))
+
+
+FLIGHT_FILES = (
+    "states.csv",
+    "scenario.json",
+    "target.oem",
+    "chaser.oem",
+    "target.aem",
+    "chaser.aem",
+    "flight.npz",
+    "replay.toml",
+)
+"""What `fly` writes into its folder."""
 
 
 def scenarios(

@@ -32,6 +32,7 @@ class ControlledTrack:
     thrust_eci_m_s2 : (n, 3) acceleration held over each period.
     mass_kg : (n,) of the chaser.
     abort_s : when the keep-out sphere was defended, or None.
+    end_mass_kg : after the last period. keep_out : the sphere, or None.
     """
 
     orbit: OrbitTrack
@@ -41,6 +42,8 @@ class ControlledTrack:
     thrust_eci_m_s2: FloatArray
     mass_kg: FloatArray
     abort_s: float | None
+    end_mass_kg: float
+    keep_out: KeepOut | None = None
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """Position [m] and velocity [m s-1] relative to the target at any time, GCRS axes."""
@@ -108,6 +111,8 @@ def fly_controlled(
         thrust_eci_m_s2=table[:, 6:9],
         mass_kg=table[:, 9],
         abort_s=abort_s,
+        end_mass_kg=mass,
+        keep_out=keep_out,
     )
 
 

@@ -20,6 +20,7 @@ from simulator.world.steer import ChaserState
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
     from simulator.world.attitude import AttitudeTrack
+    from simulator.world.burns import Burn
     from simulator.world.controlled import ControlledTrack
     from simulator.world.guidance import Guidance
     from simulator.world.orbit import OrbitTrack
@@ -44,6 +45,7 @@ class Flight:
     guidance : how the chaser moves. n_rad_s : the target's mean motion at the start.
     pointing : how the camera looks.
     controlled : the chaser's track when it flies by thrusters. recording : what is played back instead.
+    burns : of both craft, which the orbits hold already.
     """
 
     epoch: Instant
@@ -58,6 +60,7 @@ class Flight:
     wheels: WheelTrack | None = None
     recording: Recording | None = None
     body: Body = EARTH
+    burns: tuple[Burn, ...] = ()
 
     def lvlh(self, t_s: float) -> Lvlh:
         """The target's LVLH frame."""

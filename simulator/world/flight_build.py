@@ -125,6 +125,7 @@ def propagate_flight(
         if isinstance(guidance, Steered)
         else None,
         body=body,
+        burns=burns,
     )
     around = Surroundings(
         orbit=orbit,

@@ -88,6 +88,7 @@ class SteeredTrack:
     ----------
     orbit : of the target. pointing : of the camera while it tracks. script : what was flown.
     times_s, states, commands : at the start of each step. guarded_s : when the guard first overruled, or None.
+    overruled : whether it did, at each step.
     """
 
     orbit: OrbitTrack
@@ -97,6 +98,7 @@ class SteeredTrack:
     states: list[ChaserState]
     commands: list[Command]
     guarded_s: float | None
+    overruled: list[bool]
 
     def __call__(self, t_s: float) -> ChaserState:
         """The chaser at any time of the flight."""
@@ -126,12 +128,14 @@ def fly_script(
     state = looking(blank, orbit, pointing)
     times = script.times_s(orbit.duration_s)
     states, commands, guarded_s = [], [], None
+    overrulings = []
     for t, end in zip(times, [*times[1:], orbit.duration_s], strict=True):
         if script.tracking:
             state = looking(state, orbit, pointing)
         command = script.command(t)
         if script.tracking:
             command = replace(command, rate_camera_rad_s=state.omega_camera_rad_s)
+        overruled = False
         if keep_out is not None:
             command, overruled = guarded_command(
                 state, command, end - t, orbit.frame(t), keep_out, script.brake_m_s2
@@ -139,6 +143,7 @@ def fly_script(
             guarded_s = t if overruled and guarded_s is None else guarded_s
         states.append(state)
         commands.append(command)
+        overrulings.append(overruled)
         state = replace(step(state, command, end - t, orbit), t_s=end)
     return SteeredTrack(
         orbit=orbit,
@@ -148,6 +153,7 @@ def fly_script(
         states=states,
         commands=commands,
         guarded_s=guarded_s,
+        overruled=overrulings,
     )
 
 
