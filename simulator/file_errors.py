@@ -34,7 +34,7 @@ def explain(message: str, raw: dict[str, Any], root: type[msgspec.Struct]) -> st
     value, types = _walk(raw, root, path)
     near = near_names(str(value), _choices(types)) if isinstance(value, str) else []
     hint = f" (did you mean {near[0]!r}?)" if near else ""
-    return f"key {key} is {_short(value)}, allowed: {_describe_all(types)}{hint}"
+    return f"key {key} is {_short(value)}, allowed: {describe_all(types)}{hint}"
 
 
 def _unknown(name: str, key: str, types: list[mi.Type]) -> str:
@@ -55,23 +55,20 @@ def _missing(name: str, key: str, types: list[mi.Type]) -> str:
         if field.encode_name == name
     ]
     tags = [t.tag for t in types if isinstance(t, mi.StructType) and t.tag_field == name]
-    description = ", ".join(str(tag) for tag in tags) if tags else _describe_all(allowed)
+    description = ", ".join(str(tag) for tag in tags) if tags else describe_all(allowed)
     return f"{place} the key {name}, allowed: {description}"
 
 
 def _walk(raw: Any, root: type[msgspec.Struct], path: str) -> tuple[Any, list[mi.Type]]:  # noqa: ANN401 - TOML
     """The value at ``path`` such as ``.orbit.kind`` or ``.a[0]``, and the types it may have."""
-    types, value = _alternatives(mi.type_info(root)), raw
+    types, value = alternatives(mi.type_info(root)), raw
     for step in re.findall(r"[^.\[\]]+", path):
         if isinstance(value, dict):
             types = _at_key(types, value, step)
             value = value.get(step)
         else:
             types = [
-                a
-                for t in types
-                if isinstance(t, mi.TupleType)
-                for a in _alternatives(t.item_types[int(step)])
+                a for t in types if isinstance(t, mi.TupleType) for a in alternatives(t.item_types[int(step)])
             ]
             value = value[int(step)]
     if isinstance(value, dict):
@@ -84,7 +81,7 @@ def _at_key(types: list[mi.Type], table: dict[str, Any], key: str) -> list[mi.Ty
     if tags := [t.tag for t in structs if t.tag_field == key]:
         return [mi.LiteralType(values=tuple(tags))]
     chosen = [t for t in _by_tag(types, table) if isinstance(t, mi.StructType)]
-    return [a for t in chosen for f in t.fields if f.encode_name == key for a in _alternatives(f.type)]
+    return [a for t in chosen for f in t.fields if f.encode_name == key for a in alternatives(f.type)]
 
 
 def _by_tag(types: list[mi.Type], table: dict[str, Any]) -> list[mi.Type]:
@@ -95,11 +92,12 @@ def _by_tag(types: list[mi.Type], table: dict[str, Any]) -> list[mi.Type]:
     return named or [t for t in types if isinstance(t, mi.StructType)] or types
 
 
-def _alternatives(type_: mi.Type) -> list[mi.Type]:
+def alternatives(type_: mi.Type) -> list[mi.Type]:
+    """The types that a key may have, each alone; none is left out."""
     if isinstance(type_, mi.UnionType):
-        return [a for t in type_.types for a in _alternatives(t)]
+        return [a for t in type_.types for a in alternatives(t)]
     if isinstance(type_, mi.Metadata):
-        return _alternatives(type_.type)
+        return alternatives(type_.type)
     return [] if isinstance(type_, mi.NoneType) else [type_]
 
 
@@ -116,7 +114,8 @@ def _choices(types: list[mi.Type]) -> list[str]:
     return [str(v) for t in types if isinstance(t, mi.LiteralType) for v in t.values]
 
 
-def _describe_all(types: list[mi.Type]) -> str:
+def describe_all(types: list[mi.Type]) -> str:
+    """What is allowed, in words: ``a number of more than 0``, ``mono, rgb``, ``a list of 3, each a number``."""
     return " or ".join(dict.fromkeys(_describe(t) for t in types))
 
 
@@ -126,7 +125,9 @@ def _describe(t: mi.Type) -> str:
     if isinstance(t, mi.LiteralType):
         return ", ".join(str(v) for v in t.values)
     if isinstance(t, mi.TupleType):
-        return f"a list of {len(t.item_types)}, each {_describe_all(_alternatives(t.item_types[0]))}"
+        return f"a list of {len(t.item_types)}, each {describe_all(alternatives(t.item_types[0]))}"
+    if isinstance(t, mi.VarTupleType | mi.ListType):
+        return f"a list, each {describe_all(alternatives(t.item_type))}"
     if isinstance(t, mi.StructType):
         return f"a table with the keys {', '.join(_keys([t]))}"
     return {mi.BoolType: "true or false", mi.StrType: "text in quotes"}.get(type(t), "another type")

@@ -36,7 +36,7 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
 def to_toml(table: dict[str, Any], path: str = "") -> str:
     """A nested table as TOML; keys without a value are left out."""
     plain = {k: v for k, v in table.items() if v is not None and not isinstance(v, dict)}
-    text = "".join(f"{key} = {_value(value)}\n" for key, value in plain.items())
+    text = "".join(f"{key} = {toml_value(value)}\n" for key, value in plain.items())
     for key, value in table.items():
         if isinstance(value, dict):
             name = f"{path}.{key}" if path else key
@@ -44,8 +44,9 @@ def to_toml(table: dict[str, Any], path: str = "") -> str:
     return text
 
 
-def _value(value: Any) -> str:  # noqa: ANN401 - a TOML value is anything
+def toml_value(value: Any) -> str:  # noqa: ANN401 - a TOML value is anything
+    """A value as TOML writes it."""
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(v) for v in value) + "]"
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
     # JSON writes texts, numbers, true and false as TOML does
     return json.dumps(value) if not isinstance(value, float) else repr(value)

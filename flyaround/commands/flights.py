@@ -22,6 +22,7 @@ from simulator.files import empty_folder, write_atomic
 from simulator.loop import plan_flight
 from simulator.recipe import RECIPES
 from simulator.scenario_load import list_scenarios, load_scenario
+from simulator.scenario_show import show_scenario
 from simulator.scenario_write import replay_scenario
 from simulator.world.flight_messages import flight_messages
 from simulator.world.flight_table import fly_table, summarise_flight
@@ -120,12 +121,23 @@ FLIGHT_FILES = (
 
 
 def scenarios(
+    show: Annotated[
+        str | None,
+        typer.Option(
+            "--show",
+            help="Print this scenario as a TOML file to start from, every key in it or as a comment.",
+        ),
+    ] = None,
     sheets: Annotated[
         Path | None, typer.Option("--contact-sheet", help="Draw six frames of each into this folder.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List the built-in scenarios, and the recipes that capture takes."""
+    """List the built-in scenarios and the recipes that capture takes, or print one to start from."""
+    if show is not None:
+        text = show_scenario(show)
+        typer.echo(json.dumps({"name": show, "toml": text}) if as_json else text, nl=as_json)
+        return
     rows = [load_scenario(name) for name in list_scenarios()]
     if sheets is not None:
         empty_folder(sheets, option="--contact-sheet")
@@ -141,6 +153,9 @@ def scenarios(
     for r in RECIPES:
         table.add_row(r.name, r.title, "recipe")
     terminal().print(table)
+    say(
+        "one of your own: flyaround scenarios --show tango-flyaround > mine.toml, then name mine.toml instead"
+    )
 
 
 def cameras(

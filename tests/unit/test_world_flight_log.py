@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -116,6 +117,16 @@ def test_thrust_mass_and_delta_v_agree_with_each_other(tmp_path: Path) -> None:
     summary = summarise_flight(flight, rows)
     assert summary["propellant_kg"] == pytest.approx(mass[0] - mass[-1], abs=1e-12)
     assert summary["delta_v_m_s"] == given[-1]
+
+
+def test_every_column_is_documented_and_no_other(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "formats" / "states.md").read_text()
+    documented = []
+    for cell in re.findall(r"^\| (`.*?`) \|", page.split("| `phase` | |")[0], re.MULTILINE):
+        for name in re.findall(r"`([^`]+)`", cell):
+            start, axes, end = re.fullmatch(r"(\w+?)(?:\{([\w,]+)\})?(\w*)", name).groups()
+            documented += [f"{start}{axis}{end}" for axis in (axes or "").split(",")]
+    assert list(fly_table(_flight(tmp_path, ABORT), [0.0])[0]) == documented
 
 
 def test_a_guard_that_overrules_is_told_where_it_does(tmp_path: Path) -> None:
