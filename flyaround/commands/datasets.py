@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,7 @@ from flyaround.terminal import say
 from simulator.dataset.capture import FORMATS, parse_formats
 from simulator.dataset.capture import capture as capture_plan
 from simulator.dataset.check import check_dataset
+from simulator.dataset.clipping import ClippingSummary
 from simulator.errors import UserError
 from simulator.labels.request import parse_labels
 from simulator.scene.state import Bands
@@ -87,6 +89,7 @@ def capture(
                     "kept": summary.n_kept,
                     "feasible": summary.n_feasible,
                     "quarantined": [{"frame": k, "reason": r} for k, r in summary.quarantined],
+                    "clipping": None if summary.clipping is None else asdict(summary.clipping),
                 }
             )
         )
@@ -95,8 +98,20 @@ def capture(
             f"{summary.n_written} frames written to {summary.folder} ({summary.n_kept} were there, "
             f"{summary.n_feasible} of the new ones feasible, {len(summary.quarantined)} quarantined)"
         )
+        if summary.clipping is not None:
+            _tell_clipping(summary.clipping)
     if summary.quarantined:
         raise typer.Exit(1)
+
+
+def _tell_clipping(clipping: ClippingSummary) -> None:
+    """How much of the target fills the scale (before noise, which hides half of it), and what to do about it."""
+    shares = f"{100 * clipping.share:.1f} % of the target's pixels are burnt out"
+    if clipping.advice:
+        worst = f"{100 * clipping.worst_share:.0f} % in the worst frame"
+        say(Text(f"{shares} ({worst}): {clipping.advice}", "yellow"))
+    else:
+        say(shares)
 
 
 def check(

@@ -18,6 +18,7 @@ from simulator.dataset.card import (
     describe_machine,
     read_card,
 )
+from simulator.dataset.clipping import ClippingSummary, summarise_clipping
 from simulator.dataset.drawers import open_drawer
 from simulator.dataset.native import is_whole, write_encoded
 from simulator.dataset.speed import export_speed
@@ -80,13 +81,14 @@ class Plan(Protocol):
 
 @dataclass(frozen=True)
 class CaptureSummary:
-    """What a capture did."""
+    """What a capture did; ``clipping`` is of the frames that it wrote, None where it wrote none with a target."""
 
     folder: Path
     n_written: int
     n_kept: int
     n_feasible: int
     quarantined: tuple[tuple[int, str], ...]
+    clipping: ClippingSummary | None = None
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
@@ -145,7 +147,7 @@ def capture(
         kept = {k for k in range(plan.n_frames) if is_whole(folder, k)} if resume else set()
         missing = [k for k in range(plan.n_frames) if k not in kept]
         quarantined: list[tuple[int, str]] = []
-        n_feasible = 0
+        n_feasible, clipped = 0, []
         jobs = ((k, plan.scene(k), _request(plan, k, labels)) for k in missing)
         frames = drawer.frames(jobs, plan.target, card)
         for done, (k, frame) in enumerate(zip(missing, frames, strict=True)):
@@ -157,12 +159,14 @@ def capture(
             else:
                 write_encoded(folder, k, frame.files)
                 n_feasible += frame.feasible
+                clipped.append(frame.clipping)
             progress(len(kept) + done + 1, plan.n_frames)
     if "speed" in card.formats:
         export_speed(folder, [k for k in range(plan.n_frames) if is_whole(folder, k)])
     write_atomic(folder / CARD_NAME, card_to_json(msgspec.structs.replace(card, complete=not quarantined)))
     n_written = len(missing) - len(quarantined)
-    return CaptureSummary(folder, n_written, len(kept), n_feasible, tuple(quarantined))
+    clipping = summarise_clipping(clipped, plan.scenario_document)
+    return CaptureSummary(folder, n_written, len(kept), n_feasible, tuple(quarantined), clipping)
 
 
 def _with_quarantined(card: DatasetCard, k: int, reason: str) -> DatasetCard:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from simulator.dataset.check import check_frame
+from simulator.dataset.clipping import Clipping, measure_clipping
 from simulator.dataset.native import EncodedFrame, encode_frame
 from simulator.labels.frame import Frame, take_frame
 from simulator.labels.request import LabelRequest
@@ -33,6 +34,7 @@ class CheckedFrame:
     files: EncodedFrame
     feasible: bool
     reason: str
+    clipping: Clipping
 
 
 class Drawer(Protocol):
@@ -79,7 +81,7 @@ def _checked(k: int, frame: Frame, card: DatasetCard, target: Target) -> Checked
     if frame.truth is None or frame.mask is None:
         raise RuntimeError("a captured frame needs labels")
     wrong = check_frame(k, frame.truth, frame.image, frame.mask, card, target, frame.layers)
-    return CheckedFrame(encode_frame(frame), frame.truth.feasible, "; ".join(wrong))
+    return CheckedFrame(encode_frame(frame), frame.truth.feasible, "; ".join(wrong), measure_clipping(frame))
 
 
 def _draw_checked(

@@ -1,0 +1,113 @@
+"""How much of the target is burnt out in the frames of a capture, and the exposure that would keep it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.camera.develop import expose
+from simulator.scene.bands import sunlight_balance
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.labels.frame import Frame
+
+NOTABLE_SHARE = 0.05
+"""More of the target's pixels than this at the top of the scale: an exposure is proposed."""
+
+# Highlights may burn out: of the target's pixels the brightest fiftieth; the rest is brought below this signal.
+_KEPT, _BELOW = 0.98, 0.9
+
+# Where frames want exposures further apart than this, one number does not serve them all.
+_FAR_APART = 4.0
+
+
+@dataclass(frozen=True)
+class Clipping:
+    """One frame's pixels at the top of the scale.
+
+    Parameters
+    ----------
+    target_px, clipped_px : pixels of the target's mask, and those of them whose noise-free signal fills the scale.
+    exposure_s : of the frame.
+    fitting_s : exposure that would keep all but the brightest 2 % of the target; 0 where it is not lit.
+    """
+
+    target_px: int
+    clipped_px: int
+    exposure_s: float
+    fitting_s: float
+
+
+@dataclass(frozen=True)
+class ClippingSummary:
+    """A capture's pixels at the top of the scale.
+
+    Parameters
+    ----------
+    share, worst_share : of the target's pixels, over all frames and in the worst one.
+    advice : what to do about it; empty where it is not notable.
+    """
+
+    share: float
+    worst_share: float
+    advice: str
+
+
+def measure_clipping(frame: Frame) -> Clipping:
+    """The clipping of a labelled frame with its radiance, by the detector's scale and without its noise."""
+    scene = frame.scene
+    radiance = frame.radiance[frame.mask > 0] if frame.mask is not None else frame.radiance[:0].ravel()
+    if not len(radiance):
+        return Clipping(0, 0, scene.exposure_s, 0.0)
+    # an even picture of unit radiance, exposed for a second, tells the scale of each band
+    even = np.ones((9, 9, *radiance.shape[1:]), np.float32)
+    scale = expose(even, scene.sensor, 1.0, sunlight_balance(scene.bands), scene.optics)[4, 4]
+    signal_1s = radiance * scale
+    # of a colour pixel the band that is full first
+    brightest = signal_1s if signal_1s.ndim == 1 else signal_1s.max(axis=1)
+    clipped = int(np.count_nonzero(brightest * scene.exposure_s >= 1.0))
+    high = float(np.quantile(brightest, _KEPT))
+    return Clipping(len(brightest), clipped, scene.exposure_s, _BELOW / high if high > 0 else 0.0)
+
+
+def summarise_clipping(frames: Sequence[Clipping], document: dict[str, Any]) -> ClippingSummary | None:
+    """The clipping of some frames together; None of frames without a target.
+
+    Parameters
+    ----------
+    document : scenario or recipe that they were drawn from, for what can be done there.
+    """
+    seen = [f for f in frames if f.target_px]
+    if not seen:
+        return None
+    share = sum(f.clipped_px for f in seen) / sum(f.target_px for f in seen)
+    worst = max(f.clipped_px / f.target_px for f in seen)
+    return ClippingSummary(share, worst, _advice(seen, document) if share > NOTABLE_SHARE else "")
+
+
+def _advice(frames: Sequence[Clipping], document: dict[str, Any]) -> str:
+    if document.get("schema") != "flyaround.scenario":
+        return "the recipe sets the exposure: it suits the target it was made for"
+    sensor = document.get("sensor") or {}
+    if sensor.get("auto_exposure") is not None:
+        level = sensor["auto_exposure"].get("level", 0.5)
+        return f"set level below {level:g} in [sensor.auto_exposure], or its lag_s shorter"
+    fitting = [f.fitting_s for f in frames if f.fitting_s > 0]
+    best, longest = min(fitting), max(fitting)
+    number = f"exposure_s = {_two_digits(best)} in [sensor] (here {frames[0].exposure_s:g})"
+    if longest > _FAR_APART * best:
+        return (
+            f"add [sensor.auto_exposure], for frames want {_two_digits(best)} to {_two_digits(longest)} s; or, for the "
+            f"brightest, {number}"
+        )
+    return f"set {number}, or add [sensor.auto_exposure], which follows the light"
+
+
+def _two_digits(x: float) -> str:
+    """Rounded down to two digits: a proposal is no measurement, and longer would burn out."""
+    step = 10.0 ** (np.floor(np.log10(x)) - 1)
+    return f"{np.floor(x / step * (1 + 1e-9)) * step:.2g}"
