@@ -15,6 +15,7 @@ from flyaround.terminal import say, terminal
 from simulator.errors import UserError
 from simulator.files import empty_folder
 from simulator.targets.board_file import write_board_model
+from simulator.targets.faces import MOST_TRIANGLES
 from simulator.targets.glb_write import write_glb
 from simulator.targets.importing.add import ImportOptions, import_mesh
 from simulator.targets.importing.install import check_name, install, sheet_folder, user_targets
@@ -107,6 +108,7 @@ def add(
         density_kg_m3=density,
     )
     target, lines = import_mesh(file, chosen, options)
+    expect = _expected_of_the_estimator(target)
     path = install(target)
     page: Path | None = None
     if sheet:
@@ -116,6 +118,7 @@ def add(
             "path": str(path),
             "report": lines,
             "contact_sheet": str(page) if page else None,
+            "estimator": expect,
         }
         typer.echo(json.dumps(document))
         return
@@ -124,6 +127,23 @@ def add(
     say(f"target {chosen!r} in {path}")
     if page is not None:
         say(f"look at it: {page}")
+    say("exposure: [sensor] exposure_s of your scenario; capture says how much of the craft is burnt out")
+    if expect:
+        say(f"estimator: {expect}")
+
+
+def _expected_of_the_estimator(target: Target) -> str:
+    """What to expect of the board's estimator on a craft that it was not made for; empty where it has a first look."""
+    from hil.board.svd.look.first import read_net  # noqa: PLC0415 - slow to import, needed here alone
+
+    if read_net(target.name) is not None:
+        return ""
+    n = sum(len(p.triangles) for p in target.parts)
+    heavy = f"its {n:,} triangles are too many for it to draw the craft: --decimate {MOST_TRIANGLES}; "
+    return (heavy if n > MOST_TRIANGLES else "") + (
+        "no first look is trained of this craft: expect about half of the poses to be right and few or none accepted; "
+        "docs/svd.md, A craft of your own, says what training takes (pip install 'flyaround[train]', 20 minutes, 1 GB)"
+    )
 
 
 def remove(
