@@ -165,7 +165,10 @@ def cameras(
             help="Built-in name or a file: CAMERA.json, data sheet, SPEED JSON, OpenCV, ROS or Kalibr YAML."
         ),
     ] = None,
-    export: Annotated[Path | None, typer.Option("--export", help="Write the camera to this file.")] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option("--export", help="Write the camera to this file; an earlier one is replaced."),
+    ] = None,
     form: Annotated[
         str | None,
         typer.Option("--format", help=f"Of the written file: {', '.join(FORMATS)} (default native)."),
