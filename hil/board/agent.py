@@ -15,8 +15,8 @@ from typing import Any, Callable, Dict, Iterable, List, Optional, Protocol, Tupl
 
 from hil.board.errors import KernelError
 from hil.link.clock import answer_time_sync, now_ns
-from hil.link.errors import LinkClosed, LinkError, PacketError
-from hil.link.images import FrameAssembler, Image, supported_encodings
+from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake
+from hil.link.images import FrameAssembler, Image, check_terms, supported_encodings
 from hil.link.messages import (
     NO_FRAME,
     Bye,
@@ -31,12 +31,16 @@ from hil.link.messages import (
     PoseMessage,
     TimeSyncRequest,
 )
+from hil.link.packets import PacketType
 from hil.link.session import Link, greet_host
 from hil.link.transport import connect
 
 logger = logging.getLogger(__name__)
 
 SUFFIX = ".board.json"
+
+# damage and mistakes of a session that are logged one by one: a line that does nothing else fills no disk
+MAX_LOGGED = 100
 
 
 class Estimate(Protocol):
@@ -205,15 +209,18 @@ def run_board(
     try:
         repeat_s = 1.0 if url.startswith("serial") else math.inf
         terms = greet_host(link, hello, connect_timeout_s, repeat_s=repeat_s)
-        estimator = _make(make_estimator, terms, link)
+        # what the estimator is under test for is not even decoded here
+        link.accepts = link.accepts - {PacketType.TRUTH}
+        estimator = _make(make_estimator, terms, hello, link)
         logger.info("session with %s: %d x %d px", url, terms.width_px, terms.height_px)
-        return _Session(link, terms, estimator).run()
+        return _Session(link, terms, estimator, hello.window).run()
     finally:
         link.close("the board's agent ends")
 
 
-def _make(make_estimator: EstimatorFactory, terms: HelloAck, link: Link) -> Estimator:
+def _make(make_estimator: EstimatorFactory, terms: HelloAck, hello: Hello, link: Link) -> Estimator:
     try:
+        check_terms(terms, hello.encodings)
         return make_estimator(terms.camera)
     except Exception as error:
         sentence = f"the board cannot use the host's camera ({error}): check the scenario's camera"
@@ -224,10 +231,13 @@ def _make(make_estimator: EstimatorFactory, terms: HelloAck, link: Link) -> Esti
 class _Session:
     """Two threads: one takes packets and answers clock requests, one estimates."""
 
-    def __init__(self, link: Link, terms: HelloAck, estimator: Estimator) -> None:
+    def __init__(self, link: Link, terms: HelloAck, estimator: Estimator, window: int) -> None:
         self._link, self._terms, self._estimator = link, terms, estimator
+        # whole frames that wait: no more than this board said it can hold, whatever the host makes of it
+        self._room = max(1, min(window, terms.window))
         self._arrivals: queue.Queue[Optional[_Arrival]] = queue.Queue()
-        self._assembler = FrameAssembler()
+        self._assembler = FrameAssembler(terms)
+        self._logged = 0
         self._goodbye = False
         self._ended = "the host went away"
         self._stop = threading.Event()
@@ -301,6 +311,8 @@ class _Session:
                     message = self._link.recv(0.5)
                     if message is not None and not self._take(message):
                         return
+                except ProtocolMistake as mistake:
+                    self._mistaken(mistake)
                 except PacketError as error:
                     self._damaged(error)
                 self._report_lost()
@@ -317,7 +329,7 @@ class _Session:
         elif isinstance(message, FrameChunk):
             complete = self._assembler.chunk(message)
             if complete is not None:
-                self._arrivals.put(_Arrival(complete[0], complete[1], at_ns))
+                self._arrive(_Arrival(complete[0], complete[1], at_ns))
         elif isinstance(message, TimeSyncRequest):
             self._link.send(answer_time_sync(message, at_ns))
         elif isinstance(message, Bye):
@@ -328,12 +340,39 @@ class _Session:
             return False
         return True
 
+    def _arrive(self, arrival: _Arrival) -> None:
+        if self._arrivals.qsize() < self._room:  # only this thread puts in
+            self._arrivals.put(arrival)
+            return
+        frame_id = arrival.header.frame_id
+        text = f"frame {frame_id} came while {self._room} others waited: the window is {self._room}"
+        self._warn(text)
+        self._link.send(ErrorMessage(ErrorCode.BUSY, text, frame_id))
+
     def _damaged(self, error: PacketError) -> None:
         """A packet was damaged: the frame in work cannot become whole."""
-        logger.warning("%s", error)
+        self._warn(str(error))
         self._assembler.abandon()
         if not self._assembler.has_lost:
             self._link.send(ErrorMessage(ErrorCode.CORRUPT, str(error), NO_FRAME))
+
+    def _mistaken(self, mistake: ProtocolMistake) -> None:
+        """The host sent what the protocol does not allow: it alone can mend that."""
+        self._warn(str(mistake))
+        about = mistake.frame_id
+        if about is None:
+            self._link.send(ErrorMessage(ErrorCode.OTHER, str(mistake), NO_FRAME))
+            return
+        if about == self._assembler.frame_id:
+            self._assembler.abandon()
+        self._link.send(ErrorMessage(ErrorCode.FORMAT, str(mistake), about))
+
+    def _warn(self, sentence: str) -> None:
+        self._logged += 1
+        if self._logged <= MAX_LOGGED:
+            logger.warning(
+                "%s%s", sentence, " (further ones are not logged)" if self._logged == MAX_LOGGED else ""
+            )
 
     def _report_lost(self) -> None:
         for frame_id in self._assembler.lost():

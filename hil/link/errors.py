@@ -1,5 +1,9 @@
 """What can go wrong on the link, each as one sentence saying what, where and what to do."""
 
+from __future__ import annotations
+
+from typing import Optional
+
 
 class LinkError(Exception):
     """The link failed or the other side refused; the message is one sentence for the user."""
@@ -15,3 +19,16 @@ class PacketError(LinkError):
 
 class VersionMismatch(PacketError):  # noqa: N818 - the trade's word
     """An intact packet of another protocol version."""
+
+
+class ProtocolMistake(PacketError):  # noqa: N818 - the sender's, not the line's
+    """An intact packet that says what the protocol does not allow: the sender is at fault, not the line.
+
+    Parameters
+    ----------
+    frame_id : the frame that the packet is about; None where it is about none.
+    """
+
+    def __init__(self, sentence: str, frame_id: Optional[int] = None) -> None:
+        super().__init__(sentence)
+        self.frame_id = frame_id

@@ -3,20 +3,32 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any, Dict
 
 from hil.link.errors import PacketError
 
 HASH_BYTES = 32
 
+# what a receiver takes: a camera is a few hundred bytes of JSON, a truth record some ten thousand
+MAX_CAMERA_JSON_BYTES = 1 << 16
+MAX_TRUTH_JSON_BYTES = 1 << 20
+# objects and arrays inside each other; a truth record has six
+MAX_JSON_DEPTH = 32
+
+# a string, even one without an end, or a bracket; no input makes it look at a byte twice
+_STRING_OR_BRACKET = re.compile(rb'"[^"\\]*(?:\\.?[^"\\]*)*(?:"|\Z)|[\[\]{}]', re.DOTALL)
+# line ends would break a ledger's rows, escape sequences do things to a terminal
+_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+
 
 def pack_text(text: str, size: int) -> bytes:
     """UTF-8, cut at a character's edge to ``size`` bytes; struct pads it with zeros."""
-    return text.encode("utf-8")[:size].decode("utf-8", "ignore").encode("utf-8")
+    return text.encode("utf-8", "replace")[:size].decode("utf-8", "ignore").encode("utf-8")
 
 
 def unpack_text(data: bytes) -> str:
-    """Text up to the first zero.
+    """Text up to the first zero, control characters as spaces.
 
     Raises
     ------
@@ -24,7 +36,7 @@ def unpack_text(data: bytes) -> str:
         If it is not UTF-8.
     """
     try:
-        return data.split(b"\0", 1)[0].decode("utf-8")
+        return _CONTROL.sub(" ", data.split(b"\0", 1)[0].decode("utf-8"))
     except UnicodeDecodeError as error:
         raise PacketError("a text field is not UTF-8") from error
 
@@ -61,18 +73,43 @@ def pack_json(value: Dict[str, Any]) -> bytes:
         raise PacketError(f"a JSON payload cannot be written: {error}") from error
 
 
-def unpack_json(data: bytes) -> Dict[str, Any]:
-    """A JSON object.
+def unpack_json(data: bytes, most_bytes: int) -> Dict[str, Any]:
+    """A JSON object; size and depth are looked at before anything is read.
+
+    Parameters
+    ----------
+    most_bytes : longer ones are refused, and so are ones nested deeper than ``MAX_JSON_DEPTH``.
 
     Raises
     ------
     PacketError
         If the bytes are something else.
     """
+    if len(data) > most_bytes:
+        raise PacketError(f"a JSON payload of {len(data)} bytes is refused: at most {most_bytes} are read")
+    if _deeper_than(data, MAX_JSON_DEPTH):
+        raise PacketError(f"a JSON payload nested deeper than {MAX_JSON_DEPTH} levels is refused")
     try:
-        value = json.loads(data.decode("utf-8"))
+        value = json.loads(data.decode("utf-8"), parse_constant=_no_constant)
     except ValueError as error:
         raise PacketError(f"a JSON payload cannot be read: {error}") from error
     if not isinstance(value, dict):
         raise PacketError("a JSON payload is not an object")
     return value
+
+
+def _deeper_than(data: bytes, most: int) -> bool:
+    depth = 0
+    for match in _STRING_OR_BRACKET.finditer(data):
+        token = match.group()
+        if token in (b"[", b"{"):
+            depth += 1
+            if depth > most:
+                return True
+        elif token in (b"]", b"}"):
+            depth -= 1
+    return False
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(f"{name} is not a JSON number")

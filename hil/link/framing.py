@@ -6,7 +6,7 @@ import struct
 from typing import Optional
 
 from hil.link import cobs as pure_cobs
-from hil.link.errors import PacketError
+from hil.link.errors import PacketError, ProtocolMistake, VersionMismatch
 from hil.link.packets import (
     HEADER,
     MAGIC,
@@ -40,11 +40,19 @@ class LengthFraming:
 
     The prefix repeats what the packet's header says. Where the two disagree, or a CRC fails, the
     decoder looks for the next place where prefix, magic and header length fit together.
+
+    A packet whose CRC failed is looked through for others, for its length may be what is damaged. Bytes that
+    pretend to be packets inside packets would be read again for each, so each byte that came pays for
+    ``REREAD`` bytes of failed packets; beyond that a failed packet is dropped whole.
     """
+
+    REREAD = 2
 
     def __init__(self) -> None:
         self._buffer = bytearray()
         self._in_garbage = False
+        self._failed_until = 0  # bytes of the buffer that belong to packets whose failure was told
+        self._credit = self.REREAD * MAX_PACKET_BYTES  # bytes of failed packets that may be read again
 
     def encode(self, packet: Packet) -> bytes:
         """Bytes for the line."""
@@ -54,6 +62,7 @@ class LengthFraming:
     def feed(self, data: bytes) -> None:
         """Take bytes from the line, however they were cut."""
         self._buffer += data
+        self._credit = min(self._credit + self.REREAD * len(data), self.REREAD * MAX_PACKET_BYTES)
 
     def next_packet(self) -> Optional[Packet]:
         """The next whole packet, or None until more bytes come.
@@ -61,42 +70,56 @@ class LengthFraming:
         Raises
         ------
         PacketError
-            Once per stretch of damage; call again for what follows it.
+            Once per stretch of damage, and for each packet that failed; call again for what follows it.
         """
-        buffer = self._buffer
-        start = PREFIX.size
-        while len(buffer) >= start + HEADER.size:
-            length = PREFIX.unpack_from(buffer)[0]
-            payload = _PAYLOAD_LENGTH.unpack_from(buffer, start + _PAYLOAD_LENGTH_AT)[0]
-            if (
-                buffer[start : start + 4] == MAGIC
-                and length == payload + OVERHEAD_BYTES
-                and length <= MAX_PACKET_BYTES
-            ):
-                if len(buffer) < start + length:
-                    return None
-                try:
-                    packet = decode_packet(bytes(memoryview(buffer)[start : start + length]))
-                except PacketError:
-                    # the length itself may be what is damaged: look inside for the next packet
-                    self._skip()
-                    self._in_garbage = True
-                    raise
-                del buffer[: start + length]
-                self._in_garbage = False
-                return packet
-            self._skip()
-            if not self._in_garbage:
+        buffer, at = self._buffer, 0
+        try:
+            while len(buffer) - at >= PREFIX.size + HEADER.size:
+                length = self._claimed_length(at)
+                begin, end = at + PREFIX.size, at + PREFIX.size + length
+                trouble: Optional[PacketError] = None
+                if length:
+                    if len(buffer) < end:
+                        return None
+                    try:
+                        packet = decode_packet(bytes(memoryview(buffer)[begin:end]))
+                    except (VersionMismatch, ProtocolMistake):
+                        at, self._in_garbage = end, False  # intact: nothing is to be looked for inside
+                        raise
+                    except PacketError as error:
+                        trouble = error if at >= self._failed_until else None
+                        self._failed_until = max(end, self._failed_until)
+                    else:
+                        at, self._in_garbage = end, False
+                        return packet
+                at = self._next_candidate(at, length)
+                if trouble is None and not self._in_garbage:
+                    trouble = PacketError("bytes between packets were dropped: the line is out of step")
                 self._in_garbage = True
-                raise PacketError("bytes between packets were dropped: the line is out of step")
-        return None
+                if trouble is not None:
+                    raise trouble
+            return None
+        finally:
+            del buffer[:at]
+            self._failed_until = max(0, self._failed_until - at)
 
-    def _skip(self) -> None:
-        """Drop bytes up to the next possible packet."""
-        at = self._buffer.find(MAGIC, PREFIX.size + 1)
+    def _claimed_length(self, at: int) -> int:
+        """Bytes of the packet whose prefix may be at ``at``; 0 where prefix, magic and header do not agree."""
+        begin = at + PREFIX.size
+        if not self._buffer.startswith(MAGIC, begin):
+            return 0
+        length = int(PREFIX.unpack_from(self._buffer, at)[0])
+        payload = _PAYLOAD_LENGTH.unpack_from(self._buffer, begin + _PAYLOAD_LENGTH_AT)[0]
+        return length if length == payload + OVERHEAD_BYTES and length <= MAX_PACKET_BYTES else 0
+
+    def _next_candidate(self, at: int, failed: int) -> int:
+        """Where the next prefix may be; inside the ``failed`` bytes of a packet only while credit lasts."""
+        inside = failed <= self._credit
+        if inside:
+            self._credit -= failed
+        magic = self._buffer.find(MAGIC, at + PREFIX.size + (1 if inside else failed))
         # keep what may be a prefix and the start of a magic
-        keep_from = at - PREFIX.size if at >= 0 else max(1, len(self._buffer) - PREFIX.size - 3)
-        del self._buffer[:keep_from]
+        return magic - PREFIX.size if magic >= 0 else max(at + 1, len(self._buffer) - PREFIX.size - 3)
 
 
 class CobsFraming:
@@ -104,6 +127,7 @@ class CobsFraming:
 
     def __init__(self, *, pure: bool = False) -> None:
         self._buffer = bytearray()
+        self._searched = 0  # bytes of it that hold no zero: looked at once, however few come at a time
         self._fast = HAS_FAST_COBS and not pure
 
     def encode(self, packet: Packet) -> bytes:
@@ -125,12 +149,15 @@ class CobsFraming:
             Once per damaged frame; call again for what follows it.
         """
         while True:
-            end = self._buffer.find(0)
+            end = self._buffer.find(0, self._searched)
             if end < 0:
-                if len(self._buffer) > _MAX_COBS_BYTES:
+                self._searched = len(self._buffer)
+                if self._searched > _MAX_COBS_BYTES:
                     self._buffer.clear()
+                    self._searched = 0
                     raise PacketError("a serial frame has no end: the other side is not a flyaround link")
                 return None
+            self._searched = 0
             frame = bytes(memoryview(self._buffer)[:end])
             del self._buffer[: end + 1]
             if frame:

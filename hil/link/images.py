@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterator, List, Optional, Set, Tuple, Union
+from typing import Any, Iterator, List, Optional, Tuple, Union
 
 import numpy as np
 
-from hil.link.errors import PacketError
-from hil.link.messages import Encoding, FrameChunk, FrameHeader
+from hil.link.errors import LinkError, PacketError, ProtocolMistake
+from hil.link.messages import Encoding, FrameChunk, FrameHeader, HelloAck
 
 try:
     import zstandard
@@ -16,8 +16,68 @@ except ImportError:
 
 Image = np.ndarray  # (H, W) uint8, or uint16 little-endian
 
-# 16 bits, 16384 x 16384: no larger allocation is ever made for a header
-MAX_FRAME_BYTES = 1 << 29
+# 16 bits, 8192 x 8192: no larger image is taken, whatever a host proposes
+MAX_FRAME_BYTES = 1 << 27
+
+
+def image_bytes(width_px: int, height_px: int, bits: int) -> int:
+    """Size of an image before it is encoded: one byte a pixel up to 8 bits, two above."""
+    return width_px * height_px * (1 if bits <= 8 else 2)
+
+
+def check_terms(terms: HelloAck, encodings: int) -> None:
+    """Look at what a host proposes before anything is built for it.
+
+    Parameters
+    ----------
+    encodings : what this side offered, ``1 << Encoding``.
+
+    Raises
+    ------
+    LinkError
+        If its images have no size or too large a one, are not what its camera gives, or cannot be decoded here.
+    """
+    size = f"{terms.width_px} x {terms.height_px} px of {terms.bits} bits"
+    total = image_bytes(terms.width_px, terms.height_px, terms.bits)
+    if total == 0 or not 1 <= terms.bits <= 16:
+        raise LinkError(f"images of {size} cannot be sent: use one channel of 1 to 16 bits")
+    if total > MAX_FRAME_BYTES:
+        raise LinkError(
+            f"images of {size} are too large for this board: at most {MAX_FRAME_BYTES >> 20} MiB each"
+        )
+    for name, value in (("width_px", terms.width_px), ("height_px", terms.height_px)):
+        if terms.camera.get(name, value) != value:
+            raise LinkError(
+                f"images of {size} do not fit the camera, whose {name} is {terms.camera[name]!r:.40}"
+            )
+    if not encodings & (1 << terms.encoding):
+        raise LinkError(f"images come as {terms.encoding.name.lower()}, which this board did not offer")
+
+
+def check_header(header: FrameHeader, terms: HelloAck) -> None:
+    """Whether a frame is what the handshake settled.
+
+    Raises
+    ------
+    ProtocolMistake
+        If its size, depth, encoding or number of chunks is another, or more bytes are announced than its
+        pixels can take up.
+    """
+    pixels = image_bytes(terms.width_px, terms.height_px, terms.bits)
+    shape = (header.width_px, header.height_px)
+    if shape != (terms.width_px, terms.height_px) or image_bytes(*shape, header.bits) != pixels:
+        wanted = f"{terms.width_px} x {terms.height_px} px of {terms.bits} bits"
+        said = f"{shape[0]} x {shape[1]} px of {header.bits} bits"
+        raise ProtocolMistake(f"frame {header.frame_id} has {said}, agreed were {wanted}", header.frame_id)
+    if header.encoding not in (terms.encoding, Encoding.RAW):
+        raise ProtocolMistake(f"frame {header.frame_id} has an encoding that was not agreed", header.frame_id)
+    # zstd cannot make noise larger than this
+    most = pixels if header.encoding == Encoding.RAW else pixels + pixels // 128 + 1024
+    if not 0 < header.total_bytes <= most:
+        raise ProtocolMistake(
+            f"frame {header.frame_id} announces {header.total_bytes} bytes where its pixels take at most {most}",
+            header.frame_id,
+        )
 
 
 def supported_encodings() -> int:
@@ -44,7 +104,9 @@ def decode_image(data: Union[bytes, bytearray], header: FrameHeader) -> Image:
         If the bytes do not make an image of the size that the header says.
     """
     dtype = np.dtype("u1") if header.bits <= 8 else np.dtype("<u2")
-    expected = header.width_px * header.height_px * dtype.itemsize
+    expected = image_bytes(header.width_px, header.height_px, header.bits)
+    if expected > MAX_FRAME_BYTES:
+        raise PacketError(f"frame {header.frame_id}: an image of {expected} bytes is refused")
     raw: Any = data
     if header.encoding == Encoding.ZSTD:
         if zstandard is None:
@@ -78,12 +140,20 @@ class FrameAssembler:
     """Header and chunks back to a frame; knows which frame was lost when something is missing.
 
     ``header`` and ``chunk`` return what became complete, ``lost`` which frames never will.
+
+    Parameters
+    ----------
+    terms : what the handshake settled; frames of another size or kind are refused before memory is taken for
+        them. None takes any within ``MAX_FRAME_BYTES``.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, terms: Optional[HelloAck] = None) -> None:
+        self._terms = terms
         self._header: Optional[FrameHeader] = None
         self._data = bytearray()
-        self._seen: Set[int] = set()
+        self._seen = bytearray()  # one for each chunk that came
+        self._missing = 0  # chunks and
+        self._missing_bytes = 0  # bytes that have not come
         self._last_lost: Optional[int] = None
         self._lost: List[int] = []
 
@@ -95,11 +165,13 @@ class FrameAssembler:
     def header(self, header: FrameHeader) -> None:
         """A new frame begins; one that was not complete is lost."""
         self.abandon()
-        if not 0 < header.total_bytes <= MAX_FRAME_BYTES:
-            raise PacketError(f"frame {header.frame_id}: a frame of {header.total_bytes} bytes is refused")
+        self._last_lost = header.frame_id  # a refused header is told by its exception, its chunks say no more
+        self._check(header)
+        self._last_lost = None
         self._header = header
         self._data = bytearray(header.total_bytes)
-        self._seen = set()
+        self._seen = bytearray(header.chunk_count)
+        self._missing, self._missing_bytes = header.chunk_count, header.total_bytes
 
     def chunk(self, chunk: FrameChunk) -> Optional[Tuple[FrameHeader, Image]]:
         """Take a chunk; the frame, when this was its last missing one."""
@@ -112,12 +184,17 @@ class FrameAssembler:
             self.abandon()
             return None
         self._data[chunk.offset : end] = chunk.data
-        self._seen.add(chunk.index)
-        if len(self._seen) < header.chunk_count:
+        if not self._seen[chunk.index]:
+            self._seen[chunk.index] = 1
+            self._missing -= 1
+            self._missing_bytes -= len(chunk.data)
+        if self._missing:
             return None
-        self._header = None
+        data, self._header, self._data = self._data, None, bytearray()
         try:
-            return header, decode_image(self._data, header)
+            if self._missing_bytes:
+                raise PacketError(f"frame {header.frame_id}: its chunks do not cover it")
+            return header, decode_image(data, header)
         except PacketError:
             self._lose(header.frame_id)
             raise
@@ -126,7 +203,7 @@ class FrameAssembler:
         """Give up the frame in work: a part of it was damaged."""
         if self._header is not None:
             self._lose(self._header.frame_id)
-            self._header = None
+            self._header, self._data = None, bytearray()
 
     @property
     def has_lost(self) -> bool:
@@ -137,6 +214,18 @@ class FrameAssembler:
         """Frames lost since the last call, each named once."""
         lost, self._lost = self._lost, []
         return lost
+
+    def _check(self, header: FrameHeader) -> None:
+        if self._terms is not None:
+            check_header(header, self._terms)
+        elif not 0 < header.total_bytes <= MAX_FRAME_BYTES:
+            raise PacketError(f"frame {header.frame_id}: a frame of {header.total_bytes} bytes is refused")
+        # each chunk brings a byte at least
+        if not 0 < header.chunk_count <= header.total_bytes:
+            raise ProtocolMistake(
+                f"frame {header.frame_id} announces {header.chunk_count} chunks for {header.total_bytes} bytes",
+                header.frame_id,
+            )
 
     def _lose(self, frame_id: int) -> None:
         # every chunk of a frame without header comes by here: name it once

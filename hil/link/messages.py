@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Union, get_args
+import struct
+from typing import Any, Dict, Optional, Union, get_args
 
+from hil.link.errors import PacketError, ProtocolMistake
 from hil.link.messages_frame import Credit, FrameChunk, FrameHeader, PoseMessage, TruthMessage
 from hil.link.messages_session import Bye, ErrorMessage, Hello, HelloAck, TimeSyncReply, TimeSyncRequest
 from hil.link.packets import Packet, PacketType
@@ -47,13 +49,27 @@ Message = Union[
 _BY_TYPE: Dict[PacketType, Any] = {kind.TYPE: kind for kind in get_args(Message)}
 
 
+# payloads about one frame begin with its id
+_ABOUT_A_FRAME = (PacketType.FRAME_HEADER, PacketType.FRAME_CHUNK, PacketType.POSE)
+_FRAME_ID = struct.Struct("<I")
+
+
 def decode_message(packet: Packet) -> Message:
     """The message in a packet.
 
     Raises
     ------
-    PacketError
-        If the payload is not what its type says.
+    ProtocolMistake
+        If the payload is not what its type says. The packet's CRC was right, so that its sender wrote it so.
     """
-    message: Message = _BY_TYPE[packet.type].decode(packet.payload)
+    try:
+        message: Message = _BY_TYPE[packet.type].decode(packet.payload)
+    except PacketError as error:
+        raise ProtocolMistake(str(error), _frame_id(packet)) from error
     return message
+
+
+def _frame_id(packet: Packet) -> Optional[int]:
+    if packet.type not in _ABOUT_A_FRAME or len(packet.payload) < _FRAME_ID.size:
+        return None
+    return int(_FRAME_ID.unpack_from(packet.payload)[0])

@@ -5,14 +5,20 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Dict, Optional, Tuple
+from typing import Any, ClassVar, Dict, Optional, Sequence, Tuple
 
 from hil.link.errors import PacketError
-from hil.link.fields import pack_json, pack_text, unpack_json, unpack_text
+from hil.link.fields import MAX_TRUTH_JSON_BYTES, pack_json, pack_text, unpack_json, unpack_text
 from hil.link.packets import PacketType
 from hil.link.vocabulary import Encoding, known_value, unpack_fixed
 
 MAX_STAGES = 64
+
+# how far the length of a quaternion may be from 1: single precision and four printed digits pass, a scaled one does not
+QUATERNION_TOLERANCE = 1e-3
+# further off than the Moon, and longer than a week: squares and sums of what is smaller stay finite
+MAX_POSITION_M = 1e9
+MAX_STAGE_MS = 1e9
 
 Quat = Tuple[float, float, float, float]
 Vec3 = Tuple[float, float, float]
@@ -68,6 +74,8 @@ class FrameHeader:
             cls.LAYOUT, data, "FRAME_HEADER"
         )
         encoding = known_value(Encoding, encoding, "image encoding")
+        if not math.isfinite(exposure) or not math.isfinite(t_s):
+            raise PacketError(f"frame {frame_id}: a FRAME_HEADER holds times that are not finite")
         return cls(
             frame_id, width, height, bits, encoding, total, count, exposure, t_s, sent, unpack_text(epoch)
         )
@@ -105,7 +113,8 @@ class PoseMessage:
     Parameters
     ----------
     q_camera_from_target_wxyz, t_camera_from_target_m : the best pose, None when there is none;
-        a declined frame may carry one.
+        a declined frame may carry one. The quaternion is of length 1 within ``QUATERNION_TOLERANCE``.
+    confidence : 0 to 1, the board's own estimate that the pose is right; 0 where it has none.
     receive_ns, start_ns, end_ns : board's monotonic clock: frame complete, estimator begins, ends.
     stages_ms : name (at most 24 bytes) and duration of each stage, in order.
     """
@@ -137,6 +146,7 @@ class PoseMessage:
             raise PacketError(f"frame {self.frame_id}: an accepted pose must be there and finite")
         reason = pack_text(self.reason, 400)
         stages = self.stages_ms[:MAX_STAGES]
+        _check_pose(self.frame_id, numbers, self.confidence, [ms for _, ms in stages], has_pose=has_pose)
         fixed = self.LAYOUT.pack(
             self.frame_id,
             self.accepted,
@@ -164,11 +174,10 @@ class PoseMessage:
             raise PacketError(f"a POSE payload of {len(data)} bytes does not fit its own counts")
         if accepted > 1 or has_pose > 1 or (accepted and not has_pose):
             raise PacketError(f"frame {frame_id}: a POSE contradicts itself")
-        if not all(math.isfinite(x) for x in numbers):
-            raise PacketError(f"frame {frame_id}: a POSE holds numbers that are not finite")
         stages = tuple(
             (unpack_text(name), float(ms)) for name, ms in cls.STAGE.iter_unpack(data[cls.LAYOUT.size : at])
         )
+        _check_pose(frame_id, numbers, confidence, [ms for _, ms in stages], has_pose=bool(has_pose))
         return cls(
             frame_id,
             bool(accepted),
@@ -180,6 +189,30 @@ class PoseMessage:
             receive_ns,
             start_ns,
             end_ns,
+        )
+
+
+def _check_pose(
+    frame_id: int, numbers: Sequence[float], confidence: float, stages_ms: Sequence[float], *, has_pose: bool
+) -> None:
+    """Raise PacketError for what no estimator means: it is neither scored nor mended."""
+    if not all(math.isfinite(x) for x in (*numbers, confidence, *stages_ms)):
+        raise PacketError(f"frame {frame_id}: a POSE holds numbers that are not finite")
+    length = math.hypot(*numbers[:4])
+    if has_pose and abs(length - 1.0) > QUATERNION_TOLERANCE:
+        raise PacketError(
+            f"frame {frame_id}: the quaternion of a POSE has length {length:.6g}: make it 1"
+            f" (within {QUATERNION_TOLERANCE:g})"
+        )
+    if any(abs(x) > MAX_POSITION_M for x in numbers[4:]):
+        raise PacketError(
+            f"frame {frame_id}: the position of a POSE is beyond {MAX_POSITION_M:g} m: send metres"
+        )
+    if not 0.0 <= confidence <= 1.0:
+        raise PacketError(f"frame {frame_id}: the confidence of a POSE is {confidence:g}: it must be 0 to 1")
+    if any(not 0.0 <= ms <= MAX_STAGE_MS for ms in stages_ms):
+        raise PacketError(
+            f"frame {frame_id}: a stage of a POSE took less than nothing, or over {MAX_STAGE_MS:g} ms"
         )
 
 
@@ -224,4 +257,4 @@ class TruthMessage:
         frame_id, size = unpack_fixed(cls.LAYOUT, data, "TRUTH", tail=True)
         if len(data) - cls.LAYOUT.size != size:
             raise PacketError(f"a TRUTH payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")
-        return cls(frame_id, unpack_json(data[cls.LAYOUT.size :]))
+        return cls(frame_id, unpack_json(data[cls.LAYOUT.size :], MAX_TRUTH_JSON_BYTES))

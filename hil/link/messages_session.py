@@ -7,7 +7,15 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Dict
 
 from hil.link.errors import PacketError
-from hil.link.fields import pack_hash, pack_json, pack_text, unpack_hash, unpack_json, unpack_text
+from hil.link.fields import (
+    MAX_CAMERA_JSON_BYTES,
+    pack_hash,
+    pack_json,
+    pack_text,
+    unpack_hash,
+    unpack_json,
+    unpack_text,
+)
 from hil.link.packets import PROTOCOL_VERSION, PacketType
 from hil.link.vocabulary import NO_FRAME, Encoding, ErrorCode, Mode, TruthPolicy, known_value, unpack_fixed
 
@@ -113,7 +121,7 @@ class HelloAck:
         if len(camera) != size:
             raise PacketError(f"a HELLO_ACK carries {len(camera)} bytes of camera, expected {size}")
         return cls(
-            unpack_json(camera),
+            unpack_json(camera, MAX_CAMERA_JSON_BYTES),
             width,
             height,
             bits,

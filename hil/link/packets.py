@@ -7,7 +7,7 @@ import zlib
 from dataclasses import dataclass
 from enum import IntEnum
 
-from hil.link.errors import PacketError, VersionMismatch
+from hil.link.errors import PacketError, ProtocolMistake, VersionMismatch
 
 MAGIC = b"FLYA"
 PROTOCOL_VERSION = 1
@@ -95,6 +95,8 @@ def decode_packet(data: bytes) -> Packet:
         If the bytes are damaged, cut short or too long.
     VersionMismatch
         If they are an intact packet of another protocol version.
+    ProtocolMistake
+        If they are an intact packet of a type that this version does not know.
     """
     if len(data) < OVERHEAD_BYTES:
         raise PacketError(f"{len(data)} bytes are too short for a packet: the line lost some")
@@ -113,5 +115,5 @@ def decode_packet(data: bytes) -> Packet:
     try:
         packet_type = PacketType(kind)
     except ValueError as error:
-        raise PacketError(f"packet type {kind} is unknown to link protocol {PROTOCOL_VERSION}") from error
+        raise ProtocolMistake(f"packet type {kind} is unknown to link protocol {PROTOCOL_VERSION}") from error
     return Packet(packet_type, bytes(view[HEADER.size : -CRC.size]), session_id, sequence, version)

@@ -7,9 +7,9 @@ import math
 import threading
 import time
 from dataclasses import dataclass, replace
-from typing import Optional
+from typing import AbstractSet, FrozenSet, Optional
 
-from hil.link.errors import LinkClosed, LinkError, PacketError, VersionMismatch
+from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake, VersionMismatch
 from hil.link.messages import (
     Bye,
     Encoding,
@@ -18,19 +18,58 @@ from hil.link.messages import (
     Hello,
     HelloAck,
     Message,
+    TruthPolicy,
     decode_message,
 )
 from hil.link.packets import Packet, PacketType
 from hil.link.transport import Transport
 
+# what each side may hear, by the state of its session; the payload of anything else is not looked at
+HOST_BEFORE_HELLO: FrozenSet[PacketType] = frozenset({PacketType.HELLO})
+HOST_IN_SESSION: FrozenSet[PacketType] = frozenset(
+    {
+        PacketType.HELLO,
+        PacketType.TIME_SYNC_REQUEST,
+        PacketType.TIME_SYNC_REPLY,
+        PacketType.POSE,
+        PacketType.CREDIT,
+        PacketType.BYE,
+        PacketType.ERROR,
+    }
+)
+BOARD_BEFORE_TERMS: FrozenSet[PacketType] = frozenset(
+    {PacketType.HELLO_ACK, PacketType.BYE, PacketType.ERROR}
+)
+BOARD_IN_SESSION: FrozenSet[PacketType] = frozenset(
+    {
+        PacketType.TIME_SYNC_REQUEST,
+        PacketType.TIME_SYNC_REPLY,
+        PacketType.FRAME_HEADER,
+        PacketType.FRAME_CHUNK,
+        PacketType.BYE,
+        PacketType.ERROR,
+    }
+)
+
+# packets left out in a row before a receiver that does not wait comes back to its caller
+MAX_LEFT_OUT = 256
+
 
 @dataclass
 class LinkStats:
-    """Counts since the line was opened."""
+    """Counts since the line was opened.
+
+    Parameters
+    ----------
+    corrupt : packets that the line damaged.
+    mistakes : intact packets that say what the protocol does not allow, or at the wrong time.
+    stale : packets of an earlier session.
+    """
 
     sent: int = 0
     received: int = 0
     corrupt: int = 0
+    mistakes: int = 0
     sequence_gaps: int = 0
     stale: int = 0
 
@@ -42,11 +81,19 @@ class Link:
     ----------
     transport : an open line.
     session_id : 0 until the handshake has settled it.
+    accepts : packet types that may come now, to be changed as the session goes on; others are counted as
+        mistakes and left out, unread.
     """
 
-    def __init__(self, transport: Transport, session_id: int = 0) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        session_id: int = 0,
+        accepts: AbstractSet[PacketType] = frozenset(PacketType),
+    ) -> None:
         self.transport = transport
         self.session_id = session_id
+        self.accepts = accepts
         self.stats = LinkStats()
         self._lock = threading.Lock()
         self._sequence = 0
@@ -66,28 +113,42 @@ class Link:
         Raises
         ------
         PacketError
-            For damaged bytes; the link stays usable.
+            For damaged bytes, and after ``MAX_LEFT_OUT`` packets that do not belong here; the link stays usable.
+        ProtocolMistake
+            For an intact packet whose payload breaks the protocol; the same.
         LinkClosed
             When the line has ended.
         """
         deadline = time.monotonic() + timeout_s
-        while True:
+        for _ in range(MAX_LEFT_OUT):
             try:
                 packet = self.transport.recv_packet(max(0.0, deadline - time.monotonic()))
                 if packet is None:
                     return None
-                message = decode_message(packet)
+                self._count(packet)
+                if self._belongs_here(packet):
+                    message = decode_message(packet)
+                    if packet.type == PacketType.HELLO_ACK:
+                        self.session_id = packet.session_id
+                    return message
+            except ProtocolMistake:
+                self.stats.mistakes += 1
+                raise
             except PacketError:
                 self.stats.corrupt += 1
                 raise
-            self._count(packet)
-            # HELLO opens a session, HELLO_ACK settles its id, ERROR may come before either
-            opening = packet.type in (PacketType.HELLO, PacketType.HELLO_ACK, PacketType.ERROR)
-            if opening or packet.session_id == self.session_id:
-                if packet.type == PacketType.HELLO_ACK:
-                    self.session_id = packet.session_id
-                return message
+        raise PacketError(f"{MAX_LEFT_OUT} packets in a row do not belong to this session")
+
+    def _belongs_here(self, packet: Packet) -> bool:
+        # HELLO opens a session, HELLO_ACK settles its id, ERROR may come before either
+        opening = packet.type in (PacketType.HELLO, PacketType.HELLO_ACK, PacketType.ERROR)
+        if not opening and packet.session_id != self.session_id:
             self.stats.stale += 1  # of an earlier session on the same serial line
+            return False
+        if packet.type not in self.accepts:
+            self.stats.mistakes += 1
+            return False
+        return True
 
     def close(self, reason: Optional[str] = None) -> None:
         """Close the line, after a BYE when ``reason`` is given and the line still works."""
@@ -147,6 +208,7 @@ def greet_host(link: Link, hello: Hello, timeout_s: float, *, repeat_s: float = 
         If the host refuses, speaks another version, or does not answer in ``timeout_s``.
     """
     name = link.transport.name
+    link.accepts = BOARD_BEFORE_TERMS
     deadline = time.monotonic() + timeout_s
     while time.monotonic() < deadline:
         link.send(hello)
@@ -159,6 +221,8 @@ def greet_host(link: Link, hello: Hello, timeout_s: float, *, repeat_s: float = 
             except PacketError:
                 continue
             if isinstance(message, HelloAck):
+                scores_itself = message.truth == TruthPolicy.INLINE
+                link.accepts = BOARD_IN_SESSION | ({PacketType.TRUTH} if scores_itself else set())
                 return message
             if isinstance(message, ErrorMessage):
                 raise LinkError(f"the host at {name} refuses: {message.text}")

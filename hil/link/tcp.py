@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import select
 import socket
 import time
@@ -15,6 +16,15 @@ from hil.link.transport import StreamTransport
 
 # a peer that takes no byte for this long is gone
 SEND_STALL_S = 10.0
+# and so is one that takes longer for a packet: slower than a modem, it only holds the sender
+SEND_PACKET_S = 60.0
+# a peer whose machine vanished is noticed after about half a minute of silence
+KEEPALIVE_S = (("TCP_KEEPIDLE", 15), ("TCP_KEEPINTVL", 5), ("TCP_KEEPCNT", 3))
+# nobody can be let in while files, or the memory for them, run out; this pause keeps the processor free for the rest
+EXHAUSTED_PAUSE_S = 0.01
+
+
+EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
 def _wait(sock: socket.socket, event: int, timeout_s: float) -> bool:
@@ -23,15 +33,30 @@ def _wait(sock: socket.socket, event: int, timeout_s: float) -> bool:
     return bool(poller.poll(timeout_s * 1e3))
 
 
+def keep_alive(sock: socket.socket) -> None:
+    """Let the system find out whether the other side still exists; OSError where the connection is gone already."""
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in KEEPALIVE_S:
+        if hasattr(socket, name):  # TCP_KEEPIDLE has another name on macOS
+            sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
 class TcpTransport(StreamTransport):
     """One TCP connection."""
 
-    def __init__(self, sock: socket.socket, name: str, send_stall_s: float = SEND_STALL_S) -> None:
+    def __init__(
+        self,
+        sock: socket.socket,
+        name: str,
+        send_stall_s: float = SEND_STALL_S,
+        send_packet_s: float = SEND_PACKET_S,
+    ) -> None:
         super().__init__(name, LengthFraming())
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        keep_alive(sock)
         self._sock = sock
-        self._send_stall_s = send_stall_s
+        self._send_stall_s, self._send_packet_s = send_stall_s, send_packet_s
 
     def fileno(self) -> int:
         """The socket's."""
@@ -47,6 +72,7 @@ class TcpTransport(StreamTransport):
 
     def _write(self, data: bytes) -> None:
         view = memoryview(data)
+        deadline = time.monotonic() + self._send_packet_s
         try:
             while view:
                 try:
@@ -56,6 +82,11 @@ class TcpTransport(StreamTransport):
                         raise LinkClosed(
                             f"{self.name} took no byte for {self._send_stall_s:g} s:"
                             " it hangs or the network is cut"
+                        ) from None
+                    if time.monotonic() > deadline:
+                        raise LinkClosed(
+                            f"{self.name} took {len(data)} bytes in more than {self._send_packet_s:g} s:"
+                            " it hangs or the network is too slow"
                         ) from None
         except OSError as error:
             raise LinkClosed(f"{self.name} went away while it was sent to ({error.strerror})") from error
@@ -131,15 +162,32 @@ class TcpListener:
             ) from error
         sock.setblocking(False)
         self._sock = sock
+        self._spare: Optional[int] = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
         bound = sock.getsockname()[1]
         self.url = f"tcp://[{host}]:{bound}" if ":" in host else f"tcp://{host}:{bound}"
 
     def accept_socket(self, timeout_s: float) -> Optional[socket.socket]:
-        """The bare connection of whoever came, None after ``timeout_s``."""
+        """The bare connection of whoever came; None after ``timeout_s``, or where nobody can be let in now."""
         try:
             return self._sock.accept()[0] if _wait(self._sock, select.POLLIN, timeout_s) else None
         except (BlockingIOError, ConnectionError):
             return None  # it came and went
+        except OSError as error:
+            if error.errno not in EXHAUSTED:
+                return None  # the network's trouble with that one connection, as accept(2) has it
+            self._turn_away()
+            return None
+
+    def _turn_away(self) -> None:
+        """Close whoever waits, with the file that was kept for this: left waiting, it would be told of for ever."""
+        if self._spare is not None:
+            os.close(self._spare)
+            self._spare = None
+        with contextlib.suppress(OSError):
+            self._sock.accept()[0].close()
+        with contextlib.suppress(OSError):
+            self._spare = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
+        time.sleep(EXHAUSTED_PAUSE_S)
 
     def accept(self, timeout_s: float) -> Optional[TcpTransport]:
         """A line to whoever came, None after ``timeout_s``."""
@@ -160,3 +208,6 @@ class TcpListener:
     def close(self) -> None:
         """Stop listening."""
         self._sock.close()
+        if self._spare is not None:
+            os.close(self._spare)
+            self._spare = None

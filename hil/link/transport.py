@@ -93,8 +93,9 @@ class StreamTransport(ABC):
             data = self._read(max(0.0, left))
             if data:
                 self._framing.feed(data)
-            elif left <= 0:
-                return None
+            if left <= 0:
+                # also while bytes keep coming: a line of endless garbage holds nobody here
+                return self._framing.next_packet()
 
     @abstractmethod
     def _write(self, data: bytes) -> None:

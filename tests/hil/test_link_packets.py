@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from hil.link.errors import PacketError, VersionMismatch
 from hil.link.messages import (
@@ -41,8 +42,8 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 
 
 def text(size: int) -> st.SearchStrategy[str]:
-    """Text that a field of ``size`` bytes holds whole."""
-    characters = st.characters(exclude_characters="\0", exclude_categories=["Cs"])
+    """Text that a field of ``size`` bytes holds whole; control characters and line ends would arrive as spaces."""
+    characters = st.characters(exclude_categories=["Cs", "Cc", "Zl", "Zp"])
     return st.text(characters, max_size=size // 4)
 
 
@@ -50,15 +51,20 @@ json_object = st.dictionaries(
     st.text(max_size=8), st.one_of(finite, st.integers(), st.text(max_size=8)), max_size=4
 )
 hashes = st.one_of(st.just(""), st.binary(min_size=32, max_size=32).filter(any).map(bytes.hex))
+metres = st.floats(-1e9, 1e9)
+# of length 1: from a turn about each axis in turn
+quaternions = st.tuples(*[st.floats(-3.2, 3.2)] * 3).map(
+    lambda a: tuple(Rotation.from_euler("xyz", a).as_quat(scalar_first=True).tolist())
+)
 poses = st.builds(
     PoseMessage,
     u32,
     accepted=st.booleans(),
     reason=text(400),
-    q_camera_from_target_wxyz=st.tuples(finite, finite, finite, finite),
-    t_camera_from_target_m=st.tuples(finite, finite, finite),
-    confidence=finite,
-    stages_ms=st.lists(st.tuples(text(24), finite), max_size=5).map(tuple),
+    q_camera_from_target_wxyz=quaternions,
+    t_camera_from_target_m=st.tuples(metres, metres, metres),
+    confidence=st.floats(0.0, 1.0),
+    stages_ms=st.lists(st.tuples(text(24), st.floats(0.0, 1e9)), max_size=5).map(tuple),
     receive_ns=u64,
     start_ns=u64,
     end_ns=u64,

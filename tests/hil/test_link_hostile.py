@@ -1,0 +1,458 @@
+"""Packets that are intact and mean harm: refused by the session's state, by size, by depth, in linear time."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+import time
+import tracemalloc
+import zlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import zstandard
+
+from hil.link.errors import LinkError, PacketError, ProtocolMistake
+from hil.link.fields import MAX_CAMERA_JSON_BYTES, MAX_JSON_DEPTH, MAX_TRUTH_JSON_BYTES, unpack_json
+from hil.link.framing import PREFIX, CobsFraming, LengthFraming
+from hil.link.images import MAX_FRAME_BYTES, FrameAssembler, check_terms, supported_encodings
+from hil.link.messages import (
+    Bye,
+    Encoding,
+    FrameChunk,
+    FrameHeader,
+    Hello,
+    HelloAck,
+    PoseMessage,
+    TruthMessage,
+    TruthPolicy,
+    decode_message,
+)
+from hil.link.packets import HEADER, MAGIC, OVERHEAD_BYTES, Packet, PacketType
+from hil.link.session import HOST_BEFORE_HELLO, HOST_IN_SESSION, MAX_LEFT_OUT, Link, greet_host
+from hil.link.transport import virtual_pair
+
+DEEP = b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"
+TERMS = HelloAck({"width_px": 64, "height_px": 48}, 64, 48)
+
+
+def truth_packet(data: bytes, session_id: int = 0) -> Packet:
+    return Packet(PacketType.TRUTH, struct.pack("<II", 1, len(data)) + data, session_id)
+
+
+# --- JSON --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        (DEEP, "nested deeper than 32 levels"),
+        (b"[" * 100_000, "nested deeper"),
+        (b'{"a":' * 100_000, "nested deeper"),
+        (b'{"a":"' + b"x" * MAX_TRUTH_JSON_BYTES + b'"}', "bytes is refused"),
+        (b'{"a":' + b"1" * 100_000 + b"}", "cannot be read"),
+        (b'{"a":NaN}', "not a JSON number"),
+        (b'{"a":-Infinity}', "not a JSON number"),
+        (b'{"a":"\xff"}', "cannot be read"),
+        (b'"' + b'\\"' * 1000, "cannot be read"),
+        (b"[]", "not an object"),
+        (b"", "cannot be read"),
+    ],
+)
+def test_hostile_json_is_one_sentence(data, sentence):
+    with pytest.raises(PacketError, match=sentence) as caught:
+        unpack_json(data, MAX_TRUTH_JSON_BYTES)
+    assert len(str(caught.value)) < 200
+    with pytest.raises(ProtocolMistake):
+        decode_message(truth_packet(data))
+
+
+def test_depth_is_counted_outside_strings_and_to_the_limit():
+    brackets_in_text = {"a": "[" * 100, 'quote" [[': ["\\" * 3, '\\"' + "{" * 100]}
+    assert unpack_json(json.dumps(brackets_in_text).encode(), 4096) == brackets_in_text
+    levels = MAX_JSON_DEPTH - 1  # and the object around them
+    fits = b'{"a":' + b"[" * levels + b"]" * levels + b"}"
+    assert unpack_json(fits, 4096)["a"] == json.loads(fits)["a"]
+    with pytest.raises(PacketError, match="deeper"):
+        unpack_json(b'{"a":' + b"[" * (levels + 1) + b"]" * (levels + 1) + b"}", 4096)
+
+
+def test_a_camera_may_take_less_than_a_truth():
+    camera = {"note": "x" * MAX_CAMERA_JSON_BYTES}
+    with pytest.raises(PacketError, match=f"at most {MAX_CAMERA_JSON_BYTES}"):
+        HelloAck.decode(HelloAck(camera, 64, 48).encode())
+    assert TruthMessage.decode(TruthMessage(1, camera).encode()).truth == camera
+
+
+# --- the session's state -----------------------------------------------------------------------
+
+
+def test_a_host_reads_no_truth_and_before_hello_nothing_else(monkeypatch):
+    read = []
+    monkeypatch.setattr("hil.link.session.decode_message", lambda packet: read.append(packet.type) or packet)
+    board, host = virtual_pair()
+    link = Link(host, accepts=HOST_BEFORE_HELLO)
+    for kind in PacketType:
+        board.send_packet(Packet(kind, DEEP))
+    assert link.recv(0.0).type == PacketType.HELLO
+    assert link.recv(0.0) is None
+    assert link.stats.mistakes == len(PacketType) - 1
+    link.accepts = HOST_IN_SESSION
+    for kind in PacketType:
+        board.send_packet(Packet(kind, DEEP))
+    while link.recv(0.0) is not None:
+        pass
+    assert {
+        PacketType.TRUTH,
+        PacketType.HELLO_ACK,
+        PacketType.FRAME_HEADER,
+        PacketType.FRAME_CHUNK,
+    }.isdisjoint(read)
+    assert PacketType.POSE in read
+
+
+@pytest.mark.parametrize("truth", list(TruthPolicy))
+def test_a_board_reads_truth_only_where_it_was_agreed(truth):
+    board, host = virtual_pair()
+    host.send_packet(truth_packet(DEEP))  # before the terms
+    Link(host, 9).send(replace(TERMS, truth=truth))
+    link = Link(board)
+    greet_host(link, Hello(), 5.0)
+    Link(host, 9).send(TruthMessage(1, {"a": 1}))
+    assert link.recv(0.0) == (TruthMessage(1, {"a": 1}) if truth == TruthPolicy.INLINE else None)
+
+
+def test_terms_in_the_middle_of_a_session_change_nothing():
+    board, host = virtual_pair()
+    Link(host, 9).send(TERMS)
+    link = Link(board)
+    greet_host(link, Hello(), 5.0)
+    Link(host, 10).send(TERMS)
+    Link(host, 9).send(Bye("end"))
+    assert link.recv(0.0) == Bye("end")
+    assert link.session_id == 9
+
+
+def test_a_flood_of_what_does_not_belong_comes_back_to_the_caller():
+    """Two floods that never leave a receiver without bytes: garbage, and packets of another session."""
+    a, b = virtual_pair()
+    for k in range(MAX_LEFT_OUT + 10):
+        a.send_packet(Packet(PacketType.BYE, Bye("x").encode(), 77, k))
+    link = Link(b, 5)
+    with pytest.raises(PacketError, match="do not belong"):
+        link.recv(0.0)
+
+    class Endless:
+        name, chunk_bytes = "endless", 1
+
+        def get(self, _timeout_s):
+            time.sleep(0.001)
+            return b"\x11" * 100
+
+    b._into = Endless()
+    with pytest.raises(PacketError, match="out of step"):
+        link.recv(0.0)
+    start = time.monotonic()
+    assert link.recv(0.1) is None
+    assert time.monotonic() - start < 5.0
+
+
+def test_control_characters_become_spaces():
+    raw = Bye("a\rb\nc\x1b[2Jd\u2028e").encode()
+    assert Bye.decode(raw).reason == "a b c [2Jd e"
+    # what cannot be written in UTF-8 at all does not end the writer either
+    assert Bye.decode(Bye("half \ud800 pair").encode()).reason == "half ? pair"
+
+
+# --- framing -----------------------------------------------------------------------------------
+
+
+def drain(framing) -> tuple[list[Packet], int]:
+    got, damage = [], 0
+    while True:
+        try:
+            packet = framing.next_packet()
+        except PacketError:
+            damage += 1
+            continue
+        if packet is None:
+            return got, damage
+        got.append(packet)
+
+
+def nested_headers(total: int) -> bytes:
+    """Headers inside each other, each of a packet to the end of all, with a wrong CRC."""
+    size = PREFIX.size + HEADER.size
+    out = bytearray()
+    for left in range(total, size + 4, -size):
+        length = left - PREFIX.size
+        payload = length - OVERHEAD_BYTES
+        out += PREFIX.pack(length) + HEADER.pack(MAGIC, 1, PacketType.FRAME_CHUNK, 0, 5, 0, payload)
+    return bytes(out + bytes(total - len(out)))
+
+
+@pytest.mark.parametrize("step", [1 << 22, 1460])
+def test_nested_headers_are_read_twice_at_most(step, monkeypatch):
+    """4 MB of 150,000 nested headers: what is checked by CRC is counted, for a count does not depend on the machine."""
+    checked, really = 0, zlib.crc32
+
+    def crc32(data, value=0):
+        nonlocal checked
+        checked += len(data)
+        return really(data, value)
+
+    monkeypatch.setattr("hil.link.packets.zlib.crc32", crc32)
+    stream = nested_headers((1 << 22) - 1024)
+    assert stream.count(MAGIC) > 149_000
+    framing, damage = LengthFraming(), 0
+    for at in range(0, len(stream), step):
+        framing.feed(stream[at : at + step])
+        damage += drain(framing)[1]
+    assert damage < 10  # one stretch of damage is told a few times, not at each header
+    good = Packet(PacketType.BYE, Bye("after").encode(), 5)
+    for _ in range(2):
+        framing.feed(framing.encode(good))
+    assert good in drain(framing)[0]
+    # every byte once, what is read again within its credit, and the bytes of a last candidate
+    assert checked < 5 * len(stream)
+
+
+@pytest.mark.parametrize("claim", ["every byte a magic", "empty packets"])
+def test_a_stream_of_headers_takes_time_in_proportion(claim):
+    def seconds(total: int) -> float:
+        empty = PREFIX.pack(OVERHEAD_BYTES) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, 0)
+        unit = MAGIC if claim == "every byte a magic" else empty
+        framing, start = LengthFraming(), time.process_time()
+        framing.feed(unit * (total // len(unit)))
+        drain(framing)
+        return time.process_time() - start
+
+    # 16 times the bytes: quadratic would be 256 times the time
+    small = min(seconds(1 << 14) for _ in range(3))
+    assert min(seconds(1 << 18) for _ in range(2)) < 64 * small + 0.05
+
+
+def test_an_honest_packet_inside_a_failed_one_is_still_found():
+    """A damaged length swallows what follows; it is given back while that costs little."""
+    framing = LengthFraming()
+    inner = [Packet(PacketType.BYE, Bye(str(k)).encode(), 5, k) for k in range(3)]
+    stream = b"".join(framing.encode(p) for p in inner)
+    payload = len(stream)
+    liar = PREFIX.pack(payload + OVERHEAD_BYTES) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, payload)
+    framing.feed(liar + stream + b"\0\0\0\0")
+    got, damage = drain(framing)
+    assert got == inner
+    assert damage == 1
+
+
+def test_packets_of_an_unknown_type_are_dropped_whole():
+    """Their CRC is right: what looks like a packet inside them is their payload."""
+    framing = LengthFraming()
+    good = Packet(PacketType.BYE, Bye("hidden").encode(), 5)
+    for version, kind in ((1, 99), (2, 10)):
+        inner = framing.encode(good)
+        header = HEADER.pack(MAGIC, version, kind, 0, 5, 0, len(inner))
+        data = header + inner + struct.pack("<I", zlib.crc32(header + inner))
+        framing.feed(PREFIX.pack(len(data)) + data)
+    got, damage = drain(framing)
+    assert (got, damage, len(framing._buffer)) == ([], 2, 0)
+
+
+@pytest.mark.parametrize(
+    "garbage",
+    [b"", b"\x01" * 40, b"\0" * 31, b"FLYA" * 9, b"x" * 33 + b"FLY", b"y" * 29 + b"\x4c\0\0\0FL"],
+    ids=["none", "bytes", "zeros", "magics", "magic cut", "prefix and magic cut"],
+)
+def test_a_packet_split_anywhere_after_garbage_arrives(garbage):
+    """What may be a prefix and the beginning of a magic is kept while the rest is on its way."""
+    packet = Packet(PacketType.BYE, Bye("whole").encode(), 5, 3)
+    stream = garbage + LengthFraming().encode(packet)
+    for cut in range(len(stream)):
+        for second in (cut, min(cut + 3, len(stream))):
+            framing, got = LengthFraming(), []
+            for part in (stream[:cut], stream[cut:second], stream[second:]):
+                framing.feed(part)
+                got += drain(framing)[0]
+            assert got == [packet], (garbage, cut, second)
+
+
+def test_a_buffer_holds_a_packet_and_no_more():
+    framing = LengthFraming()
+    framing.feed(PREFIX.pack((1 << 22) + 29) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, (1 << 22) + 1) + bytes(99))
+    drain(framing)
+    assert len(framing._buffer) < 10  # longer than any packet may be: dropped at once
+
+
+def test_a_serial_frame_without_end_is_looked_through_once():
+    class Counted(bytearray):
+        looked = 0
+
+        def find(self, what, start=0):
+            Counted.looked += len(self) - start
+            return super().find(what, start)
+
+    framing = CobsFraming()
+    framing._buffer = Counted()
+    for _ in range(2000):
+        framing.feed(b"\x55" * 50)
+        assert framing.next_packet() is None
+    assert Counted.looked <= 100_000
+    good = Packet(PacketType.BYE, Bye("after").encode(), 5)
+    framing.feed(framing.encode(good))
+    assert drain(framing) == ([good], 1)
+
+
+# --- images ------------------------------------------------------------------------------------
+
+
+def header(**changes) -> FrameHeader:
+    base = FrameHeader(1, 64, 48, 8, Encoding.RAW, 64 * 48, 1, 0.01, 0.0, 1, "2026-01-01T00:00:00Z")
+    return replace(base, **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            {"width_px": 65535, "height_px": 65535, "bits": 16},
+            "65535 x 65535 px of 16 bits, agreed were 64 x 48",
+        ),
+        ({"bits": 16, "total_bytes": 2 * 64 * 48}, "agreed were 64 x 48 px of 8 bits"),
+        ({"width_px": 48, "height_px": 64}, "agreed were"),
+        ({"encoding": Encoding.ZSTD}, "encoding that was not agreed"),
+        ({"total_bytes": 0}, "announces 0 bytes"),
+        ({"total_bytes": 64 * 48 + 1}, "announces 3073 bytes"),
+        ({"total_bytes": 2**32 - 1, "chunk_count": 2**32 - 1}, "announces 4294967295 bytes"),
+        ({"chunk_count": 0}, "announces 0 chunks"),
+        ({"chunk_count": 2**32 - 1}, "announces 4294967295 chunks for 3072 bytes"),
+    ],
+)
+def test_a_header_that_was_not_agreed_takes_no_memory(changes, sentence):
+    assembler = FrameAssembler(TERMS)
+    tracemalloc.start()
+    with pytest.raises(ProtocolMistake, match=sentence) as caught:
+        assembler.header(header(**changes))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert caught.value.frame_id == 1
+    assert peak < 1 << 20
+    # its chunks are neither kept nor told of one by one
+    assert assembler.chunk(FrameChunk(1, 0, 0, b"x")) is None
+    assert assembler.lost() == []
+    assembler.header(header(frame_id=2))
+    assert assembler.chunk(FrameChunk(2, 0, 0, bytes(64 * 48)))[1].shape == (48, 64)
+
+
+def test_a_zstd_bomb_is_refused_before_it_is_unpacked():
+    terms = replace(TERMS, encoding=Encoding.ZSTD)
+    # one that says its size, one that hides it
+    told = zstandard.ZstdCompressor(level=3).compress(bytes(1 << 24))
+    hidden = zstandard.ZstdCompressor(level=3, write_content_size=False).compress(bytes(1 << 24))
+    # and one that says the agreed size, and has another behind it
+    lying = zstandard.ZstdCompressor(level=3).compress(bytes(64 * 48)) + told
+    for bomb in (told, hidden, lying):
+        assert len(bomb) < 64 * 48
+        assembler = FrameAssembler(terms)
+        assembler.header(header(encoding=Encoding.ZSTD, total_bytes=len(bomb)))
+        tracemalloc.start()
+        try:
+            done = assembler.chunk(FrameChunk(1, 0, 0, bomb))
+        except PacketError:
+            done = None
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 1 << 20
+        assert done is None or not done[1].any()
+
+
+def test_chunks_that_leave_holes_make_no_frame():
+    assembler = FrameAssembler(TERMS)
+    assembler.header(header(chunk_count=2))
+    assert assembler.chunk(FrameChunk(1, 0, 0, b"x" * 100)) is None
+    assert assembler.chunk(FrameChunk(1, 0, 0, b"x" * 100)) is None  # twice the same counts once
+    with pytest.raises(PacketError, match="do not cover"):
+        assembler.chunk(FrameChunk(1, 1, 100, b"x"))
+    assert assembler.lost() == [1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"width_px": 65535, "height_px": 65535, "bits": 16}, "too large for this board: at most 128 MiB"),
+        ({"width_px": 0}, "cannot be sent"),
+        ({"bits": 0}, "cannot be sent"),
+        ({"bits": 17}, "cannot be sent"),
+        (
+            {"camera": {"width_px": 10**9, "height_px": 10**9}},
+            "do not fit the camera, whose width_px is 1000000000",
+        ),
+        ({"camera": {"height_px": [[]]}}, "do not fit the camera"),
+    ],
+)
+def test_terms_that_no_board_can_keep_are_refused(changes, sentence):
+    terms = replace(TERMS, **{"camera": {}, **changes})
+    with pytest.raises(LinkError, match=sentence):
+        check_terms(terms, supported_encodings())
+    with pytest.raises(LinkError, match="did not offer"):
+        check_terms(replace(TERMS, encoding=Encoding.ZSTD), 1 << Encoding.RAW)
+    check_terms(TERMS, supported_encodings())
+
+
+def test_the_largest_image_is_8192_squared_of_two_bytes():
+    check_terms(HelloAck({}, 8192, 8192, 16), 1)
+    assert MAX_FRAME_BYTES == 2 * 8192**2
+
+
+def test_a_frame_header_holds_finite_times():
+    with pytest.raises(PacketError, match="not finite"):
+        FrameHeader.decode(header(t_s=math.nan).encode())
+
+
+# --- poses -------------------------------------------------------------------------------------
+
+
+def pose(q=(1.0, 0.0, 0.0, 0.0), t=(0.0, 0.0, 5.0), confidence=0.5, stages=((("a", 1.0)),)) -> bytes:
+    """A POSE as a board of another make may write it: nothing is checked."""
+    fixed = PoseMessage.LAYOUT.pack(7, 1, 1, len(stages), confidence, *q, *t, 1, 2, 3, 0, 0)
+    return fixed + b"".join(PoseMessage.STAGE.pack(name.encode(), ms) for name, ms in stages)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"q": (2.0, 0.0, 0.0, 0.0)}, "quaternion of a POSE has length 2: make it 1"),
+        ({"q": (0.0, 0.0, 0.0, 0.0)}, "has length 0"),
+        ({"q": (1.0011, 0.0, 0.0, 0.0)}, "has length 1.0011"),
+        ({"q": (0.9989, 0.0, 0.0, 0.0)}, "has length 0.9989"),
+        ({"q": (1e308,) * 4}, "has length inf"),
+        ({"q": (math.nan, 0.0, 0.0, 1.0)}, "not finite"),
+        ({"t": (0.0, math.inf, 1.0)}, "not finite"),
+        ({"t": (0.0, 1e300, 1.0)}, "beyond 1e"),
+        ({"confidence": 1.0000001}, "confidence of a POSE is 1: it must be 0 to 1"),
+        ({"confidence": -0.1}, "confidence of a POSE is -0.1"),
+        ({"confidence": math.nan}, "not finite"),
+        ({"stages": (("a", -1.0),)}, "took less than nothing"),
+        ({"stages": (("a", math.inf),)}, "not finite"),
+    ],
+)
+def test_a_pose_that_no_estimator_means_is_a_mistake_about_its_frame(changes, sentence):
+    with pytest.raises(ProtocolMistake, match=sentence) as caught:
+        decode_message(Packet(PacketType.POSE, pose(**changes)))
+    assert caught.value.frame_id == 7
+
+
+def test_poses_within_tolerance_pass_as_they_are():
+    for length in (0.9991, 1.0, 1.0009):
+        q = tuple(np.float32(length) * np.float32(0.5) for _ in range(4))
+        assert PoseMessage.decode(pose(q=q)).q_camera_from_target_wxyz == q
+    for confidence in (0.0, 1.0):
+        assert PoseMessage.decode(pose(confidence=confidence)).confidence == confidence
+
+
+def test_our_own_boards_do_not_write_such_poses():
+    for changes in ({"q_camera_from_target_wxyz": (2.0, 0, 0, 0)}, {"confidence": 1.5}):
+        fields = {"q_camera_from_target_wxyz": (1.0, 0, 0, 0), "t_camera_from_target_m": (0, 0, 1), **changes}
+        with pytest.raises(PacketError):
+            PoseMessage(1, accepted=True, **fields).encode()
