@@ -142,11 +142,12 @@ class FrameResult:
 
 @dataclass(frozen=True)
 class LinkCounts:
-    """The link's own counts over a run."""
+    """The link's own counts over a run; ``protocol_mistakes`` are intact packets that the protocol does not allow."""
 
     packets_sent: int = 0
     packets_received: int = 0
     packets_corrupt: int = 0
+    protocol_mistakes: int = 0
     sequence_gaps: int = 0
     sessions: int = 0
     late_poses: int = 0

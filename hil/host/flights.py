@@ -101,6 +101,15 @@ class Flights:
         self._held.remove(frame_id)
         return True
 
+    def refuse(self, frame_id: int, reason: str) -> bool:
+        """Report that the board's answer to this frame cannot be used; False when it is not in flight."""
+        flying = frame_id in self._flying
+        if flying:
+            self._drop(frame_id, "protocol", reason)
+        if frame_id in self._held:
+            self.release(frame_id)
+        return flying
+
     def expire(self, at_ns: int) -> None:
         """Drop the frames whose time is over."""
         for frame_id, flight in list(self._flying.items()):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import signal
 import sys
@@ -27,9 +28,10 @@ from hil.host.exchange import (
     Terms,
 )
 from hil.host.flights import Flights
+from hil.host.pending import PendingLinks
 from hil.host.truth_endpoint import TruthEndpoint
 from hil.link.clock import ClockFilter, answer_time_sync, now_ns
-from hil.link.errors import LinkClosed, LinkError, PacketError, VersionMismatch
+from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake, VersionMismatch
 from hil.link.images import chunk_count, chunks, encode_image
 from hil.link.messages import (
     NO_FRAME,
@@ -46,19 +48,27 @@ from hil.link.messages import (
     TimeSyncRequest,
     TruthMessage,
 )
-from hil.link.session import Link, answer_hello, refuse
+from hil.link.session import HOST_IN_SESSION, Link, answer_hello, refuse
 from hil.link.transport import listen
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from hil.link.transport import Listener
 
-HELLO_WAIT_NS = 10_000_000_000
+logger = logging.getLogger(__name__)
+
 SYNC_BURST = 8
 SYNC_EVERY_NS = 1_000_000_000
 # a board answers clock requests once its estimator is ready; no frame is sent before
 SYNC_PATIENCE_NS = 60_000_000_000
 # waits are cut to whole milliseconds by the kernel's poll: spin through the last stretch
 SPIN_NS = 1_500_000
+# a board that sends without end is listened to this long at a time: frames, loggers and the run get their turn
+DRAIN_NS = 20_000_000
+# mistakes of a run that are logged one by one; the summary counts them all
+MAX_LOGGED = 20
+BUSY = "another board is connected to this host: stop it first"
 
 
 class LinkServer:
@@ -79,8 +89,10 @@ class LinkServer:
         self._terms: Terms | None = None
         self._slots: FrameSlots | None = None
         self._link: Link | None = None
-        self._ack: HelloAck | None = None  # None while the board has not said HELLO
-        self._hello_deadline_ns = 0
+        self._ack: HelloAck | None = None
+        self._pending = PendingLinks(lambda reason: self._pipe.send(BoardDown(reason)))
+        self._unread = False  # the board has said more than was listened to
+        self._mistakes = 0
         self._board_up: BoardUp | None = None  # greeted, not yet announced
         self._clock = ClockFilter()
         self._next_sync_ns = 0
@@ -97,13 +109,14 @@ class LinkServer:
         while not self._closing:
             self._send_due()
             self._flights.expire(now_ns())
-            self._check_hello()
+            self._pending.expire(now_ns())
             self._sync_clock()
             ready: list[Any] = wait(self._sources(), self._sleep_s())
-            if self._link is not None and self._link.transport in ready:
+            if self._link is not None and (self._unread or self._link.transport in ready):
                 self._drain_link()
             if self._pipe in ready:
                 self._take_commands()
+            self._hear_pending(ready)
             if self._listener in ready:
                 self._accept()
             if self._truth is not None:
@@ -118,22 +131,26 @@ class LinkServer:
         sources: list[Any] = [self._pipe]
         if self._link is not None:
             sources.append(self._link.transport)
+        sources += self._pending.transports
         # a serial port is listener and line in one; a TCP listener stays open to turn others away
-        if self._terms is not None and (self._link is None or not self._serial):
+        taken = self._link is not None or len(self._pending) > 0
+        if self._terms is not None and not (self._serial and taken):
             sources.append(self._listener)
         if self._truth is not None:
             sources.append(self._truth)
         return sources
 
     def _sleep_s(self) -> float:
-        first = self._flights.first_deadline_ns
-        times = [] if first is None else [first]
+        if self._unread:
+            return 0.0
+        firsts = (self._flights.first_deadline_ns, self._pending.first_deadline_ns)
+        times = [first for first in firsts if first is not None]
         if self._waiting and self._waiting[0].due_ns is not None:
             times.append(self._waiting[0].due_ns - SPIN_NS)
         if self._blocked_until_ns:
             times.append(self._blocked_until_ns)
         if self._link is not None:
-            times.append(self._next_sync_ns if self._ack is not None else self._hello_deadline_ns)
+            times.append(self._next_sync_ns)
         if self._truth is not None and self._truth.lagging:
             times.append(now_ns() + 20_000_000)
         left = (min(times) - now_ns()) * 1e-9 if times else 1.0
@@ -225,10 +242,6 @@ class LinkServer:
         if self._truth is not None and job.truth is not None:
             self._truth.publish(job.frame_id, job.truth)
 
-    def _check_hello(self) -> None:
-        if self._link is not None and self._ack is None and now_ns() >= self._hello_deadline_ns:
-            self._board_left("it said nothing that the link protocol knows")
-
     # --- the board's side -------------------------------------------------------------------
 
     def _accept(self) -> None:
@@ -236,20 +249,40 @@ class LinkServer:
         if transport is None:
             return
         if self._link is not None:
-            refuse(Link(transport), ErrorCode.BUSY, "another board is connected to this host: stop it first")
+            refuse(Link(transport), ErrorCode.BUSY, BUSY)
             return
-        self._link, self._ack = Link(transport), None
-        self._hello_deadline_ns = now_ns() + HELLO_WAIT_NS
-        self._drain_link()
+        self._pending.add(transport)
+        self._hear_pending([transport])
+
+    def _hear_pending(self, ready: Collection[Any]) -> None:
+        if self._link is not None:
+            return
+        heard = self._pending.hear(ready)
+        if heard is None:
+            return
+        self._link, hello = heard
+        self._link.accepts = HOST_IN_SESSION
+        self._greet(hello, self._link)
+        if self._link is not None:
+            self._pending.turn_away(BUSY)
+            self._drain_link()
 
     def _drain_link(self) -> None:
+        until_ns = now_ns() + DRAIN_NS
+        self._unread = False
         while self._link is not None:
+            if now_ns() >= until_ns:
+                self._unread = True
+                return
             try:
                 message = self._link.recv(0.0)
             except VersionMismatch as error:
                 refuse(self._link, ErrorCode.VERSION, str(error))
                 self._board_left(str(error))
                 return
+            except ProtocolMistake as mistake:
+                self._mistaken(mistake)
+                continue
             except PacketError:
                 self._flights.note_damage()
                 continue
@@ -260,11 +293,18 @@ class LinkServer:
                 return
             self._handle(message, now_ns(), self._link)
 
+    def _mistaken(self, mistake: ProtocolMistake) -> None:
+        """The board sent what the protocol does not allow: never used, always counted."""
+        self._mistakes += 1
+        if self._mistakes <= MAX_LOGGED:
+            last = " (further mistakes are only counted)" if self._mistakes == MAX_LOGGED else ""
+            logger.warning("the board broke the link protocol: %s%s", mistake, last)
+        if mistake.frame_id is not None:
+            self._flights.refuse(mistake.frame_id, str(mistake))
+
     def _handle(self, message: Message, at_ns: int, link: Link) -> None:
         if isinstance(message, Hello):
             self._greet(message, link)
-        elif self._ack is None:
-            return
         elif isinstance(message, PoseMessage):
             self._take_pose(message, at_ns)
         elif isinstance(message, Credit):
@@ -342,9 +382,12 @@ class LinkServer:
             self._flights.note_damage()
         elif error.code in (ErrorCode.MODEL, ErrorCode.VERSION):
             self._board_left(error.text)
+        elif error.frame_id == NO_FRAME and error.code == ErrorCode.FORMAT:
+            self._board_left(error.text)  # it cannot use the camera
 
     def _board_left(self, reason: str) -> None:
         link, self._link, self._ack, self._board_up = self._link, None, None, None
+        self._unread = False
         if link is not None:
             self._add_counts(link)
             link.close()
@@ -359,6 +402,7 @@ class LinkServer:
             packets_sent=c.packets_sent + s.sent,
             packets_received=c.packets_received + s.received,
             packets_corrupt=c.packets_corrupt + s.corrupt,
+            protocol_mistakes=c.protocol_mistakes + s.mistakes,
             sequence_gaps=c.sequence_gaps + s.sequence_gaps,
             clock_round_trip_ns=self._clock.round_trip_ns,
         )
@@ -373,6 +417,7 @@ class LinkServer:
                 self._board_left(str(error))
 
     def _shut(self, reason: str) -> None:
+        self._pending.turn_away(reason)
         if self._link is not None:
             self._add_counts(self._link)
             self._link.close(reason)

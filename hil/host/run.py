@@ -268,6 +268,7 @@ class _Run:
                 packets_sent=counts.packets_sent,
                 packets_received=counts.packets_received,
                 packets_corrupt=counts.packets_corrupt,
+                protocol_mistakes=counts.protocol_mistakes,
                 sequence_gaps=counts.sequence_gaps,
                 sessions=counts.sessions,
                 late_poses=counts.late_poses,

@@ -1,33 +1,77 @@
-"""Ground truth on an endpoint of its own: any number of loggers, none of which can slow the run."""
+"""Ground truth on an endpoint of its own: a few loggers, none of which can slow the run."""
 
 from __future__ import annotations
 
 import contextlib
 import socket
+import time
 from typing import Any
 
+from hil.link.clock import now_ns
 from hil.link.errors import LinkError
 from hil.link.framing import LengthFraming
 from hil.link.messages import Bye, ErrorCode, ErrorMessage, Message, TruthMessage
 from hil.link.packets import MAGIC, Packet
+from hil.link.tcp import TcpListener, keep_alive
 from hil.link.transport import parse_url
 
-# a logger that lags this far behind is cut off
+MAX_CLIENTS = 16
+# a logger that lags this far behind is cut off, and so is one that has not caught up for this long
 MAX_BACKLOG_BYTES = 8 << 20
+MAX_LAG_NS = 10_000_000_000
+# the goodbye and what is queued, to all loggers together
+CLOSE_S = 2.0
 
 
 class _Client:
     def __init__(self, sock: socket.socket) -> None:
         self.sock = sock
         self.backlog = bytearray()
+        self.lagging_since_ns: int | None = None
         self.sequence = 0
+        self.heard = b""  # the end of what it said
+        self.said_all = False  # its end of the line is closed: it left, or only listens
 
-    def fileno(self) -> int:
-        return self.sock.fileno()
+    def send(self) -> None:
+        """What the line takes now.
+
+        Raises
+        ------
+        OSError
+            If it left.
+        """
+        try:
+            while self.backlog:
+                del self.backlog[: self.sock.send(self.backlog)]
+        except BlockingIOError:
+            if self.lagging_since_ns is None:
+                self.lagging_since_ns = now_ns()
+        else:
+            self.lagging_since_ns = None
+
+    def is_board(self) -> bool:
+        """Whether it has sent a packet: loggers only listen.
+
+        Raises
+        ------
+        OSError
+            If it left.
+        """
+        try:
+            data = self.sock.recv(4096)
+        except BlockingIOError:
+            return False
+        self.said_all = self.said_all or not data
+        found = MAGIC in self.heard + data
+        self.heard = (self.heard + data)[-len(MAGIC) + 1 :]
+        return found
 
 
 class TruthEndpoint:
     """Listens on TCP and sends TRUTH packets to whoever connected before them.
+
+    At most ``MAX_CLIENTS`` loggers; more are turned away with a sentence. One that left, or that lags by
+    ``MAX_BACKLOG_BYTES`` or ``MAX_LAG_NS``, is dropped.
 
     Parameters
     ----------
@@ -35,8 +79,6 @@ class TruthEndpoint:
     """
 
     def __init__(self, url: str, board_url: str) -> None:
-        from hil.link.tcp import TcpListener  # noqa: PLC0415 - opens the port in the link process only
-
         scheme, host, port = parse_url(url)
         if scheme != "tcp":
             raise LinkError(f"the truth endpoint {url!r} must be a TCP address: write tcp://127.0.0.1:5601")
@@ -51,11 +93,21 @@ class TruthEndpoint:
         return self._listener.fileno()
 
     def accept(self) -> None:
-        """Take in a logger that is knocking."""
+        """Take in a logger that is knocking, or turn it away where there is no room."""
         sock = self._listener.accept_socket(0.0)
-        if sock is not None:
-            sock.setblocking(False)
-            self._clients.append(_Client(sock))
+        if sock is None:
+            return
+        sock.setblocking(False)
+        client = _Client(sock)
+        with contextlib.suppress(OSError):  # it left already; sending will show it
+            keep_alive(sock)
+        self._make_room()
+        full = len(self._clients) >= MAX_CLIENTS
+        self._clients.append(client)
+        if full:
+            self._refuse(
+                client, ErrorCode.BUSY, f"{MAX_CLIENTS} loggers are connected already: stop one first"
+            )
 
     def publish(self, frame_id: int, truth: dict[str, Any]) -> None:
         """Queue a frame's truth for every logger and send what the lines take."""
@@ -70,25 +122,30 @@ class TruthEndpoint:
         """Send what the lines take now; boards, and loggers that left or lag too far, are dropped."""
         for client in list(self._clients):
             try:
-                if _is_board(client):
-                    self._refuse(client)
+                if client.is_board():
+                    sentence = (
+                        f"this port gives ground truth to loggers: connect the board to {self._board_url}"
+                    )
+                    self._refuse(client, ErrorCode.OTHER, sentence)
                     continue
-                while client.backlog:
-                    del client.backlog[: client.sock.send(client.backlog)]
-            except BlockingIOError:
-                if len(client.backlog) <= MAX_BACKLOG_BYTES:
-                    continue
-                self._drop(client)
+                client.send()
             except OSError:
+                self._drop(client)
+                continue
+            since_ns = client.lagging_since_ns
+            if since_ns is not None and (
+                len(client.backlog) > MAX_BACKLOG_BYTES or now_ns() - since_ns >= MAX_LAG_NS
+            ):
                 self._drop(client)
 
     def close(self) -> None:
-        """Say goodbye, deliver what is queued within a second per logger, close."""
+        """Say goodbye, deliver what is queued within ``CLOSE_S``, close."""
         self._queue(Bye("the run is over"))
+        deadline = time.monotonic() + CLOSE_S
+        while self.lagging and time.monotonic() < deadline:
+            time.sleep(0.005)
+            self.flush()
         for client in list(self._clients):
-            with contextlib.suppress(OSError):
-                client.sock.settimeout(1.0)
-                client.sock.sendall(client.backlog)
             self._drop(client)
         self._listener.close()
 
@@ -102,11 +159,17 @@ class TruthEndpoint:
         client.backlog += self._framing.encode(packet)
         client.sequence += 1
 
-    def _refuse(self, client: _Client) -> None:
-        """An estimator is never handed the truth: tell its board where to go."""
-        sentence = f"this port gives ground truth to loggers: connect the board to {self._board_url}"
+    def _make_room(self) -> None:
+        """Where it is full, drop those that closed their end: most have left, though nothing sent has shown it yet."""
+        if len(self._clients) >= MAX_CLIENTS:
+            self.flush()
+            for client in [client for client in self._clients if client.said_all]:
+                self._drop(client)
+
+    def _refuse(self, client: _Client, code: ErrorCode, sentence: str) -> None:
+        """Turn it away with a sentence; an estimator is never handed the truth."""
         client.backlog.clear()
-        self._append(client, ErrorMessage(ErrorCode.OTHER, sentence))
+        self._append(client, ErrorMessage(code, sentence))
         with contextlib.suppress(OSError):
             client.sock.send(client.backlog)
         self._drop(client)
@@ -114,11 +177,3 @@ class TruthEndpoint:
     def _drop(self, client: _Client) -> None:
         self._clients.remove(client)
         client.sock.close()
-
-
-def _is_board(client: _Client) -> bool:
-    """Whether it has sent a packet: loggers only listen."""
-    try:
-        return MAGIC in client.sock.recv(4096)
-    except BlockingIOError:
-        return False

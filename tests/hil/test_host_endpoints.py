@@ -1,0 +1,325 @@
+"""Who may connect, how many, for how long: the truth endpoint, the frame endpoint, and running out of files."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import socket
+import time
+from contextlib import contextmanager
+
+import pytest
+from hil_loop import Loop, adds_up, board, frames
+
+from hil.host import pending, truth_endpoint
+from hil.host.pending import MAX_PENDING, PendingLinks
+from hil.host.truth_endpoint import MAX_CLIENTS, TruthEndpoint
+from hil.link.clock import answer_time_sync, now_ns
+from hil.link.errors import LinkClosed
+from hil.link.messages import (
+    Bye,
+    ErrorCode,
+    ErrorMessage,
+    FrameChunk,
+    FrameHeader,
+    Hello,
+    PoseMessage,
+    TimeSyncRequest,
+    TruthMessage,
+)
+from hil.link.packets import Packet, PacketType
+from hil.link.session import Link, greet_host
+from hil.link.tcp import TcpListener, TcpTransport, connect_tcp
+from hil.link.transport import connect, parse_url
+
+TRUTH = {"note": "x" * 50_000}
+
+
+def knock(url: str) -> socket.socket:
+    return socket.create_connection(parse_url(url)[1:], 5.0)
+
+
+@contextmanager
+def endpoint():
+    end = TruthEndpoint("tcp://127.0.0.1:0", "tcp://127.0.0.1:5600")
+    clients = []
+
+    def client() -> TcpTransport:
+        clients.append(connect_tcp(*parse_url(end.url)[1:], 5.0))
+        time.sleep(0.01)
+        end.accept()
+        return clients[-1]
+
+    try:
+        yield end, client
+    finally:
+        end.close()
+        for one in clients:
+            one.close()
+
+
+def message(transport):
+    """The next one, None where the line was closed."""
+    try:
+        return Link(transport).recv(5.0)
+    except LinkClosed:
+        return None
+
+
+def test_more_loggers_than_the_limit_are_turned_away_and_make_room_by_leaving():
+    with endpoint() as (end, client):
+        first, *others = [client() for _ in range(MAX_CLIENTS)]
+        assert message(client()) == ErrorMessage(
+            ErrorCode.BUSY, f"{MAX_CLIENTS} loggers are connected already: stop one first"
+        )
+        # one that left without a word is found out when its place is needed
+        others.pop().close()
+        time.sleep(0.01)
+        late = client()
+        end.publish(3, {"a": 1})
+        for one in (first, *others, late):
+            assert message(one) == TruthMessage(3, {"a": 1})
+        assert message(client()).code == ErrorCode.BUSY
+        assert len(end._clients) == MAX_CLIENTS
+
+
+@pytest.mark.parametrize("limit", ["bytes", "time"])
+def test_a_logger_that_does_not_read_is_dropped_and_the_others_hear_on(limit, monkeypatch):
+    if limit == "time":
+        monkeypatch.setattr(truth_endpoint, "MAX_LAG_NS", 200_000_000)
+    with endpoint() as (end, client):
+        good, deaf = client(), client()
+        sent, until = 0, time.monotonic() + 20.0
+        while len(end._clients) == 2 and time.monotonic() < until:
+            # enough to fill what the system keeps for it, and what the endpoint does
+            if limit == "bytes" or not end.lagging:
+                end.publish(sent, TRUTH)
+                assert message(good) == TruthMessage(sent, TRUTH)
+                sent += 1
+            else:
+                time.sleep(0.01)
+                end.flush()
+        assert len(end._clients) == 1
+        end.publish(sent, TRUTH)
+        assert message(good) == TruthMessage(sent, TRUTH)
+        assert not end.lagging
+        deaf.close()
+
+
+def test_the_goodbye_waits_for_all_loggers_together(monkeypatch):
+    monkeypatch.setattr(truth_endpoint, "CLOSE_S", 0.3)
+    with endpoint() as (end, client):
+        for _ in range(6):
+            client()
+        for k in range(200):
+            end.publish(k, TRUTH)
+            if all(one.backlog for one in end._clients):
+                break
+        assert end.lagging
+        start = time.monotonic()
+    assert time.monotonic() - start < 3.0
+
+
+def test_a_board_at_the_truth_is_known_by_a_magic_in_two_pieces():
+    with endpoint() as (end, client):
+        one = client()
+        for piece in (b"\0\0\0\0FL", b"YA"):
+            one._sock.send(piece)
+            time.sleep(0.02)
+            end.flush()
+        assert "connect the board to tcp://127.0.0.1:5600" in message(one).text
+
+
+@contextmanager
+def no_more_files():
+    """Every descriptor that this process may have is taken."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    free = os.dup(0)
+    os.close(free)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (free, hard))
+    try:
+        with pytest.raises(OSError, match="Too many open files"):
+            os.dup(0)
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_accept_survives_running_out_of_files_and_turns_away_who_waits():
+    listener = TcpListener("127.0.0.1", 0)
+    waiting = [knock(listener.url) for _ in range(3)]
+    with no_more_files():
+        assert [listener.accept(1.0) for _ in range(3)] == [None] * 3
+        # nobody is left waiting, so that who polls the listener is not told of it for ever
+        assert listener.accept(0.0) is None
+    for one in waiting:
+        with contextlib.suppress(ConnectionResetError):
+            assert one.recv(1) == b""
+        one.close()
+    with knock(listener.url):
+        line = listener.accept(5.0)
+        assert line is not None
+        line.close()
+    listener.close()
+
+
+@contextmanager
+def pending_links():
+    listener, gone = TcpListener("127.0.0.1", 0), []
+    links, clients = PendingLinks(gone.append), []
+
+    def client() -> Link:
+        clients.append(connect(listener.url, 5.0))
+        links.add(listener.accept(5.0))
+        return Link(clients[-1])
+
+    yield links, client, gone
+    links.turn_away("the test is over")
+    for one in clients:
+        one.close()
+    listener.close()
+
+
+def ready(links: PendingLinks):
+    time.sleep(0.02)
+    return links.transports
+
+
+def test_the_first_to_say_hello_is_the_board_whoever_came_before():
+    with pending_links() as (links, client, gone):
+        silent, talks, late = client(), client(), client()
+        talks.send(Bye("no hello"))
+        talks.transport._write(b"GET / HTTP/1.1\r\n\r\n" * 4)
+        assert links.hear(ready(links)) is None
+        late.send(Hello(board="mine"))
+        link, hello = links.hear(ready(links))
+        assert hello.board == "mine"
+        assert len(links) == 2
+        links.turn_away("another board is connected")
+        assert silent.recv(5.0) == ErrorMessage(ErrorCode.BUSY, "another board is connected")
+        assert gone == []
+        link.transport.close()
+
+
+def test_connections_that_say_nothing_are_few_and_closed_in_time():
+    with pending_links() as (links, client, gone):
+        start = now_ns()
+        for _ in range(MAX_PENDING):
+            client()
+        assert "wait already: try again" in client().recv(5.0).text
+        assert start < links.first_deadline_ns - pending.HELLO_WAIT_NS <= now_ns()
+        links.expire(links.first_deadline_ns - 1)
+        assert len(links) == MAX_PENDING
+        links.expire(now_ns() + pending.HELLO_WAIT_NS)
+        assert (len(links), len(gone)) == (0, MAX_PENDING)
+        assert gone[0] == "it said nothing that the link protocol knows"
+        assert links.first_deadline_ns is None
+
+
+def test_a_hello_that_cannot_be_read_is_refused_with_a_sentence():
+    with pending_links() as (links, client, gone):
+        one = client()
+        bad = Hello(board="x").encode()[:-1]
+        one.transport.send_packet(Packet(PacketType.HELLO, bad))
+        assert links.hear(ready(links)) is None
+        assert one.recv(5.0) == ErrorMessage(ErrorCode.FORMAT, "a HELLO payload has 199 bytes, expected 200")
+        assert len(links) == 0
+        assert "199 bytes" in gone[0]
+
+
+# --- whole runs --------------------------------------------------------------------------------
+
+
+def test_silent_connections_keep_no_board_out():
+    def start(url):
+        with contextlib.ExitStack() as stack:
+            for _ in range(5):
+                stack.enter_context(knock(url))
+            time.sleep(0.2)
+            return board()(url)
+
+    summary = Loop(start).run(frames(3))
+    assert (summary.accepted, summary.ended) == (3, "completed")
+
+
+def hand_made(answer):
+    """A board of another make: ``answer(frame id)`` gives the payload of its POSE; it never sends CREDIT."""
+
+    def start(url):
+        link = Link(connect(url, 5.0))
+        greet_host(link, Hello(window=1), 10.0)
+        while True:
+            message = link.recv(10.0)
+            if isinstance(message, TimeSyncRequest):
+                link.send(answer_time_sync(message, now_ns()))
+            elif isinstance(message, FrameChunk):
+                link.send(answer(message.frame_id))
+            elif isinstance(message, Bye):
+                link.transport.close()
+                return message.reason
+
+    return start
+
+
+def good_pose(frame_id: int) -> PoseMessage:
+    return PoseMessage(frame_id, True, "", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5)
+
+
+def test_credit_may_be_left_out_for_frames_that_are_answered():
+    loop = Loop(hand_made(good_pose))
+    summary = loop.run(frames(6, every_s=0.1), mode="realtime", window=4)
+    assert (summary.accepted, summary.board.window) == (6, 1)
+    assert loop.results == ["the run is over"]
+
+
+class Unchecked:
+    """A POSE whose payload is not looked at on its way out."""
+
+    TYPE = PacketType.POSE
+
+    def __init__(self, payload: bytes) -> None:
+        self.payload = payload
+
+    def encode(self) -> bytes:
+        return self.payload
+
+
+def test_a_quaternion_of_length_two_is_never_scored():
+    def answer(frame_id):
+        q = (2.0 if frame_id % 2 else 1.0, 0.0, 0.0, 0.0)
+        fixed = PoseMessage.LAYOUT.pack(frame_id, 1, 1, 0, 0.5, *q, 0.0, 0.0, 1.0, 1, 2, 3, 0, 0)
+        return Unchecked(fixed)
+
+    rows = []
+    summary = Loop(hand_made(answer)).run(frames(6), on_row=rows.append, timeout_s=20.0)
+    assert [row.outcome for row in rows] == ["accepted", "dropped:protocol"] * 3
+    assert "the quaternion of a POSE has length 2" in rows[1].reason
+    assert rows[1].q_wxyz is None
+    assert rows[1].E_R_deg is None
+    assert summary.dropped == {"protocol": 3}
+    assert (summary.link.protocol_mistakes, summary.link.packets_corrupt) == (3, 0)
+    assert adds_up(summary)
+
+
+def test_a_board_that_never_stops_talking_does_not_hold_the_run():
+    """Packets of another session without end: neither deadlines nor the end of the run wait for silence."""
+
+    def start(url):
+        link = Link(connect(url, 5.0))
+        greet_host(link, Hello(), 10.0)
+        while not isinstance(heard := link.recv(10.0), FrameHeader):
+            if isinstance(heard, TimeSyncRequest):
+                link.send(answer_time_sync(heard, now_ns()))
+        link.session_id ^= 1
+        with contextlib.suppress(LinkClosed):
+            while True:
+                link.send(Bye("x"))
+                while link.transport._read(0.0):
+                    pass
+        link.transport.close()
+
+    rows = []
+    summary = Loop(start).run(frames(2), on_row=rows.append, timeout_s=0.5)
+    assert summary.ended == "completed"
+    assert all(row.outcome in ("dropped:timeout", "dropped:corrupt") for row in rows)

@@ -1,0 +1,108 @@
+"""Which frames are in flight and which use up credit, to the nanosecond and to the frame."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.host.exchange import FrameJob
+from hil.host.flights import Flights
+from hil.link.messages import PoseMessage
+
+SENT_NS = 5_000_000_000
+TIMEOUT_NS = 2_000_000_000
+
+
+class Sky:
+    """Flights with frames 0 to 4 sent a millisecond apart, and what was reported of them."""
+
+    def __init__(self, n: int = 5) -> None:
+        self.results = []
+        self.flights = Flights(self.results.append, TIMEOUT_NS * 1e-9)
+        for k in range(n):
+            job = FrameJob(0, k, (48, 64), "|u1", 8, "2026-01-01T00:00:00Z", 0.0, 0.01, None, None)
+            self.flights.start(job, SENT_NS + k * 1_000_000)
+
+    @property
+    def outcomes(self) -> dict[int, str]:
+        assert len({r.frame_id for r in self.results}) == len(self.results)  # each once
+        return {r.frame_id: r.outcome for r in self.results}
+
+
+def pose(frame_id: int, *, accepted: bool = True) -> PoseMessage:
+    return PoseMessage(frame_id, accepted, "", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def test_a_frame_is_out_of_time_at_its_deadline_and_not_before():
+    sky = Sky()
+    deadline = SENT_NS + TIMEOUT_NS
+    assert sky.flights.first_deadline_ns == deadline
+    sky.flights.expire(deadline - 1)
+    assert sky.outcomes == {}
+    # at the very nanosecond that the link process sleeps until: otherwise it would wake and find nothing to do
+    sky.flights.expire(deadline)
+    assert sky.outcomes == {0: "dropped:timeout"}
+    assert sky.flights.first_deadline_ns == deadline + 1_000_000
+    sky.flights.expire(deadline + 4_000_000)
+    assert len(sky.outcomes) == 5
+    assert sky.flights.first_deadline_ns is None
+
+
+@pytest.mark.parametrize("frame_id", range(5))
+def test_a_release_reaches_its_own_frame_and_no_later_one(frame_id):
+    sky = Sky()
+    sky.flights.release(frame_id)
+    assert sky.outcomes == dict.fromkeys(range(frame_id + 1), "dropped:skipped")
+    assert sky.flights.held == 4 - frame_id
+
+
+@pytest.mark.parametrize("frame_id", range(5))
+def test_a_pose_answers_its_frame_and_releases_those_before(frame_id):
+    sky = Sky()
+    assert sky.flights.answer(pose(frame_id), SENT_NS + 1, 17)
+    assert sky.outcomes == {**dict.fromkeys(range(frame_id), "dropped:skipped"), frame_id: "accepted"}
+    assert sky.flights.held == 4 - frame_id
+    assert not sky.flights.answer(pose(frame_id), SENT_NS + 2, 17)
+    assert len(sky.results) == frame_id + 1
+
+
+def test_a_timeout_keeps_the_credit_that_damage_gives_back():
+    sky = Sky(2)
+    sky.flights.expire(SENT_NS + TIMEOUT_NS)
+    assert sky.flights.held == 2  # the board may still be at work on it
+    sky.flights.note_damage()
+    sky.flights.expire(SENT_NS + TIMEOUT_NS + 1_000_000)
+    assert sky.outcomes == {0: "dropped:timeout", 1: "dropped:corrupt"}
+    assert sky.flights.held == 1  # the second may never have reached it
+
+
+def test_a_damaged_frame_is_released_alone():
+    sky = Sky()
+    assert sky.flights.damaged(2, "a chunk was lost")
+    assert not sky.flights.damaged(2, "again")
+    assert sky.outcomes == {2: "dropped:corrupt"}
+    assert sky.flights.held == 4
+
+
+def test_an_answer_that_cannot_be_used_drops_its_frame_and_releases_it():
+    sky = Sky(3)
+    assert sky.flights.refuse(1, "the quaternion has length 2")
+    assert sky.outcomes == {1: "dropped:protocol", 0: "dropped:skipped"}
+    assert sky.results[0].reason == "the quaternion has length 2"
+    assert sky.flights.held == 1
+    assert not sky.flights.refuse(1, "again")
+    assert not sky.flights.refuse(99, "a frame that was never sent")
+    assert sky.flights.held == 1
+    # one that ran out of time before its useless answer came holds no credit either
+    sky.flights.expire(SENT_NS + TIMEOUT_NS + 5_000_000)
+    assert sky.flights.held == 1
+    assert not sky.flights.refuse(2, "late")
+    assert sky.flights.held == 0
+    assert sky.outcomes[2] == "dropped:timeout"
+
+
+def test_a_board_that_left_loses_all_it_held():
+    sky = Sky(3)
+    sky.flights.answer(pose(0, accepted=False), SENT_NS + 1, None)
+    sky.flights.lose("it left")
+    assert sky.outcomes == {0: "declined", 1: "dropped:disconnected", 2: "dropped:disconnected"}
+    assert sky.flights.held == 0
