@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import logging
 import threading
 import time
 from pathlib import Path
 
 from hil.link.errors import LinkClosed, LinkError, PacketError
-from hil.link.messages import Bye, TruthMessage, decode_message
+from hil.link.messages import Bye, ErrorMessage, TruthMessage, decode_message
 from hil.link.tcp import TcpTransport, connect_tcp
 from hil.link.transport import parse_url
 from simulator.errors import UserError
+
+logger = logging.getLogger(__name__)
 
 
 class TruthLogger:
@@ -75,6 +78,9 @@ class TruthLogger:
                     except LinkClosed:
                         return
                     if isinstance(message, Bye):
+                        return
+                    if isinstance(message, ErrorMessage):  # the endpoint has as many loggers as it takes
+                        logger.warning("no truth is logged: %s", message.text)
                         return
                     if isinstance(message, TruthMessage):
                         file.write(json.dumps({"frame_id": message.frame_id, "truth": message.truth}) + "\n")

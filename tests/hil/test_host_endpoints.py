@@ -15,6 +15,7 @@ from hil_loop import Loop, adds_up, board, frames
 from hil.host import pending, truth_endpoint
 from hil.host.pending import MAX_PENDING, PendingLinks
 from hil.host.truth_endpoint import MAX_CLIENTS, TruthEndpoint
+from hil.host.truth_logger import TruthLogger
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.errors import LinkClosed
 from hil.link.messages import (
@@ -82,6 +83,19 @@ def test_more_loggers_than_the_limit_are_turned_away_and_make_room_by_leaving():
             assert message(one) == TruthMessage(3, {"a": 1})
         assert message(client()).code == ErrorCode.BUSY
         assert len(end._clients) == MAX_CLIENTS
+
+
+def test_a_logger_that_is_turned_away_says_so(tmp_path, caplog):
+    with endpoint() as (end, client):
+        for _ in range(MAX_CLIENTS):
+            client()
+        logger = TruthLogger(end.url, tmp_path / "truth.jsonl")
+        logger.start()
+        assert logger.wait_connected(10.0)
+        time.sleep(0.05)
+        end.accept()
+        assert logger.stop(5.0) == 0
+    assert "no truth is logged: 16 loggers are connected already" in caplog.text
 
 
 @pytest.mark.parametrize("limit", ["bytes", "time"])

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import socket
 import struct
+import threading
 import time
 import tracemalloc
 import zlib
@@ -13,14 +15,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import zstandard
+from hil_loop import Instant
 
-from hil.link.errors import LinkError, PacketError, ProtocolMistake
+from hil.board.agent import run_board
+from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake
 from hil.link.fields import MAX_CAMERA_JSON_BYTES, MAX_JSON_DEPTH, MAX_TRUTH_JSON_BYTES, unpack_json
 from hil.link.framing import PREFIX, CobsFraming, LengthFraming
 from hil.link.images import MAX_FRAME_BYTES, FrameAssembler, check_terms, supported_encodings
 from hil.link.messages import (
     Bye,
     Encoding,
+    ErrorCode,
+    ErrorMessage,
     FrameChunk,
     FrameHeader,
     Hello,
@@ -32,6 +38,7 @@ from hil.link.messages import (
 )
 from hil.link.packets import HEADER, MAGIC, OVERHEAD_BYTES, Packet, PacketType
 from hil.link.session import HOST_BEFORE_HELLO, HOST_IN_SESSION, MAX_LEFT_OUT, Link, greet_host
+from hil.link.tcp import TcpListener, TcpTransport
 from hil.link.transport import virtual_pair
 
 DEEP = b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"
@@ -408,6 +415,79 @@ def test_the_largest_image_is_8192_squared_of_two_bytes():
 def test_a_frame_header_holds_finite_times():
     with pytest.raises(PacketError, match="not finite"):
         FrameHeader.decode(header(t_s=math.nan).encode())
+
+
+def test_a_host_that_ignores_the_window_fills_no_memory():
+    """Eight frames at once to a board that holds two: what it has no room for is told, not kept."""
+    gate, listener, summaries = threading.Event(), TcpListener("127.0.0.1", 0), []
+
+    class Gated(Instant):
+        def estimate(self, image):
+            assert gate.wait(30.0)
+            return super().estimate(image)
+
+    board = threading.Thread(
+        target=lambda: summaries.append(run_board(listener.url, make_estimator=Gated, window=2)), daemon=True
+    )
+    board.start()
+    link = Link(listener.accept(30.0), 7)
+    assert isinstance(link.recv(30.0), Hello)
+    link.send(replace(TERMS, window=60_000))
+    for k in range(8):
+        link.send(header(frame_id=k))
+        link.send(FrameChunk(k, 0, 0, bytes(64 * 48)))
+        if k == 0:
+            time.sleep(0.2)  # the first is in work; either way no more than three are taken
+    busy = []
+    while len(busy) < 5:
+        told = link.recv(30.0)
+        assert isinstance(told, ErrorMessage)
+        assert told.code == ErrorCode.BUSY
+        busy.append(told.frame_id)
+    gate.set()
+    answered = []
+    while len(answered) < 3:
+        told = link.recv(30.0)
+        if isinstance(told, PoseMessage):
+            answered.append(told.frame_id)
+        elif isinstance(told, ErrorMessage):  # the first was not in work yet
+            busy.append(told.frame_id)
+            answered.append(None)
+    assert sorted({*busy, *answered} - {None}) == list(range(8))
+    assert 7 in busy
+    link.send(Bye("enough"))
+    board.join(30.0)
+    assert summaries[0].goodbye
+    assert summaries[0].frames in (2, 3)
+    link.transport.close()
+    listener.close()
+
+
+def test_a_peer_that_takes_a_byte_now_and_then_is_given_up():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        client = socket.create_connection(server.getsockname())
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+        peer, _ = server.accept()
+    done = threading.Event()
+
+    def sip() -> None:
+        while not done.wait(0.002):
+            peer.recv(4096)
+
+    reader = threading.Thread(target=sip, daemon=True)
+    reader.start()
+    line = TcpTransport(client, "tcp://test", send_stall_s=20.0, send_packet_s=0.2)
+
+    def flood() -> None:
+        for k in range(100):
+            line.send_packet(Packet(PacketType.FRAME_CHUNK, bytes(1 << 22), 7, k))
+
+    with pytest.raises(LinkClosed, match=r"in more than 0\.2 s: it hangs or the network is too slow"):
+        flood()
+    line.close()
+    done.set()
+    reader.join(5.0)
+    peer.close()
 
 
 # --- poses -------------------------------------------------------------------------------------
