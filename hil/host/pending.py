@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hil.link.transport import Transport
 
 HELLO_WAIT_NS = 10_000_000_000
-# a board and its restarts are one or two; what comes beyond is turned away
+# a board and its restarts are one or two; beyond, who was silent longest makes room: a board speaks at once
 MAX_PENDING = 8
 # packets that are no HELLO before a connection is given up
 MAX_OTHERS = 64
@@ -47,12 +47,10 @@ class PendingLinks:
         return min((deadline for _, deadline in self._links), default=None)
 
     def add(self, transport: Transport) -> None:
-        """Take in a connection, or turn it away where too many wait."""
-        link = Link(transport, accepts=HOST_BEFORE_HELLO)
+        """Take in a connection; where too many wait, the oldest is turned away."""
         if len(self._links) >= MAX_PENDING:
-            refuse(link, ErrorCode.BUSY, f"{MAX_PENDING} connections to this host wait already: try again")
-            return
-        self._links.append((link, now_ns() + HELLO_WAIT_NS))
+            self._refuse(self._links[0][0], ErrorCode.BUSY, "it said nothing, and others came: say HELLO at once")
+        self._links.append((Link(transport, accepts=HOST_BEFORE_HELLO), now_ns() + HELLO_WAIT_NS))
 
     def hear(self, ready: Collection[Any]) -> tuple[Link, Hello] | None:
         """The first of those ``ready`` that says HELLO, with it; it is pending no more."""

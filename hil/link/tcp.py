@@ -148,7 +148,7 @@ class TcpListener:
             # a port in TIME_WAIT after the last run is free; one that somebody listens on is not
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             sock.bind(address)
-            sock.listen(8)
+            sock.listen(64)  # a shorter queue makes a board wait seconds behind a burst of others
         except OSError as error:
             if sock is not None:
                 sock.close()

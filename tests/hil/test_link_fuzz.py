@@ -10,12 +10,15 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hil_loop import CAMERA, Instant
 from hostile import Hostile, line
 
 from hil.board.agent import run_board
+from hil.link import cobs
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.errors import LinkClosed, LinkError, PacketError
+from hil.link.framing import PREFIX, CobsFraming, LengthFraming
 from hil.link.images import chunks
 from hil.link.messages import (
     Bye,
@@ -26,6 +29,7 @@ from hil.link.messages import (
     PoseMessage,
     TimeSyncRequest,
     TruthPolicy,
+    decode_message,
 )
 from hil.link.packets import PacketType
 from hil.link.session import Link, greet_host
@@ -193,20 +197,20 @@ def test_a_live_host_survives_and_ends_its_run_in_order(tmp_path):
     with running(HOST, tmp_path) as host:
         url, truth_url = host.hear().split()
         hostile, sent = Hostile(2022), 0
+        # more than it takes, and more than it has files for; it turns them away for a while
         with contextlib.ExitStack() as stack:
-            # more than it takes, and more than it has files for
             for port in (parse_url(url)[2], parse_url(truth_url)[2]) * 20:
                 stack.enter_context(socket.create_connection(("127.0.0.1", port), 10.0))
-            for k in range(60):
-                how = ("stranger", "board", "board in work")[k % 3]
-                sent += attack_host(url, hostile, how, 50)
-                if k % 10 == 0:
-                    with (
-                        contextlib.suppress(OSError),
-                        socket.create_connection(parse_url(truth_url)[1:]) as logger,
-                    ):
-                        logger.settimeout(10.0)
-                        logger.sendall(hostile.bytes())
+            time.sleep(0.5)
+        for k in range(60):
+            how = ("stranger", "board", "board in work")[k % 3]
+            sent += attack_host(url, hostile, how, 50)
+            if k % 10 == 0:
+                with (
+                    contextlib.suppress(OSError),
+                    socket.create_connection(parse_url(truth_url)[1:]) as logger,
+                ):
+                    logger.sendall(hostile.bytes())
         peak = host.peak_bytes()
         host.tell("finish")
         for _ in range(50):  # the last attacker's leaving may be noticed a moment later
@@ -322,6 +326,33 @@ def test_a_live_board_survives_and_answers_the_next_good_frame(tmp_path):
         assert "Traceback" not in board.errors()
         assert any(said.startswith("refused") for said in outcomes)
         assert peak < MAX_BYTES
+
+
+@pytest.mark.parametrize("make", [LengthFraming, lambda: CobsFraming(pure=True)], ids=["length", "cobs"])
+def test_nothing_but_a_packet_error_leaves_framing_and_messages(make):
+    """More packets than a live line takes in the time, on each framing and with whatever cuts."""
+    framing, hostile, read = make(), Hostile(7), 0
+    on_serial = isinstance(framing, CobsFraming)
+    for _ in range(800):
+        data = hostile.bytes()
+        if (
+            on_serial
+        ):  # the same packets without their length, stuffed; what was cut or made of garbage as it is
+            data = b"\0" + cobs.encode(data[PREFIX.size :]) + b"\0"
+        cut = hostile.rng.randrange(len(data) + 1)
+        for part in (data[:cut], data[cut:]):
+            framing.feed(part)
+            while True:
+                try:
+                    packet = framing.next_packet()
+                    if packet is None:
+                        break
+                    decode_message(packet)
+                    read += 1
+                except PacketError:
+                    pass
+        assert len(framing._buffer) < 6 << 20
+    assert read > 30  # some mutants are as good as the original
 
 
 def test_the_same_seed_gives_the_same_bytes():
