@@ -154,6 +154,11 @@ class Hostile:
             return sealed(
                 PacketType.TRUTH, struct.pack("<II", self.frame_id, len(text)) + text, self.session_id
             )
+        return self.camera(self.rng.randrange(len(JSON)))
+
+    def camera(self, k: int) -> bytes:
+        """Terms whose camera is the k-th of hostile texts."""
+        text = JSON[k % len(JSON)]
         fixed = struct.pack("<HHBBBBHHI64s32sI", 64, 48, 8, 0, 0, 2, 1, 0, 1 << 18, b"", b"", len(text))
         return sealed(PacketType.HELLO_ACK, fixed + text, self.session_id)
 

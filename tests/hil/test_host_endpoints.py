@@ -18,6 +18,7 @@ from hil.host.truth_endpoint import MAX_CLIENTS, TruthEndpoint
 from hil.host.truth_logger import TruthLogger
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.errors import LinkClosed
+from hil.link.framing import LengthFraming
 from hil.link.messages import (
     Bye,
     ErrorCode,
@@ -326,10 +327,11 @@ def test_a_board_that_never_stops_talking_does_not_hold_the_run():
         while not isinstance(heard := link.recv(10.0), FrameHeader):
             if isinstance(heard, TimeSyncRequest):
                 link.send(answer_time_sync(heard, now_ns()))
-        link.session_id ^= 1
+        packet = Packet(PacketType.BYE, Bye("x").encode(), link.session_id ^ 1)
+        flood = LengthFraming().encode(packet) * 20_000
         with contextlib.suppress(LinkClosed):
-            while True:
-                link.send(Bye("x"))
+            while True:  # faster than the host can read it
+                link.transport._write(flood)
                 while link.transport._read(0.0):
                     pass
         link.transport.close()

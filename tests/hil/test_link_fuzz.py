@@ -291,8 +291,9 @@ def test_a_live_board_survives_and_answers_the_next_good_frame(tmp_path):
             link = fuzzing_host(listener)
             with contextlib.suppress(LinkClosed):
                 if kind == "handshake":
-                    for _ in range(20):
-                        link.transport._write(hostile.bytes())
+                    # cameras first of all: once the terms are there nothing more of the kind is read
+                    for n in range(20):
+                        link.transport._write(hostile.bytes() if n % 2 else hostile.camera(k // 4 + n))
                         listen_in(link)
                 else:
                     truth = (TruthPolicy.OFF, TruthPolicy.INLINE)[k % 2]

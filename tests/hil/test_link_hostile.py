@@ -433,6 +433,10 @@ def test_a_host_that_ignores_the_window_fills_no_memory():
     link = Link(listener.accept(30.0), 7)
     assert isinstance(link.recv(30.0), Hello)
     link.send(replace(TERMS, window=60_000))
+    # the session's terms hold for its frames, too
+    link.send(header(frame_id=99, width_px=4096, height_px=4096, bits=16, total_bytes=1 << 25))
+    refused = link.recv(30.0)
+    assert (refused.code, refused.frame_id) == (ErrorCode.FORMAT, 99)
     for k in range(8):
         link.send(header(frame_id=k))
         link.send(FrameChunk(k, 0, 0, bytes(64 * 48)))
