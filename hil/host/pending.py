@@ -49,7 +49,9 @@ class PendingLinks:
     def add(self, transport: Transport) -> None:
         """Take in a connection; where too many wait, the oldest is turned away."""
         if len(self._links) >= MAX_PENDING:
-            self._refuse(self._links[0][0], ErrorCode.BUSY, "it said nothing, and others came: say HELLO at once")
+            self._refuse(
+                self._links[0][0], ErrorCode.BUSY, "it said nothing, and others came: say HELLO at once"
+            )
         self._links.append((Link(transport, accepts=HOST_BEFORE_HELLO), now_ns() + HELLO_WAIT_NS))
 
     def hear(self, ready: Collection[Any]) -> tuple[Link, Hello] | None:

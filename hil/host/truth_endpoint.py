@@ -138,9 +138,10 @@ class TruthEndpoint:
             ):
                 self._drop(client)
 
-    def close(self) -> None:
-        """Say goodbye, deliver what is queued within ``CLOSE_S``, close."""
-        self._queue(Bye("the run is over"))
+    def close(self, reason: str | None = "the run is over") -> None:
+        """Say goodbye when there is a ``reason``, deliver what is queued within ``CLOSE_S``, close."""
+        if reason is not None:
+            self._queue(Bye(reason))
         deadline = time.monotonic() + CLOSE_S
         while self.lagging and time.monotonic() < deadline:
             time.sleep(0.005)
