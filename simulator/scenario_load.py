@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 
-from simulator.camera.check import optics_problem, sensor_problem
+from simulator.camera.check import optics_problem, response_problem, sensor_problem
 from simulator.camera.files import CameraFile, read_camera_file
 from simulator.errors import UserError, near_names
 from simulator.file_errors import explain
@@ -116,10 +116,15 @@ def _camera(camera: str | CameraFile, where: str, folder: Path) -> CameraFile:
 def _check_camera(scenario: Scenario, where: str) -> None:
     """Refuse a lens or detector that cannot be."""
     scenario.camera_model  # noqa: B018 - raises where the region or the binning does not fit
-    problem = optics_problem(scenario.optics_model) or sensor_problem(scenario.sensor_model)
+    optics, sensor = scenario.optics_model, scenario.sensor_model
+    problem = (
+        optics_problem(optics)
+        or sensor_problem(sensor)
+        or response_problem(sensor, optics, 1 if scenario.output.bands == "mono" else 3)
+    )
     if problem is not None:
         raise UserError(f"{where}: key {problem}")
-    detector = scenario.sensor_model.detector
+    detector = sensor.detector
     if detector is not None and detector.colour_filter != "none" and scenario.output.bands == "mono":
         raise UserError(
             f"{where}: key sensor.detector.colour_filter is {detector.colour_filter!r}, which needs "

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.camera.sunlight import along, limits_nm
+
 if TYPE_CHECKING:
     from simulator.camera.optics import Optics
     from simulator.camera.sensor import Detector, Sensor
+    from simulator.camera.sunlight import Curve
 
 LARGEST_KERNEL = 63
 KERNEL_SUM_ERROR = 1e-3
@@ -56,7 +59,9 @@ _DETECTOR = {
 
 def optics_problem(optics: Optics) -> str | None:
     """What is wrong with the optics: field, value and what is allowed; None when nothing is."""
-    problem = _out_of_range(optics, _OPTICS, "optics")
+    problem = _out_of_range(optics, _OPTICS, "optics") or _curve_problem(
+        optics.transmission_curve, "optics.transmission_curve"
+    )
     if problem is not None or optics.psf != "kernel":
         return problem
     if len({len(row) for row in optics.kernel}) != 1:
@@ -102,6 +107,9 @@ def sensor_problem(sensor: Sensor) -> str | None:
             f"sensor.detector.quantum_efficiency is {list(d.quantum_efficiency)}, allowed: one number above 0 and up "
             "to 1, or three for red, green and blue"
         )
+    problem = _curve_problem(d.quantum_efficiency_curve, "sensor.detector.quantum_efficiency_curve")
+    if problem is not None:
+        return problem
     try:
         heated = d.dark_e_s
     except OverflowError:
@@ -116,6 +124,36 @@ def sensor_problem(sensor: Sensor) -> str | None:
             f"sensor.detector.black_level_dn is {d.black_level_dn:g}, allowed: less than the full scale of "
             f"{2**sensor.bits - 1} at {sensor.bits} bits"
         )
+    return None
+
+
+def response_problem(sensor: Sensor, optics: Optics, bands: int) -> str | None:
+    """Which of one or three bands the detector and the glass leave without any light; None when there is none."""
+    d = sensor.detector
+    if d is None:
+        return None
+    for low, high in limits_nm(bands):
+        wavelength_nm = np.arange(low, high) + 0.5
+        response = along(d.quantum_efficiency_curve, wavelength_nm, 1.0)
+        if not (response * along(optics.transmission_curve, wavelength_nm, 1.0)).any():
+            return (
+                "sensor.detector.quantum_efficiency_curve and optics.transmission_curve leave no light between "
+                f"{low:g} and {high:g} nm, allowed: some in every band of the picture"
+            )
+    return None
+
+
+def _curve_problem(curve: Curve, name: str) -> str | None:
+    if not curve:
+        return None
+    table = np.array(curve, float)
+    if len(table) < 2 or not (np.diff(table[:, 0]) > 0).all():
+        return f"{name} has {len(table)} points, allowed: two or more, their wavelengths ascending"
+    low, high = _OPTICS["wavelength_m"]
+    if not ((table[:, 0] >= low) & (table[:, 0] <= high)).all():
+        return f"{name} has a wavelength outside {low * 1e9:g} to {high * 1e9:g} nm"
+    if not ((table[:, 1] >= 0) & (table[:, 1] <= 1)).all():
+        return f"{name} has a share outside 0 to 1"
     return None
 
 

@@ -8,16 +8,15 @@ import cv2
 import numpy as np
 
 from simulator.camera.readout import read_out
+from simulator.camera.sunlight import electrons_per_joule
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from simulator.arrays import Float32Array
+    from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.optics import Optics
     from simulator.camera.sensor import Detector, Sensor
 
-PLANCK_J_S, LIGHT_M_S = 6.62607015e-34, 299_792_458.0
-BAND_WAVELENGTHS_M = (650e-9, 550e-9, 450e-9)
 _MOSAIC = {"r": 0, "g": 1, "b": 2}
 _DEMOSAIC = {
     # OpenCV names a pattern by its second row's second and third pixel; RGB order out
@@ -38,19 +37,24 @@ def electrons_per_radiance(
     d = sensor.detector
     if d is None:
         raise ValueError("a noise recipe on a 0..1 image has no electrons")
-    wavelength = np.array([optics.wavelength_m] if bands == 1 else BAND_WAVELENGTHS_M)
-    efficiency = (
-        np.resize(np.array(d.quantum_efficiency), bands) if bands > 1 else np.mean(d.quantum_efficiency)
-    )
-    energy = (
-        np.pi
-        / (4 * optics.f_number**2)
-        * optics.transmission
-        * sensor.pixel_pitch_x_m
-        * sensor.pixel_pitch_y_m
-        * exposure_s
-    )
-    return np.asarray(energy * efficiency * wavelength / (PLANCK_J_S * LIGHT_M_S))
+    energy = np.pi / (4 * optics.f_number**2) * sensor.pixel_pitch_x_m * sensor.pixel_pitch_y_m * exposure_s
+    return energy * electrons_per_joule(d, optics, bands)
+
+
+def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatArray:
+    """Factors on the digital numbers of a detector's bands that make a white plate in sunlight grey (n,), least 1.
+
+    Parameters
+    ----------
+    sunlight : (n,) one over the Sun's irradiance in each band, up to a constant.
+    """
+    if sensor.detector is None:
+        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    wanted = np.asarray(sunlight, float)
+    electrons = electrons_per_joule(sensor.detector, optics, wanted.size)
+    seen = electrons > 0  # what sees nothing cannot be balanced
+    gain = np.divide(wanted, electrons, out=np.full(wanted.size, np.inf), where=seen)
+    return np.where(seen, gain / gain.min(), 1.0)
 
 
 def detector_sigma(sensor: Sensor, signal: float, exposure_s: float) -> float:
@@ -88,7 +92,8 @@ def detect(
     signal : (H, W) or (H, W, 3) expected photo-electrons over the saturation charge.
     seed, frame_index : key of this frame's random numbers.
     exposure_s : for dark current and particles.
-    band_gain : white balance per band, applied to the digital numbers of a colour image.
+    band_gain : white balance per band, applied to the digital numbers of a colour image above their black level:
+        see `white_balance`.
 
     Returns
     -------
@@ -137,8 +142,6 @@ def _balanced(
     d = sensor.detector
     if balance.size == 1 or d is None:
         return image
-    gain = balance / np.resize(np.array(d.quantum_efficiency), 3) / np.array(BAND_WAVELENGTHS_M)
-    gain /= gain.min()
     full = 2**sensor.bits - 1
-    values = (image.astype(np.float32) - np.float32(d.black_level_dn)) * gain.astype(np.float32)
+    values = (image.astype(np.float32) - np.float32(d.black_level_dn)) * balance.astype(np.float32)
     return np.clip(np.rint(values + np.float32(d.black_level_dn)), 0, full).astype(image.dtype)

@@ -121,7 +121,7 @@ def digitise(
     signal : (H, W) or (H, W, 3) float32, 1 = full scale.
     sensor : noise recipe and bit depth.
     seed, frame_index : key of this frame's random numbers.
-    exposure_s, band_gain : for a detector in electrons: dark current, and white balance of a colour image.
+    exposure_s, band_gain : for a detector in electrons: dark current, and the `white_balance` of a colour image.
     noise : what `begin_noise` gave for this sensor, seed, frame and shape; drawn here without it.
 
     Returns

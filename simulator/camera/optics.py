@@ -20,7 +20,9 @@ class Optics:
     ----------
     f_number : focal length over the diameter of the aperture.
     transmission : share of the light that the glass lets through.
-    wavelength_m : at which diffraction and photons are counted; the middle of the band.
+    transmission_curve : a filter before it, (wavelength [m], share) in ascending order, straight between and nothing
+        beyond; empty for none. ``transmission`` comes on top.
+    wavelength_m : at which light is diffracted; the middle of the band. It has no part in the amount of light.
     psf : ``none``; ``gaussian`` of ``psf_sigma_px``; ``airy`` diffraction of the f-number, widened by
         ``psf_sigma_px`` of aberrations; ``kernel`` as measured. The sensor recipe's own blur comes on top.
     psf_sigma_px : standard deviation of the Gaussian part [px].
@@ -37,6 +39,7 @@ class Optics:
 
     f_number: float = 4.0
     transmission: float = 1.0
+    transmission_curve: tuple[tuple[float, float], ...] = ()
     wavelength_m: float = 550e-9
     psf: PsfKind = "none"
     psf_sigma_px: float = 0.0

@@ -18,17 +18,27 @@ from simulator.camera.sensor import Detector, Sensor
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
+
+    from simulator.camera.sunlight import Curve
 
 _Share = Annotated[float, Meta(ge=0, le=1)]
 _Electrons = Annotated[float, Meta(ge=0, le=1e9)]
 _Celsius = Annotated[float, Meta(ge=-273, le=200)]
+_CurvePoint = tuple[Annotated[float, Meta(ge=200, le=2000)], _Share]
 
 
 class DetectorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Keys of `[sensor.detector]`, each as in `simulator.camera.sensor.Detector`; what is left out stays."""
+    """Keys of `[sensor.detector]`, each as in `simulator.camera.sensor.Detector`; what is left out stays.
+
+    ``quantum_efficiency_curve`` is a list of [wavelength in nm, electrons per photon], ascending; it takes the place of
+    ``quantum_efficiency``.
+    """
 
     quantum_efficiency: list[Annotated[float, Meta(gt=0, le=1)]] | None = None
+    quantum_efficiency_curve: list[_CurvePoint] | None = None
     full_well_e: Annotated[float, Meta(ge=1, le=1e9)] | None = None
     gain_e_per_dn: Annotated[float, Meta(gt=0, le=1e6)] | None = None
     black_level_dn: Annotated[float, Meta(ge=0, le=60_000)] | None = None
@@ -60,6 +70,9 @@ class DetectorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
             changes["layer_m"] = changes.pop("layer_um") * 1e-6
         if "quantum_efficiency" in changes:
             changes["quantum_efficiency"] = tuple(changes["quantum_efficiency"])
+            changes.setdefault("quantum_efficiency_curve", ())  # of the preset: the number given replaces it
+        if "quantum_efficiency_curve" in changes:
+            changes["quantum_efficiency_curve"] = _in_metres(changes["quantum_efficiency_curve"])
         return replace(base or Detector(), **changes)
 
 
@@ -67,11 +80,14 @@ class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     """Section `[optics]`: the lens besides its distortion, each key as in `simulator.camera.optics.Optics`.
 
     ``kernel_file`` names a measured PSF beside the scenario: a .npy, text with one row of numbers a line, or a grey
-    picture (.png, .tif) with its black level taken off, which is divided by its sum.
+    picture (.png, .tif) with its black level taken off, which is divided by its sum. ``transmission_curve`` is a list
+    of [wavelength in nm, share], ascending: a filter, on top of ``transmission``. ``wavelength_nm`` is diffraction's
+    alone.
     """
 
     f_number: Annotated[float, Meta(ge=0.5, le=64)] = 4.0
     transmission: Annotated[float, Meta(gt=0, le=1)] = 1.0
+    transmission_curve: list[_CurvePoint] = []
     wavelength_nm: Annotated[float, Meta(ge=200, le=2000)] = 550.0
     psf: Literal["none", "gaussian", "airy", "kernel"] = "none"
     psf_sigma_px: Annotated[float, Meta(ge=0, le=10)] = 0.0
@@ -90,6 +106,7 @@ class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         keys = msgspec.structs.asdict(self)
         del keys["kernel_file"]
         keys["wavelength_m"] = keys.pop("wavelength_nm") * 1e-9
+        keys["transmission_curve"] = _in_metres(self.transmission_curve)
         keys["kernel"] = tuple(tuple(row) for row in self.kernel)
         return Optics(**keys)
 
@@ -115,6 +132,10 @@ class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         if table.ndim != 2:
             raise UserError(f"{where}: key optics.kernel_file: {path} has {table.ndim} axes, a PSF has two")
         return msgspec.structs.replace(self, kernel=table.astype(float).tolist(), kernel_file="")
+
+
+def _in_metres(curve_nm: Sequence[tuple[float, float]]) -> Curve:
+    return tuple((wavelength_nm * 1e-9, share) for wavelength_nm, share in curve_nm)
 
 
 def _read_kernel(path: Path) -> NDArray[Any]:

@@ -14,7 +14,9 @@ class Detector:
 
     Parameters
     ----------
-    quantum_efficiency : electrons per photon, mean over the band: one number, or red, green, blue.
+    quantum_efficiency : electrons per photon of sunlight, mean over the band: one number, or red, green, blue.
+    quantum_efficiency_curve : instead of that, (wavelength [m], electrons per photon) in ascending order, straight
+        between and nothing beyond; of a colour detector each band has its own stretch of it.
     full_well_e : charge that a pixel holds [e]. gain_e_per_dn : system gain [e DN-1]. black_level_dn : offset.
     read_noise_e : of each read-out. row_noise_e, column_noise_e : common to a row or column of one frame.
     dark_current_e_s : at ``dark_reference_c``, doubling every ``dark_doubling_c`` kelvin; ``temperature_c`` now.
@@ -35,6 +37,7 @@ class Detector:
     """
 
     quantum_efficiency: tuple[float, ...] = (0.6,)
+    quantum_efficiency_curve: tuple[tuple[float, float], ...] = ()
     full_well_e: float = 10_000.0
     gain_e_per_dn: float = 40.0
     black_level_dn: float = 0.0

@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.scene.bands import bands_of
+from simulator.render.star_colours import (
+    hp_minus_v,
+    irradiance_of_v_mag,
+    photons_over_sunlights,
+    usual_v_minus_i,
+)
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
@@ -19,13 +24,11 @@ if TYPE_CHECKING:
 
 CATALOGUE = "hipparcos2_hp9.npz"
 _CATALOGUE_EPOCH = datetime(1991, 4, 2, 13, 30, tzinfo=UTC)  # J1991.25
-# Hp of the Sun: V = -26.76 (Willmer 2018, ApJS 236) and Hp - V = 0.12 at B-V = 0.65 (ESA SP-1200, vol. 1, table 1.3.5)
-_SUN_HP = -26.64
-_SUN_TEMPERATURE_K = 5772.0  # IAU 2015 resolution B3
-_HP_WAVELENGTH_NM = 528.0  # effective wavelength of the Hp band
+_SIRIUS_HIP = 32349
+_SIRIUS_HP_MAG = -1.43  # V = -1.44; the catalogue's -1.09 is of a detector that it saturated
+_SUN_B_MINUS_V = 0.65  # what a star without colour is given
 _SIDE = 12  # cells along the edge of each of a cube's faces
 CELL_RADIUS_RAD = 0.125  # of the largest, half of its diagonal
-HP_MINUS_V = 0.12  # of light of the Sun's colour
 _MAS_RAD = np.pi / 180 / 3_600_000
 
 
@@ -36,7 +39,7 @@ class StarField:
     Parameters
     ----------
     directions : (3, K) unit vectors, GCRS.
-    irradiance_w_m2 : (n, K) per band, above the atmosphere.
+    irradiance_w_m2 : (n, K) per band, above the atmosphere; by photons, that of the sunlight with as many of them.
     cells, first : (C, 3) middles of the cells of the sky that the stars are sorted into; where each begins, (C + 1,).
     """
 
@@ -68,19 +71,20 @@ def _catalogue() -> dict[str, FloatArray]:
         return {name: np.asarray(arrays[name], float) for name in arrays.files}
 
 
-def stars(epoch_utc: str, bands: Bands) -> StarField:
+def stars(epoch_utc: str, bands: Bands, *, by_photons: bool = False) -> StarField:
     """The whole catalogue at an epoch.
 
     Parameters
     ----------
     epoch_utc : ISO 8601; proper motion is applied for whole years, which is 0.1 arcsec for nearly every star.
+    by_photons : for a detector that counts them, as a joule of a red star's light has more of them than a blue one's.
     """
     epoch = datetime.fromisoformat(epoch_utc)
-    return _stars_of_year(round((epoch - _CATALOGUE_EPOCH).days / 365.25), bands)
+    return _stars_of_year(round((epoch - _CATALOGUE_EPOCH).days / 365.25), bands, by_photons)
 
 
 @functools.lru_cache(maxsize=4)
-def _stars_of_year(years: int, bands: Bands) -> StarField:
+def _stars_of_year(years: int, bands: Bands, by_photons: bool) -> StarField:  # noqa: FBT001 - a key of the cache
     c = _catalogue()
     ra, dec = np.radians(c["ra_deg"]), np.radians(c["dec_deg"])
     east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=1)
@@ -91,7 +95,10 @@ def _stars_of_year(years: int, bands: Bands) -> StarField:
     cell = _cell(moved)
     order = np.argsort(cell, kind="stable")
     first = np.searchsorted(cell[order], np.arange(6 * _SIDE * _SIDE + 1))
-    light = star_irradiance_w_m2(c["hp_mag"], c["b_minus_v_mag"], bands)
+    hp, vi = np.where(c["hip"] == _SIRIUS_HIP, _SIRIUS_HP_MAG, c["hp_mag"]), c["v_minus_i_mag"]
+    light = star_irradiance_w_m2(hp, c["b_minus_v_mag"], bands, vi)
+    if by_photons:
+        light = light * photons_over_sunlights(vi, bands)
     directions, irradiance = (np.ascontiguousarray(values[order].T) for values in (moved, light))
     return StarField(directions, irradiance, _cell_middles(), first)
 
@@ -118,28 +125,17 @@ def _cell_middles() -> FloatArray:
     return d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
-def star_irradiance_w_m2(hp_mag: FloatArray, bv: FloatArray, bands: Bands) -> FloatArray:
-    """Irradiance per band (..., n) of stars of magnitude Hp and colour B-V [W m-2].
+def star_irradiance_w_m2(
+    hp_mag: FloatArray, b_minus_v: FloatArray, bands: Bands, v_minus_i: FloatArray | None = None
+) -> FloatArray:
+    """Irradiance per band (K, n) of stars of magnitude Hp and colours B-V and V-I [W m-2].
 
-    A star of the Sun's colour is the Sun, dimmed by the difference in magnitude; others differ by the ratio of black
-    bodies, of the temperature of Ballesteros (2012), EPL 97, 34008, eq. 14.
+    Parameters
+    ----------
+    v_minus_i : Cousins colour, which M stars need; without it that of a normal star.
     """
-    bv = np.clip(np.nan_to_num(np.asarray(bv, float), nan=0.65), -0.4, 2.0)
-    temperature = 4600 * (1 / (0.92 * bv + 1.7) + 1 / (0.92 * bv + 0.62))
-    dimmed = 10 ** (-0.4 * (np.asarray(hp_mag, float) - _SUN_HP))
-    columns = []
-    for band in bands_of(bands):
-        inside = band.low_nm + (np.arange(6) + 0.5) / 6 * (band.high_nm - band.low_nm)
-        # the Sun's own light weights its band: its black body is near enough to even over 100 nm
-        colour = _planck_ratio(temperature[..., None], inside) / _planck_ratio(
-            np.array(_SUN_TEMPERATURE_K), inside
-        )
-        columns.append(band.sun_irradiance_w_m2 * dimmed * colour.mean(axis=-1))
-    return np.stack(columns, axis=-1)
-
-
-def _planck_ratio(temperature_k: FloatArray, wavelength_nm: FloatArray) -> FloatArray:
-    """Black-body spectral radiance at a wavelength over that at Hp's, up to a constant."""
-    second_radiation_nm_k = 1.438777e7
-    hp = np.expm1(second_radiation_nm_k / (_HP_WAVELENGTH_NM * temperature_k))
-    return np.asarray(hp / np.expm1(second_radiation_nm_k / (wavelength_nm * temperature_k)))
+    bv = np.nan_to_num(np.asarray(b_minus_v, float), nan=_SUN_B_MINUS_V)
+    vi = usual_v_minus_i(bv)
+    if v_minus_i is not None:
+        vi = np.where(np.isfinite(v_minus_i), v_minus_i, vi)
+    return irradiance_of_v_mag(np.asarray(hp_mag, float) - hp_minus_v(bv, vi), bv, vi, bands)

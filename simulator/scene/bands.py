@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.camera.sunlight import MONO_BAND_NM, RGB_BANDS_NM, sun_irradiance_between_w_m2
+
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
     from simulator.scene.state import Bands
 
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
-
-# Extraterrestrial solar spectral irradiance at 1 au, mean of each 50 nm interval from 400 nm [W m-2 nm-1].
-# ASTM G173-03 (2012), Reference solar spectral irradiances, column "etr".
-_SPECTRUM_START_NM, _SPECTRUM_STEP_NM = 400.0, 50.0
-_SPECTRUM_W_M2_NM = np.array([1.734, 1.994, 1.872, 1.823, 1.677, 1.502, 1.343])
 
 
 @dataclass(frozen=True)
@@ -38,15 +35,13 @@ class Band:
     @cached_property
     def sun_irradiance_w_m2(self) -> float:
         """Solar irradiance in the band at 1 au, normal incidence [W m-2]."""
-        edges = _SPECTRUM_START_NM + _SPECTRUM_STEP_NM * np.arange(len(_SPECTRUM_W_M2_NM) + 1)
-        overlap = np.clip(np.minimum(edges[1:], self.high_nm) - np.maximum(edges[:-1], self.low_nm), 0, None)
-        return float(overlap @ _SPECTRUM_W_M2_NM)
+        return sun_irradiance_between_w_m2(self.low_nm, self.high_nm)
 
 
-PANCHROMATIC = Band("panchromatic", 450.0, 750.0, (0.443, 0.362, 0.195))
-RED = Band("red", 600.0, 700.0, (1.0, 0.0, 0.0))
-GREEN = Band("green", 500.0, 600.0, (0.0, 1.0, 0.0))
-BLUE = Band("blue", 400.0, 500.0, (0.0, 0.0, 1.0))
+PANCHROMATIC = Band("panchromatic", *MONO_BAND_NM, (0.443, 0.362, 0.195))
+RED = Band("red", *RGB_BANDS_NM[0], (1.0, 0.0, 0.0))
+GREEN = Band("green", *RGB_BANDS_NM[1], (0.0, 1.0, 0.0))
+BLUE = Band("blue", *RGB_BANDS_NM[2], (0.0, 0.0, 1.0))
 
 
 def bands_of(bands: Bands) -> tuple[Band, ...]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.check import optics_problem, sensor_problem
+from simulator.camera.check import optics_problem, response_problem, sensor_problem
 from simulator.camera.model import camera_problem
 from simulator.world.time import Instant
 
@@ -48,7 +48,11 @@ def scene_problem(scene: SceneState) -> str | None:
     lens = camera_problem(c)
     if lens is not None:
         return f"scene.camera.{lens}"
-    part = sensor_problem(scene.sensor) or optics_problem(scene.optics)
+    part = (
+        sensor_problem(scene.sensor)
+        or optics_problem(scene.optics)
+        or response_problem(scene.sensor, scene.optics, 1 if scene.bands == "mono" else 3)
+    )
     if part is not None:
         return f"scene.{part}"
     detector = scene.sensor.detector

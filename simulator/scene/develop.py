@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.camera.detector import white_balance
 from simulator.camera.develop import Surroundings, digitise, expose
 from simulator.camera.recipe_noise import begin_noise
 from simulator.scene.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
@@ -59,13 +60,15 @@ def digitise_scene(
     signal : what `expose_scene` gives. sensor : instead of the scene's, for example its noiseless twin.
     noise : what `begin_scene_noise` gave, of the scene's own sensor.
     """
+    sensor = sensor or scene.sensor
+    balance = sunlight_balance(scene.bands)
     return digitise(
         signal,
-        sensor or scene.sensor,
+        sensor,
         scene.seed,
         scene.frame_index,
         scene.exposure_s,
-        sunlight_balance(scene.bands),
+        balance if sensor.detector is None else white_balance(sensor, scene.optics, balance),
         noise,
     )
 

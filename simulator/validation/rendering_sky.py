@@ -199,17 +199,17 @@ def star_electrons(renderer: Renderer) -> tuple[float, float]:
     x = np.cross([0.1, 0.2, 1.0], z)
     x /= np.linalg.norm(x)
     scene = replace(scene, q_camera_from_eci_wxyz=quat(quat_from_matrix(np.stack([x, np.cross(z, x), z]))))
-    image = _draw(renderer, scene, stars=True)
     optics = Optics(f_number=number, transmission=1.0)
     sensor = Sensor(
         detector=Detector(quantum_efficiency=(efficiency,)), pixel_pitch_x_m=pitch, pixel_pitch_y_m=pitch
     )
+    image = _draw(renderer, replace(scene, sensor=sensor), stars=True)
     middle = slice(45, 51)
     drawn = float(image[middle, middle].sum()) * float(
         np.squeeze(electrons_per_radiance(sensor, optics, exposure, 1))
     )
-    # 3.05e-11 W m-2 nm-1 over the 300 nm of the band
-    photons = 3.05e-11 * 300 / (PLANCK_J_S * LIGHT_M_S / optics.wavelength_m)
+    # 3.05e-11 W m-2 nm-1 over the 300 nm of the band, whose mean wavelength in Vega's light is 563 nm
+    photons = 3.05e-11 * 300 / (PLANCK_J_S * LIGHT_M_S / 563e-9)
     return drawn, photons * np.pi / 4 * (focal / number) ** 2 * exposure * efficiency
 
 

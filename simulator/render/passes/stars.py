@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.catalogue import HP_MINUS_V, star_irradiance_w_m2, stars
+from simulator.render.catalogue import stars
+from simulator.render.star_colours import irradiance_of_v_mag, photons_over_sunlights, usual_v_minus_i
 from simulator.scene.atmosphere import optical_depth_to_top
 from simulator.scene.planets import earth_velocity_c, planets
 from simulator.world.constants import LIGHT_M_S
@@ -144,19 +145,28 @@ def stars_in_view(
     air: Atmosphere | None,
     moon: MoonView | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Pixel positions (K, 2) and radiance (K, n) that one whole pixel would have [W m-2 sr-1]."""
+    """Pixel positions (K, 2) and radiance (K, n) that one whole pixel would have [W m-2 sr-1].
+
+    For a detector that counts photons it is that of the sunlight with as many of them: electrons are counted with the
+    Sun's.
+    """
     camera, environment = scene.camera, scene.environment
     # all of it row by row: numpy takes several times as long across rows of three
     directions, light = [], []
+    by_photons = scene.sensor.detector is not None
     if environment.stars:
-        field = stars(scene.epoch_utc, scene.bands)
+        field = stars(scene.epoch_utc, scene.bands, by_photons=by_photons)
         near, irradiance = field.near(view.R_camera_from_eci[2], camera.half_angle_rad())
         directions.append(near)
         light.append(irradiance)
     if environment.planets:
         points = planets(scene.epoch_utc, np.asarray(scene.r_camera_eci_m))
         directions.append(points.directions.T)
-        light.append(star_irradiance_w_m2(points.v_mag + HP_MINUS_V, points.b_minus_v, scene.bands).T)
+        bv, vi = points.b_minus_v, usual_v_minus_i(points.b_minus_v)
+        irradiance = irradiance_of_v_mag(points.v_mag, bv, vi, scene.bands)
+        if by_photons:
+            irradiance *= photons_over_sunlights(vi, scene.bands)
+        light.append(irradiance.T)
     # aberration by the motion of the Earth and of the camera about it
     beta = earth_velocity_c(scene.epoch_utc) + np.asarray(scene.v_camera_eci_m_s) / LIGHT_M_S
     R = view.R_camera_from_eci
