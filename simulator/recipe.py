@@ -202,6 +202,7 @@ class RecipePlan:
         speed = np.sqrt(MU_EARTH_M3_S2 / np.linalg.norm(r_target))
         along = np.cross(up, _uniform_direction(rng))
         v = speed * along / np.linalg.norm(along)
+        q_ie = q_itrs_from_eci(now)
         return SceneState(
             epoch_utc=now.iso(),
             t_s=0.0,
@@ -226,9 +227,9 @@ class RecipePlan:
             v_target_eci_m_s=vec3(v),
             r_sun_eci_m=vec3(r_sun),
             r_moon_eci_m=vec3(r_moon),
-            q_itrs_from_eci_wxyz=quat(q_itrs_from_eci(now)),
+            q_itrs_from_eci_wxyz=quat(q_ie),
             q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
-            sun_visible_fraction=sun_fraction_past_both(r_target, r_sun, r_moon),
+            sun_visible_fraction=sun_fraction_past_both(r_target, r_sun, r_moon, matrix_from_quat(q_ie)[2]),
         )
 
 

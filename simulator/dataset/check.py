@@ -200,7 +200,9 @@ def _check_directions(truth: Truth) -> list[str]:
     ):
         if label is not None and not np.allclose(label, to_camera @ way / np.linalg.norm(way), atol=1e-9):
             wrong.append(f"{name} is not the direction that the scene's positions give")
-    if abs(truth.sun_visible_fraction - sun_fraction_past_both(target, sun, scene.r_moon_eci_m)) > 1e-9:
+    pole = matrix_from_quat(scene.q_itrs_from_eci_wxyz)[2]
+    seen = sun_fraction_past_both(target, sun, scene.r_moon_eci_m, pole)
+    if abs(truth.sun_visible_fraction - seen) > 1e-9:
         wrong.append("sun_visible_fraction is not what Earth and Moon leave of the Sun's disc")
     if truth.exposure_s is not None and truth.exposure_s != scene.exposure_s:
         wrong.append("exposure_s differs from the scene's")

@@ -18,7 +18,7 @@ from simulator.scene.bands import bands_of, sun_irradiance_w_m2
 from simulator.scene.moonlight import moonlight_share
 from simulator.scene.refraction import sunlight_past_earth
 from simulator.world.constants import MOON_RADIUS_M
-from simulator.world.eclipse import sun_visible_fraction
+from simulator.world.eclipse import sun_fraction_past_sphere
 from simulator.world.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _sun_share(scene: SceneState, R_itrs_from_eci: FloatArray) -> FloatArray:
     if np.all(through == 1):
         return fraction
     moon = np.asarray(scene.r_moon_eci_m)
-    return through * float(sun_visible_fraction(r - moon, sun - moon, MOON_RADIUS_M))
+    return through * float(sun_fraction_past_sphere(r - moon, sun - moon, MOON_RADIUS_M))
 
 
 def sky_light(scene: SceneState) -> SkyLight:

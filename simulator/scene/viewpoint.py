@@ -109,6 +109,6 @@ def scene_above(
         r_sun_eci_m=vec3(sun),
         r_moon_eci_m=vec3(moon),
         q_itrs_from_eci_wxyz=quat(q_ie),
-        sun_visible_fraction=sun_fraction_past_both(r, sun, moon),
+        sun_visible_fraction=sun_fraction_past_both(r, sun, moon, matrix_from_quat(q_ie)[2]),
         q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
     )

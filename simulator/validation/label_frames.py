@@ -138,7 +138,8 @@ def _in_other_light(rng: Generator, scene: SceneState) -> SceneState:
         return scene
     d = rng.standard_normal(3)
     sun = np.asarray(scene.r_target_eci_m) + ASTRONOMICAL_UNIT_M * d / np.linalg.norm(d)
-    share = sun_fraction_past_both(scene.r_target_eci_m, sun, scene.r_moon_eci_m)
+    pole = matrix_from_quat(scene.q_itrs_from_eci_wxyz)[2]
+    share = sun_fraction_past_both(scene.r_target_eci_m, sun, scene.r_moon_eci_m, pole)
     return replace(scene, r_sun_eci_m=vec3(sun), sun_visible_fraction=share)
 
 

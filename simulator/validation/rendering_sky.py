@@ -20,7 +20,7 @@ from simulator.scene.viewpoint import EQUATOR_M, POLE_M, scene_above
 from simulator.targets.library import load_target
 from simulator.validation.rows import Row
 from simulator.validation.stage import square_camera
-from simulator.world.constants import AU_M, EARTH_RADIUS_M, SUN_RADIUS_M
+from simulator.world.constants import AU_M, EARTH_RADIUS_M, FLATTENING, SUN_RADIUS_M
 from simulator.world.eclipse import sun_visible_fraction
 from simulator.world.rotation import matrix_from_quat, quat_from_matrix
 
@@ -214,18 +214,21 @@ def star_electrons(renderer: Renderer) -> tuple[float, float]:
 
 
 def penumbra_difference(points: int = 400) -> float:
-    """Largest difference of the Sun's visible share over eleven places of the penumbra."""
+    """Largest difference of the Sun's visible share over eleven places of the penumbra at the equator and the poles."""
     grid = (np.arange(points) + 0.5) / points * 2 - 1
     y, z = (v.ravel() for v in np.meshgrid(grid, grid))
     disc = np.stack([np.zeros_like(y), y, z], axis=-1)[y * y + z * z < 1] * SUN_RADIUS_M
     sun = np.array([AU_M, 0.0, 0.0])
     worst = 0.0
-    for height in EARTH_RADIUS_M + np.linspace(-9e3, 9e3, 11):
-        r = np.array([-2e6, height, 0.0])
-        d = sun + disc - r
-        d /= np.linalg.norm(d, axis=-1, keepdims=True)
-        open_sky = np.linalg.norm(r - (d @ r)[:, None] * d, axis=-1) > EARTH_RADIUS_M
-        worst = max(worst, abs(float(sun_visible_fraction(r, sun)) - float(open_sky.mean())))
+    sphere = 1 / np.array([EARTH_RADIUS_M, EARTH_RADIUS_M, EARTH_RADIUS_M * (1 - FLATTENING)])
+    for up in (np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
+        for height in 1 / float(sphere @ up) + np.linspace(-9e3, 9e3, 11):
+            r = np.array([-2e6, 0.0, 0.0]) + height * up
+            # in units of the ellipsoid's axes it is a sphere of radius one
+            d, q = (sun + disc - r) * sphere, r * sphere
+            d /= np.linalg.norm(d, axis=-1, keepdims=True)
+            open_sky = np.linalg.norm(q - (d @ q)[:, None] * d, axis=-1) > 1
+            worst = max(worst, abs(float(sun_visible_fraction(r, sun)) - float(open_sky.mean())))
     return worst
 
 

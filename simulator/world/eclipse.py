@@ -1,4 +1,4 @@
-"""How much of the Sun's disc a spacecraft sees past the Earth and the Moon."""
+"""How much of the Sun's disc a spacecraft sees past the Earth's ellipsoid and the Moon's sphere."""
 
 from __future__ import annotations
 
@@ -6,15 +6,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.constants import EARTH_RADIUS_M, MOON_RADIUS_M, SUN_RADIUS_M
+from simulator.world.constants import EARTH_RADIUS_M, FLATTENING, MOON_RADIUS_M, SUN_RADIUS_M
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from simulator.arrays import FloatArray
 
+GCRS_POLE = (0.0, 0.0, 1.0)
+"""The Earth's axis of J2000.0, a sixth of a degree from that of 2026: 60 m of the limb."""
+_STRETCH = (
+    1 / (1 - FLATTENING) - 1
+)  # of lengths along the axis: the ellipsoid becomes a sphere, rays stay straight
+_DAY_SIDE_COSINE = (
+    0.01  # 0.6 degrees sunward of the body's centre and more, its limb cannot reach the Sun's disc
+)
 
-def sun_fraction_past_both(r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike, r_moon_eci_m: ArrayLike) -> float:
+
+def sun_fraction_past_both(
+    r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike, r_moon_eci_m: ArrayLike, pole_eci: ArrayLike = GCRS_POLE
+) -> float:
     """Share of the Sun's disc that neither the Earth nor the Moon hides from one spacecraft.
 
     What each hides is added: both cover a part of the Sun at once for some seconds a century.
@@ -22,16 +33,37 @@ def sun_fraction_past_both(r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike, r_moon_ec
     Parameters
     ----------
     r_eci_m, r_sun_eci_m, r_moon_eci_m : (3,) spacecraft, Sun and Moon from the Earth's centre [m].
+    pole_eci : (3,) unit vector of the Earth's axis.
     """
     r, sun, moon = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m, r_moon_eci_m))
-    past_earth = float(sun_visible_fraction(r, sun))
-    past_moon = float(sun_visible_fraction(r - moon, sun - moon, MOON_RADIUS_M))
+    past_earth = float(sun_visible_fraction(r, sun, pole_eci))
+    past_moon = float(sun_fraction_past_sphere(r - moon, sun - moon, MOON_RADIUS_M))
     return max(past_earth + past_moon - 1.0, 0.0)
 
 
 def sun_visible_fraction(
-    r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike, radius_m: float = EARTH_RADIUS_M
+    r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike, pole_eci: ArrayLike = GCRS_POLE
 ) -> FloatArray:
+    """Share of the Sun's disc not hidden by the Earth's ellipsoid (WGS 84): 1 in sunlight, 0 in umbra.
+
+    Lengths along the axis are stretched until the ellipsoid is a sphere: straight rays stay straight. The Sun's disc
+    becomes an ellipse by a thousandth at most, which is left out.
+
+    Parameters
+    ----------
+    r_eci_m, r_sun_eci_m : (..., 3) spacecraft and Sun from the Earth's centre [m].
+    pole_eci : (3,) unit vector of the Earth's axis.
+
+    Returns
+    -------
+    (...) fraction, 0..1.
+    """
+    r, sun, pole = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m, pole_eci))
+    r, sun = (x + (_STRETCH * np.asarray(x @ pole))[..., None] * pole for x in (r, sun))
+    return sun_fraction_past_sphere(r, sun, EARTH_RADIUS_M)
+
+
+def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float) -> FloatArray:
     """Share of the Sun's disc not hidden by a spherical body: 1 in sunlight, 0 in umbra.
 
     The two discs overlap as plane circles of their angular radii, as is usual: within the half degree of
@@ -39,8 +71,7 @@ def sun_visible_fraction(
 
     Parameters
     ----------
-    r_eci_m : (..., 3) spacecraft from the body's centre, the Earth's unless ``radius_m`` is another's [m].
-    r_sun_eci_m : (..., 3) Sun from the body's centre [m].
+    r_m, r_sun_m : (..., 3) spacecraft and Sun from the body's centre [m].
     radius_m : of the body.
 
     Returns
@@ -51,19 +82,23 @@ def sun_visible_fraction(
     ----------
     Montenbruck & Gill (2000), Satellite Orbits, sec. 3.4.2.
     """
-    r = np.asarray(r_eci_m, float)
-    to_sun = np.asarray(r_sun_eci_m, float) - r
-    distance = np.linalg.norm(r, axis=-1)
-    sun_distance = np.linalg.norm(to_sun, axis=-1)
+    # component by component, which is five times as fast for one place as numpy's cross product and norms
+    x, y, z = (np.asarray(r_m, float)[..., k] for k in range(3))
+    sx, sy, sz = (np.asarray(r_sun_m, float)[..., k] - at for k, at in enumerate((x, y, z)))
+    distance = np.sqrt(x * x + y * y + z * z)
+    sun_distance = np.sqrt(sx * sx + sy * sy + sz * sz)
+    along = -(x * sx + y * sy + z * sz)
+    if np.all(along < -_DAY_SIDE_COSINE * distance * sun_distance):
+        return np.ones(np.shape(distance))
+    across = np.sqrt((y * sz - z * sy) ** 2 + (z * sx - x * sz) ** 2 + (x * sy - y * sx) ** 2)
     a = np.arcsin(SUN_RADIUS_M / sun_distance)
     b = np.arcsin(np.minimum(radius_m / distance, 1.0))
-    cross = np.linalg.norm(np.cross(-r, to_sun), axis=-1)
-    c = np.arctan2(cross, np.sum(-r * to_sun, axis=-1))
-    # chord of the two circles: x from the Sun's centre towards the Earth's, half length y
+    c = np.arctan2(across, along)
+    # chord of the two circles: its middle from the Sun's centre towards the body's, and half its length
     c_safe = np.maximum(c, 1e-12)
-    x = (c_safe**2 + a**2 - b**2) / (2 * c_safe)
-    y = np.sqrt(np.maximum(a**2 - x**2, 0.0))
-    overlap = a**2 * np.arctan2(y, x) + b**2 * np.arctan2(y, c_safe - x) - c_safe * y
+    middle = (c_safe**2 + a**2 - b**2) / (2 * c_safe)
+    half = np.sqrt(np.maximum(a**2 - middle**2, 0.0))
+    overlap = a**2 * np.arctan2(half, middle) + b**2 * np.arctan2(half, c_safe - middle) - c_safe * half
     partial = 1 - overlap / (np.pi * a**2)
     inside = np.where(b >= a, 0.0, 1 - (b / a) ** 2)
     fraction = np.where(c >= a + b, 1.0, np.where(c <= np.abs(b - a), inside, partial))

@@ -14,6 +14,7 @@ from simulator.world.eclipse import sun_fraction_past_both
 from simulator.world.ephemeris import moon_eci_m, sun_eci_m
 from simulator.world.lvlh import Lvlh, lvlh_frame
 from simulator.world.moon import q_moon_from_eci
+from simulator.world.rotation import matrix_from_quat
 from simulator.world.state import WorldState
 from simulator.world.steer import ChaserState
 
@@ -111,6 +112,7 @@ class Flight:
         p_lvlh, v_lvlh = self.lvlh(t_s).from_eci(p, p_rate)
         sun = sun_eci_m(now.tt1, now.tt2)
         moon = moon_eci_m(now.tt1, now.tt2) if self.body is EARTH else r_body
+        q_ie = q_itrs_from_eci(now)
         return WorldState(
             epoch_utc=now.iso(),
             t_s=float(t_s),
@@ -128,9 +130,9 @@ class Flight:
             velocity_lvlh_m_s=vec3(v_lvlh),
             r_sun_eci_m=vec3(sun),
             r_moon_eci_m=vec3(moon),
-            q_itrs_from_eci_wxyz=quat(q_itrs_from_eci(now)),
+            q_itrs_from_eci_wxyz=quat(q_ie),
             q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
-            sun_visible_fraction=sun_fraction_past_both(r, sun, moon),
+            sun_visible_fraction=sun_fraction_past_both(r, sun, moon, matrix_from_quat(q_ie)[2]),
             central_body=self.body.name,
         )
 

@@ -156,7 +156,7 @@ class FullForces:
             factor = craft.drag_coefficient * craft.area_m2 / craft.mass_kg
             a -= 0.5 * rho * factor * float(np.linalg.norm(wind)) * wind
         if self.solar_pressure:
-            a += light_pressure(craft, r - sun, float(sun_visible_fraction(r, sun)))
+            a += light_pressure(craft, r - sun, float(sun_visible_fraction(r, sun, R_itrs_from_eci[2])))
         return a
 
 

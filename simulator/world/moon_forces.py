@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.world.constants import MOON_RADIUS_M, MU_EARTH_M3_S2, MU_MOON_M3_S2, MU_SUN_M3_S2
-from simulator.world.eclipse import sun_visible_fraction
+from simulator.world.eclipse import sun_fraction_past_sphere, sun_visible_fraction
 from simulator.world.forces import attraction, attraction_difference, light_pressure, third_body
 from simulator.world.moon import R_moon_from_eci
 from simulator.world.spherical_harmonics import HarmonicField, field
@@ -82,7 +82,7 @@ class MoonForces:
         return a, d
 
     def _push(self, craft: Surface, r: FloatArray, sun: FloatArray, moon: FloatArray) -> FloatArray:
-        past_moon = float(sun_visible_fraction(r, sun, MOON_RADIUS_M))
+        past_moon = float(sun_fraction_past_sphere(r, sun, MOON_RADIUS_M))
         past_earth = float(sun_visible_fraction(r + moon, sun + moon))
         return light_pressure(craft, r - sun, max(past_moon + past_earth - 1.0, 0.0))
 

@@ -27,7 +27,8 @@ def _in_eclipse(scene):
     """The Sun on the other side of the Earth."""
     away = -np.asarray(scene.r_target_eci_m)
     sun = away / np.linalg.norm(away) * np.linalg.norm(scene.r_sun_eci_m)
-    share = sun_fraction_past_both(np.asarray(scene.r_target_eci_m), sun, scene.r_moon_eci_m)
+    pole = matrix_from_quat(scene.q_itrs_from_eci_wxyz)[2]
+    share = sun_fraction_past_both(np.asarray(scene.r_target_eci_m), sun, scene.r_moon_eci_m, pole)
     return replace(scene, r_sun_eci_m=vec3(sun), sun_visible_fraction=share)
 
 

@@ -1,12 +1,25 @@
-"""Eclipse: full Sun, umbra, and a penumbra that fades evenly from one to the other."""
+"""Eclipse: full Sun, umbra, and a penumbra that fades evenly from one to the other, behind the Earth that is drawn."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import msgspec
 import numpy as np
 import pytest
 
+from simulator.scenario_flight import fly
+from simulator.scenario_load import load_scenario
+from simulator.targets.library import load_target
 from simulator.world.constants import AU_M, EARTH_RADIUS_M, SUN_RADIUS_M
-from simulator.world.eclipse import sun_visible_fraction
+from simulator.world.eclipse import sun_fraction_past_sphere, sun_visible_fraction
+from simulator.world.forces import FullForces, Surface
+from simulator.world.rotation import matrix_from_quat
+from simulator.world.sky_table import SkyTable
+from simulator.world.time import Instant
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 SUN = np.array([AU_M, 0.0, 0.0])
 
@@ -53,3 +66,98 @@ def test_area_agrees_with_counting_points_of_the_disc() -> None:
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
     miss = np.linalg.norm(r - (d @ r)[:, None] * d, axis=-1) > EARTH_RADIUS_M
     assert sun_visible_fraction(r, SUN) == pytest.approx(np.mean(miss), abs=0.004)
+
+
+def seen_past_the_ellipsoid(r: np.ndarray, sun: np.ndarray, pole: np.ndarray, side: int = 240) -> float:
+    """Share of a square grid of the Sun's disc whose rays from ``r`` miss the WGS 84 ellipsoid about ``pole``."""
+    to_sun = sun - r
+    u = to_sun / np.linalg.norm(to_sun)
+    e1 = np.cross(u, [0.3, 0.5, 0.8])
+    e1 /= np.linalg.norm(e1)
+    e2 = np.cross(u, e1)
+    grid = (np.arange(side) + 0.5) / side * 2 - 1
+    y, z = (v.ravel() for v in np.meshgrid(grid, grid))
+    y, z = (v[y * y + z * z < 1] * 6.957e8 for v in (y, z))
+    d = to_sun + y[:, None] * e1 + z[:, None] * e2
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    # |P x|^2 = 1 on the ellipsoid: a quadratic equation along each ray
+    a, b = 6_378_137.0, 6_356_752.3142
+    axis = np.eye(3) / a + np.outer(pole, pole) * (1 / b - 1 / a)
+    q, w = axis @ r, d @ axis
+    qw, ww = w @ q, np.einsum("ij,ij->i", w, w)
+    hit = (qw < 0) & (qw**2 - ww * (q @ q - 1) > 0)
+    return float(1 - hit.mean())
+
+
+def half_light_s(light_at: Callable[[float], float], start_s: float, end_s: float) -> float:
+    """When half of the disc is seen, between a lit and a dark moment in any order."""
+    rising = light_at(end_s) > 0.5
+    for _ in range(24):
+        middle = (start_s + end_s) / 2
+        if (light_at(middle) > 0.5) == rising:
+            end_s = middle
+        else:
+            start_s = middle
+    return (start_s + end_s) / 2
+
+
+@pytest.mark.parametrize("sun_dec_deg", [0.0, 23.4])
+@pytest.mark.parametrize("tilt_deg", [0.0, 0.15])
+def test_a_polar_orbit_goes_into_the_shadow_of_the_ellipsoid(sun_dec_deg: float, tilt_deg: float) -> None:
+    dec, tilt = np.radians([sun_dec_deg, tilt_deg])
+    sun = AU_M * np.array([np.cos(dec), 0.0, np.sin(dec)])
+    pole = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+    radius, speed = EARTH_RADIUS_M + 700e3, 7504.0
+
+    def place(t_s: float) -> np.ndarray:
+        angle = speed * t_s / radius
+        return radius * np.array([np.cos(angle), 0.0, np.sin(angle)])
+
+    # over the north pole into the shadow
+    for t in np.linspace(1200, 2300, 12):
+        r = place(t)
+        assert sun_visible_fraction(r, sun, pole) == pytest.approx(
+            seen_past_the_ellipsoid(r, sun, pole, 100), abs=0.02
+        )
+    ours = half_light_s(lambda t: float(sun_visible_fraction(place(t), sun, pole)), 1000.0, 2960.0)
+    rays = half_light_s(lambda t: seen_past_the_ellipsoid(place(t), sun, pole, 60), 1000.0, 2960.0)
+    sphere = half_light_s(
+        lambda t: float(sun_fraction_past_sphere(place(t), sun, EARTH_RADIUS_M)), 1000.0, 2960.0
+    )
+    assert ours == pytest.approx(rays, abs=0.05)
+    # what the flattening is worth there: the 21 km that the pole is lower, at 7.5 km/s across a slanting limb
+    assert 3.0 < ours - sphere < 7.0
+    for t in rays + np.linspace(-4, 4, 9):
+        r = place(t)
+        assert sun_visible_fraction(r, sun, pole) == pytest.approx(
+            seen_past_the_ellipsoid(r, sun, pole), abs=0.004
+        )
+
+
+def test_flight_light_pressure_and_drawn_earth_have_one_shadow() -> None:
+    """In a polar orbit, where the Earth that is drawn (WGS 84 in ITRS) hides half of the Sun."""
+    scenario = load_scenario("tango-eclipse-pass")
+    orbit = msgspec.structs.replace(scenario.orbit, inclination_deg=90.0, raan_deg=178.0)
+    flight = fly(msgspec.structs.replace(scenario, orbit=orbit, duration_s=5900.0), load_target("tango@low"))
+    times = np.linspace(0, 5900, 60)
+    light = np.array([flight.state(t).sun_visible_fraction for t in times])
+    edges = np.flatnonzero(np.diff(light > 0.5))
+    assert len(edges) == 2
+    craft = Surface(mass_kg=100.0, area_m2=1.0)
+    epoch = Instant.from_utc(flight.state(0.0).epoch_utc)
+    push = FullForces(sky=SkyTable.of(epoch, 5900.0), solar_pressure=True, craft=(craft, craft))
+    pull = FullForces(sky=push.sky)
+    for k in edges:
+        t = half_light_s(lambda t: flight.state(t).sun_visible_fraction, times[k], times[k + 1])
+        for dt in (-3.0, 0.0, 3.0):
+            state = flight.state(t + dt)
+            r, sun = np.array(state.r_target_eci_m), np.array(state.r_sun_eci_m)
+            pole = matrix_from_quat(state.q_itrs_from_eci_wxyz)[2]
+            rays = seen_past_the_ellipsoid(r, sun, pole, 160)
+            assert state.sun_visible_fraction == pytest.approx(rays, abs=0.006)
+            # the forces take the geometric Sun, 20 arc seconds from the apparent one
+            v, geometric = np.zeros(3), push.sky.at(t + dt)[1]
+            rays = seen_past_the_ellipsoid(r, geometric, pole, 160)
+            light_pressure = np.linalg.norm(push.target(t + dt, r, v) - pull.target(t + dt, r, v))
+            full = 1361 / 299792458.0 * 1.3 / 100 * (AU_M / np.linalg.norm(geometric - r)) ** 2
+            assert light_pressure / full == pytest.approx(rays, abs=0.006)
