@@ -17,6 +17,7 @@ from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
 from simulator.validation.labels import dataset_card
 from simulator.world.eclipse import sun_fraction_past_both
+from simulator.world.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 
