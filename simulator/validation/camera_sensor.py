@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector import detect
+from simulator.camera.detector import detect, white_balance
+from simulator.camera.optics import Optics
 from simulator.camera.presets import sensor_preset
+from simulator.scene.bands import sunlight_balance
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
@@ -96,6 +98,60 @@ def photon_transfer(sensor: Sensor, seed: int) -> tuple[float, float]:
     signal, noise = np.array(mean) - mean[0], np.array(variance)
     gain = float((signal @ (noise - noise[0])) / (signal @ signal))
     return gain, float(np.sqrt(noise[0] - 1 / 12) / gain)
+
+
+COLOUR_SHAPE, COLOUR_LEVELS = (240, 320), 40
+COLOURS = ("red", "green", "blue")
+WAYS = ("raw mosaic", "three planes, white balanced", "interpolated mosaic, white balanced")
+
+
+def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_LEVELS) -> list[Measured]:
+    """System gain of each channel of a built-in detector made a colour one [DN e-1], from pictures of a white plate.
+
+    Given is the converter's gain times the channel's factor of white balance. Electrons are those that the pixel
+    collects: sums of neighbours, as interpolation makes them, have less noise than one pixel of the same mean, so that
+    the channel's mean over the raw pixels' electrons is measured there, not its photon transfer.
+
+    Parameters
+    ----------
+    way : one of ``WAYS``. levels : brightnesses of the plate.
+    """
+    base = evened(sensor_preset(name))
+    raw, planes = way == WAYS[0], way == WAYS[1]
+    detector = replace(_detector(base), colour_filter="none" if planes else "rggb", demosaic=not raw)
+    sensor = replace(base, detector=detector)
+    sunlight = sunlight_balance("rgb")
+    balance = np.ones(3) if raw else white_balance(sensor, Optics(), sunlight)
+    # what the channels collect of a white plate in the Sun, the fullest of them up to 70 % of saturation
+    electrons = 1 / white_balance(sensor, Optics(), sunlight)
+    shares = np.linspace(0, 0.7, levels)[:, None] * electrons / electrons.max()
+    mean, variance = np.zeros((len(shares), 3)), np.zeros((len(shares), 3))
+    for k, share in enumerate(shares):
+        signal = np.broadcast_to(share.astype(np.float32), (*COLOUR_SHAPE, 3))
+        a, b = (
+            detect(signal, sensor, seed, 2 * k + i, 0.0, 1.0 if raw else balance).astype(float)
+            for i in (0, 1)
+        )
+        for c in range(3):
+            one, two = (_channel(image, c, raw=raw)[8:-8, 8:-8] for image in (a, b))
+            mean[k, c], variance[k, c] = (one.mean() + two.mean()) / 2, np.mean((one - two) ** 2) / 2
+    out = []
+    for c, colour in enumerate(COLOURS):
+        if way == WAYS[2]:
+            found = float(np.polyfit(shares[:, c] * sensor.saturation_e, mean[:, c], 1)[0])
+        else:
+            # without the dark, whose few digital numbers a factor near one leaves as they are
+            found = float(np.polyfit(mean[1:, c], variance[1:, c], 1)[0])
+        out.append(Measured(f"{colour} [DN/e]", float(balance[c] / detector.gain_e_per_dn), found))
+    return out
+
+
+def _channel(image: FloatArray, number: int, *, raw: bool) -> FloatArray:
+    """One colour of a picture in three, or of a raw RGGB mosaic."""
+    if not raw:
+        return image[..., number]
+    y, x = ((0, 0), (0, 1), (1, 1))[number]
+    return image[y::2, x::2]
 
 
 def _flat(sensor: Sensor, share: float, seed: int, frame: int, exposure_s: float = 0.0) -> FloatArray:

@@ -86,8 +86,8 @@ def light_rows(renderer: Renderer) -> list[Row]:
             measured=abs(drawn / counted - 1),
         ),
         Row(
-            what="Sun's share across the Earth's penumbra, 2,000 km behind, largest difference",
-            against="points of the disc, ray by ray",
+            what="Sun's share across the Earth's penumbra, 2,000 km behind equator and poles, largest difference",
+            against="points of the disc and the ellipsoid, ray by ray",
             unit="1",
             goal=0.005,
             measured=penumbra_difference(),

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from simulator.camera.presets import sensor_preset
-from simulator.validation.camera import GOALS, MTF_GOAL, OTHER_GOAL
+from simulator.validation.camera import COLOUR_GOAL, GOALS, MTF_GOAL, OTHER_GOAL
 from simulator.validation.camera_counts import electron_chance, reading_chance
 from simulator.validation.camera_mtf import CASES, compare
-from simulator.validation.camera_sensor import evened, measure, photon_transfer
+from simulator.validation.camera_sensor import WAYS, evened, measure, measure_colours, photon_transfer
 
 
 def test_photon_transfer_gives_the_data_sheet_s_gain_and_read_noise():
@@ -20,6 +20,17 @@ def test_photon_transfer_gives_the_data_sheet_s_gain_and_read_noise():
         # the columns' own noise is in the pictures too
         expected = np.hypot(sensor.detector.read_noise_e, sensor.detector.column_noise_e)
         assert noise == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_electrons_per_digital_number_of_each_colour(way):
+    """imx174 as a colour detector: 8.16 e/DN, over the white balance of sunlight in 100 nm bands."""
+    found = measure_colours("imx174", way=way, levels=12)
+    # photons of a white plate: irradiance (G173) x wavelength, 159.0 x 648.6, 184.75 x 549.7, 186.4 x 451.7
+    factors = np.array([1.0, 1.0155, 1.2248]) if way != WAYS[0] else np.ones(3)
+    assert [1 / m.given for m in found] == pytest.approx(8.16 / factors, rel=2e-3)
+    for m in found:
+        assert abs(m.error) <= COLOUR_GOAL, m
 
 
 @pytest.mark.slow
