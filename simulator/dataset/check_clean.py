@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.camera.detector import white_balance
 from simulator.camera.develop import noise_sigma
+from simulator.scene.bands import sunlight_balance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -16,8 +18,7 @@ if TYPE_CHECKING:
 
 LEVELS = np.linspace(0, 1, 65)
 NOISE_SPREAD = (0.55, 1.1)  # mean |x| of a normal law is 0.80 of its sigma, of a uniform one 0.87
-COLOUR_SPREAD = (0.2, 3.0)  # demosaicing averages neighbours, white balance multiplies
-WHITE_BALANCE = 3.0
+COLOUR_SPREAD = (0.2, 3.0)  # demosaicing averages neighbours, white balance multiplies by one and more
 
 
 def check_clean(
@@ -27,7 +28,7 @@ def check_clean(
     if clean.shape != image.shape or clean.dtype != image.dtype:
         return [f"the clean twin is {clean.shape} {clean.dtype}, the image {image.shape} {image.dtype}"]
     sensor = truth.scene.sensor
-    full, black, spread_limits, heat = 2.0**sensor.bits - 1, 0.0, NOISE_SPREAD, 0.0
+    full, black, spread_limits, heat, factor = 2.0**sensor.bits - 1, 0.0, NOISE_SPREAD, 0.0, 1.0
     if sensor.detector is not None:
         # a detector saturates where its well does, above its black level
         full, black = sensor.saturation_e / sensor.detector.gain_e_per_dn, sensor.detector.black_level_dn
@@ -39,7 +40,8 @@ def check_clean(
             / sensor.saturation_e
         )
         if image.ndim == 3:
-            spread_limits = COLOUR_SPREAD
+            factor = float(white_balance(sensor, truth.scene.optics, sunlight_balance("rgb")).max())
+            spread_limits = (COLOUR_SPREAD[0], max(COLOUR_SPREAD[1], NOISE_SPREAD[1] * factor))
     # everything but the image hangs on the twin's number alone
     signal_of = (np.arange(int(clean.max(initial=0)) + 1) - black) / full
     sigma_of = np.interp(
@@ -50,7 +52,7 @@ def check_clean(
     sigma = sigma_of[clean]
     residual = (image.astype(float) - clean) / full - heat
     # white balance multiplies the dark current of two bands of three
-    more_heat = (WHITE_BALANCE - 1) * heat if image.ndim == 3 else 0.0
+    more_heat = max(factor - 1, 2.0) * heat if image.ndim == 3 else 0.0
     # at the ends of the scale the noise is cut off
     inside = ((signal_of > 4 * sigma_of) & (signal_of < 1 - 4 * sigma_of))[clean]
     on = (mask > 0) if image.ndim == 2 else np.broadcast_to((mask > 0)[..., None], image.shape)

@@ -54,9 +54,9 @@ DETECTOR_NOTE = (
 COLOUR_NOTE = (
     'The same detectors with `colour_filter`, and `bands = "rgb"`: electrons of each channel per digital number of the '
     "picture, from photon transfer of a white plate in sunlight. White balance multiplies digital numbers above the "
-    "black level, so that a number of a balanced channel is fewer electrons; a raw mosaic is not balanced. Interpolation "
-    "averages neighbours: what is measured there is the mean over the electrons collected, as its noise is no longer "
-    f"that of single pixels. Goal: {100 * COLOUR_GOAL:g} %."
+    "black level, so that a number of a balanced channel is fewer electrons; a raw mosaic is not balanced. "
+    "Interpolation averages neighbours: what is measured there is the mean over the electrons collected, as its noise "
+    f"is no longer that of single pixels. Goal: {100 * COLOUR_GOAL:g} %."
 )
 TRANSFER_NOTE = (
     "Modulation transfer function from the drawn edge of a plate, 5 degrees off the columns (ISO 12233), beside that "

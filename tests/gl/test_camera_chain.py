@@ -43,11 +43,16 @@ WARM = DetectorSection(
 )
 
 
-@pytest.fixture(scope="module")
-def scenario():
+# blue is an eighth of red: its numbers are multiplied by ten
+RED_ONE = [(400.0, 0.05), (500.0, 0.1), (600.0, 0.5), (700.0, 0.75)]
+
+
+@pytest.fixture(scope="module", params=[None, RED_ONE], ids=["one number", "a curve"])
+def scenario(request):
     plain = load_scenario("tango-space-10m")
+    detector = msgspec.structs.replace(WARM, quantum_efficiency_curve=request.param)
     sensor = msgspec.structs.replace(
-        plain.sensor, bits=12, exposure_s=2e-3, detector=WARM, roi_px=(16, 8, 128, 96), binning=1
+        plain.sensor, bits=12, exposure_s=2e-3, detector=detector, roi_px=(16, 8, 128, 96), binning=1
     )
     optics = msgspec.structs.replace(
         plain.optics,
