@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
+from simulator.camera.develop import expose
+from simulator.camera.sections import DetectorSection
 from simulator.errors import UserError
 from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
 from simulator.scenario_picture import AutoExposureSection
 from simulator.scene.auto_exposure import AutoExposure, ExposureTrack
+from simulator.scene.meter import metered_radiance_w_m2_sr
 
 
 def test_a_step_is_followed_with_the_lag():
@@ -55,6 +58,27 @@ def test_the_meter_follows_the_light():
     # twice the level, twice the exposure
     brighter = plan_flight(_with_auto(load_scenario("tango-flyaround"), lag_s=0.5, level=1.0), n=4)
     assert brighter.scene(1).exposure_s == pytest.approx(2 * exposures[1], rel=1e-9)
+
+
+def test_a_detector_is_metered_by_its_electrons_whatever_the_wavelength_of_diffraction():
+    from msgspec.structs import replace
+
+    plain = load_scenario("tango-flyaround")
+    exposures = []
+    for nm, efficiency in ((550.0, 0.62), (700.0, 0.62), (550.0, 0.31)):
+        detector = DetectorSection(quantum_efficiency=[efficiency])
+        sensor = replace(plain.sensor, preset="imx174", detector=detector)
+        scenario = replace(plain, sensor=sensor, optics=replace(plain.optics, f_number=2.8, wavelength_nm=nm))
+        plan = plan_flight(_with_auto(scenario, level=0.5, share=0.9), n=1)
+        scene = plan.scene(0)
+        exposures.append(scene.exposure_s)
+        metered = metered_radiance_w_m2_sr(scene, plan.target, 0.9)
+        signal = expose(
+            np.full((9, 9), metered, np.float32), scene.sensor, scene.exposure_s, optics=scene.optics
+        )
+        assert signal[4, 4] == pytest.approx(0.5, rel=1e-4)
+    assert exposures[1] == exposures[0]
+    assert exposures[2] == pytest.approx(2 * exposures[0], rel=1e-6)
 
 
 def test_limits_the_wrong_way_round_are_refused():

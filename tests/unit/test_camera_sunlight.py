@@ -143,3 +143,8 @@ transmission_curve = [[400, 0.9], [800, 0.7]]
     assert np.allclose(lens.transmission_curve, ((400e-9, 0.9), (800e-9, 0.7)), rtol=1e-12)
     number = DetectorSection(quantum_efficiency=[0.4]).detector(sensor.detector)
     assert number.quantum_efficiency_curve == ()
+
+
+def test_records_from_before_there_were_curves_are_read():
+    assert msgspec.convert({"quantum_efficiency": [0.5]}, Detector).quantum_efficiency_curve == ()
+    assert msgspec.convert({"f_number": 2.0}, Optics).transmission_curve == ()
