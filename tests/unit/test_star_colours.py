@@ -1,9 +1,14 @@
 """Stars from B to M: their light in each band is that of a published spectrum scaled to their V magnitude."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from simulator.camera.model import Camera
+from simulator.camera.presets import sensor_preset
 from simulator.render.catalogue import _catalogue, star_irradiance_w_m2, stars
+from simulator.render.passes.stars import stars_in_view
 from simulator.render.star_colours import (
     SUN_V_MAG,
     hp_minus_v,
@@ -11,7 +16,10 @@ from simulator.render.star_colours import (
     photons_over_sunlights,
     usual_v_minus_i,
 )
+from simulator.render.view import build_view
 from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.scene.state import Environment, TargetRef
+from simulator.scene.viewpoint import scene_above
 
 V_ZERO_W_M2_NM = 3.631e-11  # of V = 0, Bessell, Castelli & Plez (1998), A&A 333, 231
 # Hipparcos number, V (ESA 1997, field H5), spectrum (Pickles 1998) as means of 50 nm from 450 to 750 nm over the mean
@@ -121,3 +129,25 @@ def test_a_star_without_colours_is_a_sun():
     odd = star_irradiance_w_m2(np.array([5.0]), np.array([np.nan]), "mono", np.array([np.nan]))
     sun = star_irradiance_w_m2(np.array([5.0]), np.array([0.65]), "mono")
     assert odd == pytest.approx(sun)
+
+
+def test_the_picture_of_a_detector_has_stars_by_their_photons():
+    scene = scene_above(
+        "2026-03-20T12:00:00Z",
+        (0.0, 0.0, 700.0),
+        target=TargetRef(name="t", sha256="0" * 64),
+        camera=Camera(width_px=400, height_px=300, fx_px=300.0, fy_px=300.0, cx_px=199.5, cy_px=149.5),
+        bands="mono",
+        environment=Environment(earth=False, atmosphere=False, sun=False, moon=False),
+    )
+    view = build_view(scene)
+    pixels, by_light = stars_in_view(scene, view, None, None)
+    counted = replace(scene, sensor=sensor_preset("imx174"))
+    same, by_photons = stars_in_view(counted, view, None, None)
+    assert np.array_equal(pixels, same)
+    share = by_photons[:, 0] / by_light[:, 0]
+    # from B stars to M stars, planets too
+    assert len(share) > 500
+    assert share.min() == pytest.approx(0.95, abs=0.01)
+    assert 1.05 < share.max() < 1.15
+    assert np.median(share) == pytest.approx(1.0, abs=0.02)
