@@ -12,6 +12,7 @@ from simulator.dataset.raycast import RayCaster, ray_caster
 from simulator.world.pose import Pose
 
 if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
     from simulator.labels.truth import Truth
     from simulator.targets.model import Edge, Target
 
@@ -19,6 +20,10 @@ EDGE_NEAR_M = 0.05
 LONG_PX = 6.0
 MOST_STRETCHES = 60
 CLEAR_M, CLEAR_COSINE = 1e-3, 0.02  # closer than this to being seen, either label may stand
+OWN_RADII = 1.15
+"""Radii about a rod's axis within which a surface is the rod's own, however it tapers about its mean radius."""
+SHARPEST_COSINE = 0.985
+"""Of a rod to the line of sight; one that is seen from its end (within 10 degrees) is hidden by its own cap."""
 
 
 def check_wireframe(truth: Truth, target: Target) -> list[str]:
@@ -31,7 +36,10 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
         return ["the wireframe's edges are not the target's"]
     wrong, caster = [], ray_caster(target, pose)
     asked = 0
-    for edge, wire in zip(ahead, truth.wireframe, strict=True):
+    order = np.random.default_rng([truth.seed, truth.frame_index, 0xED6E]).permutation(len(ahead))
+    # rods are few and thin: all of them; of the other edges others in every frame
+    for number in sorted(order.tolist(), key=lambda k: ahead[k].radius_m == 0):
+        edge, wire = ahead[number], truth.wireframe[number]
         ends = np.array([edge.a_m, edge.b_m])
         projected = project_with_opencv(
             truth.camera, ends, truth.q_camera_from_target_wxyz, np.asarray(pose.t_m)
@@ -64,11 +72,29 @@ def _stretch_agrees(caster: RayCaster, pose: Pose, edge: Edge, share: float, *, 
     along = share / z[1] / ((1 - share) / z[0] + share / z[1])
     point = ends[0] + along * (ends[1] - ends[0])
     hits = caster.hits(point[:2] / point[2])
+    if edge.radius_m > 0:
+        return _rod_agrees(hits.z_m, edge.radius_m, ends, point, seen=seen)
     nearest = float(hits.z_m[0]) if len(hits.z_m) else np.inf
     if seen:
-        return nearest > point[2] - (5e-3 + 2.5 * edge.radius_m + 2e-4 * float(point[2]))
-    if edge.radius_m > 0:
-        return True  # a rod's axis is within its own surface
+        return nearest > point[2] - (5e-3 + 2e-4 * float(point[2]))
     # hidden: by something before it, or because all its faces look away
     facing = [float(pose.R @ np.asarray(n) @ -point) / float(np.linalg.norm(point)) for n in edge.normals]
     return nearest < point[2] - CLEAR_M or max(facing, default=1.0) < CLEAR_COSINE
+
+
+def _rod_agrees(
+    hits_z_m: FloatArray, radius_m: float, ends: FloatArray, point: FloatArray, *, seen: bool
+) -> bool:
+    """Whether a point of a rod's axis is seen, or hidden, as the label has it: its own surface hides it not.
+
+    What lies before the axis is told from the rod's own surface by its distance from the axis.
+    """
+    way = (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-12)
+    if abs(float(way @ point)) > SHARPEST_COSINE * float(np.linalg.norm(point)):
+        return True
+    before = hits_z_m[hits_z_m < point[2] - CLEAR_M]
+    places = before[:, None] * (point / point[2])
+    off = np.linalg.norm(np.cross(places - ends[0], way), axis=1)
+    if seen:
+        return not np.any(off > 5e-3 + 2.5 * radius_m + 2e-4 * float(point[2]))
+    return bool(np.any(off > OWN_RADII * radius_m + CLEAR_M))

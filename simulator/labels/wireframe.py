@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from simulator.world.pose import Pose
 
 NEAR_M = 0.05
+ROD = 1.2
+"""Radii about a rod's axis within which a surface is taken for the rod's own: rods taper, their radius is a mean."""
+END_ON = 0.1
+"""Sine of the angle between a rod and the line of sight below which the rod counts as seen from its end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +83,8 @@ def view_edges(camera: Camera, camera_from_target: Pose, target: Target, mesh: M
     """All edges of a target that lie before the camera, with their visible stretches.
 
     An edge whose faces all look away has no visible stretch. A rod's edge is its axis, which its own surface hides:
-    it is tested against what lies nearer than the rod.
+    it is tested against what lies nearer than the rod, whose surface a slanting line of sight meets the longer before
+    the axis.
 
     Parameters
     ----------
@@ -95,8 +100,9 @@ def view_edges(camera: Camera, camera_from_target: Pose, target: Target, mesh: M
     pixels = straight.project(in_camera)
     ends_px = camera.project(in_camera) if bends else pixels
     inverse = 1 / in_camera[..., 2]
-    tolerance = SURFACE_TOLERANCE_M + 1.2 * wires.radius_m[ahead, None]
-    nearer = inverse / (1 - tolerance / np.linalg.norm(in_camera, axis=2))
+    distance = np.linalg.norm(in_camera, axis=2)
+    across = wires.radius_m[ahead, None] / np.maximum(_sine_to_sight(in_camera), END_ON)
+    nearer = inverse / (1 - np.minimum((SURFACE_TOLERANCE_M + ROD * across) / distance, 0.9))
     facing = np.flatnonzero(wires.facing(np.asarray(camera_from_target.inverse().t_m))[ahead])
     stretches: list[tuple[tuple[float, float], ...]] = [()] * len(ahead)
     screen = seen_from_camera(mesh, camera_from_target)
@@ -108,6 +114,14 @@ def view_edges(camera: Camera, camera_from_target: Pose, target: Target, mesh: M
         EdgeView(edges[n], ends_px[k], inverse[k], stretches[k], *((pixels[k], camera) if bends else ()))
         for k, n in enumerate(ahead)
     )
+
+
+def _sine_to_sight(ends_m: FloatArray) -> FloatArray:
+    """(E, 2) sine of the angle between each edge (E, 2, 3) and the line of sight to its ends, camera frame."""
+    way = ends_m[:, 1:] - ends_m[:, :1]
+    product = np.linalg.norm(np.cross(ends_m, way), axis=2)
+    length = np.linalg.norm(way, axis=2) * np.linalg.norm(ends_m, axis=2)
+    return np.asarray(product / np.maximum(length, 1e-12))
 
 
 @dataclass(frozen=True, eq=False)

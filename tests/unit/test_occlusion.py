@@ -1,14 +1,19 @@
 """Visibility of points by projection, against geometry that can be done by hand and against ray casting."""
 
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from simulator.camera.files import load_camera
 from simulator.labels.occlusion import Mesh, hidden_from_direction, occluded_from_camera
+from simulator.labels.wireframe import view_edges
 from simulator.targets.library import load_target
+from simulator.targets.model import Part
 from simulator.world.pose import Pose
 
 CUBE = trimesh.creation.box(extents=(1, 1, 1))
@@ -28,6 +33,49 @@ def test_sun_behind_a_face_shadows_its_centre():
     centres = np.array([[0, 0, 0.5], [0, 0, -0.5], [0.5, 0, 0]])
     sun = np.array([0.1, 0.2, 1.0]) / np.linalg.norm([0.1, 0.2, 1.0])
     assert hidden_from_direction(MESH, centres, sun).tolist() == [False, True, False]
+
+
+class _Wires:
+    """Edges: all that view_edges reads of a target."""
+
+    def __init__(self, edges):
+        self.wireframe = edges
+
+
+def _with_a_sheet(normal_z):
+    """A closed cube and before it (at z = -1) an open sheet of 1 m that looks along ``normal_z``."""
+    cube = Part(
+        name="cube",
+        material="",
+        positions_m=np.asarray(CUBE.vertices, np.float32),
+        normals=np.zeros((8, 3), np.float32),
+        triangles=np.asarray(CUBE.faces, np.int64),
+    )
+    square = np.array([[-0.5, -0.5, -1], [0.5, -0.5, -1], [0.5, 0.5, -1], [-0.5, 0.5, -1]], np.float32)
+    turn = [[0, 1, 2], [0, 2, 3]] if normal_z > 0 else [[0, 2, 1], [0, 3, 2]]
+    sheet = Part(
+        name="sheet",
+        material="",
+        positions_m=square,
+        normals=np.tile(np.float32([0, 0, normal_z]), (4, 1)),
+        triangles=np.array(turn, np.int64),
+    )
+    return Mesh.of(SimpleNamespace(parts=(cube, sheet)))
+
+
+@pytest.mark.parametrize("normal_z", [1, -1])
+def test_an_open_sheet_hides_what_is_behind_it_whichever_way_it_looks(normal_z):
+    """Only of closed shells may what looks away be left out: a sheet has no other side that would hide the point."""
+    mesh = _with_a_sheet(normal_z)
+    assert mesh.in_shell.tolist() == [True] * 12 + [False] * 2
+    points = np.array([[0.0, 0.0, -0.5], [0.1, -0.2, -0.5]])
+    pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0, 0, 6.0))
+    assert occluded_from_camera(mesh, points, pose).all()
+    assert hidden_from_direction(mesh, points, (0.0, 0.0, -1.0)).all()
+    assert not hidden_from_direction(mesh, points, (0.8, 0.0, -0.6)).any()
+    line = SimpleNamespace(a_m=(-0.4, 0.1, -0.5), b_m=(0.4, 0.1, -0.5), normals=(), radius_m=0.0)
+    (view,) = view_edges(load_camera("speed"), pose, _Wires([line]), mesh)
+    assert view.stretches == ()
 
 
 @lru_cache(maxsize=1)

@@ -80,6 +80,37 @@ def test_a_cube_from_its_corner_shows_nine_edges_and_from_a_face_four():
         assert sum(s < 0.001 for s in seen) == 12 - shown
 
 
+@pytest.mark.parametrize("lean_deg", [90, 60, 45, 30, 15])
+def test_a_rod_in_the_open_is_seen_whole_and_behind_a_plate_not_at_all(lean_deg):
+    """Its edge is the axis, which the rod's own surface hides: the longer before it the more the rod leans."""
+    radius = 0.03
+    lean = trimesh.transformations.rotation_matrix(np.deg2rad(lean_deg), (1, 0, 0))
+    way, outward = lean[:3, 2], -lean[:3, 1]  # along the rod, and across it towards the camera
+    rod = trimesh.creation.cylinder(radius, 1.0, sections=24, transform=lean)
+    axis = Edge(name="rod", a_m=tuple(-0.5 * way), b_m=tuple(0.5 * way), radius_m=radius)
+    pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 10.0))
+    (view,) = view_edges(CAMERA, pose, _Model([axis]), _mesh(rod))
+    assert view.visible_px > 0.99 * view.length_px > 10
+    # another body, beyond the rod's surface by as much as its radius
+    plate = trimesh.creation.box((2.0, 1e-4, 2.0), transform=lean)
+    plate.apply_translation(2 * radius * outward)
+    (view,) = view_edges(CAMERA, pose, _Model([axis]), _mesh(rod, plate))
+    assert view.visible_px < 0.01 * view.length_px
+
+
+def test_tangos_antennas_are_seen_in_the_open():
+    """From here nothing stands before any of the three."""
+    target = load_target("tango")
+    mesh = Mesh.of(target)
+    pose = Pose.of("camera", "target", (0.93, -0.06, -0.36, 0.08), (0.0, 0.0, 7.0))
+    views = {v.edge.name: v for v in view_edges(CAMERA, pose, target, mesh)}
+    antennas = [v for name, v in views.items() if name.startswith("antenna_")]
+    assert len(antennas) == 3
+    for view in antennas:
+        assert view.length_px > 30
+        assert view.visible_px > 0.95 * view.length_px
+
+
 def test_nothing_is_seen_of_edges_behind_the_camera():
     target = load_target("tango")
     mesh = Mesh.of(target)
