@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 
 from rich.text import Text
@@ -11,7 +12,7 @@ from flyaround.cli import app
 from flyaround.terminal import terminal
 from hil.board.errors import BoardModelError
 from hil.link.errors import LinkError
-from simulator.errors import UserError
+from simulator.errors import UserError, machine_sentence
 from simulator.memory import keep_freed_memory
 from simulator.threads import use_one_for_matrices
 
@@ -34,12 +35,25 @@ def run(arguments: list[str]) -> int:
         stderr.print(Text.assemble(("flyaround: ", "red"), str(error)), soft_wrap=True)
         logging.getLogger("flyaround").debug("traceback", exc_info=True)
         return 2
+    except (MemoryError, OSError, RecursionError) as error:
+        stderr.print(Text.assemble(("flyaround: ", "red"), machine_sentence(error)), soft_wrap=True)
+        logging.getLogger("flyaround").debug("traceback", exc_info=True)
+        _leave_full_output()
+        return 2
     except KeyboardInterrupt:
         stderr.print("flyaround: interrupted; what was written so far is whole")
         return INTERRUPTED
     except SystemExit as leave:
         return leave.code if isinstance(leave.code, int) else 0
     return 0
+
+
+def _leave_full_output() -> None:
+    """What standard output cannot take is given up: at the end Python would try again, and fail louder."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

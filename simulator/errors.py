@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
 # share of letters in common; one wrong letter of three still passes, bogus for burns does not
 _NEAR = 0.65
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class UserError(Exception):
@@ -18,6 +21,36 @@ class UserError(Exception):
     The message is one sentence: what is wrong, where, and what to do. The command line prints it
     without a traceback and exits with 2.
     """
+
+
+def write_error(path: Path, error: OSError, remedy: str = "choose a folder you may write to") -> UserError:
+    """The mistake to raise where ``path`` cannot be written: a full disk is said as one.
+
+    Parameters
+    ----------
+    remedy : what to do about anything but a full disk.
+    """
+    if error.errno in _FULL:
+        return UserError(
+            f"cannot write {path}: no space left on its disk; free some space or choose another disk"
+        )
+    return UserError(f"cannot write {path}: {error.strerror or error}; {remedy}")
+
+
+def machine_sentence(error: MemoryError | OSError | RecursionError) -> str:
+    """One sentence for what the machine or the system refused, where nothing nearer to it made one."""
+    if isinstance(error, MemoryError):
+        detail = f" ({error})" if str(error) else ""
+        return (
+            f"not enough memory{detail}; close other programs, or ask for less: fewer workers, a smaller image or mesh"
+        )
+    if isinstance(error, RecursionError):
+        return "something given nests too deep to be read; look at the file for brackets within brackets"
+    place = f": {error.filename}" if error.filename is not None else ""
+    if error.errno in _FULL:
+        return f"no space left on the disk{place}; free some space or choose another disk"
+    words = error.strerror or str(error) or type(error).__name__
+    return f"the system refused{place}: {words}; check the path, its permissions and the machine's limits"
 
 
 def near_names(name: str, known: Sequence[str], most: int = 1) -> list[str]:

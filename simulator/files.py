@@ -9,7 +9,7 @@ import secrets
 from pathlib import Path
 from typing import Any
 
-from simulator.errors import UserError
+from simulator.errors import UserError, write_error
 
 
 def write_atomic(path: Path, data: bytes) -> None:
@@ -18,7 +18,7 @@ def write_atomic(path: Path, data: bytes) -> None:
     Raises
     ------
     UserError
-        If the folder does not exist or cannot be written.
+        If the folder does not exist, cannot be written, or its disk is full.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
     try:
@@ -27,9 +27,7 @@ def write_atomic(path: Path, data: bytes) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
-        raise UserError(
-            f"cannot write {path}: {error.strerror or error}; choose a folder you may write to"
-        ) from error
+        raise write_error(path, error) from error
 
 
 def write_json(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value
@@ -59,9 +57,7 @@ def empty_folder(path: Path, *, option: str = "-o", resume: bool | None = None, 
             raise PermissionError(13, "permission denied")
         full = any(path.iterdir())
     except OSError as error:
-        raise UserError(
-            f"cannot write to folder {path}: {error.strerror or error}; name another with {option}"
-        ) from error
+        raise write_error(path, error, f"name another folder with {option}") from error
     if full and not resume:
         choices = [
             f"name a new one with {option}",

@@ -329,3 +329,40 @@ def test_pictures_to_compare_with_must_be_there(capsys, tmp_path):
     (tmp_path / "a.png").write_bytes(b"not a picture")
     _fails(capsys, "compare", "--reference", tmp_path, says=("a.png", "convert"))
     _fails(capsys, "compare", "--reference", tmp_path, "--sensor", "eye", says=("eye", "speed"))
+
+
+@pytest.mark.parametrize(
+    ("error", "says"),
+    [
+        (MemoryError(), ("not enough memory", "fewer workers")),
+        (np.exceptions.AxisError(9, 1), None),
+        (RecursionError("maximum recursion depth exceeded"), ("nests too deep",)),
+        (PermissionError(13, "Permission denied", "/data/x"), ("/data/x", "Permission denied")),
+        (OSError(28, "No space left on device", "/data/x"), ("/data/x", "free some space")),
+    ],
+)
+def test_what_the_machine_refuses_is_a_sentence(capsys, monkeypatch, error, says):
+    def refuse(**_options):
+        raise error
+
+    monkeypatch.setattr("flyaround.__main__.app", refuse)
+    if says is None:  # a mistake of ours is not dressed up
+        with pytest.raises(type(error)):
+            run(["targets"])
+        return
+    _fails(capsys, "targets", says=says)
+
+
+def test_standard_output_on_a_full_disk(tmp_path):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "flyaround", "cameras", "--json"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+    assert done.returncode == 2, done.stderr
+    assert "no space left on the disk; free some space" in " ".join(done.stderr.split())
+    assert len(done.stderr.strip().splitlines()) == 1

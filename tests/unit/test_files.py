@@ -22,3 +22,24 @@ def test_json_keeps_every_bit_of_a_float(tmp_path):
     with pytest.raises(ValueError, match="JSON"):
         write_json(tmp_path / "b.json", {"x": float("nan")})
     assert not (tmp_path / "b.json").exists()
+
+
+def test_a_full_disk_is_said_as_one(tmp_path):
+    """`/dev/full` refuses every write as a full disk does."""
+    import os
+    from pathlib import Path
+
+    from simulator.errors import machine_sentence, write_error
+
+    handle = os.open("/dev/full", os.O_WRONLY)
+    with pytest.raises(OSError, match="No space left") as full:
+        os.write(handle, b"x")
+    os.close(handle)
+    text = str(write_error(Path("/data/set/a.png"), full.value))
+    assert text == (
+        "cannot write /data/set/a.png: no space left on its disk; free some space or choose another disk"
+    )
+    assert "may write to" in str(write_error(Path("a"), PermissionError(13, "Permission denied")))
+    assert "free some space" in machine_sentence(full.value)
+    named = OSError(28, "No space left on device", "/data/x.csv")
+    assert machine_sentence(named).startswith("no space left on the disk: /data/x.csv;")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import platformdirs
 
-from simulator.errors import UserError
+from simulator.errors import UserError, write_error
 from simulator.targets.glb import load_glb
 
 if TYPE_CHECKING:
@@ -77,8 +77,8 @@ def install(target: Target) -> Path:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UserError(
-            f"cannot make {path.parent}: {error.strerror}; set FLYAROUND_DATA_DIR to a folder you may write to"
+        raise write_error(
+            path.parent, error, "set FLYAROUND_DATA_DIR to a folder you may write to"
         ) from error
     write_glb(target, path)
     load_glb(path)
