@@ -41,9 +41,7 @@ def machine_sentence(error: MemoryError | OSError | RecursionError) -> str:
     """One sentence for what the machine or the system refused, where nothing nearer to it made one."""
     if isinstance(error, MemoryError):
         detail = f" ({error})" if str(error) else ""
-        return (
-            f"not enough memory{detail}; close other programs, or ask for less: fewer workers, a smaller image or mesh"
-        )
+        return f"not enough memory{detail}; close other programs, or ask for fewer workers or a smaller image or mesh"
     if isinstance(error, RecursionError):
         return "something given nests too deep to be read; look at the file for brackets within brackets"
     place = f": {error.filename}" if error.filename is not None else ""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.targets.glb_pictures import mime_of
+from simulator.targets.glb_pictures import check_picture, mime_of
 from simulator.targets.triangles import distance_to_triangles
 
 if TYPE_CHECKING:
@@ -107,6 +107,7 @@ def check_textures(target: Target, where: str) -> None:
     for name, data in held.items():
         if not mime_of(data):
             raise UserError(f"{where}: texture {name!r} is neither PNG nor JPEG; convert it to PNG")
+        check_picture(data, f"{where}: texture {name!r}")
     textured = set()
     for m in target.materials:
         for name in filter(None, m.textures):
@@ -145,7 +146,8 @@ def check_labels(
         if not np.isfinite(length) or length <= 0:
             raise UserError(f"{where}: edge {e.name!r} has no length or is not finite; correct its ends")
     used = occluders.triangles
-    if not np.isfinite(occluders.vertices_m).all() or (used.size and used.max() >= len(occluders.vertices_m)):
+    missing = used.size and (used.min() < 0 or used.max() >= len(occluders.vertices_m))
+    if not np.isfinite(occluders.vertices_m).all() or missing:
         raise UserError(f"{where}: occluders have a vertex that is not finite or is missing; correct them")
 
 

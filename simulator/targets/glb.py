@@ -5,7 +5,6 @@ Mesh data are in the model frame: the rotation of the root node, which is for vi
 
 from __future__ import annotations
 
-import json
 import struct
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ import msgspec
 import numpy as np
 
 from simulator.errors import UserError
+from simulator.regular_file import read_regular
 from simulator.targets.check import check_keypoints_on_mesh, check_target
 from simulator.targets.convert import (
     content_sha256,
@@ -23,6 +23,7 @@ from simulator.targets.convert import (
     wireframe_of,
 )
 from simulator.targets.detail import split_level
+from simulator.targets.glb_json import parse_json
 from simulator.targets.glb_pictures import pictures_of, texture_name
 from simulator.targets.model import Material, Part, Picture, Target
 from simulator.targets.records import TargetRecord
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
 
 CLEARCOAT, ANISOTROPY = "KHR_materials_clearcoat", "KHR_materials_anisotropy"
 TYPES = {5126: "<f4", 5125: "<u4", 5123: "<u2", 5121: "u1"}  # glTF 2.0 specification, section 3.6.2.2
+LARGEST_FILE_BYTES = 2 << 30
+BROKEN = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError)
+"""What a document that breaks glTF's rules raises where it is read."""
 
 
 def load_glb(path: Path, *, checked: bool = False) -> Target:
@@ -49,7 +53,7 @@ def load_glb(path: Path, *, checked: bool = False) -> Target:
         If it is not one, is damaged, or does not match its own hash.
     """
     try:
-        data = path.read_bytes()
+        data = read_regular(path, LARGEST_FILE_BYTES)
     except OSError as error:
         raise UserError(f"cannot read target {path}: {error.strerror}; check the path") from error
     document, blob = read_chunks(data, path)
@@ -58,25 +62,25 @@ def load_glb(path: Path, *, checked: bool = False) -> Target:
         pictures = pictures_of(document, blob)
         materials = tuple(_material(document, m, record, pictures) for m in document.get("materials", []))
         parts = tuple(_parts(document, blob, materials, path))
-    except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
+        target = Target(
+            name=record.name,
+            title=record.title,
+            sha256=record.sha256,
+            materials=materials,
+            parts=parts,
+            keypoints=keypoints_of(record),
+            wireframe=wireframe_of(record),
+            mass=mass_of(record),
+            frames=frames_of(record),
+            symmetry=record.symmetry_wxyz,
+            notes=record.notes,
+            occluders=occluders_of(record),
+            pictures=pictures,
+        )
+    except BROKEN as error:
         raise UserError(
             f"{path} breaks the rules of glTF 2.0 ({type(error).__name__}: {error}); export it again"
         ) from error
-    target = Target(
-        name=record.name,
-        title=record.title,
-        sha256=record.sha256,
-        materials=materials,
-        parts=parts,
-        keypoints=keypoints_of(record),
-        wireframe=wireframe_of(record),
-        mass=mass_of(record),
-        frames=frames_of(record),
-        symmetry=record.symmetry_wxyz,
-        notes=record.notes,
-        occluders=occluders_of(record),
-        pictures=pictures,
-    )
     if not checked:
         check_target(target, str(path))
         if split_level(record.name)[1] == "full":
@@ -93,7 +97,7 @@ def load_glb(path: Path, *, checked: bool = False) -> Target:
 def holds_target(path: Path) -> bool:
     """Whether a GLB file says that it is a target file, sound or not."""
     try:
-        document, _ = read_chunks(path.read_bytes(), path)
+        document, _ = read_chunks(read_regular(path, LARGEST_FILE_BYTES), path)
     except (OSError, UserError):
         return False
     return _extras(document) is not None
@@ -119,17 +123,14 @@ def read_chunks(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
         chunks.setdefault(kind, data[at + 8 : at + 8 + size])
         at += 8 + size
     try:
-        document = json.loads(chunks[b"JSON"], parse_constant=_refuse_constant)
-    except (KeyError, ValueError) as error:
-        raise UserError(f"{path} has no readable JSON chunk; copy or export it again") from error
+        document = parse_json(chunks[b"JSON"])
+    except KeyError as error:
+        raise UserError(f"{path} has no JSON chunk; copy or export it again") from error
+    except ValueError as error:
+        raise UserError(f"{path} has no readable JSON chunk ({error}); copy or export it again") from error
     if not isinstance(document, dict):
         raise UserError(f"{path} holds JSON that is not a glTF document; export it again")
     return document, chunks.get(b"BIN\0", b"")
-
-
-def _refuse_constant(text: str) -> None:
-    """JSON has no NaN and no Infinity, though Python's reader would take them."""
-    raise ValueError(text)
 
 
 def _record(document: dict[str, Any], path: Path) -> TargetRecord:

@@ -2,16 +2,52 @@
 
 from __future__ import annotations
 
+import io
+import warnings
 from typing import Any
 
+from simulator.errors import UserError
 from simulator.targets.model import Picture
 
 MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+MOST_SIDE_PX, MOST_PIXELS = 16_384, 8192 * 8192
+"""What a picture is decoded to at most: 200 MB. A hundred kilobytes can hold a hundred times as much."""
+_DECODED = ("PNG", "JPEG", "BMP", "DIB", "GIF", "TIFF", "WEBP", "JPEG2000", "PPM")
 
 
 def mime_of(data: bytes) -> str:
     """The type of a picture's bytes, by their first ones; empty for what glTF 2.0 does not hold."""
     return next((mime for magic, mime in MIME.items() if data.startswith(magic)), "")
+
+
+def picture_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height that a picture's head says, without decoding it; None where it is none that is read."""
+    from PIL import Image  # noqa: PLC0415 - few targets have pictures
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(io.BytesIO(data), formats=_DECODED) as image:
+                return image.size
+    except Image.DecompressionBombError:
+        return (MOST_SIDE_PX + 1, MOST_SIDE_PX + 1)
+    except Exception:  # noqa: BLE001 - Pillow raises many kinds on a damaged head
+        return None
+
+
+def check_picture(data: bytes, where: str) -> None:
+    """Refuse a picture that would take more memory than a texture needs, before it is decoded.
+
+    Raises
+    ------
+    UserError
+        If it is none that is read, or has too many pixels.
+    """
+    size = picture_size(data)
+    if size is None or min(size) < 1:
+        raise UserError(f"{where} is not a picture that can be read; convert it to PNG")
+    if max(size) > MOST_SIDE_PX or size[0] * size[1] > MOST_PIXELS:
+        raise UserError(f"{where} has {size[0]:,} x {size[1]:,} pixels; make it smaller, at most 8192 x 8192")
 
 
 def pictures_of(document: dict[str, Any], blob: bytes) -> tuple[Picture, ...]:

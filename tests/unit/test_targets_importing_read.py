@@ -161,8 +161,8 @@ def test_missing_files_are_named(tmp_path):
 
 
 def test_compressed_and_broken_gltf(tmp_path):
-    def draco(document):
-        document["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    def packed(document):
+        document["extensionsRequired"] = ["EXT_meshopt_compression"]
 
     def circle(document):
         document["nodes"] = [{"children": [0], "mesh": 0}]
@@ -174,7 +174,7 @@ def test_compressed_and_broken_gltf(tmp_path):
         document["accessors"][0]["count"] = 5
 
     for change, says in (
-        (draco, "compressed with Draco"),
+        (packed, "compressed with meshopt"),
         (circle, "breaks the rules of glTF 2.0"),
         (overrun, "runs past the end"),
         (

@@ -168,7 +168,7 @@ def test_holes_that_meet_in_a_corner_are_not_filled_and_said_so(tmp_path):
     other = next(k for k, f in enumerate(ball.faces) if len(set(f) & set(first)) == 1)
     kept = [k for k in range(len(ball.faces)) if k not in (0, other)]
     path = save(tmp_path / "ball.stl", raw_mesh(ball.vertices, ball.faces[kept]))
-    with pytest.raises(UserError, match="add --keep-holes too, for these are no simple rings"):
+    with pytest.raises(UserError, match="add --keep-holes too, for capped they would leave no solid"):
         import_mesh(path, "ball", ImportOptions(fill_holes=True))
     target, lines = import_mesh(path, "ball", ImportOptions(fill_holes=True, keep_holes=True))
     assert any("open outlines" in line for line in lines)

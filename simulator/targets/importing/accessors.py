@@ -18,14 +18,17 @@ def read_accessor(document: dict[str, Any], buffers: list[bytes], number: int) -
 
     Raises
     ------
-    ValueError, KeyError, IndexError, TypeError
+    ValueError, LookupError, TypeError, AttributeError
         Where the document breaks glTF's rules.
     """
     accessor = document["accessors"][number]
     width, dtype = WIDTHS[accessor["type"]], np.dtype(COMPONENTS[accessor["componentType"]])
     count = int(accessor["count"])
-    values = np.zeros((count, width))
-    if "bufferView" in accessor:
+    if "bufferView" not in accessor and not 0 <= count <= max(map(len, buffers), default=0):
+        raise ValueError(f"an accessor without data has {count:,} values, more than its file has bytes")
+    if "bufferView" not in accessor:
+        values = np.zeros((count, width))
+    else:
         start = accessor.get("byteOffset", 0)
         values = _view(document, buffers, accessor["bufferView"], start, dtype, count, width)
     if "sparse" in accessor:
@@ -34,6 +37,8 @@ def read_accessor(document: dict[str, Any], buffers: list[bytes], number: int) -
         kind = np.dtype(COMPONENTS[i["componentType"]])
         at = _view(document, buffers, i["bufferView"], i.get("byteOffset", 0), kind, sparse["count"], 1)
         new = _view(document, buffers, v["bufferView"], v.get("byteOffset", 0), dtype, sparse["count"], width)
+        if len(at) and not 0 <= at.min() <= at.max() < count:
+            raise ValueError("a sparse accessor changes values that it has not")
         values[at[:, 0].astype(np.int64)] = new
     if accessor.get("normalized") and dtype.kind in "iu":
         values = np.maximum(values / np.iinfo(dtype).max, -1.0)
@@ -53,6 +58,8 @@ def _view(
     data = buffers[view["buffer"]]
     begin, item = view.get("byteOffset", 0) + start, width * dtype.itemsize
     stride = view.get("byteStride", item)
+    if not all(isinstance(x, int) for x in (begin, count, stride)):
+        raise TypeError("an accessor's offsets are no whole numbers")
     if (
         begin < 0
         or count < 0

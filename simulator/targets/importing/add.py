@@ -11,7 +11,9 @@ from simulator.errors import UserError
 from simulator.targets.check import check_target
 from simulator.targets.convert import content_sha256
 from simulator.targets.glb import holds_target, load_glb
+from simulator.targets.importing.coincident import coincidence_lines
 from simulator.targets.importing.decimate import decimate, deviation
+from simulator.targets.importing.holes import cap_solids
 from simulator.targets.importing.keypoints import propose_keypoints
 from simulator.targets.importing.place import bounds, check_count, check_numbers, place_model
 from simulator.targets.importing.raw import unique_names
@@ -19,7 +21,6 @@ from simulator.targets.importing.read import read_mesh
 from simulator.targets.importing.repair import (
     Tally,
     check_surface,
-    filled,
     oriented,
     welded_body,
     without_slivers,
@@ -173,11 +174,12 @@ def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[
         )
     holes = rims = branches = 0
     out = []
-    for body in bodies:
-        where = f"{model.path}, part {body.name!r}"
-        closed = filled(body, tally) if options.fill_holes else body
-        if options.fill_holes:
-            closed = without_slivers(closed, extent, tally)
+    if options.fill_holes:
+        capped = cap_solids(bodies, extent)
+        tally.filled, tally.left_open = capped.filled, capped.left
+        bodies = [without_slivers(b, extent, tally) for b in capped.bodies]
+    for closed in bodies:
+        where = f"{model.path}, part {closed.name!r}"
         found = check_surface(
             closed,
             where,
@@ -195,6 +197,7 @@ def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[
         lines.append(f"kept {holes} open outlines ({rims:,} open edges) as sheets seen from both sides")
     if branches:
         lines.append(f"kept {branches:,} edges of three or more faces")
+    lines += coincidence_lines(out, extent)
     return out, extent
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
@@ -12,12 +11,16 @@ from urllib.parse import unquote
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.targets.glb import ANISOTROPY, CLEARCOAT, read_chunks
+from simulator.regular_file import find_beside, read_regular
+from simulator.targets.glb import ANISOTROPY, BROKEN, CLEARCOAT, LARGEST_FILE_BYTES, read_chunks
+from simulator.targets.glb_json import parse_json
 from simulator.targets.importing.accessors import read_accessor
-from simulator.targets.importing.gltf_geometry import FAN, STRIP, TRIANGLES, as_triangles, node_matrix
+from simulator.targets.importing.draco import DRACO, unpack_draco
+from simulator.targets.importing.gltf_geometry import FAN, STRIP, TRIANGLES, as_triangles
+from simulator.targets.importing.gltf_nodes import check_weight, placed_meshes
 from simulator.targets.importing.grain import common_grain, corners_of, face_grain, strength_and_turn
 from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart, unique_name, unique_names
-from simulator.targets.importing.texture import picture_of
+from simulator.targets.importing.texture import LARGEST_PICTURE_BYTES, PictureReader
 from simulator.targets.model import Material, Picture
 
 if TYPE_CHECKING:
@@ -25,8 +28,9 @@ if TYPE_CHECKING:
 
     from simulator.arrays import FloatArray, IntArray
 
-COMPRESSED = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression": "meshopt"}
+COMPRESSED = {"EXT_meshopt_compression": "meshopt"}
 UNDERSTOOD = (
+    DRACO,
     "KHR_materials_",
     "KHR_mesh_quantization",
     "KHR_lights",
@@ -44,18 +48,20 @@ def read_gltf(path: Path, data: bytes) -> RawModel:
     UserError
         If a buffer or picture is missing, the geometry is compressed, or the file breaks glTF's rules.
     """
+    document: object
     if data[:4] == b"glTF":
         document, blob = read_chunks(data, path)
     else:
         try:
-            document, blob = json.loads(data), b""
+            document, blob = parse_json(data), b""
         except ValueError as error:
             raise UserError(f"{path} is not readable JSON ({error}); export it again") from error
     if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):
         raise UserError(f"{path} holds JSON that is not a glTF document; export it again")
     if str(document["asset"].get("version", "2")).startswith("1"):
         raise UserError(f"{path} is glTF version 1; export it as version 2")
-    for name in map(str, document.get("extensionsRequired") or []):
+    required = document.get("extensionsRequired") or []
+    for name in map(str, required if isinstance(required, list) else [required]):
         if name in COMPRESSED:
             raise UserError(
                 f"{path} is compressed with {COMPRESSED[name]}; export it without mesh compression"
@@ -66,9 +72,9 @@ def read_gltf(path: Path, data: bytes) -> RawModel:
             )
     try:
         return _Reader(path, document, blob).model()
-    except (KeyError, IndexError, TypeError, AttributeError, ValueError, RecursionError) as error:
+    except BROKEN as error:
         raise UserError(
-            f"{path} breaks the rules of glTF 2.0 ({type(error).__name__}: {error}); export it again"
+            f"{path} breaks the rules of glTF 2.0 ({type(error).__name__}: {str(error)[:200]}); export it again"
         ) from error
 
 
@@ -78,10 +84,13 @@ class _Reader:
     def __init__(self, path: Path, document: dict[str, Any], blob: bytes) -> None:
         self.path, self.document = path, document
         self.notes: list[str] = []
-        self.buffers = [self._buffer(b, blob, k) for k, b in enumerate(document.get("buffers", []))]
+        self.files: dict[Path, bytes] = {}
+        packed = [self._buffer(b, blob, k) for k, b in enumerate(document.get("buffers", []))]
         self.pictures: dict[int, Picture] = {}
+        self.reader = PictureReader(path, self.notes)
         self.lost: set[str] = set()
         self.grain: dict[int, FloatArray] = {}
+        self.buffers = unpack_draco(path, document, packed)
 
     def model(self) -> RawModel:
         document = self.document
@@ -89,17 +98,13 @@ class _Reader:
         names = unique_names((m.name for m in materials), "material")
         materials = [replace(m, name=n) for m, n in zip(materials, names, strict=True)]
         materials.append(UNNAMED_SURFACE)
-        found: list[tuple[str, int, FloatArray]] = []
-        scenes = document.get("scenes", [])
-        if scenes:
-            roots = scenes[document.get("scene", 0)].get("nodes", [])
-            if len(scenes) > 1:
-                self.notes.append(f"{len(scenes)} scenes in the file: only the first shown one is read")
-        else:
-            children = {c for n in document.get("nodes", []) for c in n.get("children", [])}
-            roots = [k for k in range(len(document.get("nodes", []))) if k not in children]
-        for root in roots:
-            self._visit(root, np.eye(4), found, 0)
+        found = placed_meshes(document, self.notes)
+        check_weight(document, found, sum(map(len, self.buffers)))
+        meshes = {number for _, number, _ in found}
+        if any("skin" in node for node in document.get("nodes", [])) or any(
+            "targets" in p for number in meshes for p in document["meshes"][number]["primitives"]
+        ):
+            self.lost.add("skins and morph targets (the rest pose is taken)")
         parts = []
         for name, (_, mesh, matrix) in zip(unique_names((f[0] for f in found), "part"), found, strict=True):
             part = self._part(name, document["meshes"][mesh], matrix, len(materials) - 1)
@@ -115,21 +120,6 @@ class _Reader:
             path=self.path, kind="gltf", parts=parts, materials=materials, in_metres=True, up="y", notes=self.notes,
             pictures={p.name: p for p in self.pictures.values()},
         )  # fmt: skip
-
-    def _visit(
-        self, number: int, parent: FloatArray, found: list[tuple[str, int, FloatArray]], depth: int
-    ) -> None:
-        if depth > 200:
-            raise ValueError("nodes form a circle")
-        node = self.document["nodes"][number]
-        matrix = parent @ node_matrix(node)
-        if "mesh" in node:
-            mesh = self.document["meshes"][node["mesh"]]
-            found.append((str(node.get("name") or mesh.get("name") or ""), node["mesh"], matrix))
-            if "skin" in node or any("targets" in p for p in mesh["primitives"]):
-                self.lost.add("skins and morph targets (the rest pose is taken)")
-        for child in node.get("children", []):
-            self._visit(child, matrix, found, depth + 1)
 
     def _part(self, name: str, mesh: dict[str, Any], matrix: FloatArray, no_material: int) -> RawPart | None:
         positions, normals, triangles, materials, colours, corners = [], [], [], [], [], []
@@ -316,39 +306,37 @@ class _Reader:
             if "bufferView" in image:
                 view = self.document["bufferViews"][image["bufferView"]]
                 start = view.get("byteOffset", 0)
-                raw = self.buffers[view["buffer"]][start : start + view["byteLength"]]
+                raw = self.buffers[view["buffer"]][start : start + view["byteLength"]] if start >= 0 else b""
             else:
-                raw = self._file(image["uri"], "texture")
+                raw = self._file(image["uri"], "texture", LARGEST_PICTURE_BYTES)
             what = str(image.get("name") or image.get("uri", "") or f"image {source}")[:60]
-            picture, note = picture_of(unique_name(what, {p.name for p in self.pictures.values()}), raw)
-            if picture is None:
-                raise UserError(
-                    f"{self.path}: texture {what!r} is not a picture that can be read; convert it to PNG"
-                )
-            self.notes += [note] if note else []
-            self.pictures[source] = picture
+            name = unique_name(what, {p.name for p in self.pictures.values()})
+            self.pictures[source] = self.reader.read(name, raw)
         return self.pictures[source].name
 
     def _buffer(self, record: dict[str, Any], blob: bytes, number: int) -> bytes:
-        data = self._file(record["uri"], "buffer") if "uri" in record else blob
-        if len(data) < record["byteLength"]:
+        length = int(record["byteLength"])
+        data = self._file(record["uri"], "buffer", LARGEST_FILE_BYTES) if "uri" in record else blob
+        if len(data) < length:
             raise UserError(
-                f"{self.path}: buffer {number} has {len(data)} of {record['byteLength']} bytes; copy or export it again"
+                f"{self.path}: buffer {number} has {len(data)} of {length} bytes; copy or export it again"
             )
         return data
 
-    def _file(self, uri: str, what: str) -> bytes:
+    def _file(self, uri: str, what: str, most_bytes: int) -> bytes:
         if uri.startswith("data:"):
             try:
                 return base64.b64decode(uri.partition(",")[2], validate=True)
             except binascii.Error as error:
                 raise UserError(f"{self.path}: an embedded {what} is damaged; export it again") from error
-        place = self.path.parent / unquote(uri)
+        place = find_beside(self.path, unquote(uri), what)
         try:
-            return place.read_bytes()
+            if place not in self.files:  # as many buffers and pictures as are written may name one file
+                self.files[place] = read_regular(place, most_bytes)
+            return self.files[place]
         except OSError as error:
             raise UserError(
-                f"{self.path}: {what} file {unquote(uri)!r} is missing; put it beside the model, or export as .glb"
+                f"{self.path}: {what} file {unquote(uri)[:80]!r} is missing; put it beside the model, or export as .glb"
             ) from error
 
     def _read(self, number: int) -> FloatArray:

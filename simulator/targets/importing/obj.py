@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.targets.importing.mtl import read_mtl
+from simulator.targets.importing.mtl import MaterialLibraries
 from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart, unique_names
 
 if TYPE_CHECKING:
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 
     from simulator.arrays import FloatArray, IntArray
     from simulator.targets.importing.mtl import ObjMaterial
+
+
+LARGEST_NUMBER = 2**40
 
 
 @dataclass(eq=False)
@@ -51,7 +55,11 @@ def read_obj(path: Path, data: bytes) -> RawModel:
                 blocks.append(_Block(part, material))
             blocks[-1].lines.append(rest)
             if "-" in rest:  # counted from the last vertex so far
-                blocks[-1].lines[-1] = _absolute(rest, (len(rows["v"]), len(rows["vt"]), len(rows["vn"])))
+                try:
+                    rest = _absolute(rest, (len(rows["v"]), len(rows["vt"]), len(rows["vn"])))
+                except ValueError as error:
+                    raise _unreadable_face(path, rest) from error
+                blocks[-1].lines[-1] = rest
         elif word in ("o", "g"):
             part = rest.strip() or "body"
         elif word == "usemtl":
@@ -63,16 +71,20 @@ def read_obj(path: Path, data: bytes) -> RawModel:
     v = _numbers(path, rows["v"], 3, "v")
     vt = _numbers(path, rows["vt"], 2, "vt")
     vn = _numbers(path, rows["vn"], 3, "vn")
-    known = read_mtl(path, libraries)
+    palette = MaterialLibraries(path, libraries)
+    used = list(dict.fromkeys(b.material for b in blocks))
+    known = {name: palette[name] for name in used if name in palette}
     model = RawModel(path=path, kind="obj", parts=[], materials=[])
     if lost:
         model.notes.append("not carried over: points, lines and curves")
-    _materials(path, model, blocks, known)
+    _materials(path, model, used, known, has_libraries=len(palette) > 0)
+    model.notes += palette.notes
     number = {m.name: k for k, m in enumerate(model.materials)}
-    order = list(dict.fromkeys(b.part for b in blocks))
+    of_part: dict[str, list[_Block]] = {}
+    for block in blocks:
+        of_part.setdefault(block.part, []).append(block)
     short = 0
-    for name, key in zip(unique_names(order, "body"), order, strict=True):
-        mine = [b for b in blocks if b.part == key]
+    for name, mine in zip(unique_names(of_part, "body"), of_part.values(), strict=True):
         body, dropped = _part(path, name, mine, (v, vt, vn), known, number)
         model.parts.append(body)
         short += dropped
@@ -81,20 +93,20 @@ def read_obj(path: Path, data: bytes) -> RawModel:
     return model
 
 
-def _materials(path: Path, model: RawModel, blocks: list[_Block], known: dict[str, ObjMaterial]) -> None:
-    used = list(dict.fromkeys(b.material for b in blocks))
+def _materials(
+    path: Path, model: RawModel, used: list[str], known: dict[str, ObjMaterial], *, has_libraries: bool
+) -> None:
     for name in used:
-        if name and name not in known and known:
+        if name and name not in known and has_libraries:
             raise UserError(
                 f"{path}: material {name!r} is in none of its .mtl files; export the model with its materials"
             )
     model.materials = [known[n].material for n in used if n in known] + [UNNAMED_SURFACE]
     model.pictures = {p.name: p for n in used if n in known and (p := known[n].picture) is not None}
-    model.notes += [known[n].note for n in used if n in known and known[n].note]
     lost = sorted({k for n in used if n in known for k in known[n].lost})
     if lost:
         model.notes.append(f"not carried over: maps {', '.join(lost)}")
-    if known and any(n not in known for n in used):
+    if has_libraries and any(n not in known for n in used):
         model.notes.append("some faces name no material: given a mid-grey paint")
 
 
@@ -153,7 +165,7 @@ def _faces(path: Path, lines: list[str]) -> tuple[IntArray, int]:
     slashes, double = first[0].count("/"), "//" in first[0]
     plain = all(line.count("/") == 3 * slashes and ("//" in line) == double for line in lines)
     if plain and all(len(line.split()) == 3 for line in lines):
-        numbers = np.fromstring(" ".join(lines).replace("//", " ").replace("/", " "), np.int64, sep=" ")
+        numbers = _whole_numbers(" ".join(lines).replace("//", " ").replace("/", " "))
         width = slashes + 1 - double
         if numbers.size == len(lines) * 3 * width:
             table = numbers.reshape(-1, 3, width)
@@ -169,15 +181,32 @@ def _faces(path: Path, lines: list[str]) -> tuple[IntArray, int]:
         try:
             corners = [_corner(token) for token in line.partition("#")[0].split()]
         except ValueError as error:
-            raise UserError(f"{path}: face {line.strip()[:60]!r} cannot be read; export it again") from error
+            raise _unreadable_face(path, line) from error
         short += len(corners) < 3
         faces += [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
     return np.array(faces, np.int64).reshape(-1, 3, 3), short
 
 
+def _whole_numbers(text: str) -> IntArray:
+    """Whole numbers between spaces; none where something else stands among them."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # how NumPy says that it stopped at something else
+            numbers = np.fromstring(text, np.int64, sep=" ")
+    except (ValueError, OverflowError, DeprecationWarning):
+        return np.zeros(0, np.int64)
+    return numbers
+
+
 def _corner(token: str) -> tuple[int, int, int]:
     fields = [int(x) if x else 0 for x in token.split("/")] + [0, 0]
+    if max(fields) > LARGEST_NUMBER or min(fields) < -LARGEST_NUMBER:
+        raise ValueError("no file has so many vertices")
     return (fields[0], fields[1], fields[2])
+
+
+def _unreadable_face(path: Path, line: str) -> UserError:
+    return UserError(f"{path}: face {line.strip()[:60]!r} cannot be read; export it again")
 
 
 def _absolute(text: str, counts: tuple[int, int, int]) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from simulator.errors import UserError
+from simulator.regular_file import read_regular
+from simulator.targets.glb import LARGEST_FILE_BYTES
 from simulator.targets.importing.gltf import read_gltf
 from simulator.targets.importing.obj import read_obj
 from simulator.targets.importing.stl import is_binary_stl, read_stl
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
     from simulator.targets.importing.raw import RawModel
 
 ENDINGS = ("glb", "gltf", "obj", "stl")
-LARGEST_FILE_BYTES = 2 << 30
 OTHERS = {
     b"ply": "a PLY mesh",
     b"PK": "a ZIP archive (3MF, USDZ or packed files)",
@@ -43,10 +44,7 @@ def read_mesh(path: Path) -> RawModel:
             f"{path}: meshes of kind {path.suffix or 'without ending'} are not read; export it as .glb"
         )
     try:
-        size = path.stat().st_size
-        if size > LARGEST_FILE_BYTES:
-            raise UserError(f"{path} has {size / 2**30:.1f} GB; export it with fewer triangles")
-        data = path.read_bytes()
+        data = read_regular(path, LARGEST_FILE_BYTES)
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror}; check the path") from error
     if not data.strip():

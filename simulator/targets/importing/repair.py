@@ -30,6 +30,7 @@ class Tally:
     twice: int = 0
     turned: int = 0
     filled: int = 0
+    left_open: int = 0
     parts_turned: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
@@ -43,6 +44,11 @@ class Tally:
             out.append(f"dropped {self.twice:,} faces that were there twice")
         if self.filled:
             out.append(f"filled {self.filled:,} holes with flat fans")
+        if self.left_open:
+            out.append(
+                f"left {self.left_open:,} openings as they are: capped they would leave no solid, or caps that lie on "
+                "other faces"
+            )
         if self.turned:
             names = ", ".join(repr(n) for n in self.parts_turned[:4]) + ", ..." * (len(self.parts_turned) > 4)
             out.append(f"turned {self.turned:,} faces to look outwards (part {names})")
@@ -205,9 +211,10 @@ def check_surface(
             f"{_place(body, table.ends[first])}, face {int(table.first[first]) // 3}); close them in the modelling "
             "tool, or "
             + (
-                "add --keep-holes too, for these are no simple rings and cannot be filled"
+                "add --keep-holes too, for capped they would leave no solid, or caps that lie on other faces"
                 if tried_to_fill
-                else "add --fill-holes, or --keep-holes to take open surfaces as sheets seen from both sides"
+                else "add --keep-holes to take open surfaces as sheets seen from both sides, or --fill-holes to cap "
+                "what then is a solid"
             )
         )
     return holes, len(ends), int(bad.sum())
@@ -216,44 +223,3 @@ def check_surface(
 def _place(body: Body, ends: IntArray) -> str:
     middle = body.positions_m[ends].mean(axis=0)
     return "(" + ", ".join(f"{x:.3f}" for x in middle) + ") m"
-
-
-def filled(body: Body, tally: Tally) -> Body:
-    """Close every simple ring of open edges by a fan about its middle, in the winding of its neighbours."""
-    table = edge_table(body.triangles)
-    half = table.first[table.open]
-    start = body.triangles.ravel()[half]
-    end = np.roll(body.triangles, -1, axis=1).ravel()[half]
-    follow = dict(zip(start.tolist(), end.tolist(), strict=True))
-    owner = dict(zip(start.tolist(), (half // 3).tolist(), strict=True))
-    points, faces, materials = [body.positions_m], [body.triangles], [body.face_material]
-    count = len(body.positions_m)
-    while follow:
-        ring = [next(iter(follow))]
-        while ring[-1] in follow:
-            ring.append(follow.pop(ring[-1]))
-        if ring[-1] != ring[0] or len(ring) < 4:
-            continue
-        loop = np.array(ring[:-1])
-        outline = body.positions_m[loop]
-        tally.filled += 1
-        material = body.face_material[owner[ring[0]]]
-        if len(loop) == 3:
-            new = loop[::-1][None]
-        else:
-            points.append(outline.mean(axis=0, keepdims=True).astype(np.float32).astype(float))
-            new = np.stack([np.roll(loop, -1), loop, np.full(len(loop), count)], axis=1)
-            count += 1
-        faces.append(new)
-        materials.append(np.full(len(new), material))
-    return Body(
-        name=body.name,
-        positions_m=np.concatenate(points),
-        triangles=np.concatenate(faces),
-        face_material=np.concatenate(materials),
-        # new faces have no normals of the file
-        corner_normals=body.corner_normals if len(faces) == 1 else None,
-        corner_uv=None
-        if body.corner_uv is None
-        else np.concatenate([body.corner_uv, np.full((sum(map(len, faces[1:])), 3, 2), np.nan)]),
-    )

@@ -46,11 +46,15 @@ def plain_where_unwrapped(
 ) -> tuple[list[Material], list[str]]:
     """Give faces without texture coordinates a plain material of their texture's mean colour."""
     out, notes = list(materials), []
+    users: dict[int, list[Body]] = {}
+    for b in bodies:
+        for k in np.unique(b.face_material):
+            users.setdefault(int(k), []).append(b)
     for number, material in enumerate(materials):
-        if not any(material.textures):
+        if number not in users or not any(material.textures):
             continue
         bare = []
-        for b in bodies:
+        for b in users[number]:
             mine = b.face_material == number
             bare.append(mine if b.corner_uv is None else mine & ~np.isfinite(b.corner_uv).all(axis=(1, 2)))
         count = sum(int(x.sum()) for x in bare)
@@ -59,7 +63,7 @@ def plain_where_unwrapped(
         rgb = np.asarray(material.base_color)
         if material.base_color_texture:
             rgb = rgb * mean_colour(pictures[material.base_color_texture])
-        for b, faces in zip(bodies, bare, strict=True):
+        for b, faces in zip(users[number], bare, strict=True):
             b.face_material = np.where(faces, len(out), b.face_material)
         plain = replace(without_textures(material), name=f"{material.name}-plain", base_color=vec3(rgb))
         out.append(plain)

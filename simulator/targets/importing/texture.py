@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from simulator.arrays import vec3
-from simulator.targets.glb_pictures import mime_of
+from simulator.errors import UserError
+from simulator.targets.glb_pictures import check_picture, mime_of, picture_size
 from simulator.targets.importing.raw import unique_names
 from simulator.targets.model import Material, Picture
 
@@ -18,6 +20,10 @@ if TYPE_CHECKING:
     from simulator.targets.importing.raw import RawModel
 
 LARGEST_PX = 4096
+MOST_PIXELS_OF_ALL = 512 << 20
+"""Of all pictures of a model: thirty of 4096 on a side."""
+LARGEST_PICTURE_BYTES, MOST_BYTES_OF_ALL = 256 << 20, 512 << 20
+MOST_PICTURES = 1000
 MOST_COLOURS = 6
 SAME_COLOUR = 0.04
 """Root mean square distance in linear RGB within which faces count as of one colour."""
@@ -26,7 +32,10 @@ BARYCENTRIC = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], float)
 
 def decode_image(data: bytes) -> ByteArray | None:
     """(H, W, 3) sRGB image, or None when it is none that OpenCV reads."""
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        return None
     return None if image is None else np.ascontiguousarray(image[..., ::-1])
 
 
@@ -35,23 +44,54 @@ def linear_from_srgb(value: FloatArray) -> FloatArray:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
-def picture_of(name: str, data: bytes) -> tuple[Picture | None, str]:
-    """A picture as target files hold it, PNG or JPEG and not too large, and what had to be done; None if unreadable."""
-    image = decode_image(data)
-    if image is None:
-        return None, ""
-    note = ""
-    if max(image.shape[:2]) > LARGEST_PX:
-        before = f"{image.shape[1]} x {image.shape[0]}"
-        factor = LARGEST_PX / max(image.shape[:2])
-        image = np.asarray(
-            cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA), np.uint8
-        )
-        note = f"texture {name!r} reduced from {before} to {image.shape[1]} x {image.shape[0]}"
-    elif mime_of(data):
-        return Picture(name=name, data=data), ""
-    written = cv2.imencode(".png", image[..., ::-1])[1]
-    return Picture(name=name, data=np.asarray(written).tobytes()), note
+@dataclass(eq=False)
+class PictureReader:
+    """Pictures of one model made what target files hold, PNG or JPEG and not too large.
+
+    Parameters
+    ----------
+    owner : the file that names them. notes : what had to be done, a line each. count, pixels, n_bytes : of all pictures
+        so far.
+    """
+
+    owner: Path
+    notes: list[str] = field(default_factory=list)
+    count: int = 0
+    pixels: int = 0
+    n_bytes: int = 0
+
+    def read(self, name: str, data: bytes) -> Picture:
+        """A picture under a name.
+
+        Raises
+        ------
+        UserError
+            If it cannot be read, or it or all together have too many pixels; found before it is decoded.
+        """
+        where = f"{self.owner}: texture {name[:80]!r}"
+        check_picture(data, where)
+        width, height = picture_size(data) or (0, 0)
+        self.count += 1
+        self.pixels += width * height
+        self.n_bytes += len(data)
+        if self.pixels > MOST_PIXELS_OF_ALL or self.n_bytes > MOST_BYTES_OF_ALL or self.count > MOST_PICTURES:
+            raise UserError(
+                f"{self.owner}: its textures are more than {MOST_PICTURES}, or have together more than "
+                f"{MOST_PIXELS_OF_ALL >> 20} million pixels or {MOST_BYTES_OF_ALL >> 20} MB; make them fewer or smaller"
+            )
+        image = decode_image(data)
+        if image is None:
+            raise UserError(f"{where} is not a picture that can be read; convert it to PNG")
+        if max(image.shape[:2]) > LARGEST_PX:
+            before = f"{image.shape[1]} x {image.shape[0]}"
+            factor = LARGEST_PX / max(image.shape[:2])
+            size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
+            image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+            self.notes.append(f"texture {name!r} reduced from {before} to {size[0]} x {size[1]}")
+        elif mime_of(data):
+            return Picture(name=name, data=data)
+        written = cv2.imencode(".png", image[..., ::-1])[1]
+        return Picture(name=name, data=np.asarray(written).tobytes())
 
 
 def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
