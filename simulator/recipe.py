@@ -54,7 +54,8 @@ class Recipe:
 
     Parameters
     ----------
-    range_m : camera to model origin, uniform; None for Tango's range in proportion to the target's size.
+    range_m : camera to model origin along the camera's z (in flight a range is to the centre of mass), uniform; None
+        for Tango's range in proportion to the target's size.
     max_phase_deg : largest angle at the target between Sun and camera; directions uniform in solid angle.
     nadir_off_boresight_deg : angle between boresight and nadir, uniform in solid angle. 64 degrees puts the limb
         of the Earth on the boresight at 700 km.

@@ -26,8 +26,8 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
     """
     # without O_NONBLOCK the opening of a pipe waits for its writer
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    with os.fdopen(handle, "rb") as file:
-        status = os.fstat(file.fileno())
+    try:
+        status = os.fstat(handle)
         if stat.S_ISDIR(status.st_mode):
             raise UserError(f"{path} is a folder; name a file")
         if not stat.S_ISREG(status.st_mode):
@@ -36,7 +36,10 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
             raise UserError(
                 f"{path} has {_size(status.st_size)} and at most {_size(most_bytes)} are read; make it smaller"
             )
-        return file.read(most_bytes)
+        with os.fdopen(handle, "rb", closefd=False) as file:
+            return file.read(status.st_size)
+    finally:
+        os.close(handle)
 
 
 def find_beside(owner: Path, name: str, what: str) -> Path:

@@ -75,8 +75,14 @@ def add(
     scale: Annotated[float | None, typer.Option(help="Factor from the file's unit to metres.")] = None,
     units: Annotated[str | None, typer.Option(help="The file's unit: mm, cm, m or in.")] = None,
     up: Annotated[str | None, typer.Option(help="The file's up axis: y or z (default: y for glTF).")] = None,
+    recentre: Annotated[
+        bool,
+        typer.Option("--recentre", help="Move the origin to the middle of the mesh: poses are the origin's."),
+    ] = False,
     decimate: Annotated[int | None, typer.Option(help="Reduce to at most so many triangles.")] = None,
-    fill_holes: Annotated[bool, typer.Option("--fill-holes", help="Close holes with flat fans.")] = False,
+    fill_holes: Annotated[
+        bool, typer.Option("--fill-holes", help="Cap openings where that leaves a solid.")
+    ] = False,
     keep_holes: Annotated[
         bool, typer.Option("--keep-holes", help="Take open surfaces as sheets seen from both sides.")
     ] = False,
@@ -99,6 +105,7 @@ def add(
         scale=scale,
         units=units,
         up=up,
+        recentre=recentre,
         decimate=decimate,
         fill_holes=fill_holes,
         keep_holes=keep_holes,

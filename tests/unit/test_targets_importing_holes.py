@@ -8,10 +8,8 @@ import pytest
 import trimesh
 
 from simulator.errors import UserError
-from simulator.targets.importing.add import ImportOptions, _bodies
+from simulator.targets.importing.add import ImportOptions, read_surface
 from simulator.targets.importing.coincident import coincident_pairs
-from simulator.targets.importing.place import place_model
-from simulator.targets.importing.read import read_mesh
 
 KEEP = ImportOptions(keep_holes=True, up="z")
 FILL = ImportOptions(fill_holes=True, up="z")
@@ -20,9 +18,7 @@ FILL_OR_KEEP = ImportOptions(fill_holes=True, keep_holes=True, up="z")
 
 def surface(path, options):
     """The bodies of a mesh after its repairs, and what is said: all of an import but labels and mass."""
-    model, lines = read_mesh(path), []
-    place_model(model, options.scale, options.units, options.up)
-    bodies, _ = _bodies(model, options, lines)
+    _, bodies, _, _, _, lines = read_surface(path, options)
     return bodies, lines
 
 

@@ -15,7 +15,7 @@ from simulator.targets.importing.coincident import coincidence_lines
 from simulator.targets.importing.decimate import decimate, deviation
 from simulator.targets.importing.holes import cap_solids
 from simulator.targets.importing.keypoints import propose_keypoints
-from simulator.targets.importing.place import bounds, check_count, check_numbers, place_model
+from simulator.targets.importing.place import bounds, check_count, check_numbers, check_parts, place_model
 from simulator.targets.importing.raw import unique_names
 from simulator.targets.importing.read import read_mesh
 from simulator.targets.importing.repair import (
@@ -49,8 +49,10 @@ class ImportOptions:
     Parameters
     ----------
     scale, units : factor to metres, or mm, cm, m, in. up : y or z.
+    recentre : move the origin to the middle of the box about the model.
     decimate : reduce to at most so many triangles.
-    fill_holes, keep_holes, keep_non_manifold : what to do where the surface is not closed or branches.
+    fill_holes, keep_holes, keep_non_manifold : what to do where the surface is not closed or branches; openings are
+        filled where that leaves a solid.
     new_normals : compute normals even where the file's fit.
     mass_kg, density_kg_m3 : of the uniform solid.
     """
@@ -58,6 +60,7 @@ class ImportOptions:
     scale: float | None = None
     units: str | None = None
     up: str | None = None
+    recentre: bool = False
     decimate: int | None = None
     fill_holes: bool = False
     keep_holes: bool = False
@@ -80,19 +83,7 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     ready = _target_file(path, name, options)
     if ready is not None:
         return ready, ["already a target file: geometry, keypoints, wireframe and mass taken as they are"]
-    model = read_mesh(path)
-    check_numbers(model)
-    check_count(model, options.decimate)
-    lines = place_model(model, options.scale, options.units, options.up)
-    if options.decimate is not None and model.triangle_count > options.decimate:
-        bake_textures(model)  # reduced faces are no longer where their texture coordinates say
-    lines += model.notes
-    bodies, extent = _bodies(model, options, lines)
-    everything, notes = plain_where_unwrapped(bodies, model.materials, model.pictures)
-    lines += notes
-    materials, notes = used_materials(bodies, everything)
-    lines += notes
-    parts = _parts(bodies, materials, options, lines)
+    model, bodies, extent, materials, parts, lines = read_surface(path, options)
     mass, how = mass_properties_of(bodies, options.mass_kg, options.density_kg_m3)
     keypoints = propose_keypoints(bodies, extent)
     wireframe, left_out = propose_wireframe(bodies, extent, materials)
@@ -122,6 +113,36 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     )
     check_target(target, str(path))
     return target, lines
+
+
+def read_surface(
+    path: Path, options: ImportOptions
+) -> tuple[RawModel, list[Body], float, list[Material], list[Part], list[str]]:
+    """A mesh file read, placed, checked, repaired and shaded: everything of an import but labels and mass.
+
+    Returns
+    -------
+    The file's model, its bodies, the craft's extent [m], materials in use, parts, and lines for the user.
+
+    Raises
+    ------
+    UserError
+        As `import_mesh`.
+    """
+    model = read_mesh(path)
+    check_numbers(model)
+    check_count(model, options.decimate)
+    check_parts(model)
+    lines = place_model(model, options.scale, options.units, options.up, recentre=options.recentre)
+    if options.decimate is not None and model.triangle_count > options.decimate:
+        bake_textures(model)  # reduced faces are no longer where their texture coordinates say
+    lines += model.notes
+    bodies, extent = _bodies(model, options, lines)
+    everything, notes = plain_where_unwrapped(bodies, model.materials, model.pictures)
+    lines += notes
+    materials, notes = used_materials(bodies, everything)
+    lines += notes
+    return model, bodies, extent, materials, _parts(bodies, materials, options, lines), lines
 
 
 def _check_weights(options: ImportOptions) -> None:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 DRACO = "KHR_draco_mesh_compression"
 DEADLINE_S = 120.0
+MOST_RESULT_BYTES = 256 << 20
 COMPONENT_OF = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
 TYPE_OF = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
@@ -44,7 +45,7 @@ def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> 
     if not primitives:
         return buffers
     views = list(dict.fromkeys(int(p["extensions"][DRACO]["bufferView"]) for p in primitives))
-    arrays = _decoded(path, [_stream(document, buffers, view) for view in views])
+    arrays = decoded(path, [_stream(document, buffers, view) for view in views])
     added = _Added(document, len(buffers))
     for p in primitives:
         extension = p["extensions"][DRACO]
@@ -116,9 +117,19 @@ def _stream(document: dict[str, Any], buffers: list[bytes], number: int) -> byte
     return data
 
 
-def _decoded(path: Path, streams: list[bytes]) -> dict[str, NDArray[Any]]:
-    """Arrays by stream and attribute: as `draco_process` names them."""
-    command = [sys.executable, "-P", "-m", "simulator.targets.importing.draco_process"]
+def decoded(path: Path, streams: list[bytes], most_bytes: int = MOST_RESULT_BYTES) -> dict[str, NDArray[Any]]:
+    """Arrays by stream and attribute: as `draco_process` names them.
+
+    Parameters
+    ----------
+    most_bytes : of all arrays together: a stream of a few bytes may ask for any size.
+
+    Raises
+    ------
+    UserError
+        If a stream cannot be decoded, or has more than ``most_bytes``.
+    """
+    command = [sys.executable, "-P", "-m", "simulator.targets.importing.draco_process", str(most_bytes)]
     packed = b"".join(len(s).to_bytes(8, "little") + s for s in streams)
     # threads of a matrix library would take the memory that is bounded there
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}

@@ -1,6 +1,6 @@
 """A process that decodes Draco streams: native code on a stranger's bytes, with bounded memory, apart from ours.
 
-Reads streams from standard input, each after its length (uint64, little-endian), and writes to standard output a .npz
+Takes the most bytes of a result as its argument, reads streams from standard input, each after its length (uint64, little-endian), and writes to standard output a .npz
 archive: ``faces_K`` (F, 3) and ``K_ID`` (V, width) for each attribute ID of stream K.
 """
 
@@ -12,11 +12,15 @@ import sys
 import numpy as np
 
 MOST_MEMORY_BYTES = 1 << 30
-MOST_RESULT_BYTES = 256 << 20
 
 
-def main() -> int:
-    """Decode what stands on standard input; 0, or 1 with the reason on standard error."""
+def main(most_bytes: int) -> int:
+    """Decode what stands on standard input; 0, or 1 with the reason on standard error.
+
+    Parameters
+    ----------
+    most_bytes : of all arrays together.
+    """
     try:
         import DracoPy  # noqa: PLC0415 - before memory is bounded
     except ImportError as error:
@@ -39,7 +43,7 @@ def main() -> int:
             print(f"a stream is damaged ({error})", file=sys.stderr)  # noqa: T201
             return 1
         size += sum(a.nbytes for a in found.values())
-        if size > MOST_RESULT_BYTES:
+        if size > most_bytes:
             print("it unpacks to more than is read", file=sys.stderr)  # noqa: T201
             return 1
         arrays |= found
@@ -62,4 +66,4 @@ def _bound_memory() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(int(sys.argv[1])))

@@ -138,6 +138,8 @@ class _Reader:
             )
             t = as_triangles(index, mode)
             number = primitive.get("material", no_material)
+            if not isinstance(number, int) or not 0 <= number <= no_material:
+                raise ValueError(f"a primitive has material {number!r} of {no_material}")
             positions.append(p)
             normals.append(self._read(attributes["NORMAL"]) if "NORMAL" in attributes else None)
             triangles.append(t + start)

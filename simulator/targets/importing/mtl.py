@@ -91,7 +91,7 @@ class MaterialLibraries:
             text = read_regular(place, LARGEST_LIBRARY_BYTES).decode("utf-8", "replace")
         except OSError as error:
             raise UserError(
-                f"{path}: material file {library!r} is missing; put it beside the model, or remove the line mtllib"
+                f"{path}: material file {library[:80]!r} is missing; put it beside the model, or remove the line mtllib"
             ) from error
         name, fields = "", dict[str, str]()
         for line in [*text.splitlines(), "newmtl"]:

@@ -16,7 +16,9 @@ UNIT_NAMES = {"mm": "millimetres", "cm": "centimetres", "m": "metres", "in": "in
 SMALLEST_M, LARGEST_M = 0.03, 150.0
 """From a printed-circuit satellite to the International Space Station (109 m); outside it the unit must be said."""
 SMALLEST_SAID_M, LARGEST_SAID_M = 0.005, 1000.0
-MOST_TRIANGLES = 500_000
+MOST_TRIANGLES, MOST_PARTS = 500_000, 4000
+OFF, FARTHEST = 0.1, 100.0
+"""Extents between origin and model beyond which it is said, and beyond which vertices lose 1e-5 of the craft."""
 
 
 def check_numbers(model: RawModel) -> None:
@@ -61,13 +63,35 @@ def check_count(model: RawModel, decimate: int | None) -> None:
         )
 
 
-def place_model(model: RawModel, scale: float | None, units: str | None, up: str | None) -> list[str]:
-    """Bring the model to metres and its up axis to z, in place; says what was assumed.
+def check_parts(model: RawModel) -> None:
+    """Refuse more parts than a craft has: each is a body with labels of its own.
 
     Raises
     ------
     UserError
-        If the result is not the size of a spacecraft, with the unit that would make it one.
+        Naming the count.
+    """
+    if len(model.parts) > MOST_PARTS:
+        raise UserError(
+            f"{model.path} has {len(model.parts):,} parts and at most {MOST_PARTS:,} are taken; join them in the "
+            "modelling tool"
+        )
+
+
+def place_model(
+    model: RawModel, scale: float | None, units: str | None, up: str | None, *, recentre: bool = False
+) -> list[str]:
+    """Bring the model to metres and its up axis to z, in place; says what was assumed.
+
+    Parameters
+    ----------
+    recentre : move the origin to the middle of the box about the model.
+
+    Raises
+    ------
+    UserError
+        If the result is not the size of a spacecraft, with the unit that would make it one; or so far from its origin
+        that float32 cannot hold its shape.
     """
     if scale is not None and units is not None:
         raise UserError("give --scale or --units, not both; --units mm is --scale 0.001")
@@ -99,7 +123,32 @@ def place_model(model: RawModel, scale: float | None, units: str | None, up: str
     else:
         how = "glTF is in metres" if model.in_metres else "taken as metres, for the file names no unit"
     turned = "y turned to z (up)" if axis == "y" else "axes as in the file, z up"
-    return [f"size {size} m ({how}); {turned}"]
+    return [f"size {size} m ({how}); {turned}", *_origin_lines(model, low, high, recentre=recentre)]
+
+
+def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentre: bool) -> list[str]:
+    """Move the origin if told so; else a warning where it is off the model, for poses are the origin's."""
+    middle = (low + high) / 2
+    extent = float((high - low).max())
+    at = ", ".join(f"{x:.4g}" for x in middle)
+    if recentre:
+        for part in model.parts:
+            part.positions_m = part.positions_m - middle
+        return [f"moved the origin by ({at}) m, to the middle of the box about the model"]
+    off_box = float(np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)))
+    if off_box > FARTHEST * extent:
+        raise UserError(
+            f"{model.path} is {off_box:.4g} m away from its origin, too far for single precision to hold a shape of "
+            f"{extent:.4g} m; add --recentre to move the origin to its middle"
+        )
+    if off_box <= OFF * extent:
+        return []
+    distance = float(np.linalg.norm(middle))
+    line = (
+        f"the file's origin is {distance:.4g} m from the middle of a craft {extent:.4g} m across (at ({at}) m): "
+        "poses, and the range of recipes, are the origin's; add --recentre to move it to the middle"
+    )
+    return [line]
 
 
 def _check_size(model: RawModel, extent: float, *, said: bool) -> None:

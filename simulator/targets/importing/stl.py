@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import io
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from simulator.errors import UserError
 from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart
@@ -17,6 +16,8 @@ if TYPE_CHECKING:
     from simulator.arrays import FloatArray
 
 HEADER_BYTES, RECORD_BYTES = 84, 50
+VERTEX = re.compile(rb"^\s*vertex[ \t]+(.*)$", re.IGNORECASE | re.MULTILINE)
+FACET = re.compile(rb"^\s*facet\b", re.IGNORECASE | re.MULTILINE)
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -37,8 +38,10 @@ def read_stl(path: Path, data: bytes) -> RawModel:
         If it is cut short or not STL.
     """
     if is_binary_stl(data):
-        corners = np.frombuffer(data, RECORD, offset=HEADER_BYTES)["corners"].reshape(-1, 3).astype(float)
-    elif b"facet" in data:
+        raw = np.frombuffer(data, RECORD, offset=HEADER_BYTES)["corners"].reshape(-1, 3)
+        with np.errstate(invalid="ignore"):  # vertices that are not finite are named later
+            corners = raw.astype(float)
+    elif b"facet" in data.lower():
         corners = _text(path, data)
     else:
         expected = HEADER_BYTES + int.from_bytes(data[80:84], "little") * RECORD_BYTES
@@ -53,11 +56,19 @@ def read_stl(path: Path, data: bytes) -> RawModel:
 
 
 def _text(path: Path, data: bytes) -> FloatArray:
-    if b"endsolid" not in data[-4096:]:
+    if b"endsolid" not in data[-4096:].lower():
         raise UserError(f"{path} is cut short (no endsolid); copy or export it again")
+    vertices = VERTEX.findall(data)
+    facets = len(FACET.findall(data))
     try:
-        loaded = trimesh.load(io.BytesIO(data), file_type="stl_ascii", process=False)
-        meshes = loaded.geometry.values() if hasattr(loaded, "geometry") else [loaded]
-        return np.concatenate([np.asarray(m.vertices[m.faces], float).reshape(-1, 3) for m in meshes])
-    except Exception as error:  # trimesh raises many kinds on a damaged file
-        raise UserError(f"{path} is not a readable text STL; export it again, as binary") from error
+        corners = np.array([v.split() for v in vertices], float).reshape(-1, 3)
+    except ValueError as error:
+        raise UserError(
+            f"{path} has a vertex that is no three numbers; export it again, as binary"
+        ) from error
+    if len(corners) != 3 * facets:
+        raise UserError(
+            f"{path} is not a readable text STL: {facets} facets have {len(corners)} vertices; export it again, as "
+            "binary"
+        )
+    return corners

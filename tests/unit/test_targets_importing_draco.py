@@ -1,0 +1,157 @@
+"""Geometry packed with Draco is read as if it were not, and a damaged stream is refused in a sentence."""
+
+import json
+from pathlib import Path
+
+import DracoPy
+import numpy as np
+import pytest
+import trimesh
+
+from simulator.errors import UserError
+from simulator.targets.importing.add import ImportOptions, read_surface
+from simulator.targets.importing.draco import DRACO, decoded
+from simulator.targets.importing.read import read_mesh
+
+BALL = trimesh.creation.icosphere(2, 1.0)
+UV = (BALL.vertices[:, :2] * 0.5 + 0.5).astype(float)
+
+
+def packed_glb(path, stream, *, count=None, plain=None, optional=False, nodes=1):
+    """A GLB whose one mesh is a Draco stream, as exporters write it: accessors without data."""
+    n, faces = len(BALL.vertices), 3 * len(BALL.faces)
+    blob = stream + bytes(-len(stream) % 4) + (plain or b"")
+    document = {
+        "asset": {"version": "2.0"},
+        "extensionsUsed": [DRACO],
+        "extensionsRequired": [] if optional else [DRACO],
+        "scenes": [{"nodes": list(range(nodes))}],
+        "nodes": [{"mesh": 0, "name": f"ball{k}", "translation": [3 * k, 0, 0]} for k in range(nodes)],
+        "materials": [{"name": "skin"}],
+        "meshes": [
+            {
+                "primitives": [
+                    {
+                        "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2},
+                        "indices": 3,
+                        "material": 0,
+                        "extensions": {
+                            DRACO: {"bufferView": 0, "attributes": ids_of(stream)},
+                        },
+                    }
+                ]
+            }
+        ],
+        "accessors": [
+            {"componentType": 5126, "count": count or n, "type": "VEC3"},
+            {"componentType": 5126, "count": n, "type": "VEC3"},
+            {"componentType": 5126, "count": n, "type": "VEC2"},
+            {"componentType": 5125, "count": faces, "type": "SCALAR"},
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": len(stream)}],
+        "buffers": [{"byteLength": len(blob)}],
+    }
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    blob += bytes(-len(blob) % 4)
+    chunks = (
+        len(text).to_bytes(4, "little") + b"JSON" + text + len(blob).to_bytes(4, "little") + b"BIN\0" + blob
+    )
+    path.write_bytes(b"glTF" + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks)
+    return path
+
+
+def ids_of(stream):
+    """The stream's number of each attribute; of one that cannot be read the usual ones."""
+    names = {0: "POSITION", 1: "NORMAL", 3: "TEXCOORD_0"}
+    try:
+        attributes = DracoPy.decode(stream).attributes
+    except DracoPy.FileTypeException:
+        return {"POSITION": 0}
+    return {names[a["attribute_type"]]: a["unique_id"] for a in attributes}
+
+
+@pytest.fixture(scope="module")
+def stream():
+    return DracoPy.encode(
+        BALL.vertices.astype(np.float32),
+        BALL.faces.astype(np.uint32),
+        quantization_bits=16,
+        normals=np.array(BALL.vertex_normals, float),
+        tex_coord=UV,
+    )
+
+
+def test_a_packed_mesh_is_the_mesh(tmp_path, stream):
+    model = read_mesh(packed_glb(tmp_path / "a.glb", stream, nodes=2))
+    assert [p.name for p in model.parts] == ["ball0", "ball1"]
+    part = model.parts[0]
+    assert len(part.triangles) == len(BALL.faces)
+    assert np.abs(np.linalg.norm(part.positions_m, axis=1) - 1).max() < 1e-3
+    # a sphere's normals are its places
+    assert np.einsum("ij,ij->i", part.normals, part.positions_m).min() > 0.99
+    p = part.positions_m[part.triangles]
+    volume = np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2])) / 6
+    assert volume == pytest.approx(BALL.volume, rel=1e-3)
+    _, bodies, _, materials, _, lines = read_surface(tmp_path / "a.glb", ImportOptions())
+    assert [m.name for m in materials] == ["skin"]
+    assert sum(len(b.triangles) for b in bodies) == 2 * len(BALL.faces)
+    assert not any("computed normals" in line for line in lines)
+
+
+def test_texture_coordinates_are_packed_too(tmp_path, stream):
+    path = packed_glb(tmp_path / "a.glb", stream)
+
+    def textured(document):
+        document["materials"][0]["pbrMetallicRoughness"] = {"baseColorTexture": {"index": 0}}
+        document["textures"] = [{"source": 0}]
+        document["images"] = [{"uri": "skin.png"}]
+
+    import cv2
+
+    cv2.imwrite(str(tmp_path / "skin.png"), np.zeros((4, 4, 3), np.uint8))
+    rewritten(path, textured)
+    (part,) = read_mesh(path).parts
+    p = part.positions_m[part.triangles]
+    assert np.abs(part.corner_uv - (p[..., :2] * 0.5 + 0.5)).max() < 2e-3
+
+
+def rewritten(path, change):
+    """The GLB with its JSON changed."""
+    data = path.read_bytes()
+    size = int.from_bytes(data[12:16], "little")
+    document = json.loads(data[20 : 20 + size])
+    change(document)
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + size :]
+    whole = len(text).to_bytes(4, "little") + b"JSON" + text + rest
+    path.write_bytes(data[:8] + (12 + len(whole)).to_bytes(4, "little") + whole)
+
+
+def test_a_stream_that_is_damaged_or_no_mesh(tmp_path, stream):
+    cloud = DracoPy.encode(BALL.vertices.astype(np.float32))
+    for bad in (stream[:100], b"DRACO" + bytes(50), cloud):
+        with pytest.raises(
+            UserError, match=r"a\.glb is packed with Draco and cannot be unpacked: .*; export it"
+        ) as e:
+            read_mesh(packed_glb(tmp_path / "a.glb", bad))
+        assert "\n" not in str(e.value)
+
+    def beyond(document):
+        document["bufferViews"][0]["byteLength"] = 10**9
+
+    def nowhere(document):
+        document["meshes"][0]["primitives"][0]["extensions"][DRACO]["attributes"] = {"POSITION": 77}
+
+    for change in (beyond, nowhere):
+        path = packed_glb(tmp_path / "b.glb", stream)
+        rewritten(path, change)
+        with pytest.raises(UserError, match="breaks the rules of glTF 2"):
+            read_mesh(path)
+
+
+def test_a_stream_that_unpacks_to_more_than_is_read(stream):
+    with pytest.raises(UserError, match="unpacks to more than is read"):
+        decoded(Path("a.glb"), [stream], most_bytes=1000)
+    assert decoded(Path("a.glb"), [stream])["faces_0"].shape == BALL.faces.shape
