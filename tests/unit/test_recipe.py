@@ -122,3 +122,16 @@ def test_every_target_is_as_large_in_the_image_as_tango(name):
 
 def test_tango_keeps_its_own_range():
     assert scaled_range_m(load_target("tango")) == (3.0, 18.0)
+
+
+def test_the_range_of_a_recipe_is_the_origins_depth_and_that_of_a_flight_the_centre_of_mass():
+    """As docs/conventions.md has it: a recipe's range is z of the pose label."""
+    plan = plan_recipe("eval-black", 40)
+    depths = [plan.scene(k).t_camera_from_target_m[2] for k in range(40)]
+    low, high = plan.recipe.range_m
+    assert low <= min(depths) < low + 3
+    assert high - 3 < max(depths) <= high
+    scene, com = plan.scene(0), np.array(plan.target.mass.com_m)
+    apart = np.linalg.norm(np.subtract(scene.r_target_eci_m, scene.r_camera_eci_m))
+    # positions in orbit are kept to a nanometre or so
+    assert apart == pytest.approx(np.linalg.norm(scene.camera_from_target.apply(com)), abs=1e-6)

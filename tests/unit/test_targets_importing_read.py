@@ -254,3 +254,23 @@ def test_too_many_triangles(tmp_path):
         check_count(read_mesh(path), None)
     with pytest.raises(UserError, match="--decimate 3 is out of range"):
         check_count(read_mesh(path), 3)
+
+
+def test_an_origin_far_from_the_craft_is_said_and_moved_when_told(tmp_path):
+    """7 m across, its middle 12 m from the origin: poses of that origin would put the craft out of view."""
+    box = trimesh.creation.box((7.0, 2.0, 2.0))
+    near, far = box.copy(), box.copy()
+    near.apply_translation((3.5, 0.0, 1.0))  # an origin in a corner is a launcher's, and usual
+    far.apply_translation((0.0, 12.0, 0.0))
+    (tmp_path / "near.stl").write_bytes(near.export(file_type="stl"))
+    (tmp_path / "far.stl").write_bytes(far.export(file_type="stl"))
+    assert len(place_model(read_mesh(tmp_path / "near.stl"), None, None, None)) == 1
+    (_, warning) = place_model(read_mesh(tmp_path / "far.stl"), None, None, None)
+    assert "origin is 12 m from the middle of a craft 7 m across" in warning
+    assert "add --recentre" in warning
+    model = read_mesh(tmp_path / "far.stl")
+    (_, said) = place_model(model, None, None, None, recentre=True)
+    assert said == "moved the origin by (0, 12, 0) m, to the middle of the box about the model"
+    p = model.parts[0].positions_m
+    assert np.allclose(p.max(axis=0), (3.5, 1.0, 1.0))
+    assert np.allclose(p.min(axis=0), (-3.5, -1.0, -1.0))

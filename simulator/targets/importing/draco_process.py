@@ -1,7 +1,8 @@
 """A process that decodes Draco streams: native code on a stranger's bytes, with bounded memory, apart from ours.
 
-Takes the most bytes of a result as its argument, reads streams from standard input, each after its length (uint64, little-endian), and writes to standard output a .npz
-archive: ``faces_K`` (F, 3) and ``K_ID`` (V, width) for each attribute ID of stream K.
+Its argument is the most bytes that a result may have. It reads streams from standard input, each after its length
+(uint64, little-endian), and writes to standard output a .npz archive: ``faces_K`` (F, 3) and ``K_ID`` (V, width) for
+each attribute ID of stream K.
 """
 
 from __future__ import annotations
