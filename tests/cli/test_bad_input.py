@@ -5,6 +5,7 @@ import os
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -354,7 +355,7 @@ def test_what_the_machine_refuses_is_a_sentence(capsys, monkeypatch, error, says
 
 
 def test_standard_output_on_a_full_disk(tmp_path):
-    with open("/dev/full", "w") as full:
+    with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "flyaround", "cameras", "--json"],
             stdout=full,

@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import random
 import subprocess
 import sys
 import threading
@@ -13,10 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from mesh_fuzz import damaged
 
 from flyaround.__main__ import run
 from simulator.errors import UserError
 from simulator.targets.glb import load_glb
+from simulator.targets.glb_write import write_glb
 from simulator.targets.importing.add import ImportOptions, read_surface
 from simulator.targets.library import load_target
 
@@ -293,6 +296,26 @@ def test_meshes_damaged_at_random_are_taken_or_refused_in_a_sentence(tmp_path):
     assert found["longest"][0] < 10.0  # 0.04 s where this was written
     assert found["memory_bytes"] < 1 << 30
     assert "Traceback" not in done.stderr
+
+
+def test_target_files_damaged_at_random_are_taken_or_refused_in_a_sentence(tmp_path):
+    """Their JSON, which says what is where: a hundred and twenty at random (1,500 by hand)."""
+    write_glb(load_target("chessboard", "low"), tmp_path / "whole.glb")
+    data = (tmp_path / "whole.glb").read_bytes()
+    size = int.from_bytes(data[12:16], "little")
+    rng = random.Random(20261123)
+    refusals = []
+    for _ in range(120):
+        text = damaged(rng, data[20 : 20 + size])
+        text += b" " * (-len(text) % 4)
+        chunks = len(text).to_bytes(4, "little") + b"JSON" + text + data[20 + size :]
+        (tmp_path / "a.glb").write_bytes(data[:8] + (12 + len(chunks)).to_bytes(4, "little") + chunks)
+        try:
+            load_glb(tmp_path / "a.glb")
+        except UserError as error:
+            refusals.append(str(error))
+    assert len(refusals) > 60
+    assert not any("\n" in text for text in refusals)
 
 
 def test_numbers_far_from_the_origin_and_not_finite(folder):
