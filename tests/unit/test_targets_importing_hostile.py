@@ -280,7 +280,7 @@ def test_the_command_says_one_sentence_and_writes_nothing(folder, capsys):
 
 
 def test_meshes_damaged_at_random_are_taken_or_refused_in_a_sentence(tmp_path):
-    """Six hundred damaged files of six kinds, under 1 GB of data: nothing but sentences (18,000 by hand)."""
+    """Six hundred damaged files of six kinds, under 1 GB of data: nothing but sentences (6,600 by hand)."""
     done = subprocess.run(
         [sys.executable, str(FUZZ), str(tmp_path), "20261123", "600"],
         capture_output=True,
