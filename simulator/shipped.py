@@ -47,13 +47,13 @@ def shipped_bytes(name: str) -> bytes | None:
         return None
     try:
         packed = _file(name).read_bytes()
-    except FileNotFoundError:
+    except OSError:
         return None
     import zstandard  # noqa: PLC0415 - a start with a full cache has no use for it
 
     try:
         return zstandard.ZstdDecompressor().decompress(packed)
-    except zstandard.ZstdError as error:
+    except (zstandard.ZstdError, MemoryError) as error:
         log.warning("assets/made/%s%s is damaged (%s) and made again", name, SUFFIX, error)
         return None
 

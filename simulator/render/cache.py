@@ -1,32 +1,33 @@
 """The user's cache folder: decoded maps and tables that are slow to make, written atomically.
 
-A file's name says what it was made from. Who needs what another thread or program is making waits for it. What no
+A file's name says what it was made from, its end whether it is what was written (`simulator.cache`). Who needs what another thread or program is making waits for it. What no
 program has asked for in `KEPT_DAYS` goes when something new is stored. What a first picture is drawn from is written
 after it (`Later`).
 """
 
 from __future__ import annotations
 
+import io
 import logging
-import os
 import sys
-import tempfile
 import threading
 import time
+import weakref
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
-import platformdirs
 
+from simulator.cache import DamagedError, cache_folder, map_checked, store_checked
 from simulator.shipped import is_shipped, shipped_array
 
 if sys.platform != "win32":
     import fcntl
 
 if TYPE_CHECKING:
+    import mmap
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
@@ -35,16 +36,12 @@ KEPT_DAYS = 90
 _DAY_S = 86400.0
 _LONGEST_WAIT_S, _LOOK_AGAIN_S = 120.0, 0.02  # for another that makes the same; it may have been stopped
 _LONGEST_DELAY_S, _LOOK_FOR_END_S = 20.0, 0.1  # of writing: a program may never draw, or end first
+_LONGEST_HEAD = 1 << 16  # of an array of NumPy's format 1.0
 _T = TypeVar("_T", bound=np.generic)
 _Array = np.typing.NDArray[np.generic]
 _unwritten: dict[Path, _Array] = {}  # what this program has made and will write
+_kept_as: dict[int, Path] = {}  # where arrays lie, by their identity
 log = logging.getLogger(__name__)
-
-
-def cache_folder() -> Path:
-    """``FLYAROUND_CACHE_DIR``, or the platform's cache folder for Flyaround."""
-    chosen = os.environ.get("FLYAROUND_CACHE_DIR", "")
-    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("flyaround"))
 
 
 def cache_bytes() -> int:
@@ -82,6 +79,8 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
         if later is None:
             return [_stored(*pair) for pair in zip(paths, made, strict=True)]
         later.write(dict(zip(paths, made, strict=True)), alone.pop_all())
+        for path, array in zip(paths, made, strict=True):
+            _remember(path, array)
         return made
 
 
@@ -131,9 +130,8 @@ _later: ContextVar[Later | None] = ContextVar("_later", default=None)
 
 def name_of(array: _Array) -> str | None:
     """The key of an array that came from the cache or will be written to it."""
-    file = getattr(array, "filename", None)
-    path = next((path for path, made in list(_unwritten.items()) if made is array), file)
-    return None if path is None else Path(path).stem
+    path = _kept_as.get(id(array))
+    return None if path is None else path.stem
 
 
 def _write(made: Mapping[Path, _Array], alone: ExitStack) -> None:
@@ -162,8 +160,7 @@ def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:
     if all(array is not None for array in here):
         return cast("list[NDArray[_T]]", here)
     try:
-        # mapped, not read: the driver copies it straight from the page cache
-        kept = [np.load(path, mmap_mode="r", allow_pickle=False) for path in paths]
+        kept = [_mapped(path) for path in paths]
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
@@ -174,20 +171,43 @@ def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:
     return kept
 
 
+def _mapped(path: Path) -> NDArray[_T]:
+    """The array of a cache file: mapped, not read, for the driver copies it straight from the page cache."""
+    contents, length = map_checked(path)
+    array: NDArray[_T] = _array_of(contents, length)
+    _remember(path, array)
+    return array
+
+
+def _remember(path: Path, array: _Array) -> None:
+    """Where an array lies in the cache, for as long as there is this array."""
+    _kept_as[id(array)] = path
+    weakref.finalize(array, _kept_as.pop, id(array), None).atexit = False
+
+
+def _array_of(contents: mmap.mmap, length: int) -> NDArray[_T]:
+    """An array of NumPy's format where it lies: one of memmap's own type takes ten times as long to cut."""
+    head = io.BytesIO(contents[: min(length, _LONGEST_HEAD)])
+    try:
+        version = np.lib.format.read_magic(head)
+        shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(head)
+    except Exception as error:  # of a text that is no header NumPy says what Python's own reader of texts does
+        raise DamagedError(f"it holds no array: {error}") from error
+    if version != (1, 0) or dtype.hasobject or head.tell() + dtype.itemsize * np.prod(shape) != length:
+        raise DamagedError("it holds no array of numbers")
+    return np.ndarray(shape, dtype, contents, head.tell(), order="F" if is_fortran else "C")
+
+
 def _stored(path: Path, array: NDArray[_T]) -> NDArray[_T]:
     """The array as it is in the cache now, or itself where it cannot be kept."""
+    if not store_checked(path, lambda file: np.save(file, array, allow_pickle=False)):
+        return array
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # open for writing alone numpy writes it as it lies, and leaves Python free meanwhile
-        with tempfile.NamedTemporaryFile("wb", dir=path.parent, suffix=".tmp", delete=False) as file:
-            np.save(file.file, array)
-        Path(file.name).replace(path)
         _forget(path.parent)
         # the page cache serves it from here on, this process's own memory is free again
-        return np.load(path, mmap_mode="r", allow_pickle=False)
-    except OSError as error:
-        # a full or read-only disk costs time at every start, not the picture
-        log.warning("cannot keep %s in the cache (%s)", path, error)
+        return _mapped(path)
+    except (OSError, ValueError) as error:
+        log.warning("cache file %s cannot be read (%s)", path, error)
     return array
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.cache import read_checked
 from simulator.render.airtables import air_tables
 from simulator.render.edge_pairs import distances_beside
 from simulator.render.mesh import prepared
@@ -56,7 +57,8 @@ def _kept(make: Callable[[], object], pattern: str) -> dict[str, bytes]:
         try:
             with made_anew():
                 make()
-            return {path.name: path.read_bytes() for path in sorted(Path(folder).glob(pattern))}
+            files = ((path.name, read_checked(path)) for path in sorted(Path(folder).glob(pattern)))
+            return {name: data for name, data in files if data is not None}
         finally:
             if chosen is None:
                 del os.environ["FLYAROUND_CACHE_DIR"]

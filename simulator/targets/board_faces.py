@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.files import write_atomic
+from simulator.cache import cache_folder, read_checked, store_checked
 from simulator.targets import face_tree, faces
-from simulator.targets.cache import cache_folder
 from simulator.targets.library import built_in_targets, load_target
 from simulator.targets.records import FacesRecord
 
@@ -65,15 +64,14 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
 
 def kept_faces(target: Target) -> FacesRecord | None:
     """The target's faces: computed once, then read from the user's cache by the target's hash."""
-    path = cache_folder() / f"faces-{target.sha256[:24]}-{_code_key()}.json"
-    with contextlib.suppress(OSError, msgspec.DecodeError):
-        # an older or a damaged file is computed anew
-        return msgspec.json.decode(path.read_bytes(), type=FacesRecord | None)
+    path = cache_folder("targets") / f"faces-{target.sha256[:24]}-{_code_key()}.json"
+    data = read_checked(path)
+    if data is not None:
+        with contextlib.suppress(msgspec.DecodeError):
+            return msgspec.json.decode(data, type=FacesRecord | None)
     record = make_faces(_levels(target))
-    with contextlib.suppress(OSError):
-        # a board file can be written where the cache cannot
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(path, msgspec.json.encode(record))
+    # a board file can be written where the cache cannot
+    store_checked(path, lambda file: file.write(msgspec.json.encode(record)))
     return record
 
 

@@ -14,10 +14,10 @@ import msgspec
 import numpy as np
 
 from simulator.arrays import vec3
+from simulator.cache import cache_folder, read_checked, store_checked
 from simulator.files import write_atomic
 from simulator.targets import outlines
 from simulator.targets.board_faces import kept_faces
-from simulator.targets.cache import cache_folder
 from simulator.targets.convert import board_model
 from simulator.targets.outlines import LARGEST_RADIUS, RANGE_RADII, Outlines, outlines_of
 from simulator.targets.records import BoardModel, OutlinesRecord
@@ -68,15 +68,14 @@ def packed(o: Outlines) -> OutlinesRecord:
 
 def kept_outlines(target: Target) -> OutlinesRecord:
     """The target's outlines: computed once, then read from the user's cache by the target's hash."""
-    path = cache_folder() / f"outlines-{target.sha256[:24]}-{_code_key()}.json"
-    with contextlib.suppress(OSError, msgspec.DecodeError):
-        # an older or a damaged file is computed anew
-        return msgspec.json.decode(path.read_bytes(), type=OutlinesRecord)
+    path = cache_folder("targets") / f"outlines-{target.sha256[:24]}-{_code_key()}.json"
+    data = read_checked(path)
+    if data is not None:
+        with contextlib.suppress(msgspec.DecodeError):
+            return msgspec.json.decode(data, type=OutlinesRecord)
     record = packed(outlines_of(target))
-    with contextlib.suppress(OSError):
-        # a board file can be written where the cache cannot
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(path, msgspec.json.encode(record))
+    # a board file can be written where the cache cannot
+    store_checked(path, lambda file: file.write(msgspec.json.encode(record)))
     return record
 
 

@@ -40,12 +40,8 @@ BROKEN = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, R
 """What a document that breaks glTF's rules raises where it is read."""
 
 
-def load_glb(path: Path, *, checked: bool = False) -> Target:
+def load_glb(path: Path) -> Target:
     """Read a target file.
-
-    Parameters
-    ----------
-    checked : it was found sound when it was written; its hash says whether it is still what was written.
 
     Raises
     ------
@@ -56,6 +52,22 @@ def load_glb(path: Path, *, checked: bool = False) -> Target:
         data = read_regular(path, LARGEST_FILE_BYTES)
     except OSError as error:
         raise UserError(f"cannot read target {path}: {error.strerror}; check the path") from error
+    return target_from(data, path)
+
+
+def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
+    """The target of a target file's contents.
+
+    Parameters
+    ----------
+    path : what sentences call it. checked : it was found sound when it was written; its hash says whether it is still
+        what was written.
+
+    Raises
+    ------
+    UserError
+        As `load_glb`.
+    """
     document, blob = read_chunks(data, path)
     record = _record(document, path)
     try:

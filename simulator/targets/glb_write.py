@@ -42,6 +42,11 @@ def write_glb(target: Target, path: Path) -> None:
     UserError
         If the file cannot be written.
     """
+    write_atomic(path, glb_bytes(target))
+
+
+def glb_bytes(target: Target) -> bytes:
+    """What a target file of ``target`` holds."""
     document: Json = {
         "asset": {"version": "2.0", "generator": "flyaround"},
         "accessors": [],
@@ -84,7 +89,7 @@ def write_glb(target: Target, path: Path) -> None:
     used = {CLEARCOAT: any(m.clearcoat > 0 for m in target.materials), ANISOTROPY: bool(grain)}
     if any(used.values()):
         document["extensionsUsed"] = [name for name, is_used in used.items() if is_used]
-    write_atomic(path, _chunks(document, bytes(blob)))
+    return _chunks(document, bytes(blob))
 
 
 def _chunks(document: Json, blob: bytes) -> bytes:

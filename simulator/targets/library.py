@@ -16,16 +16,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from simulator.cache import cache_folder, read_checked, store_checked
 from simulator.errors import UserError, near_names
-from simulator.files import write_atomic
 from simulator.shipped import shipped_bytes
-from simulator.targets.cache import cache_folder
 from simulator.targets.detail import DETAILS, Detail, level_name, split_level
-from simulator.targets.glb import load_glb
+from simulator.targets.glb import load_glb, target_from
 from simulator.targets.importing.install import user_file, user_targets
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from simulator.targets.model import Target
 
@@ -171,29 +170,35 @@ def _built_in(entry: TargetEntry, detail: Detail) -> Target:
     if detail not in DETAILS:
         raise UserError(f"target {entry.name} has no level {detail!r}: choose from {', '.join(DETAILS)}")
     name = level_name(entry.name, detail)
-    path = cache_folder() / f"{name}-{source_key()}.glb"
-    if path.is_file():
-        try:
-            return load_glb(path, checked=True)
-        except UserError as error:
-            # a damaged cache is not the user's mistake: build again
-            log.warning("rebuilding %s: %s", name, error)
-    shipped = shipped_bytes(shipped_name(name))
-    write = functools.partial(write_atomic, data=shipped) if shipped else _builder(entry, detail, name)
+    path = cache_folder("targets") / f"{name}-{source_key()}.glb"
+    if (target := _sound(read_checked(path), name, path)) is not None:
+        return target
+    data = shipped_bytes(shipped_name(name))
+    target = _sound(data, name, path)
+    if target is None or data is None:
+        data = _built(entry, detail, name)
+        target = target_from(data, path)
+    # where it cannot be kept it is made at every start
+    store_checked(path, lambda file: file.write(data))
+    return target
+
+
+def _sound(data: bytes | None, name: str, path: Path) -> Target | None:
+    """The target of a file that was found sound when it was made; ``None`` where there is no such file now."""
+    if data is None:
+        return None
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(path)
-    except (OSError, UserError) as error:
-        raise UserError(
-            f"cannot keep target {name} in {path.parent}; set FLYAROUND_CACHE_DIR to a folder you may write to"
-        ) from error
-    return load_glb(path, checked=shipped is not None)
+        return target_from(data, path, checked=True)
+    except UserError as error:
+        # a damaged cache is not the user's mistake: build again
+        log.warning("rebuilding %s: %s", name, error)
+        return None
 
 
-def _builder(entry: TargetEntry, detail: Detail, name: str) -> Callable[[Path], None]:
-    """Build a target; the result writes it."""
-    from simulator.targets.glb_write import write_glb  # noqa: PLC0415 - slow to import, needed here alone
+def _built(entry: TargetEntry, detail: Detail, name: str) -> bytes:
+    """The target file of a target that is built now."""
+    from simulator.targets.glb_write import glb_bytes  # noqa: PLC0415 - slow to import, needed here alone
 
     built: Target = getattr(importlib.import_module(entry.module), entry.function)(detail)
     # the hash does not cover the name: builders need not know how levels are called
-    return functools.partial(write_glb, replace(built, name=name))
+    return glb_bytes(replace(built, name=name))

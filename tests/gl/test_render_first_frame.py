@@ -11,7 +11,7 @@ import pytest
 from simulator.bench import start
 from simulator.dataset.contact_sheet import smaller
 from simulator.loop import plan_flight
-from simulator.render.cache import cache_folder
+from simulator.cache import cache_folder
 from simulator.render.earth_maps import begin_earth_maps
 from simulator.render.passes.earth import EarthPass
 from simulator.render.renderer import Renderer

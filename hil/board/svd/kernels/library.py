@@ -17,6 +17,7 @@ from typing import Any, Callable, Optional, Tuple
 import numpy as np
 
 from hil.board.errors import KernelError
+from hil.board.svd.kernels.kept import keep, load_kept, own_folder
 
 Array = np.ndarray
 
@@ -109,7 +110,7 @@ def _loaded() -> Tuple[Optional[ctypes.CDLL], str]:
     if choice == "numpy":
         return None, f"{CHOICE} asks for it"
     try:
-        return ctypes.CDLL(str(_built())), ""
+        return _compiled(), ""
     except (OSError, KernelError) as error:
         if choice == "native":
             raise KernelError(
@@ -124,7 +125,7 @@ def cache_folder() -> Path:
     if chosen:
         return Path(chosen) / "kernels"
     user = os.environ.get("XDG_CACHE_HOME")
-    return (Path(user) if user else Path.home() / ".cache") / "flyaround" / "kernels"
+    return (Path(user) if user else Path(os.path.expanduser("~")) / ".cache") / "flyaround" / "kernels"
 
 
 def _wide() -> Tuple[str, ...]:
@@ -137,13 +138,13 @@ def _wide() -> Tuple[str, ...]:
     return tuple(flag for name, flag in WIDE.items() if name in has)
 
 
-def _built() -> Path:
-    """The compiled library, compiled now where it is not there yet.
+def _compiled() -> ctypes.CDLL:
+    """The library: as it was kept, or compiled now, and kept where the folder is the user's alone.
 
     Raises
     ------
     KernelError
-        If there is no compiler, or it cannot compile this. OSError : if nothing can be written.
+        If there is no compiler, or it cannot compile this. OSError : if nothing can be written or loaded.
     """
     compiler = shutil.which(os.environ.get("CC", "") or "cc")
     if compiler is None:
@@ -152,19 +153,26 @@ def _built() -> Path:
     version = _said((compiler, "--version"))
     flags = (*FLAGS, *_wide())
     key = hashlib.sha256(repr((sorted(texts.items()), flags, version, platform.machine())).encode())
-    path = cache_folder() / f"kernels-{key.hexdigest()[:20]}.so"
-    if path.is_file():
-        return path
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # compiled beside its place and moved there whole: others may be doing the same
-    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        for name, text in texts.items():
-            (Path(folder) / name).write_bytes(text)
-        sources = [str(Path(folder) / name) for name in SOURCES if name.endswith(".c")]
-        made = Path(folder) / "kernels.so"
-        _said((compiler, *flags, "-o", str(made), *sources, "-lm"))
-        made.replace(path)
-    return path
+    stem = f"kernels-{key.hexdigest()[:20]}"
+    with own_folder(cache_folder()) as kept_in:
+        handle = load_kept(kept_in, stem) if kept_in else None
+        if handle is not None:
+            return handle
+        # in a folder that is the user's alone
+        folder = Path(tempfile.mkdtemp(prefix="flyaround-"))
+        try:
+            for name, text in texts.items():
+                (folder / name).write_bytes(text)
+            sources = [str(folder / name) for name in SOURCES if name.endswith(".c")]
+            made = folder / "kernels.so"
+            _said((compiler, *flags, "-o", str(made), *sources, "-lm"))
+            if kept_in:
+                keep(made, kept_in, stem)
+                handle = load_kept(kept_in, stem)
+            # a library stays loaded when its file is gone
+            return handle if handle is not None else ctypes.CDLL(str(made))
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _said(command: Tuple[str, ...]) -> str:

@@ -1,0 +1,109 @@
+"""The user's cache folder, and the files in it: each ends with a checksum, so that damage costs time, never a picture.
+
+A file is its contents and 40 bytes more: `MAGIC`, the length of the contents and their XXH3 of 128 bits, little-endian.
+Programs that read the contents alone (NumPy, readers of glTF) do not mind what follows. The checksum tells of accidents;
+it is no defence against who may write to the folder, and nothing that is read from here is run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import mmap
+import os
+import struct
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import platformdirs
+import xxhash
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import IO
+
+MAGIC = b"flyaround cache1"
+_TRAILER = struct.Struct("<16sQ16s")
+log = logging.getLogger(__name__)
+
+
+class DamagedError(ValueError):
+    """A cache file that is not what was written."""
+
+
+def cache_folder(part: str = "") -> Path:
+    """``FLYAROUND_CACHE_DIR``, or the platform's cache folder for Flyaround; or a part of it by its name."""
+    chosen = os.environ.get("FLYAROUND_CACHE_DIR", "")
+    return (Path(chosen) if chosen else Path(platformdirs.user_cache_dir("flyaround"))) / part
+
+
+def map_checked(path: Path) -> tuple[mmap.mmap, int]:
+    """A cache file mapped for reading, found to be what was written, and the length of its contents.
+
+    Raises
+    ------
+    DamagedError
+        If it is not. OSError : if there is no such file, or it cannot be read.
+    """
+    with path.open("rb") as file:
+        if os.fstat(file.fileno()).st_size < _TRAILER.size:
+            raise DamagedError("it is cut short")
+        mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    magic, length, digest = _TRAILER.unpack(mapped[-_TRAILER.size :])
+    if magic != MAGIC or length != len(mapped) - _TRAILER.size:
+        raise DamagedError("it is cut short, or of an older version")
+    with memoryview(mapped) as whole, whole[:length] as contents:
+        found = xxhash.xxh3_128_digest(contents)
+    if found != digest:
+        raise DamagedError("its checksum is another")
+    return mapped, length
+
+
+def read_checked(path: Path) -> bytes | None:
+    """The contents of a cache file; ``None`` where there is none, or it is damaged, which is logged."""
+    try:
+        mapped, length = map_checked(path)
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        log.warning("cache file %s cannot be used (%s) and is made again", path, error)
+        return None
+    with mapped:
+        return mapped[:length]
+
+
+def store_checked(path: Path, write: Callable[[IO[bytes]], object]) -> bool:
+    """Keep in the cache what ``write`` writes to a file; a reader sees the old file or the whole new one.
+
+    Returns
+    -------
+    Whether it is kept. A disk that is full, read-only or another's costs time at every start: it is logged, no error.
+    """
+    temporary: Path | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # open for writing alone numpy writes it as it lies, and leaves Python free meanwhile
+        with tempfile.NamedTemporaryFile("wb", dir=path.parent, suffix=".tmp", delete=False) as file:
+            temporary = Path(file.name)
+            write(file.file)
+            file.flush()
+            file.write(_trailer(temporary))
+        temporary.replace(path)
+    except OSError as error:
+        log.warning("cannot keep %s in the cache (%s)", path, error)
+        if temporary is not None:
+            with contextlib.suppress(OSError):  # half a file would fill a full disk for good
+                temporary.unlink(missing_ok=True)
+        return False
+    return True
+
+
+def _trailer(path: Path) -> bytes:
+    """What is written behind the contents of a file."""
+    with path.open("rb") as file:
+        length = os.fstat(file.fileno()).st_size
+        if not length:
+            return _TRAILER.pack(MAGIC, 0, xxhash.xxh3_128_digest(b""))
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as contents:
+            return _TRAILER.pack(MAGIC, length, xxhash.xxh3_128_digest(contents))
