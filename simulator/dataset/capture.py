@@ -20,6 +20,8 @@ from simulator.dataset.card import (
 )
 from simulator.dataset.clipping import ClippingSummary, summarise_clipping
 from simulator.dataset.drawers import open_drawer
+from simulator.dataset.lock import NAME as LOCK
+from simulator.dataset.lock import only_capture
 from simulator.dataset.native import is_whole, write_encoded
 from simulator.dataset.speed import export_speed
 from simulator.errors import UserError
@@ -133,11 +135,30 @@ def capture(
     Raises
     ------
     UserError
-        If the folder is not empty (without ``resume``), belongs to another plan, or cannot be written.
+        If the folder is not empty (without ``resume``), belongs to another plan, cannot be written, or another capture
+        is writing into it.
     """
     folder = Path(folder)
     labels = _possible(plan, labels)
-    empty_folder(folder, resume=resume)
+    empty_folder(folder, resume=True)
+    with only_capture(folder):
+        if not resume and any(path.name != LOCK for path in folder.iterdir()):
+            empty_folder(folder, resume=False)
+        return _capture(plan, folder, formats, labels, workers, device_index, progress, resume=resume)
+
+
+def _capture(
+    plan: Plan,
+    folder: Path,
+    formats: tuple[str, ...],
+    labels: tuple[str, ...],
+    workers: int,
+    device_index: int | None,
+    progress: Callable[[int, int], None],
+    *,
+    resume: bool,
+) -> CaptureSummary:
+    """`capture` into a folder that is this one's alone."""
     with open_drawer(workers, device_index, plan.scene(0)) as drawer:
         card = _card(plan, drawer.info, formats, labels)
         if resume:
@@ -236,7 +257,7 @@ def _card(plan: Plan, info: GlInfo, formats: tuple[str, ...], labels: tuple[str,
 def _same_plan(folder: Path, card: DatasetCard) -> DatasetCard:
     """The card to go on with: refuses to mix two plans or two renderers, keeps the formats there were."""
     if not (folder / CARD_NAME).is_file():
-        if any(folder.iterdir()):
+        if any(path.name != LOCK for path in folder.iterdir()):
             raise UserError(
                 f"{folder} is not empty and has no {CARD_NAME} to go on from; name a new folder with -o"
             )

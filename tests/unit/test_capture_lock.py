@@ -1,0 +1,68 @@
+"""One capture at a time in a folder."""
+
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from simulator.dataset import capture as capturing
+from simulator.dataset.lock import NAME, only_capture
+from simulator.errors import UserError
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs locks of files")
+HOLD = """
+import sys, time
+from pathlib import Path
+from simulator.dataset.lock import only_capture
+with only_capture(Path(sys.argv[1])):
+    print("locked", flush=True)
+    time.sleep(100)
+"""
+
+
+def test_a_second_capture_into_a_folder_is_refused_in_one_sentence_and_a_dead_one_is_no_obstacle(tmp_path):
+    with subprocess.Popen([sys.executable, "-c", HOLD, tmp_path], stdout=subprocess.PIPE, text=True) as first:
+        assert first.stdout.readline() == "locked\n"
+        for resume in (False, True):
+            with pytest.raises(UserError, match="another capture is writing into"):
+                capturing.capture(SimpleNamespace(), tmp_path, resume=resume)
+        first.kill()
+    assert (tmp_path / NAME).exists()  # as a killed one leaves it
+    with only_capture(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_capture_left_alone_is_an_empty_folder(tmp_path, monkeypatch):
+    (tmp_path / NAME).write_text("")
+    monkeypatch.setattr(capturing, "_capture", lambda *_, **__: "drawn")
+    assert capturing.capture(SimpleNamespace(), tmp_path) == "drawn"
+    (tmp_path / "mine.txt").write_text("")
+    with pytest.raises(UserError, match="not empty"):
+        capturing.capture(SimpleNamespace(), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+RACE = """
+import sys, time
+from pathlib import Path
+from simulator.dataset.lock import only_capture
+from simulator.errors import UserError
+folder, got, until = Path(sys.argv[1]), 0, time.monotonic() + 20
+while got < 150 and time.monotonic() < until:
+    try:
+        with only_capture(folder):
+            (folder / "alone").mkdir()  # fails where another is within
+            (folder / "alone").rmdir()
+            got += 1
+    except UserError:
+        pass
+print(got)
+"""
+
+
+def test_two_that_come_and_go_are_never_both_within(tmp_path):
+    """A lock file that is taken away must not leave one process with the old and one with the new."""
+    both = [subprocess.Popen([sys.executable, "-c", RACE, tmp_path], stdout=subprocess.PIPE) for _ in range(2)]
+    assert all(int(one.communicate(timeout=100)[0]) > 0 for one in both)
