@@ -13,8 +13,8 @@ import numpy as np
 
 from hil.board.errors import BoardModelError
 from hil.board.svd.kernels.library import kernels
-from simulator.errors import UserError
 from simulator.cache import cache_folder
+from simulator.errors import UserError
 from simulator.render.cache import cache_bytes
 from simulator.render.first_hits import embree_is_here
 from simulator.render.renderer import Renderer

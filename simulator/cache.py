@@ -1,8 +1,8 @@
 """The user's cache folder, and the files in it: each ends with a checksum, so that damage costs time, never a picture.
 
-A file is its contents and 40 bytes more: `MAGIC`, the length of the contents and their XXH3 of 128 bits, little-endian.
-Programs that read the contents alone (NumPy, readers of glTF) do not mind what follows. The checksum tells of accidents;
-it is no defence against who may write to the folder, and nothing that is read from here is run.
+A file is its contents and 40 bytes more: `MAGIC`, the length of the contents and their XXH3 of 128 bits,
+little-endian. Programs that read the contents alone (NumPy, readers of glTF) do not mind what follows. The checksum
+tells of accidents; it is no defence against who may write to the folder, and nothing that is read from here is run.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from flyaround.terminal import say
 from simulator.dataset.capture import FORMATS, parse_formats
 from simulator.dataset.capture import capture as capture_plan
 from simulator.dataset.check import check_dataset
+from simulator.dataset.check_picture import SHARE as REDRAWN_SHARE
 from simulator.dataset.clipping import ClippingSummary
 from simulator.errors import UserError
 from simulator.labels.request import parse_labels
@@ -116,18 +117,41 @@ def _tell_clipping(clipping: ClippingSummary) -> None:
 
 def check(
     folder: Annotated[Path, typer.Argument(help="A data set written by capture.")],
+    redraw: Annotated[
+        float,
+        typer.Option(
+            "--redraw",
+            min=0.0,
+            max=1.0,
+            help="Share of the images to draw again from their records and compare, at least three; 0: none, 1: all.",
+        ),
+    ] = REDRAWN_SHARE,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    """Re-verify every label of a data set from its files; exit 1 if one is wrong."""
+    """Re-verify every label of a data set, and some images by drawing them again; exit 1 if one is wrong."""
     with progress_bar("check", quiet=as_json) as progress:
-        report = check_dataset(folder, progress)
+        report = check_dataset(folder, progress, redraw=redraw)
     if as_json:
         faults = [{"frame": f.frame, "what": f.what} for f in report.faults]
-        typer.echo(json.dumps({"frames": report.n_frames, "labels": report.n_labels, "faults": faults}))
+        typer.echo(
+            json.dumps(
+                {
+                    "frames": report.n_frames,
+                    "labels": report.n_labels,
+                    "redrawn": report.n_redrawn,
+                    "faults": faults,
+                }
+            )
+        )
     else:
         for fault in report.faults:
             where = "card" if fault.frame is None else f"frame {fault.frame}"
             say(Text.assemble((where, "red"), f": {fault.what}"))
-        say(f"{report.n_frames} frames, {report.n_labels} labels, {len(report.faults)} faults")
+        if report.not_redrawn:
+            say(f"no image was drawn again: {report.not_redrawn}")
+        say(
+            f"{report.n_frames} frames, {report.n_labels} labels, {report.n_redrawn} images drawn again, "
+            f"{len(report.faults)} faults"
+        )
     if report.faults:
         raise typer.Exit(1)

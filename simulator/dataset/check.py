@@ -6,6 +6,7 @@ filled by OpenCV on the CPU, boxes against the mask, images against the camera, 
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +16,14 @@ import numpy as np
 
 from simulator.dataset.card import DatasetCard, read_card
 from simulator.dataset.check_clean import check_clean
-from simulator.dataset.check_geometry import check_keypoints, check_states_and_boxes, check_visible_on_mask
+from simulator.dataset.check_geometry import check_box_3d, check_keypoints, check_visible_on_mask
 from simulator.dataset.check_layers import check_against_mesh, check_layers
+from simulator.dataset.check_picture import SHARE as REDRAWN_SHARE
+from simulator.dataset.check_picture import Redrawn, check_pictures, sample
 from simulator.dataset.check_rows import check_rows
-from simulator.dataset.check_signal import check_states_by_signal
+from simulator.dataset.check_shares import check_silhouette_inside
+from simulator.dataset.check_signal import check_states_by_signal, check_steps_by_signal
+from simulator.dataset.check_states import check_amodal_box, check_states
 from simulator.dataset.check_wireframe import check_wireframe
 from simulator.dataset.mask_pixels import is_binary
 from simulator.dataset.native import frame_paths, is_whole, read_layer, read_png
@@ -51,17 +56,32 @@ class Fault:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Outcome of a check."""
+    """Outcome of a check.
+
+    Parameters
+    ----------
+    n_redrawn : frames that were drawn again from their records. not_redrawn : why none was, where some should be.
+    """
 
     n_frames: int
     n_labels: int
     faults: tuple[Fault, ...]
+    n_redrawn: int = 0
+    not_redrawn: str = ""
 
 
 def check_dataset(
-    folder: str | Path, progress: Callable[[int, int], None] = lambda _done, _of: None
+    folder: str | Path,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    *,
+    redraw: float = REDRAWN_SHARE,
 ) -> CheckReport:
-    """Check every frame of a data set.
+    """Check every frame of a data set, and some images by drawing them again.
+
+    Parameters
+    ----------
+    redraw : share of the frames to draw again from their records, at least three; 0 for none. Where there is no OpenGL
+        none is, and the report says so.
 
     Raises
     ------
@@ -85,6 +105,7 @@ def check_dataset(
     readable = []
     if card.complete:
         faults += [Fault(k, "files are missing") for k in range(card.n_frames) if not is_whole(folder, k)]
+    drawn = sample(frames, redraw, card.seed)
     n_labels = 0
     previous: Truth | None = None
     for done, k in enumerate(frames):
@@ -102,10 +123,18 @@ def check_dataset(
         found = check_frame(k, truth, image, np.asarray(mask, np.uint8), card, target, layers)
         faults += [Fault(k, what) for what in found]
         n_labels += len(truth.keypoints) + len(truth.layers) + 7
-        progress(done + 1, len(frames))
+        progress(done + 1, len(frames) + len(drawn))
+    again = Redrawn(0, ())
+    readable_drawn = [k for k in drawn if k in readable]
+    if target is not None and readable_drawn:
+        steps = itertools.count(len(frames) + 1)
+        again = check_pictures(
+            folder, readable_drawn, target, lambda: progress(next(steps), len(frames) + len(drawn))
+        )
+        faults += [Fault(k, what) for k, what in again.faults]
     if (folder / SPEED_FOLDER).is_dir():
         faults += _check_speed(folder, readable)
-    return CheckReport(len(frames), n_labels, tuple(faults))
+    return CheckReport(len(frames), n_labels, tuple(faults), again.n_frames, again.reason)
 
 
 def _check_flow_to(k: int, truth: Truth, previous: Truth | None) -> list[Fault]:
@@ -185,7 +214,12 @@ def check_frame(
         if not of_layers:
             wrong += check_against_mesh(truth, mask, layers, target)
         wrong += check_wireframe(truth, target)
-        wrong += check_states_and_boxes(truth, target)
+        wrong += check_states(truth, target)
+        wrong += check_amodal_box(truth, target)
+        wrong += check_box_3d(truth, target)
+        wrong += check_silhouette_inside(truth, target)
+        if not of_layers and "clean" in layers:
+            wrong += check_steps_by_signal(truth, target, layers["clean"])
     return wrong
 
 

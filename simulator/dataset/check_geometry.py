@@ -8,9 +8,7 @@ import cv2
 import numpy as np
 
 from simulator.dataset.mask_pixels import lit_pixels
-from simulator.labels.boxes import amodal_box
 from simulator.labels.exposure import pose_at_rows
-from simulator.labels.keypoints import geometric_states
 from simulator.labels.occlusion import mesh_of
 from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
 
@@ -160,27 +158,10 @@ def check_visible_on_mask(truth: Truth, mask: ByteArray) -> list[str]:
     return []
 
 
-def check_states_and_boxes(truth: Truth, target: Target) -> list[str]:
-    """The boxes of the whole craft and the keypoints' geometric states, worked out again from the mesh."""
-    wrong = []
-    amodal = amodal_box(truth.scene, target)
-    if (amodal is None) != (truth.box_amodal_px is None) or (
-        amodal is not None and not np.allclose(amodal, truth.box_amodal_px or (), atol=PIXEL_TOLERANCE_PX)
-    ):
-        wrong.append(f"box_amodal_px {truth.box_amodal_px} is not the projected craft's {amodal}")
-    states = geometric_states(truth.scene, target, mesh_of(target))
-    for keypoint, state in zip(truth.keypoints, states, strict=False):
-        by_picture = keypoint.state in {"visible", "saturated", "below_noise"}
-        if (state is None) != by_picture or (state is not None and state != keypoint.state):
-            wrong.append(
-                f"keypoint {keypoint.name} is labelled {keypoint.state}, the mesh says {state or 'in sight'}"
-            )
-    if truth.box_3d_target_m:
-        wrong += _check_box_3d(truth, target)
-    return wrong
-
-
-def _check_box_3d(truth: Truth, target: Target) -> list[str]:
+def check_box_3d(truth: Truth, target: Target) -> list[str]:
+    """The box about the mesh in three dimensions, and where its corners are seen."""
+    if not truth.box_3d_target_m:
+        return []
     positions = np.concatenate([part.positions_m for part in target.parts]).astype(float)
     corners = np.array(truth.box_3d_target_m)
     bits = np.arange(8)[:, None] >> np.array([2, 1, 0]) & 1
@@ -223,7 +204,7 @@ def doubtful_pixels(
         return np.zeros((0, 2), np.int64)
     corners_m = mesh.positions_m[mesh.triangles]
     if not truth.camera.distortion.is_none:
-        corners_m = _cut_for_the_lens(truth.camera, corners_m, in_camera[mesh.triangles])
+        corners_m = cut_for_the_lens(truth.camera, corners_m, in_camera[mesh.triangles])
     pixels = truth.camera.project(corners_m @ R.T + np.asarray(truth.t_camera_from_target_m))
     corners_px = _at_their_rows(truth, pixels.reshape(-1, 2), corners_m.reshape(-1, 3)) - origin_px
     corners_px = corners_px.reshape(-1, 3, 2)
@@ -243,7 +224,7 @@ def _twice_area(corners_px: FloatArray) -> FloatArray:
     return np.asarray(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
 
 
-def _cut_for_the_lens(camera: Camera, corners_m: FloatArray, in_camera: FloatArray) -> FloatArray:
+def cut_for_the_lens(camera: Camera, corners_m: FloatArray, in_camera: FloatArray) -> FloatArray:
     """Triangles (M, 3, 3) with large ones cut in four until none is large in the image: a lens bends their edges.
 
     Parameters
@@ -298,7 +279,7 @@ def filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[B
     fine = np.zeros(((high[1] - low[1]) * FILL_SCALE, (high[0] - low[0]) * FILL_SCALE), np.uint8)
     # a coarse pixel's centre is at (FILL_SCALE - 1) / 2 on the finer grid
     at = (corners_px - low) * FILL_SCALE + (FILL_SCALE - 1) / 2
-    _fill(fine, at)
+    fill_triangles(fine, at)
     size = (int(high[0] - low[0]), int(high[1] - low[1]))
     eroded = cv2.erode(fine, np.ones((3, 3), np.uint8))
     for place, grid, share in ((inner, eroded, SURELY_COVERED), (outer, fine, SURELY_TOUCHED)):
@@ -309,7 +290,7 @@ def filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[B
     return inner, outer
 
 
-def _fill(fine: ByteArray, corners: FloatArray) -> None:
+def fill_triangles(fine: ByteArray, corners: FloatArray) -> None:
     """Fill triangles (M, 3, 2); those within one pixel are set all at once, which most of a far craft's are."""
     cells = np.rint(corners).astype(np.int64)
     dots = np.all(cells == cells[:, :1], axis=(1, 2))

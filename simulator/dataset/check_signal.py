@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.camera.develop import noise_sigma
+from simulator.dataset.check_shares import check_step_share
 from simulator.labels.keypoints import CONTRAST_RADIUS_PX
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from simulator.labels.truth import Truth
+    from simulator.targets.model import Target
 
 BY_SIGNAL = ("visible", "saturated", "below_noise")
 RELATIVE = 0.02
@@ -25,13 +27,10 @@ def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> 
     Its digital numbers give the signal to half a step; where that leaves two answers, either is right. A colour that
     reaches full scale in one band alone, and a detector that blooms or mixes its pixels' colours, are not judged.
     """
-    sensor = truth.scene.sensor
-    detector = sensor.detector
-    full, black = 2.0**sensor.bits - 1, 0.0
-    if detector is not None:
-        if detector.blooming > 0 or clean.ndim == 3 or truth.scene.bands == "rgb":
-            return []
-        full, black = sensor.saturation_e / detector.gain_e_per_dn, float(detector.black_level_dn)
+    scale = _scale(truth, clean)
+    if scale is None:
+        return []
+    full, black = scale
     wrong = []
     for k in truth.keypoints:
         if k.state not in BY_SIGNAL or k.pixel_px is None:
@@ -51,6 +50,27 @@ def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> 
                 f"keypoint {k.name} is labelled {k.state}, the clean twin says {' or '.join(possible)}"
             )
     return wrong
+
+
+def check_steps_by_signal(truth: Truth, target: Target, clean: NDArray[np.unsignedinteger]) -> list[str]:
+    """The share of the wireframe that stands out of the noise, from the clean twin where it tells the signal."""
+    scale = _scale(truth, clean)
+    if scale is None:
+        return []
+    full, black = scale
+    signal = (clean.astype(float) - black) / full
+    return check_step_share(truth, target, signal if signal.ndim == 2 else signal.mean(axis=2), 0.51 / full)
+
+
+def _scale(truth: Truth, clean: NDArray[np.unsignedinteger]) -> tuple[float, float] | None:
+    """Digital numbers of full scale above black, and of black; ``None`` where a number is not one pixel's signal."""
+    sensor = truth.scene.sensor
+    detector = sensor.detector
+    if detector is None:
+        return 2.0**sensor.bits - 1, 0.0
+    if detector.blooming > 0 or clean.ndim == 3 or truth.scene.bands == "rgb":
+        return None
+    return sensor.saturation_e / detector.gain_e_per_dn, float(detector.black_level_dn)
 
 
 def _possible_states(truth: Truth, signal: NDArray[np.float64], step: float) -> tuple[str, ...]:

@@ -37,7 +37,9 @@ def only_capture(folder: Path) -> Iterator[None]:
         yield
     finally:
         if file is not None:
-            path.unlink(missing_ok=True)  # before it is free: who opened it meanwhile looks for its name again
+            path.unlink(
+                missing_ok=True
+            )  # before it is free: who opened it meanwhile looks for its name again
             os.close(file)
 
 
@@ -49,7 +51,9 @@ def _locked(path: Path) -> int | None:
         try:
             file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
-            raise UserError(f"cannot write {path}: {error.strerror}; choose a folder you may write to") from error
+            raise UserError(
+                f"cannot write {path}: {error.strerror}; choose a folder you may write to"
+            ) from error
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -1,8 +1,8 @@
 """The user's cache folder: decoded maps and tables that are slow to make, written atomically.
 
-A file's name says what it was made from, its end whether it is what was written (`simulator.cache`). Who needs what another thread or program is making waits for it. What no
-program has asked for in `KEPT_DAYS` goes when something new is stored. What a first picture is drawn from is written
-after it (`Later`).
+A file's name says what it was made from, its end whether it is what was written (`simulator.cache`). Who needs what
+another thread or program is making waits for it. What no program has asked for in `KEPT_DAYS` goes when something new
+is stored. What a first picture is drawn from is written after it (`Later`).
 """
 
 from __future__ import annotations
@@ -191,7 +191,9 @@ def _array_of(contents: mmap.mmap, length: int) -> NDArray[_T]:
     try:
         version = np.lib.format.read_magic(head)
         shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(head)
-    except Exception as error:  # of a text that is no header NumPy says what Python's own reader of texts does
+    except (
+        Exception
+    ) as error:  # of a text that is no header NumPy says what Python's own reader of texts does
         raise DamagedError(f"it holds no array: {error}") from error
     if version != (1, 0) or dtype.hasobject or head.tell() + dtype.itemsize * np.prod(shape) != length:
         raise DamagedError("it holds no array of numbers")

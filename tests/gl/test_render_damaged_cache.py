@@ -1,4 +1,4 @@
-"""A damaged cache costs time, never the picture: every kind of file that a frame is drawn from, cut, emptied, flipped."""
+"""A damaged cache costs time, never the picture: every kind of file that a frame is drawn from, cut or flipped."""
 
 import json
 import os

@@ -1,7 +1,6 @@
 """The cache's files: found whole, or found out; and never the end of a program."""
 
 import errno
-import logging
 import os
 import subprocess
 import sys
@@ -172,7 +171,9 @@ print(load_target("tango").name, load_target("calibration-board@low").name)
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs limits of a process")
 def test_a_disk_that_fills_up_halfway_leaves_no_halves(folder):
-    done = subprocess.run([sys.executable, "-c", FULL], capture_output=True, text=True, check=True, timeout=100)
+    done = subprocess.run(
+        [sys.executable, "-c", FULL], capture_output=True, text=True, check=True, timeout=100
+    )
     assert done.stdout.split() == ["tango", "calibration-board@low"]
     assert done.stderr.count("cannot keep") == 3
     assert {path.name for path in folder.rglob("*") if path.is_file()} == {"small.npy"}

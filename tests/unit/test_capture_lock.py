@@ -64,5 +64,7 @@ print(got)
 
 def test_two_that_come_and_go_are_never_both_within(tmp_path):
     """A lock file that is taken away must not leave one process with the old and one with the new."""
-    both = [subprocess.Popen([sys.executable, "-c", RACE, tmp_path], stdout=subprocess.PIPE) for _ in range(2)]
+    both = [
+        subprocess.Popen([sys.executable, "-c", RACE, tmp_path], stdout=subprocess.PIPE) for _ in range(2)
+    ]
     assert all(int(one.communicate(timeout=100)[0]) > 0 for one in both)

@@ -35,9 +35,8 @@ def own_folder(path: Path) -> Iterator[Optional[Path]]:
         path.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.suppress(FileExistsError):
             path.mkdir(mode=0o700)
-        if not hasattr(os, "geteuid"):  # Windows gives a user's folder to that user alone
-            held = None
-        else:
+        held = None  # Windows gives a user's folder to that user alone
+        if hasattr(os, "geteuid"):
             held = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     except (OSError, RuntimeError) as error:
         logger.warning("kernels are not kept: no folder %s can be had (%s)", path, error)
@@ -70,7 +69,7 @@ def load_kept(folder: Path, stem: str) -> Optional[ctypes.CDLL]:
     stem : the name but for the checksum.
     """
     try:
-        names = sorted(n for n in os.listdir(folder) if n.startswith(stem + "-") and n.endswith(SUFFIX))
+        names = sorted(path.name for path in folder.glob(f"{stem}-*{SUFFIX}"))
     except OSError:
         return None
     for name in names:
@@ -87,18 +86,18 @@ def load_kept(folder: Path, stem: str) -> Optional[ctypes.CDLL]:
 def keep(made: Path, folder: Path, stem: str) -> None:
     """Keep a library that was compiled elsewhere; a disk that is full or read-only is logged, no error."""
     data = made.read_bytes()
-    temporary = ""
+    temporary = None
     try:
         # a temporary file is the user's alone
         with tempfile.NamedTemporaryFile(dir=folder, suffix=".tmp", delete=False) as file:
-            temporary = file.name
+            temporary = Path(file.name)
             file.write(data)
-        os.replace(temporary, folder / _name(stem, data))
+        temporary.replace(folder / _name(stem, data))
     except OSError as error:
         logger.warning("kernels cannot be kept (%s) and are compiled at every start", error)
         with contextlib.suppress(OSError):
             if temporary:
-                os.unlink(temporary)
+                temporary.unlink()
 
 
 def _is_sound(path: Path, stem: str) -> bool:

@@ -125,7 +125,7 @@ def cache_folder() -> Path:
     if chosen:
         return Path(chosen) / "kernels"
     user = os.environ.get("XDG_CACHE_HOME")
-    return (Path(user) if user else Path(os.path.expanduser("~")) / ".cache") / "flyaround" / "kernels"
+    return (Path(user) if user else Path("~").expanduser() / ".cache") / "flyaround" / "kernels"
 
 
 def _wide() -> Tuple[str, ...]:
