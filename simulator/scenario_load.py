@@ -21,7 +21,10 @@ from simulator.scenario import Scenario
 from simulator.scenario_flight import check_physics
 from simulator.scenario_messages import resolve_messages
 from simulator.scene.environments import ENVIRONMENTS
+from simulator.text_files import read_bounded, refuse_deep, refuse_dotted
 from simulator.world.time import Instant
+
+MOST_BYTES = 1_000_000  # of a scenario: a hundred times the longest of the built-in ones
 
 
 def list_scenarios() -> tuple[str, ...]:
@@ -43,12 +46,12 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         content = files("assets").joinpath("scenarios", f"{text}.toml").read_bytes()
         return _parse(content, f"built-in scenario {text}", text, Path())
     path = Path(name_or_path)
-    if not path.is_file():
-        raise UserError(_no_such_scenario(text, path))
     try:
-        content = path.read_bytes()
+        if not path.is_file():
+            raise UserError(_no_such_scenario(text, path))
+        content = read_bounded(path, MOST_BYTES)
     except OSError as error:
-        raise UserError(f"{text} cannot be read: {error.strerror}") from error
+        raise UserError(f"{text} cannot be read: {error.strerror or error}") from error
     return _parse(content, text, path.stem, path.parent)
 
 
@@ -63,11 +66,13 @@ def scenario_json_schema() -> dict[str, Any]:
 
 
 def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
+    refuse_deep(content, where)
+    refuse_dotted(content, where)
     try:
         raw = tomllib.loads(content.decode("utf-8"))
     except UnicodeDecodeError as error:
         raise UserError(f"{where} is not UTF-8 text: save it as UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # also a number of thousands of digits
         raise UserError(f"{where} is not valid TOML: {error}") from error
     raw = _with_environment(_plain(raw, where, ""))
     try:

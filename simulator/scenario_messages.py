@@ -13,6 +13,7 @@ from simulator import scenario_motion as sm
 from simulator.arrays import quat, vec3
 from simulator.errors import UserError
 from simulator.scenario_units import Centre
+from simulator.text_files import read_bounded
 from simulator.world.aem import read_aem_state
 from simulator.world.oem import read_oem_state
 from simulator.world.recording import Recording
@@ -96,6 +97,9 @@ def _unit(q: FloatArray) -> FloatArray:
     return q / np.linalg.norm(q)
 
 
+MOST_BYTES = 100_000_000  # of a message: years of states, a minute apart
+
+
 def read_message(name: str, key: str, folder: Path) -> str:
     """Text of a message file.
 
@@ -106,8 +110,8 @@ def read_message(name: str, key: str, folder: Path) -> str:
     """
     path = folder / name
     try:
-        return path.read_text(encoding="utf-8")
+        return read_bounded(path, MOST_BYTES).decode("utf-8")
     except OSError as error:
-        raise UserError(f"key {key} is {name!r}, which cannot be read: {error.strerror}") from error
+        raise UserError(f"key {key} is {name!r}, which cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise UserError(f"key {key} is {name!r}, which is not a text file") from error

@@ -75,7 +75,7 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
     make, _, _ = svd_factory(model, method)
     try:
         estimator = make(json.loads(Path(camera).read_text(encoding="utf-8")))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise LinkError(
             f"camera {camera} cannot be used ({error}): give the camera object of a truth record"
         ) from error

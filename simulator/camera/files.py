@@ -13,6 +13,7 @@ from simulator.camera.intrinsics import LensFile
 from simulator.camera.model import Camera
 from simulator.errors import UserError, near_names
 from simulator.file_errors import explain
+from simulator.text_files import read_bounded
 
 __all__ = [
     "CameraFile",
@@ -22,6 +23,7 @@ __all__ = [
     "parse_camera",
     "read_camera_file",
 ]
+MOST_BYTES = 4_000_000  # of a camera file: a calibration may have its points with it
 _DATA_SHEET = {"focal_length_mm", "pixel_pitch_um", "sensor_size_mm", "aperture_angle_deg"}
 
 
@@ -56,9 +58,14 @@ def read_camera_file(name_or_path: str | Path, folder: Path | None = None) -> Ca
         where = f"built-in camera {text}"
     else:
         path = (folder or Path()) / name_or_path
-        if not path.is_file():
-            raise UserError(_no_such_camera(text))
-        content, where = path.read_bytes(), str(path)
+        try:
+            if not path.is_file():
+                raise UserError(_no_such_camera(text))
+            content, where = read_bounded(path, MOST_BYTES), str(path)
+        except OSError as error:
+            raise UserError(
+                f"camera {path} cannot be read: {error.strerror or error}; check the path"
+            ) from error
     return parse_camera(content, where)
 
 

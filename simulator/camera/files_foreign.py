@@ -15,10 +15,15 @@ import msgspec
 
 from simulator.camera.files_native import CameraFile
 from simulator.errors import UserError
+from simulator.text_files import MOST_DEEP, refuse_deep
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+    import yaml
+
+LARGEST = 10**300
+MOST_YAML_BYTES = 1_000_000  # its reader takes ten seconds for as much
 FORMATS = ("native", "speed", "opencv", "ros", "kalibr")
 SUFFIX = {"native": ".json", "speed": ".json", "opencv": ".yaml", "ros": ".yaml", "kalibr": ".yaml"}
 _ROS_MODELS = {
@@ -42,25 +47,55 @@ def read_raw(content: bytes, where: str) -> dict[str, Any]:
         text = content.decode("utf-8")
     except UnicodeDecodeError as error:
         raise UserError(f"{where} is not UTF-8 text: give a camera file in JSON or YAML") from error
+    refuse_deep(content, where)
     if text.lstrip().startswith(("{", "[")):
         try:
             raw = json.loads(text)
         except ValueError as error:
             raise UserError(f"{where} is not JSON: {error}") from error
     else:
+        if len(content) > MOST_YAML_BYTES:
+            raise UserError(
+                f"{where} is YAML of more than {MOST_YAML_BYTES / 1e6:g} MB: give the camera alone"
+            )
         import yaml  # noqa: PLC0415 - slow to import: most scenarios' cameras need none
 
         # OpenCV's writer says %YAML:1.0, which YAML itself does not allow, and tags its matrices
         text = re.sub(r"^%YAML[: ].*$", "", text, flags=re.MULTILINE).replace("!!opencv-matrix", "")
         try:
-            raw = yaml.safe_load(text)
-        except yaml.YAMLError as error:
+            raw = yaml.load(text, _plain_loader())  # noqa: S506 - the safe one, with less
+        except (
+            yaml.YAMLError,
+            ValueError,
+            OverflowError,
+        ) as error:  # also of dates and numbers that are none
             place = " ".join(str(error).split())
             raise UserError(f"{where} is not JSON and not YAML: {place}") from error
     if not isinstance(raw, dict):
         raise UserError(f"{where} is not JSON or YAML with a table of keys: give a camera file")
     _check_finite(raw, where, "")
     return raw
+
+
+def _plain_loader() -> type[yaml.SafeLoader]:
+    """YAML without anchors, and no deeper than any camera file."""
+    import yaml  # noqa: PLC0415 - as in `read_raw`
+
+    class Loader(yaml.SafeLoader):  # type: ignore[misc] # the library has no types
+        depth = 0
+
+        def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+            if self.check_event(yaml.AliasEvent):
+                raise yaml.YAMLError("it refers to another place of itself, which a camera file does not")
+            self.depth += 1
+            if self.depth > MOST_DEEP:
+                raise yaml.YAMLError(f"it nests more than {MOST_DEEP} tables in each other")
+            try:
+                return super().compose_node(parent, index)
+            finally:
+                self.depth -= 1
+
+    return Loader
 
 
 def _check_finite(value: Any, where: str, key: str) -> None:  # noqa: ANN401 - a value of JSON is anything
@@ -72,6 +107,8 @@ def _check_finite(value: Any, where: str, key: str) -> None:  # noqa: ANN401 - a
             _check_finite(v, where, key)
     elif isinstance(value, float) and not math.isfinite(value):
         raise UserError(f"{where}: key {key} is {value}, a finite number is needed")
+    elif isinstance(value, int) and abs(value) > LARGEST:
+        raise UserError(f"{where}: key {key} has {len(str(value))} digits, a number up to 1e300 is needed")
 
 
 def recognised(raw: dict[str, Any]) -> Callable[[dict[str, Any], str], CameraFile] | None:

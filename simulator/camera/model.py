@@ -159,7 +159,8 @@ def _domain(camera: Camera) -> LensDomain:
 
 
 def _border_xy(camera: Camera) -> FloatArray:
-    return (camera.border(margin_px=2.0) - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
+    with np.errstate(over="ignore"):  # of a focal length next to nothing
+        return (camera.border(margin_px=2.0) - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
 
 
 def camera_problem(camera: Camera) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,9 @@ from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Detector, Sensor
 from simulator.errors import UserError
+from simulator.text_files import read_bounded
+
+MOST_KERNEL_BYTES = 100_000_000
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -125,7 +129,7 @@ class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
             table = _read_kernel(path)
             if table.dtype.kind not in "fiu":
                 raise ValueError(f"it holds values of type {table.dtype}")
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, EOFError, MemoryError, TypeError, SyntaxError, cv2.error) as error:
             raise UserError(
                 f"{where}: key optics.kernel_file: {path} cannot be read as a table of numbers ({error})"
             ) from error
@@ -140,10 +144,11 @@ def _in_metres(curve_nm: Sequence[tuple[float, float]]) -> Curve:
 
 def _read_kernel(path: Path) -> NDArray[Any]:
     """The numbers of a kernel's file; those of a picture over their sum, as a picture cannot hold a sum of one."""
+    data = read_bounded(path, MOST_KERNEL_BYTES)
     if path.suffix == ".npy":
-        return np.asarray(np.load(path))
+        return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
     if path.suffix in {".png", ".tif", ".tiff"}:
-        picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         if picture is None:
             raise ValueError("it is no picture")
         if picture.ndim == 2 and picture.max() == 0:
@@ -151,7 +156,7 @@ def _read_kernel(path: Path) -> NDArray[Any]:
         return picture / picture.sum(dtype=float)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # an empty file is told of by its shape
-        return np.loadtxt(path, delimiter=_delimiter(path), ndmin=2)
+        return np.loadtxt(io.BytesIO(data), delimiter=_delimiter(path), ndmin=2)
 
 
 def _delimiter(path: Path) -> str | None:

@@ -12,8 +12,10 @@ import msgspec
 
 from simulator.camera.model import Camera
 from simulator.errors import UserError
+from simulator.text_files import read_bounded, refuse_deep
 
 CARD_NAME = "dataset.json"
+MOST_BYTES = 64_000_000  # of a card: with every frame of a large set in quarantine
 
 CONVENTIONS = {
     "quaternions": "Hamilton, scalar first; q_a_from_b rotates a vector given in b into a",
@@ -125,13 +127,15 @@ def read_card(folder: Path) -> DatasetCard:
     """
     path = folder / CARD_NAME
     try:
-        return msgspec.json.decode(path.read_bytes(), type=DatasetCard)
+        data = read_bounded(path, MOST_BYTES)
+        refuse_deep(data, str(path))
+        return msgspec.json.decode(data, type=DatasetCard)
     except OSError as error:
         raise UserError(
             f"{folder} is not a data set: cannot read {path.name} ({error.strerror}); "
             "give a folder written by capture"
         ) from error
-    except (msgspec.ValidationError, msgspec.DecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise UserError(
             f"{path} is damaged: {error}; run capture again with --resume to rewrite it"
         ) from error

@@ -10,7 +10,7 @@ import itertools
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from simulator.labels.boxes import mask_box
 from simulator.labels.frame import infeasible_reason, pixel_hash
 from simulator.labels.truth import Truth, read_truth
 from simulator.targets.library import load_target
+from simulator.text_files import read_bounded, refuse_deep
 from simulator.world.eclipse import sun_fraction_past_both
 from simulator.world.rotation import matrix_from_quat
 
@@ -133,7 +134,7 @@ def check_dataset(
         )
         faults += [Fault(k, what) for k, what in again.faults]
     if (folder / SPEED_FOLDER).is_dir():
-        faults += _check_speed(folder, readable)
+        faults += _check_speed(folder, readable, card)
     return CheckReport(len(frames), n_labels, tuple(faults), again.n_frames, again.reason)
 
 
@@ -263,14 +264,21 @@ def _check_bookkeeping(k: int, truth: Truth, card: DatasetCard) -> list[str]:
     return wrong
 
 
-def _check_speed(folder: Path, frames: list[int]) -> list[Fault]:
+def _speed_rows(path: Path, card: DatasetCard) -> list[dict[str, Any]]:
+    data = read_bounded(path, 1000 * (card.n_frames + 1))
+    refuse_deep(data, str(path))
+    rows: list[dict[str, Any]] = json.loads(data)
+    return rows
+
+
+def _check_speed(folder: Path, frames: list[int], card: DatasetCard) -> list[Fault]:
     path = folder / SPEED_FOLDER / "train.json"
     try:
         labels = {
             row["filename"]: (tuple(row["q_vbs2tango"]), tuple(row["r_Vo2To_vbs_true"]))
-            for row in json.loads(path.read_text())
+            for row in _speed_rows(path, card)
         }
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (UserError, OSError, ValueError, KeyError, TypeError) as error:
         return [Fault(None, f"{path} cannot be read: {error}")]
     faults = []
     for k in frames:

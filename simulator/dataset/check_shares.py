@@ -106,7 +106,9 @@ def check_step_share(truth: Truth, target: Target, signal: FloatArray, doubt: fl
         perhaps += int(np.count_nonzero(steps.max(axis=0) + off >= min(sigmas)))
         count += len(pixels)
     if not count:
-        return [] if truth.wireframe_step_share == 0 else ["wireframe_step_share is not 0, and no edge is seen"]
+        return (
+            [] if truth.wireframe_step_share == 0 else ["wireframe_step_share is not 0, and no edge is seen"]
+        )
     low, high = surely / count, perhaps / count
     if not low - 1e-9 <= truth.wireframe_step_share <= high + 1e-9:
         what = (

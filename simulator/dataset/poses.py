@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import io
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
@@ -10,6 +12,7 @@ import numpy as np
 
 from simulator.arrays import quat, vec3
 from simulator.errors import UserError
+from simulator.text_files import read_bounded
 from simulator.world.eclipse import sun_fraction_past_both
 from simulator.world.pose import Pose
 from simulator.world.rotation import matrix_from_quat
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
+MOST_BYTES = 200_000_000  # of a list: a million poses
 COLUMNS = ("q_w", "q_x", "q_y", "q_z", "t_x_m", "t_y_m", "t_z_m")
 NEAREST_M, FARTHEST_M = 0.01, 1e6
 
@@ -38,10 +42,10 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
         If the file cannot be read, lacks a column, has no row, or a number is wrong: file, line, column, what to do.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            rows = list(reader)
-            header = [name.strip() for name in reader.fieldnames or ()]
+        text = read_bounded(path, MOST_BYTES).decode("utf-8-sig")
+        reader = csv.DictReader(io.StringIO(text, newline=""))
+        rows = list(reader)
+        header = [name.strip() for name in reader.fieldnames or ()]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UserError(f"cannot read poses {path}: {error}; give a CSV file with a header line") from error
     missing = [name for name in COLUMNS if name not in header]
@@ -68,11 +72,11 @@ def _pose(path: Path, line: int, row: dict[str, str]) -> Pose:
 
 def _checked(q: FloatArray, t: FloatArray, where: str) -> Pose:
     """The target's pose in the camera, if it is one that can be drawn."""
-    if not 0.5 < np.linalg.norm(q) < 2:
-        raise UserError(f"{where}: the quaternion's length is {np.linalg.norm(q):g}; it must be one")
-    if not NEAREST_M < np.linalg.norm(t) < FARTHEST_M:
+    if not 0.5 < math.hypot(*q) < 2:
+        raise UserError(f"{where}: the quaternion's length is {math.hypot(*q):g}; it must be one")
+    if not NEAREST_M < math.hypot(*t) < FARTHEST_M:
         raise UserError(
-            f"{where}: the target is {np.linalg.norm(t):g} m away, allowed: {NEAREST_M:g} to {FARTHEST_M:g}"
+            f"{where}: the target is {math.hypot(*t):g} m away, allowed: {NEAREST_M:g} to {FARTHEST_M:g}"
         )
     return Pose.of("camera", "target", q, t)
 

@@ -12,6 +12,9 @@ from simulator.camera.model import Camera
 from simulator.errors import UserError
 from simulator.scene.check import scene_problem
 from simulator.scene.state import SceneState
+from simulator.text_files import read_bounded, refuse_deep
+
+MOST_BYTES = 64_000_000  # of a record: its wireframe and row poses take the most
 
 KeypointState = Literal[
     "out_of_frame", "self_occluded", "eclipsed", "shadowed", "saturated", "below_noise", "visible"
@@ -122,14 +125,15 @@ def read_truth(path: str | Path) -> Truth:
     """
     path = Path(path)
     try:
-        data = path.read_bytes()
+        data = read_bounded(path, MOST_BYTES)
     except OSError as error:
         raise UserError(
             f"cannot read truth {path}: {error.strerror or error}; give a .json written by render or capture"
         ) from error
+    refuse_deep(data, str(path))
     try:
         truth = msgspec.json.decode(data, type=Truth)
-    except (msgspec.ValidationError, msgspec.DecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise UserError(
             f"{path} is not a truth record: {error}; give a .json written by render or capture"
         ) from error

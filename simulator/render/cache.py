@@ -160,7 +160,7 @@ def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:
     if all(array is not None for array in here):
         return cast("list[NDArray[_T]]", here)
     try:
-        kept = [_mapped(path) for path in paths]
+        kept: list[NDArray[_T]] = [_mapped(path) for path in paths]
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:

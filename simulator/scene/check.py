@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 LARGEST_IMAGE_PX = 16384  # what every OpenGL 4 driver can draw
 FARTHEST_TARGET_M = 1e6
+FASTEST_M_S, FASTEST_RAD_S = 1e6, 1e4  # far beyond any craft
 
 
 def scene_problem(scene: SceneState) -> str | None:
@@ -37,6 +38,12 @@ def scene_problem(scene: SceneState) -> str | None:
         ("|scene.r_target_eci_m|", _norm(scene.r_target_eci_m), 6.0e6, 1e12),
         ("|scene.r_sun_eci_m|", _norm(scene.r_sun_eci_m), 1e11, 2e11),
         ("|scene.r_moon_eci_m|", _norm(scene.r_moon_eci_m), 1e8, 1e9),
+        ("|scene.v_camera_eci_m_s|", _norm(scene.v_camera_eci_m_s), 0.0, FASTEST_M_S),
+        ("|scene.v_target_eci_m_s|", _norm(scene.v_target_eci_m_s), 0.0, FASTEST_M_S),
+        ("|scene.v_target_camera_m_s|", _norm(scene.v_target_camera_m_s), 0.0, FASTEST_M_S),
+        ("|scene.omega_camera_rad_s|", _norm(scene.omega_camera_rad_s), 0.0, FASTEST_RAD_S),
+        ("|scene.omega_target_rad_s|", _norm(scene.omega_target_rad_s), 0.0, FASTEST_RAD_S),
+        ("scene.environment.atmosphere_thickness_km", scene.environment.atmosphere_thickness_km, 5.0, 200.0),
         ("|scene.q_camera_from_target_wxyz|", _norm(scene.q_camera_from_target_wxyz), 1 - 1e-6, 1 + 1e-6),
         ("|scene.q_camera_from_eci_wxyz|", _norm(scene.q_camera_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
         ("|scene.q_itrs_from_eci_wxyz|", _norm(scene.q_itrs_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),

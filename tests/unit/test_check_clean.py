@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.camera.develop import digitise
-from simulator.camera.sensor import noiseless
-from simulator.camera.sensor import Detector, Sensor
+from simulator.camera.sensor import Detector, Sensor, noiseless
 from simulator.dataset.check_clean import check_clean
 
 EXPOSURE_S = 0.1
@@ -49,7 +48,7 @@ def test_a_picture_without_the_heat_that_its_record_has_is_caught(level):
     assert check_clean(truth, image, mask, heated)
 
 
-def test_heat_is_of_the_exposure(level=0.25):
-    truth, image, mask, clean = taken(warm(), level)
+def test_heat_is_of_the_exposure():
+    truth, image, mask, clean = taken(warm(), 0.25)
     longer = SimpleNamespace(scene=SimpleNamespace(sensor=truth.scene.sensor, exposure_s=2 * EXPOSURE_S))
     assert check_clean(longer, image, mask, clean)

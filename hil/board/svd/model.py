@@ -19,6 +19,9 @@ Array = np.ndarray
 SCHEMA = "flyaround.board_model"
 VERSION = 1
 
+# What a board model may hold: far more than any craft has.
+MOST_BYTES = 100_000_000
+
 
 @dataclass(frozen=True)
 class WireEdge:
@@ -73,10 +76,16 @@ class BoardModel:
             If the file is missing, is not JSON, or is not a board model of a known version.
         """
         try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
+            with open(path, "rb") as file:  # noqa: PTH123 - as much as a model may hold, of a file that may never end
+                text = file.read(MOST_BYTES + 1)
+            if len(text) > MOST_BYTES:
+                raise BoardModelError(
+                    f"board model {path} holds more than {MOST_BYTES // 10**6} MB: it is none"
+                )
+            data = json.loads(text.decode("utf-8"))
         except OSError as error:
             raise BoardModelError(f"board model {path} cannot be read: {error.strerror}") from error
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise BoardModelError(f"board model {path} is not JSON: {error}") from error
         return BoardModel.from_dict(data)
 

@@ -1,0 +1,56 @@
+"""Truth records changed at random that are still records: each is drawn again, or refused in a sentence."""
+
+import json
+import resource
+import time
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from mutations import changed_json
+
+from simulator.dataset.contact_sheet import smaller
+from simulator.errors import UserError
+from simulator.labels.frame import take_frame
+from simulator.labels.truth import read_truth
+from simulator.loop import plan_flight
+from simulator.render.renderer import Renderer
+from simulator.scenario_load import load_scenario
+from simulator.targets.library import load_target
+
+pytestmark = pytest.mark.gl
+
+
+def draw_changed(path, drawn, seed):
+    """Draw so many records of which something was changed; how many were refused on the way."""
+    rng, told = np.random.default_rng(seed), []
+    plan = plan_flight(load_scenario("tango-flyaround"), n=1)
+    scene = replace(plan.scene(0), camera=smaller(plan.scene(0).camera, 64))
+    with Renderer() as renderer:
+        record = json.loads(msgspec.json.encode(take_frame(renderer, scene, plan.target).truth))
+        while drawn:
+            changed = {**record, "scene": json.loads(changed_json(record["scene"], rng))}
+            path.write_text(json.dumps(changed))
+            start = time.monotonic()
+            try:
+                truth = read_truth(path)
+                drawn -= 1
+                take_frame(renderer, truth.scene, load_target(truth.scene.target.name))
+            except UserError as error:
+                told.append(str(error))
+            assert time.monotonic() - start < 60, changed["scene"]
+    assert not any("\n" in sentence for sentence in told)
+    return len(told)
+
+
+def test_changed_records_are_drawn_or_refused(tmp_path):
+    assert draw_changed(tmp_path / "a.json", 4, 1) > 4
+
+
+@pytest.mark.slow
+def test_many_changed_records_are_drawn_or_refused(tmp_path):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for seed in range(2, 5):
+        assert draw_changed(tmp_path / "a.json", 60, seed) > 100
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1_000_000  # kilobytes
