@@ -31,7 +31,7 @@ OUTLINE = 1.0  # how many pixels more or less a raster finds on an outline, over
 SPACING_PX, REACH_PX = (
     4.0,
     2.0,
-)  # docs/formats/truth.md: samples along an edge, and how far to its sides a step is taken
+)  # docs/labels.md: samples along an edge, and how far to its sides a step is taken
 ON_GRID_PX = 1 / 32  # the places between pixels that OpenCV's lookup knows, in some of its versions
 ROUNDING = 1e-5
 

@@ -51,7 +51,9 @@ def scene_problem(scene: SceneState) -> str | None:
     )
     for name, value, low, high in ranges:
         if not low <= value <= high:  # NaN fails too
-            return f"{name} is {value:g}, allowed: {low:g} to {high:g}"
+            # a whole number may have more digits than a float takes
+            told = f"{value:g}" if abs(value) < 2**63 else "far beyond"
+            return f"{name} is {told}, allowed: {low:g} to {high:g}"
     lens = camera_problem(c)
     if lens is not None:
         return f"scene.camera.{lens}"
