@@ -133,7 +133,7 @@ def test_nothing_is_shipped_for_who_makes_it(folder):
 
 def test_tango_is_not_built_where_it_is_shipped(tmp_path, monkeypatch):
     monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(library, "_builder", lambda *_: refuse())
+    monkeypatch.setattr(library, "_built", lambda *_: refuse())
     assert library.load_target("tango").name == "tango"
     with pytest.raises(AssertionError):
         library.load_target("tango@low")
