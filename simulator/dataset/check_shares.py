@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from simulator.camera.develop import noise_sigma
-from simulator.dataset.check_geometry import cut_for_the_lens, fill_triangles, project_with_opencv
+from simulator.dataset.check_geometry import cut_for_the_lens, fill_triangles, in_lens, project_with_opencv
 from simulator.labels.occlusion import mesh_of
 from simulator.labels.wireframe import view_edges
 
@@ -39,11 +39,26 @@ ROUNDING = 1e-5
 def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
     """The share of the whole silhouette that falls on the image, from triangles filled on the CPU."""
     mesh, camera = mesh_of(target), truth.camera
+    box = truth.box_amodal_px
+    if (
+        box is not None
+        and min(box[:2]) >= 0
+        and box[2] <= camera.width_px - 1
+        and box[3] <= camera.height_px - 1
+    ):
+        # which is checked by itself
+        return (
+            []
+            if truth.silhouette_inside == 1
+            else ["silhouette_inside is not 1, and all of the craft is inside"]
+        )
     t = np.asarray(truth.t_camera_from_target_m)
     R = truth.scene.camera_from_target.R
     in_camera = mesh.positions_m @ R.T + t
     if in_camera[:, 2].min() <= 1e-3:
         return []
+    if not in_lens(camera, in_camera).all():
+        return []  # further out than the lens is known for, OpenCV's series folds
     corners_m = mesh.positions_m[mesh.triangles]
     if not camera.distortion.is_none:
         corners_m = cut_for_the_lens(camera, corners_m, in_camera[mesh.triangles])
@@ -137,6 +152,9 @@ def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatAr
             n = max(round((b - a) * length / SPACING_PX), 1)
             share = a + (np.arange(n) + 0.5) * (b - a) / n
             along = rays[0] + share[:, None] * (rays[1] - rays[0])
+            along = along[in_lens(truth.camera, along)]  # the others are outside the image
+            if not len(along):
+                continue
             pixels = project_with_opencv(truth.camera, along, (1.0, 0.0, 0.0, 0.0), np.zeros(3))
             yield pixels[truth.camera.contains(pixels)], np.array([-way[1], way[0]]) / length
 

@@ -7,12 +7,11 @@ intersection).
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.check_geometry import PIXEL_TOLERANCE_PX, project_with_opencv
+from simulator.dataset.check_geometry import PIXEL_TOLERANCE_PX, in_lens, project_with_opencv
 from simulator.dataset.check_rows import pose_of_row
 from simulator.memory import kept_with
 from simulator.world.rotation import matrix_from_quat
@@ -33,10 +32,14 @@ class Triangles:
     """All triangles of a craft, target frame, to be met by rays."""
 
     def __init__(self, target: Target) -> None:
+        self.vertices_m = np.concatenate([part.positions_m for part in target.parts]).astype(float)
         corners = np.concatenate([part.positions_m[part.triangles] for part in target.parts]).astype(float)
         self._corners = corners
-        self._middle = corners.mean(axis=1)
-        self._reach = np.linalg.norm(corners - self._middle[:, None], axis=2).max(axis=1) + 1e-6
+        middle = corners.mean(axis=1)
+        self._reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + 1e-6
+        self._middle = np.ascontiguousarray(middle.T)
+        # what of the distance from a ray does not depend on it
+        self._within = (middle**2).sum(axis=1) - self._reach**2
 
     def between(self, start_m: FloatArray, way: FloatArray, length_m: float) -> tuple[bool, bool]:
         """Whether a triangle surely, and whether one perhaps stands on a ray.
@@ -45,10 +48,12 @@ class Triangles:
         ----------
         start_m : (3,) its beginning. way : (3,) unit vector. length_m : where it ends; infinite for the Sun.
         """
-        to_middle = self._middle - start_m
-        along = to_middle @ way
-        near = (to_middle**2).sum(axis=1) - along**2 <= self._reach**2
-        near &= (along >= -self._reach) & (along <= length_m + self._reach)
+        along = way @ self._middle - way @ start_m
+        near = np.flatnonzero(
+            self._within - 2 * (start_m @ self._middle) + start_m @ start_m <= along * along
+        )
+        reach = self._reach[near]
+        near = near[(along[near] >= -reach) & (along[near] <= length_m + reach)]
         a, b, c = self._corners[near].transpose(1, 0, 2)
         e1, e2 = b - a, c - a
         p = np.cross(way, e2)
@@ -112,10 +117,10 @@ def _possible(
 
 
 def check_amodal_box(truth: Truth, target: Target) -> list[str]:
-    """The box of the whole craft: the bounds of all its vertices, projected by OpenCV."""
-    points = np.concatenate([part.positions_m for part in target.parts]).astype(float)
-    t = np.asarray(truth.t_camera_from_target_m)
-    depth = points @ matrix_from_quat(truth.q_camera_from_target_wxyz)[2] + t[2]
+    """The box of the whole craft: the bounds of all its vertices, projected by OpenCV where a lens bends."""
+    points = triangles_of(target).vertices_m
+    t, R = np.asarray(truth.t_camera_from_target_m), matrix_from_quat(truth.q_camera_from_target_wxyz)
+    depth = points @ R[2] + t[2]
     if abs(float(depth.min()) - NEAREST_M) < 1e-9:
         return []
     ahead = bool(depth.min() > NEAREST_M)
@@ -125,8 +130,20 @@ def check_amodal_box(truth: Truth, target: Target) -> list[str]:
         ]
     if truth.box_amodal_px is None:
         return []
-    project = partial(project_with_opencv, truth.camera, q_wxyz=truth.q_camera_from_target_wxyz, t_m=t)
-    pixels = project(points)
+    if truth.camera.distortion.is_none:
+        sides = R[:2] @ points.T + t[:2, None]
+        c = truth.camera
+        pixels = (sides / depth).T * (c.fx_px, c.fy_px) + (c.cx_px, c.cy_px)
+    else:
+        known = in_lens(truth.camera, points @ R.T + t)
+        pixels = project_with_opencv(truth.camera, points[known], truth.q_camera_from_target_wxyz, t)
+        if not known.all():  # what lies further out than the lens is known for can only make the box larger
+            low, high = pixels.min(axis=0, initial=np.inf), pixels.max(axis=0, initial=-np.inf)
+            box = np.array(truth.box_amodal_px)
+            holds = np.all(box[:2] <= low + PIXEL_TOLERANCE_PX) and np.all(
+                box[2:] >= high - PIXEL_TOLERANCE_PX
+            )
+            return [] if holds else [f"box_amodal_px {truth.box_amodal_px} does not hold the projected craft"]
     wanted = (*pixels.min(axis=0), *pixels.max(axis=0))
     error = np.abs(np.subtract(wanted, truth.box_amodal_px))
     # far off the axis a pixel number is large, and so is its last digit

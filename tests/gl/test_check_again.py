@@ -9,12 +9,14 @@ import msgspec
 import numpy as np
 import pytest
 
+from simulator.camera.files import load_camera
 from simulator.dataset import check_picture
 from simulator.dataset.capture import capture
 from simulator.dataset.check import check_dataset
+from simulator.dataset.check_geometry import in_lens
 from simulator.dataset.check_picture import EXACT, check_same_picture, sample
 from simulator.dataset.check_shares import check_silhouette_inside, check_step_share
-from simulator.dataset.check_states import check_amodal_box, check_states
+from simulator.dataset.check_states import check_amodal_box, check_states, triangles_of
 from simulator.dataset.contact_sheet import smaller
 from simulator.dataset.native import frame_paths, read_png
 from simulator.errors import UserError
@@ -181,6 +183,17 @@ def test_shares_states_and_boxes_of_a_lens_that_bends(plan):
     assert wrong == []
     for check in (check_silhouette_inside, check_states, check_amodal_box):
         assert check(frame.truth, plan.target) == []
+
+
+def test_a_craft_that_reaches_beyond_what_a_fish_eye_is_known_for(plan):
+    """There OpenCV's series folds back, and says nothing of the labels."""
+    camera = smaller(load_camera("fisheye-140"), 200)
+    scene = dataclasses.replace(plan.scene(0), camera=camera, t_camera_from_target_m=(1.4, 0.6, 0.9))
+    with Renderer() as renderer:
+        truth = take_frame(renderer, scene, plan.target).truth
+    assert not in_lens(camera, scene.camera_from_target.apply(triangles_of(plan.target).vertices_m)).all()
+    for check in (check_silhouette_inside, check_amodal_box, check_states):
+        assert check(truth, plan.target) == []
 
 
 def test_without_opengl_a_check_says_that_no_image_was_drawn(dataset, monkeypatch):
