@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import moderngl
 
 from simulator.errors import UserError
+from simulator.render.fences import draw_to
 
 REQUIRED_VERSION = 410
 HOW_TO_GET_EGL = (
@@ -117,6 +118,6 @@ def release(context: moderngl.Context, *resources: Releasable) -> None:
     moderngl re-binds the framebuffer it believes current after several calls; one that is gone would leave
     GL_INVALID_OPERATION behind, so the default framebuffer is made current first.
     """
-    context.detect_framebuffer(0).use()
+    draw_to(context.detect_framebuffer(0))
     for resource in resources:
         resource.release()

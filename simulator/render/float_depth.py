@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from simulator.render.fences import draw_to
 from simulator.render.levels import opengl
 
 if TYPE_CHECKING:
@@ -54,9 +55,9 @@ class FloatDepth:
             depths are clamped to their range, which a sliver's may leave by rounding.
         """
         self.number = 1 if clear else self.number % self._most + 1
+        draw_to(framebuffer)
         if self.number == 1:
             framebuffer.clear()
-        framebuffer.use()
         self._context.depth_clamp_range = self.range
         if clear:  # moderngl sets ranges with it alone
             self._context.disable_direct(_DEPTH_CLAMP)

@@ -9,6 +9,7 @@ import numpy as np
 
 from simulator.camera.sharing import pieces_of, share_out
 from simulator.render.context import release
+from simulator.render.fences import draw_to, flush
 from simulator.render.projection import PixelRect
 
 if TYPE_CHECKING:
@@ -70,8 +71,10 @@ class Images:
         if added_to is not None:
             # a driver clears a whole image many times faster than a part of it
             part = None if added_to == PixelRect(0, 0, *self.size) else added_to.viewport
+            draw_to(self.sky_framebuffer)
             self.sky_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=part)
         if self._covered is not None:
+            draw_to(self._label_framebuffer)
             self._label_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=self._covered.viewport)
         # all of it, until ``mark_covered`` says what
         self._covered = PixelRect(0, 0, *self.size)
@@ -88,6 +91,7 @@ class Images:
         fours : read what was drawn four pixels to a texel.
         """
         width, height = self.size
+        flush(self._context)
         if fours:
             return self._read_fours()
         image = np.empty((height, width) if self.bands == 1 else (height, width, 3), np.float32)
@@ -121,6 +125,7 @@ class Images:
         bands = () if self.bands == 1 else (self.bands,)
         if 0 in size:
             return np.zeros((*size, *bands), np.float32), np.zeros(size, np.float32), window
+        flush(self._context)
         data = self.sky_framebuffer.read(rect.viewport, self.bands, dtype="f4", alignment=1)
         cover = self._label_framebuffer.read(rect.viewport, 1, dtype="f4", alignment=1)
         radiance = np.frombuffer(data, np.float32).reshape(*size, *bands)
@@ -128,6 +133,7 @@ class Images:
 
     def read_coverage(self) -> Float32Array:
         """(H, W), 0..1."""
+        flush(self._context)
         data = self._label_framebuffer.read(components=1, dtype="f4", alignment=1)
         return np.frombuffer(data, np.float32).reshape(self.size[1], self.size[0])
 

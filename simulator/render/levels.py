@@ -15,8 +15,6 @@ import numpy as np
 from simulator.render.cache import cached_array, name_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import moderngl
 
     from simulator.arrays import ByteArray
@@ -121,17 +119,6 @@ def draw_one_point(array: moderngl.VertexArray) -> None:
     library.glDrawArrays(_POINTS, 0, 1)
 
 
-def flush() -> None:
-    """Have the driver begin with what it was told; a software driver collects it until it is asked for the picture.
-
-    Where OpenGL has no name that Python finds, the driver begins when the next image is drawn or this one is read: to
-    wait here until it is done would cost more than that.
-    """
-    begin = _gl_flush()
-    if begin is not None:
-        begin()
-
-
 def _sizes(width: int, height: int) -> list[tuple[int, int]]:
     """Of the levels from the second on, as OpenGL counts them."""
     sizes = []
@@ -170,13 +157,6 @@ def _as_wide_as_high(level: ByteArray) -> ByteArray:
         around = np.concatenate([rows[:, width - reach :], rows, rows[:, :reach]], axis=1)
         out[first:end] = cv2.blur(around, (count, 1))[:, reach : reach + width].reshape(rows.shape)
     return out
-
-
-@lru_cache(maxsize=1)
-def _gl_flush() -> Callable[[], None] | None:
-    """The call, which keeps Python's lock: a thread that waits for it would have it a hundred times as long."""
-    library = opengl()
-    return None if library is None else ctypes.PYFUNCTYPE(None)(("glFlush", library))
 
 
 @lru_cache(maxsize=1)

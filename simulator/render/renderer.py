@@ -12,6 +12,7 @@ from simulator.render.cells import all_alike, earth_cells
 from simulator.render.context import create_context, describe
 from simulator.render.earth_maps import begin_earth_maps, stand_ins
 from simulator.render.earthview import earth_view
+from simulator.render.fences import keep_fences
 from simulator.render.images import Images
 from simulator.render.moonview import moon_view
 from simulator.render.passes.earth import EarthPass, ice_day
@@ -117,6 +118,8 @@ class Renderer:
         self._owns_context = context is None
         self._gl = create_context(device_index) if context is None else context
         self.info: GlInfo = describe(self._gl)
+        if self.info.is_software:
+            keep_fences(self._gl)
         self._thrifty = self.info.is_software if thrifty is None else thrifty
         self._blocks = Blocks.create(self._gl)
         self._programs = ProgramLibrary(self._gl, self._blocks.all())

@@ -10,6 +10,7 @@ import numpy as np
 
 from simulator.render.airtables import GROUND_MU_MIN
 from simulator.render.context import release
+from simulator.render.fences import draw_to
 from simulator.render.programs import FULL_SCREEN
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ class AirPass:
 
     def run(self, earth: EarthView) -> None:
         """Fill the part of the table that the image can see."""
-        self._framebuffer.use()
+        draw_to(self._framebuffer)
         # what is outside stays black, so that no frame depends on the one before
         self._framebuffer.clear(0.0, 0.0, 0.0, 0.0)
         self._context.enable_only(self._context.NOTHING)
@@ -151,7 +152,7 @@ class AirPass:
         if lens not in self._corners:
             self._corners[lens] = _Corners(self._context, self._programs, self._bands)
         # nothing is drawn to it, but a driver without a window has no other that is complete
-        self._framebuffer.use()
+        draw_to(self._framebuffer)
         self._bind(self._corners[lens].program)
         return self._corners[lens]
 

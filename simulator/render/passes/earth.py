@@ -12,6 +12,7 @@ import numpy as np
 
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from simulator.render.earth_maps import AUGUST
+from simulator.render.fences import draw_to, flush
 from simulator.render.levels import (
     draw_one_point,
     levelled,
@@ -296,7 +297,9 @@ class EarthPass:
             textures |= self._waters(ice_day(scene))
         around = None if corners is None else _Around(cells, *corners)
         for draw, centers in self._draws(cells, scene, behind=behind, fours=fours).items():
-            (images.fours_framebuffer if draw.in_fours else images.sky_framebuffer).use()
+            # large textures that the last draw did not have may end its scene
+            flush(self._context)
+            draw_to(images.fours_framebuffer if draw.in_fours else images.sky_framebuffer)
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
             blend = self._context.BLEND if draw.blended else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)

@@ -9,6 +9,7 @@ import numpy as np
 
 from simulator.render.context import release
 from simulator.render.edges_seen import REACH_PX, SeenEdges
+from simulator.render.fences import draw_to
 from simulator.render.lattice import lattice_defines
 from simulator.render.size_classes import SizeClasses
 
@@ -115,7 +116,7 @@ class EdgePass:
         exact : as `EXACT_AREAS`.
         """
         image = (self._exact_images if exact else self._images).at_least(view.rect.width, view.rect.height)
-        image.framebuffer.use()
+        draw_to(image.framebuffer)
         image.framebuffer.clear()
         seen, outlines = np.zeros(0, int), (0, 0)
         if buffers is not None:
@@ -127,7 +128,7 @@ class EdgePass:
         image, rect, buffers, seen = edges.image, edges.rect, edges.buffers, edges.seen
         if buffers is None or not len(seen):
             return image.slope
-        image.framebuffer.use()
+        draw_to(image.framebuffer)
         image.framebuffer.viewport = (0, 0, rect.width, rect.height)
         self._context.enable_only(self._context.BLEND)
         self._context.blend_func = self._context.ONE, self._context.ONE

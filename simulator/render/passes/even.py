@@ -14,6 +14,7 @@ import numpy as np
 from simulator.render.context import release
 from simulator.render.cover import CELL_PX
 from simulator.render.even_cells import crossed_cells
+from simulator.render.fences import draw_to, flush
 from simulator.render.size_classes import SizeClasses
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ class EvenPass:
         middles[: len(cells_px)] = cells_px
         middles[len(cells_px) :] = cells_px[-1]
         image.cells.write(middles, viewport=window)
-        image.framebuffer.use()
+        draw_to(image.framebuffer)
         image.framebuffer.viewport = window
         self._context.enable_only(self._context.NOTHING)
         program.bind_textures(**textures, t_cells=image.cells)
@@ -144,6 +145,7 @@ class EvenPass:
         if program not in self._looks:
             self._looks[program] = self._context.vertex_array(program.gl, [])
         self._looks[program].render(vertices=3)
+        flush(self._context)
         read = [image.framebuffer.read(window, components=4, attachment=k, dtype="f4") for k in range(bands)]
         corners = np.concatenate([np.frombuffer(band, np.float32).reshape(-1, 4) for band in read], axis=1)
         corners = corners[: len(cells_px)]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from simulator.render.fences import draw_to
+
 if TYPE_CHECKING:
     import moderngl
 
@@ -46,7 +48,7 @@ class FoursPass:
             return
         width, height = cells.extent_px
         framebuffer = images.fours_framebuffer
-        framebuffer.use()
+        draw_to(framebuffer)
         framebuffer.viewport = (0, 0, width // 2, height // 2)
         self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
         program, array = self._of(images.bands)

@@ -14,6 +14,7 @@ import numpy as np
 from simulator.render.block_values import lens_values
 from simulator.render.context import release
 from simulator.render.facing import FacingArray
+from simulator.render.fences import draw_to, flush
 from simulator.render.projection import PixelRect, clip_from_camera, window_from_pixel
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ class PendingSurfaces:
     def read(self) -> Surfaces:
         """Wait for the raster, take it and free its memory."""
         shape = self.size[::-1]
+        flush(self.context)
         z = self.framebuffer.read(components=1, dtype="f4", alignment=1)
         depth_m = np.frombuffer(z, np.float32).reshape(shape).copy()
         depth_m[depth_m == 0] = np.nan
@@ -139,7 +141,7 @@ class LabelPass:
         framebuffer = self._context.framebuffer(outputs, depth)
         if not camera.distortion.is_none:
             self._lens.write(lens_values(camera, clip, camera_from_target))
-        framebuffer.use()
+        draw_to(framebuffer)
         framebuffer.clear()
         self._context.enable_only(self._context.DEPTH_TEST)
         program.set("u_clip_from_target", tuple((clip @ camera_from_target).T.ravel()))
@@ -147,6 +149,7 @@ class LabelPass:
         eye_m = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
         (arrays.layers if layers else arrays.depth).render(np.append(eye_m, 1.0))
         # a software driver begins to draw once something else is drawn to, and then does so on threads of its own
+        draw_to(self._aside)
         self._aside.clear()
         return PendingSurfaces(self._context, framebuffer, (depth, *outputs), size, layers)
 

@@ -11,6 +11,7 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.render.cache import cached_array
 from simulator.render.craters import BROAD_LARGEST_PX, FINE_LARGEST_PX, SLOPE_MAX, crater_texture
+from simulator.render.fences import draw_to, flush
 from simulator.render.passes.air import TABLE_DEFINES
 from simulator.render.programs import FULL_SCREEN
 from simulator.scene.moonlight import surface_phase
@@ -125,6 +126,7 @@ class MoonPass:
         share = np.ones((256, 4), np.float32)
         if moon.shadow_share is not None:
             share[:, : moon.shadow_share.shape[1]] = moon.shadow_share
+        flush(self._context)  # what still reads the last frame's, and this frame's sky, are waited for here
         self._umbra.write(share.tobytes())
         program.bind_textures(
             t_coverage=images.coverage,
@@ -136,7 +138,7 @@ class MoonPass:
         )
         if air is not None:
             program.bind_textures(**dict(zip(_AIR[bands], air, strict=True)))
-        images.sky_framebuffer.use()
+        draw_to(images.sky_framebuffer)
         images.sky_framebuffer.viewport = moon.rect.viewport
         self._context.enable_only(self._context.BLEND)
         self._context.blend_func = self._context.ONE, self._context.ONE

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 
 from simulator.render.cover import CELL_PX
+from simulator.render.fences import draw_to
 from simulator.render.lattice import lattice_defines
 from simulator.render.levels import draw_one_point
 from simulator.render.passes.edges import edge_defines
@@ -116,7 +117,7 @@ class ShadePass:
         textures : by the names of the program's samplers.
         ahead : draw the first cell alone, while other threads go on: a software driver compiles the program then.
         """
-        framebuffer.use()
+        draw_to(framebuffer)
         # whole cells, beyond the image's edge too: a point is dropped when its middle is outside
         width, height = (-(-side // CELL_PX) * CELL_PX for side in (rect.width, rect.height))
         window = (rect.x0, rect.y0, width, height)

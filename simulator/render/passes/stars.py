@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.catalogue import stars
+from simulator.render.fences import draw_to
 from simulator.render.star_colours import irradiance_of_v_mag, photons_over_sunlights, usual_v_minus_i
 from simulator.scene.atmosphere import optical_depth_to_top
 from simulator.scene.planets import earth_velocity_c, planets
@@ -108,7 +109,7 @@ class StarPass:
         points[:, 2 : 2 + radiance.shape[1]] = radiance
         self._points.write(points.tobytes())
         program.set("u_size", images.size)
-        images.sky_framebuffer.use()
+        draw_to(images.sky_framebuffer)
         images.sky_framebuffer.viewport = (0, 0, *images.size)
         self._context.enable_only(self._context.BLEND | self._context.PROGRAM_POINT_SIZE)
         self._context.blend_func = self._context.ONE, self._context.ONE

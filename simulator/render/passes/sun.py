@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from simulator.render.fences import draw_to
 from simulator.render.moonview import disc_rect
 from simulator.render.passes.air import TABLE_DEFINES
 from simulator.render.programs import FULL_SCREEN
@@ -58,7 +59,7 @@ class SunPass:
             **TABLE_DEFINES,
         }
         program = self._programs.get(FULL_SCREEN, "sky/sun.frag", defines, _SAMPLERS[images.bands])
-        images.sky_framebuffer.use()
+        draw_to(images.sky_framebuffer)
         images.sky_framebuffer.viewport = rect.viewport
         self._context.enable_only(self._context.BLEND)
         self._context.blend_func = self._context.ONE, self._context.ONE

@@ -12,7 +12,7 @@ from simulator.render.charts import TEXEL
 from simulator.render.cover import whole
 from simulator.render.edges_seen import EdgeView
 from simulator.render.facing import FacingArray
-from simulator.render.levels import flush
+from simulator.render.fences import flush
 from simulator.render.mesh import upload
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
 from simulator.render.passes.even import EvenPass, is_bent, is_even, split_cells
@@ -164,16 +164,16 @@ class TargetPasses:
                 loaded.gbuffer.array, size, mesh, loaded.textures, scene.bands, cut=place.is_cut
             )
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
-        flush()
+        flush(self._context)
         clock.lap("target.geometry")
         shadow_map, choice = self._shadow.draw(scene, view, loaded, place)
-        flush()
+        flush(self._context)
         clock.lap("target.shadow")
         exact = scene.quality == "high"
         edge_view = EdgeView(camera, place.rect, place.near_far_m[0], place.camera_from_target)
         edges = self._edges.begin(None if bent else loaded.edges, edge_view, exact=exact)
         slope = self._edges.run(edges, lattice)
-        flush()
+        flush(self._context)
         edged, edgeless, even = cells, cells[:0], None
         bands = len(bands_of(scene.bands))
         if (
@@ -226,7 +226,7 @@ class TargetPasses:
         self._shade.run(images.target_framebuffer, sampled.rect, cells, sampled.program, textures)
         if even is not None:
             self._even.fill(even, sampled.rect, len(bands_of(bands)))
-        flush()
+        flush(self._context)
 
     def begin_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
         """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""
