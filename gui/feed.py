@@ -25,8 +25,12 @@ TIMED_PICTURES = 5
 """The pass times that are shown are medians of so many pictures."""
 
 
+class PicturesLostError(Exception):
+    """What was asked for of a source will not come, and the source can be asked again; says why in one sentence."""
+
+
 class PictureSource(Protocol):
-    """What the feed needs of a render process."""
+    """What the feed needs of a render process. Its methods may raise `PicturesLostError`."""
 
     def submit(self, scene: SceneState, *, labels: bool = False, timed: bool = False) -> bool:
         """Queue a scene; False when the queue is full. ``timed``: wait for the driver after every pass."""
@@ -77,6 +81,8 @@ class Feed:
         self.finished = 0
         self.frame_ms = 0.0
         self.frames_s = 0.0
+        self.restarts = 0
+        self._trouble: str | None = None
         self._ends_s: list[float] = []
         self._costs: list[tuple[Camera, float]] = []
         self._passes: list[tuple[Camera, dict[str, float]]] = []
@@ -105,9 +111,24 @@ class Feed:
         timed : have each pass of the pictures timed; they take a little longer.
         """
         before = self.finished
-        self._collect()
-        self._ask(session, look, timed=timed)
+        try:
+            self._collect()
+            self._ask(session, look, timed=timed)
+        except PicturesLostError as error:
+            self._ask_again(error)
         return self.finished > before
+
+    def take_trouble(self) -> str | None:
+        """Why pictures were lost since the last call, if some were."""
+        trouble, self._trouble = self._trouble, None
+        return trouble
+
+    def _ask_again(self, error: PicturesLostError) -> None:
+        """Forget what will not come; a picture that was to be saved is asked for again."""
+        self.restarts += 1
+        self._trouble = str(error)
+        self._save_wanted = self.saving
+        self._waiting, self._last = [], None
 
     def _ask(self, session: Session, look: Look, *, timed: bool) -> None:
         if len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s):

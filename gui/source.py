@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Self
 
+from gui.feed import PicturesLostError
 from simulator.errors import UserError
 from simulator.labels.frame import Frame, take_frame
-from simulator.render.process import RenderProcess
+from simulator.render.process import ProcessDiedError, RenderProcess
 from simulator.targets.library import target_in_use
 
 if TYPE_CHECKING:
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 # One being drawn and one waiting: more would only make the picture older.
 AHEAD = 2
+MOST_DEATHS = 3
+"""Render processes that may die one after the other without having drawn a picture."""
 
 
 def draw(renderer: Renderer, scene: SceneState, *, labels: bool = False, timed: bool = False) -> Frame:
@@ -29,15 +32,19 @@ def draw(renderer: Renderer, scene: SceneState, *, labels: bool = False, timed: 
 class RenderedPictures:
     """The render process as the feed wants it: never waits, and a failure is one sentence.
 
+    A process that dies is followed by another; what the one had under way is lost.
+
     Parameters
     ----------
     device_index : EGL device to draw on. first : the first scene to come, for a quicker first picture.
     """
 
     def __init__(self, device_index: int | None = None, *, first: SceneState | None = None) -> None:
-        self._process: RenderProcess[Frame] = RenderProcess(
-            draw, device_index=device_index, capacity=AHEAD, first=first
-        )
+        self._device_index, self._deaths = device_index, 0
+        self._process = self._start(first)
+
+    def _start(self, first: SceneState | None) -> RenderProcess[Frame]:
+        return RenderProcess(draw, device_index=self._device_index, capacity=AHEAD, first=first)
 
     def submit(self, scene: SceneState, *, labels: bool = False, timed: bool = False) -> bool:
         """Queue a scene; False when enough are under way. ``timed``: each pass by itself."""
@@ -45,6 +52,8 @@ class RenderedPictures:
             return False
         try:
             self._process.submit(scene, labels=labels, timed=timed)
+        except ProcessDiedError as error:
+            raise self._begun_again(error, scene) from error
         except RuntimeError as error:
             raise _stopped(error) from error
         return True
@@ -53,9 +62,29 @@ class RenderedPictures:
         """The pictures finished by now."""
         try:
             while self._process.ready():
-                yield self._process.result()
+                picture = self._process.result()
+                self._deaths = 0
+                yield picture
+        except ProcessDiedError as error:
+            raise self._begun_again(error, None) from error
         except RuntimeError as error:
             raise _stopped(error) from error
+
+    def _begun_again(self, error: ProcessDiedError, first: SceneState | None) -> Exception:
+        """Start another process in place of one that died, unless they die one after the other."""
+        self._deaths += 1
+        if self._deaths >= MOST_DEATHS:
+            return _stopped(error)
+        self._process.close()
+        self._process = self._start(first)
+        return PicturesLostError(
+            f"the drawing process died (exit code {error.exit_code}) and is started again; the flight goes on"
+        )
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the process that draws now."""
+        return self._process.pid
 
     def close(self) -> None:
         """End the process."""

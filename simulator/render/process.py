@@ -29,6 +29,19 @@ _SHARE_FROM_BYTES = 1 << 16  # smaller results go through the pipe
 _START_TIMEOUT_S = 60.0
 
 
+class ProcessDiedError(RuntimeError):
+    """The render process is gone, and what it had under way with it.
+
+    Parameters
+    ----------
+    exit_code : its own, or minus the number of the signal that ended it; None if it is not known.
+    """
+
+    def __init__(self, exit_code: int | None) -> None:
+        super().__init__(f"the render process ended unexpectedly (exit code {exit_code})")
+        self.exit_code = exit_code
+
+
 class RenderProcess(Generic[T]):
     """Runs ``work(renderer, scene, **options)`` elsewhere, in order, a few jobs ahead of the caller.
 
@@ -47,7 +60,7 @@ class RenderProcess(Generic[T]):
     UserError
         From ``info``, ``result`` and ``results``: what the renderer or ``work`` raised as a user's mistake.
     RuntimeError
-        Anything else that went wrong there, with its traceback, or the exit code of a process that died.
+        Anything else that went wrong there, with its traceback; `ProcessDiedError` if it died.
     """
 
     def __init__(
@@ -84,6 +97,11 @@ class RenderProcess(Generic[T]):
                 raise RuntimeError(f"the render process did not start within {_START_TIMEOUT_S:.0f} s")
             self._info = self._receive()
         return self._info
+
+    @property
+    def pid(self) -> int | None:
+        """The process's number."""
+        return self._process.pid
 
     @property
     def in_flight(self) -> int:
@@ -154,6 +172,7 @@ class RenderProcess(Generic[T]):
             if self._process.is_alive():
                 self._process.terminate()
         self._process.join()
+        self._attach_uncollected()
         self._pipe.close()
         for block in self._blocks.values():
             block.close()
@@ -177,7 +196,7 @@ class RenderProcess(Generic[T]):
     def _receive(self) -> Any:  # noqa: ANN401 - whatever `work` returns
         try:
             kind, payload, block_name, sizes = pickle.loads(self._pipe.recv_bytes())  # noqa: S301 - our own child
-        except (EOFError, ConnectionError) as error:
+        except (EOFError, OSError) as error:  # OSError: it died in the middle of a message
             self._in_flight = 0
             raise self._death() from error
         if kind == "user_error":
@@ -195,10 +214,17 @@ class RenderProcess(Generic[T]):
         self._send(block_name)  # the block may be used again
         return pickle.loads(payload, buffers=buffers)  # noqa: S301 - our own child
 
-    def _death(self) -> RuntimeError:
+    def _death(self) -> ProcessDiedError:
         self._process.join(timeout=5)
-        code = self._process.exitcode
-        return RuntimeError(f"the render process ended unexpectedly (exit code {code})")
+        return ProcessDiedError(self._process.exitcode)
+
+    def _attach_uncollected(self) -> None:
+        """Take the blocks of results that a process which died has sent and nobody has read, to free them."""
+        with contextlib.suppress(OSError, EOFError):
+            while self._pipe.poll():
+                name = pickle.loads(self._pipe.recv_bytes())[2]  # noqa: S301 - our own child
+                if name is not None and name not in self._blocks:
+                    self._blocks[name] = shared_memory.SharedMemory(name=name)
 
 
 def _memory(block: shared_memory.SharedMemory) -> memoryview:

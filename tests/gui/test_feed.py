@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gui.detail import DIVISORS
-from gui.feed import Feed
+from gui.feed import Feed, PicturesLostError
 from gui.look import Look
 from gui.overlay import shown_passes
 from gui.session import Session
@@ -26,6 +26,7 @@ class FakeRenderer:
         self.pending: list[SceneState] = []
         self.done: list[Frame] = []
         self.ms_per_mpx = ms_per_mpx
+        self.lose: str | None = None
 
     def submit(self, scene: SceneState, *, labels: bool = False, timed: bool = False) -> bool:
         self.timed.append(timed)
@@ -34,6 +35,9 @@ class FakeRenderer:
         return True
 
     def results(self) -> Iterable[Frame]:
+        if self.lose is not None:
+            why, self.lose = self.lose, None
+            raise PicturesLostError(why)
         done, self.done = self.done, []
         return done
 
@@ -149,6 +153,25 @@ def test_saving_asks_for_a_whole_picture_with_labels(session: Session) -> None:
     feed.update(session, look)
     assert [p.frame.scene for p in feed.saved] == [session.scene()]
     assert not feed.saving
+
+
+def test_lost_pictures_are_asked_for_again(session: Session) -> None:
+    source, clock = FakeRenderer(), Clock()
+    feed, look = Feed(source, clock), look_of(session)
+    session.toggle_pause()
+    feed.ask_to_save()
+    feed.update(session, look)
+    source.lose = "the drawing process died"
+    source.pending.clear()
+    assert not feed.update(session, look)
+    assert feed.take_trouble() == "the drawing process died"
+    assert feed.take_trouble() is None
+    assert feed.saving
+    feed.update(session, look)
+    source.finish()
+    assert feed.update(session, look)
+    assert [p.frame.scene for p in feed.saved] == [session.scene()]
+    assert feed.restarts == 1
 
 
 def test_passes_are_timed_on_request_only_and_a_still_picture_is_drawn_again_for_it(session: Session) -> None:
