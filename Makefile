@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow test-portable lint bench validation docs schemas format system clean
+.PHONY: demo test test-slow test-portable test-starts lint bench validation docs schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -20,6 +20,9 @@ test-slow: $(STAMP) system
 # As on other processors: minutes for each factor; FACTORS="blas-prescott worst" runs some of them.
 test-portable: $(STAMP) system
 	$(BIN)/python tools/portable.py $(FACTORS)
+
+test-starts: $(STAMP) system
+	$(BIN)/pytest -q tests/gui/test_starts.py
 
 lint: $(STAMP)
 	$(BIN)/ruff format --check .

@@ -77,15 +77,25 @@ def run(request: Request) -> dict[str, Any]:
     if request.record is not None:
         # said now, and not after the flight
         empty_folder(request.record, option="--record")
-    recorder = None if request.record is None else Recorder()
-    session = Session.of(load_scenario(request.scenario), seed=request.seed, recorder=recorder)
+    recorder = Recorder()
+    session = Session.of(
+        load_scenario(request.scenario),
+        seed=request.seed,
+        recorder=None if request.record is None else recorder,
+    )
     with (
         Window(f"Flyaround - {session.plan.scenario_name}", request.size) as window,
         RenderedPictures(request.device_index, first=session.plan.scene(0)) as source,
     ):
-        state = Console(window, session, source, request).run()
-    if recorder is not None and request.record is not None and recorder.long_enough:
-        state["replay"] = str(recorder.write(request.record, session.plan.scenario))
+        if request.record is not None:
+            recorder.keep_in(request.record, session.plan.scenario)
+        try:
+            state = Console(window, session, source, request).run()
+        finally:
+            # also when the flight ends otherwise than it should
+            replay = recorder.close()
+    if replay is not None:
+        state["replay"] = str(replay)
     return state
 
 
@@ -124,6 +134,7 @@ class Console:
             session.advance(now - last if first_picture is not None else 0.0, held)
             last = now
             changed |= feed.update(session, self._options.look, timed=self._options.overlays.times)
+            self._tell_troubles()
             # where software draws the window too, it takes half of the time at most
             least_s = max(1 / WINDOW_HZ, min(2e-3 * self._window_ms, 1 / STILL_HZ))
             if now - drawn >= (least_s if changed else 1 / STILL_HZ):
@@ -203,6 +214,14 @@ class Console:
                 self._panel.message = f"not saved: {error}"
             log.info("%s", self._panel.message)
 
+    def _tell_troubles(self) -> None:
+        """What goes wrong meanwhile, once: the flight goes on."""
+        recorder = self._session.recorder
+        for trouble in (self._feed.take_trouble(), None if recorder is None else recorder.take_trouble()):
+            if trouble is not None:
+                self._panel.message = trouble
+                log.warning("%s", trouble)
+
     def _last_state(self) -> dict[str, Any]:
         session, feed = self._session, self._feed
         world, scene = session.moment.world, session.scene()
@@ -217,6 +236,7 @@ class Console:
             "t_camera_from_target_m": scene.t_camera_from_target_m,
             "q_camera_from_eci_wxyz": scene.q_camera_from_eci_wxyz,
             "pictures": feed.finished,
+            "drawing_restarts": feed.restarts,
             "pictures_per_s": round(feed.frames_s, 2),
             "pass_ms": {name: round(ms, 2) for name, ms in feed.pass_ms.items()},
             "picture_ms": round(feed.frame_ms, 1),

@@ -1,14 +1,22 @@
-"""The operator's flight on file: states at even times, and the scenario that flies them again."""
+"""The operator's flight on file, from its first second on: states at even times, and the scenario that replays them.
+
+While it is flown each state is a line of ``flight.csv`` at once, and ``replay.toml`` follows once a second: a console
+that is killed loses no more than that. A flight that ends leaves ``flight.npz`` in place of the lines.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import contextlib
+import time
+from typing import TYPE_CHECKING, TextIO
 
+from simulator.errors import UserError
 from simulator.files import empty_folder, write_atomic
 from simulator.scenario_write import replay_scenario
-from simulator.world.recording import Recording
+from simulator.world.recording import LINES, Recording, first_line, line_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from simulator.scenario import Scenario
@@ -16,13 +24,42 @@ if TYPE_CHECKING:
 
 EVERY_S = 0.1
 """Simulated time between the states that are kept; at higher rates each step of the session is one."""
+REPLAY_EVERY_S = 1.0
+"""Between two writings of ``replay.toml``, which says how long the flight is."""
+WHOLE, REPLAY = "flight.npz", "replay.toml"
 
 
 class Recorder:
-    """Keeps the states of a session from its start; `write` makes the replay."""
+    """Keeps the states of a session from its start; `write` makes the replay, `keep_in` does so all along.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    clock : seconds, monotonic.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.states: list[WorldState] = []
+        self.trouble: str | None = None
+        """Why the flight is not on disk, if it is not."""
+        self._untold: str | None = None
+        self._clock = clock
+        self._kept: tuple[Path, Scenario] | None = None
+        self._lines: TextIO | None = None
+        self._replay_due_s = 0.0
+
+    def keep_in(self, folder: Path, scenario: Scenario) -> None:
+        """Keep the flight in a folder while it is flown; what there is of it is written at once.
+
+        Raises
+        ------
+        UserError
+            If the folder is not empty or cannot be written.
+        """
+        empty_folder(folder, option="--record")
+        self._kept = folder, scenario
+        self._begin()
+        if self.trouble is not None:
+            raise UserError(self.trouble)
 
     def wants(self, t_s: float) -> bool:
         """Whether the state at a time is due."""
@@ -30,12 +67,15 @@ class Recorder:
         return not self.states or t_s >= self.states[-1].t_s + EVERY_S - 5e-4
 
     def add(self, state: WorldState) -> None:
-        """Keep a state, later than the last."""
+        """Keep a state, later than the last. A disk that is full does not end a flight: see `trouble`."""
         self.states.append(state)
+        self._put(state)
 
     def clear(self) -> None:
         """Begin again."""
         self.states.clear()
+        if self._kept is not None:
+            self._begin()
 
     def write(self, folder: Path, scenario: Scenario) -> Path:
         """Write ``flight.npz`` and ``replay.toml`` into a folder, if `long_enough`; the latter's path.
@@ -46,13 +86,87 @@ class Recorder:
             If the folder is not empty or cannot be written.
         """
         empty_folder(folder, option="--record")
-        recording = Recording.of(self.states)
-        write_atomic(folder / "flight.npz", recording.to_bytes())
-        path = folder / "replay.toml"
-        write_atomic(path, replay_scenario(scenario, "flight.npz", recording.duration_s).encode())
-        return path
+        return self._write_whole(folder, scenario)
+
+    def close(self) -> Path | None:
+        """End what `keep_in` began: the whole flight in place of its lines; the replay's path, if there is one.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written; its lines stay.
+        """
+        if self._kept is None:
+            return None
+        (folder, scenario), self._kept = self._kept, None
+        self._stop()
+        replay = self._write_whole(folder, scenario) if self.long_enough else None
+        with contextlib.suppress(OSError):
+            (folder / WHOLE).with_suffix(LINES).unlink(missing_ok=True)
+        return replay
 
     @property
     def long_enough(self) -> bool:
         """Whether there is something to replay."""
         return len(self.states) > 1
+
+    def take_trouble(self) -> str | None:
+        """Why the flight is not on disk, said once."""
+        trouble, self._untold = self._untold, None
+        return trouble
+
+    def _write_whole(self, folder: Path, scenario: Scenario) -> Path:
+        recording = Recording.of(self.states)
+        write_atomic(folder / WHOLE, recording.to_bytes())
+        return _write_replay(folder, scenario, WHOLE, recording.duration_s)
+
+    def _begin(self) -> None:
+        """Begin the lines, over those of a flight that was begun again."""
+        if self._kept is None:
+            return
+        folder, _ = self._kept
+        self._stop()
+        self.trouble, self._replay_due_s = None, self._clock() + REPLAY_EVERY_S
+        try:
+            (folder / REPLAY).unlink(missing_ok=True)
+            self._lines = (folder / WHOLE).with_suffix(LINES).open("w", encoding="ascii")
+            self._lines.write(first_line())
+            self._lines.flush()
+        except OSError as error:
+            self._fail(error)
+        for state in self.states:
+            self._put(state)
+
+    def _put(self, state: WorldState) -> None:
+        if self._lines is None or self._kept is None:
+            return
+        folder, scenario = self._kept
+        try:
+            self._lines.write(line_of(state))
+            # to the system, which keeps it when this program is killed
+            self._lines.flush()
+            if self.long_enough and self._clock() >= self._replay_due_s:
+                self._replay_due_s = self._clock() + REPLAY_EVERY_S
+                name = (folder / WHOLE).with_suffix(LINES).name
+                _write_replay(folder, scenario, name, state.t_s)
+        except (OSError, UserError) as error:
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        self.trouble = self._untold = (
+            f"the flight is not recorded any more ({why}); it is tried again at the end"
+        )
+        self._stop()
+
+    def _stop(self) -> None:
+        if self._lines is not None:
+            with contextlib.suppress(OSError):
+                self._lines.close()
+            self._lines = None
+
+
+def _write_replay(folder: Path, scenario: Scenario, recording: str, duration_s: float) -> Path:
+    path = folder / REPLAY
+    write_atomic(path, replay_scenario(scenario, recording, duration_s).encode())
+    return path

@@ -27,7 +27,8 @@ def sim(
     record: Annotated[
         Path | None,
         typer.Option(
-            "--record", help="Folder for the flight as flown and replay.toml, which flies it again."
+            "--record",
+            help="Empty folder for the flight as flown and replay.toml, which flies it again; on disk while flying.",
         ),
     ] = None,
     gpu: Annotated[

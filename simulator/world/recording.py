@@ -40,6 +40,8 @@ _FIELDS = {
     "omega_camera_rad_s": 3,
 }
 """Arrays of the file and the width of each, named as in `WorldState`."""
+LINES = ".csv"
+"""Ending of a recording as lines, which grows while it is flown; any other is an npz file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,7 @@ class Recording:
 
     @staticmethod
     def read(path: Path) -> Recording:
-        """A recording from its file.
+        """A recording from its file, of arrays or of lines; a last line that was not finished is left out.
 
         Raises
         ------
@@ -75,8 +77,11 @@ class Recording:
             If it cannot be read, lacks an array, or its times do not start at 0 and rise.
         """
         try:
-            with np.load(path) as file:
-                arrays = {name: np.asarray(file[name], float) for name in _FIELDS}
+            if path.suffix == LINES:
+                arrays = _from_lines(path.read_text("ascii"))
+            else:
+                with np.load(path) as file:
+                    arrays = {name: np.asarray(file[name], float) for name in _FIELDS}
         except OSError as error:
             raise UserError(f"recording {path} cannot be read: {error.strerror or error}") from error
         except (KeyError, ValueError, zipfile.BadZipFile) as error:
@@ -147,6 +152,32 @@ class RecordedAttitude:
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """``q_eci_from_body_wxyz`` and the body rate [rad s-1]."""
         return self.recording.target_attitude(t_s)
+
+
+def first_line() -> str:
+    """The names of a line's numbers, in order."""
+    names = [f"{name}_{k}" if width > 1 else name for name, width in _FIELDS.items() for k in range(width)]
+    return ",".join(names) + "\n"
+
+
+def line_of(state: WorldState) -> str:
+    """A state as a line of numbers, which read again are the same to the last bit."""
+    values = (np.atleast_1d(getattr(state, name)).tolist() for name in _FIELDS)
+    return ",".join(repr(float(value)) for part in values for value in part) + "\n"
+
+
+def _from_lines(text: str) -> dict[str, FloatArray]:
+    """Arrays of `first_line` and the whole lines after it. ValueError if they are not that."""
+    first, *rows = text.split("\n")[:-1]  # what comes after the last line's end was not finished
+    if first + "\n" != first_line():
+        raise ValueError("its first line does not name the numbers of a flight")
+    count = sum(_FIELDS.values())
+    table = np.array([row.split(",") for row in rows], float).reshape(-1, count)
+    arrays, at = {}, 0
+    for name, width in _FIELDS.items():
+        arrays[name] = table[:, at] if width == 1 else table[:, at : at + width]
+        at += width
+    return arrays
 
 
 def record(flight: Flight, times_s: Iterable[float]) -> Recording:

@@ -17,9 +17,11 @@ from gui.recorder import Recorder
 from gui.session import FRAME_STEP_S, RATES, STEP_S, Session
 from gui.steering import ACCELERATION_M_S2, BRAKE_M_S2, COARSE_GAIN, RATE_RAD_S, SLEW_RAD_S2
 from simulator import scenario_motion as sm
+from simulator.errors import UserError
 from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
 from simulator.scene.state import SceneState
+from simulator.world.recording import Recording, first_line
 from simulator.world.rotation import matrix_from_quat, rotation_angle_rad
 
 TICK_S = 1 / 50
@@ -299,6 +301,87 @@ def test_keep_out_sphere_stops_an_operator_who_pushes_on() -> None:
     free.centre()
     fly(free, 9.0, Action.FORWARD, Action.COARSE)
     assert free.moment.world.range_m < 7.0
+
+
+class Clock:
+    """A clock that the test turns."""
+
+    now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
+    clock = Clock()
+    recorder = Recorder(clock)
+    session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+    recorder.keep_in(tmp_path / "flown", session.plan.scenario)
+    for _ in range(3):
+        fly(session, 0.5, Action.FORWARD, Action.YAW_LEFT)
+        clock.now_s += 1.01
+    fly(session, 0.5)
+    lines = tmp_path / "flown" / "flight.csv"
+    # what a console leaves that is killed while it writes a line
+    with lines.open("a") as file:
+        file.write("2.0,6778137.0,")
+    replay = load_scenario(tmp_path / "flown" / "replay.toml")
+    assert replay.duration_s == pytest.approx(1.5)
+    flight = plan_flight(replay, n=1).flight
+    for state in recorder.states:
+        if state.t_s <= replay.duration_s:
+            assert flight.state(state.t_s) == state
+    assert recorder.close() == tmp_path / "flown" / "replay.toml"
+    assert sorted(path.name for path in (tmp_path / "flown").iterdir()) == ["flight.npz", "replay.toml"]
+    assert load_scenario(tmp_path / "flown" / "replay.toml").duration_s == recorder.states[-1].t_s
+
+
+def test_a_restart_begins_another_recording(tmp_path: Path) -> None:
+    clock = Clock()
+    recorder = Recorder(clock)
+    session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+    recorder.keep_in(tmp_path, session.plan.scenario)
+    clock.now_s = 2.0
+    fly(session, 1.0)
+    assert (tmp_path / "replay.toml").is_file()
+    session.restart()
+    assert [path.name for path in tmp_path.iterdir()] == ["flight.csv"]
+    # nothing to replay
+    assert recorder.close() is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_is_not_written_over(tmp_path: Path) -> None:
+    (tmp_path / "flight.npz").write_bytes(b"an earlier one")
+    with pytest.raises(UserError, match="is not empty; name a new one with --record"):
+        Recorder().keep_in(tmp_path, load_scenario("tango-flyaround"))
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path: Path) -> None:
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("no /dev/full")
+    recorder = Recorder()
+    session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
+    recorder.keep_in(tmp_path, session.plan.scenario)
+    (tmp_path / "flight.csv").unlink()
+    (tmp_path / "flight.csv").symlink_to(full)
+    session.restart()
+    fly(session, 1.0)
+    assert "No space left on device" in str(recorder.take_trouble())
+    assert recorder.take_trouble() is None
+    # whole at the end, from memory
+    replay = recorder.close()
+    assert replay is not None
+    assert load_scenario(replay).duration_s == recorder.states[-1].t_s
+
+
+def test_lines_that_are_no_flight_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "flight.csv"
+    for text in ("", "t_s,x\n0.0,1.0\n", first_line() + "0.0,1.0\n", first_line()):
+        path.write_text(text)
+        with pytest.raises(UserError, match=r"flight\.csv"):
+            Recording.read(path)
 
 
 def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path: Path) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
-import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -16,48 +17,20 @@ import cv2
 import numpy as np
 import pytest
 
+from simulator.loop import plan_flight
+from simulator.scenario_load import load_scenario
+from simulator.world.recording import Recording
+from tests.harness.screen import SCREEN, virtual_screen, xdotool
+
 pytestmark = pytest.mark.gui
 
-SCREEN = (1280, 800)
 START_TIMEOUT_S = 60.0
 
 
 @pytest.fixture(scope="module")
 def display() -> Iterator[str]:
-    for program in ("Xvfb", "xdotool"):
-        if shutil.which(program) is None:
-            pytest.skip(f"{program} is not installed (apt-get install xvfb xdotool)")
-    pytest.importorskip("glfw", reason="the gui extra is not installed", exc_type=ImportError)
-    receiving, sending = os.pipe()
-    # -displayfd: the server picks a free number and tells it when it is ready
-    server = subprocess.Popen(
-        [
-            "Xvfb",
-            "-displayfd",
-            str(sending),
-            "-screen",
-            "0",
-            f"{SCREEN[0]}x{SCREEN[1]}x24",
-            "-nolisten",
-            "tcp",
-        ],
-        pass_fds=(sending,),
-        stderr=subprocess.DEVNULL,
-    )
-    os.close(sending)
-    with os.fdopen(receiving) as pipe:
-        number = pipe.readline().strip()
-    yield f":{number}"
-    server.terminate()
-    server.wait(timeout=10)
-
-
-def xdotool(display: str, *arguments: str) -> str:
-    environment = {**os.environ, "DISPLAY": display}
-    done = subprocess.run(
-        ["xdotool", *arguments], env=environment, capture_output=True, text=True, check=False
-    )
-    return done.stdout.strip()
+    with virtual_screen() as name:
+        yield name
 
 
 def fly(
@@ -122,6 +95,69 @@ def test_turning_right_moves_the_target_left_and_pause_freezes(display: str, tmp
     assert abs(state["t_camera_from_target_m"][1]) < 0.1
     # the list of keys lies over the middle of the view
     assert image[300:500, 500:700].mean() < 60.0
+
+
+def drawing_process(console: int) -> int:
+    """Number of the process that draws for a console."""
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            parent = int(stat.read_text().rpartition(")")[2].split()[1])
+            if parent == console and b"spawn_main" in (stat.parent / "cmdline").read_bytes():
+                return int(stat.parent.name)
+    pytest.fail("the console has no drawing process")
+
+
+def test_a_killed_console_leaves_its_flight(display: str, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "flyaround", "-v", "sim", "tango-flyaround", "--record", "flown"]
+    environment = {**os.environ, "DISPLAY": display}
+    with subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
+    ) as console:
+        assert console.stderr is not None
+        assert any("first picture" in line for line in console.stderr), "no picture came"
+        xdotool(display, "keydown", "w")
+        time.sleep(2.0)
+        drawing = drawing_process(console.pid)
+        console.kill()
+        xdotool(display, "keyup", "w")
+    flown = Recording.read(tmp_path / "flown" / "flight.csv")
+    assert flown.duration_s > 0.5
+    # all but the last second is replayed, by an ordinary scenario
+    replay = load_scenario(tmp_path / "flown" / "replay.toml")
+    assert flown.duration_s - 2.0 < replay.duration_s <= flown.duration_s
+    flight = plan_flight(replay, n=1).flight
+    last = flight.state(replay.duration_s)
+    assert np.linalg.norm(last.velocity_lvlh_m_s) > 0.01
+    # who draws ends by itself
+    until = time.monotonic() + START_TIMEOUT_S
+    while Path(f"/proc/{drawing}/cmdline").exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not Path(f"/proc/{drawing}").exists()
+
+
+@pytest.mark.slow
+def test_a_drawing_process_that_dies_is_started_again(display: str, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "flyaround", "-v", "sim", "tango-flyaround", "--json"]
+    command += ["--seconds", "20", "--record", "flown"]
+    environment = {**os.environ, "DISPLAY": display}
+    with subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as console:
+        assert console.stderr is not None
+        assert any("first picture" in line for line in console.stderr), "no picture came"
+        os.kill(drawing_process(console.pid), signal.SIGABRT)
+        told = next((line for line in console.stderr if "died" in line), "")
+        out, err = console.communicate(timeout=2 * START_TIMEOUT_S)
+    assert console.returncode == 0, err
+    assert "exit code -6" in told
+    assert "Traceback" not in err
+    assert "leaked" not in err
+    state = json.loads(out)
+    assert state["drawing_restarts"] == 1
+    assert state["pictures"] > 3
+    replay = load_scenario(tmp_path / state["replay"])
+    # it was recorded all along
+    assert replay.duration_s > 15.0
 
 
 def test_without_a_display_one_sentence_says_what_to_do(tmp_path: Path) -> None:
