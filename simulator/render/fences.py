@@ -13,6 +13,7 @@ later scene is known to be done: the threads begin with one only when all have l
 from __future__ import annotations
 
 import ctypes
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from simulator.render.levels import opengl
@@ -98,6 +99,7 @@ def draw_to(framebuffer: moderngl.Framebuffer) -> None:
     framebuffer.use()
 
 
+@lru_cache(maxsize=1)
 def _gl_flush() -> Callable[[], None] | None:
     """The call, which keeps Python's lock."""
     library = opengl()
