@@ -37,9 +37,22 @@ def test_error_falls_with_the_square_of_the_distance(e: float) -> None:
         track = propagate(r, v, span, ROUND, frame.to_eci(scale * base[:3], scale * base[3:]))
         then = lvlh_frame(*track(span), track.acceleration(span))
         truth = np.concatenate(then.from_eci(*track.relative(span)))
-        errors.append(np.linalg.norm((elliptic_transition_matrix(orbit, span) @ (scale * base) - truth)[:3]))
+        off = elliptic_transition_matrix(orbit, span) @ (scale * base) - truth
+        errors.append((np.linalg.norm(off[:3]), np.linalg.norm(off[3:])))
     slopes = np.log2(np.array(errors[1:]) / errors[:-1])
-    assert np.allclose(slopes, 2.0, atol=0.05)
+    assert np.allclose(slopes, 2.0, atol=0.05)  # of the position and of the velocity
+
+
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.7])
+def test_velocity_is_how_fast_the_position_changes(e: float) -> None:
+    """Rows 4 to 6 are the time derivative of rows 1 to 3, by central differences: 1e-6 of the largest."""
+    orbit = Elements(semi_major_axis_m=7000e3 / (1 - e), eccentricity=e, true_anomaly_rad=-0.4)
+    h = 0.05
+    for t in (10.0, 1700.0, 9000.0):
+        before, now, after = (elliptic_transition_matrix(orbit, t + dt) for dt in (-h, 0.0, h))
+        slope = (after - before)[:3] / (2 * h)
+        assert np.allclose(now[3:], slope, rtol=0, atol=1e-6 * np.abs(slope).max(axis=0))
+    assert np.allclose(elliptic_transition_matrix(orbit, 0.0), np.eye(6), atol=1e-9)
 
 
 def test_kepler_counts_turns() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from math import factorial, sqrt
 
+import erfa
 import numpy as np
 import pytest
 from scipy.special import lpmv
@@ -13,7 +14,13 @@ from simulator.world.constants import AU_M, EARTH_RADIUS_M, MU_MOON_M3_S2, SOLAR
 from simulator.world.density import _LAYERS, density_kg_m3
 from simulator.world.earth_orientation import R_itrs_from_eci, pole_eci
 from simulator.world.ephemeris import moon_geometric_m
-from simulator.world.forces import FullForces, Surface, attraction, attraction_difference
+from simulator.world.forces import (
+    FullForces,
+    Surface,
+    attraction,
+    attraction_difference,
+    geodetic_altitude_m,
+)
 from simulator.world.gravity import Gravity
 from simulator.world.lvlh import lvlh_frame
 from simulator.world.orbit import Elements, propagate, state_from_elements
@@ -118,6 +125,29 @@ def test_air_is_continuous_thins_and_slows_the_orbit() -> None:
     wind = V0 - 7.2921e-5 * np.cross(pole_eci(EPOCH), R0)
     expected = 0.5 * 1.454e-13 * 2.2 * 0.5 / 50.0 * (wind @ wind)
     assert np.linalg.norm(push) == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("latitude_deg", [-90.0, -50.0, 0.0, 25.0, 45.0, 90.0])
+@pytest.mark.parametrize("altitude_m", [150e3, 600e3])
+def test_altitude_is_above_the_flattened_earth(latitude_deg: float, altitude_m: float) -> None:
+    """SOFA's WGS 84: to 35 m, which the square of the flattening allows; the sphere is 21 km off at the pole."""
+    r = erfa.gd2gc(1, 0.7, np.radians(latitude_deg), altitude_m)
+    assert geodetic_altitude_m(r, float(r[2])) == pytest.approx(altitude_m, abs=35.0)
+
+
+def test_air_over_the_pole_is_that_of_the_height_above_the_pole() -> None:
+    """Drag at one distance from the Earth's centre, over the pole and over the equator: 21 km differ in height."""
+    pole = SKY.at(0.0)[0][2]
+    across = np.cross(pole, [1.0, 0.0, 0.0]) / np.linalg.norm(np.cross(pole, [1.0, 0.0, 0.0]))
+    forces, bare = FullForces(sky=SKY, drag=True, craft=(SMALL, SMALL)), FullForces(sky=SKY)
+    distance, speed = EARTH_RADIUS_M + 400e3, 7600.0
+    for at, way, latitude in ((pole, across, 90.0), (across, pole, 0.0)):
+        r, v = distance * at, speed * way
+        push = forces.target(0.0, r, v) - bare.target(0.0, r, v)
+        height = distance - np.linalg.norm(erfa.gd2gc(1, 0.0, np.radians(latitude), 0.0))
+        wind = v - 7.2921e-5 * np.cross(pole, r)
+        expected = 0.5 * density_kg_m3(height) * 2.2 * 0.5 / 50.0 * (wind @ wind)
+        assert np.linalg.norm(push) == pytest.approx(expected, rel=0.002)
 
 
 def test_light_pushes_in_the_sun_and_not_in_the_shadow() -> None:
