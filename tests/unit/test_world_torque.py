@@ -76,7 +76,9 @@ def test_torque_acts_along_the_axes_of_a_body_that_points_anywhere() -> None:
         return np.concatenate([0.5 * turn @ omega, spin])
 
     span = 1500.0
-    end = solve_ivp(euler, (0, span), np.concatenate([q0, rate]), method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+    end = solve_ivp(euler, (0, span), np.concatenate([q0, rate]), method="DOP853", rtol=1e-12, atol=1e-14).y[
+        :, -1
+    ]
     torque = torque_on(Torques(constant_nm=tuple(push)), ORBIT, J, EPOCH)
     q, w = propagate_attitude(q0, rate, J, span, torque)(span)
     assert abs(q @ end[:4]) == pytest.approx(1.0, abs=1e-12)

@@ -12,6 +12,7 @@ import numpy as np
 from hil.board.svd import quaternion as quat
 from hil.board.svd.edges import EdgeField
 from hil.board.svd.model import CameraIntrinsics
+from hil.board.svd.robust import geman_mcclure, tukey
 from hil.board.svd.samples import EdgeSamples, jacobian, project
 from hil.board.svd.silhouette import inward_sign, silhouette
 from hil.board.svd.templates import ViewTable
@@ -84,7 +85,7 @@ def align_to_field(
         e = field.nearest.reshape(-1, 2)[flat]
         r = np.einsum("bmi,bmi->bm", e - uv, pr.normals)
         w = weight * inside * (d < reach) * (pr.points_camera_m[..., 2] > 0.1)
-        w = w / (1 + (r / (0.4 * reach)) ** 2) ** 2
+        w = geman_mcclure(w, r, 0.4 * reach)
         J = jacobian(pr, camera, t) / field.factor
         depth = float(np.median(np.maximum(t[:, 2], radius_m)))
         step, _ = gauss_newton_step(J, r, w, parameter_scale(depth, radius_m), 1e-3)
@@ -197,8 +198,7 @@ def fine_align(
         good = strength > 4.0
         r = np.where(good, offset, 0.0)
         spread = max(0.35, 1.4826 * float(np.median(np.abs(r[good]))) if good.any() else 1.0)
-        tukey = np.clip(1 - (r / (4.0 * spread)) ** 2, 0, None) ** 2
-        weight = good * tukey
+        weight = good * tukey(r, 4.0 * spread)
         J = jacobian(pr, camera, t) / f
         step, normal = gauss_newton_step(
             J, r[None], weight[None], parameter_scale(float(t[0, 2]), radius_m), 1e-6

@@ -11,6 +11,7 @@ import numpy as np
 from hil.board.svd import quaternion as quat
 from hil.board.svd.model import CameraIntrinsics
 from hil.board.svd.refine import gauss_newton_step, parameter_scale
+from hil.board.svd.robust import tukey
 from hil.board.svd.samples import EdgeSamples, jacobian, project
 from hil.board.svd.vectors import cross
 from hil.board.svd.visibility import Occluders, visible_samples
@@ -180,7 +181,7 @@ def _one_scale(
         r = np.where(ok, r, 0.0)
         spread = max(0.4 * factor, 1.4826 * float(np.median(np.abs(r[ok]))) if ok.any() else factor)
         limit = min(4.0 * spread, max(gate * (1.0 - k / steps) * 3.0, 3.0 * factor))
-        weight = ok * np.clip(1 - (r / limit) ** 2, 0, None) ** 2
+        weight = ok * tukey(r, limit)
         J = jacobian(now, camera, fit_t[None])
         step, normal = gauss_newton_step(
             J, r[None], weight[None], parameter_scale(float(fit_t[2]), radius_m), 1e-5

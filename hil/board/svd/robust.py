@@ -1,0 +1,30 @@
+"""Weights of residuals of which some belong to something else: near zero as they are, far off they count no more."""
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def geman_mcclure(weight: Array, residual: Array, scale: float) -> Array:
+    """Weights times those of a cost that no single residual can raise beyond ``scale**2 / 2``.
+
+    Parameters
+    ----------
+    weight : what each counts before. residual, scale : in one unit.
+
+    References
+    ----------
+    Geman & McClure (1987), Statistical methods for tomographic image reconstruction, Bull. ISI 52:
+    rho = r^2 / 2 / (1 + r^2 / s^2), of which this is the slope over r.
+    """
+    return weight / (1 + (residual / scale) ** 2) ** 2
+
+
+def tukey(residual: Array, limit: float) -> Array:
+    """Tukey's biweight: 1 at zero, nothing from ``limit`` on.
+
+    References
+    ----------
+    Beaton & Tukey (1974), Technometrics 16: rho = c^2 / 6 (1 - (1 - r^2 / c^2)^3), of which this is the slope over r.
+    """
+    return np.asarray(np.clip(1 - (residual / limit) ** 2, 0, None) ** 2)
