@@ -1,0 +1,132 @@
+"""What the picture decides in labels: contrast about a keypoint, steps across the wireframe. Pictures made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from simulator.camera.develop import noise_sigma
+from simulator.camera.model import Camera
+from simulator.labels.feasible import wireframe_step_share
+from simulator.labels.keypoints import _radiometric_state
+from simulator.labels.wireframe import EdgeView
+from simulator.recipe import plan_recipe
+from simulator.targets.model import Edge
+
+HEIGHT, WIDTH, LEVEL = 40, 60, 0.3
+CAMERA = Camera(width_px=WIDTH, height_px=HEIGHT, fx_px=80.0, fy_px=80.0, cx_px=29.5, cy_px=19.5)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return replace(plan_recipe("eval-black", 1, seed=3).scene(0), camera=CAMERA)
+
+
+@pytest.fixture(scope="module")
+def sigma(scene):
+    return noise_sigma(scene.sensor, LEVEL, scene.exposure_s)
+
+
+def flat(value=LEVEL):
+    return np.full((HEIGHT, WIDTH), value, np.float32)
+
+
+OFFSETS = [(x, y) for x, y in product(range(-3, 4), repeat=2) if max(abs(x), abs(y)) >= 2]
+
+
+@pytest.mark.parametrize("at", [(20, 15), (2, 2), (WIDTH - 3, HEIGHT - 3)])
+def test_contrast_about_a_keypoint_is_looked_for_in_five_by_five_pixels(scene, sigma, at):
+    """One bright pixel is in sight within two pixels to every side, and out of it at three."""
+    for dx, dy in OFFSETS:
+        signal, x, y = flat(), at[0] + dx, at[1] + dy
+        if not (0 <= x < WIDTH and 0 <= y < HEIGHT):
+            continue
+        signal[y, x] += 3 * sigma
+        near = max(abs(dx), abs(dy)) <= 2
+        for pixel in ((at[0] + 0.4, at[1] - 0.4), (at[0] - 0.4, at[1] + 0.4)):
+            state = _radiometric_state(scene, np.array(pixel), signal)
+            assert state == ("visible" if near else "below_noise"), (dx, dy)
+
+
+def test_patches_are_cut_by_the_picture_s_border_and_not_taken_from_the_other_side(scene, sigma):
+    for x, y in ((0, 0), (WIDTH - 1, 0), (0, HEIGHT - 1), (WIDTH - 1, HEIGHT - 1)):
+        signal = flat()
+        inward = (x + (2 if x == 0 else -2), y + (2 if y == 0 else -2))
+        signal[inward[1], inward[0]] += 3 * sigma
+        assert _radiometric_state(scene, np.array([x, y], float), signal) == "visible"
+        other = flat()
+        other[HEIGHT - 1 - y, WIDTH - 1 - x] += 3 * sigma
+        assert _radiometric_state(scene, np.array([x, y], float), other) == "below_noise"
+
+
+def test_a_keypoint_is_saturated_when_all_of_its_patch_is(scene):
+    full = flat(1.2)
+    assert _radiometric_state(scene, np.array([20.0, 15.0]), full) == "saturated"
+    for dx, dy in ((-2, -2), (2, 2), (2, -2), (-2, 2), (0, 0)):
+        one = full.copy()
+        one[15 + dy, 20 + dx] = 0.2
+        assert _radiometric_state(scene, np.array([20.0, 15.0]), one) == "visible"
+
+
+def test_contrast_counts_from_one_sigma_of_the_noise_on(scene):
+    for steps, state in ((0.8, "below_noise"), (1.2, "visible")):
+        signal = flat()
+        # the noise of a speckled sensor grows with the signal: that of the patch's mean is asked
+        signal[:, :20] += steps * noise_sigma(scene.sensor, LEVEL, scene.exposure_s)
+        assert _radiometric_state(scene, np.array([20.0, 15.0]), signal) == state
+
+
+def seen(a, b):
+    """An edge in sight from end to end [px]."""
+    edge = Edge(name="edge", a_m=(0.0, 0.0, 0.0), b_m=(1.0, 0.0, 0.0))
+    return EdgeView(edge, np.array([a, b], float), np.ones(2), ((0.0, 1.0),))
+
+
+WAYS = [
+    ((30.0, 4.0), (30.0, 36.0)),
+    ((8.0, 20.0), (52.0, 20.0)),
+    ((10.0, 5.0), (38.0, 33.0)),
+    ((38.0, 5.0), (10.0, 33.0)),
+]
+
+
+def across(way):
+    """How far each pixel is from an edge, to its left positive [px]."""
+    (ax, ay), (bx, by) = way
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    return (-(x - ax) * (by - ay) + (y - ay) * (bx - ax)) / np.hypot(bx - ax, by - ay)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_step_is_taken_from_two_pixels_before_the_edge_to_two_behind_it(scene, sigma, way, sign):
+    """A ramp of four pixels, of 1.4 sigma in all: half of it, one side alone, or half the reach would be too little."""
+    ramp = np.clip(across(way) / 4, -0.5, 0.5)
+    bright = (LEVEL + sign * 1.4 * sigma * ramp).astype(np.float32)
+    assert wireframe_step_share(scene, [seen(*way)], bright, LEVEL) == 1.0
+    faint = (LEVEL + sign * 0.9 * sigma * ramp).astype(np.float32)
+    assert wireframe_step_share(scene, [seen(*way)], faint, LEVEL) == 0.0
+    # a ramp twice as long shows half its height within reach
+    long = (LEVEL + sign * 1.8 * sigma * np.clip(across(way) / 8, -0.5, 0.5)).astype(np.float32)
+    assert wireframe_step_share(scene, [seen(*way)], long, LEVEL) == 0.0
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_bright_line_on_the_edge_is_no_step(scene, sigma, way):
+    """Both sides are as bright: seen from the line itself either would be a step."""
+    line = (LEVEL + 5 * sigma * np.clip(1.5 - np.abs(across(way)), 0, 1)).astype(np.float32)
+    assert wireframe_step_share(scene, [seen(*way)], line, LEVEL) == 0.0
+
+
+def test_the_share_is_one_of_length(scene, sigma):
+    """A quarter of an edge of 40 pixels shows a step; samples are four pixels long."""
+    way = ((10.0, 20.0), (50.0, 20.0))
+    signal = flat()
+    signal[20:, :20] += 5 * sigma
+    share = wireframe_step_share(scene, [seen(*way)], signal, LEVEL)
+    assert share == pytest.approx(0.25, abs=0.051)
+    both = [seen(*way), seen((10.0, 5.0), (50.0, 5.0))]
+    assert wireframe_step_share(scene, both, signal, LEVEL) == pytest.approx(share / 2, abs=1e-9)
