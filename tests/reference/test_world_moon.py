@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import erfa
 import numpy as np
+import pytest
 
 from simulator.world.ephemeris import moon_geometric_m
-from simulator.world.moon import R_moon_from_eci, q_moon_from_eci
+from simulator.world.moon import _ARGUMENTS, R_moon_from_eci, q_moon_from_eci
 from simulator.world.rotation import matrix_from_quat
 from simulator.world.time import Instant
 
@@ -33,3 +35,24 @@ def test_face_stays_to_the_earth() -> None:
 def test_quaternion_is_the_matrix() -> None:
     t = Instant(2461000.0, 0.3)
     assert np.allclose(matrix_from_quat(q_moon_from_eci(t)), R_moon_from_eci(t), atol=1e-14)
+
+
+def test_arguments_are_sums_of_the_fundamental_ones() -> None:
+    """Of the thirteen E, eleven are small whole multiples of Delaunay's arguments (IERS 2003, by SOFA).
+
+    The node's rate is that of another theory, 4e-5 deg a day off for each time it is in the sum; E11 and E12 are
+    planetary terms of the libration and have no such sum.
+    """
+    routines = (erfa.fal03, erfa.falp03, erfa.faf03, erfa.fad03, erfa.faom03)
+    day = 1 / 36525.0
+    start = np.degrees([f(0.0) for f in routines])
+    rate = np.degrees([(f(day) - f(-day) + np.pi) % (2 * np.pi) - np.pi for f in routines]) / 2
+    sums = {
+        *((0, (0, 0, 0, 0, 1)), (1, (0, 0, 0, 0, 2)), (2, (1, 0, 0, 0, 1)), (3, (-1, 0, 2, 0, 1))),
+        *((4, (0, 1, 0, 0, 0)), (5, (0, 0, 2, 0, 1)), (6, (1, 0, 0, 0, 0)), (7, (-2, 0, 2, 0, 0))),
+        *((8, (2, 0, 0, -2, 0)), (9, (0, 0, 0, 0, 3)), (12, (1, 0, 0, 0, 2))),
+    }
+    for which, multiples in sums:
+        there, a_day = _ARGUMENTS[which]
+        assert abs((np.dot(multiples, start) - there + 180) % 360 - 180) < 1e-3
+        assert a_day == pytest.approx(np.dot(multiples, rate), abs=2e-7 + 4e-5 * abs(multiples[4]))

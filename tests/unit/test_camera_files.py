@@ -9,6 +9,7 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+import yaml
 
 from simulator.camera.check import optics_problem, sensor_problem
 from simulator.camera.files import parse_camera, read_camera_file
@@ -318,3 +319,20 @@ def test_a_measured_psf_is_read_from_numbers_text_and_pictures(tmp_path):
     for name, says in (("colour.png", "3 axes"), ("black.png", "black all over"), ("text.png", "no picture")):
         with pytest.raises(UserError, match=says):
             OpticsSection(psf="kernel", kernel_file=name).with_kernel(tmp_path, "x")
+
+
+@pytest.mark.parametrize("camera", [PLAIN, BROWN, EIGHT, FISHEYE])
+@pytest.mark.parametrize("form", ["ros", "opencv"])
+def test_matrices_have_as_many_numbers_as_rows_and_columns_say(camera, form):
+    text = written(camera, form, "x").replace("%YAML:1.0\n---\n", "").replace("!!opencv-matrix", "")
+    matrices = {k: m for k, m in yaml.safe_load(text).items() if isinstance(m, dict)}
+    assert len(matrices) == (4 if form == "ros" else 2)
+    for name, matrix in matrices.items():
+        assert matrix["rows"] * matrix["cols"] == len(matrix["data"]), name
+    shapes = {name: (m["rows"], m["cols"]) for name, m in matrices.items() if "distortion" not in name}
+    assert shapes.pop("camera_matrix") == (3, 3)
+    if form == "ros":
+        assert shapes == {"rectification_matrix": (3, 3), "projection_matrix": (3, 4)}
+        P = np.reshape(matrices["projection_matrix"]["data"], (3, 4))
+        assert np.array_equal(P[:, :3], np.reshape(matrices["camera_matrix"]["data"], (3, 3)))
+        assert not P[:, 3].any()

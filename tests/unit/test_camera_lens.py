@@ -104,3 +104,28 @@ def test_a_fisheye_that_sees_behind_itself_is_refused():
 @pytest.mark.parametrize("lens", LENSES)
 def test_good_lenses_are_accepted(lens):
     assert camera_problem(camera_with(lens)) is None
+
+
+def test_a_lens_that_folds_between_centre_and_border_is_refused():
+    """Its border is one to one; inside the image OpenCV's own map turns its orientation."""
+    lens = Distortion("brown_conrady", (-0.022, 0.086, 0.035, 0.023, -0.059))
+    camera = replace(
+        PINHOLE,
+        width_px=640,
+        height_px=480,
+        fx_px=400.0,
+        fy_px=400.0,
+        cx_px=319.5,
+        cy_px=239.5,
+        distortion=lens,
+    )
+    assert "tangential" in camera_problem(camera)
+    mild = replace(camera, distortion=Distortion("brown_conrady", (-0.022, 0.086, 0.0035, 0.0023, -0.059)))
+    assert camera_problem(mild) is None
+
+
+def test_half_angle_is_that_of_the_corner_farthest_off_the_axis():
+    x, y = (320 - 0.5 - 155.0) / 300, (122.0 + 0.5) / 310
+    assert PINHOLE.half_angle_rad() == pytest.approx(np.arctan(np.hypot(x, y)), abs=1e-6)
+    wider = replace(PINHOLE, fx_px=150.0, fy_px=155.0)
+    assert wider.half_angle_rad() == pytest.approx(np.arctan(2 * np.hypot(x, y)), abs=1e-6)

@@ -59,6 +59,27 @@ def test_reference_velocity_is_the_derivative_of_the_path() -> None:
             assert np.allclose((p1 - p0) / 2e-3, mode.state_lvlh(t, N)[1], atol=1e-6)
 
 
+def test_waypoints_are_reached_in_turn_and_rested_at() -> None:
+    """Legs of 12 m and 5 m at 0.1 m/s, ten seconds at each point: half a leg after half its time."""
+    path = Waypoints(points_lvlh_m=((0, 0, 0), (0, 12, 0), (3, 12, 4)), speed_m_s=0.1, rest_s=10.0)
+    for t, p in (
+        (0.0, (0, 0, 0)),
+        (10.0, (0, 0, 0)),
+        (70.0, (0, 6, 0)),
+        (130.0, (0, 12, 0)),
+        (140.0, (0, 12, 0)),
+        (165.0, (1.5, 12, 2)),
+        (190.0, (3, 12, 4)),
+        (999.0, (3, 12, 4)),
+    ):
+        assert path.state_lvlh(t, N)[0] == pytest.approx(p, abs=1e-12)
+    # between rests half as fast again as on average, along the leg
+    assert path.state_lvlh(70.0, N)[1] == pytest.approx((0, 0.15, 0))
+    assert path.state_lvlh(135.0, N)[1] == pytest.approx((0, 0, 0))
+    # a quarter of the time is 5/32 of the way
+    assert path.state_lvlh(40.0, N)[0] == pytest.approx((0, 12 * 5 / 32, 0))
+
+
 def test_glideslope_arrives_at_its_final_speed() -> None:
     mode = Glideslope(start_lvlh_m=(0, -30, 0), end_lvlh_m=(0, -3, 0), start_m_s=0.1, end_m_s=0.01)
     arrival = 27.0 / 0.09 * np.log(10)

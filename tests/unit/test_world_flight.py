@@ -166,3 +166,11 @@ def test_table_has_one_row_per_time() -> None:
     assert rows[0]["position_lvlh_y_m"] == pytest.approx(-9.0)
     assert rows[0]["velocity_lvlh_y_m_s"] == pytest.approx(0.05)
     assert {"q_eci_from_target_w", "omega_camera_z_rad_s", "range_m"} <= set(rows[0])
+
+
+@pytest.mark.parametrize("guidance", MODES, ids=lambda m: type(m).__name__)
+@pytest.mark.parametrize("t_s", [-1.0, 61.0])
+def test_no_part_of_a_state_is_told_outside_the_flight(guidance: Guidance, t_s: float) -> None:
+    for told in (flight(guidance).chaser, flight(guidance).state):
+        with pytest.raises(ValueError, match="outside the flight"):
+            told(t_s)
