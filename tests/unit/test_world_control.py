@@ -121,6 +121,31 @@ def test_leaving_the_corridor_aborts_and_retreats() -> None:
     assert corridor.violated(np.array([0, 5.0, 0.0]))
 
 
+def test_delta_v_is_that_of_the_mass_that_was_spent() -> None:
+    """Tsiolkovsky; each axis has its own thruster, and what they give is added as a vector: along one axis here."""
+    spent = Thrusters(period_s=4.0, mass_kg=50.0, specific_impulse_s=180.0)
+    track = fly(
+        StraightApproach(start_lvlh_m=(0, -30, 0), hold_lvlh_m=(0, -10, 0), speed_m_s=0.05), 300.0, spent
+    )
+    mass = track.mass_kg[-2] if np.any(track.thrust_eci_m_s2[-1]) else track.mass_kg[-1]
+    wanted = 180.0 * 9.80665 * np.log(50.0 / mass)
+    # of a vector less is needed than of its parts one by one
+    assert wanted / np.sqrt(3) <= track.delta_v_m_s <= 1.05 * wanted
+    assert track.delta_v_m_s > 0.02  # to stop, and to hold there
+
+
+def test_retreat_ends_at_twice_the_radius() -> None:
+    corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_rad=0.2)
+    aside = StraightApproach(start_lvlh_m=(4, -20, 0), hold_lvlh_m=(4, -4, 0), speed_m_s=0.1)
+    track = fly(aside, 1200.0, Thrusters(period_s=2.0), corridor)
+    ranges = np.linalg.norm(track.position_eci_m, axis=1)
+    beyond = (ranges > 20.0) & (np.arange(len(ranges)) * track.period_s > track.abort_s)
+    assert np.count_nonzero(beyond) > 10
+    assert not track.thrust_eci_m_s2[beyond].any()
+    within = (ranges < 20.0) & (np.arange(len(ranges)) * track.period_s > track.abort_s)
+    assert track.thrust_eci_m_s2[within].any()
+
+
 def test_state_between_the_periods_is_continuous() -> None:
     track = fly(Hold(position_lvlh_m=(8.0, 3.0, 2.0)), 30.0)
     for k in range(1, 30):

@@ -81,10 +81,21 @@ class Results:
         with self._path.open("a", encoding="utf-8") as f:
             f.write(json.dumps(told) + "\n")
 
-    def blamed_wrongly(self, copy: Copy, tests: TestsOf) -> list[str]:
+    def word(self, name: str) -> str:
+        """What came of a bug, or nothing yet."""
+        return str(self.of.get(name, {}).get("word", ""))
+
+    def settled(self, name: str, tests: str) -> bool:
+        """Whether a bug needs no more judging: it was noticed, or these very tests do not notice it."""
+        known = self.of.get(name)
+        return known is not None and (
+            known["word"] not in {"survived", "not covered"} or known["tests"] == tests
+        )
+
+    def blamed_wrongly(self, names: Sequence[str], copy: Copy, tests: TestsOf) -> list[str]:
         """Tests that fail in a copy without any bug; no bug is theirs, and they judge no more."""
-        blamed = {str(told["test"]) for told in self.of.values() if told["word"] == "killed"}
-        asked = sorted(name for name in blamed if tests.knows(name))
+        blamed = {str(self.of[name]["test"]) for name in names if self.word(name) == "killed"}
+        asked = sorted(name for name in blamed if "::" in name and tests.knows(name))
         run = judge.start(copy, asked, 60.0 + tests.seconds(asked), first_failure=False)
         while (verdict := run.verdict()) is None:
             time.sleep(0.5)
@@ -135,19 +146,21 @@ def main() -> int:
     for copy in copies:
         copy.make(root)
     judge.load_libraries()
-    sample: dict[str, Bug] = {}
+    order = [
+        (bug.name((root / bug.file).read_text(encoding="utf-8")), bug)
+        for bug in draw(root, tests, told.seed, told.only)
+    ]
+    sample: list[str] = []
 
     def cases() -> Iterator[Case]:
-        for bug in draw(root, tests, told.seed, told.only):
-            wanted = [n for n in sample if results.of.get(n, {}).get("word") != "invalid"]
-            if len(wanted) >= told.n:
+        sample.clear()
+        for name, bug in order:
+            if sum(results.word(n) != "invalid" for n in sample) >= told.n:
                 return
-            source = (root / bug.file).read_text(encoding="utf-8")
-            name = bug.name(source)
-            sample[name] = bug
-            known = results.of.get(name)
-            if known and (known["word"] not in {"survived", "not covered"} or known["tests"] == state):
+            sample.append(name)
+            if results.settled(name, state):
                 continue
+            source = (root / bug.file).read_text(encoding="utf-8")
             if _is_shader(bug.file):
                 choice = tests.of_shader(bug.file, told.budget)
             else:
@@ -161,13 +174,14 @@ def main() -> int:
 
     try:
         judge.judge(cases(), copies, heard)
-        for name in results.blamed_wrongly(copies[0], tests):
+        for name in results.blamed_wrongly(sample, copies[0], tests):
             say(f"{name} fails without any bug: what it noticed is judged again without it")
-        judge.judge(cases(), copies, heard)
+        while any(not results.settled(case.what.name(case.before), state) for case in cases()):
+            judge.judge(cases(), copies, heard)
     finally:
         for copy in copies:
             shutil.rmtree(copy.folder, ignore_errors=True)
-    rows = [results.of[name] for name in sample if results.of[name]["word"] != "invalid"][: told.n]
+    rows = [results.of[name] for name in sample if results.word(name) != "invalid"]
     told.o.mkdir(parents=True, exist_ok=True)
     text = table.text(rows)
     (told.o / "mutants.json").write_text(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import coverage
+from coverage.exceptions import CoverageWarning
 
 if TYPE_CHECKING:
     import pytest
@@ -58,7 +60,9 @@ class Recorder:
     def pytest_sessionfinish(self) -> None:
         """Write both files."""
         self._coverage.stop()
-        self._coverage.save()
+        with warnings.catch_warnings():  # what ran nothing of this is no error here
+            warnings.simplefilter("ignore", CoverageWarning)
+            self._coverage.save()
         (self._folder / "tests.json").write_text(json.dumps(self._tests), encoding="utf-8")
 
 

@@ -26,10 +26,9 @@ if TYPE_CHECKING:
 PARTS = {
     "units": ("tests/unit", "tests/property", "tests/reference"),
     "link": ("tests/hil", "--ignore-glob=*/test_svd_*"),
-    "estimator": ("tests/hil/test_svd_end_to_end.py",),
     "pictures": ("tests/gl", "tests/cli"),
 }
-"""What is recorded, one run each. Left out: the window (tests/gui), the wheel (tests/packaging) and most of the
+"""What is recorded, one run each. Left out: the window (tests/gui), the wheel (tests/packaging) and the
 estimator's tests, which hardly touch what bugs are planted in and are the slowest."""
 _UNKNOWN_S = 2.0
 """A test that was not recorded is taken to last this long."""
