@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from simulator.render.skylight import (
+    SkyLight,
     albedo_map,
     albedo_of_day,
     basis,
@@ -169,3 +170,32 @@ def test_a_wall_takes_its_share_of_the_sky_from_the_floor_and_gives_light_back(r
     open_spot = at(-0.4) / (1 - hidden(0.9))
     for x in (0.4, 0.25, 0.0):
         assert at(x) / open_spot == pytest.approx(1 - hidden(0.5 - x), abs=0.06)
+
+
+def test_irradiance_of_any_field_is_its_polynomial_of_the_normal(renderer, draw_kit):
+    """The shader against its twin on the CPU, on every normal of a ball; what reflections would add is left out."""
+    target = ball(draw_kit, base_color=(0.5, 0.5, 0.5), metallic=0.0, roughness=1.0)
+    scene = draw_kit.scene(target, t_m=(0.0, 0.0, 4.0), sun_visible_fraction=0.0)
+    axis = np.array([0.48, -0.64, -0.6])
+    field = np.array([3.0, 0.4, -0.3, 0.5, 0.35, -0.45, 0.25, 0.15, -0.3, 0.5])[:, None]
+
+    def drawn(coefficients):
+        light = SkyLight(coefficients, np.zeros((1, 4)), -2.0, axis)
+        seen = renderer.render(scene, target, labels=True, sky=light)
+        return seen.radiance.astype(float), seen.coverage > 0.999
+
+    even, inside = drawn(np.eye(10)[:, :1])
+    y, x = np.nonzero(inside)
+    # where each pixel's ray meets the ball
+    ray = np.stack([(x - 161.3) / 600, (y - 118.6) / 590, np.ones(len(x))], axis=1)
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    along = 4.0 * ray[:, 2]
+    left = 0.25 - (16.0 - along**2)
+    clear = left > 0.02  # at the rim a pixel sees many normals
+    n = (ray * (along - np.sqrt(np.maximum(left, 0)))[:, None] - [0.0, 0.0, 4.0])[clear] / 0.5
+    wanted = (basis(n, axis) @ field)[:, 0]
+    ratio = (drawn(field)[0][inside] / even[inside])[clear]
+    assert wanted.min() > 1.0
+    assert np.ptp(wanted) > 1.0
+    # flat facets of 4 deg with their corners' normals, sampled within the pixel
+    assert np.abs(ratio - wanted).max() < 0.03

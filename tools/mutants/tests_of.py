@@ -30,6 +30,7 @@ PARTS = {
 }
 """What is recorded, one run each. Left out: the window (tests/gui), the wheel (tests/packaging) and the
 estimator's tests, which hardly touch what bugs are planted in and are the slowest."""
+_NOT_ASKED = ("tests/gui", "tests/packaging", "tests/hil/test_svd_", "tests/unit/test_mutants")
 _UNKNOWN_S = 2.0
 """A test that was not recorded is taken to last this long."""
 
@@ -268,17 +269,11 @@ class TestsOf:
     @cached_property
     def _later(self) -> dict[str, tuple[str, list[str]]]:
         """Test functions that are newer than the record, with their file's text."""
-        known: dict[str, set[str]] = defaultdict(set)
-        for test in self.tests:
-            file, _, name = test.partition("::")
-            known[file].add(name.split("[")[0].split("::")[-1])
         out = {}
         for path in sorted((self._root / "tests").rglob("test_*.py")):
             file = path.relative_to(self._root).as_posix()
             text = path.read_text(encoding="utf-8")
-            if text != self._then.get(file) and file.startswith(
-                ("tests/unit", "tests/hil", "tests/gl", "tests/cli", "tests/property")
-            ):
+            if text != self._then.get(file) and not file.startswith(_NOT_ASKED):
                 slow = set(re.findall(r"mark\.slow[^\n]*\n(?:@[^\n]*\n)*def (test_\w+)", text))
                 before = set(re.findall(r"def (test_\w+)", self._then.get(file, "")))
                 new = sorted(self._functions(file) - before - slow)
