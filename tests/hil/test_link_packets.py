@@ -142,6 +142,14 @@ def test_a_cut_or_longer_packet_is_noticed(message, data):
         decode_packet(whole + b"\0")
 
 
+@pytest.mark.parametrize(("name", "message"), EXAMPLES, ids=[name for name, _ in EXAMPLES])
+def test_a_payload_of_another_length_is_refused_though_its_checksum_is_right(name, message):
+    payload = message.encode()
+    for wrong in (payload + b"\0", payload[:-1], payload + payload, b""):
+        with pytest.raises(PacketError):
+            decode_message(decode_packet(encode_packet(Packet(message.TYPE, wrong))))
+
+
 @settings(max_examples=300, deadline=None)
 @given(st.sampled_from(PacketType), st.binary(max_size=300))
 def test_any_payload_is_read_or_refused_never_more(kind, payload):

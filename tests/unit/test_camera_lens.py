@@ -108,7 +108,7 @@ def test_good_lenses_are_accepted(lens):
 
 def test_a_lens_that_folds_between_centre_and_border_is_refused():
     """Its border is one to one; inside the image OpenCV's own map turns its orientation."""
-    lens = Distortion("brown_conrady", (-0.022, 0.086, 0.035, 0.023, -0.059))
+    lens = Distortion("brown_conrady", (-0.06, 0.127, -0.055, 0.004, -0.069))
     camera = replace(
         PINHOLE,
         width_px=640,
@@ -120,7 +120,7 @@ def test_a_lens_that_folds_between_centre_and_border_is_refused():
         distortion=lens,
     )
     assert "tangential" in camera_problem(camera)
-    mild = replace(camera, distortion=Distortion("brown_conrady", (-0.022, 0.086, 0.0035, 0.0023, -0.059)))
+    mild = replace(camera, distortion=Distortion("brown_conrady", (-0.06, 0.127, -0.0055, 0.0004, -0.069)))
     assert camera_problem(mild) is None
 
 

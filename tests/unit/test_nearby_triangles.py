@@ -73,3 +73,18 @@ def test_a_wide_facet_shows_its_own_normal_alone():
     ray = np.array([0.0, 0.0, 1.0])
     assert found.has_normal(np.array([0.0, 0.02, -1.0]), ray, 0.05)
     assert not found.has_normal(np.array([0.0, 0.08, -1.0]), ray, 0.05)
+
+
+def test_a_broad_facet_shows_no_normal_beyond_those_of_its_corners():
+    """Three pixels across, its corners' normals at -10 and 10 degrees: the rounding adds a degree at most."""
+    corners, inverse, _ = _square(-1.3, 1.7, 5.0)
+    turn = np.radians(np.where(corners[..., 0] < 0, -10.0, 10.0))
+    normals = np.stack([np.sin(turn), 0 * turn, -np.cos(turn)], axis=-1)
+    found = nearby(corners, inverse, normals, np.array([1, 1]), 0.03)
+
+    def shows(about_y_deg):
+        a = np.radians(about_y_deg)
+        return found.has_normal(np.array([np.sin(a), 0.0, -np.cos(a)]), np.array([0.0, 0.0, 1.0]), 0.002)
+
+    assert all(shows(a) for a in (-9, -3, 0, 5, 9))
+    assert not any(shows(a) for a in (-14, -12, 12, 14, 40))
