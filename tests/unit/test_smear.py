@@ -1,10 +1,17 @@
 """Smear along a flow against the mean over the exposure that it stands for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from simulator.labels.exposure import GAUSS_PX, INSTANT_PX, instants_of
+from simulator.arrays import quat, vec3
+from simulator.camera.model import Camera
+from simulator.labels.exposure import GAUSS_PX, INSTANT_PX, _add_times, _behind_px, instants_of
 from simulator.labels.smear import smear, smear_kernels
+from simulator.recipe import plan_recipe
+from simulator.world.constants import EARTH_RADIUS_M
+from simulator.world.rotation import quat_from_matrix
 
 
 def test_a_kernel_has_the_moments_of_its_way():
@@ -61,3 +68,32 @@ def test_instants_smear_every_contrast_as_the_whole_way_does():
         assert sum(moments.weights) == pytest.approx(1)
         assert error.max() < (0.02 if motion <= GAUSS_PX[-1] else 0.05)
         assert len(moments) <= max(np.ceil(motion / INSTANT_PX), 2) + 1
+
+
+def test_ground_passes_at_the_speed_over_the_height():
+    """500 km over the equator, looking down, 70 m on: f 70 / 500e3 px straight below, and less towards the limb."""
+    camera = Camera(width_px=400, height_px=300, fx_px=4e4, fy_px=4e4, cx_px=199.5, cy_px=149.5)
+    down = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+    here = np.array([EARTH_RADIUS_M + 500e3, 0.0, 0.0])
+    scene = replace(
+        plan_recipe("eval-earth", 1, seed=3).scene(0),
+        camera=camera,
+        r_camera_eci_m=vec3(here),
+        q_camera_from_eci_wxyz=quat(quat_from_matrix(down)),
+    )
+    assert scene.environment.earth
+    then = replace(scene, r_camera_eci_m=vec3(here + np.array([0.0, 70.0, 0.0])))
+    pixels = np.array([[199.5, 149.5], [20.0, 280.0]])
+    assert _behind_px(scene, scene, pixels) == pytest.approx(pixels, abs=1e-6)
+    ways = _behind_px(scene, then, pixels) - pixels
+    assert ways[0] == pytest.approx((-4e4 * 70 / 500e3, 0.0), abs=1e-3)
+    # half a degree off the nadir the ground is 30 m lower
+    assert ways[1] == pytest.approx((-4e4 * 70 / 500e3, 0.0), abs=2e-2)
+    empty = replace(scene, environment=replace(scene.environment, earth=False))
+    assert _behind_px(empty, replace(then, environment=empty.environment), pixels) == pytest.approx(pixels)
+
+
+def test_times_of_several_drawings_are_added():
+    total = {"craft": 2.0}
+    _add_times(total, {"craft": 3.0, "sky": 1.0})
+    assert total == {"craft": 5.0, "sky": 1.0}

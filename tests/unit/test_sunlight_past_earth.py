@@ -1,0 +1,70 @@
+"""Sunlight past the Earth's limb: the disc's strips, the air that it passes, and the shadow that is left."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from simulator.scene.refraction import (
+    _HEIGHTS_M,
+    LIMB_DARKENING,
+    SUN_RADIUS_M,
+    _grazing,
+    _strips,
+    limb_darkening,
+    sunlight_past_earth,
+)
+
+AU_M = 149_597_870_700.0
+RADIUS_M = 6_371_000.0
+
+
+def test_strips_hold_the_light_and_the_width_of_a_darkened_disc() -> None:
+    """Moments of 1 - u + u sqrt(1 - r^2) over the disc, in closed form; 96 strips are good to a thousandth."""
+    place, weight = _strips()
+    u = LIMB_DARKENING
+    light = (1 - u) / 2 + u / 3
+    square = ((1 - u) / 4 + 2 * u / 15) / light / 2
+    assert weight.sum() == pytest.approx(1.0)
+    assert weight @ place == pytest.approx(0.0, abs=1e-12)
+    assert weight @ place**2 == pytest.approx(square, rel=2e-3)
+    r = (np.arange(20_000) + 0.5) / 20_000
+    assert (limb_darkening(r) * 2 * r).mean() == pytest.approx(1.0, abs=1e-6)
+    assert limb_darkening(0.0) == pytest.approx(0.5 / light)
+
+
+@pytest.mark.parametrize("bands", ["mono", "rgb"])
+def test_more_light_passes_higher_up_and_all_of_it_above_the_air(bands: str) -> None:
+    through = _grazing(bands)
+    assert np.all(np.diff(_HEIGHTS_M) > 0)
+    assert (_HEIGHTS_M[0], _HEIGHTS_M[-1]) == (0.0, 300e3)
+    assert np.all(np.diff(through, axis=0) >= -1e-12)
+    assert np.all(through[-1] > 0.999)
+    assert np.all(through[0] < 0.05)
+    if bands == "rgb":  # what is left at 10 km is red
+        low = through[np.searchsorted(_HEIGHTS_M, 10e3)]
+        assert low[0] > 1.5 * low[2]
+
+
+def test_a_craft_goes_through_half_light_into_the_shadow() -> None:
+    sun = np.array([AU_M, 0.0, 0.0])
+    behind = 2.5e6
+    assert sunlight_past_earth(np.array([7e6, 0.0, 0.0]), sun, "mono") == pytest.approx(1.0)
+    high = [
+        float(sunlight_past_earth(np.array([-behind, 0.0, h + RADIUS_M]), sun, "mono")[0])
+        for h in (400e3, 100e3)
+    ]
+    assert high[0] == pytest.approx(1.0)
+    assert high[1] > 0.95
+    shares = [
+        float(sunlight_past_earth(np.array([-behind, 0.0, RADIUS_M + h]), sun, "mono")[0])
+        for h in np.linspace(60e3, -60e3, 41)
+    ]
+    assert np.all(np.diff(shares) <= 1e-9)
+    assert shares[0] > 0.9
+    assert shares[-1] < 0.005
+    # without air half the disc would be seen with its centre on the limb: air takes more, and only downwards
+    half = behind * SUN_RADIUS_M / AU_M
+    at_limb = float(sunlight_past_earth(np.array([-behind, 0.0, RADIUS_M]), sun, "mono")[0])
+    assert at_limb < 0.4
+    assert half < 15e3
