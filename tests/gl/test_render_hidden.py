@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from simulator.arrays import vec3
+from simulator.camera.lens import Distortion
 from simulator.dataset.check_geometry import OUTLINE_TOLERANCE_PX, doubtful_pixels
 from simulator.labels.frame import take_frame
 from simulator.world.rotation import matrix_from_quat
@@ -77,3 +78,12 @@ def test_an_outline_may_be_off_by_a_pixel_and_no_more_to_any_side(renderer, draw
 
     assert doubts(OUTLINE_TOLERANCE_PX) == 0
     assert doubts(OUTLINE_TOLERANCE_PX + 1) > 100
+
+
+def test_straight_edges_of_large_triangles_are_bent_by_the_lens(renderer, draw_kit):
+    """A plate of two triangles over most of the image: between their corners its edges are pixels off the chords."""
+    camera = replace(draw_kit.camera, distortion=Distortion("brown_conrady", (-0.5, 0.2, 0.0, 0.0)))
+    target = draw_kit.target([draw_kit.plate("p", "white", (0.0, 0.0, 0.0), 0.85)], [draw_kit.white()])
+    frame = take_frame(renderer, draw_kit.scene(target, camera=camera), target)
+    assert 0.3 < np.mean(frame.mask > 0) < 0.95
+    assert len(doubtful_pixels(frame.truth, frame.mask, target)) == 0

@@ -10,7 +10,7 @@ import pytest
 
 from hil.host.ledger import COLUMNS, LedgerRow, LedgerWriter, pose_errors, read_ledger
 from hil.host.report import write_report
-from hil.host.summary import summarise
+from hil.host.summary import summarise, this_machine
 from simulator.errors import UserError
 
 RUN = {
@@ -136,3 +136,11 @@ def test_no_ledger_is_one_sentence(tmp_path):
     (tmp_path / "ok" / "summary.json").write_text("{}")
     with pytest.raises(UserError, match=r"summary\.json is not a ledger summary"):
         write_report(tmp_path / "ok")
+
+
+def test_the_processor_is_told_by_its_name() -> None:
+    cpuinfo = Path("/proc/cpuinfo")
+    told = cpuinfo.read_text(encoding="utf-8") if cpuinfo.exists() else ""
+    name = re.search(r"^model name\s*:\s*(.+)$", told, re.MULTILINE)
+    processor = this_machine().processor
+    assert processor == name.group(1).strip() if name else processor

@@ -7,7 +7,7 @@ import pytest
 
 from hil.board.svd.roi import Region
 from hil.evaluate.failures import HELD, TOO_LARGE, _serves
-from hil.evaluate.frame_record import frame_record
+from hil.evaluate.frame_record import _nees, frame_record
 from hil.evaluate.metrics import summarise
 
 BOX = (100.0, 50.0, 200.0, 90.0)
@@ -69,3 +69,19 @@ def test_speed_plus_counts_no_error_below_what_its_labels_are_good_for(
         frame_class="feasible",
     )
     assert summarise([record]).speed_plus_score == pytest.approx(wanted, rel=1e-6, abs=1e-9)
+
+
+def test_an_error_is_weighed_by_its_covariance_unless_that_is_below_rounding() -> None:
+    error = np.array([1.0, 2.0, 0.0, -1.0, 0.5, 3.0])
+    variances = np.array([1.0, 4.0, 2.0, 0.5, 0.25, 9.0])
+    turn = np.linalg.qr(np.random.default_rng(2).normal(size=(6, 6)))[0]
+    covariance = turn @ np.diag(variances) @ turn.T
+    wanted = error @ np.linalg.solve(covariance, error)
+    assert _nees(error, covariance) == pytest.approx(wanted, rel=1e-9)
+    assert _nees(error, np.diag(variances)) == pytest.approx(1 + 1 + 0 + 2 + 1 + 1)
+    # the smallest is lost beside the largest, not beside the next
+    assert _nees(error, np.diag([1e-12, 1e-12, 1.0, 1.0, 1.0, 1e6])) is None
+    assert _nees(error, np.diag([1e-6, 1.0, 1.0, 1.0, 1.0, 1e6])) is not None
+    assert _nees(error, np.diag([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])) is None
+    assert _nees(error, np.eye(5)) is None
+    assert _nees(error, None) is None
