@@ -82,8 +82,9 @@ def test_an_outline_may_be_off_by_a_pixel_and_no_more_to_any_side(renderer, draw
 
 def test_straight_edges_of_large_triangles_are_bent_by_the_lens(renderer, draw_kit):
     """A plate of two triangles over most of the image: between their corners its edges are pixels off the chords."""
-    camera = replace(draw_kit.camera, distortion=Distortion("brown_conrady", (-0.5, 0.2, 0.0, 0.0)))
-    target = draw_kit.target([draw_kit.plate("p", "white", (0.0, 0.0, 0.0), 0.85)], [draw_kit.white()])
+    lens = Distortion("brown_conrady", (-0.5, 0.2, 0.0, 0.0))
+    camera = replace(draw_kit.camera, fx_px=250.0, fy_px=250.0, distortion=lens)
+    target = draw_kit.target([draw_kit.plate("p", "white", (0.0, 0.0, 0.0), 1.9)], [draw_kit.white()])
     frame = take_frame(renderer, draw_kit.scene(target, camera=camera), target)
     assert 0.3 < np.mean(frame.mask > 0) < 0.95
     assert len(doubtful_pixels(frame.truth, frame.mask, target)) == 0
