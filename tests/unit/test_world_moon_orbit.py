@@ -11,10 +11,10 @@ from simulator.loop import plan_flight
 from simulator.scenario_flight import check_physics
 from simulator.scenario_load import load_scenario
 from simulator.world.bodies import MOON
-from simulator.world.constants import AU_M, MOON_RADIUS_M
+from simulator.world.constants import AU_M, MOON_RADIUS_M, SOLAR_PRESSURE_PA
 from simulator.world.eclipse import sun_fraction_past_both
 from simulator.world.flight_messages import flight_messages
-from simulator.world.forces import FullForces
+from simulator.world.forces import FullForces, Surface
 from simulator.world.moon import R_moon_from_eci
 from simulator.world.moon_forces import MoonForces
 from simulator.world.oem import read_oem_state
@@ -42,6 +42,27 @@ def test_the_same_orbit_comes_out_of_a_propagation_about_the_earth() -> None:
     assert np.linalg.norm(ours - without) > 150.0
     apart = np.linalg.norm(there + ours - about_earth(HOUR)[0])
     assert apart < 25.0
+
+
+def test_light_pushes_a_lunar_craft_only_where_it_is_asked_for_and_lit() -> None:
+    """Montenbruck & Gill, eq. 3.75; behind the Moon there is none, and the chaser's is its own."""
+    sky = SkyTable.of(EPOCH, HOUR)
+    craft = (Surface(mass_kg=50.0, area_m2=0.5), Surface(mass_kg=5.0, area_m2=0.5))
+    _, sun_from_earth, moon = sky.at(0.0)
+    away = -(sun_from_earth - moon) / np.linalg.norm(sun_from_earth - moon)
+    still, aside = np.zeros(3), np.array([0.0, 0.0, 10.0])
+    bare = MoonForces(epoch=EPOCH, sky=sky, craft=craft)
+    lit = MoonForces(epoch=EPOCH, sky=sky, craft=craft, solar_pressure=True)
+    for r, seen in ((-4e6 * away, 1.0), (4e6 * away, 0.0)):
+        (a, d), (a0, d0) = (f.pair(0.0, r, still, aside, still) for f in (lit, bare))
+        distance = np.linalg.norm(sun_from_earth - moon - r)
+        push = seen * SOLAR_PRESSURE_PA * 1.3 * 0.5 / 50.0 * (AU_M / distance) ** 2 * away
+        assert a - a0 == pytest.approx(push, rel=1e-4, abs=1e-15)
+        assert d - d0 == pytest.approx(9 * push, rel=1e-4, abs=1e-15)
+    # a craft's surface alone pushes nothing
+    assert np.array_equal(
+        bare.target(0.0, 4e6 * away, still), MoonForces(epoch=EPOCH, sky=sky).target(0.0, 4e6 * away, still)
+    )
 
 
 class _OnlyMoon:
