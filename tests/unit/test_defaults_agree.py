@@ -8,6 +8,8 @@ import msgspec
 import pytest
 
 from simulator import scenario_motion, scenario_picture
+from simulator.camera.optics import Optics
+from simulator.camera.sections import OpticsSection
 from simulator.scene.state import Environment
 from simulator.world.scripted import Steered
 
@@ -27,3 +29,8 @@ def test_everything_that_is_drawn_is_drawn_unless_said_otherwise() -> None:
     off = {f.name for f in fields(Environment) if f.default is False}
     assert off == {"undifferentiated"}
     assert Environment().atmosphere_thickness_km == 100.0
+
+
+def test_diffraction_is_that_of_green_light_unless_said_otherwise() -> None:
+    assert OpticsSection().wavelength_nm == 550.0
+    assert pytest.approx(550e-9) == Optics().wavelength_m

@@ -221,7 +221,7 @@ class TestsOf:
         """The most telling first: those named after the file, then those that run little else, then quick ones."""
         stem = file.rsplit("/", maxsplit=1)[-1].split(".", maxsplit=1)[0]
         words = {w for w in re.split(r"_", stem) if len(w) > 3} | {stem}
-        late = [t for t in self._later_tests(file) if t not in self._silent]
+        late = self._later_tests(file, run)
         chosen: dict[str, None] = dict.fromkeys(late)
         spent = _UNKNOWN_S * len(late)
 
@@ -280,13 +280,23 @@ class TestsOf:
                 out[file] = (text, [f"{file}::{name}" for name in new])
         return out
 
-    def _later_tests(self, file: str) -> list[str]:
+    def _later_tests(self, file: str, run: Iterable[str]) -> list[str]:
+        """Tests that are newer than the record: those of files that name this one, or that hold a test which runs it.
+
+        Of shaders all that draw.
+        """
         dotted = file.removesuffix(".py").replace("/", ".")
         package, _, stem = dotted.rpartition(".")
-        told = re.compile(
-            rf"{re.escape(dotted)}\b|from {re.escape(package)} import [^\n]*\b{stem}\b|{re.escape(file)}"
-        )
-        return [test for text, tests in self._later.values() if told.search(text) for test in tests]
+        told = re.compile(rf"{re.escape(dotted)}\b|from {re.escape(package)} import [^\n]*\b{stem}\b")
+        beside = {test.split("::", maxsplit=1)[0] for test in run}
+        drawn = not file.endswith(".py")
+        return [
+            test
+            for name, (text, tests) in self._later.items()
+            if name in beside or told.search(text) or (drawn and name.startswith("tests/gl"))
+            for test in tests
+            if test not in self._silent
+        ]
 
 
 def _statements(lines: dict[int, set[str]], text: list[str]) -> dict[int, set[str]]:
