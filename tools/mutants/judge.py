@@ -148,8 +148,10 @@ class Run:
         text = self.log.read_text(encoding="utf-8", errors="replace")
         failed = _TEST_FAILED.search(text)
         name = failed.group(1) if failed else ""
-        if late or (os.WIFSIGNALED(status) and os.WTERMSIG(status) in {signal.SIGXCPU, signal.SIGKILL}):
+        if late or (os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGXCPU):
             word = "timeout"
+        elif os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL:
+            raise RuntimeError("the tests were killed from outside: start again, what was judged is kept")
         elif _NO_SHADER in text:
             word = "invalid"
         elif os.WIFSIGNALED(status):

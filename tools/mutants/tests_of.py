@@ -31,6 +31,7 @@ PARTS = {
 """What is recorded, one run each. Left out: the window (tests/gui), the wheel (tests/packaging) and the
 estimator's tests, which hardly touch what bugs are planted in and are the slowest."""
 _NOT_ASKED = ("tests/gui", "tests/packaging", "tests/hil/test_svd_", "tests/unit/test_mutants")
+_CONSTANT = re.compile(r"(_?[A-Z]\w*)\b.*=")
 _UNKNOWN_S = 2.0
 """A test that was not recorded is taken to last this long."""
 
@@ -203,9 +204,9 @@ class TestsOf:
     def _by_name(self, file: str, line: int) -> set[str]:
         text = (self._root / file).read_text(encoding="utf-8").splitlines()
         at = line - 1
-        while at > 0 and not (match := re.match(r"(\w+)\b.*=", text[at])):
+        while at > 0 and not (match := _CONSTANT.match(text[at])):
             at -= 1
-        match = re.match(r"(\w+)\b.*=", text[at])
+        match = _CONSTANT.match(text[at])
         if match is None:
             return set()
         word = re.compile(rf"\b{match.group(1)}\b")
@@ -323,6 +324,13 @@ def _statements(lines: dict[int, set[str]], text: list[str]) -> dict[int, set[st
             )
             for k in range(node.lineno, (node.end_lineno or 0) + 1):
                 out[k] = covered
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            # defaults are made at import, and matter where the function is called
+            covered = set().union(
+                *(lines.get(k, set()) for k in range(node.body[0].lineno, (node.end_lineno or 0) + 1))
+            )
+            for k in range(node.lineno, node.body[0].lineno):
+                out[k] = out.get(k, set()) | covered
         elif isinstance(node, ast.If | ast.While | ast.For | ast.With):
             head = node.body[0].lineno
             covered = set().union(
