@@ -31,6 +31,7 @@ PARTS = {
 """What is recorded, one run each. Left out: the window (tests/gui), the wheel (tests/packaging) and the
 estimator's tests, which hardly touch what bugs are planted in and are the slowest."""
 _NOT_ASKED = ("tests/gui", "tests/packaging", "tests/hil/test_svd_", "tests/unit/test_mutants")
+_MADE_ONCE = 20
 _CONSTANT = re.compile(r"(_?[A-Z]\w*)\b.*=")
 _UNKNOWN_S = 2.0
 """A test that was not recorded is taken to last this long."""
@@ -189,6 +190,8 @@ class TestsOf:
         run = {
             name for name, told in self.tests.items() if roots & {f"{SHADERS}/{s}" for s in told["shaders"]}
         }
+        if len(run) < _MADE_ONCE:  # asked for when the shared renderer was made: all that draw use it
+            run |= {name for name, told in self.tests.items() if told["shaders"]}
         return self._ranked(run, file, budget_s)
 
     @cached_property
