@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import os
 import pickle
 import signal
+import threading
+import time
 import traceback
 from collections import deque
-from multiprocessing import shared_memory
+from multiprocessing import connection, shared_memory
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from simulator.errors import UserError
@@ -27,6 +30,7 @@ T = TypeVar("T")
 
 _SHARE_FROM_BYTES = 1 << 16  # smaller results go through the pipe
 _START_TIMEOUT_S = 60.0
+_END_TIMEOUT_S = 1.0  # for a process that is told to drop its work; then it is killed
 
 
 class ProcessDiedError(RuntimeError):
@@ -157,20 +161,15 @@ class RenderProcess(Generic[T]):
             yield self.result()
 
     def close(self) -> None:
-        """Let the renderer finish its job, and end the process."""
+        """End the process; a frame that it is drawing is given up, for nobody will collect it."""
         if self._process.is_alive():
             with contextlib.suppress(OSError):  # it may have died in the meantime
                 self._pipe.send_bytes(pickle.dumps(None))
-            # results that nobody collects must not block its last send
-            while self._process.is_alive():
-                try:
-                    if self._pipe.poll(0.05):
-                        self._pipe.recv_bytes()
-                except (EOFError, OSError):
-                    break
-            self._process.join(timeout=5)
-            if self._process.is_alive():
+            if self._in_flight or self._info is None:
                 self._process.terminate()
+            self._drain(_END_TIMEOUT_S)
+            if self._process.is_alive():
+                self._process.kill()
         self._process.join()
         self._attach_uncollected()
         self._pipe.close()
@@ -186,6 +185,16 @@ class RenderProcess(Generic[T]):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _drain(self, timeout_s: float) -> None:
+        """Wait for the process to end; results that nobody collects must not block its last send."""
+        deadline = time.monotonic() + timeout_s
+        while self._process.is_alive() and time.monotonic() < deadline:
+            try:
+                if self._pipe.poll(0.02):
+                    self._pipe.recv_bytes()
+            except (EOFError, OSError):
+                self._process.join(max(0.0, deadline - time.monotonic()))
 
     def _send(self, message: object) -> None:
         try:
@@ -259,11 +268,11 @@ class _Results:
             self._pipe.send_bytes(pickle.dumps(("value", payload, None, ())))
             return
         block = self._take(total)
+        self._busy[block.name] = block
         start, memory = 0, _memory(block)
         for view in views:
             memory[start : start + view.nbytes] = view
             start += view.nbytes
-        self._busy[block.name] = block
         sizes = tuple(view.nbytes for view in views)
         self._pipe.send_bytes(pickle.dumps(("value", payload, block.name, sizes)))
 
@@ -279,7 +288,8 @@ class _Results:
     def close(self) -> None:
         """Free every block."""
         for block in (*self._free, *self._busy.values()):
-            block.close()
+            with contextlib.suppress(BufferError):  # it is being written to
+                block.close()
             with contextlib.suppress(FileNotFoundError):  # the parent was faster
                 block.unlink()
 
@@ -294,12 +304,14 @@ def _serve(
     """Run in the child: draw what arrives until told to stop or left alone."""
     # Ctrl-C is the parent's to handle; it then closes us
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    results = _Results(pipe)
+    signal.signal(signal.SIGTERM, lambda *_: _leave(results))
+    threading.Thread(target=_leave_with_parent, name="watch parent", daemon=True).start()
     keep_freed_memory()
     share_processors(drawing)
     begun = begin_maps_of(first)
     from simulator.render.renderer import Renderer  # noqa: PLC0415 - the parent need not load OpenGL
 
-    results = _Results(pipe)
     try:
         with Renderer(device_index=device_index, begun=begun) as renderer:
             results.send(renderer.info)
@@ -323,6 +335,23 @@ def _serve(
         _report(pipe, error)
     finally:
         results.close()
+
+
+def _leave(results: _Results) -> None:
+    """Drop the frame in work and end at once: shared memory is freed, the rest is the system's to take back."""
+    results.close()
+    os._exit(1)
+
+
+def _leave_with_parent() -> None:
+    """End once the parent has: one that was killed tells nobody, and a frame or a start-up may take long."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+    connection.wait([parent.sentinel])
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(_END_TIMEOUT_S)
+    os._exit(1)
 
 
 def _report(pipe: Connection, error: Exception) -> None:

@@ -1,6 +1,12 @@
 """The renderer in its own process: order, errors, crash, clean end."""
 
 import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +16,8 @@ from simulator.render.process import RenderProcess
 from simulator.targets.model import Target
 
 pytestmark = pytest.mark.gl
+
+SHM = Path("/dev/shm")  # noqa: S108 - where Linux keeps shared memory
 
 
 def draw(renderer, scene, *, target: Target, scale: float = 1.0):
@@ -73,3 +81,81 @@ def test_a_renderer_that_cannot_start_says_why(draw_kit, target):
         process.submit(draw_kit.scene(target), target=target)
         with pytest.raises(UserError, match="device 97"):
             process.result()
+
+
+def hold(renderer, scene, *, until: str):
+    """Draw nothing, for as long as a file is there; the first result is large enough for shared memory."""
+    if not until:
+        return os.getpid(), np.zeros(1 << 20, np.uint8)
+    while Path(until).exists():
+        time.sleep(0.01)
+    return None
+
+
+def gone(pid: int) -> bool:
+    """Whether a process has ended, or is a zombie that somebody has still to ask for."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+def wait_until(condition) -> bool:
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def test_a_frame_in_work_is_given_up_and_its_memory_freed(draw_kit, target, tmp_path):
+    busy = tmp_path / "busy"
+    busy.touch()
+    with RenderProcess(hold) as process:
+        process.submit(draw_kit.scene(target), until="")
+        pid, _ = process.result()
+        blocks = [SHM / name for name in process._blocks]
+        assert all(block.exists() for block in blocks)
+        process.submit(draw_kit.scene(target), until=str(busy))
+        start = time.monotonic()
+    # it would hold on until the file is gone, which it never is
+    assert time.monotonic() - start < 30.0
+    assert gone(pid)
+    assert not any(block.exists() for block in blocks)
+
+
+PARENT = """
+import pickle, sys, time
+sys.path.insert(0, sys.argv[1])
+import test_render_process as here
+from simulator.render.process import RenderProcess
+if __name__ == "__main__":
+    scene = pickle.loads(open(sys.argv[2], "rb").read())
+    with RenderProcess(here.hold) as process:
+        process.submit(scene, until="")
+        pid, _ = process.result()
+        process.submit(scene, until=sys.argv[2])
+        print(pid, *process._blocks, flush=True)
+        time.sleep(300)
+"""
+
+
+@pytest.mark.skipif(not SHM.is_dir(), reason="looks for shared memory where Linux keeps it")
+def test_a_renderer_does_not_outlive_who_made_it(draw_kit, target, tmp_path):
+    scene = tmp_path / "scene"
+    scene.write_bytes(pickle.dumps(draw_kit.scene(target)))
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT)
+    command = [sys.executable, str(script), str(Path(__file__).parent), str(scene)]
+    parent = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        pid, *blocks = parent.stdout.readline().split()
+        assert blocks
+        parent.send_signal(signal.SIGKILL)
+        parent.wait(timeout=60.0)
+        assert wait_until(lambda: gone(int(pid)))
+        assert wait_until(lambda: not any((SHM / name).exists() for name in blocks))
+    finally:
+        parent.kill()
+        parent.communicate()
