@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from flyaround.flown import load_flown
 from simulator.errors import UserError
 
 
@@ -37,6 +38,7 @@ def sim(
     as_json: Annotated[bool, typer.Option("--json", help="Print the last state as JSON.")] = False,
 ) -> None:
     """Fly a scenario in a window: watch it, slow it, hurry it, take the chaser over. F1 lists the keys."""
+    load_flown(scenario, "sim")  # a mistake in its name is said here, as by the other commands
     # the console's parts are an extra: only this command may need them
     from gui.app import Request, run  # noqa: PLC0415
 

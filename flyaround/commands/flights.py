@@ -13,6 +13,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from flyaround.flown import load_flown
 from flyaround.terminal import say, terminal
 from simulator.camera.files import list_cameras, load_camera, read_camera_file
 from simulator.camera.files_foreign import FORMATS, written
@@ -48,7 +49,7 @@ def fly(
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
     """Propagate only: states of both craft as a table, with phases, thrust and events; the delta-v it takes."""
-    plan = plan_flight(load_scenario(scenario), every_s=every_s)
+    plan = plan_flight(load_flown(scenario, "fly"), every_s=every_s)
     earlier = _earlier_flight(output) if overwrite else ()
     if not earlier:
         empty_folder(output, advice="replace an earlier flight with --overwrite")

@@ -14,6 +14,7 @@ import typer
 from rich.table import Table
 
 from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
+from flyaround.flown import load_flown
 from flyaround.progress import progress_bar
 from flyaround.terminal import say, terminal
 from simulator.dataset.poses import read_poses
@@ -21,7 +22,6 @@ from simulator.errors import UserError
 from simulator.labels.request import LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
 from simulator.render.earth_maps import EarthMaps, begin_earth_maps, begin_maps_of
-from simulator.scenario_load import load_scenario
 from simulator.scenario_picture import environment_section
 from simulator.scene.state import Bands, SceneState
 from simulator.targets.library import load_target
@@ -81,7 +81,7 @@ def render(
         request = LabelRequest(layers=record.layers, flow=record.flow)
     else:
         bands: Bands | None = "rgb" if rgb else None
-        flown = load_scenario(scenario or "")
+        flown = load_flown(scenario or "", "render")
         if environment is not None:
             flown = msgspec.structs.replace(flown, environment=environment_section(environment))
         if flown.environment_model.earth:
