@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import sys
 
 from rich.text import Text
@@ -16,11 +17,22 @@ from simulator.errors import UserError, machine_sentence
 from simulator.memory import keep_freed_memory
 from simulator.threads import use_one_for_matrices
 
-INTERRUPTED = 130
+INTERRUPTED, TERMINATED = 130, 143  # 128 and the signal's number, as shells have it
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, which ends a command as Ctrl-C does: files closed, children ended, shared memory freed."""
+
+
+def _terminate(number: int, _frame: object) -> None:
+    # what ends a program often sends the signal twice: the second would break off what the first began
+    signal.signal(number, signal.SIG_IGN)
+    raise Terminated
 
 
 def main() -> None:
     """Run the command line and exit."""
+    signal.signal(signal.SIGTERM, _terminate)
     keep_freed_memory()
     use_one_for_matrices()
     sys.exit(run(sys.argv[1:]))
@@ -40,11 +52,14 @@ def run(arguments: list[str]) -> int:
         logging.getLogger("flyaround").debug("traceback", exc_info=True)
         _leave_full_output()
         return 2
-    except KeyboardInterrupt:
-        stderr.print("flyaround: interrupted; what was written so far is whole")
-        return INTERRUPTED
-    except SystemExit as leave:
-        return leave.code if isinstance(leave.code, int) else 0
+    except (KeyboardInterrupt, SystemExit) as leave:
+        stop = _stop_behind(leave)
+        if stop is None:
+            return leave.code if isinstance(leave, SystemExit) and isinstance(leave.code, int) else 0
+        terminated = isinstance(stop, Terminated)
+        how = "terminated" if terminated else "interrupted"
+        stderr.print(f"flyaround: {how}; what was written so far is whole")
+        return TERMINATED if terminated else INTERRUPTED
     return 0
 
 
@@ -54,6 +69,14 @@ def _leave_full_output() -> None:
         sys.stdout.flush()
     except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _stop_behind(leave: BaseException) -> KeyboardInterrupt | None:
+    """The interruption that an exit came of: the command line's library makes an exit code of it."""
+    error: BaseException | None = leave
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error
 
 
 if __name__ == "__main__":

@@ -11,8 +11,10 @@ import msgspec
 import typer
 
 from flyaround.commands.estimation import check_method
+from flyaround.commands.hil_words import listening_text, summary_text
+from flyaround.flown import load_flown
 from flyaround.progress import progress_bar
-from flyaround.terminal import say, terminal
+from flyaround.terminal import say
 from hil.board.agent import run_board
 from hil.board.svd import METHODS
 from hil.host.bundle import write_bundle
@@ -20,40 +22,65 @@ from hil.host.exchange import LinkConfig
 from hil.host.ledger import LedgerRow
 from hil.host.report import write_report
 from hil.host.run import RunConfig, run_host
-from hil.host.stream import stream_frames
+from hil.host.stream import check_streamable, stream_frames
+from hil.host.summary import LedgerSummary
+from hil.host.truth_policy import truth_kept_home
 from simulator.errors import UserError
 from simulator.files import empty_folder
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
 from simulator.targets.board_file import write_board_model
 from simulator.targets.library import load_target
 
-# Seconds that a board has to connect and build its estimator, unless --timeout gives it longer.
-CONNECT_S = 60.0
+# Seconds for a pose, and for a board to connect, where --timeout does not say.
+POSE_S, CONNECT_S = 30.0, 60.0
 
 
 def host(
     scenario: Annotated[str, typer.Argument(help="Built-in name or TOML file.")],
     listen: Annotated[
-        str, typer.Option(help="Where the board connects: tcp://HOST:PORT.")
+        str,
+        typer.Option(help="Where the board connects: tcp://HOST:PORT or serial:///DEVICE?baud=N."),
     ] = "tcp://127.0.0.1:5600",
     n: Annotated[int | None, typer.Option("-n", min=1, help="Frames, evenly in time (default 30).")] = None,
     every_s: Annotated[
         float | None, typer.Option("--every", help="Seconds between frames, instead of -n.")
     ] = None,
     mode: Annotated[
-        str, typer.Option(help="lockstep: wait for each pose; realtime: paced by simulated time.")
+        str,
+        typer.Option(
+            help="lockstep: wait for each pose; realtime: paced by simulated time, after up to 15 s of warming up."
+        ),
     ] = "lockstep",
     truth: Annotated[
         str,
-        typer.Option(help="separate: own endpoint, one port up; inline: with each frame; off: kept home."),
+        typer.Option(
+            help="separate: own endpoint, one port up; inline: with each frame; off: kept home, as always where "
+            "others can reach --listen over a network."
+        ),
     ] = "separate",
     log: Annotated[
         Path | None, typer.Option(help="Folder for frames.csv and summary.json: new or empty.")
     ] = None,
     timeout_s: Annotated[
-        float, typer.Option("--timeout", min=0.1, help="Seconds to wait for a board or a pose.")
-    ] = 30.0,
+        float | None,
+        typer.Option(
+            "--timeout",
+            min=0.1,
+            help=f"Seconds to wait for a pose (default {POSE_S:g}) and for a board (default {CONNECT_S:g}).",
+        ),
+    ] = None,
+    wait_s: Annotated[
+        float | None,
+        typer.Option("--wait", min=0.1, help="Seconds to wait for the first board, instead of --timeout."),
+    ] = None,
+    max_misses: Annotated[
+        int,
+        typer.Option(
+            "--max-misses",
+            min=0,
+            help="Frames in a row without an answer in time after which the board counts as gone; 0: never.",
+        ),
+    ] = 3,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed (default: the scenario's).")] = None,
     workers: Annotated[
         int, typer.Option(min=1, max=64, help="Processes that draw in turn: more frames a second.")
@@ -61,27 +88,41 @@ def host(
     gpu: Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
-    """Stream a flight to a board and keep the ledger of every frame; exit 1 where the board left for good."""
+    """Stream a flight to a board and keep the ledger of every frame; exit 1 where the board left for good.
+
+    It listens on tcp://127.0.0.1:5600, or where --listen says: another TCP address and port, or a serial line such as
+    serial:///dev/ttyUSB0?baud=921600 (its baud rate is 115200 unless given).
+    """
     if mode not in {"lockstep", "realtime"}:
         raise UserError(f"unknown mode '{mode}' in --mode; choose lockstep or realtime")
     if truth not in {"off", "separate", "inline"}:
         raise UserError(f"unknown truth '{truth}' in --truth; choose off, separate or inline")
     if n is not None and every_s is not None:
         raise UserError("hil host takes -n or --every, not both; leave one out")
-    plan = plan_flight(
-        load_scenario(scenario), n=None if every_s is not None else (n or 30), every_s=every_s, seed=seed
-    )
-    if log is not None:
-        empty_folder(log, option="--log")
-    config = RunConfig(
-        link=LinkConfig(
+    link, warning = truth_kept_home(
+        LinkConfig(
             url=listen,
             mode="realtime" if mode == "realtime" else "lockstep",
             truth="off" if truth == "off" else "inline" if truth == "inline" else "separate",
-            timeout_s=timeout_s,
-        ),
+            timeout_s=timeout_s or POSE_S,
+            max_misses=max_misses,
+        )
+    )
+    plan = plan_flight(
+        load_flown(scenario, "hil host"),
+        n=None if every_s is not None else (n or 30),
+        every_s=every_s,
+        seed=seed,
+    )
+    check_streamable(plan)
+    if log is not None:
+        empty_folder(log, option="--log")
+    if warning:
+        say(f"flyaround: {warning}", stderr=True)
+    config = RunConfig(
+        link=link,
         log_dir=log,
-        connect_timeout_s=max(timeout_s, CONNECT_S),
+        connect_timeout_s=wait_s or timeout_s or CONNECT_S,
         target_name=plan.target.name,
         target_sha256=plan.target.sha256,
     )
@@ -93,28 +134,54 @@ def host(
             done += 1
             progress(done, plan.n_frames)
 
-        summary = run_host(stream_frames(plan, device_index=gpu, workers=workers), config, on_row=count)
-    document = msgspec.json.encode(summary)
-    if as_json:
-        typer.echo(msgspec.json.format(document, indent=1).decode())
-    else:
-        terminal().print_json(document.decode())
-    if summary.ended != "completed":
+        def end(summary: LedgerSummary) -> None:
+            if summary.ended in {"completed", "board_lost", "interrupted"}:
+                ends.append(summary)
+
+        ends: list[LedgerSummary] = []
+        try:
+            run_host(
+                stream_frames(plan, device_index=gpu, workers=workers, warm_up=mode == "realtime"),
+                config,
+                on_row=count,
+                on_listening=lambda url, truth_url: say(
+                    listening_text(url, truth_url, plan.target.name), stderr=True
+                ),
+                on_end=end,
+            )
+        finally:
+            for summary in ends:
+                _print_summary(summary, log, as_json=as_json)
+    if ends[0].ended != "completed":
         # what was sent is in the ledger; a script must not take a run without a board for a whole one
         say(
-            f"flyaround: the board left after {summary.sent} of {plan.n_frames} frames and did not come back within"
-            f" {timeout_s:g} s: start it again, and this run with it",
+            f"flyaround: the board left after {ends[0].sent} of {plan.n_frames} frames ({ends[0].board_gone}) and"
+            f" did not come back within {link.timeout_s:g} s: start it again, and this run with it",
             stderr=True,
         )
         raise typer.Exit(1)
 
 
+def _print_summary(summary: LedgerSummary, log: Path | None, *, as_json: bool) -> None:
+    if as_json:
+        typer.echo(msgspec.json.format(msgspec.json.encode(summary), indent=1).decode())
+    else:
+        say(summary_text(summary, log))
+
+
 def board(
-    url: Annotated[str, typer.Argument(help="The host: tcp://HOST:PORT.")],
+    url: Annotated[
+        str,
+        typer.Argument(help="The host: tcp://HOST:PORT or serial:///DEVICE?baud=N."),
+    ],
     target: Annotated[str, typer.Option(help="Target name.")] = "tango",
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "svd",
 ) -> None:
-    """The board's side, on this machine: connect, estimate, answer."""
+    """The board's side, on this machine: connect, estimate, answer; exit 1 where the host went without a goodbye.
+
+    The URL is the host's address, such as tcp://192.168.1.10:5600, or this end of a serial line, such as
+    serial:///dev/ttyUSB0?baud=921600.
+    """
     check_method(method)
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"{target}.board.json"

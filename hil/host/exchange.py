@@ -30,6 +30,7 @@ class LinkConfig:
     mode, truth : whether frames wait for poses; where the truth goes.
     timeout_s : how long a frame waits for its pose, and the run for a board that went away.
     truth_url : where truth loggers connect; None for no such endpoint.
+    max_misses : frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
     """
 
     url: str
@@ -38,6 +39,7 @@ class LinkConfig:
     timeout_s: float
     truth_url: str | None = None
     compression: Compression = "auto"
+    max_misses: int = 3
 
 
 @dataclass(frozen=True)
@@ -94,8 +96,13 @@ class Failed:
 
 
 @dataclass(frozen=True)
+class BoardGreeted:
+    """A board said HELLO and was let in; its estimator may not be ready yet."""
+
+
+@dataclass(frozen=True)
 class BoardUp:
-    """A board shook hands."""
+    """A board shook hands and is ready."""
 
     peer: str
     board: str

@@ -41,6 +41,13 @@ class Flights:
         self._timeout_s = timeout_s
         self._flying: dict[int, Flight] = {}
         self._held: list[int] = []
+        self.misses = 0
+        """Frames that ran out of time, or of credit for such frames, since the board last spoke of one."""
+
+    @property
+    def none_in_flight(self) -> bool:
+        """Whether every frame that was sent has its outcome, so that what is still held was given up."""
+        return not self._flying
 
     @property
     def held(self) -> int:
@@ -59,9 +66,14 @@ class Flights:
         self._held.append(job.frame_id)
         return flight
 
+    def overdue(self, at_ns: int) -> int:
+        """How many frames run out of time at ``at_ns`` without a sign of damage on the line."""
+        return sum(at_ns >= f.deadline_ns and not f.damage_seen for f in self._flying.values())
+
     def answer(self, pose: PoseMessage, at_ns: int, clock_offset_ns: int | None) -> bool:
         """Report a pose that came at ``at_ns``; False when its frame had an outcome already."""
         flight = self._flying.pop(pose.frame_id, None)
+        self.misses = 0  # late or not, it works
         if flight is not None:
             self._report(
                 FrameResult(
@@ -81,6 +93,7 @@ class Flights:
 
     def release(self, frame_id: int) -> None:
         """Frames up to this one are no longer at the board; those without an answer never get one."""
+        self.misses = 0
         self._held = [held for held in self._held if held > frame_id]
         for passed in [f for f in self._flying if f <= frame_id]:
             if self._flying[passed].damage_seen:
@@ -97,6 +110,7 @@ class Flights:
         """Report that the board got this frame damaged; False when it is not in flight."""
         if frame_id not in self._flying:
             return False
+        self.misses = 0
         self._drop(frame_id, "corrupt", reason)
         self._held.remove(frame_id)
         return True
@@ -104,6 +118,7 @@ class Flights:
     def refuse(self, frame_id: int, reason: str) -> bool:
         """Report that the board's answer to this frame cannot be used; False when it is not in flight."""
         flying = frame_id in self._flying
+        self.misses = 0  # wrongly or not, it answers
         if flying:
             self._drop(frame_id, "protocol", reason)
         if frame_id in self._held:
@@ -116,6 +131,7 @@ class Flights:
             if at_ns < flight.deadline_ns:
                 continue
             cause, why = ("corrupt", "; damaged packets were seen") if flight.damage_seen else ("timeout", "")
+            self.misses += not flight.damage_seen
             self._drop(frame_id, cause, f"no pose within {self._timeout_s:g} s{why}")
             if flight.damage_seen and frame_id in self._held:
                 self._held.remove(frame_id)  # it may never have reached the board
@@ -125,6 +141,7 @@ class Flights:
         for frame_id in list(self._flying):
             self._drop(frame_id, "disconnected", reason)
         self._held = []
+        self.misses = 0
 
     def _drop(self, frame_id: int, cause: str, reason: str) -> None:
         flight = self._flying.pop(frame_id)

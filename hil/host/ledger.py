@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil.evaluate.frame_record import COARSE_DEG, COARSE_SHARE
 from simulator.errors import UserError
 from simulator.world.rotation import rotation_angle_rad
 
@@ -59,6 +61,15 @@ class LedgerRow:
     E_T_m: float | None = None
     E_R_deg: float | None = None
 
+    @property
+    def wrong(self) -> bool | None:
+        """Whether the pose is no coarse success (5 deg, 5 % of the range) as `evaluate` counts; None if not known."""
+        if self.E_T_m is None or self.E_R_deg is None or self.truth_t_m is None:
+            return None
+        share = self.E_T_m / max(float(np.linalg.norm(self.truth_t_m)), 1e-9)
+        # not a number is not within a limit
+        return not (self.E_R_deg <= COARSE_DEG and share <= COARSE_SHARE)
+
 
 _SCALARS = (
     "e2e_ms",
@@ -101,19 +112,21 @@ def pose_errors(q_wxyz: Quat, t_m: Vec3, truth_q_wxyz: Quat, truth_t_m: Vec3) ->
 
 
 class LedgerWriter:
-    """Appends rows to ``frames.csv``; each is whole and flushed before ``add`` returns.
+    """Appends rows to ``frames.csv``; each is whole and with the operating system before ``add`` returns.
 
     Raises
     ------
     UserError
-        If the folder cannot be written or already holds a ledger.
+        If the folder cannot be written or already holds a ledger; from ``add``, if a row cannot be written (a full
+        disk): the rows before it stay, whole, and those after it are not kept.
     """
 
     def __init__(self, folder: Path) -> None:
         path = folder / FRAMES_CSV
+        self._path, self._rows, self._bytes, self._broken = path, -1, 0, False
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._file: TextIO = path.open("x", encoding="utf-8", newline="")
+            self._file = path.open("xb", buffering=0)
         except FileExistsError as error:
             raise UserError(f"{path} is there already: name another folder for this ledger") from error
         except OSError as error:
@@ -132,10 +145,30 @@ class LedgerWriter:
 
     def _write(self, cells: list[str]) -> None:
         # one write of one whole line: a reader never sees half a row
-        line = io.StringIO()
-        csv.writer(line, lineterminator="\n").writerow(cells)
-        self._file.write(line.getvalue())
-        self._file.flush()
+        if self._broken:
+            return
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerow(cells)
+        line = memoryview(text.getvalue().encode())
+        try:
+            # nearly always one write; a second one after a short write says why it was short
+            left = line
+            while left:
+                left = left[self._file.write(left) or 0 :]
+        except OSError as error:
+            self._broken = True
+            with contextlib.suppress(OSError):
+                if self._bytes:
+                    self._file.truncate(self._bytes)
+                else:
+                    self._file.close()
+                    self._path.unlink()
+            raise UserError(
+                f"{self._path} cannot be written ({error.strerror}): its {max(0, self._rows)} rows so far are whole;"
+                " make room, or name a folder on another disk with --log"
+            ) from error
+        self._rows += 1
+        self._bytes += len(line)
 
 
 def _number(value: float | None) -> str:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from hil.host.exchange import (
     BoardDown,
+    BoardGreeted,
     BoardUp,
     Close,
     Closed,
@@ -70,6 +71,8 @@ DRAIN_NS = 20_000_000
 MAX_LOGGED = 20
 BUSY = "another board is connected to this host: stop it first"
 
+RUN_DIED = "the host's run was killed or died, without a goodbye"
+
 
 class LinkServer:
     """One thread, one loop: commands from the run, packets from the board, loggers, deadlines."""
@@ -102,11 +105,13 @@ class LinkServer:
         self._blocked_until_ns = 0  # lockstep, out of credit: when to give up
         self._timeout_ns = int(config.timeout_s * 1e9)
         self._closing = False
+        self._reason = RUN_DIED
 
     def run(self) -> None:
         """Serve until the run says Close or goes away."""
         self._pipe.send(Listening(self._listener.url, self._truth.url if self._truth is not None else None))
         while not self._closing:
+            self._check_hung()
             self._send_due()
             self._flights.expire(now_ns())
             self._pending.expire(now_ns())
@@ -123,7 +128,7 @@ class LinkServer:
                 if self._truth in ready:
                     self._truth.accept()
                 self._truth.flush()
-        self._shut("the run is over")
+        self._shut()
 
     # --- what to wait for -------------------------------------------------------------------
 
@@ -168,9 +173,9 @@ class LinkServer:
                     self._terms = command
                     self._slots = FrameSlots(self._slots_fd, command.n_slots, command.slot_bytes)
                 elif isinstance(command, Close):
-                    self._closing = True
+                    self._closing, self._reason = True, command.reason
                     return
-        except EOFError:  # the run died
+        except (EOFError, ConnectionError):  # the run died
             self._closing = True
 
     def _drop(self, job: FrameJob, cause: str, reason: str) -> None:
@@ -200,6 +205,7 @@ class LinkServer:
                         return
                 self._blocked_until_ns = 0
                 self._waiting.popleft()
+                self._flights.misses += self._flights.none_in_flight
                 self._drop(job, "no_credit", f"the board still held {self._flights.held} frames")
             else:
                 self._blocked_until_ns = 0
@@ -241,6 +247,16 @@ class LinkServer:
     def _publish_truth(self, job: FrameJob) -> None:
         if self._truth is not None and job.truth is not None:
             self._truth.publish(job.frame_id, job.truth)
+
+    def _check_hung(self) -> None:
+        """A board that leaves frame after frame without an answer counts as gone: another may take its place."""
+        limit = self._config.max_misses
+        if self._link is None or not limit:
+            return
+        blocked = bool(self._blocked_until_ns) and now_ns() >= self._blocked_until_ns
+        if self._flights.misses + self._flights.overdue(now_ns()) + blocked >= limit:
+            self._blocked_until_ns = 0
+            self._board_left(f"it answered none of {limit} frames in a row: it hangs or is too slow")
 
     # --- the board's side -------------------------------------------------------------------
 
@@ -338,6 +354,7 @@ class LinkServer:
             self._next_sync_ns = now_ns() + SYNC_PATIENCE_NS
             self._counts = replace(self._counts, sessions=self._counts.sessions + 1)
         self._ack = ack
+        self._pipe.send(BoardGreeted())
         try:
             link.send(ack)
             if not repeated:
@@ -416,21 +433,27 @@ class LinkServer:
             except LinkClosed as error:
                 self._board_left(str(error))
 
-    def _shut(self, reason: str) -> None:
-        self._pending.turn_away(reason)
+    def _shut(self) -> None:
+        died = self._reason is RUN_DIED
+        self._pending.turn_away(self._reason)
         if self._link is not None:
             self._add_counts(self._link)
-            self._link.close(reason)
+            if died:
+                # no goodbye: a board must not take a run that was killed for one that is over
+                refuse(self._link, ErrorCode.OTHER, RUN_DIED)
+            else:
+                self._link.close(self._reason)
         self._listener.close()
         if self._truth is not None:
-            self._truth.close()
+            self._truth.close(None if died else self._reason)
         with contextlib.suppress(OSError):  # the run may be gone
             self._pipe.send(Closed(self._counts))
 
 
 def main() -> None:
     """Entry of the process: two inherited descriptors, the pipe's and the pixels'."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the run decides what Ctrl-C means
+    for ending in (signal.SIGINT, signal.SIGTERM):  # the run decides what they mean, and then closes us
+        signal.signal(ending, signal.SIG_IGN)
     pipe = Connection(int(sys.argv[1]))
     config: LinkConfig = pipe.recv()
     try:
@@ -438,8 +461,7 @@ def main() -> None:
     except LinkError as error:
         pipe.send(Failed(str(error)))
         return
-    with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # the run died
-        server.run()
+    server.run()
 
 
 if __name__ == "__main__":

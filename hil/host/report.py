@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import html
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
 from hil.host.ledger import read_ledger
 from hil.host.report_plots import draw_plots
-from hil.host.summary import SUMMARY_JSON, LedgerSummary, summarise
+from hil.host.summary import RUN_JSON, SUMMARY_JSON, LedgerSummary, RunTerms, summarise
 from simulator.errors import UserError
 from simulator.files import write_atomic
 
@@ -19,16 +19,19 @@ if TYPE_CHECKING:
 
     from hil.host.ledger import LedgerRow
 
+T = TypeVar("T")
+
 REPORT_HTML = "report.html"
 PLOT_FOLDER = "report"
 
 CAPTIONS = {
     "latency": "From the first byte of the frame to the pose back, on the link process's monotonic clock.",
-    "timeline": "Every frame in order; a red line is a frame without an answer.",
+    "timeline": "Every frame in order; a red line is a frame without an answer, a red dot an accepted pose that is"
+    " wrong.",
     "jitter": "Change from one answer to the next; in real time also how late frames left.",
     "outcomes": "Each frame that was offered to the link has exactly one outcome.",
     "stages": "Medians do not add up to the median of the whole; link times rest on the clock offset.",
-    "errors": "Against the truth that stayed at the host.",
+    "errors": "Against the truth as the host knows it; an accepted pose beyond 5 deg or 5 % of the range is wrong.",
 }
 
 STYLE = """
@@ -38,7 +41,7 @@ h1{font-size:26px;margin:0 0 2px}p.dim,figcaption{color:#7b8794;font-size:13px;m
 .tiles{display:flex;flex-wrap:wrap;gap:12px;margin:22px 0}
 .tile{background:#fff;border:1px solid #e4e7eb;border-radius:8px;padding:12px 18px;flex:1 1 130px}
 .tile b{display:block;font-size:22px;font-variant-numeric:tabular-nums}
-.tile span{color:#7b8794;font-size:13px}
+.tile span{color:#7b8794;font-size:13px}.tile.bad b{color:#c8453b}
 figure{background:#fff;border:1px solid #e4e7eb;border-radius:8px;padding:14px;margin:0 0 16px}
 img{width:100%;height:auto;display:block}
 table{border-collapse:collapse;background:#fff;border:1px solid #e4e7eb;border-radius:8px;width:100%}
@@ -50,7 +53,7 @@ th:first-child,td:first-child{text-align:left}th{border-top:0;color:#7b8794;font
 def write_report(folder: Path) -> Path:
     """Write ``report.html`` into a ledger folder; returns its path.
 
-    A ledger without summary.json (the host was killed) is summarised from its rows.
+    A ledger without summary.json (the host was killed) is summarised from its rows and from run.json.
 
     Raises
     ------
@@ -75,19 +78,51 @@ def write_report(folder: Path) -> Path:
 def _summary(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary:
     path = folder / SUMMARY_JSON
     if not path.is_file():
-        return summarise(
-            rows,
-            started_utc=rows[0].epoch_utc if rows else "",
-            ended="failed",
-            mode="realtime" if any(row.send_lag_ms is not None for row in rows) else "lockstep",
-            truth="off",
-            url="",
-            timeout_s=0.0,
-        )
+        return _summary_of_killed(folder, rows)
+    summary = _read(path, LedgerSummary, "a ledger summary")
+    if summary.accepted_wrong is not None:
+        return summary
+    # written before these were counted
+    counted = summarise(rows, **_terms(folder, rows))
+    return msgspec.structs.replace(
+        summary, accepted_known=counted.accepted_known, accepted_wrong=counted.accepted_wrong
+    )
+
+
+def _summary_of_killed(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary:
+    """What is known of a run that could not close its books."""
+    return summarise(rows, **_terms(folder, rows))
+
+
+def _terms(folder: Path, rows: Sequence[LedgerRow]) -> dict[str, Any]:
+    """What a run without a summary was told; of ledgers older than run.json, what their rows say."""
+    path = folder / RUN_JSON
+    if path.is_file():
+        terms = _read(path, RunTerms, "the terms of a run")
+        return {
+            "started_utc": terms.started_utc,
+            "ended": "killed",
+            "mode": terms.mode,
+            "truth": terms.truth,
+            "url": terms.url,
+            "timeout_s": terms.timeout_s,
+            "deadline_ms": terms.deadline_ms,
+        }
+    return {
+        "started_utc": rows[0].epoch_utc if rows else "",
+        "ended": "killed",
+        "mode": "realtime" if any(row.send_lag_ms is not None for row in rows) else "lockstep",
+        "truth": "unknown",
+        "url": "",
+        "timeout_s": 0.0,
+    }
+
+
+def _read(path: Path, kind: type[T], what: str) -> T:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=LedgerSummary)
+        return msgspec.json.decode(path.read_bytes(), type=kind)
     except msgspec.DecodeError as error:
-        raise UserError(f"{path} is not a ledger summary of this version: {error}") from error
+        raise UserError(f"{path} is not {what} of this version: {error}") from error
 
 
 def _text(value: float | None, unit: str, digits: int = 3) -> str:
@@ -95,6 +130,16 @@ def _text(value: float | None, unit: str, digits: int = 3) -> str:
         return "&ndash;"
     # thousands are written out: 1362 ms, never 1.36e+03
     return f"{value:.0f}&thinsp;{unit}" if abs(value) >= 10**digits else f"{value:.{digits}g}&thinsp;{unit}"
+
+
+def _truth(s: LedgerSummary) -> str:
+    return "truth not recorded" if s.truth == "unknown" else f"truth {s.truth}"
+
+
+def _ended(s: LedgerSummary) -> str:
+    if s.ended == "killed":
+        return "the host was killed: no summary was written"
+    return s.ended.replace("_", " ") + (f": {html.escape(s.board_gone)}" if s.board_gone else "")
 
 
 def _page(s: LedgerSummary, names: Sequence[str]) -> str:
@@ -113,6 +158,12 @@ def _page(s: LedgerSummary, names: Sequence[str]) -> str:
     if s.deadline_misses is not None:
         tiles.insert(7, (f"{s.deadline_misses}", f"later than {_text(s.deadline_ms, 'ms')}"))
     tile_html = "".join(f'<div class="tile"><b>{value}</b><span>{name}</span></div>' for value, name in tiles)
+    if s.accepted_known:
+        bad = " bad" if s.accepted_wrong else ""
+        tile_html += (
+            f'<div class="tile{bad}"><b>{s.accepted_wrong} of {s.accepted_known}</b>'
+            "<span>accepted poses wrong</span></div>"
+        )
     figures = "".join(
         f'<figure><img src="{PLOT_FOLDER}/{name}.png" alt="{name}">'
         f"<figcaption>{CAPTIONS[name]}</figcaption></figure>"
@@ -141,7 +192,7 @@ def _page(s: LedgerSummary, names: Sequence[str]) -> str:
 <meta name="viewport" content="width=device-width"><style>{STYLE}</style></head><body><main>
 <h1>Hardware in the loop</h1>
 <p class="dim">{html.escape(s.started_utc)} &middot; {s.mode} &middot; {html.escape(s.url)}
-&middot; truth {s.truth} &middot; {s.ended.replace("_", " ")}</p>
+&middot; {_truth(s)} &middot; {_ended(s)}</p>
 <p class="dim">Board: {board}.
 Host: {html.escape(s.machine.processor)}, {s.machine.cpus} CPUs, {html.escape(s.machine.system)}.</p>
 <div class="tiles">{tile_html}</div>

@@ -36,9 +36,20 @@ STAGES = (
 )
 
 
+WRONG = "accepted, wrong"
+
+# the kinds of answers in the order of legends, each with its marker
+MARKERS = {ACCEPTED: "o", WRONG: "X", DECLINED: "x"}
+
+
 def outcome_colour(outcome: str) -> str:
-    """Green accepted, orange declined, red dropped: the same on every plot."""
+    """Green accepted, orange declined, red what is accepted and wrong or dropped: the same on every plot."""
     return {ACCEPTED: GREEN, DECLINED: ORANGE}.get(outcome, RED)
+
+
+def kind_of(row: LedgerRow) -> str:
+    """The row's outcome; an accepted pose that the truth contradicts is a kind of its own."""
+    return WRONG if row.outcome == ACCEPTED and row.wrong else row.outcome
 
 
 def _title(ax: Axes, text: str) -> None:
@@ -79,16 +90,16 @@ def plot_timeline(rows: Sequence[LedgerRow], deadline_ms: float | None) -> Figur
     if not rows:
         return None
     figure, (ax,) = figure_with_axes(1, 1, 3.2)
-    for outcome in (ACCEPTED, DECLINED):
-        chosen = [row for row in answered if row.outcome == outcome]
+    for kind in MARKERS:
+        chosen = [row for row in answered if kind_of(row) == kind]
         if chosen:
             ax.plot(
                 [row.frame_id for row in chosen],
                 [row.e2e_ms or 0.0 for row in chosen],
                 "o",
                 ms=3.5,
-                color=outcome_colour(outcome),
-                label=outcome,
+                color=outcome_colour(kind),
+                label=kind,
             )
     for k, row in enumerate(dropped):
         ax.axvline(row.frame_id, color=RED, lw=1, alpha=0.5, label="dropped" if k == 0 else None)
@@ -128,8 +139,8 @@ def plot_outcomes(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figu
     """Frames by outcome and cause."""
     if not rows:
         return None
-    counts = Counter(row.outcome for row in rows)
-    names = sorted(counts, key=lambda name: (name not in (ACCEPTED, DECLINED), name))
+    counts = Counter(kind_of(row) for row in rows)
+    names = sorted(counts, key=lambda name: (name not in MARKERS, name))
     figure, (ax,) = figure_with_axes(1, 1, 0.9 + 0.42 * len(names))
     values = [counts[name] for name in names]
     ax.barh(names, values, color=[outcome_colour(name) for name in names], height=0.62)
@@ -175,23 +186,23 @@ def plot_stages(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure
 
 
 def plot_errors(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
-    """Pose errors over simulated time, accepted and declined apart."""
+    """Pose errors over simulated time: accepted, accepted though wrong, and declined apart."""
     known = [row for row in rows if row.E_T_m is not None and row.E_R_deg is not None]
     if not known:
         return None
     figure, axes = figure_with_axes(1, 2, HEIGHT)
     for ax, name, unit in ((axes[0], "E_T_m", "m"), (axes[1], "E_R_deg", "deg")):
         floor = 1e-4 if name == "E_T_m" else 1e-3
-        for outcome, marker in ((ACCEPTED, "o"), (DECLINED, "x")):
-            chosen = [row for row in known if row.outcome == outcome]
+        for kind, marker in MARKERS.items():
+            chosen = [row for row in known if kind_of(row) == kind]
             if chosen:
                 ax.semilogy(
                     [row.t_s for row in chosen],
                     [max(getattr(row, name), floor) for row in chosen],
                     marker,
                     ms=4.5,
-                    color=outcome_colour(outcome),
-                    label=f"{outcome} ({len(chosen)})",
+                    color=outcome_colour(kind),
+                    label=f"{kind} ({len(chosen)})",
                 )
         ax.set(xlabel="simulated time [s]", ylabel=f"{name[:3]} [{unit}]")
         accepted = [getattr(row, name) for row in known if row.outcome == ACCEPTED]

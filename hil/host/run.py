@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,12 +14,21 @@ import msgspec
 import numpy as np
 
 from hil.host.exchange import FrameResult, LinkConfig
-from hil.host.ledger import LedgerRow, LedgerWriter, pose_errors
-from hil.host.server import HostLink
-from hil.host.summary import SUMMARY_JSON, Board, LedgerSummary, LinkTotals, summarise
-from hil.link.errors import LinkError
+from hil.host.ledger import LedgerRow, LedgerWriter
+from hil.host.rows import ledger_row
+from hil.host.server import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, HostLink
+from hil.host.signals import signals_held
+from hil.host.summary import (
+    RUN_JSON,
+    SUMMARY_JSON,
+    Board,
+    LedgerSummary,
+    LinkTotals,
+    RunTerms,
+    summarise,
+)
+from hil.host.truth_policy import with_truth_endpoint
 from hil.link.messages import HelloAck, Mode, TruthPolicy
-from hil.link.transport import parse_url
 from simulator.errors import UserError
 from simulator.files import write_atomic
 
@@ -33,6 +42,15 @@ CONNECT_TIMEOUT_S = 60.0
 
 Ended = Literal["completed", "board_lost", "no_board", "interrupted", "failed"]
 
+# what a board is told in the end
+GOODBYES: dict[Ended, str] = {
+    "completed": "the run is over",
+    "board_lost": "the run is over: the board was not back in time",
+    "no_board": "the run is over: no board was ready in time",
+    "interrupted": "the run was stopped at the host",
+    "failed": "the run failed at the host",
+}
+
 
 @dataclass(frozen=True)
 class HostFrame:
@@ -42,20 +60,27 @@ class HostFrame:
     ----------
     frame_id : strictly increasing over a run.
     epoch_utc, t_s : mid-exposure.
-    image : (H, W) uint8 (or uint16).
+    image : (H, W) uint8, or uint16 with the numbers of 9 to 16 bits as the detector gives them (right-aligned).
     camera : the camera JSON object; the same for all frames of a run.
     truth : JSON-able; stays at the host, or goes where ``truth`` of the link says.
     render_ms : what drawing it cost.
+    bits : of a pixel; None for all that its type has.
     """
 
     frame_id: int
     epoch_utc: str
     t_s: float
     exposure_s: float
-    image: np.typing.NDArray[np.uint8]
+    image: np.typing.NDArray[np.unsignedinteger]
     camera: dict[str, Any]
     truth: dict[str, Any]
     render_ms: float
+    bits: int | None = None
+
+    @property
+    def pixel_bits(self) -> int:
+        """Bits of a pixel that count; the others are zero."""
+        return 8 * self.image.dtype.itemsize if self.bits is None else self.bits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,30 +106,13 @@ class RunConfig:
     target_sha256: str = ""
 
 
-def default_truth_url(url: str) -> str:
-    """Same host, next port (port 0 stays 0); the loopback for serial lines.
-
-    Raises
-    ------
-    UserError
-        If the URL is bad.
-    """
-    try:
-        scheme, host, port = parse_url(url)
-    except LinkError as error:
-        raise UserError(str(error)) from error
-    if scheme != "tcp":
-        return "tcp://127.0.0.1:5601"
-    host = f"[{host}]" if ":" in host else host
-    return f"tcp://{host}:{port + 1 if port else 0}"
-
-
 def run_host(
     frames: Iterable[HostFrame],
     config: RunConfig,
     *,
     on_row: Callable[[LedgerRow], None] | None = None,
     on_listening: Callable[[str, str | None], None] | None = None,
+    on_end: Callable[[LedgerSummary], None] | None = None,
 ) -> LedgerSummary:
     """Send frames to a board and keep the ledger.
 
@@ -114,24 +122,27 @@ def run_host(
     config : with ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up.
     on_row : told each row once its outcome is known, in that order.
     on_listening : told the URLs once the ports are open.
+    on_end : told the summary once the books are closed, also of a run that is interrupted or fails.
 
     Raises
     ------
     UserError
-        If a port is in use, no board comes, or the log folder cannot be written. The ledger of what
+        If a port is in use, no board comes, or the ledger cannot be written (any more). The ledger of what
         went before is closed properly.
+    KeyboardInterrupt
+        Ctrl-C, or SIGTERM where the program raises one of it; likewise.
     """
-    terms = _with_truth_endpoint(config.link)
+    terms = with_truth_endpoint(config.link)
     run = _Run(terms, on_row)
     with HostLink(terms) as link:
         # ports first, so that a taken one is reported before anything is drawn or written
         run.link = link
-        if on_listening is not None:
-            on_listening(link.url, link.truth_url)
-        if config.log_dir is not None:
-            run.writer = LedgerWriter(config.log_dir)
         ended: Ended = "failed"
         try:
+            if on_listening is not None:
+                on_listening(link.url, link.truth_url)
+            if config.log_dir is not None:
+                run.open_books(config)
             iterator = iter(frames)
             first = next(iterator, None)
             if first is None:
@@ -140,7 +151,7 @@ def run_host(
                 camera=first.camera,
                 width_px=first.image.shape[1],
                 height_px=first.image.shape[0],
-                bits=8 * first.image.dtype.itemsize,
+                bits=first.pixel_bits,
                 mode=Mode[terms.mode.upper()],
                 truth=TruthPolicy[terms.truth.upper()],
                 window=config.window,
@@ -161,19 +172,14 @@ def run_host(
             ended = "interrupted"
             raise
         finally:
-            link.close()
-            deadline_ms = None if config.deadline_s is None else 1e3 * config.deadline_s
-            if terms.mode == "realtime" and deadline_ms is None:
-                deadline_ms = run.interval_ms()
-            summary = run.close(ended, deadline_ms, config.log_dir)
+            with signals_held():
+                summary = run.end(ended, config)
+                # those that draw end with the run, not when the last reference to them goes
+                if isinstance(frames, Generator):
+                    frames.close()
+            if on_end is not None:
+                on_end(summary)
     return summary
-
-
-def _with_truth_endpoint(link: LinkConfig) -> LinkConfig:
-    """The link with a truth endpoint when truth travels separately, and with none otherwise."""
-    if link.truth != "separate":
-        return replace(link, truth_url=None)
-    return replace(link, truth_url=link.truth_url or default_truth_url(link.url))
 
 
 def _chained(first: HostFrame, rest: Iterator[HostFrame]) -> Iterator[HostFrame]:
@@ -187,6 +193,7 @@ def _chained(first: HostFrame, rest: Iterator[HostFrame]) -> Iterator[HostFrame]
             frame.camera != first.camera
             or frame.image.shape != first.image.shape
             or frame.image.dtype != first.image.dtype
+            or frame.pixel_bits != first.pixel_bits
         ):
             raise ValueError(f"frame {frame.frame_id} has another camera or image format than the first")
         yield frame
@@ -234,22 +241,69 @@ class _Run:
         self._finish_all()
         return "completed"
 
+    def open_books(self, config: RunConfig) -> None:
+        """Begin the ledger, and write down what a run that is killed can no longer say."""
+        assert config.log_dir is not None  # noqa: S101 - asked for where there is one
+        self.writer = LedgerWriter(config.log_dir)
+        terms = RunTerms(
+            started_utc=self._started_utc,
+            mode=self.config.mode,
+            truth=self.config.truth,
+            url=self.link.url,
+            timeout_s=self.config.timeout_s,
+            deadline_ms=None if config.deadline_s is None else 1e3 * config.deadline_s,
+        )
+        text = msgspec.json.format(msgspec.json.encode(terms), indent=1)
+        write_atomic(config.log_dir / RUN_JSON, text + b"\n")
+
     def interval_ms(self) -> float | None:
         """Median time from frame to frame."""
         times = sorted(row.t_s for row in self.rows)
         return 1e3 * float(np.median(np.diff(times))) if len(times) > 1 else None
 
-    def close(self, ended: Ended, deadline_ms: float | None, log_dir: Path | None) -> LedgerSummary:
-        """Books closed: frames without an outcome are dropped, the summary is written."""
+    def end(self, ended: Ended, config: RunConfig) -> LedgerSummary:
+        """Goodbye to the board, and the books closed; in a bounded time where the run was broken off.
+
+        Raises
+        ------
+        UserError
+            If rows or the summary of a run that went well cannot be written; of another, its own failure says more.
+        """
+        well = ended in {"completed", "board_lost"}
+        self.link.close(GOODBYES[ended], CLOSE_TIMEOUT_S if well else QUICK_TIMEOUT_S)
+        try:
+            return self._close_books(ended, config)
+        except UserError as error:
+            if well:
+                raise
+            logger.info("%s", error)
+            return self._summary(ended, config)
+        finally:
+            if self.writer is not None:
+                self.writer.close()
+
+    def _close_books(self, ended: Ended, config: RunConfig) -> LedgerSummary:
+        """Frames without an outcome are dropped, the summary is written."""
         self._take_results()
         for frame_id in list(self._open):
             self._add(FrameResult(frame_id, f"dropped:{ended}", "the run ended before its outcome was known"))
+        summary = self._summary(ended, config)
+        if self.writer is not None and config.log_dir is not None:
+            text = msgspec.json.format(msgspec.json.encode(summary), indent=1)
+            write_atomic(config.log_dir / SUMMARY_JSON, text + b"\n")
+        return summary
+
+    def _summary(self, ended: Ended, config: RunConfig) -> LedgerSummary:
+        deadline_ms = None if config.deadline_s is None else 1e3 * config.deadline_s
+        if self.config.mode == "realtime" and deadline_ms is None:
+            deadline_ms = self.interval_ms()
         board, counts = self.link.last_board, self.link.counts
         trip = counts.clock_round_trip_ns
-        summary = summarise(
+        return summarise(
             self.rows,
             started_utc=self._started_utc,
             ended=ended,
+            board_gone=self.link.down_reason if ended in {"board_lost", "no_board"} else "",
             mode=self.config.mode,
             truth=self.config.truth,
             url=self.link.url,
@@ -275,11 +329,6 @@ class _Run:
                 clock_round_trip_ms=None if trip is None else trip * 1e-6,
             ),
         )
-        if self.writer is not None and log_dir is not None:
-            self.writer.close()
-            text = msgspec.json.format(msgspec.json.encode(summary), indent=1)
-            write_atomic(log_dir / SUMMARY_JSON, text + b"\n")
-        return summary
 
     def _submit(self, frame: HostFrame, due_ns: int | None) -> None:
         self._open[frame.frame_id] = replace(frame, image=np.empty((0, 0), np.uint8))
@@ -289,7 +338,7 @@ class _Run:
             epoch_utc=frame.epoch_utc,
             t_s=frame.t_s,
             exposure_s=frame.exposure_s,
-            bits=8 * frame.image.dtype.itemsize,
+            bits=frame.pixel_bits,
             due_ns=due_ns,
             truth=None if self.config.truth == "off" else frame.truth,
         )
@@ -314,47 +363,3 @@ class _Run:
             self.writer.add(row)
         if self._on_row is not None:
             self._on_row(row)
-
-
-def _ms(start_ns: int | None, end_ns: int | None) -> float | None:
-    return None if start_ns is None or end_ns is None else (end_ns - start_ns) * 1e-6
-
-
-def ledger_row(frame: HostFrame, result: FrameResult) -> LedgerRow:
-    """A frame and its outcome as a row."""
-    truth_q = frame.truth.get("q_camera_from_target_wxyz")
-    truth_t = frame.truth.get("t_camera_from_target_m")
-    row = LedgerRow(
-        frame_id=frame.frame_id,
-        epoch_utc=frame.epoch_utc,
-        t_s=frame.t_s,
-        exposure_s=frame.exposure_s,
-        outcome=result.outcome,
-        reason=result.reason,
-        render_ms=frame.render_ms,
-        send_lag_ms=_ms(result.due_ns, result.send_start_ns),
-        send_ms=_ms(result.send_start_ns, result.send_end_ns),
-        e2e_ms=_ms(result.send_start_ns, result.received_ns),
-        truth_q_wxyz=None if truth_q is None else tuple(truth_q),
-        truth_t_m=None if truth_t is None else tuple(truth_t),
-    )
-    pose = result.pose
-    if pose is None:
-        return row
-    q, t, offset = pose.q_camera_from_target_wxyz, pose.t_camera_from_target_m, result.clock_offset_ns
-    errors: tuple[float | None, float | None] = (None, None)
-    if q is not None and t is not None and row.truth_q_wxyz is not None and row.truth_t_m is not None:
-        errors = pose_errors(q, t, row.truth_q_wxyz, row.truth_t_m)
-    return replace(
-        row,
-        board_wait_ms=_ms(pose.receive_ns, pose.start_ns),
-        board_total_ms=_ms(pose.receive_ns, pose.end_ns),
-        uplink_ms=None if offset is None else _ms(result.send_start_ns, pose.receive_ns - offset),
-        downlink_ms=None if offset is None else _ms(pose.end_ns - offset, result.received_ns),
-        stages_ms=dict(pose.stages_ms),
-        confidence=pose.confidence,
-        q_wxyz=q,
-        t_m=t,
-        E_T_m=errors[0],
-        E_R_deg=errors[1],
-    )

@@ -17,6 +17,7 @@ import numpy as np
 
 from hil.host.exchange import (
     BoardDown,
+    BoardGreeted,
     BoardUp,
     Close,
     Closed,
@@ -43,6 +44,10 @@ logger = logging.getLogger(__name__)
 
 START_TIMEOUT_S = 60.0
 CLOSE_TIMEOUT_S = 15.0
+# for the last word of a link process that is told to end, or of one whose run is broken off
+QUICK_TIMEOUT_S = 2.0
+# a board that said HELLO has this long to make its estimator; the link process waits no longer either
+READY_TIMEOUT_S = 65.0
 
 
 class HostLink:
@@ -71,6 +76,7 @@ class HostLink:
         self.last_board: BoardUp | None = None
         self.down_reason = ""
         self.down_since_s = time.monotonic()
+        self._greeted_s: float | None = None
         self.counts = LinkCounts()
         self.closed = False
         try:
@@ -164,31 +170,33 @@ class HostLink:
         return taken
 
     def wait_for_board(self, timeout_s: float) -> bool:
-        """Whether a board is connected, within ``timeout_s``."""
+        """Whether a board is ready; one has to come within ``timeout_s``, its estimator may take longer."""
         deadline = time.monotonic() + timeout_s
         while self.board is None:
-            left = deadline - time.monotonic()
+            until = deadline if self._greeted_s is None else max(deadline, self._greeted_s + READY_TIMEOUT_S)
+            left = until - time.monotonic()
             if left <= 0:
                 return False
             self.pump(min(left, 0.5))
         return True
 
-    def close(self) -> None:
-        """Say goodbye to the board and end the process."""
+    def close(self, reason: str = "the run is over", timeout_s: float = CLOSE_TIMEOUT_S) -> None:
+        """Say goodbye to the board, with the reason, and end the process; kill it after ``timeout_s``."""
         try:
             if not self.closed:
                 with contextlib.suppress(UserError, OSError):
-                    self._pipe.send(Close("the run is over"))
-                    deadline = time.monotonic() + CLOSE_TIMEOUT_S
+                    self._pipe.send(Close(reason))
+                    deadline = time.monotonic() + timeout_s
                     while not self.closed and time.monotonic() < deadline:
                         self.pump(0.2)
         finally:
             self._kill()
 
     def _kill(self) -> None:
-        self.closed = True
+        ended, self.closed = self.closed, True
         try:
-            self._process.wait(timeout=2.0)
+            # one that has said its last word is about to end; another hangs on a line that takes nothing
+            self._process.wait(timeout=QUICK_TIMEOUT_S if ended else 0.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
@@ -201,11 +209,13 @@ class HostLink:
             self._results.append(event)
         elif isinstance(event, SlotFree):
             self._free.append(event.slot)
+        elif isinstance(event, BoardGreeted):
+            self._greeted_s = time.monotonic()
         elif isinstance(event, BoardUp):
             self.board = self.last_board = event
             logger.info("board connected from %s: %s, method %s", event.peer, event.board, event.method)
         elif isinstance(event, BoardDown):
-            self.board = None
+            self.board = self._greeted_s = None
             self.down_reason = event.reason
             self.down_since_s = time.monotonic()
             logger.warning("board gone: %s", event.reason)

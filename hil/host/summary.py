@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from hil.host.ledger import LedgerRow
 
 SUMMARY_JSON = "summary.json"
+RUN_JSON = "run.json"
 Count = Annotated[int, msgspec.Meta(ge=0)]
 
 
@@ -63,20 +64,36 @@ class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
     clock_round_trip_ms: float | None = None
 
 
+class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
+    """What a run was told, written when its ledger begins: all that is known of one that was killed."""
+
+    schema: Literal["flyaround.run"] = "flyaround.run"
+    version: Literal[1] = 1
+    started_utc: str
+    mode: Literal["lockstep", "realtime"]
+    truth: Literal["off", "separate", "inline"]
+    url: str
+    timeout_s: float
+    deadline_ms: float | None = None
+
+
 class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
     """What a run came to; ``sent = accepted + declined + dropped_total`` always holds.
 
     Percentiles are over answered frames, medians of errors over accepted ones. A deadline miss is an
-    answered frame with ``e2e_ms > deadline_ms``; drops are counted apart.
+    answered frame with ``e2e_ms > deadline_ms``; drops are counted apart. ``accepted_wrong`` of the
+    ``accepted_known`` accepted poses whose truth is known are beyond 5 deg or 5 % of the range.
+    ``killed`` and an ``unknown`` truth stand in no file: a report of a run without a summary says them.
     """
 
     schema: Literal["flyaround.ledger_summary"] = "flyaround.ledger_summary"
     version: Literal[1] = 1
     protocol_version: int = PROTOCOL_VERSION
     started_utc: str
-    ended: Literal["completed", "board_lost", "no_board", "interrupted", "failed"]
+    ended: Literal["completed", "board_lost", "no_board", "interrupted", "failed", "killed"]
+    board_gone: str = ""
     mode: Literal["lockstep", "realtime"]
-    truth: Literal["off", "separate", "inline"]
+    truth: Literal["off", "separate", "inline", "unknown"]
     url: str
     timeout_s: float
     sent: Count
@@ -84,6 +101,8 @@ class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
     declined: Count
     dropped: dict[str, Count]
     dropped_total: Count
+    accepted_known: Count | None = None
+    accepted_wrong: Count | None = None
     e2e_ms_p50: float | None = None
     e2e_ms_p90: float | None = None
     e2e_ms_p99: float | None = None
@@ -177,6 +196,8 @@ def summarise(rows: Sequence[LedgerRow], **run: Any) -> LedgerSummary:  # noqa: 
         declined=outcomes[DECLINED],
         dropped=dropped,
         dropped_total=dropped_total,
+        accepted_known=sum(row.wrong is not None for row in accepted),
+        accepted_wrong=sum(row.wrong is True for row in accepted),
         e2e_ms_p50=percentile(e2e, 50),
         e2e_ms_p90=percentile(e2e, 90),
         e2e_ms_p99=percentile(e2e, 99),

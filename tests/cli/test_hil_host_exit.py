@@ -2,11 +2,19 @@
 
 import json
 import socket
+import subprocess
+import sys
 import threading
+import time
+from contextlib import suppress
+from importlib.resources import files
+from pathlib import Path
 
 import pytest
+from hil_loop import Instant
 
 from flyaround.__main__ import run
+from hil.board.agent import run_board
 from hil.host.ledger import read_ledger
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.messages import FrameHeader, Hello, TimeSyncRequest
@@ -14,6 +22,13 @@ from hil.link.session import Link, greet_host
 from hil.link.transport import connect
 
 pytestmark = pytest.mark.gl
+
+ROOT = Path(__file__).parents[2]
+
+
+def free_url(host="127.0.0.1"):
+    with socket.create_server((host, 0)) as free:
+        return f"tcp://{host}:{free.getsockname()[1]}"
 
 
 def leaves_in_the_first_frame(url):
@@ -27,11 +42,11 @@ def leaves_in_the_first_frame(url):
 
 
 def test_a_board_that_leaves_for_good_is_no_success(capsys, tmp_path):
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        url = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    url = free_url()
     board = threading.Thread(target=leaves_in_the_first_frame, args=(url,), daemon=True)
     board.start()
-    command = ["hil", "host", "tango-space-10m", "-n", "3", "--truth", "off", "--timeout", "0.5", "--json"]
+    command = ["hil", "host", "tango-space-10m", "-n", "3", "--truth", "off"]
+    command += ["--timeout", "0.5", "--wait", "60", "--json"]
     code = run([*command, "--listen", url, "--log", str(tmp_path / "log")])
     board.join(10.0)
     said = capsys.readouterr()
@@ -40,3 +55,118 @@ def test_a_board_that_leaves_for_good_is_no_success(capsys, tmp_path):
     summary = json.loads(said.out)
     assert (summary["ended"], summary["sent"], summary["dropped"]) == ("board_lost", 1, {"disconnected": 1})
     assert [row.outcome for row in read_ledger(tmp_path / "log")] == ["dropped:disconnected"]
+
+
+def test_what_listens_says_so_and_waits_no_longer_than_it_is_told(capsys, tmp_path):
+    # to everybody, so that the truth must stay at home
+    url = free_url("0.0.0.0")  # noqa: S104 - the address in question
+    command = ["hil", "host", "tango-space-10m", "-n", "2", "--truth", "inline", "--timeout", "0.2"]
+    start = time.monotonic()
+    assert run([*command, "--listen", url, "--log", str(tmp_path / "log")]) == 2
+    # the first frame is drawn meanwhile; a minute is what it once waited at least
+    assert time.monotonic() - start < 55.0
+    said = capsys.readouterr().err.splitlines()
+    port = url.rsplit(":", 1)[1]
+    assert said[0].startswith(f"flyaround: {url} can be reached from other machines")
+    assert "(--truth off)" in said[0]
+    assert said[1] == f"listening on {url}; on the board type"
+    assert said[2].strip() == f"flyaround hil board tcp://{socket.gethostname()}:{port} --target tango"
+    assert said[4].strip() == f"python3 board.pyz tcp://{socket.gethostname()}:{port} --model tango"
+    assert said[-1].startswith(f"flyaround: no board connected to {url} within 0.2 s")
+    assert json.loads((tmp_path / "log" / "run.json").read_text())["truth"] == "off"
+    assert json.loads((tmp_path / "log" / "summary.json").read_text())["ended"] == "no_board"
+
+
+def children_of(pid):
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            if int(stat.read_text().rsplit(")", 1)[1].split()[1]) == pid:
+                found.append(int(stat.parent.name))
+    return found
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_a_terminated_host_closes_its_books_and_leaves_nothing_behind(tmp_path):
+    url, log = free_url(), tmp_path / "log"
+    command = [sys.executable, "-m", "flyaround", "hil", "host", "tango-space-10m", "-n", "500"]
+    host = subprocess.Popen(
+        [*command, "--listen", url, "--truth", "off", "--log", str(log)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+    try:
+        assert host.stderr.readline() == f"listening on {url}; on the board type\n"
+        ended = []
+        board = threading.Thread(
+            target=lambda: ended.append(run_board(url, make_estimator=Instant)), daemon=True
+        )
+        board.start()
+        deadline = time.monotonic() + 120.0
+        while not (log / "frames.csv").exists() or (log / "frames.csv").read_text().count("\n") < 3:
+            assert time.monotonic() < deadline, host.poll()
+            time.sleep(0.05)
+        # in mid-frame of the one that draws, and twice, as `timeout` does it
+        children = children_of(host.pid)
+        assert len(children) >= 2
+        host.terminate()
+        host.terminate()
+        start = time.monotonic()
+        out, err = host.communicate(timeout=60.0)
+        # two seconds are what children were left for; ten times what an idle machine takes
+        assert time.monotonic() - start < 20.0
+        # one of them is Python's own, which frees what others leave and ends last
+        deadline = time.monotonic() + 20.0
+        while any(alive(pid) for pid in children):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+    finally:
+        host.kill()
+        host.communicate()
+    board.join(10.0)
+    assert host.returncode == 143
+    assert err.splitlines()[-1] == "flyaround: terminated; what was written so far is whole"
+    assert "leaked" not in err
+    summary = json.loads((log / "summary.json").read_text())
+    rows = read_ledger(log)
+    assert summary["ended"] == "interrupted"
+    assert summary["sent"] == len(rows) >= 2
+    # a person is told in words, JSON is for --json
+    assert out.startswith(f"{len(rows)} frames sent: {summary['accepted']} accepted, ")
+    assert "{" not in out
+    assert "the run was stopped at the host" in ended[0].ended
+
+
+def test_colour_is_refused_before_anybody_listens(capsys, tmp_path):
+    text = (files("assets.scenarios") / "tango-space-10m.toml").read_text()
+    colour = tmp_path / "colour.toml"
+    colour.write_text(text.replace('bands = "mono"', 'bands = "rgb"'))
+    assert run(["hil", "host", str(colour), "--log", str(tmp_path / "log")]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert 'rgb pictures, but the link to a board carries one channel: write bands = "mono" under' in said
+    assert "listening" not in said
+    assert not (tmp_path / "log").exists()
+
+
+@pytest.mark.parametrize("command", [["hil", "host"], ["fly", "-o", "x"], ["render", "-o", "x.png"], ["sim"]])
+def test_a_recipe_is_told_from_a_scenario(capsys, monkeypatch, tmp_path, command):
+    monkeypatch.chdir(tmp_path)
+    assert run([*command, "eval-black"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    name = " ".join(word for word in command if word in {"hil", "host", "fly", "render", "sim"})
+    assert f"eval-black is a recipe of independent samples, and {name} takes a scenario" in said
+    assert "flyaround capture eval-black" in said
+
+
+@pytest.mark.parametrize("command", ["host", "board"])
+def test_help_names_the_serial_line(capsys, command):
+    assert run(["hil", command, "--help"]) == 0
+    assert "serial:///dev/ttyUSB0?baud=921600" in capsys.readouterr().out

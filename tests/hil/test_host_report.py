@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
+from flyaround.commands.hil_words import board_url, listening_text, summary_text
+from hil.host.exchange import LinkConfig
 from hil.host.ledger import COLUMNS, LedgerRow, LedgerWriter, pose_errors, read_ledger
 from hil.host.report import write_report
-from hil.host.summary import summarise, this_machine
+from hil.host.report_plots import GREEN, MARKERS, ORANGE, RED, WRONG, kind_of, outcome_colour, plot_errors
+from hil.host.summary import RUN_JSON, RunTerms, summarise, this_machine
+from hil.host.truth_policy import truth_kept_home
 from simulator.errors import UserError
 
 RUN = {
@@ -52,6 +59,11 @@ ROWS = [answered(k, "declined" if k % 4 == 3 else "accepted", 10.0 + k) for k in
     row(21, "dropped:corrupt"),
     row(22, "dropped:timeout"),
 ]
+
+
+def known(k: int, outcome: str, E_R_deg: float, E_T_m: float = 0.01) -> LedgerRow:
+    """An answered frame whose truth is at 10 m."""
+    return replace(answered(k, outcome, 10.0), truth_t_m=(0.0, 0.0, 10.0), E_R_deg=E_R_deg, E_T_m=E_T_m)
 
 
 def write(folder, rows):
@@ -144,3 +156,101 @@ def test_the_processor_is_told_by_its_name() -> None:
     name = re.search(r"^model name\s*:\s*(.+)$", told, re.MULTILINE)
     processor = this_machine().processor
     assert processor == name.group(1).strip() if name else processor
+
+
+def test_a_pose_far_off_is_wrong_though_accepted(tmp_path):
+    rows = [known(k, "accepted", 129.0) for k in range(4)]
+    rows += [known(4, "accepted", 0.2), known(5, "accepted", 0.2, E_T_m=0.51), known(6, "declined", 90.0)]
+    rows += [answered(7, "accepted", 12.0), known(8, "accepted", float("nan"))]
+    s = summarise(rows, **RUN)
+    # not those whose truth is not known, nor declined ones
+    assert (s.accepted, s.accepted_known, s.accepted_wrong) == (8, 7, 6)
+    assert [kind_of(row) for row in rows] == [
+        *[WRONG] * 4,
+        "accepted",
+        WRONG,
+        "declined",
+        "accepted",
+        WRONG,
+    ]
+    assert [outcome_colour(kind) for kind in MARKERS] == [GREEN, RED, ORANGE]
+    left, _ = plot_errors(rows, None).axes
+    drawn = {line.get_label(): line.get_color() for line in left.get_lines()}
+    assert drawn[f"{WRONG} (6)"] == RED
+    write(tmp_path, rows)
+    page = write_report(tmp_path).read_text()
+    assert '<div class="tile bad"><b>6 of 7</b><span>accepted poses wrong</span>' in page
+    said = summary_text(s, None)
+    assert [said.plain[span.start : span.end] for span in said.spans if span.style == "red"] == [
+        "6 of 7 accepted poses are wrong"
+    ]
+    right = summary_text(summarise(rows[4:5], **RUN), tmp_path)
+    assert "0 of 1 accepted poses are wrong" in right.plain
+    assert not any(span.style == "red" for span in right.spans)
+    assert f"flyaround hil report {tmp_path}" in right.plain
+
+
+@pytest.mark.parametrize("truth", ["off", "separate", "inline"])
+def test_the_report_of_a_killed_run_says_what_it_was_told(tmp_path, truth):
+    write(tmp_path, ROWS)
+    assert "truth not recorded" in write_report(tmp_path).read_text()
+    terms = RunTerms(
+        started_utc="2026-01-01T00:00:00+00:00",
+        mode="realtime",
+        truth=truth,
+        url="tcp://127.0.0.1:5600",
+        timeout_s=2.0,
+    )
+    (tmp_path / RUN_JSON).write_bytes(msgspec.json.encode(terms))
+    page = " ".join(write_report(tmp_path).read_text().split())
+    assert (
+        f"realtime &middot; tcp://127.0.0.1:5600 &middot; truth {truth} &middot; the host was killed" in page
+    )
+    (tmp_path / RUN_JSON).write_text("{}")
+    with pytest.raises(UserError, match=r"run\.json is not the terms of a run of this version"):
+        write_report(tmp_path)
+
+
+def test_a_summary_from_before_wrong_poses_were_counted_is_counted_now(tmp_path):
+    rows = [known(k, "accepted", 129.0) for k in range(3)]
+    write(tmp_path, rows)
+    document = json.loads(msgspec.json.encode(summarise(rows, **RUN)))
+    for name in ("accepted_known", "accepted_wrong", "board_gone"):
+        del document[name]
+    (tmp_path / "summary.json").write_text(json.dumps(document))
+    assert "<b>3 of 3</b><span>accepted poses wrong" in write_report(tmp_path).read_text()
+
+
+def test_what_to_type_on_the_board():
+    text = listening_text("tcp://127.0.0.1:5600", "tcp://127.0.0.1:5601", "tango").splitlines()
+    assert text[1].strip() == "flyaround hil board tcp://127.0.0.1:5600 --target tango"
+    assert text[-1].endswith("tcp://127.0.0.1:5601")
+    assert "127.0.0.1" not in board_url("tcp://[::]:5600")
+    serial = listening_text("serial:///dev/ttyUSB0?baud=921600", None, "dragon")
+    assert "flyaround hil board serial:///dev/ttyUSB0?baud=921600 --target dragon" in serial
+    assert "the board's own name of the line" in serial
+
+
+@pytest.mark.parametrize(
+    ("url", "truth", "truth_url", "kept"),
+    [
+        ("tcp://127.0.0.1:5600", "separate", None, False),
+        ("tcp://localhost:5600", "inline", None, False),
+        ("tcp://[::1]:5600", "separate", None, False),
+        ("serial:///dev/ttyUSB0?baud=921600", "separate", None, False),
+        ("serial:///dev/ttyUSB0", "inline", None, False),
+        ("tcp://0.0.0.0:5600", "off", None, False),
+        ("tcp://0.0.0.0:5600", "separate", None, True),
+        ("tcp://[::]:5600", "inline", None, True),
+        ("tcp://192.0.2.7:5600", "separate", None, True),
+        ("tcp://127.0.0.1:5600", "separate", "tcp://192.0.2.7:5601", True),
+    ],
+)
+def test_truth_leaves_this_machine_by_no_open_port(url, truth, truth_url, kept):
+    link = LinkConfig(url=url, mode="lockstep", truth=truth, timeout_s=1.0, truth_url=truth_url)
+    safe, sentence = truth_kept_home(link)
+    assert (safe.truth == "off") == (kept or truth == "off")
+    assert bool(sentence) == kept
+    if kept:
+        assert "--truth off" in sentence
+        assert safe.truth_url is None

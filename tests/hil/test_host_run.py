@@ -119,11 +119,12 @@ def test_realtime_paces_by_scenario_time_and_drops_without_credit():
 
 def test_no_frame_is_sent_before_the_estimator_is_ready():
     def slow_to_build(camera):
-        time.sleep(0.8)
+        time.sleep(1.6)
         return Instant(camera)
 
     rows = []
-    Loop(board(slow_to_build)).run(frames(2), on_row=rows.append, timeout_s=0.5)
+    # a board has a second to come; once it is there its estimator may take longer
+    Loop(board(slow_to_build)).run(frames(2), on_row=rows.append, timeout_s=0.5, connect_timeout_s=1.0)
     assert [row.outcome for row in rows] == ["accepted", "accepted"]
 
 
