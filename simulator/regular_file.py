@@ -77,4 +77,6 @@ def find_beside(owner: Path, name: str, what: str) -> Path:
 
 
 def _size(n_bytes: int) -> str:
+    if n_bytes < 2**20:
+        return f"{n_bytes:,} bytes"
     return f"{n_bytes / 2**20:,.1f} MB" if n_bytes < 2**30 else f"{n_bytes / 2**30:,.1f} GB"

@@ -17,11 +17,12 @@ from simulator.camera.check import optics_problem, response_problem, sensor_prob
 from simulator.camera.files import CameraFile, read_camera_file
 from simulator.errors import UserError, near_names
 from simulator.file_errors import explain
+from simulator.regular_file import read_regular
 from simulator.scenario import Scenario
 from simulator.scenario_flight import check_physics
 from simulator.scenario_messages import resolve_messages
 from simulator.scene.environments import ENVIRONMENTS
-from simulator.text_files import read_bounded, refuse_deep, refuse_dotted
+from simulator.text_files import refuse_deep, refuse_dotted
 from simulator.world.time import Instant
 
 MOST_BYTES = 1_000_000  # of a scenario: a hundred times the longest of the built-in ones
@@ -49,7 +50,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     try:
         if not path.is_file():
             raise UserError(_no_such_scenario(text, path))
-        content = read_bounded(path, MOST_BYTES)
+        content = read_regular(path, MOST_BYTES)
     except OSError as error:
         raise UserError(f"{text} cannot be read: {error.strerror or error}") from error
     return _parse(content, text, path.stem, path.parent)

@@ -12,8 +12,8 @@ from simulator import scenario as sc
 from simulator import scenario_motion as sm
 from simulator.arrays import quat, vec3
 from simulator.errors import UserError
+from simulator.regular_file import read_regular
 from simulator.scenario_units import Centre
-from simulator.text_files import read_bounded
 from simulator.world.aem import read_aem_state
 from simulator.world.oem import read_oem_state
 from simulator.world.recording import Recording
@@ -110,7 +110,7 @@ def read_message(name: str, key: str, folder: Path) -> str:
     """
     path = folder / name
     try:
-        return read_bounded(path, MOST_BYTES).decode("utf-8")
+        return read_regular(path, MOST_BYTES).decode("utf-8")
     except OSError as error:
         raise UserError(f"key {key} is {name!r}, which cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:

@@ -13,7 +13,7 @@ from simulator.camera.intrinsics import LensFile
 from simulator.camera.model import Camera
 from simulator.errors import UserError, near_names
 from simulator.file_errors import explain
-from simulator.text_files import read_bounded
+from simulator.regular_file import read_regular
 
 __all__ = [
     "CameraFile",
@@ -61,7 +61,7 @@ def read_camera_file(name_or_path: str | Path, folder: Path | None = None) -> Ca
         try:
             if not path.is_file():
                 raise UserError(_no_such_camera(text))
-            content, where = read_bounded(path, MOST_BYTES), str(path)
+            content, where = read_regular(path, MOST_BYTES), str(path)
         except OSError as error:
             raise UserError(
                 f"camera {path} cannot be read: {error.strerror or error}; check the path"

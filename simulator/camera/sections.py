@@ -17,7 +17,7 @@ from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Detector, Sensor
 from simulator.errors import UserError
-from simulator.text_files import read_bounded
+from simulator.regular_file import read_regular
 
 MOST_KERNEL_BYTES = 100_000_000
 
@@ -144,7 +144,7 @@ def _in_metres(curve_nm: Sequence[tuple[float, float]]) -> Curve:
 
 def _read_kernel(path: Path) -> NDArray[Any]:
     """The numbers of a kernel's file; those of a picture over their sum, as a picture cannot hold a sum of one."""
-    data = read_bounded(path, MOST_KERNEL_BYTES)
+    data = read_regular(path, MOST_KERNEL_BYTES)
     if path.suffix == ".npy":
         return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
     if path.suffix in {".png", ".tif", ".tiff"}:

@@ -12,7 +12,8 @@ import msgspec
 
 from simulator.camera.model import Camera
 from simulator.errors import UserError
-from simulator.text_files import read_bounded, refuse_deep
+from simulator.regular_file import read_regular
+from simulator.text_files import refuse_deep
 
 CARD_NAME = "dataset.json"
 MOST_BYTES = 64_000_000  # of a card: with every frame of a large set in quarantine
@@ -127,7 +128,7 @@ def read_card(folder: Path) -> DatasetCard:
     """
     path = folder / CARD_NAME
     try:
-        data = read_bounded(path, MOST_BYTES)
+        data = read_regular(path, MOST_BYTES)
         refuse_deep(data, str(path))
         return msgspec.json.decode(data, type=DatasetCard)
     except OSError as error:

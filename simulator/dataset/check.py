@@ -32,8 +32,9 @@ from simulator.errors import UserError
 from simulator.labels.boxes import mask_box
 from simulator.labels.frame import infeasible_reason, pixel_hash
 from simulator.labels.truth import Truth, read_truth
+from simulator.regular_file import read_regular
 from simulator.targets.library import load_target
-from simulator.text_files import read_bounded, refuse_deep
+from simulator.text_files import refuse_deep
 from simulator.world.eclipse import sun_fraction_past_both
 from simulator.world.rotation import matrix_from_quat
 
@@ -265,7 +266,7 @@ def _check_bookkeeping(k: int, truth: Truth, card: DatasetCard) -> list[str]:
 
 
 def _speed_rows(path: Path, card: DatasetCard) -> list[dict[str, Any]]:
-    data = read_bounded(path, 1000 * (card.n_frames + 1))
+    data = read_regular(path, 1000 * (card.n_frames + 1))
     refuse_deep(data, str(path))
     rows: list[dict[str, Any]] = json.loads(data)
     return rows

@@ -12,7 +12,7 @@ import numpy as np
 
 from simulator.arrays import quat, vec3
 from simulator.errors import UserError
-from simulator.text_files import read_bounded
+from simulator.regular_file import read_regular
 from simulator.world.eclipse import sun_fraction_past_both
 from simulator.world.pose import Pose
 from simulator.world.rotation import matrix_from_quat
@@ -42,7 +42,7 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
         If the file cannot be read, lacks a column, has no row, or a number is wrong: file, line, column, what to do.
     """
     try:
-        text = read_bounded(path, MOST_BYTES).decode("utf-8-sig")
+        text = read_regular(path, MOST_BYTES).decode("utf-8-sig")
         reader = csv.DictReader(io.StringIO(text, newline=""))
         rows = list(reader)
         header = [name.strip() for name in reader.fieldnames or ()]

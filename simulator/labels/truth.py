@@ -10,9 +10,10 @@ import msgspec
 from simulator.arrays import Quat, Vec3
 from simulator.camera.model import Camera
 from simulator.errors import UserError
+from simulator.regular_file import read_regular
 from simulator.scene.check import scene_problem
 from simulator.scene.state import SceneState
-from simulator.text_files import read_bounded, refuse_deep
+from simulator.text_files import refuse_deep
 
 MOST_BYTES = 64_000_000  # of a record: its wireframe and row poses take the most
 
@@ -125,7 +126,7 @@ def read_truth(path: str | Path) -> Truth:
     """
     path = Path(path)
     try:
-        data = read_bounded(path, MOST_BYTES)
+        data = read_regular(path, MOST_BYTES)
     except OSError as error:
         raise UserError(
             f"cannot read truth {path}: {error.strerror or error}; give a .json written by render or capture"

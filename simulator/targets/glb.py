@@ -6,6 +6,7 @@ Mesh data are in the model frame: the rotation of the root node, which is for vi
 from __future__ import annotations
 
 import struct
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -29,8 +30,6 @@ from simulator.targets.model import Material, Part, Picture, Target
 from simulator.targets.records import TargetRecord
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import NDArray
 
 CLEARCOAT, ANISOTROPY = "KHR_materials_clearcoat", "KHR_materials_anisotropy"
@@ -40,7 +39,7 @@ BROKEN = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, R
 """What a document that breaks glTF's rules raises where it is read."""
 
 
-def load_glb(path: Path) -> Target:
+def load_glb(path: str | Path) -> Target:
     """Read a target file.
 
     Raises
@@ -48,6 +47,7 @@ def load_glb(path: Path) -> Target:
     UserError
         If it is not one, is damaged, or does not match its own hash.
     """
+    path = Path(path)
     try:
         data = read_regular(path, LARGEST_FILE_BYTES)
     except OSError as error:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import struct
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -19,8 +20,6 @@ from simulator.targets.glb import ANISOTROPY, CLEARCOAT
 from simulator.targets.glb_pictures import mime_of
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import NDArray
 
     from simulator.targets.model import Material, Part, Picture, Target
@@ -34,7 +33,7 @@ Y_UP_FROM_Z_UP_XYZW = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 Json = dict[str, Any]
 
 
-def write_glb(target: Target, path: Path) -> None:
+def write_glb(target: Target, path: str | Path) -> None:
     """Write ``target`` as a target file (docs/formats/target.md).
 
     Raises
@@ -42,7 +41,7 @@ def write_glb(target: Target, path: Path) -> None:
     UserError
         If the file cannot be written.
     """
-    write_atomic(path, glb_bytes(target))
+    write_atomic(Path(path), glb_bytes(target))
 
 
 def glb_bytes(target: Target) -> bytes:

@@ -22,9 +22,10 @@ from simulator.errors import UserError
 from simulator.labels.frame import label_frame
 from simulator.labels.truth import Software, read_truth, truth_to_json
 from simulator.loop import plan_flight
+from simulator.regular_file import read_regular
 from simulator.scenario_load import list_scenarios, load_scenario
 from simulator.scenario_messages import read_message
-from simulator.text_files import read_bounded, refuse_deep, refuse_dotted
+from simulator.text_files import refuse_deep, refuse_dotted
 
 LONGEST_S = 20.0  # for one file: a thousand times what it takes
 
@@ -199,7 +200,7 @@ def test_what_never_ends_is_no_file(tmp_path):
         lambda: read_truth(tmp_path / "dataset.json"),
         lambda: read_poses(Path("/dev/zero")),
         lambda: load_scenario("/dev/zero"),
-        lambda: parse_camera(read_bounded(Path("/dev/zero"), 100), ""),
+        lambda: parse_camera(read_regular(Path("/dev/zero"), 100), ""),
         lambda: read_message("dataset.json", "a", tmp_path),
     ):
         assert not read(reader, b"")
@@ -207,9 +208,9 @@ def test_what_never_ends_is_no_file(tmp_path):
 
 def test_bounds_are_told(tmp_path):
     (tmp_path / "a").write_bytes(b"12345")
-    assert read_bounded(tmp_path / "a", 5) == b"12345"
-    with pytest.raises(UserError, match="more than 4e-06 MB"):
-        read_bounded(tmp_path / "a", 4)
+    assert read_regular(tmp_path / "a", 5) == b"12345"
+    with pytest.raises(UserError, match="has 5 bytes and at most 4 bytes"):
+        read_regular(tmp_path / "a", 4)
     refuse_deep(b"[" * 64 + b"]" * 64 + b"[{}]" * 1000, "a")
     with pytest.raises(UserError, match="more than 64 brackets"):
         refuse_deep(b"[" * 40 + b"{" * 25, "a")
