@@ -15,13 +15,13 @@ NAME = "cubesat-1u"
 @pytest.fixture
 def reads(monkeypatch):
     names = []
-    read = library.load_glb
+    read = library.target_from
 
-    def count(path, **options):
+    def count(data, path, **options):
         names.append(path.name)
-        return read(path, **options)
+        return read(data, path, **options)
 
-    monkeypatch.setattr(library, "load_glb", count)
+    monkeypatch.setattr(library, "target_from", count)
     library.target_in_use.cache_clear()
     yield names
     library.target_in_use.cache_clear()

@@ -16,6 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import trimesh
+from peak_memory import peak_bytes
 
 from simulator.errors import UserError
 from simulator.targets.glb import load_glb
@@ -192,7 +193,7 @@ def main(folder, seed, count):
             except BaseException:  # noqa: BLE001 - the same
                 wrong.append(f"{path.name}: {traceback.format_exc()[-1500:]}")
         longest = max(longest, (time.process_time() - start, path.name))
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    memory = peak_bytes()
     found = {
         "taken": taken,
         "refused": refused,

@@ -200,6 +200,15 @@ def test_a_slow_board_is_not_taken_for_a_hung_one():
     assert "disconnected" not in summary.dropped
 
 
+@pytest.fixture
+def interruptible():
+    """Ctrl-C interrupts: what runs in the background, as the workers of tests do, is started without."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_signals_wait_until_the_books_are_closed():
     done = []
 
