@@ -116,7 +116,7 @@ def factors() -> tuple[Factor, ...]:
     """All factors, the worst together last."""
     single = (
         _blas("Haswell", "avx2"),
-        _blas("Prescott"),
+        _blas("Prescott", "sse2"),
         _blas("SkylakeX", "avx512f", "avx512vl"),
         _numpy("numpy-no-avx512", AVX512, "avx512f"),
         _numpy("numpy-no-avx2", AVX2, "avx2"),
@@ -133,7 +133,8 @@ def factors() -> tuple[Factor, ...]:
     ]
     environment = {name: value for factor in together for name, value in factor.environment.items()}
     shown = "\n".join(factor.shown for factor in together)
-    return (*single, Factor("worst", environment, shown, (*NUMERICAL, *DRAWN)))
+    needs = tuple(sorted({flag for factor in together for flag in factor.needs}))
+    return (*single, Factor("worst", environment, shown, (*NUMERICAL, *DRAWN), needs))
 
 
 def _missing(factor: Factor) -> list[str]:

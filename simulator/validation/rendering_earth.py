@@ -289,7 +289,7 @@ def _sun_and_stars(renderer: Renderer) -> list[Row]:
     return [
         Row(
             what="irradiance of the Sun's disc in the picture, relative",
-            against="ASTM E490 / G173 in the band, distance of the day",
+            against="ASTM G173 in the band, distance of the day",
             unit="1",
             goal=0.02,
             measured=_error(float(irradiance), float(expected)),
