@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 DRACO = "KHR_draco_mesh_compression"
 DEADLINE_S = 120.0
-MOST_RESULT_BYTES = 256 << 20
+MOST_RESULT_BYTES = 128 << 20  # held up to four times while it is unpacked
 COMPONENT_OF = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
 TYPE_OF = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
