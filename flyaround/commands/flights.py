@@ -54,22 +54,25 @@ def fly(
     if not earlier:
         empty_folder(output, advice="replace an earlier flight with --overwrite")
     rows = fly_table(plan.flight, plan.times_s)
-    # what is replaced was there until what replaces it is ready
-    for file in earlier:
-        file.unlink()
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_atomic(output / "states.csv", text.getvalue().encode())
-    write_atomic(
-        output / "scenario.json", msgspec.json.format(msgspec.json.encode(plan.scenario_document), indent=1)
-    )
-    for name, content in flight_messages(plan.flight, plan.times_s, oem=oem, aem=aem).items():
-        write_atomic(output / name, content.encode())
+    contents = {
+        "states.csv": text.getvalue().encode(),
+        "scenario.json": msgspec.json.format(msgspec.json.encode(plan.scenario_document), indent=1),
+    }
+    for name, message in flight_messages(plan.flight, plan.times_s, oem=oem, aem=aem).items():
+        contents[name] = message.encode()
     if with_recording:
-        write_atomic(output / "flight.npz", record(plan.flight, plan.times_s).to_bytes())
-        write_atomic(output / "replay.toml", replay_scenario(plan.scenario, "flight.npz").encode())
+        contents["flight.npz"] = record(plan.flight, plan.times_s).to_bytes()
+        contents["replay.toml"] = replay_scenario(plan.scenario, "flight.npz").encode()
+    for name, content in contents.items():
+        write_atomic(output / name, content)
+    # an earlier flight is there until the new one is written
+    for file in earlier:
+        if file.name not in contents:
+            file.unlink()
     summary = {"states": str(output / "states.csv"), **summarise_flight(plan.flight, rows)}
     if as_json:
         typer.echo(json.dumps(summary))

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from flyaround.__main__ import run
+from flyaround.commands import flights
+from simulator.errors import UserError
 from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
 from simulator.world.flight import Flight
@@ -183,7 +185,7 @@ def test_phases_of_a_line_and_of_waypoints() -> None:
 
 
 def test_fly_says_what_happened_and_replaces_nothing_unasked(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scenario, out = tmp_path / "abort.toml", tmp_path / "flight"
     scenario.write_text(ABORT)
@@ -202,8 +204,23 @@ def test_fly_says_what_happened_and_replaces_nothing_unasked(
     assert run(["fly", str(scenario), "-o", str(out), "--every", "10", "--overwrite", "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert (summary["rows"], summary["aborted"]) == (31, True)
+    # what is replaced is there until what replaces it can be written
+    assert run(["fly", str(scenario), "-o", str(out), "--overwrite", "--oem"]) == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert "target.oem" in before
+    with monkeypatch.context() as patch:
+        patch.setattr(flights, "record", _refused)
+        assert run(["fly", str(scenario), "-o", str(out), "--every", "5", "--overwrite", "--record"]) == 2
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    assert run(["fly", str(scenario), "-o", str(out), "--every", "10", "--overwrite"]) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["scenario.json", "states.csv"]
     # what another put there is never taken away
+    before = (out / "states.csv").read_bytes()
     (out / "mine.txt").write_text("keep")
     assert run(["fly", str(scenario), "-o", str(out), "--overwrite"]) == 2
     assert "mine.txt" in capsys.readouterr().err
-    assert (out / "states.csv").read_bytes() != before
+    assert (out / "states.csv").read_bytes() == before
+
+
+def _refused(*_: object) -> None:
+    raise UserError("no")
