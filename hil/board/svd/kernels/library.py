@@ -17,7 +17,7 @@ from typing import Any, Callable, Optional, Tuple
 import numpy as np
 
 from hil.board.errors import KernelError
-from hil.board.svd.kernels.kept import keep, load_kept, own_folder
+from hil.board.svd.kernels.library_cache import load_cached, own_folder, store
 
 Array = np.ndarray
 
@@ -139,7 +139,7 @@ def _wide() -> Tuple[str, ...]:
 
 
 def _compiled() -> ctypes.CDLL:
-    """The library: as it was kept, or compiled now, and kept where the folder is the user's alone.
+    """The library: as it was cached, or compiled now, and cached where the folder is the user's alone.
 
     Raises
     ------
@@ -154,8 +154,8 @@ def _compiled() -> ctypes.CDLL:
     flags = (*FLAGS, *_wide())
     key = hashlib.sha256(repr((sorted(texts.items()), flags, version, platform.machine())).encode())
     stem = f"kernels-{key.hexdigest()[:20]}"
-    with own_folder(cache_folder()) as kept_in:
-        handle = load_kept(kept_in, stem) if kept_in else None
+    with own_folder(cache_folder()) as cache:
+        handle = load_cached(cache, stem) if cache else None
         if handle is not None:
             return handle
         # in a folder that is the user's alone
@@ -166,9 +166,9 @@ def _compiled() -> ctypes.CDLL:
             sources = [str(folder / name) for name in SOURCES if name.endswith(".c")]
             made = folder / "kernels.so"
             _said((compiler, *flags, "-o", str(made), *sources, "-lm"))
-            if kept_in:
-                keep(made, kept_in, stem)
-                handle = load_kept(kept_in, stem)
+            if cache:
+                store(made, cache, stem)
+                handle = load_cached(cache, stem)
             # a library stays loaded when its file is gone
             return handle if handle is not None else ctypes.CDLL(str(made))
         finally:

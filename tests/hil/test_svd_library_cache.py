@@ -1,4 +1,4 @@
-"""Compiled kernels that are kept: used as they were written alone, and only from a folder that is the user's own."""
+"""Compiled kernels that are cached: used as they were written alone, and only from a folder that is the user's own."""
 
 import os
 import shutil
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.board.svd.kernels import kept, library
+from hil.board.svd.kernels import library, library_cache
 
 STEM = "kernels-0"
 MARKED = """
@@ -41,14 +41,14 @@ def mark(tmp_path, monkeypatch) -> Path:
 
 def put(planted: Path, folder: Path, stem: str = STEM) -> Path:
     folder.mkdir(mode=0o700, exist_ok=True)
-    kept.keep(planted, folder, stem)
+    library_cache.store(planted, folder, stem)
     (file,) = folder.iterdir()
     return file
 
 
 def load(folder: Path):
-    with kept.own_folder(folder) as at:
-        return None if at is None else kept.load_kept(at, STEM)
+    with library_cache.own_folder(folder) as at:
+        return None if at is None else library_cache.load_cached(at, STEM)
 
 
 def test_what_was_kept_is_loaded_and_what_was_changed_is_not(planted, mark, tmp_path, caplog):
@@ -73,19 +73,39 @@ def test_what_was_kept_is_loaded_and_what_was_changed_is_not(planted, mark, tmp_
     assert "compiled again" in caplog.text
 
 
-def test_nothing_is_loaded_from_a_folder_that_others_may_write_to(planted, mark, tmp_path, caplog):
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o1777, 0o702])
+def test_an_own_folder_that_others_may_write_to_is_closed_to_them_and_used(
+    planted, mark, tmp_path, caplog, mode
+):
+    """As a umask of 002 has made it."""
+    folder = tmp_path / "kernels"
+    put(planted, folder)
+    folder.chmod(mode)
+    assert load(folder).number() == 7
+    assert folder.stat().st_mode & 0o7777 == 0o700
+    assert not caplog.text
+
+
+def test_nothing_is_loaded_that_others_may_have_written_nor_through_a_link(planted, mark, tmp_path, caplog):
     folder = tmp_path / "kernels"
     file = put(planted, folder)
-    for mode in (0o777, 0o770, 0o1777, 0o702):
-        folder.chmod(mode)
-        assert load(folder) is None
-    folder.chmod(0o700)
+    folder.chmod(0o777)
     file.chmod(0o622)
     assert load(folder) is None
     put(planted, folder)
     (tmp_path / "elsewhere").symlink_to(folder)
+    folder.chmod(0o777)
     assert load(tmp_path / "elsewhere") is None
+    assert folder.stat().st_mode & 0o777 == 0o777
     assert not mark.exists()
+    assert "no folder" in caplog.text
+
+
+def test_a_folder_that_cannot_be_closed_to_others_is_not_used(tmp_path, caplog, monkeypatch):
+    (tmp_path / "kernels").mkdir()
+    (tmp_path / "kernels").chmod(0o777)
+    monkeypatch.setattr(library_cache.os, "fchmod", lambda *_: None)  # as on a disk without modes
+    assert load(tmp_path / "kernels") is None
     assert "may be written to by others" in caplog.text
 
 
@@ -103,21 +123,21 @@ def test_nothing_is_loaded_that_another_user_planted(planted, mark, tmp_path, ca
 
 
 def test_a_folder_that_changes_places_after_the_check_is_not_looked_into(planted, mark, tmp_path):
-    if not kept.HELD.is_dir():
+    if not library_cache.HELD.is_dir():
         pytest.skip("no folder can be held open by name here")
     folder = tmp_path / "kernels"
     folder.mkdir(mode=0o700)
-    with kept.own_folder(folder) as at:
+    with library_cache.own_folder(folder) as at:
         folder.rename(tmp_path / "away")
         put(planted, folder)
-        assert kept.load_kept(at, STEM) is None
+        assert library_cache.load_cached(at, STEM) is None
     assert not mark.exists()
 
 
 def test_a_folder_of_our_own_is_for_us_alone(tmp_path):
     before = os.umask(0)
     try:
-        with kept.own_folder(tmp_path / "deep" / "kernels") as at:
+        with library_cache.own_folder(tmp_path / "deep" / "kernels") as at:
             assert at is not None
     finally:
         os.umask(before)
@@ -125,20 +145,20 @@ def test_a_folder_of_our_own_is_for_us_alone(tmp_path):
 
 
 def test_where_nothing_can_be_kept_kernels_are_compiled_and_used_all_the_same(choose, tmp_path, monkeypatch):
-    """A cache that is a file, and one that others may write to, in which a library lies under the name of ours."""
+    """A cache that is a file, and one that is a symbolic link."""
     small = (tmp_path / "small.c", "int one(void) { return 1; }\n")
     small[0].write_text(small[1])
     monkeypatch.setattr(library, "SOURCES", ("small.c",))
     monkeypatch.setattr(library.pkgutil, "get_data", lambda *_: small[1].encode())
     choose.setenv("FLYAROUND_KERNELS", "native")
     (tmp_path / "file").write_text("")
-    (tmp_path / "open").mkdir()
-    (tmp_path / "open" / "kernels").mkdir()
-    (tmp_path / "open" / "kernels").chmod(0o777)
-    for cache in ("file", "open"):
+    (tmp_path / "away").mkdir()
+    (tmp_path / "link").mkdir()
+    (tmp_path / "link" / "kernels").symlink_to(tmp_path / "away")
+    for cache in ("file", "link"):
         choose.setenv("FLYAROUND_CACHE_DIR", str(tmp_path / cache))
         library._loaded.cache_clear()
         handle = library.library()
         assert handle is not None
         assert handle.one() == 1
-    assert not list((tmp_path / "open" / "kernels").iterdir())
+    assert not list((tmp_path / "away").iterdir())

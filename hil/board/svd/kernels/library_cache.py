@@ -1,7 +1,7 @@
-"""Compiled libraries kept in a folder: used only as they were written, and only where nobody else can have put them.
+"""Compiled libraries cached in a folder: used only as they were written, and only where nobody else can have put them.
 
-A library is code: one that another user planted would run as this one. The folder must be the user's own, and nobody
-else may write to it; it is held open from the check until the library is loaded, so that no other takes its place.
+A library is code: one that another user planted would run as this one. The folder must be the user's own, and is made
+the user's alone; it is held open from the check until the library is loaded, so that no other takes its place.
 A library's name ends with a checksum of its bytes: one that was cut short or changed is compiled again, not run.
 """
 
@@ -26,10 +26,13 @@ logger = logging.getLogger(__name__)
 def own_folder(path: Path) -> Iterator[Optional[Path]]:
     """A folder that is the user's and that nobody else may write to, made where it is not there.
 
+    One of the user's that others may write to (a umask of 002 makes such) is closed to them. What they may have put
+    there before is told by its owner and mode when a library is loaded.
+
     Yields
     ------
     Where its files are to be reached, which stays the same folder whatever is done to its path; None where it is
-    another's, others may write to it, or it cannot be had: the reason is logged.
+    another's, a symbolic link, cannot be closed to others, or cannot be had: the reason is logged.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -46,14 +49,9 @@ def own_folder(path: Path) -> Iterator[Optional[Path]]:
         yield path
         return
     try:
-        info = os.fstat(held)
-        if info.st_uid != os.geteuid() or info.st_mode & OTHERS_MAY_WRITE:
-            why = "is another user's" if info.st_uid != os.geteuid() else "may be written to by others"
-            logger.warning(
-                "kernels are not kept, and compiled at every start: %s %s; remove it, or `chmod go-w` your own",
-                path,
-                why,
-            )
+        why = _close_to_others(held)
+        if why:
+            logger.warning("kernels are not kept, and compiled at every start: %s %s; remove it", path, why)
             yield None
         else:
             yield HELD / str(held) if HELD.is_dir() else path
@@ -61,7 +59,20 @@ def own_folder(path: Path) -> Iterator[Optional[Path]]:
         os.close(held)
 
 
-def load_kept(folder: Path, stem: str) -> Optional[ctypes.CDLL]:
+def _close_to_others(held: int) -> str:
+    """Take what others may do in an open folder from them; what stands against using it, empty if nothing."""
+    info = os.fstat(held)
+    if info.st_uid != os.geteuid():
+        return "is another user's"
+    if info.st_mode & OTHERS_MAY_WRITE:
+        with contextlib.suppress(OSError):  # some disks have no modes
+            os.fchmod(held, 0o700)
+        if os.fstat(held).st_mode & OTHERS_MAY_WRITE:
+            return "may be written to by others"
+    return ""
+
+
+def load_cached(folder: Path, stem: str) -> Optional[ctypes.CDLL]:
     """The library of this stem in a folder of `own_folder`; None where there is none as it was written.
 
     Parameters
@@ -83,7 +94,7 @@ def load_kept(folder: Path, stem: str) -> Optional[ctypes.CDLL]:
     return None
 
 
-def keep(made: Path, folder: Path, stem: str) -> None:
+def store(made: Path, folder: Path, stem: str) -> None:
     """Keep a library that was compiled elsewhere; a disk that is full or read-only is logged, no error."""
     data = made.read_bytes()
     temporary = None
