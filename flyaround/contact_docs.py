@@ -8,7 +8,7 @@ import numpy as np
 
 from flyaround.contact_page import facts, jpeg
 from flyaround.contact_views import OBLIQUE, draw_labels, draw_view
-from simulator.errors import UserError
+from simulator.errors import write_error
 from simulator.files import write_atomic
 from simulator.render.renderer import Renderer
 
@@ -35,7 +35,7 @@ def write_docs(targets: Sequence[Target], folder: Path, progress: Callable[[int,
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UserError(f"cannot make folder {place}: {error.strerror}; name another with --docs") from error
+        raise write_error(place, error, "name another folder with --docs") from error
     lines = [INTRODUCTION]
     with Renderer() as renderer:
         for done, target in enumerate(targets):

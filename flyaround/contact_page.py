@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from flyaround.contact_views import OBLIQUE, SIDES, bounds_m, draw_labels, draw_view
-from simulator.errors import UserError
+from simulator.errors import write_error
 from simulator.files import write_atomic
 from simulator.render.renderer import Renderer
 
@@ -41,7 +41,7 @@ def write_contact_sheet(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UserError(f"cannot make folder {folder}: {error.strerror}; name another") from error
+        raise write_error(folder, error, "name another folder") from error
     articles = []
     with Renderer() as renderer:
         for done, target in enumerate(targets):

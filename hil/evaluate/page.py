@@ -269,7 +269,8 @@ def _gallery(
             true = (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
             tile = failure_tile(grey(image), truth.box_px, model, camera, true, estimate)
             name = f"{label.replace(' ', '-')}-{kind}-{r.frame:06d}.jpg"
-            cv2.imwrite(str(place / name), tile, [cv2.IMWRITE_JPEG_QUALITY, 88])
+            _, data = cv2.imencode(".jpg", tile, [cv2.IMWRITE_JPEG_QUALITY, 88])
+            write_atomic(place / name, data.tobytes())
             errors = (
                 "no pose" if r.record.E_T_m is None else f"{r.record.E_R_deg:.1f} deg, {r.record.E_T_m:.2f} m"
             )

@@ -7,7 +7,7 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from simulator.errors import UserError
+from simulator.errors import UserError, write_error
 
 if sys.platform != "win32":
     import fcntl
@@ -51,9 +51,7 @@ def _locked(path: Path) -> int | None:
         try:
             file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
-            raise UserError(
-                f"cannot write {path}: {error.strerror}; choose a folder you may write to"
-            ) from error
+            raise write_error(path, error) from error
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

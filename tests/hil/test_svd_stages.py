@@ -13,7 +13,9 @@ import pytest
 from hil.board.errors import BoardModelError
 from hil.board.svd import quaternion as quat
 from hil.board.svd.confidence import Evidence, confidence, decide
+from hil.board.svd.debug.stages import write_stage_pictures
 from hil.board.svd.edges import edge_field, gradient_noise
+from hil.board.svd.frame import PoseResult, Trace
 from hil.board.svd.gradient import eliminate_weak_gradients, exponential_threshold, marginal_interval
 from hil.board.svd.groups import Lines, antennas, image_triads, model_triads, parallel_pairs, proximity_pairs
 from hil.board.svd.lines import cleaned_stream
@@ -399,3 +401,19 @@ def test_a_vector_product_is_numpys_to_the_bit() -> None:
     a, b = rng.normal(size=(4, 50, 3)), rng.normal(size=(50, 3)) * 1e-3
     assert np.array_equal(cross(a, b), np.cross(a, b))
     assert np.array_equal(cross(a[0, 0], b[0]), np.cross(a[0, 0], b[0]))
+
+
+def test_a_stage_picture_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    image = np.random.default_rng(1).integers(0, 255, (CAMERA.height_px, CAMERA.width_px), np.uint8)
+    trace: Trace = {"image_gradient": eliminate_weak_gradients(image)}
+    result = PoseResult(
+        accepted=False,
+        reason="nothing there",
+        q_camera_from_target_wxyz=None,
+        t_camera_from_target_m=None,
+        confidence=0.0,
+    )
+    names = write_stage_pictures(tmp_path, image, trace, result, MODEL, CAMERA)
+    assert cv2.imread(str(tmp_path / names[0])).shape[2] == 3
+    with pytest.raises(FileNotFoundError, match="gone"):
+        write_stage_pictures(tmp_path / "gone", image, trace, result, MODEL, CAMERA)

@@ -1,5 +1,6 @@
 """One capture at a time in a folder."""
 
+import errno
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -7,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from simulator.dataset import capture as capturing
+from simulator.dataset import lock
 from simulator.dataset.lock import NAME, only_capture
 from simulator.errors import UserError
 
@@ -42,6 +44,16 @@ def test_what_a_killed_capture_left_alone_is_an_empty_folder(tmp_path, monkeypat
     with pytest.raises(UserError, match="not empty"):
         capturing.capture(SimpleNamespace(), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_a_full_disk_is_said_as_one(tmp_path, monkeypatch):
+    def full(path, *_):
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(lock.os, "open", full)
+        with pytest.raises(UserError, match="no space left on its disk"), only_capture(tmp_path):
+            pass
 
 
 RACE = """

@@ -45,12 +45,19 @@ def write_stage_pictures(
     Parameters
     ----------
     image : (H, W) that was estimated. trace : what ``estimate`` was given to fill.
+
+    Raises
+    ------
+    OSError
+        If a picture cannot be written.
     """
     pictures = stage_pictures(image, trace, result, model, camera)
     names = []
     for k, (name, picture) in enumerate(pictures.items()):
         names.append(f"{k:02d}_{name}.png")
-        cv2.imwrite(str(Path(folder) / names[-1]), picture)
+        # cv2.imwrite does not say why it could not
+        _, data = cv2.imencode(".png", picture)
+        (Path(folder) / names[-1]).write_bytes(data.tobytes())
     return names
 
 
