@@ -48,10 +48,11 @@ def laps(scenario, n_frames, count, camera=None):
 
 
 def test_a_drawing_process_keeps_nothing_of_a_frame():
-    own = laps("tango-space-10m", 8, 10, SMALL)
-    # Programs, buffers of each size and what the C library keeps are there after some laps. A run was seen to grow by
-    # 60 to 120 kB a frame while they came; 48 frames of that are 3 MB and more.
-    assert own[-1].max() - own[3].max() < 2.0
+    own = laps("tango-space-10m", 8, 20, SMALL)
+    # Programs, buffers of each size and what the C library keeps are there after some laps; what it takes in later
+    # steps, and may fill before it takes more, is its own affair and a few MB. What is kept of a frame comes on top of
+    # that lap by lap: 64 kB of each are 8 MB here.
+    assert own[-1].max() - own[3].max() < 5.0
 
 
 @pytest.mark.slow
