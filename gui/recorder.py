@@ -30,7 +30,7 @@ WHOLE, REPLAY = "flight.npz", "replay.toml"
 
 
 class Recorder:
-    """Keeps the states of a session from its start; `write` makes the replay, `keep_in` does so all along.
+    """Keeps the states of a session from its start; `keep_in` writes them and a replay of them all along.
 
     Parameters
     ----------
@@ -76,17 +76,6 @@ class Recorder:
         self.states.clear()
         if self._kept is not None:
             self._begin()
-
-    def write(self, folder: Path, scenario: Scenario) -> Path:
-        """Write ``flight.npz`` and ``replay.toml`` into a folder, if `long_enough`; the latter's path.
-
-        Raises
-        ------
-        UserError
-            If the folder is not empty or cannot be written.
-        """
-        empty_folder(folder, option="--record")
-        return self._write_whole(folder, scenario)
 
     def close(self) -> Path | None:
         """End what `keep_in` began: the whole flight in place of its lines; the replay's path, if there is one.

@@ -53,7 +53,7 @@ class RenderedPictures:
         try:
             self._process.submit(scene, labels=labels, timed=timed)
         except ProcessDiedError as error:
-            raise self._begun_again(error, scene) from error
+            raise self._restart(error, scene) from error
         except RuntimeError as error:
             raise _stopped(error) from error
         return True
@@ -66,11 +66,11 @@ class RenderedPictures:
                 self._deaths = 0
                 yield picture
         except ProcessDiedError as error:
-            raise self._begun_again(error, None) from error
+            raise self._restart(error, None) from error
         except RuntimeError as error:
             raise _stopped(error) from error
 
-    def _begun_again(self, error: ProcessDiedError, first: SceneState | None) -> Exception:
+    def _restart(self, error: ProcessDiedError, first: SceneState | None) -> Exception:
         """Start another process in place of one that died, unless they die one after the other."""
         self._deaths += 1
         if self._deaths >= MOST_DEATHS:

@@ -390,7 +390,9 @@ def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path: Path) -> None:
     fly(session, 1.0)
     fly(session, 1.5, Action.FORWARD, Action.YAW_LEFT)
     fly(session, 0.5)
-    path = recorder.write(tmp_path / "flown", session.plan.scenario)
+    recorder.keep_in(tmp_path / "flown", session.plan.scenario)
+    path = recorder.close()
+    assert path is not None
     replay = load_scenario(path)
     assert replay.duration_s == pytest.approx(2.9)
     flight = plan_flight(replay, n=1).flight
