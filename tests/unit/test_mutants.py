@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import ast
+import os
+import select
+import signal
 import subprocess
+import time
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -13,6 +19,9 @@ from tools.mutants import judge, python_bugs, shader_bugs, table
 from tools.mutants.bug import difference
 from tools.mutants.scope import LEFT_OUT, files
 from tools.mutants.tests_of import Choice
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 ROOT = Path(__file__).parents[2]
 
@@ -160,3 +169,31 @@ def test_a_judge_tells_what_is_seen_from_what_is_not(tmp_path: Path) -> None:
     judge.judge(cases, [copy], lambda case, verdict: heard.update({case.what.kind: verdict.word}))
     assert heard == {"seen": "killed", "unseen": "survived", "counted": "timeout"}
     assert (copy.tree / "small.py").read_text() == _SMALL
+
+
+def test_a_judge_that_is_interrupted_leaves_no_tests_running(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a test, and a process that it started, that would run for minutes."""
+    command = ["sh", "-c", "sleep 100 & echo; wait"]
+    with subprocess.Popen(command, start_new_session=True, stdout=subprocess.PIPE) as tests:
+        assert tests.stdout is not None
+        tests.stdout.readline()
+        under_way = judge.Run(tests.pid, tmp_path / "log.txt", 1, time.monotonic() + 300)
+        monkeypatch.setattr(judge, "start", lambda *_: under_way)
+        (tmp_path / "tree").mkdir()
+        copies = [judge.Copy(tmp_path, tmp_path)] * 2
+        with pytest.raises(KeyboardInterrupt):
+            judge.judge(_interrupted(), copies, lambda *_: None)
+        try:
+            # both had it open for writing
+            assert select.select([tests.stdout], [], [], 30)[0]
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(tests.pid, signal.SIGKILL)
+
+
+def _interrupted() -> Iterator[judge.Case]:
+    bug = python_bugs.bugs_of("a.py", "y = a + b\n")[0]
+    yield judge.Case(bug, "a.py", "y = a + b\n", "y = a - b\n", Choice(("a",), 1.0))
+    raise KeyboardInterrupt

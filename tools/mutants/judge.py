@@ -134,6 +134,14 @@ class Run:
     until: float
     began: float = field(default_factory=time.monotonic)
 
+    def stop(self) -> None:
+        """End the tests and whatever they started."""
+        with contextlib.suppress(ProcessLookupError, ChildProcessError):
+            os.kill(self.pid, signal.SIGKILL)  # it may not lead its group yet
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self.pid, signal.SIGKILL)
+            os.waitpid(self.pid, 0)
+
     def verdict(self) -> Verdict | None:
         """What came of it, or None while it runs."""
         pid, status = os.waitpid(self.pid, os.WNOHANG)
@@ -249,29 +257,34 @@ def judge(cases: Iterable[Case], copies: Sequence[Copy], told: Callable[[Case, V
 
     Parameters
     ----------
-    told : called with each verdict as it comes.
+    told : called with each verdict as it comes. However this ends, no tests go on running.
     """
     waiting = iter(cases)
     busy: dict[int, tuple[Copy, Case, Run]] = {}
     free = list(copies)
     over = False
-    while busy or not over:
-        while free and not over:
-            case = next(waiting, None)
-            if case is None:
-                over = True
-            elif not case.choice.tests:
-                told(case, Verdict("not covered"))
-            else:
-                copy = free.pop()
-                copy.write(case.file, case.after)
-                run = start(copy, case.choice.tests, case.choice.seconds)
-                busy[run.pid] = (copy, case, run)
-        for pid, (copy, case, run) in list(busy.items()):
-            verdict = run.verdict()
-            if verdict is not None:
-                del busy[pid]
-                copy.write(case.file, case.before)
-                free.append(copy)
-                told(case, verdict)
-        time.sleep(0.1)
+    try:
+        while busy or not over:
+            while free and not over:
+                case = next(waiting, None)
+                if case is None:
+                    over = True
+                elif not case.choice.tests:
+                    told(case, Verdict("not covered"))
+                else:
+                    copy = free.pop()
+                    copy.write(case.file, case.after)
+                    run = start(copy, case.choice.tests, case.choice.seconds)
+                    busy[run.pid] = (copy, case, run)
+            for pid, (copy, case, run) in list(busy.items()):
+                verdict = run.verdict()
+                if verdict is not None:
+                    del busy[pid]
+                    copy.write(case.file, case.before)
+                    free.append(copy)
+                    told(case, verdict)
+            time.sleep(0.1)
+    finally:
+        # a session of its own hears nothing of Ctrl-C
+        for _, _, run in busy.values():
+            run.stop()
