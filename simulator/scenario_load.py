@@ -67,7 +67,7 @@ def scenario_json_schema() -> dict[str, Any]:
 
 
 def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
-    refuse_deep(content, where)
+    refuse_deep(content, where, toml=True)
     refuse_dotted(content, where)
     try:
         raw = tomllib.loads(content.decode("utf-8"))
@@ -75,6 +75,8 @@ def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
         raise UserError(f"{where} is not UTF-8 text: save it as UTF-8") from error
     except ValueError as error:  # also a number of thousands of digits
         raise UserError(f"{where} is not valid TOML: {error}") from error
+    except RecursionError as error:
+        raise UserError(f"{where} is not valid TOML: it nests too deep") from error
     raw = _with_environment(_plain(raw, where, ""))
     try:
         scenario = msgspec.convert(raw, Scenario)

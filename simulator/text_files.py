@@ -13,19 +13,32 @@ from simulator.errors import UserError
 
 MOST_DEEP = 64
 _OPENING, _CLOSING = (np.isin(np.arange(256), list(kind)) for kind in (b"[{", b"]}"))
+# strings, even without an end, and comments: brackets in them nest nothing; no byte is looked at twice
+_JSON_TEXT = re.compile(rb'"(?:[^"\\]++|\\.?)*+"?+', re.DOTALL)
+_TOML_TEXT = re.compile(
+    rb'"""(?:[^"\\]++|\\[\s\S]?|"(?!""))*+(?:"{3,5}+)?'
+    rb"|'''(?:[^']++|'(?!''))*+(?:'{3,5}+)?"
+    rb'|"(?:[^"\\\n]++|\\[^\n]?)*+"?'
+    rb"|'[^'\n]*+'?"
+    rb"|#[^\n]*+"
+)
 # a.b.c = 1 in TOML nests as well, and a long one takes the square of its length
 _DOTTED = re.compile(rb"""(?<![\w\-."'])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){17}""")
 
 
-def refuse_deep(data: bytes, where: str) -> None:
-    """Look for brackets nested too deeply, in JSON, TOML or YAML, before the text is parsed.
+def refuse_deep(data: bytes, where: str, *, toml: bool = False) -> None:
+    """Look for brackets nested too deeply, in JSON or TOML, before the text is parsed.
+
+    Parameters
+    ----------
+    toml : whether strings and comments are TOML's; else they are JSON's.
 
     Raises
     ------
     UserError
-        If there are more than 64 open at once.
+        If there are more than 64 open at once, not counting those in strings.
     """
-    numbers = np.frombuffer(data, np.uint8)
+    numbers = np.frombuffer((_TOML_TEXT if toml else _JSON_TEXT).sub(b"", data), np.uint8)
     steps = _OPENING[numbers].astype(np.int8)
     steps -= _CLOSING[numbers]
     if np.cumsum(steps, dtype=np.int32).max(initial=0) > MOST_DEEP:

@@ -47,11 +47,11 @@ def read_raw(content: bytes, where: str) -> dict[str, Any]:
         text = content.decode("utf-8")
     except UnicodeDecodeError as error:
         raise UserError(f"{where} is not UTF-8 text: give a camera file in JSON or YAML") from error
-    refuse_deep(content, where)
     if text.lstrip().startswith(("{", "[")):
+        refuse_deep(content, where)
         try:
             raw = json.loads(text)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise UserError(f"{where} is not JSON: {error}") from error
     else:
         if len(content) > MOST_YAML_BYTES:
@@ -68,6 +68,7 @@ def read_raw(content: bytes, where: str) -> dict[str, Any]:
             yaml.YAMLError,
             ValueError,
             OverflowError,
+            RecursionError,
         ) as error:  # also of dates and numbers that are none
             place = " ".join(str(error).split())
             raise UserError(f"{where} is not JSON and not YAML: {place}") from error

@@ -136,7 +136,7 @@ def read_card(folder: Path) -> DatasetCard:
             f"{folder} is not a data set: cannot read {path.name} ({error.strerror}); "
             "give a folder written by capture"
         ) from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(
             f"{path} is damaged: {error}; run capture again with --resume to rewrite it"
         ) from error

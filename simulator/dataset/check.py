@@ -279,7 +279,7 @@ def _check_speed(folder: Path, frames: list[int], card: DatasetCard) -> list[Fau
             row["filename"]: (tuple(row["q_vbs2tango"]), tuple(row["r_Vo2To_vbs_true"]))
             for row in _speed_rows(path, card)
         }
-    except (UserError, OSError, ValueError, KeyError, TypeError) as error:
+    except (UserError, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         return [Fault(None, f"{path} cannot be read: {error}")]
     faults = []
     for k in frames:

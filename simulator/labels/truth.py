@@ -134,7 +134,7 @@ def read_truth(path: str | Path) -> Truth:
     refuse_deep(data, str(path))
     try:
         truth = msgspec.json.decode(data, type=Truth)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(
             f"{path} is not a truth record: {error}; give a .json written by render or capture"
         ) from error

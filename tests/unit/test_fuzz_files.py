@@ -14,11 +14,15 @@ import pytest
 from mutations import changed_json, changed_text
 
 from hil.board.svd import CameraIntrinsics
+from simulator import scenario_load
+from simulator.camera import files_foreign
 from simulator.camera.files import list_cameras, parse_camera, read_camera_file
 from simulator.camera.files_foreign import FORMATS, written
+from simulator.dataset import card as cards
 from simulator.dataset.card import CardTarget, DatasetCard, card_to_json, describe_machine, read_card
 from simulator.dataset.poses import read_poses
 from simulator.errors import UserError
+from simulator.labels import truth as truths
 from simulator.labels.frame import label_frame
 from simulator.labels.truth import Software, read_truth, truth_to_json
 from simulator.loop import plan_flight
@@ -223,6 +227,40 @@ def test_bounds_are_told(tmp_path):
     refuse_dotted(b"a.b.c = 1.5\n" * 100 + b"# ............................\n", "a")
     with pytest.raises(UserError, match="more than 16 dots"):
         refuse_dotted(b"x = 1\n" + b"'a b' . c.\"d\"." * 6 + b"e = 1", "a")
+
+
+def test_brackets_in_strings_and_comments_nest_nothing_and_hide_nothing():
+    text = b"[{" * 40
+    refuse_deep(b'{"a": "' + text + b'\\"' + text + b'"}', "a")
+    for inside in (
+        b"\"'" + text + b'"',
+        b"'\\" + text + b"'",
+        b"#'" + text + b"\n",
+        b'"""\n"\n' + text + b'""""',
+        b"'''\n'" + text + b"''''",
+    ):
+        refuse_deep(b"a = [" + inside + b"]", "a", toml=True)
+    with pytest.raises(UserError, match="more than 64 brackets"):
+        refuse_deep(b'["]]]\\\\", ' * 65, "a")
+    for hidden in (b'"]\\\\"', b'"\\"]"', b'"""]\n"]"""', b"'''\n]\\'''", b"']\\'", b"# ]]]\n"):
+        with pytest.raises(UserError, match="more than 64 brackets"):
+            refuse_deep(b"a = " + (b"[" + hidden + b",") * 65, "a", toml=True)
+
+
+def test_a_parser_that_nests_too_deep_all_the_same_is_told_in_a_sentence(tmp_path, monkeypatch):
+    (tmp_path / "dataset.json").write_bytes(b"[" * 100_000)
+    (tmp_path / "a.toml").write_bytes(b"a = " + b"[" * 20_000)
+    for module in (cards, truths, scenario_load, files_foreign):
+        monkeypatch.setattr(module, "refuse_deep", lambda *_, **__: None)
+    for reader in (
+        lambda: read_card(tmp_path),
+        lambda: read_truth(tmp_path / "dataset.json"),
+        lambda: load_scenario(str(tmp_path / "a.toml")),
+        lambda: parse_camera(b"[" * 100_000, "a"),
+        lambda: parse_camera(b"a: " + b"[" * 20_000, "a"),
+    ):
+        with pytest.raises(UserError):
+            reader()
 
 
 def test_numbers_and_letters_that_no_type_takes(tmp_path):
