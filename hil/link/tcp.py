@@ -149,6 +149,7 @@ class TcpListener:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             sock.bind(address)
             sock.listen(64)  # a shorter queue makes a board wait seconds behind a burst of others
+            self._spare: Optional[int] = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
         except OSError as error:
             if sock is not None:
                 sock.close()
@@ -162,7 +163,6 @@ class TcpListener:
             ) from error
         sock.setblocking(False)
         self._sock = sock
-        self._spare: Optional[int] = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
         bound = sock.getsockname()[1]
         self.url = f"tcp://[{host}]:{bound}" if ":" in host else f"tcp://{host}:{bound}"
 

@@ -232,7 +232,9 @@ class RenderProcess(Generic[T]):
         with contextlib.suppress(OSError, EOFError):
             while self._pipe.poll():
                 name = pickle.loads(self._pipe.recv_bytes())[2]  # noqa: S301 - our own child
-                if name is not None and name not in self._blocks:
+                if name is None or name in self._blocks:
+                    continue
+                with contextlib.suppress(FileNotFoundError):  # the process freed this one itself
                     self._blocks[name] = shared_memory.SharedMemory(name=name)
 
 

@@ -1,11 +1,13 @@
 """The renderer in its own process: order, errors, crash, clean end."""
 
+import multiprocessing
 import os
 import pickle
 import signal
 import subprocess
 import sys
 import time
+from multiprocessing import shared_memory
 from pathlib import Path
 
 import numpy as np
@@ -159,3 +161,21 @@ def test_a_renderer_does_not_outlive_who_made_it(draw_kit, target, tmp_path):
     finally:
         parent.kill()
         parent.communicate()
+
+
+def test_a_block_that_is_gone_does_not_keep_the_others_from_being_freed():
+    process = RenderProcess.__new__(RenderProcess)
+    process._pipe, theirs = multiprocessing.Pipe()
+    process._blocks = {}
+    gone, there = (shared_memory.SharedMemory(create=True, size=10) for _ in range(2))
+    gone.close()
+    gone.unlink()
+    for block in (gone, there):
+        theirs.send_bytes(pickle.dumps(("value", b"", block.name, ())))
+    process._attach_uncollected()
+    assert list(process._blocks) == [there.name]
+    process._blocks[there.name].close()
+    there.close()
+    there.unlink()
+    for pipe in (process._pipe, theirs):
+        pipe.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -186,3 +187,22 @@ def test_port_in_use_and_nobody_there():
 def test_no_such_serial_port():
     with pytest.raises(LinkError, match="/dev/nonesuch at 115200 baud cannot be opened"):
         connect("serial:///dev/nonesuch?baud=115200")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a limit of open files")
+def test_a_listener_that_cannot_be_made_leaves_no_socket() -> None:
+    import resource
+
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    next_one = os.dup(0)
+    os.close(next_one)
+    try:
+        # room for the socket alone
+        resource.setrlimit(resource.RLIMIT_NOFILE, (next_one + 1, limits[1]))
+        with pytest.raises(LinkError, match="Too many open files"):
+            listen("tcp://127.0.0.1:0")
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    after = os.dup(0)
+    os.close(after)
+    assert after == next_one
