@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 PAGE = Path("docs/validation/labels.md")
+RESULTS = Path("out/label_results.jsonl")
 FROM_FILES_EVERY = 10
 SPOILT_EVERY = 5
 
@@ -256,7 +257,7 @@ def main() -> int:
     parser.add_argument("-n", type=int, default=200, help="frames")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--results", type=Path, default=Path("label_results.jsonl"), help="one line a frame")
+    parser.add_argument("--results", type=Path, default=RESULTS, help=f"one line a frame ({RESULTS})")
     parser.add_argument("--page", action="store_true", help=f"write {PAGE} from the results that there are")
     parser.add_argument("--again", action="store_true", help="take frames that were wrong once more")
     options = parser.parse_args()
@@ -267,6 +268,7 @@ def main() -> int:
     known = {line["k"] for line in newest(lines) if not (options.again and line["faults"])}
     wanted = [k for k in range(options.n) if k not in known]
     commit = _commit()
+    options.results.parent.mkdir(parents=True, exist_ok=True)
     with options.results.open("a") as file:
         for found_now in run(options.seed, wanted, min(max(1, options.workers), len(wanted))):
             result = found_now | {"commit": commit}
