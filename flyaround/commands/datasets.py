@@ -126,11 +126,20 @@ def check(
             help="Share of the images to draw again from their records and compare, at least three; 0: none, 1: all.",
         ),
     ] = REDRAWN_SHARE,
+    redraw_seed: Annotated[
+        int | None,
+        typer.Option(
+            "--redraw-seed",
+            min=0,
+            max=2**53 - 1,
+            help="Draw the same images again as a check that printed this seed; else others at each check.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
     """Re-verify every label of a data set, and some images by drawing them again; exit 1 if one is wrong."""
     with progress_bar("check", quiet=as_json) as progress:
-        report = check_dataset(folder, progress, redraw=redraw)
+        report = check_dataset(folder, progress, redraw=redraw, redraw_seed=redraw_seed)
     if as_json:
         faults = [{"frame": f.frame, "what": f.what} for f in report.faults]
         typer.echo(
@@ -139,6 +148,7 @@ def check(
                     "frames": report.n_frames,
                     "labels": report.n_labels,
                     "redrawn": report.n_redrawn,
+                    "redraw_seed": report.redraw_seed,
                     "faults": faults,
                 }
             )
@@ -153,5 +163,7 @@ def check(
             f"{report.n_frames} frames, {report.n_labels} labels, {report.n_redrawn} images drawn again, "
             f"{len(report.faults)} faults"
         )
+        if 0 < report.n_redrawn < report.n_frames:
+            say(f"the same images are drawn again with --redraw-seed {report.redraw_seed}")
     if report.faults:
         raise typer.Exit(1)

@@ -19,7 +19,7 @@ from simulator.dataset.check_clean import check_clean
 from simulator.dataset.check_geometry import check_box_3d, check_keypoints, check_visible_on_mask
 from simulator.dataset.check_layers import check_against_mesh, check_layers
 from simulator.dataset.check_picture import SHARE as REDRAWN_SHARE
-from simulator.dataset.check_picture import Redrawn, check_pictures, sample
+from simulator.dataset.check_picture import Redrawn, check_pictures, fresh_seed, sample
 from simulator.dataset.check_rows import check_rows
 from simulator.dataset.check_shares import check_silhouette_inside
 from simulator.dataset.check_signal import check_states_by_signal, check_steps_by_signal
@@ -63,6 +63,7 @@ class CheckReport:
     Parameters
     ----------
     n_redrawn : frames that were drawn again from their records. not_redrawn : why none was, where some should be.
+    redraw_seed : decides which; with it the same ones are drawn again.
     """
 
     n_frames: int
@@ -70,6 +71,7 @@ class CheckReport:
     faults: tuple[Fault, ...]
     n_redrawn: int = 0
     not_redrawn: str = ""
+    redraw_seed: int = 0
 
 
 def check_dataset(
@@ -77,13 +79,15 @@ def check_dataset(
     progress: Callable[[int, int], None] = lambda _done, _of: None,
     *,
     redraw: float = REDRAWN_SHARE,
+    redraw_seed: int | None = None,
 ) -> CheckReport:
     """Check every frame of a data set, and some images by drawing them again.
 
     Parameters
     ----------
     redraw : share of the frames to draw again from their records, at least three; 0 for none. Where there is no OpenGL
-        none is, and the report says so.
+        none is, and the report says so. redraw_seed : decides which; fresh where none is given, as who alters a data
+        set must not know them beforehand.
 
     Raises
     ------
@@ -107,7 +111,8 @@ def check_dataset(
     readable = []
     if card.complete:
         faults += [Fault(k, "files are missing") for k in range(card.n_frames) if not is_whole(folder, k)]
-    drawn = sample(frames, redraw, card.seed)
+    seed = fresh_seed() if redraw_seed is None else redraw_seed
+    drawn = sample(frames, redraw, seed)
     n_labels = 0
     previous: Truth | None = None
     for done, k in enumerate(frames):
@@ -136,7 +141,7 @@ def check_dataset(
         faults += [Fault(k, what) for k, what in again.faults]
     if (folder / SPEED_FOLDER).is_dir():
         faults += _check_speed(folder, readable, card)
-    return CheckReport(len(frames), n_labels, tuple(faults), again.n_frames, again.reason)
+    return CheckReport(len(frames), n_labels, tuple(faults), again.n_frames, again.reason, seed)
 
 
 def _check_flow_to(k: int, truth: Truth, previous: Truth | None) -> list[Fault]:

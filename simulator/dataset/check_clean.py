@@ -13,12 +13,20 @@ from simulator.scene.bands import sunlight_balance
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.arrays import ByteArray
+    from simulator.arrays import ByteArray, FloatArray
     from simulator.labels.truth import Truth
 
 LEVELS = np.linspace(0, 1, 65)
 NOISE_SPREAD = (0.55, 1.1)  # mean |x| of a normal law is 0.80 of its sigma, of a uniform one 0.87
 COLOUR_SPREAD = (0.2, 3.0)  # demosaicing averages neighbours, white balance multiplies by one and more
+
+
+def balance_factors(truth: Truth) -> FloatArray:
+    """By how much white balance multiplies each band (3,) of a colour picture, and its noise; 1 without a detector."""
+    sensor = truth.scene.sensor
+    if sensor.detector is None:
+        return np.ones(3)
+    return white_balance(sensor, truth.scene.optics, sunlight_balance("rgb"))
 
 
 def check_clean(
@@ -40,7 +48,7 @@ def check_clean(
             / sensor.saturation_e
         )
         if image.ndim == 3:
-            factor = float(white_balance(sensor, truth.scene.optics, sunlight_balance("rgb")).max())
+            factor = float(balance_factors(truth).max())
             spread_limits = (COLOUR_SPREAD[0], max(COLOUR_SPREAD[1], NOISE_SPREAD[1] * factor))
     # everything but the image hangs on the twin's number alone
     signal_of = (np.arange(int(clean.max(initial=0)) + 1) - black) / full

@@ -8,6 +8,7 @@ fraction of a pixel would leave.
 from __future__ import annotations
 
 import math
+import secrets
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ import cv2
 import numpy as np
 
 from simulator.camera.develop import noise_sigma
+from simulator.dataset.check_clean import balance_factors
 from simulator.dataset.check_shares import check_step_share
 from simulator.dataset.native import frame_paths, read_png
 from simulator.errors import UserError
@@ -54,8 +56,18 @@ class Redrawn:
     reason: str = ""
 
 
+def fresh_seed() -> int:
+    """A seed that nobody knows beforehand, short enough for any reader of JSON."""
+    return secrets.randbelow(2**53)
+
+
 def sample(frames: Sequence[int], share: float, seed: int) -> list[int]:
-    """Frames to draw again: a share of them, at least three; none for a share of zero."""
+    """Frames to draw again: a share of them, at least three; none for a share of zero.
+
+    Parameters
+    ----------
+    seed : decides which; nobody who may alter a data set should know it beforehand.
+    """
     if share <= 0 or not frames:
         return []
     count = min(len(frames), max(FEWEST, math.ceil(share * len(frames))))
@@ -75,14 +87,14 @@ def check_pictures(
     from simulator.render.earth_maps import begin_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
     from simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
 
-    truths = {k: read_truth(frame_paths(folder, k).truth) for k in frames}
     faults: list[tuple[int, str]] = []
     try:
-        renderer = Renderer(begun=begin_maps_of(truths[frames[0]].scene))
+        renderer = Renderer(begun=begin_maps_of(read_truth(frame_paths(folder, frames[0]).truth).scene))
     except UserError as error:
         return Redrawn(0, (), str(error))
     with renderer:
-        for k, truth in truths.items():
+        for k in frames:
+            truth = read_truth(frame_paths(folder, k).truth)  # megabytes each
             if truth.scene.target.sha256 != target.sha256:
                 faults.append((k, "the scene's target is not the card's"))
                 continue
@@ -90,7 +102,7 @@ def check_pictures(
             mask = np.asarray(read_png(frame_paths(folder, k).mask), np.uint8)
             faults += [(k, what) for what in check_drawn_again(renderer, truth, image, mask, target)]
             progress()
-    return Redrawn(len(truths), tuple(faults))
+    return Redrawn(len(frames), tuple(faults))
 
 
 def check_drawn_again(
@@ -101,7 +113,9 @@ def check_drawn_again(
     wrong = check_same_picture(truth, image, again.image, mask)
     signal = expose_scene(truth.scene, again.radiance)
     mono = np.asarray(signal if signal.ndim == 2 else signal.mean(axis=2), float)
-    return wrong + check_step_share(truth, target, mono, EXACT)
+    # the same renderer's light is the same; another one's is another by as much as its image may be
+    doubt, relative = (EXACT, 0.0) if np.array_equal(image, again.image) else (ABSOLUTE, RELATIVE)
+    return wrong + check_step_share(truth, target, mono, doubt, relative)
 
 
 def check_same_picture(
@@ -116,19 +130,22 @@ def check_same_picture(
     if np.array_equal(image, again):
         return []
     sensor = truth.scene.sensor
-    full = 2.0**sensor.bits - 1
+    full, black = 2.0**sensor.bits - 1, 0.0
     if sensor.detector is not None:
-        full = sensor.saturation_e / sensor.detector.gain_e_per_dn
-    mine, other = (cv2.GaussianBlur(x.astype(np.float32) / full, (0, 0), BLUR_PX) for x in (image, again))
+        # a detector saturates where its well does, above its black level
+        full, black = sensor.saturation_e / sensor.detector.gain_e_per_dn, sensor.detector.black_level_dn
+    mine, other = (
+        cv2.GaussianBlur((x.astype(np.float32) - black) / full, (0, 0), BLUR_PX) for x in (image, again)
+    )
     off = np.abs(mine - other)
     levels = np.linspace(0, 1, 33)
     sigma = np.array([noise_sigma(sensor, float(x), truth.scene.exposure_s) for x in levels])
-    # demosaicing spreads noise over neighbours, white balance multiplies it
-    spread = 3.0 if image.ndim == 3 else 1.0
+    # demosaicing spreads the noise of one pixel in four over all, which a blur halves less; white balance multiplies it
+    spread = np.maximum(3.0, 2.0 * balance_factors(truth)) if image.ndim == 3 else 1.0
     noise = np.interp(other, levels, sigma) * (SIGMAS * math.sqrt(2) * LEFT_OF_NOISE * spread)
     near = np.ones((3, 3), np.uint8)
     slope = cv2.dilate(other, near) - cv2.erode(other, near)
-    bad = off > ABSOLUTE + RELATIVE * other + noise + SHIFT_PX * slope
+    bad = off > ABSOLUTE + RELATIVE * np.maximum(other, 0) + noise + SHIFT_PX * slope
     bad = bad if bad.ndim == 2 else bad.any(axis=2)
     about = cv2.dilate(mask, np.ones((9, 9), np.uint8)) > 0
     on_craft, beside = (int(np.count_nonzero(bad & where)) for where in (about, ~about))

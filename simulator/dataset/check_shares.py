@@ -101,22 +101,28 @@ def _area(fine: ByteArray, start: FloatArray, scale: float, size: FloatArray) ->
     return float(share.sum()), float(share[on].sum())
 
 
-def check_step_share(truth: Truth, target: Target, signal: FloatArray, doubt: float) -> list[str]:
+def check_step_share(
+    truth: Truth, target: Target, signal: FloatArray, doubt: float, relative: float = 0.0
+) -> list[str]:
     """The share of the visible wireframe whose step reaches one sigma of the noise.
 
     Parameters
     ----------
     signal : (H, W) noise-free signal, 1 at full scale. doubt : by how much each of its numbers may be off.
+    relative : and by what share of itself besides.
     """
     within = np.clip(signal, 0, 1)
     level = float(within.mean())
+    of_level = doubt + relative * level
     sigmas = [
-        noise_sigma(truth.scene.sensor, x, truth.scene.exposure_s) for x in (level - doubt, level + doubt)
+        noise_sigma(truth.scene.sensor, x, truth.scene.exposure_s)
+        for x in (max(level - of_level, 0.0), level + of_level)
     ]
     surely = perhaps = count = 0
     for pixels, normal in _samples(truth, target):
-        steps = np.array([_step(within, pixels, normal, grid_px) for grid_px in (0.0, ON_GRID_PX)])
-        off = 2 * (doubt + ROUNDING)
+        sides = np.array([_sides(within, pixels, normal, grid_px) for grid_px in (0.0, ON_GRID_PX)])
+        steps = np.abs(sides[:, 0] - sides[:, 1])
+        off = 2 * (doubt + ROUNDING) + relative * sides.sum(axis=1).max(axis=0)
         surely += int(np.count_nonzero(steps.min(axis=0) - off >= max(sigmas)))
         perhaps += int(np.count_nonzero(steps.max(axis=0) + off >= min(sigmas)))
         count += len(pixels)
@@ -159,8 +165,8 @@ def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatAr
             yield pixels[truth.camera.contains(pixels)], np.array([-way[1], way[0]]) / length
 
 
-def _step(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: float) -> FloatArray:
-    """(S,) how much an image differs between the two sides of an edge.
+def _sides(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: float) -> FloatArray:
+    """(2, S) an image's values on the two sides of an edge.
 
     Parameters
     ----------
@@ -169,7 +175,7 @@ def _step(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: fl
     sides = [pixels + sign * REACH_PX * normal for sign in (-1, 1)]
     if grid_px:
         sides = [np.rint(side / grid_px) * grid_px for side in sides]
-    return np.abs(np.subtract(*(_between_pixels(image, side) for side in sides)))
+    return np.array([_between_pixels(image, side) for side in sides])
 
 
 def _between_pixels(image: FloatArray, pixels: FloatArray) -> FloatArray:

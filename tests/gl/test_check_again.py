@@ -1,6 +1,7 @@
 """What only drawing again, or working out again by other means, can tell: images, shares, states and boxes."""
 
 import dataclasses
+import itertools
 import json
 import shutil
 
@@ -8,8 +9,11 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from flyaround.cli import app
 from simulator.camera.files import load_camera
+from simulator.dataset import check as check_module
 from simulator.dataset import check_picture
 from simulator.dataset.capture import capture
 from simulator.dataset.check import check_dataset
@@ -126,6 +130,41 @@ def test_another_picture_is_not(pictures, change):
         assert check_same_picture(truth, np.ascontiguousarray(change(image)), image, mask)
 
 
+def test_another_renderer_s_light_does_not_make_a_step_share_wrong(pictures, plan, monkeypatch):
+    """A little more light, and steps near the noise are on its other side."""
+    flipped = 0
+    with Renderer() as renderer:
+        for (truth, image, mask, _), factor in itertools.product(pictures, (0.997, 1.003)):
+            frame = take_frame(renderer, truth.scene, plan.target, labels=False)
+            radiance = frame.radiance * np.float32(factor)
+            other = dataclasses.replace(
+                frame,
+                radiance=radiance,
+                image=digitise_scene(truth.scene, expose_scene(truth.scene, radiance)),
+            )
+            assert not np.array_equal(other.image, image)
+            monkeypatch.setattr(check_picture, "take_frame", lambda *_, found=other, **__: found)
+            signal = np.asarray(expose_scene(truth.scene, radiance), float)
+            flipped += bool(check_step_share(truth, plan.target, signal, EXACT))
+            assert check_picture.check_drawn_again(renderer, truth, image, mask, plan.target) == []
+            half = msgspec.structs.replace(truth, wireframe_step_share=truth.wireframe_step_share / 2)
+            assert check_picture.check_drawn_again(renderer, half, image, mask, plan.target)
+    assert flipped
+
+
+def test_one_record_at_a_time_is_held(dataset, plan, monkeypatch):
+    events = []
+
+    def read(path):
+        events.append("read")
+        return read_truth(path)
+
+    monkeypatch.setattr(check_picture, "read_truth", read)
+    found = check_picture.check_pictures(dataset, [0, 1, 2], plan.target, lambda: events.append("drawn"))
+    assert (found.n_frames, found.faults) == (3, ())
+    assert events == ["read"] + ["read", "drawn"] * 3
+
+
 def test_shares_that_are_off_by_a_hundredth_are_caught(copy, pictures, plan):
     assert any(0 < truth.silhouette_inside < 1 for truth, *_ in pictures)
     for k, (truth, _, _, signal) in enumerate(pictures):
@@ -206,6 +245,19 @@ def test_without_opengl_a_check_says_that_no_image_was_drawn(dataset, monkeypatc
     report = check_dataset(dataset)
     assert (report.n_redrawn, report.not_redrawn) == (0, "no OpenGL here; install one")
     assert report.faults == ()
+
+
+def test_each_check_looks_at_other_frames_and_its_seed_repeats_it(dataset, monkeypatch):
+    """The card's seed is known to whoever changes an image."""
+    drawn = []
+    monkeypatch.setattr(check_module, "sample", lambda frames, share, seed: drawn.append(seed) or [])
+    first, second = (check_dataset(dataset).redraw_seed for _ in range(2))
+    assert first != second
+    assert check_dataset(dataset, redraw_seed=first).redraw_seed == first
+    assert drawn == [first, second, first]
+    monkeypatch.undo()
+    got = CliRunner().invoke(app, ["check", str(dataset), "--json", "--redraw", "0", "--redraw-seed", "7"])
+    assert json.loads(got.stdout)["redraw_seed"] == 7
 
 
 def test_the_sample_is_a_share_and_at_least_three():
