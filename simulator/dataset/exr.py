@@ -15,6 +15,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+MOST_SIDE_PX = 16_384  # of a camera
+MOST_PIXELS = MOST_SIDE_PX**2
+MOST_CHANNELS = 4
+MOST_BYTES = 2**32  # of a file of so many numbers
+
+
 def encode_exr(names: tuple[str, ...], values: NDArray[Any]) -> bytes:
     """OpenEXR bytes of (H, W) or (H, W, C) floats, a channel per name; float16 stays half, NaN stays NaN."""
     planes = values[..., None] if values.ndim == 2 else values
@@ -32,11 +38,23 @@ def read_exr(path: Path, names: tuple[str, ...]) -> NDArray[Any]:
     Raises
     ------
     UserError
-        If the file is missing, damaged, or lacks a channel.
+        If the file is missing, damaged, larger than any camera's, or lacks a channel.
     """
     if not path.is_file():
         raise UserError(f"cannot read {path}; it is missing")
     try:
+        if path.stat().st_size > MOST_BYTES:
+            raise UserError(f"{path} has more than {MOST_BYTES:,} bytes; draw it again")
+        n = 0
+        for part in OpenEXR.File(str(path), separate_channels=True, header_only=True).parts:
+            low, high = (np.asarray(corner, np.int64) for corner in part.header["dataWindow"])
+            width, height = (high - low + 1).tolist()
+            n += len(part.header["channels"])
+            if max(width, height) > MOST_SIDE_PX or n > MOST_CHANNELS:
+                raise UserError(
+                    f"{path} has {width:,} x {height:,} pixels of {n} channels, and at most {MOST_SIDE_PX:,} x "
+                    f"{MOST_SIDE_PX:,} of {MOST_CHANNELS} are read; draw it again"
+                )
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
         planes = [np.asarray(channels[name].pixels) for name in names]
     except (RuntimeError, KeyError, ValueError, TypeError) as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.dataset.exr import encode_exr, read_exr
+from simulator.dataset.exr import MOST_BYTES, MOST_PIXELS, MOST_SIDE_PX, encode_exr, read_exr
 from simulator.errors import UserError
 from simulator.files import write_atomic
 from simulator.labels.truth import truth_to_json
+from simulator.regular_file import read_regular
+from simulator.targets.glb_pictures import picture_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
     from simulator.arrays import ByteArray
     from simulator.labels.frame import Frame
 
+_PNG = b"\x89PNG\r\n\x1a\n"
 PNG_LAYERS = ("amodal", "parts", "clean")
 EXR_CHANNELS = {"depth": ("Z",), "normals": ("X", "Y", "Z"), "flow": ("U", "V")}
 
@@ -58,9 +62,24 @@ def read_png(path: Path) -> NDArray[np.unsignedinteger]:
     Raises
     ------
     UserError
-        If the file is missing, not an image, or not of 8 or 16 bits.
+        If the file is missing, not an image, larger than any camera's, or not of 8 or 16 bits.
     """
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
+    try:
+        data = read_regular(path, MOST_BYTES)
+    except OSError:
+        data = b""
+    # a PNG says its size in its first chunk; Pillow knows the others, of up to 13,000 x 13,000 pixels
+    size = (
+        struct.unpack_from(">II", data, 16)
+        if data.startswith(_PNG) and len(data) >= 24
+        else picture_size(data)
+    )
+    if size is not None and (max(size) > MOST_SIDE_PX or size[0] * size[1] > MOST_PIXELS):
+        raise UserError(
+            f"image {path} has {size[0]:,} x {size[1]:,} pixels, and at most {MOST_SIDE_PX:,} x "
+            f"{MOST_SIDE_PX:,} are read; make it smaller"
+        )
+    image = None if size is None else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise UserError(f"cannot read image {path}; it is missing or not a PNG")
     dtype = image.dtype.type

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import struct
 import zipfile
+import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +13,7 @@ import numpy as np
 
 from simulator.arrays import quat, vec3
 from simulator.errors import UserError
+from simulator.regular_file import read_regular
 from simulator.world.bodies import EARTH
 from simulator.world.orbit import OrbitTrack
 from simulator.world.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
@@ -42,6 +45,20 @@ _FIELDS = {
 """Arrays of the file and the width of each, named as in `WorldState`."""
 LINES = ".csv"
 """Ending of a recording as lines, which grows while it is flown; any other is an npz file."""
+MOST_BYTES = 2**29
+"""Of a recording, packed or not: three million samples."""
+_DAMAGED = (
+    KeyError,
+    ValueError,
+    TypeError,
+    EOFError,
+    RuntimeError,
+    MemoryError,
+    struct.error,
+    zlib.error,
+    zipfile.BadZipFile,
+)
+"""What NumPy, the zip reader and inflation say of a damaged or odd file (encrypted, a method that is not known)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,19 +91,18 @@ class Recording:
         Raises
         ------
         UserError
-            If it cannot be read, lacks an array, or its times do not start at 0 and rise.
+            If it cannot be read, is too large, lacks an array, or its times do not start at 0 and rise.
         """
         try:
-            if path.suffix == LINES:
-                arrays = _from_lines(path.read_text("ascii"))
-            else:
-                with np.load(path) as file:
-                    arrays = {name: np.asarray(file[name], float) for name in _FIELDS}
+            data = read_regular(path, MOST_BYTES)
+            arrays = _from_lines(data.decode("ascii")) if path.suffix == LINES else _from_npz(data)
         except OSError as error:
             raise UserError(f"recording {path} cannot be read: {error.strerror or error}") from error
-        except (KeyError, ValueError, zipfile.BadZipFile) as error:
+        except _DAMAGED as error:
             raise UserError(f"{path} is not a recording of a flight: {error}") from error
         t = arrays["t_s"]
+        if t.ndim != 1:
+            raise UserError(f"recording {path} has times in {t.ndim} dimensions, not in one; record it again")
         shapes = {name: (len(t),) if width == 1 else (len(t), width) for name, width in _FIELDS.items()}
         if any(arrays[name].shape != shape for name, shape in shapes.items()) or len(t) < 2:
             raise UserError(f"recording {path} has arrays of unequal length, or fewer than two samples")
@@ -164,6 +180,16 @@ def line_of(state: WorldState) -> str:
     """A state as a line of numbers, which read again are the same to the last bit."""
     values = (np.atleast_1d(getattr(state, name)).tolist() for name in _FIELDS)
     return ",".join(repr(float(value)) for part in values for value in part) + "\n"
+
+
+def _from_npz(data: bytes) -> dict[str, FloatArray]:
+    """Arrays of an npz file's bytes. One of ``_DAMAGED`` if they are not that, or would be too large unpacked."""
+    with zipfile.ZipFile(io.BytesIO(data)) as packed:
+        size = sum(entry.file_size for entry in packed.infolist())
+    if size > MOST_BYTES:
+        raise ValueError(f"unpacked it has {size:,} bytes, and at most {MOST_BYTES:,} are read")
+    with np.load(io.BytesIO(data), allow_pickle=False) as file:
+        return {name: np.asarray(file[name], float) for name in _FIELDS}
 
 
 def _from_lines(text: str) -> dict[str, FloatArray]:

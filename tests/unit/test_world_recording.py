@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from simulator.errors import UserError
 from simulator.loop import plan_flight
 from simulator.scenario_load import load_scenario
 from simulator.scenario_write import replay_scenario
+from simulator.world import recording
 from simulator.world.recording import Recording, record
 from simulator.world.rotation import rotation_angle_rad
 from simulator.world.steer import Command, step
@@ -82,3 +85,37 @@ def test_broken_recordings_are_named(tmp_path: Path) -> None:
     (tmp_path / "long.toml").write_text(text)
     with pytest.raises(UserError, match="at most the 60 s of recording"):
         load_scenario(tmp_path / "long.toml")
+
+
+def test_what_never_ends_or_unpacks_to_too_much_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for ending in ("csv", "npz"):
+        os.mkfifo(tmp_path / f"pipe.{ending}")
+        (tmp_path / f"zero.{ending}").symlink_to("/dev/zero")
+        for name in ("pipe", "zero"):
+            with pytest.raises(UserError, match="is no regular file but a pipe or a device"):
+                Recording.read(tmp_path / f"{name}.{ending}")
+    bomb = tmp_path / "bomb.npz"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("t_s.npy", bytes(5_000_000))
+    assert bomb.stat().st_size < 100_000
+    monkeypatch.setattr(recording, "MOST_BYTES", 1_000_000)
+    with pytest.raises(
+        UserError, match=r"bomb.npz is not a recording of a flight: unpacked it has 5,000,000"
+    ):
+        Recording.read(bomb)
+    (tmp_path / "long.csv").write_bytes(bytes(1_000_001))
+    with pytest.raises(UserError, match="are read; make it smaller"):
+        Recording.read(tmp_path / "long.csv")
+
+
+@pytest.mark.parametrize("times", [np.array(0.0), np.zeros((3, 2)), np.array(["a"]), np.zeros(2, "f8,f8")])
+def test_times_that_are_no_times_are_one_sentence(tmp_path: Path, times: np.ndarray) -> None:
+    good = record(plan_flight(load_scenario("tango-flyaround"), n=3).flight, [0.0, 1.0])
+    np.savez(tmp_path / "odd.npz", **{**good.arrays, "t_s": times})
+    with pytest.raises(UserError, match=r"recording"):
+        Recording.read(tmp_path / "odd.npz")
+    np.save(tmp_path / "one.npy", np.zeros(3))
+    with pytest.raises(UserError, match="is not a recording"):
+        Recording.read(tmp_path / "one.npy")
