@@ -13,6 +13,7 @@ import mmap
 import os
 import struct
 import tempfile
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from typing import IO
 
 MAGIC = b"flyaround cache1"
+_UNFINISHED_S = 86_400.0  # nobody writes one file for longer
 _TRAILER = struct.Struct("<16sQ16s")
 log = logging.getLogger(__name__)
 
@@ -83,6 +85,7 @@ def store_checked(path: Path, write: Callable[[IO[bytes]], object]) -> bool:
     temporary: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        _forget_unfinished(path.parent)
         # open for writing alone numpy writes it as it lies, and leaves Python free meanwhile
         with tempfile.NamedTemporaryFile("wb", dir=path.parent, suffix=".tmp", delete=False) as file:
             temporary = Path(file.name)
@@ -97,6 +100,14 @@ def store_checked(path: Path, write: Callable[[IO[bytes]], object]) -> bool:
                 temporary.unlink(missing_ok=True)
         return False
     return True
+
+
+def _forget_unfinished(folder: Path) -> None:
+    """Remove what programs left that were ended while they wrote."""
+    for path in folder.glob("*.tmp"):
+        with contextlib.suppress(OSError):  # another program may have removed it
+            if time.time() - path.stat().st_mtime > _UNFINISHED_S:
+                path.unlink()
 
 
 def _trailer(path: Path) -> bytes:

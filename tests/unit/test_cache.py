@@ -4,6 +4,7 @@ import errno
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -201,3 +202,16 @@ def test_a_shipped_target_that_is_none_is_built(folder, caplog, monkeypatch):
     monkeypatch.setattr(library, "shipped_bytes", lambda _: b"glTF and nothing more than that")
     assert load_target("calibration-board@low").name == "calibration-board@low"
     assert "rebuilding" in caplog.text
+
+
+def test_what_a_killed_program_left_is_forgotten_after_a_day(folder):
+    folder.mkdir()
+    left, fresh, other = (folder / name for name in ("tmpleft.tmp", "tmpnow.tmp", "tango.glb"))
+    for path in (left, fresh, other):
+        path.write_bytes(b"half")
+    for path in (left, other):
+        os.utime(path, (time.time() - 2 * 86_400,) * 2)
+    assert store_checked(folder / "new.glb", lambda file: file.write(CONTENTS))
+    assert not left.exists()
+    assert fresh.exists()
+    assert other.exists()
