@@ -15,6 +15,7 @@ from simulator.render.star_colours import (
     hp_minus_v,
     irradiance_of_v_mag,
     photons_over_sunlights,
+    sound_v_minus_i,
     usual_v_minus_i,
 )
 
@@ -95,8 +96,9 @@ def _stars_of_year(years: int, bands: Bands, by_photons: bool) -> StarField:  # 
     cell = _cell(moved)
     order = np.argsort(cell, kind="stable")
     first = np.searchsorted(cell[order], np.arange(6 * _SIDE * _SIDE + 1))
-    hp, vi = np.where(c["hip"] == _SIRIUS_HIP, _SIRIUS_HP_MAG, c["hp_mag"]), c["v_minus_i_mag"]
-    light = star_irradiance_w_m2(hp, c["b_minus_v_mag"], bands, vi)
+    hp, bv = np.where(c["hip"] == _SIRIUS_HIP, _SIRIUS_HP_MAG, c["hp_mag"]), c["b_minus_v_mag"]
+    vi = sound_v_minus_i(bv, c["v_minus_i_mag"])
+    light = star_irradiance_w_m2(hp, bv, bands, vi)
     if by_photons:
         light = light * photons_over_sunlights(vi, bands)
     directions, irradiance = (np.ascontiguousarray(values[order].T) for values in (moved, light))
@@ -137,5 +139,5 @@ def star_irradiance_w_m2(
     bv = np.nan_to_num(np.asarray(b_minus_v, float), nan=_SUN_B_MINUS_V)
     vi = usual_v_minus_i(bv)
     if v_minus_i is not None:
-        vi = np.where(np.isfinite(v_minus_i), v_minus_i, vi)
+        vi = sound_v_minus_i(bv, np.asarray(v_minus_i, float))
     return irradiance_of_v_mag(np.asarray(hp_mag, float) - hp_minus_v(bv, vi), bv, vi, bands)

@@ -28,6 +28,7 @@ _HP_MINUS_V_MAG = np.array([
 # The same of M stars over V-I (Cousins), for their B-V says little: the passbands of Bessell (1990, PASP 102, 1181;
 # 2000, table 3) on the spectra of Pickles (1998), PASP 110, 863, zero point of the table above. Up to 0.03 mag off.
 _M_FROM_VI_MAG = 1.7
+_M_FROM_BV_MAG = 0.9  # the least of M stars, which Miras like Mira itself (0.97) have at their brightest
 _M_VI_MAG = np.array([1.7, 2.0, 2.5, 3.0, 3.5, 4.0, 4.4])
 _M_HP_MINUS_V_MAG = np.array([0.127, 0.094, 0.020, -0.093, -0.223, -0.392, -0.520])
 
@@ -61,6 +62,12 @@ _USUAL_VI_MAG = np.array([-0.35, 0.0, 0.34, 0.70, 0.98, 1.25, 1.60])
 def usual_v_minus_i(b_minus_v: FloatArray) -> FloatArray:
     """V-I (Cousins) that goes with a B-V in a normal star that is not of class M, and in reflected sunlight."""
     return np.asarray(np.interp(b_minus_v, _USUAL_BV_MAG, _USUAL_VI_MAG))
+
+
+def sound_v_minus_i(b_minus_v: FloatArray, v_minus_i: FloatArray) -> FloatArray:
+    """V-I (K,) as the catalogue has it, or the usual one: where it has none, and where an M star's is a blue star's."""
+    blue = (np.asarray(v_minus_i) > _M_FROM_VI_MAG) & (np.asarray(b_minus_v) < _M_FROM_BV_MAG)
+    return np.where(np.isfinite(v_minus_i) & ~blue, v_minus_i, usual_v_minus_i(b_minus_v))
 
 
 def hp_minus_v(b_minus_v: FloatArray, v_minus_i: FloatArray) -> FloatArray:

@@ -151,3 +151,17 @@ def test_the_picture_of_a_detector_has_stars_by_their_photons():
     assert share.min() == pytest.approx(0.95, abs=0.01)
     assert 1.05 < share.max() < 1.15
     assert np.median(share) == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_blue_star_with_the_v_minus_i_of_an_m_star_is_drawn_by_its_b_minus_v():
+    """HIP 87221: B-V 0.07, V-I 2.06. Mira's B-V of 0.97 with a V-I of 5.7 is an M star's."""
+    for bands in ("mono", "rgb"):
+        hp, bv, vi, _ = of_the_catalogue(87221)
+        assert (bv < 0.1).all()
+        assert (vi > 2).all()
+        usual = star_irradiance_w_m2(hp, bv, bands)[0]
+        assert drawn_irradiance(87221, bands) == pytest.approx(usual, rel=1e-6)
+        by_photons = usual * photons_over_sunlights(usual_v_minus_i(bv), bands)[0]
+        assert drawn_irradiance(87221, bands, by_photons=True) == pytest.approx(by_photons, rel=1e-6)
+    hp, bv, vi, _ = of_the_catalogue(10826)
+    assert drawn_irradiance(10826, "mono")[0] > 1.1 * star_irradiance_w_m2(hp, bv, "mono")[0, 0]
