@@ -14,6 +14,7 @@ import numpy as np
 
 from hil.evaluate.frame_record import COARSE_DEG, COARSE_SHARE
 from simulator.errors import UserError
+from simulator.regular_file import read_regular
 from simulator.world.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 FRAMES_CSV = "frames.csv"
 ACCEPTED, DECLINED, DROPPED = "accepted", "declined", "dropped:"
+# a million rows, and far more frames than a run has
+MOST_BYTES = 1 << 29
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +146,12 @@ class LedgerWriter:
         """Close the file."""
         self._file.close()
 
+    def discard(self) -> None:
+        """Close the file and remove it: of a run that cannot begin."""
+        self._file.close()
+        with contextlib.suppress(OSError):
+            self._path.unlink()
+
     def _write(self, cells: list[str]) -> None:
         # one write of one whole line: a reader never sees half a row
         if self._broken:
@@ -192,23 +201,30 @@ def read_ledger(folder: Path) -> list[LedgerRow]:
     Raises
     ------
     UserError
-        If there is no ledger or its columns are others.
+        If there is no ledger, its columns are others, or what is in it is damaged.
     """
     path = folder / FRAMES_CSV
     try:
-        text = path.read_text(encoding="utf-8")
+        data = read_regular(path, MOST_BYTES)
     except OSError as error:
         raise UserError(
             f"no ledger at {path} ({error.strerror}): name a folder that `flyaround hil host --log` wrote"
         ) from error
-    reader = csv.DictReader(io.StringIO(text[: text.rfind("\n") + 1]))
-    missing = [name for name in COLUMNS if name not in (reader.fieldnames or [])]
-    if missing:
-        raise UserError(f"{path} has no column {missing[0]!r}: it was not written by this version's host")
+    line = 0
     try:
-        rows = [_row(cells) for cells in reader]
-    except ValueError as error:
-        raise UserError(f"{path}, line {reader.line_num}, is damaged: {error}") from error
+        reader = csv.DictReader(io.StringIO(data[: data.rfind(b"\n") + 1].decode()))
+        missing = [name for name in COLUMNS if name not in (reader.fieldnames or [])]
+        if missing:
+            raise UserError(f"{path} has no column {missing[0]!r}: it was not written by this version's host")
+        rows = []
+        for cells in reader:
+            line = reader.line_num
+            rows.append(_row(cells))
+    except (ValueError, TypeError, RecursionError, csv.Error) as error:
+        where = f", line {line}," if line else ""
+        raise UserError(
+            f"{path}{where} is damaged ({error!s:.120}): take a whole copy of the ledger, or delete what is damaged"
+        ) from error
     return sorted(rows, key=lambda row: row.frame_id)
 
 
@@ -217,6 +233,13 @@ def _vector(cells: dict[str, str], columns: tuple[str, ...]) -> tuple[float, ...
 
 
 def _row(cells: dict[str, str]) -> LedgerRow:
+    if None in cells or None in cells.values():
+        raise ValueError(f"it has not {len(COLUMNS)} fields")
+    if cells["outcome"] not in {ACCEPTED, DECLINED} and not cells["outcome"].startswith(DROPPED):
+        raise ValueError(f"its outcome {cells['outcome'][:40]!r} is none")
+    stages_ms = json.loads(cells["stages_ms"]) if cells["stages_ms"] else {}
+    if not isinstance(stages_ms, dict) or not all(isinstance(ms, int | float) for ms in stages_ms.values()):
+        raise ValueError("its stages_ms are no times by name")
     optional: dict[str, Any] = {
         name: float(cells[name]) if cells[name] else None for name in (*_SCALARS, *_ERRORS)
     }
@@ -228,7 +251,7 @@ def _row(cells: dict[str, str]) -> LedgerRow:
         exposure_s=float(cells["exposure_s"]),
         outcome=cells["outcome"],
         reason=cells["reason"],
-        stages_ms=json.loads(cells["stages_ms"]) if cells["stages_ms"] else {},
+        stages_ms=stages_ms,
         **optional,
         **vectors,
     )

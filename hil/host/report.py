@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
-from hil.host.ledger import read_ledger
+from hil.host.ledger import FRAMES_CSV, read_ledger
 from hil.host.report_plots import draw_plots
 from hil.host.summary import RUN_JSON, SUMMARY_JSON, LedgerSummary, RunTerms, summarise
 from simulator.errors import UserError
 from simulator.files import write_atomic
+from simulator.regular_file import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 REPORT_HTML = "report.html"
+# of run.json and of summary.json: thousands of times what they take
+MOST_BYTES = 1 << 24
 PLOT_FOLDER = "report"
 
 CAPTIONS = {
@@ -58,7 +61,7 @@ def write_report(folder: Path) -> Path:
     Raises
     ------
     UserError
-        If there is no ledger, or the folder cannot be written.
+        If there is no ledger, one of its files is damaged, or the folder cannot be written.
     """
     rows = read_ledger(folder)
     summary = _summary(folder, rows)
@@ -77,7 +80,7 @@ def write_report(folder: Path) -> Path:
 
 def _summary(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary:
     path = folder / SUMMARY_JSON
-    if not path.is_file():
+    if not path.exists():
         return _summary_of_killed(folder, rows)
     summary = _read(path, LedgerSummary, "a ledger summary")
     if summary.accepted_wrong is not None:
@@ -97,7 +100,7 @@ def _summary_of_killed(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary
 def _terms(folder: Path, rows: Sequence[LedgerRow]) -> dict[str, Any]:
     """What a run without a summary was told; of ledgers older than run.json, what their rows say."""
     path = folder / RUN_JSON
-    if path.is_file():
+    if path.exists():
         terms = _read(path, RunTerms, "the terms of a run")
         return {
             "started_utc": terms.started_utc,
@@ -120,8 +123,10 @@ def _terms(folder: Path, rows: Sequence[LedgerRow]) -> dict[str, Any]:
 
 def _read(path: Path, kind: type[T], what: str) -> T:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=kind)
-    except msgspec.DecodeError as error:
+        return msgspec.json.decode(read_regular(path, MOST_BYTES), type=kind)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}): make it readable") from error
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(f"{path} is not {what} of this version: {error}") from error
 
 
@@ -186,7 +191,18 @@ def _page(s: LedgerSummary, names: Sequence[str]) -> str:
         if s.board is None
         else f"{html.escape(s.board.name)}, method {html.escape(s.board.method)}"
     )
-    trip = _text(s.link.clock_round_trip_ms, "ms")
+    host = f"{html.escape(s.machine.processor)}, {s.machine.cpus} CPUs, {html.escape(s.machine.system)}"
+    link = (
+        f"{s.link.packets_sent} packets out, {s.link.packets_received} in, {s.link.packets_corrupt} damaged,"
+        f" {s.link.protocol_mistakes} protocol mistake(s), {s.link.sessions} session(s),"
+        f" clock exchange {_text(s.link.clock_round_trip_ms, 'ms')} round trip"
+    )
+    files = f'<a href="{FRAMES_CSV}">{FRAMES_CSV}</a>'
+    if s.ended == "killed":
+        # what the summary would have said; this machine need not be the run's
+        board = host = link = "not recorded"
+    else:
+        files += f' &middot; <a href="{SUMMARY_JSON}">{SUMMARY_JSON}</a>'
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Flyaround: hardware in the loop</title>
 <meta name="viewport" content="width=device-width"><style>{STYLE}</style></head><body><main>
@@ -194,13 +210,12 @@ def _page(s: LedgerSummary, names: Sequence[str]) -> str:
 <p class="dim">{html.escape(s.started_utc)} &middot; {s.mode} &middot; {html.escape(s.url)}
 &middot; {_truth(s)} &middot; {_ended(s)}</p>
 <p class="dim">Board: {board}.
-Host: {html.escape(s.machine.processor)}, {s.machine.cpus} CPUs, {html.escape(s.machine.system)}.</p>
+Host: {host}.</p>
 <div class="tiles">{tile_html}</div>
 <p class="dim">{s.sent} sent = {s.accepted} accepted + {s.declined} declined + {s.dropped_total} dropped
 (causes: {causes}).
-Link: {s.link.packets_sent} packets out, {s.link.packets_received} in, {s.link.packets_corrupt} damaged,
-{s.link.sessions} session(s), clock exchange {trip} round trip.</p>
+Link: {link}.</p>
 <br>{figures}{table}
-<p class="dim">Rows: <a href="frames.csv">frames.csv</a> &middot; <a href="summary.json">summary.json</a></p>
+<p class="dim">Rows: {files}</p>
 </main></body></html>
 """

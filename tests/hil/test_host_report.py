@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -150,6 +151,50 @@ def test_no_ledger_is_one_sentence(tmp_path):
         write_report(tmp_path / "ok")
 
 
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        (b"\xff\xfe,\n", "utf-8"),
+        (b"3,2026-01-01T00:00:00Z,0.1,0.01,accepted\n", f"it has not {len(COLUMNS)} fields"),
+        (b"x" * 200_000 + b"\n", "field limit"),
+        (b"three" + b"," * (len(COLUMNS) - 1) + b"\n", "outcome '' is none"),
+        (b"three,,,,declined" + b"," * (len(COLUMNS) - 5) + b"\n", "invalid literal"),
+    ],
+    ids=["not text", "short", "endless", "no outcome", "no number"],
+)
+def test_a_damaged_ledger_is_one_sentence(tmp_path, body, said):
+    write(tmp_path, ROWS[:2])
+    with (tmp_path / "frames.csv").open("ab") as file:
+        file.write(body)
+    with pytest.raises(
+        UserError, match=rf"frames\.csv.* is damaged \(.*{said}.*\): take a whole copy"
+    ) as caught:
+        write_report(tmp_path)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < len(str(tmp_path)) + 300
+
+
+def test_a_line_cut_off_within_a_letter_is_left_out(tmp_path):
+    write(tmp_path, ROWS[:2])
+    with (tmp_path / "frames.csv").open("ab") as file:
+        file.write(b"2,2026-01-01T00:00:00Z,0.1,0.01,declined,\xc3")
+    assert len(read_ledger(tmp_path)) == 2
+
+
+@pytest.mark.parametrize("name", ["frames.csv", "run.json", "summary.json"])
+def test_a_report_waits_for_no_pipe_and_reads_no_text_that_is_none(tmp_path, name):
+    write(tmp_path, ROWS[:2])
+    path = tmp_path / name
+    path.unlink(missing_ok=True)
+    os.mkfifo(path)
+    with pytest.raises(UserError, match=f"{name} is no regular file"):
+        write_report(tmp_path)
+    path.unlink()
+    path.write_bytes(b'{"schema": "\xff"}\n')
+    with pytest.raises(UserError, match=name):
+        write_report(tmp_path)
+
+
 def test_the_processor_is_told_by_its_name() -> None:
     cpuinfo = Path("/proc/cpuinfo")
     told = cpuinfo.read_text(encoding="utf-8") if cpuinfo.exists() else ""
@@ -206,6 +251,10 @@ def test_the_report_of_a_killed_run_says_what_it_was_told(tmp_path, truth):
     assert (
         f"realtime &middot; tcp://127.0.0.1:5600 &middot; truth {truth} &middot; the host was killed" in page
     )
+    # neither zeros for what nobody counted, nor this machine for the run's, nor a link to nothing
+    assert "Board: not recorded. Host: not recorded." in page
+    assert "Link: not recorded." in page
+    assert "summary.json" not in page
     (tmp_path / RUN_JSON).write_text("{}")
     with pytest.raises(UserError, match=r"run\.json is not the terms of a run of this version"):
         write_report(tmp_path)
@@ -217,8 +266,12 @@ def test_a_summary_from_before_wrong_poses_were_counted_is_counted_now(tmp_path)
     document = json.loads(msgspec.json.encode(summarise(rows, **RUN)))
     for name in ("accepted_known", "accepted_wrong", "board_gone"):
         del document[name]
+    document["link"]["protocol_mistakes"] = 17
     (tmp_path / "summary.json").write_text(json.dumps(document))
-    assert "<b>3 of 3</b><span>accepted poses wrong" in write_report(tmp_path).read_text()
+    page = write_report(tmp_path).read_text()
+    assert "<b>3 of 3</b><span>accepted poses wrong" in page
+    assert "17 protocol mistake(s)" in page
+    assert '<a href="summary.json">' in page
 
 
 def test_what_to_type_on_the_board():
