@@ -27,7 +27,7 @@ from hil.host.summary import (
     RunTerms,
     summarise,
 )
-from hil.host.truth_policy import with_truth_endpoint
+from hil.host.truth_policy import truth_kept_home, with_truth_endpoint
 from hil.link.messages import HelloAck, Mode, TruthPolicy
 from simulator.errors import UserError
 from simulator.files import write_atomic
@@ -119,10 +119,12 @@ def run_host(
     Parameters
     ----------
     frames : drawn as they are needed.
-    config : with ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up.
+    config : with ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up; where other machines
+        could ask for it, truth stays here, and a warning is logged.
     on_row : told each row once its outcome is known, in that order.
     on_listening : told the URLs once the ports are open.
-    on_end : told the summary once the books are closed, also of a run that is interrupted or fails.
+    on_end : told the summary once the books are closed, also of a run that is interrupted or fails; Ctrl-C waits
+        for it.
 
     Raises
     ------
@@ -132,7 +134,10 @@ def run_host(
     KeyboardInterrupt
         Ctrl-C, or SIGTERM where the program raises one of it; likewise.
     """
-    terms = with_truth_endpoint(config.link)
+    kept, warning = truth_kept_home(config.link)
+    if warning:
+        logger.warning("%s", warning)
+    terms = with_truth_endpoint(kept)
     run = _Run(terms, on_row)
     with HostLink(terms) as link:
         # ports first, so that a taken one is reported before anything is drawn or written
@@ -173,12 +178,14 @@ def run_host(
             raise
         finally:
             with signals_held():
-                summary = run.end(ended, config)
-                # those that draw end with the run, not when the last reference to them goes
-                if isinstance(frames, Generator):
-                    frames.close()
-            if on_end is not None:
-                on_end(summary)
+                try:
+                    summary = run.end(ended, config)
+                    if on_end is not None:
+                        on_end(summary)
+                finally:
+                    # those that draw end with the run, not when the last reference to them goes
+                    if isinstance(frames, Generator):
+                        frames.close()
     return summary
 
 
@@ -254,7 +261,13 @@ class _Run:
             deadline_ms=None if config.deadline_s is None else 1e3 * config.deadline_s,
         )
         text = msgspec.json.format(msgspec.json.encode(terms), indent=1)
-        write_atomic(config.log_dir / RUN_JSON, text + b"\n")
+        try:
+            write_atomic(config.log_dir / RUN_JSON, text + b"\n")
+        except BaseException:
+            # a ledger without its terms would stand in the way of the next try
+            self.writer.discard()
+            self.writer = None
+            raise
 
     def interval_ms(self) -> float | None:
         """Median time from frame to frame."""

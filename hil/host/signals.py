@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -18,7 +19,8 @@ def signals_held() -> Iterator[None]:
     """SIGINT and SIGTERM wait until what is inside is done; what takes short and bounded time belongs here.
 
     Who stops a program often sends the signal twice (``timeout``, an impatient Ctrl-C): the second must not break off
-    what the first began. Where an exception is on its way already they are forgotten: it ends the run as well.
+    what the first began. Where an exception is on its way already, from inside or from before, they are forgotten: it
+    ends the run as well.
     """
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread is told of signals
@@ -30,5 +32,5 @@ def signals_held() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler or signal.SIG_DFL)
-    if came:
+    if came and sys.exc_info()[0] is None:
         signal.raise_signal(signal.Signals(came[0]))

@@ -16,8 +16,11 @@ import pytest
 from hil_loop import BOARD, Instant, Loop, board, frames
 
 from hil.board.agent import run_board
+from hil.host.exchange import LinkConfig
 from hil.host.ledger import read_ledger
+from hil.host.run import RunConfig, run_host
 from hil.host.signals import signals_held
+from simulator.errors import UserError
 
 ROOT = Path(__file__).parents[2]
 # ten times what an idle machine needs, and more
@@ -118,7 +121,6 @@ def test_a_full_disk_is_one_sentence_and_the_rows_so_far_are_whole(tmp_path):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 def test_a_disk_that_is_full_from_the_start_leaves_no_ledger(tmp_path, monkeypatch):
     from hil.host.ledger import LedgerWriter
-    from simulator.errors import UserError
 
     plain = Path.open
     monkeypatch.setattr(Path, "open", lambda _, __, **more: plain(Path("/dev/full"), "wb", **more))
@@ -226,6 +228,44 @@ def test_signals_wait_until_the_books_are_closed():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     with pytest.raises(ValueError, match="first"):
         close_books(ValueError("the first says why"))
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_a_second_signal_is_forgotten_while_the_first_is_on_its_way():
+    def stopped():
+        try:
+            raise UserError("the first says why")
+        finally:
+            with signals_held():
+                signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(UserError, match="first"):
+        stopped()
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_the_end_is_told_though_ctrl_c_comes_again_while_the_books_are_closed(tmp_path):
+    ends = []
+
+    def source():
+        try:
+            yield from frames(500)
+        finally:
+            # closed with the books
+            signal.raise_signal(signal.SIGINT)
+
+    loop = Loop(board())
+    link = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=PATIENCE_S)
+    with pytest.raises(KeyboardInterrupt):
+        run_host(
+            source(),
+            RunConfig(link=link, log_dir=tmp_path / "log"),
+            on_row=lambda _: signal.raise_signal(signal.SIGINT),
+            on_listening=loop.on_listening,
+            on_end=ends.append,
+        )
+    assert [(end.ended, end.sent) for end in ends] == [("interrupted", 1)]
+    assert json.loads((tmp_path / "log" / "summary.json").read_text())["sent"] == 1
 
 
 def test_what_is_not_the_main_thread_holds_no_signals():
