@@ -106,14 +106,15 @@ class Flights:
         for flight in self._flying.values():
             flight.damage_seen = True
 
-    def damaged(self, frame_id: int, reason: str) -> bool:
-        """Report that the board got this frame damaged; False when it is not in flight."""
-        if frame_id not in self._flying:
-            return False
-        self.misses = 0
-        self._drop(frame_id, "corrupt", reason)
-        self._held.remove(frame_id)
-        return True
+    def damaged(self, frame_id: int, reason: str, cause: str = "corrupt") -> bool:
+        """Report that the board cannot use this frame, and release it alone; False when it is not in flight."""
+        self.misses = 0  # late or not, it speaks of it
+        flying = frame_id in self._flying
+        if flying:
+            self._drop(frame_id, cause, reason)
+        if frame_id in self._held:
+            self._held.remove(frame_id)
+        return flying
 
     def refuse(self, frame_id: int, reason: str) -> bool:
         """Report that the board's answer to this frame cannot be used; False when it is not in flight."""

@@ -109,7 +109,15 @@ class LinkServer:
 
     def run(self) -> None:
         """Serve until the run says Close or goes away."""
-        self._pipe.send(Listening(self._listener.url, self._truth.url if self._truth is not None else None))
+        # a run that was killed may be missed first by what is said to it
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            self._pipe.send(
+                Listening(self._listener.url, self._truth.url if self._truth is not None else None)
+            )
+            self._serve()
+        self._shut()
+
+    def _serve(self) -> None:
         while not self._closing:
             self._check_hung()
             self._send_due()
@@ -128,7 +136,6 @@ class LinkServer:
                 if self._truth in ready:
                     self._truth.accept()
                 self._truth.flush()
-        self._shut()
 
     # --- what to wait for -------------------------------------------------------------------
 
@@ -393,7 +400,9 @@ class LinkServer:
             self._counts = replace(self._counts, late_poses=self._counts.late_poses + 1)
 
     def _take_error(self, error: ErrorMessage) -> None:
-        if self._flights.damaged(error.frame_id, error.text):
+        damage = error.code in (ErrorCode.CORRUPT, ErrorCode.INCOMPLETE)
+        cause = "corrupt" if damage else "protocol"
+        if error.frame_id != NO_FRAME and self._flights.damaged(error.frame_id, error.text, cause):
             return
         if error.frame_id == NO_FRAME and error.code == ErrorCode.CORRUPT:
             self._flights.note_damage()
@@ -455,11 +464,15 @@ def main() -> None:
     for ending in (signal.SIGINT, signal.SIGTERM):  # the run decides what they mean, and then closes us
         signal.signal(ending, signal.SIG_IGN)
     pipe = Connection(int(sys.argv[1]))
-    config: LinkConfig = pipe.recv()
+    try:
+        config: LinkConfig = pipe.recv()
+    except (EOFError, ConnectionError):  # the run died
+        return
     try:
         server = LinkServer(pipe, int(sys.argv[2]), config)
     except LinkError as error:
-        pipe.send(Failed(str(error)))
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            pipe.send(Failed(str(error)))
         return
     server.run()
 

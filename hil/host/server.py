@@ -49,6 +49,8 @@ QUICK_TIMEOUT_S = 2.0
 # a board that said HELLO has this long to make its estimator; the link process waits no longer either
 READY_TIMEOUT_S = 65.0
 
+ENDED = "the link process ended unexpectedly: what was logged so far is intact; run again with -v"
+
 
 class HostLink:
     """Starts the link process and talks to it; a context manager.
@@ -80,7 +82,7 @@ class HostLink:
         self.counts = LinkCounts()
         self.closed = False
         try:
-            self._pipe.send(config)
+            self._tell(config)
             deadline = time.monotonic() + START_TIMEOUT_S
             while self._listening is None and time.monotonic() < deadline:
                 self.pump(0.2)
@@ -111,7 +113,7 @@ class HostLink:
         os.ftruncate(self._fd, n_slots * slot_bytes)
         self._slots = FrameSlots(self._fd, n_slots, slot_bytes)
         self._free = list(range(n_slots))
-        self._pipe.send(Terms(ack, n_slots, slot_bytes))
+        self._tell(Terms(ack, n_slots, slot_bytes))
 
     @property
     def has_room(self) -> bool:
@@ -136,7 +138,7 @@ class HostLink:
         slot = self._free.pop()
         rows, columns = image.shape
         self._slots.view(slot, (rows, columns), image.dtype.str)[...] = image
-        self._pipe.send(
+        self._tell(
             FrameJob(
                 slot,
                 frame_id,
@@ -159,9 +161,7 @@ class HostLink:
                 timeout_s = 0.0
         except (EOFError, OSError) as error:
             self.closed = True
-            raise UserError(
-                "the link process ended unexpectedly: what was logged so far is intact; run again with -v"
-            ) from error
+            raise UserError(ENDED) from error
 
     def results(self) -> list[FrameResult]:
         """Outcomes since the last call."""
@@ -185,12 +185,19 @@ class HostLink:
         try:
             if not self.closed:
                 with contextlib.suppress(UserError, OSError):
-                    self._pipe.send(Close(reason))
+                    self._tell(Close(reason))
                     deadline = time.monotonic() + timeout_s
                     while not self.closed and time.monotonic() < deadline:
                         self.pump(0.2)
         finally:
             self._kill()
+
+    def _tell(self, message: object) -> None:
+        try:
+            self._pipe.send(message)
+        except OSError as error:
+            self.closed = True
+            raise UserError(ENDED) from error
 
     def _kill(self) -> None:
         ended, self.closed = self.closed, True
@@ -215,6 +222,10 @@ class HostLink:
             self.board = self.last_board = event
             logger.info("board connected from %s: %s, method %s", event.peer, event.board, event.method)
         elif isinstance(event, BoardDown):
+            if self.board is None and self._greeted_s is None and self.last_board is not None:
+                # some other connection: the board is gone since it left, and for its own reason
+                logger.warning("a connection was closed: %s", event.reason)
+                return
             self.board = self._greeted_s = None
             self.down_reason = event.reason
             self.down_since_s = time.monotonic()

@@ -83,6 +83,22 @@ def test_a_damaged_frame_is_released_alone():
     assert sky.flights.held == 4
 
 
+def test_a_frame_that_ran_out_of_time_is_released_by_word_of_its_damage():
+    sky = Sky(2)
+    sky.flights.expire(SENT_NS + TIMEOUT_NS)
+    assert (sky.flights.held, sky.flights.misses) == (2, 1)
+    assert not sky.flights.damaged(0, "late, but a word")
+    assert (sky.flights.held, sky.flights.misses) == (1, 0)
+    assert sky.outcomes == {0: "dropped:timeout"}
+
+
+def test_a_frame_may_be_refused_for_another_cause_than_damage():
+    sky = Sky(2)
+    assert sky.flights.damaged(1, "more frames than the window", "protocol")
+    assert sky.outcomes == {1: "dropped:protocol"}
+    assert sky.flights.held == 1  # alone
+
+
 def test_an_answer_that_cannot_be_used_drops_its_frame_and_releases_it():
     sky = Sky(3)
     assert sky.flights.refuse(1, "the quaternion has length 2")

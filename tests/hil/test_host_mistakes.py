@@ -6,14 +6,19 @@ import socket
 import subprocess
 import sys
 from contextlib import contextmanager
+from multiprocessing import Pipe
 from pathlib import Path
 
 import msgspec
 import pytest
 from hil_loop import Loop, board, frames, refused
 
+from hil.host.exchange import BoardDown, BoardUp, FrameJob, FrameSlots, LinkConfig
 from hil.host.ledger import read_ledger
+from hil.host.link_process import LinkServer
+from hil.host.server import HostLink
 from hil.host.summary import LedgerSummary
+from hil.link.messages import ErrorCode, ErrorMessage, HelloAck
 from simulator.errors import UserError
 
 
@@ -66,6 +71,85 @@ def test_an_old_ledger_is_not_overwritten(tmp_path):
     with pytest.raises(UserError, match="is there already: name another folder"):
         Loop().run(frames(1), log_dir=tmp_path)
     assert (tmp_path / "frames.csv").read_text() == "precious"
+    assert not (tmp_path / "run.json").exists()
+
+
+def test_a_run_whose_terms_cannot_be_written_leaves_no_ledger(tmp_path):
+    (tmp_path / "run.json").mkdir()
+    for _ in range(2):  # the second try finds the folder as the first did
+        with pytest.raises(UserError, match=r"run\.json"):
+            Loop().run(frames(1), log_dir=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
+
+
+def test_truth_stays_here_however_a_run_is_started(tmp_path, caplog):
+    loop = Loop()
+    with pytest.raises(UserError, match="no board connected"):
+        loop.run(frames(1), url="tcp://0.0.0.0:0", truth="separate", log_dir=tmp_path, connect_timeout_s=0.05)
+    assert loop.truth_url is None
+    assert "can be reached from other machines" in caplog.text
+    assert '"truth": "off"' in (tmp_path / "run.json").read_text()
+
+
+LINK = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=1.0)
+
+
+def test_a_stranger_does_not_change_why_and_since_when_the_board_is_gone():
+    with HostLink(LINK) as link:
+        link._take(BoardDown("it was no board"))
+        assert link.down_reason == "it was no board"  # all that is known before the first
+        link._take(BoardUp("peer", "board", "tango", "svd", "raw", 2))
+        link._take(BoardDown("its cable was pulled"))
+        since = link.down_since_s
+        link._take(BoardDown("it said nothing that the link protocol knows"))
+        assert (link.down_reason, link.down_since_s) == ("its cable was pulled", since)
+
+
+def test_a_dead_link_process_is_the_same_sentence_to_whoever_speaks_to_it():
+    with HostLink(LINK) as link:
+        link.open(HelloAck({}, 64, 48), 4, 64 * 48)
+        link._process.kill()
+        link._process.wait()
+        (frame,) = frames(1)
+        with pytest.raises(UserError, match="the link process ended unexpectedly"):
+            link.submit(
+                frame.image,
+                frame_id=0,
+                epoch_utc=frame.epoch_utc,
+                t_s=0.0,
+                exposure_s=0.01,
+                bits=8,
+                due_ns=None,
+                truth=None,
+            )
+        with pytest.raises(UserError, match="the link process ended unexpectedly"):
+            link.open(HelloAck({}, 64, 48), 4, 64 * 48)
+
+
+@pytest.mark.parametrize("code", ErrorCode)
+def test_only_word_of_damage_is_a_damaged_frame(code):
+    ours, theirs = Pipe()
+    server = LinkServer(theirs, FrameSlots.open_file(), LINK)
+    try:
+        server._flights.start(FrameJob(0, 5, (48, 64), "|u1", 8, "", 0.0, 0.01, None, None), 0)
+        server._take_error(ErrorMessage(code, "the board says so", 5))
+        result = ours.recv()
+    finally:
+        server._shut()
+    damage = code in {ErrorCode.CORRUPT, ErrorCode.INCOMPLETE}
+    assert result.outcome == ("dropped:corrupt" if damage else "dropped:protocol")
+    assert (result.frame_id, result.reason) == (5, "the board says so")
+    assert server._flights.held == 0
+
+
+def test_a_link_process_whose_run_was_killed_ends_in_order():
+    ours, theirs = Pipe()
+    server = LinkServer(theirs, FrameSlots.open_file(), LINK)
+    port = int(server._listener.url.rsplit(":", 1)[1])
+    ours.close()
+    server.run()  # what it has to say first finds nobody
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port), timeout=5.0)
 
 
 def test_a_renderer_that_fails_leaves_a_ledger_that_adds_up(tmp_path):
