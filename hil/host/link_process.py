@@ -313,6 +313,8 @@ class LinkServer:
                 self._board_left(str(error))
                 return
             if message is None:
+                if self._link.gave_way:
+                    continue
                 return
             self._handle(message, now_ns(), self._link)
 

@@ -89,8 +89,10 @@ class PendingLinks:
             except LinkClosed as error:
                 self._drop(link, str(error))
                 return None
-            if message is None or isinstance(message, Hello):
+            if isinstance(message, Hello):
                 return message
+            if message is None and not link.gave_way:
+                return None
         self._drop(link, "it said nothing that the link protocol knows")
         return None
 

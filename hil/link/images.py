@@ -152,8 +152,8 @@ class FrameAssembler:
         self._header: Optional[FrameHeader] = None
         self._data = bytearray()
         self._seen = bytearray()  # one for each chunk that came
-        self._missing = 0  # chunks and
-        self._missing_bytes = 0  # bytes that have not come
+        self._missing = 0  # chunks that have not come
+        self._chunk_bytes = 0  # of all but the last; 0 until the first has come
         self._last_lost: Optional[int] = None
         self._lost: List[int] = []
 
@@ -171,33 +171,61 @@ class FrameAssembler:
         self._header = header
         self._data = bytearray(header.total_bytes)
         self._seen = bytearray(header.chunk_count)
-        self._missing, self._missing_bytes = header.chunk_count, header.total_bytes
+        self._missing, self._chunk_bytes = header.chunk_count, 0
 
     def chunk(self, chunk: FrameChunk) -> Optional[Tuple[FrameHeader, Image]]:
-        """Take a chunk; the frame, when this was its last missing one."""
+        """Take a chunk; the frame, when this was its last missing one.
+
+        Raises
+        ------
+        ProtocolMistake
+            If the chunk does not lie where its index says, or is not as long as the others: one after another they
+            have to cover the frame. The frame is given up.
+        PacketError
+            If the frame is whole and is no image.
+        """
         header = self._header
         if header is None or chunk.frame_id != header.frame_id:
             self._lose(chunk.frame_id)  # its header never came
             return None
-        end = chunk.offset + len(chunk.data)
-        if chunk.index >= header.chunk_count or end > header.total_bytes:
-            self.abandon()
-            return None
-        self._data[chunk.offset : end] = chunk.data
+        if not self._fits(chunk, header):
+            # told by its exception: what still comes of this frame says no more
+            self._last_lost, self._header, self._data = header.frame_id, None, bytearray()
+            raise ProtocolMistake(
+                f"frame {header.frame_id}: chunk {chunk.index} of {header.chunk_count} has {len(chunk.data)} bytes at"
+                f" {chunk.offset}, with which the chunks do not cover {header.total_bytes} bytes",
+                header.frame_id,
+            )
+        self._data[chunk.offset : chunk.offset + len(chunk.data)] = chunk.data
         if not self._seen[chunk.index]:
             self._seen[chunk.index] = 1
             self._missing -= 1
-            self._missing_bytes -= len(chunk.data)
         if self._missing:
             return None
         data, self._header, self._data = self._data, None, bytearray()
         try:
-            if self._missing_bytes:
-                raise PacketError(f"frame {header.frame_id}: its chunks do not cover it")
             return header, decode_image(data, header)
         except PacketError:
             self._lose(header.frame_id)
             raise
+
+    def _fits(self, chunk: FrameChunk, header: FrameHeader) -> bool:
+        last = header.chunk_count - 1
+        if chunk.index > last:
+            return False
+        if not self._chunk_bytes:
+            # the last one alone may be shorter, and tells by where it lies how long the others are
+            at_end = chunk.offset // last if last else header.total_bytes
+            self._chunk_bytes = len(chunk.data) if chunk.index < last else at_end
+        size = self._chunk_bytes
+        start = chunk.index * size
+        # a wrong length of the others would leave the last one nothing, or too much
+        rest = header.total_bytes - last * size
+        return (
+            0 < rest <= size
+            and chunk.offset == start
+            and len(chunk.data) == (size if chunk.index < last else rest)
+        )
 
     def abandon(self) -> None:
         """Give up the frame in work: a part of it was damaged."""

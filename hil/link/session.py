@@ -98,6 +98,9 @@ class Link:
         self._lock = threading.Lock()
         self._sequence = 0
         self.last_sequence: Optional[int] = None
+        self.gave_way = False
+        """Whether the last `recv` came back after ``MAX_LEFT_OUT`` packets that do not belong here: more may be there
+        already, for which a wait on the line would wait in vain."""
 
     def send(self, message: Message) -> None:
         """Send one message; threads may share this."""
@@ -108,18 +111,19 @@ class Link:
             self.stats.sent += 1
 
     def recv(self, timeout_s: float) -> Optional[Message]:
-        """The next message of this session, None after ``timeout_s``.
+        """The next message of this session; None after ``timeout_s``, or with ``gave_way``.
 
         Raises
         ------
         PacketError
-            For damaged bytes, and after ``MAX_LEFT_OUT`` packets that do not belong here; the link stays usable.
+            For damaged bytes; the link stays usable.
         ProtocolMistake
             For an intact packet whose payload breaks the protocol; the same.
         LinkClosed
             When the line has ended.
         """
         deadline = time.monotonic() + timeout_s
+        self.gave_way = False
         for _ in range(MAX_LEFT_OUT):
             try:
                 packet = self.transport.recv_packet(max(0.0, deadline - time.monotonic()))
@@ -137,7 +141,8 @@ class Link:
             except PacketError:
                 self.stats.corrupt += 1
                 raise
-        raise PacketError(f"{MAX_LEFT_OUT} packets in a row do not belong to this session")
+        self.gave_way = True
+        return None
 
     def _belongs_here(self, packet: Packet) -> bool:
         # HELLO opens a session, HELLO_ACK settles its id, ERROR may come before either

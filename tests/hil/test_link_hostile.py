@@ -148,8 +148,15 @@ def test_a_flood_of_what_does_not_belong_comes_back_to_the_caller():
     for k in range(MAX_LEFT_OUT + 10):
         a.send_packet(Packet(PacketType.BYE, Bye("x").encode(), 77, k))
     link = Link(b, 5)
-    with pytest.raises(PacketError, match="do not belong"):
-        link.recv(0.0)
+    a.send_packet(Packet(PacketType.BYE, Bye("end").encode(), 5, MAX_LEFT_OUT + 10))
+    assert link.recv(0.0) is None
+    assert link.gave_way  # there may be more
+    # and there is; nothing of it was damaged on the line
+    assert link.recv(0.0) == Bye("end")
+    assert not link.gave_way
+    assert link.recv(0.0) is None
+    assert not link.gave_way
+    assert (link.stats.corrupt, link.stats.stale) == (0, MAX_LEFT_OUT + 10)
 
     class Endless:
         name, chunk_bytes = "endless", 1
@@ -376,12 +383,38 @@ def test_a_zstd_bomb_is_refused_before_it_is_unpacked():
 
 def test_chunks_that_leave_holes_make_no_frame():
     assembler = FrameAssembler(TERMS)
-    assembler.header(header(chunk_count=2))
-    assert assembler.chunk(FrameChunk(1, 0, 0, b"x" * 100)) is None
-    assert assembler.chunk(FrameChunk(1, 0, 0, b"x" * 100)) is None  # twice the same counts once
-    with pytest.raises(PacketError, match="do not cover"):
-        assembler.chunk(FrameChunk(1, 1, 100, b"x"))
-    assert assembler.lost() == [1]
+    half = b"x" * (32 * 48)
+    for index, offset, data in [
+        (0, 0, half[:-1]),  # too short, so that the last would have to be longer
+        (0, 0, half + half),  # leaves the last nothing
+        (0, 1, half),
+        (1, 0, half),
+        (1, 32 * 48, half[:-1]),
+        (2, 64 * 48, b"x"),
+        (1, 32 * 48 + 1, half),
+        (0, 0, b""),
+    ]:
+        assembler.header(header(chunk_count=2))
+        with pytest.raises(ProtocolMistake, match="do not cover 3072 bytes") as caught:
+            assembler.chunk(FrameChunk(1, index, offset, data))
+        assert caught.value.frame_id == 1
+        # told once, by the mistake
+        assert assembler.chunk(FrameChunk(1, 1, 32 * 48, half)) is None
+        assert assembler.lost() == []
+    assembler.header(header(frame_id=2, chunk_count=2))
+    assert assembler.chunk(FrameChunk(2, 1, 32 * 48, half)) is None
+    assert assembler.chunk(FrameChunk(2, 1, 32 * 48, half)) is None  # twice the same counts once
+    assert assembler.chunk(FrameChunk(2, 0, 0, half))[1].all()
+
+
+def test_chunks_that_lie_over_each_other_and_leave_a_hole_as_large_make_no_frame():
+    assembler = FrameAssembler(TERMS)
+    third = b"x" * 1024
+    assembler.header(header(chunk_count=3))
+    assert assembler.chunk(FrameChunk(1, 0, 0, third)) is None
+    with pytest.raises(ProtocolMistake, match="chunk 1 of 3 has 1024 bytes at 0,"):
+        assembler.chunk(FrameChunk(1, 1, 0, third))
+    assert assembler.chunk(FrameChunk(1, 2, 2048, third)) is None
 
 
 @pytest.mark.parametrize(
