@@ -9,11 +9,14 @@ import argparse
 import json
 import logging
 import sys
-from pathlib import Path
 from typing import List, Optional
 
 from hil.board.agent import bundled_models, run_board, svd_factory
+from hil.board.files import read_bounded
 from hil.link.errors import LinkError
+
+# of a camera file: thousands of times what one takes
+MOST_BYTES = 10_000_000
 
 
 def main(arguments: Optional[List[str]] = None, program: str = "hil.board") -> int:
@@ -74,7 +77,7 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
         raise LinkError("--image needs the camera it was taken with: name its file with --camera")
     make, _, _ = svd_factory(model, method)
     try:
-        estimator = make(json.loads(Path(camera).read_text(encoding="utf-8")))
+        estimator = make(json.loads(read_bounded(camera, MOST_BYTES).decode("utf-8")))
     except (OSError, ValueError, RecursionError) as error:
         raise LinkError(
             f"camera {camera} cannot be used ({error}): give the camera object of a truth record"

@@ -11,6 +11,7 @@ from typing import Any, Dict, Optional, Tuple, Union
 import numpy as np
 
 from hil.board.errors import BoardModelError
+from hil.board.files import read_bounded
 from hil.board.svd.outlines import Outlines
 from hil.board.svd.shade import Faces
 
@@ -73,16 +74,11 @@ class BoardModel:
         Raises
         ------
         BoardModelError
-            If the file is missing, is not JSON, or is not a board model of a known version.
+            If the file is missing, too large or no regular one, is not JSON, or is no board model of a known
+            version.
         """
         try:
-            with open(path, "rb") as file:  # noqa: PTH123 - as much as a model may hold, of a file that may never end
-                text = file.read(MOST_BYTES + 1)
-            if len(text) > MOST_BYTES:
-                raise BoardModelError(
-                    f"board model {path} holds more than {MOST_BYTES // 10**6} MB: it is none"
-                )
-            data = json.loads(text.decode("utf-8"))
+            data = json.loads(read_bounded(path, MOST_BYTES).decode("utf-8"))
         except OSError as error:
             raise BoardModelError(f"board model {path} cannot be read: {error.strerror}") from error
         except (ValueError, RecursionError) as error:

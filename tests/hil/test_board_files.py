@@ -1,0 +1,50 @@
+"""What a board reads by name: regular files of a bounded size, and nothing that waits or never ends."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from hil.board.__main__ import main
+from hil.board.errors import BoardModelError
+from hil.board.files import read_bounded
+from hil.board.svd import BoardModel, model
+
+
+@pytest.fixture
+def never_ending(tmp_path):
+    """A pipe that nobody writes to, a device, a folder, and a file that is too large (sparse)."""
+    os.mkfifo(tmp_path / "pipe")
+    large = tmp_path / "large"
+    with large.open("wb") as file:
+        file.truncate(model.MOST_BYTES + 1)
+    (tmp_path / "folder").mkdir()
+    return [tmp_path / "pipe", Path("/dev/zero"), tmp_path / "folder", large]
+
+
+def test_a_file_is_read_to_its_last_byte_and_no_longer_one(tmp_path):
+    path = tmp_path / "file"
+    path.write_bytes(b"x" * 100)
+    assert read_bounded(path, 100) == b"x" * 100
+    with pytest.raises(OSError, match="holds more than 0 MB"):
+        read_bounded(path, 99)
+
+
+def test_a_board_model_is_a_regular_file(never_ending):
+    for path in never_ending:
+        with pytest.raises(
+            BoardModelError, match=f"board model {path} cannot be read: it (is no regular file|holds)"
+        ):
+            BoardModel.read(path)
+
+
+def test_so_is_a_camera(never_ending, monkeypatch, capsys):
+    # a model takes long to make, and none is needed before the camera is read
+    monkeypatch.setattr("hil.board.__main__.svd_factory", lambda *_: (None, "", ""))
+    for path in never_ending:
+        assert main(["--image", "none.png", "--model", "tango", "--camera", str(path)]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith(f"camera {path} cannot be used (")
+        assert said.count("\n") == 1
