@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import os
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from contextlib import closing
+from multiprocessing import active_children, get_context
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -25,7 +26,7 @@ from simulator.files import write_atomic
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Generator, Sequence
     from pathlib import Path
 
 __all__ = ["board_model", "evaluate_dataset"]
@@ -88,14 +89,15 @@ def evaluate_dataset(
     tasks = [(k, label) for k in whole for label in labels if (k, label) not in there]
     total = len(tasks) + len(done)
     setting = (folder, known, msgspec.to_builtins(card.camera), methods)
-    for answer in _answers(tasks, setting, workers):
-        if isinstance(answer, str):
-            log.warning("a frame is left out: %s", answer)
-            total -= 1
-        else:
-            append_row(path, answer)
-            done.append(answer)
-        progress(len(done), total)
+    with closing(_answers(tasks, setting, workers)) as answers:
+        for answer in answers:
+            if isinstance(answer, str):
+                log.warning("a frame is left out: %s", answer)
+                total -= 1
+            else:
+                append_row(path, answer)
+                done.append(answer)
+            progress(len(done), total)
     if not done:
         raise UserError(f"no frame of data set {folder} can be read; run flyaround check on it")
     done.sort(key=lambda row: (labels.index(row.method), row.frame))
@@ -138,7 +140,7 @@ def _answers(
     tasks: list[tuple[int, str]],
     setting: tuple[Path, BoardModel, dict[str, Any], tuple[MethodChoice, ...]],
     workers: int,
-) -> Iterator[EvaluatedFrame | str]:
+) -> Generator[EvaluatedFrame | str]:
     try:
         if not tasks:
             return
@@ -156,9 +158,16 @@ def _answers(
             return
         # one thread each: matrices this small gain nothing from more, and processes would fight over the cores
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        with ProcessPoolExecutor(
-            min(workers, len(tasks)), get_context("spawn"), start_worker, setting
-        ) as pool:
+        others = set(active_children())
+        pool = ProcessPoolExecutor(min(workers, len(tasks)), get_context("spawn"), start_worker, setting)
+        try:
             yield from pool.map(answer_in_worker, tasks, chunksize=2)
+        except BaseException:
+            # whoever stops it waits for no frame in work; rows that are done are kept by then
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in set(active_children()) - others:
+                process.terminate()
+            raise
+        pool.shutdown()
     except BoardModelError as error:
         raise UserError(str(error)) from error
