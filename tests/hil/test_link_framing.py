@@ -1,8 +1,11 @@
-"""Streams of packets: any cut, any garbage; COBS against the package of that name."""
+"""Streams of packets: any cut, any garbage, any headers, in linear time; COBS against the package of that name."""
 
 from __future__ import annotations
 
 import random
+import struct
+import time
+import zlib
 
 import pytest
 from cobs import cobs as reference
@@ -11,8 +14,9 @@ from hypothesis import strategies as st
 
 from hil.link import cobs
 from hil.link.errors import PacketError
-from hil.link.framing import CobsFraming, LengthFraming
-from hil.link.packets import Packet, PacketType
+from hil.link.framing import PREFIX, CobsFraming, LengthFraming
+from hil.link.messages import Bye
+from hil.link.packets import HEADER, MAGIC, OVERHEAD_BYTES, Packet, PacketType
 
 FRAMINGS = {"length": LengthFraming, "cobs": CobsFraming, "pure cobs": lambda: CobsFraming(pure=True)}
 each_framing = pytest.mark.parametrize("make", FRAMINGS.values(), ids=FRAMINGS.keys())
@@ -141,3 +145,125 @@ def test_endless_garbage_is_not_hoarded(make):
         framing.feed(b"\x55" * (1 << 18))
         drain(framing)
     assert len(framing._buffer) < 6 << 20
+
+
+def nested_headers(total: int) -> bytes:
+    """Headers inside each other, each of a packet to the end of all, with a wrong CRC."""
+    size = PREFIX.size + HEADER.size
+    out = bytearray()
+    for left in range(total, size + 4, -size):
+        length = left - PREFIX.size
+        payload = length - OVERHEAD_BYTES
+        out += PREFIX.pack(length) + HEADER.pack(MAGIC, 1, PacketType.FRAME_CHUNK, 0, 5, 0, payload)
+    return bytes(out + bytes(total - len(out)))
+
+
+@pytest.mark.parametrize("step", [1 << 22, 1460])
+def test_nested_headers_are_read_twice_at_most(step, monkeypatch):
+    """4 MB of 150,000 nested headers: what is checked by CRC is counted, for a count does not depend on the machine."""
+    checked, really = 0, zlib.crc32
+
+    def crc32(data, value=0):
+        nonlocal checked
+        checked += len(data)
+        return really(data, value)
+
+    monkeypatch.setattr("hil.link.packets.zlib.crc32", crc32)
+    stream = nested_headers((1 << 22) - 1024)
+    assert stream.count(MAGIC) > 149_000
+    framing, damage = LengthFraming(), 0
+    for at in range(0, len(stream), step):
+        framing.feed(stream[at : at + step])
+        damage += drain(framing)[1]
+    assert damage < 10  # one stretch of damage is told a few times, not at each header
+    good = Packet(PacketType.BYE, Bye("after").encode(), 5)
+    for _ in range(2):
+        framing.feed(framing.encode(good))
+    assert good in drain(framing)[0]
+    # every byte once, what is read again within its credit, and the bytes of a last candidate
+    assert checked < 5 * len(stream)
+
+
+@pytest.mark.parametrize("claim", ["every byte a magic", "empty packets"])
+def test_a_stream_of_headers_takes_time_in_proportion(claim):
+    def seconds(total: int) -> float:
+        empty = PREFIX.pack(OVERHEAD_BYTES) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, 0)
+        unit = MAGIC if claim == "every byte a magic" else empty
+        framing, start = LengthFraming(), time.process_time()
+        framing.feed(unit * (total // len(unit)))
+        drain(framing)
+        return time.process_time() - start
+
+    # 16 times the bytes: quadratic would be 256 times the time
+    small = min(seconds(1 << 14) for _ in range(3))
+    assert min(seconds(1 << 18) for _ in range(2)) < 64 * small + 0.05
+
+
+def test_an_honest_packet_inside_a_failed_one_is_still_found():
+    """A damaged length swallows what follows; it is given back while that costs little."""
+    framing = LengthFraming()
+    inner = [Packet(PacketType.BYE, Bye(str(k)).encode(), 5, k) for k in range(3)]
+    stream = b"".join(framing.encode(p) for p in inner)
+    payload = len(stream)
+    liar = PREFIX.pack(payload + OVERHEAD_BYTES) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, payload)
+    framing.feed(liar + stream + b"\0\0\0\0")
+    got, damage = drain(framing)
+    assert got == inner
+    assert damage == 1
+
+
+def test_packets_of_an_unknown_type_are_dropped_whole():
+    """Their CRC is right: what looks like a packet inside them is their payload."""
+    framing = LengthFraming()
+    good = Packet(PacketType.BYE, Bye("hidden").encode(), 5)
+    for version, kind in ((1, 99), (2, 10)):
+        inner = framing.encode(good)
+        header = HEADER.pack(MAGIC, version, kind, 0, 5, 0, len(inner))
+        data = header + inner + struct.pack("<I", zlib.crc32(header + inner))
+        framing.feed(PREFIX.pack(len(data)) + data)
+    got, damage = drain(framing)
+    assert (got, damage, len(framing._buffer)) == ([], 2, 0)
+
+
+@pytest.mark.parametrize(
+    "garbage",
+    [b"", b"\x01" * 40, b"\0" * 31, b"FLYA" * 9, b"x" * 33 + b"FLY", b"y" * 29 + b"\x4c\0\0\0FL"],
+    ids=["none", "bytes", "zeros", "magics", "magic cut", "prefix and magic cut"],
+)
+def test_a_packet_split_anywhere_after_garbage_arrives(garbage):
+    """What may be a prefix and the beginning of a magic is kept while the rest is on its way."""
+    packet = Packet(PacketType.BYE, Bye("whole").encode(), 5, 3)
+    stream = garbage + LengthFraming().encode(packet)
+    for cut in range(len(stream)):
+        for second in (cut, min(cut + 3, len(stream))):
+            framing, got = LengthFraming(), []
+            for part in (stream[:cut], stream[cut:second], stream[second:]):
+                framing.feed(part)
+                got += drain(framing)[0]
+            assert got == [packet], (garbage, cut, second)
+
+
+def test_a_buffer_holds_a_packet_and_no_more():
+    framing = LengthFraming()
+    framing.feed(PREFIX.pack((1 << 22) + 29) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, (1 << 22) + 1) + bytes(99))
+    drain(framing)
+    assert len(framing._buffer) < 10  # longer than any packet may be: dropped at once
+
+
+def test_a_serial_frame_without_end_is_looked_through_once():
+    class Counted(bytearray):
+        looked = 0
+
+        def find(self, what, start=0):
+            Counted.looked += len(self) - start
+            return super().find(what, start)
+
+    framing = CobsFraming()
+    framing._buffer = Counted()
+    for _ in range(2000):
+        framing.feed(b"\x55" * 50)
+        assert framing.next_packet() is None
+    assert Counted.looked <= 100_000
+    good = Packet(PacketType.BYE, Bye("after").encode(), 5)
+    framing.feed(framing.encode(good))
+    assert drain(framing) == ([good], 1)

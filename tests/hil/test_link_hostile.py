@@ -1,4 +1,4 @@
-"""Packets that are intact and mean harm: refused by the session's state, by size, by depth, in linear time."""
+"""Packets that are intact and mean harm: refused by the session's state, by size, by depth."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import struct
 import threading
 import time
 import tracemalloc
-import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +19,6 @@ from hil_loop import Instant
 from hil.board.agent import run_board
 from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake
 from hil.link.fields import MAX_CAMERA_JSON_BYTES, MAX_JSON_DEPTH, MAX_TRUTH_JSON_BYTES, unpack_json
-from hil.link.framing import PREFIX, CobsFraming, LengthFraming
 from hil.link.images import MAX_FRAME_BYTES, FrameAssembler, check_terms, supported_encodings
 from hil.link.messages import (
     Bye,
@@ -36,7 +34,7 @@ from hil.link.messages import (
     TruthPolicy,
     decode_message,
 )
-from hil.link.packets import HEADER, MAGIC, OVERHEAD_BYTES, Packet, PacketType
+from hil.link.packets import Packet, PacketType
 from hil.link.session import HOST_BEFORE_HELLO, HOST_IN_SESSION, MAX_LEFT_OUT, Link, greet_host
 from hil.link.tcp import TcpListener, TcpTransport
 from hil.link.transport import virtual_pair
@@ -178,144 +176,6 @@ def test_control_characters_become_spaces():
     assert Bye.decode(raw).reason == "a b c [2Jd e"
     # what cannot be written in UTF-8 at all does not end the writer either
     assert Bye.decode(Bye("half \ud800 pair").encode()).reason == "half ? pair"
-
-
-# --- framing -----------------------------------------------------------------------------------
-
-
-def drain(framing) -> tuple[list[Packet], int]:
-    got, damage = [], 0
-    while True:
-        try:
-            packet = framing.next_packet()
-        except PacketError:
-            damage += 1
-            continue
-        if packet is None:
-            return got, damage
-        got.append(packet)
-
-
-def nested_headers(total: int) -> bytes:
-    """Headers inside each other, each of a packet to the end of all, with a wrong CRC."""
-    size = PREFIX.size + HEADER.size
-    out = bytearray()
-    for left in range(total, size + 4, -size):
-        length = left - PREFIX.size
-        payload = length - OVERHEAD_BYTES
-        out += PREFIX.pack(length) + HEADER.pack(MAGIC, 1, PacketType.FRAME_CHUNK, 0, 5, 0, payload)
-    return bytes(out + bytes(total - len(out)))
-
-
-@pytest.mark.parametrize("step", [1 << 22, 1460])
-def test_nested_headers_are_read_twice_at_most(step, monkeypatch):
-    """4 MB of 150,000 nested headers: what is checked by CRC is counted, for a count does not depend on the machine."""
-    checked, really = 0, zlib.crc32
-
-    def crc32(data, value=0):
-        nonlocal checked
-        checked += len(data)
-        return really(data, value)
-
-    monkeypatch.setattr("hil.link.packets.zlib.crc32", crc32)
-    stream = nested_headers((1 << 22) - 1024)
-    assert stream.count(MAGIC) > 149_000
-    framing, damage = LengthFraming(), 0
-    for at in range(0, len(stream), step):
-        framing.feed(stream[at : at + step])
-        damage += drain(framing)[1]
-    assert damage < 10  # one stretch of damage is told a few times, not at each header
-    good = Packet(PacketType.BYE, Bye("after").encode(), 5)
-    for _ in range(2):
-        framing.feed(framing.encode(good))
-    assert good in drain(framing)[0]
-    # every byte once, what is read again within its credit, and the bytes of a last candidate
-    assert checked < 5 * len(stream)
-
-
-@pytest.mark.parametrize("claim", ["every byte a magic", "empty packets"])
-def test_a_stream_of_headers_takes_time_in_proportion(claim):
-    def seconds(total: int) -> float:
-        empty = PREFIX.pack(OVERHEAD_BYTES) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, 0)
-        unit = MAGIC if claim == "every byte a magic" else empty
-        framing, start = LengthFraming(), time.process_time()
-        framing.feed(unit * (total // len(unit)))
-        drain(framing)
-        return time.process_time() - start
-
-    # 16 times the bytes: quadratic would be 256 times the time
-    small = min(seconds(1 << 14) for _ in range(3))
-    assert min(seconds(1 << 18) for _ in range(2)) < 64 * small + 0.05
-
-
-def test_an_honest_packet_inside_a_failed_one_is_still_found():
-    """A damaged length swallows what follows; it is given back while that costs little."""
-    framing = LengthFraming()
-    inner = [Packet(PacketType.BYE, Bye(str(k)).encode(), 5, k) for k in range(3)]
-    stream = b"".join(framing.encode(p) for p in inner)
-    payload = len(stream)
-    liar = PREFIX.pack(payload + OVERHEAD_BYTES) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, payload)
-    framing.feed(liar + stream + b"\0\0\0\0")
-    got, damage = drain(framing)
-    assert got == inner
-    assert damage == 1
-
-
-def test_packets_of_an_unknown_type_are_dropped_whole():
-    """Their CRC is right: what looks like a packet inside them is their payload."""
-    framing = LengthFraming()
-    good = Packet(PacketType.BYE, Bye("hidden").encode(), 5)
-    for version, kind in ((1, 99), (2, 10)):
-        inner = framing.encode(good)
-        header = HEADER.pack(MAGIC, version, kind, 0, 5, 0, len(inner))
-        data = header + inner + struct.pack("<I", zlib.crc32(header + inner))
-        framing.feed(PREFIX.pack(len(data)) + data)
-    got, damage = drain(framing)
-    assert (got, damage, len(framing._buffer)) == ([], 2, 0)
-
-
-@pytest.mark.parametrize(
-    "garbage",
-    [b"", b"\x01" * 40, b"\0" * 31, b"FLYA" * 9, b"x" * 33 + b"FLY", b"y" * 29 + b"\x4c\0\0\0FL"],
-    ids=["none", "bytes", "zeros", "magics", "magic cut", "prefix and magic cut"],
-)
-def test_a_packet_split_anywhere_after_garbage_arrives(garbage):
-    """What may be a prefix and the beginning of a magic is kept while the rest is on its way."""
-    packet = Packet(PacketType.BYE, Bye("whole").encode(), 5, 3)
-    stream = garbage + LengthFraming().encode(packet)
-    for cut in range(len(stream)):
-        for second in (cut, min(cut + 3, len(stream))):
-            framing, got = LengthFraming(), []
-            for part in (stream[:cut], stream[cut:second], stream[second:]):
-                framing.feed(part)
-                got += drain(framing)[0]
-            assert got == [packet], (garbage, cut, second)
-
-
-def test_a_buffer_holds_a_packet_and_no_more():
-    framing = LengthFraming()
-    framing.feed(PREFIX.pack((1 << 22) + 29) + HEADER.pack(MAGIC, 1, 6, 0, 5, 0, (1 << 22) + 1) + bytes(99))
-    drain(framing)
-    assert len(framing._buffer) < 10  # longer than any packet may be: dropped at once
-
-
-def test_a_serial_frame_without_end_is_looked_through_once():
-    class Counted(bytearray):
-        looked = 0
-
-        def find(self, what, start=0):
-            Counted.looked += len(self) - start
-            return super().find(what, start)
-
-    framing = CobsFraming()
-    framing._buffer = Counted()
-    for _ in range(2000):
-        framing.feed(b"\x55" * 50)
-        assert framing.next_packet() is None
-    assert Counted.looked <= 100_000
-    good = Packet(PacketType.BYE, Bye("after").encode(), 5)
-    framing.feed(framing.encode(good))
-    assert drain(framing) == ([good], 1)
 
 
 # --- images ------------------------------------------------------------------------------------
