@@ -1,7 +1,7 @@
 """Hashes of what Flyaround gives, to compare two states of the code: scenes, labelled frames, poses.
 
 It speaks to the command line alone, so that it runs on any version:
-python tools/fingerprint.py all -o before.json, then in the other state python tools/fingerprint.py all --against before.json
+`fingerprint.py all -o before.json`, then in the other state `fingerprint.py all --against before.json`.
 """
 
 from __future__ import annotations
