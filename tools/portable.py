@@ -41,7 +41,7 @@ threads = {p["num_threads"] for p in threadpoolctl.threadpool_info() if p["inter
 assert threads == {NUMBER}, f"OpenBLAS uses {threads} threads"
 """
 VECTORS = """
-from simulator.render.context import create_context
+from simulator.render.gl.context import create_context
 info = create_context().info["GL_RENDERER"]
 assert "{BITS} bits" in info, info
 """

@@ -49,7 +49,7 @@ uint no_chart() { return u_stamp | (CHART_MASK << uint(CHART_BITS)) | CHART_MASK
 uint surface_of(uvec2 words) { return words.y >> uint(2 * CHART_BITS) == u_stamp >> uint(2 * CHART_BITS) ? words.x : 0u; }
 
 // Camera z [m] of a sample's depth; inverse of simulator/render/projection.py. Stamp k has depths from 16^-k
-// to 16 times that, see simulator/render/float_depth.py. Older ones are as far as can be.
+// to 16 times that, see simulator/render/gl/depth_buffer.py. Older ones are as far as can be.
 float camera_z(float depth) {
     float near = u_lattice.z, far = u_lattice.w;
     float scale = uintBitsToFloat((127u + 4u * (u_stamp >> uint(2 * CHART_BITS))) << 23u);

@@ -1,5 +1,5 @@
 // Share of the Sun's disc that a point of the target sees past the target itself.
-uniform sampler2D t_shadow; // depth along the sunlight, in this frame's range (simulator/render/float_depth.py)
+uniform sampler2D t_shadow; // depth along the sunlight, in this frame's range (simulator/render/gl/depth_buffer.py)
 
 // Of a texel along the normal: relief so low on a flat face throws no shadow. The map's own rounding needs a hundredth.
 const float FLAT_BIAS = 0.06;

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from simulator.camera.model import Camera
     from simulator.dataset.drawers import CheckedFrame
-    from simulator.render.context import GlInfo
+    from simulator.render.gl.context import GlInfo
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 

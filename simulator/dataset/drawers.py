@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from simulator.dataset.card import DatasetCard
-    from simulator.render.context import GlInfo
+    from simulator.render.gl.context import GlInfo
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from simulator.render.airtables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
 from simulator.render.cache import Later
-from simulator.render.levels import levelled
+from simulator.render.gl.mipmaps import levelled
 from simulator.render.maps import KeptFiles, packed_maps
 from simulator.render.noise import detail_texture
 from simulator.render.seasons import Season, month_gains, relief, season
@@ -22,7 +22,7 @@ from simulator.threads import beside_the_caller
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array
-    from simulator.render.levels import Levelled
+    from simulator.render.gl.mipmaps import Levelled
     from simulator.scene.state import Bands, Environment, SceneState
 
 _T = TypeVar("_T")

@@ -9,10 +9,10 @@ import moderngl
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.render.blocks import MAX_MATERIALS
 from simulator.render.charts import TEXEL
 from simulator.render.geometry import VERTEX, Merged, Shape, geometry_of
-from simulator.render.patches import EDGE_SHARE, PatchArray, cut
+from simulator.render.gl.patches import EDGE_SHARE, PatchArray, cut
+from simulator.render.gl.shared_blocks import MAX_MATERIALS
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array

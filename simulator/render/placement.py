@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.cover import CELL_PX, hulls_cover, whole
 from simulator.render.lattice import SEVEN, Lattice, rotated
 from simulator.render.projection import PixelRect, lens_bounds_px
+from simulator.render.software.coverage_mask import CELL_PX, hulls_cover, whole
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from multiprocessing.connection import Connection
 
-    from simulator.render.context import GlInfo
+    from simulator.render.gl.context import GlInfo
     from simulator.scene.state import SceneState
 
 T = TypeVar("T")

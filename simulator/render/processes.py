@@ -10,7 +10,7 @@ from simulator.render.process import RenderProcess
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
-    from simulator.render.context import GlInfo
+    from simulator.render.gl.context import GlInfo
     from simulator.scene.state import SceneState
 
 T = TypeVar("T")

@@ -6,27 +6,27 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 from simulator.errors import UserError
-from simulator.render.block_values import earth_values, frame_values, moon_values
-from simulator.render.blocks import Blocks
-from simulator.render.cells import all_alike, earth_cells
-from simulator.render.context import create_context, describe
 from simulator.render.earth_maps import begin_earth_maps, stand_ins
 from simulator.render.earthview import earth_view
-from simulator.render.fences import keep_fences
-from simulator.render.images import Images
+from simulator.render.frame_images import Images
+from simulator.render.gl.context import create_context, describe
+from simulator.render.gl.fences import keep_fences
+from simulator.render.gl.lens_rays import RayTextures
+from simulator.render.gl.programs import RAYS_UNIT, ProgramLibrary
+from simulator.render.gl.shared_blocks import Blocks
+from simulator.render.gl.timing import StageClock
 from simulator.render.moonview import moon_view
 from simulator.render.passes.earth import EarthPass, ice_day
-from simulator.render.passes.fours import LEAST_SHARE, FoursPass
 from simulator.render.passes.moon import MoonPass
 from simulator.render.passes.stars import Spread, StarPass
 from simulator.render.passes.sun import SunPass
 from simulator.render.passes.target import TargetPasses
-from simulator.render.programs import RAYS_UNIT, ProgramLibrary
 from simulator.render.projection import PixelRect
-from simulator.render.rays import RayTextures
 from simulator.render.rendered import Craft, Layer, Rendered
 from simulator.render.skylight import no_light
-from simulator.render.timing import StageClock
+from simulator.render.software.quad_packing import LEAST_SHARE, FoursPass
+from simulator.render.software.tiles import all_alike, earth_cells
+from simulator.render.uniform_values import earth_values, frame_values, moon_values
 from simulator.render.view import build_view, sky_light
 from simulator.scene.bands import bands_of
 
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import Float32Array, FloatArray
-    from simulator.render.cells import Cells
-    from simulator.render.context import GlInfo
     from simulator.render.earth_maps import EarthMaps
     from simulator.render.earthview import EarthView
+    from simulator.render.gl.context import GlInfo
     from simulator.render.moonview import MoonView
     from simulator.render.passes.labels import Surfaces
     from simulator.render.skylight import SkyLight
+    from simulator.render.software.tiles import Cells
     from simulator.render.view import View
     from simulator.scene.atmosphere import Atmosphere
     from simulator.scene.state import Bands, SceneState

@@ -10,12 +10,12 @@ from scipy.interpolate import PchipInterpolator
 
 import simulator.render.passes.earth as passes
 from simulator.camera.model import Camera
-from simulator.render import cells
-from simulator.render.levels import levelled_texture, opengl
+from simulator.render.gl.mipmaps import levelled_texture, opengl
 from simulator.render.maps import COAST, decode_map
 from simulator.render.sea_ice import EXTENT_NORTH, EXTENT_SOUTH, HEIGHT, WIDTH, extent_m2, near_ice, sea_ice
 from simulator.render.seasons import ANCHORS, season
 from simulator.render.shoals import WHERE, make_where
+from simulator.render.software import tiles as cells
 from simulator.scene.bands import sun_irradiance_w_m2
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above

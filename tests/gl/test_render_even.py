@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from simulator.render.even_cells import crossed_cells
-from simulator.render.passes import even
 from simulator.render.projection import PixelRect
+from simulator.render.software import smooth_shading as even
+from simulator.render.software.edge_free_tiles import crossed_cells
 from simulator.targets.builders.solids import rod
 from simulator.targets.model import Part
 from tests.harness.boxes import closed_box

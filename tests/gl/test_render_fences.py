@@ -12,7 +12,7 @@ import moderngl
 import pytest
 
 from simulator.loop import plan_flight
-from simulator.render.fences import Fences, draw_to, flush
+from simulator.render.gl.fences import Fences, draw_to, flush
 from simulator.render.renderer import Renderer
 from simulator.scenario_load import load_scenario
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from simulator.render.programs import read_source
+from simulator.render.gl.programs import read_source
 from simulator.scene.bands import sun_irradiance_w_m2
 from simulator.targets.model import Material
 

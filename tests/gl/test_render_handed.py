@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from simulator.render.handed import hand_on
-from simulator.render.passes import even
+from simulator.render.gl.uniform_block import Field
 from simulator.render.renderer import Renderer
-from simulator.render.uniforms import Field
+from simulator.render.software import smooth_shading as even
+from simulator.render.software.flat_varyings import hand_on
 from tests.harness.boxes import closed_box
 
 pytestmark = pytest.mark.gl

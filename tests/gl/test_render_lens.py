@@ -8,8 +8,8 @@ import pytest
 
 from simulator.camera.lens import Distortion
 from simulator.camera.model import Camera
-from simulator.render.rays import ray_table
-from simulator.render.subdivide import outputs
+from simulator.render.gl.lens_rays import ray_table
+from simulator.render.gl.tessellation import outputs
 from simulator.world.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from simulator.render.facing import facing
 from simulator.render.geometry import VERTEX
 from simulator.render.light_box import SurfacePatches, light_window
 from simulator.render.light_view import light_matrix
 from simulator.render.mesh import upload
+from simulator.render.software.back_face_culling import facing
 from simulator.targets.library import load_target
 from simulator.targets.model import Material
 from simulator.world.rotation import matrix_from_quat

@@ -14,7 +14,7 @@ import pytest
 from simulator.camera.model import Distortion
 from simulator.dataset.contact_sheet import smaller
 from simulator.labels.frame import take_frame
-from simulator.render.context import create_context
+from simulator.render.gl.context import create_context
 from simulator.render.passes.loaded import MOST_LOADED
 from simulator.render.renderer import Renderer
 from simulator.render.valleys import valley_texture

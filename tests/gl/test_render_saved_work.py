@@ -10,19 +10,19 @@ import pytest
 
 from simulator.bench.scenes import bench_scenes
 from simulator.camera.model import Camera
-from simulator.render import cover
-from simulator.render import facing as facing_module
 from simulator.render import renderer as renderer_module
 from simulator.render.cache import cached_array
-from simulator.render.cells import earth_cells
-from simulator.render.cover import CELL_PX, hulls_cover
 from simulator.render.earthview import earth_view
-from simulator.render.float_depth import MOST_RANGES
-from simulator.render.levels import VERSION, levelled, levelled_texture, opengl, release_levelled
+from simulator.render.gl.depth_buffer import MOST_RANGES
+from simulator.render.gl.mipmaps import VERSION, levelled, levelled_texture, opengl, release_levelled
 from simulator.render.passes import loaded as loaded_targets
 from simulator.render.passes import target as target_passes
 from simulator.render.projection import PixelRect
 from simulator.render.renderer import Renderer
+from simulator.render.software import back_face_culling as facing_module
+from simulator.render.software import coverage_mask as cover
+from simulator.render.software.coverage_mask import CELL_PX, hulls_cover
+from simulator.render.software.tiles import earth_cells
 from simulator.render.view import build_view
 from simulator.scene.atmosphere import earth_atmosphere
 from simulator.scene.state import Environment

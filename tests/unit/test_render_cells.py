@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from simulator.camera.model import Camera
-from simulator.render.cells import earth_cells
 from simulator.render.earthview import earth_view
 from simulator.render.projection import directions
+from simulator.render.software.tiles import earth_cells
 from simulator.render.view import build_view
 from simulator.scene.atmosphere import earth_atmosphere
 from simulator.scene.state import Environment, TargetRef

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.levels import levelled
+from simulator.render.gl.mipmaps import levelled
 
 HEIGHT, WIDTH = 256, 512
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simulator.render.patches import cut
+from simulator.render.gl.patches import cut
 
 
 def test_a_cut_mesh_is_the_same_closed_surface_with_short_edges():

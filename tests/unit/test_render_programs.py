@@ -2,8 +2,8 @@
 
 import re
 
+from simulator.render.gl.programs import ProgramLibrary, _head
 from simulator.render.passes.air import TABLE_DEFINES
-from simulator.render.programs import ProgramLibrary, _head
 
 
 class Recorder:

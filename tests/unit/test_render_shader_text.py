@@ -4,7 +4,7 @@ from importlib import resources
 
 import pytest
 
-from simulator.render.programs import read_source
+from simulator.render.gl.programs import read_source
 
 FOLDER = resources.files("shaders")
 FILES = sorted(

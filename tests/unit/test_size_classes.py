@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simulator.render.size_classes import GRAIN_PX, KEPT, LARGER, SizeClasses
+from simulator.render.gl.buffer_pool import GRAIN_PX, KEPT, LARGER, SizeClasses
 
 
 class Counted:

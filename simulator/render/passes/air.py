@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.airtables import GROUND_MU_MIN
-from simulator.render.context import release
-from simulator.render.fences import draw_to
-from simulator.render.programs import FULL_SCREEN
+from simulator.render.gl.context import release
+from simulator.render.gl.fences import draw_to
+from simulator.render.gl.programs import FULL_SCREEN
 
 if TYPE_CHECKING:
     import moderngl
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.render.airtables import AirTables
     from simulator.render.earthview import EarthView
-    from simulator.render.programs import Program, ProgramLibrary
+    from simulator.render.gl.programs import Program, ProgramLibrary
 
 COLUMNS, ROWS, STEPS = 64, 96, 24
 TABLE_DEFINES = {"COLUMNS": COLUMNS, "ROWS": ROWS}

@@ -12,8 +12,8 @@ import numpy as np
 
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from simulator.render.earth_maps import AUGUST
-from simulator.render.fences import draw_to, flush
-from simulator.render.levels import (
+from simulator.render.gl.fences import draw_to, flush
+from simulator.render.gl.mipmaps import (
     draw_one_point,
     levelled,
     levelled_texture,
@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 
     from simulator.arrays import Float32Array, IntArray
     from simulator.render.airtables import AirTables
-    from simulator.render.cells import CellKind, Cells
     from simulator.render.earth_maps import EarthMaps
-    from simulator.render.images import Images
-    from simulator.render.levels import Levelled
-    from simulator.render.programs import Program, ProgramLibrary
+    from simulator.render.frame_images import Images
+    from simulator.render.gl.mipmaps import Levelled
+    from simulator.render.gl.programs import Program, ProgramLibrary
+    from simulator.render.software.tiles import CellKind, Cells
     from simulator.scene.state import Bands, Environment, SceneState
 
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE

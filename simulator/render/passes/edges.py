@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.context import release
 from simulator.render.edges_seen import REACH_PX, SeenEdges
-from simulator.render.fences import draw_to
+from simulator.render.gl.buffer_pool import SizeClasses
+from simulator.render.gl.context import release
+from simulator.render.gl.fences import draw_to
 from simulator.render.lattice import lattice_defines
-from simulator.render.size_classes import SizeClasses
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import IntArray
     from simulator.render.edges_seen import EdgeView
+    from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.lattice import Lattice
     from simulator.render.mesh import Mesh
     from simulator.render.mesh_edges import MeshEdges
-    from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
 
 EXACT_AREAS = "EXACT_AREAS"

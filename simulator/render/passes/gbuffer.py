@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from simulator.render.context import release
-from simulator.render.float_depth import FloatDepth
-from simulator.render.size_classes import SizeClasses
+from simulator.render.gl.buffer_pool import SizeClasses
+from simulator.render.gl.context import release
+from simulator.render.gl.depth_buffer import FloatDepth
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import FloatArray
-    from simulator.render.facing import FacingArray
+    from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.mesh import Mesh
-    from simulator.render.programs import Program, ProgramLibrary
+    from simulator.render.software.back_face_culling import FacingArray
 
 
 STAMP_SHIFT = 28

@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.block_values import lens_values
-from simulator.render.context import release
-from simulator.render.facing import FacingArray
-from simulator.render.fences import draw_to, flush
+from simulator.render.gl.context import release
+from simulator.render.gl.fences import draw_to, flush
 from simulator.render.projection import PixelRect, clip_from_camera, window_from_pixel
+from simulator.render.software.back_face_culling import FacingArray
+from simulator.render.uniform_values import lens_values
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import BoolArray, Float32Array, FloatArray
     from simulator.camera.model import Camera
-    from simulator.render.blocks import Blocks
+    from simulator.render.gl.programs import Program, ProgramLibrary
+    from simulator.render.gl.shared_blocks import Blocks
     from simulator.render.mesh import Mesh
-    from simulator.render.programs import Program, ProgramLibrary
     from simulator.targets.model import Target
 
 _SILHOUETTE_SIDE_PX = 512  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved

@@ -11,10 +11,10 @@ from simulator.render.light_box import SurfacePatches
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from simulator.render.facing import FacingArray
     from simulator.render.mesh import Mesh
     from simulator.render.passes.edges import EdgeBuffers
     from simulator.render.returned_light import ReturnedLight
+    from simulator.render.software.back_face_culling import FacingArray
     from simulator.render.textures import Textures
     from simulator.targets.model import Target
 
@@ -23,7 +23,7 @@ MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others 
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A target on the GPU with a vertex array per program; ``is_even``, ``is_bent`` as `passes.even` says."""
+    """A target on the GPU with a vertex array per program; ``is_even``, ``is_bent`` as `simulator.render.software.smooth_shading` says."""
 
     mesh: Mesh
     shadow: FacingArray

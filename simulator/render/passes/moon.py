@@ -11,18 +11,18 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.render.cache import cached_array
 from simulator.render.craters import BROAD_LARGEST_PX, FINE_LARGEST_PX, SLOPE_MAX, crater_texture
-from simulator.render.fences import draw_to, flush
+from simulator.render.gl.fences import draw_to, flush
+from simulator.render.gl.programs import FULL_SCREEN
 from simulator.render.passes.air import TABLE_DEFINES
-from simulator.render.programs import FULL_SCREEN
 from simulator.scene.moonlight import surface_phase
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import ByteArray
-    from simulator.render.images import Images
+    from simulator.render.frame_images import Images
+    from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.moonview import MoonView
-    from simulator.render.programs import Program, ProgramLibrary
 
 MAP = "albedo_4096x2048.jpg"
 MAP_SCALE = 2.5  # of the map's 8 bits, in means of the near side

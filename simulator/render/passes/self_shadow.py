@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
     from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
-    from simulator.render.blocks import Blocks
+    from simulator.render.gl.programs import ProgramLibrary
+    from simulator.render.gl.shared_blocks import Blocks
     from simulator.render.passes.loaded import Loaded
     from simulator.render.placement import Placement
-    from simulator.render.programs import ProgramLibrary
     from simulator.render.view import View
     from simulator.scene.state import SceneState
 

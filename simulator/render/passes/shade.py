@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from simulator.render.cover import CELL_PX
-from simulator.render.fences import draw_to
+from simulator.render.gl.fences import draw_to
+from simulator.render.gl.mipmaps import draw_one_point
+from simulator.render.gl.programs import FULL_SCREEN
 from simulator.render.lattice import lattice_defines
-from simulator.render.levels import draw_one_point
 from simulator.render.passes.edges import edge_defines
 from simulator.render.passes.gbuffer import normal_bits
-from simulator.render.programs import FULL_SCREEN
+from simulator.render.software.coverage_mask import CELL_PX
 from simulator.render.transfer import LARGEST_SLOPE
 from simulator.scene.lamp import Profile
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import FloatArray
+    from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.lattice import Lattice
     from simulator.render.mesh import Mesh
-    from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
     from simulator.scene.lamp import Lamp
 

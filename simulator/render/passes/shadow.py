@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.float_depth import FloatDepth
+from simulator.render.gl.depth_buffer import FloatDepth
 from simulator.render.light_view import light_matrix
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import BoolArray, FloatArray
-    from simulator.render.facing import FacingArray
+    from simulator.render.gl.programs import ProgramLibrary
     from simulator.render.mesh import Mesh
-    from simulator.render.programs import ProgramLibrary
+    from simulator.render.software.back_face_culling import FacingArray
     from simulator.render.view import View
     from simulator.scene.state import Quality
 

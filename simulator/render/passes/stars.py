@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.catalogue import stars
-from simulator.render.fences import draw_to
+from simulator.render.gl.fences import draw_to
 from simulator.render.star_colours import irradiance_of_v_mag, photons_over_sunlights, usual_v_minus_i
 from simulator.scene.atmosphere import optical_depth_to_top
 from simulator.scene.planets import earth_velocity_c, planets
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.camera.model import Camera
     from simulator.render.earthview import EarthView
-    from simulator.render.images import Images
+    from simulator.render.frame_images import Images
+    from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.moonview import MoonView
-    from simulator.render.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
     from simulator.render.view import View
     from simulator.scene.atmosphere import Atmosphere

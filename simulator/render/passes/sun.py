@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.render.fences import draw_to
+from simulator.render.gl.fences import draw_to
+from simulator.render.gl.programs import FULL_SCREEN
 from simulator.render.moonview import disc_rect
 from simulator.render.passes.air import TABLE_DEFINES
-from simulator.render.programs import FULL_SCREEN
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.camera.model import Camera
-    from simulator.render.images import Images
-    from simulator.render.programs import Program, ProgramLibrary
+    from simulator.render.frame_images import Images
+    from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
     from simulator.render.view import View
 

@@ -7,15 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.block_values import lens_values
 from simulator.render.charts import TEXEL
-from simulator.render.cover import whole
 from simulator.render.edges_seen import EdgeView
-from simulator.render.facing import FacingArray
-from simulator.render.fences import flush
+from simulator.render.gl.fences import flush
 from simulator.render.mesh import upload
 from simulator.render.passes.edges import EdgeBuffers, EdgePass
-from simulator.render.passes.even import EvenPass, is_bent, is_even, split_cells
 from simulator.render.passes.gbuffer import GBufferPass
 from simulator.render.passes.labels import LabelPass, Surfaces
 from simulator.render.passes.loaded import Loaded, LoadedTargets
@@ -26,8 +22,12 @@ from simulator.render.passes.textured import TexturedGBufferPass
 from simulator.render.placement import CELL_REACH_PX, choose_lattice, find_cover, locate, outline_px
 from simulator.render.projection import PixelRect, clip_from_camera
 from simulator.render.returned_light import ReturnedLight
+from simulator.render.software.back_face_culling import FacingArray
+from simulator.render.software.coverage_mask import whole
+from simulator.render.software.smooth_shading import EvenPass, is_bent, is_even, split_cells
 from simulator.render.textures import Textures
 from simulator.render.transfer import PATCH
+from simulator.render.uniform_values import lens_values
 from simulator.scene.bands import bands_of
 
 if TYPE_CHECKING:
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from simulator.arrays import FloatArray
-    from simulator.render.blocks import Blocks
-    from simulator.render.images import Images
-    from simulator.render.programs import Program, ProgramLibrary
-    from simulator.render.timing import StageClock
+    from simulator.render.frame_images import Images
+    from simulator.render.gl.programs import Program, ProgramLibrary
+    from simulator.render.gl.shared_blocks import Blocks
+    from simulator.render.gl.timing import StageClock
     from simulator.render.view import View
     from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target

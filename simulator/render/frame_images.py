@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from simulator.camera.sharing import pieces_of, share_out
-from simulator.render.context import release
-from simulator.render.fences import draw_to, flush
+from simulator.render.gl.context import release
+from simulator.render.gl.fences import draw_to, flush
 from simulator.render.projection import PixelRect
 
 if TYPE_CHECKING:

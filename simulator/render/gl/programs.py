@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import moderngl
 
-from simulator.render.handed import LEAST_SLOTS, SPARE_SLOTS, hand_on
-from simulator.render.patches import MOST_PIECES
-from simulator.render.subdivide import control_stage, evaluation_stage
+from simulator.render.gl.patches import MOST_PIECES
+from simulator.render.gl.tessellation import control_stage, evaluation_stage
+from simulator.render.software.flat_varyings import LEAST_SLOTS, SPARE_SLOTS, hand_on
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from simulator.render.uniforms import UniformBlock
+    from simulator.render.gl.uniform_block import UniformBlock
 
 GLSL_VERSION = "#version 410 core"
 FULL_SCREEN = "common/full_screen.vert"
@@ -141,7 +141,7 @@ class Program:
 
     def __init__(self, gl: moderngl.Program, samplers: tuple[str, ...], *, patches: bool = False) -> None:
         self.gl = gl
-        # a program that cuts its triangles takes them as patches of three: see `simulator.render.patches`
+        # a program that cuts its triangles takes them as patches of three: see `simulator.render.gl.patches`
         self.gl.extra = {"patches": patches}
         self._samplers = samplers
         self._set: dict[str, object] = {}  # what each uniform was last set to

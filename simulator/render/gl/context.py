@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import moderngl
 
 from simulator.errors import UserError
-from simulator.render.fences import draw_to
+from simulator.render.gl.fences import draw_to
 
 REQUIRED_VERSION = 410
 HOW_TO_GET_EGL = (

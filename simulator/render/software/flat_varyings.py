@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from simulator.render.uniforms import Field
+    from simulator.render.gl.uniform_block import Field
 
 LEAST_SLOTS = 15
 """Vectors of four that every OpenGL 4.1 hands on (MAX_VARYING_VECTORS)."""

@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.context import release
-from simulator.render.cover import CELL_PX
-from simulator.render.even_cells import crossed_cells
-from simulator.render.fences import draw_to, flush
-from simulator.render.size_classes import SizeClasses
+from simulator.render.gl.buffer_pool import SizeClasses
+from simulator.render.gl.context import release
+from simulator.render.gl.fences import draw_to, flush
+from simulator.render.software.coverage_mask import CELL_PX
+from simulator.render.software.edge_free_tiles import crossed_cells
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import Float32Array, FloatArray
     from simulator.render.edges_seen import EdgeView, SeenEdges
-    from simulator.render.programs import Program, ProgramLibrary
+    from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
     from simulator.targets.model import Target
 

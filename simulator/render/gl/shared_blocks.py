@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from simulator.render.uniforms import Field, UniformBlock
+from simulator.render.gl.uniform_block import Field, UniformBlock
 
 if TYPE_CHECKING:
     import moderngl

@@ -16,7 +16,7 @@ import ctypes
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from simulator.render.levels import opengl
+from simulator.render.gl.mipmaps import opengl
 
 if TYPE_CHECKING:
     from collections.abc import Callable

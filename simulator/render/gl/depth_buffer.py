@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.render.fences import draw_to
-from simulator.render.levels import opengl
+from simulator.render.gl.fences import draw_to
+from simulator.render.gl.mipmaps import opengl
 
 if TYPE_CHECKING:
     import moderngl

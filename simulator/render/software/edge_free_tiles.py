@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.cover import CELL_PX
+from simulator.render.software.coverage_mask import CELL_PX
 
 if TYPE_CHECKING:
     from simulator.arrays import BoolArray, Float32Array, FloatArray

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.render.fences import draw_to
+from simulator.render.gl.fences import draw_to
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.arrays import Float32Array
-    from simulator.render.cells import Cells
-    from simulator.render.images import Images
-    from simulator.render.programs import Program, ProgramLibrary
+    from simulator.render.frame_images import Images
+    from simulator.render.gl.programs import Program, ProgramLibrary
+    from simulator.render.software.tiles import Cells
 
 LEAST_SHARE = 0.4
 """Of the image that must gain: reading texels of four takes as long as a tenth of the Earth's pixels."""

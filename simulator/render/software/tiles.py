@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.cover import CELL_PX
 from simulator.render.projection import PixelRect, directions
 from simulator.render.sea_ice import near_ice
 from simulator.render.shoals import near_shoals
+from simulator.render.software.coverage_mask import CELL_PX
 from simulator.render.view import EQUATOR_M
 
 if TYPE_CHECKING:

@@ -1,0 +1,1 @@
+"""What spares a software driver work, behind one interface: tiles, interpolation, culling on the CPU. The plain path never comes here."""
