@@ -23,7 +23,7 @@ MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others 
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A target on the GPU with a vertex array per program; ``is_even``, ``is_bent`` as `simulator.render.software.smooth_shading` says."""
+    """A target on the GPU with a vertex array per program; ``is_even``, ``is_bent`` as `smooth_shading` says."""
 
     mesh: Mesh
     shadow: FacingArray
