@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.board.svd import quaternion as quat
-from hil.board.svd.edges import edge_field
-from hil.board.svd.score import support
-from hil.board.svd.visibility import visible_samples
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.edge_support import support
+from hil.board.svd.image.edge_field import edge_field
+from hil.board.svd.model.visibility import visible_samples
 from hil.evaluate.frame_record import COARSE_DEG, COARSE_SHARE, frame_errors
 
 if TYPE_CHECKING:
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.board.svd import PoseResult
-    from hil.board.svd.frame import Craft
-    from hil.board.svd.roi import Region
+    from hil.board.svd.hypotheses.hypothesis import Craft
+    from hil.board.svd.propose.regions import Region
 
 # In the order of the thesis's slides: region, edges, then what comes after them.
 KINDS = ("region", "edges", "ambiguity", "correspondence")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from hil.board.svd import quaternion as quat
+from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.look.net import FILLED, LOOK_PX, contrast
 from hil.evaluate.first_look_pictures import FILLED as VIEW_FILLED
 from hil.evaluate.first_look_pictures import VIEW_PX

@@ -24,7 +24,7 @@ try:
 except ImportError as error:
     raise ImportError("training a first look needs PyTorch: pip install 'flyaround[train]'") from error
 
-from hil.board.svd import quaternion as quat
+from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.look.attitudes import ANCHORS, bumps, even_attitudes
 from hil.board.svd.look.first import read_net
 from hil.board.svd.look.net import LOOK_PX, STRIDES, VERSION, Net

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from hil.board.svd.edges import shrink
-from hil.board.svd.noise import noise_sigma
-from hil.board.svd.roi import REDUCTION
+from hil.board.svd.image.edge_field import shrink
+from hil.board.svd.image.noise import noise_sigma
+from hil.board.svd.propose.regions import REDUCTION
 from hil.board.svd.target_map import CELL_PX, measures
 from simulator.dataset.card import read_card
 from simulator.dataset.native import frame_paths, is_whole, read_png

@@ -11,8 +11,8 @@ import cv2
 import msgspec
 
 from hil.board.svd import BoardModel, CameraIntrinsics, Estimator, make_estimator
-from hil.board.svd.frame import Craft
-from hil.board.svd.noise import noise_sigma
+from hil.board.svd.hypotheses.hypothesis import Craft
+from hil.board.svd.image.noise import noise_sigma
 from hil.evaluate.failures import failure_kind
 from hil.evaluate.frame_record import frame_record
 from hil.evaluate.frames import EvaluatedFrame

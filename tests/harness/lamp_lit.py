@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from hil.board.svd import CameraIntrinsics
-from hil.board.svd import quaternion as quat
-from hil.board.svd.course import faces_of
-from hil.board.svd.frame import Craft, Frame
-from hil.board.svd.levels import blurred
-from hil.board.svd.shade import Canvas, draw_faces
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.hypothesis import Craft, Frame
+from hil.board.svd.model.face_gains import blurred
+from hil.board.svd.model.rasteriser import Canvas, draw_faces
+from hil.board.svd.refine.parallel import faces_of
 
 FINE, SIGMA = 3, 3.0
 

@@ -10,7 +10,8 @@ import pytest
 from hil.board.__main__ import main
 from hil.board.errors import BoardModelError
 from hil.board.files import read_bounded
-from hil.board.svd import BoardModel, model
+from hil.board.svd import BoardModel
+from hil.board.svd.model import target_model as model
 
 
 @pytest.fixture

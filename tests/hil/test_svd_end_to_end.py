@@ -17,7 +17,7 @@ from hil.board.svd import (
     PoseResult,
     make_estimator,
 )
-from hil.board.svd import quaternion as quat
+from hil.board.svd.geometry import quaternion as quat
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from hil.board.svd import BoardModel, BoardModelError, CameraIntrinsics, make_estimator
-from hil.board.svd import quaternion as quat
 from hil.board.svd.faithful import estimator as faithful
 from hil.board.svd.faithful.config import SOLVERS, SVD_2018, SVD_THESIS, FaithfulConfig
 from hil.board.svd.faithful.corners import corner_map, model_corners, refine_on_corners, reprojection
@@ -27,10 +26,11 @@ from hil.board.svd.faithful.streams import (
     harris_corners,
     sobel_edges,
 )
-from hil.board.svd.gradient import eliminate_weak_gradients
-from hil.board.svd.pnp import solve_points, undistorted_rays
-from hil.board.svd.roi import Region
-from hil.board.svd.three_points import three_point_poses
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
+from hil.board.svd.propose.pnp import solve_points, undistorted_rays
+from hil.board.svd.propose.regions import Region
+from hil.board.svd.propose.three_points import three_point_poses
 
 CAMERA = CameraIntrinsics(640, 480, 900.0, 900.0, 319.5, 239.5)
 HALF = np.array([0.5, 0.4, 0.15])

@@ -12,14 +12,14 @@ from scipy.signal import correlate
 
 from hil.board.svd import BoardModel, CameraIntrinsics
 from hil.board.svd import look as look_folder
-from hil.board.svd import quaternion as quat
+from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.look.attitudes import ANCHORS, bumps, even_attitudes
 from hil.board.svd.look.crop import Gaze, seen_through
 from hil.board.svd.look.first import FirstLook, Glance, net_for, worth_asking
 from hil.board.svd.look.net import FILLED, LOOK_PX, Net, convolve
 from hil.board.svd.look.subspaces import Subspaces
-from hil.board.svd.roi import Region
-from hil.board.svd.shade import Canvas, draw_faces
+from hil.board.svd.model.rasteriser import Canvas, draw_faces
+from hil.board.svd.propose.regions import Region
 from hil.evaluate.first_look_pictures import VIEW_PX
 from hil.evaluate.first_look_samples import Views, sample
 from hil.evaluate.worker import board_model
@@ -224,10 +224,10 @@ def test_what_the_network_says_of_a_pose_is_that_of_the_attitudes_near_it(tango:
 @pytest.mark.gl
 @pytest.mark.parametrize(("recipe", "least"), [("eval-black", 10), ("eval-earth", 8)])
 def test_the_true_pose_is_mostly_among_the_proposed_ones(tango: BoardModel, recipe: str, least: int) -> None:
-    from hil.board.svd.edges import shrink
-    from hil.board.svd.gradient import eliminate_weak_gradients
-    from hil.board.svd.noise import noise_sigma
-    from hil.board.svd.roi import REDUCTION, propose_regions
+    from hil.board.svd.image.edge_field import shrink
+    from hil.board.svd.image.noise import noise_sigma
+    from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
+    from hil.board.svd.propose.regions import REDUCTION, propose_regions
     from simulator.labels.frame import take_frame
     from simulator.recipe import plan_recipe
     from simulator.render.renderer import Renderer

@@ -16,20 +16,21 @@ import numpy as np
 import pytest
 
 from hil.board.errors import KernelError
-from hil.board.svd import BoardModel, CameraIntrinsics, PoseEstimator, shade
-from hil.board.svd import quaternion as quat
-from hil.board.svd.course import _middle
-from hil.board.svd.frame import Candidate
+from hil.board.svd import BoardModel, CameraIntrinsics, PoseEstimator
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.hypothesis import Candidate
 from hil.board.svd.kernels import library
 from hil.board.svd.kernels.look import likelihood
-from hil.board.svd.levels import shade as shaded
 from hil.board.svd.look.attitudes import even_attitudes, turning_bumps
 from hil.board.svd.look.crop import Gaze, look
 from hil.board.svd.look.first import net_for
 from hil.board.svd.look.subspaces import HARMONICS, _circle
-from hil.board.svd.samples import sample_edges
-from hil.board.svd.sunlight import Sunlight, SunTable
-from hil.board.svd.visibility import _visible_samples, occluders, visible_samples
+from hil.board.svd.model import rasteriser as shade
+from hil.board.svd.model.edge_samples import sample_edges
+from hil.board.svd.model.face_gains import shade as shaded
+from hil.board.svd.model.shadow_map import Sunlight, SunTable
+from hil.board.svd.model.visibility import _visible_samples, occluders, visible_samples
+from hil.board.svd.refine.parallel import _middle
 from hil.evaluate.metrics import compose, summarise
 from simulator.targets.board_file import board_record
 from simulator.targets.library import load_target

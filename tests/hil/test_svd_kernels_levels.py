@@ -10,16 +10,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from hil.board.svd import BoardModel, CameraIntrinsics, levels, motion, photometric
-from hil.board.svd import quaternion as quat
+from hil.board.svd import BoardModel, CameraIntrinsics
+from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.kernels import library, step
-from hil.board.svd.shade import Canvas, draw_faces
-from hil.board.svd.sunlight import Sunlight
+from hil.board.svd.model import face_gains as levels
+from hil.board.svd.model.rasteriser import Canvas, draw_faces
+from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.refine import motion_images as motion
+from hil.board.svd.refine import photometric
 from simulator.targets.board_file import board_record
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from hil.board.svd.shade import Faces
+    from hil.board.svd.model.rasteriser import Faces
 
 pytestmark = pytest.mark.usefixtures("native_kernels")
 

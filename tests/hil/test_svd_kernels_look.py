@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from hil.board.svd import BoardModel, CameraIntrinsics
-from hil.board.svd import quaternion as quat
-from hil.board.svd.edges import area_mean
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.image.edge_field import area_mean
+from hil.board.svd.image.line_segments import lsd_stream
+from hil.board.svd.image.noise import noise_sigma
 from hil.board.svd.kernels import library
 from hil.board.svd.kernels import look as kernel
 from hil.board.svd.kernels.area import shrunk
 from hil.board.svd.kernels.net import Layers, convolutions
-from hil.board.svd.lines import lsd_stream
 from hil.board.svd.look.attitudes import ANCHORS, bumps, turning_bumps
 from hil.board.svd.look.crop import Gaze, look, views_through
 from hil.board.svd.look.first import net_for
 from hil.board.svd.look.net import convolve
 from hil.board.svd.look.subspaces import QUARTERS, TURNS, Subspaces
-from hil.board.svd.noise import noise_sigma
 
 if TYPE_CHECKING:
     from ctypes import CDLL

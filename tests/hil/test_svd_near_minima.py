@@ -10,20 +10,20 @@ import pytest
 from lamp_lit import lamp_lit
 
 from hil.board.svd import CameraIntrinsics, estimator
-from hil.board.svd import quaternion as quat
-from hil.board.svd.canvas import craft_box, make_canvas
-from hil.board.svd.confidence import Evidence, confidence, error_scale
-from hil.board.svd.course import Ranked, laid_over, leaning
-from hil.board.svd.edges import edge_field
-from hil.board.svd.ends import Choice, End, conclude, picture_evidence
+from hil.board.svd.decide.confidence import Evidence, confidence, error_scale
+from hil.board.svd.decide.discrete_symmetry import Prior, check_turned
+from hil.board.svd.decide.selection import SMALL_PX, check_leaning, choose_by_picture
 from hil.board.svd.estimator import PoseEstimator
-from hil.board.svd.frame import Candidate, Craft, Frame
-from hil.board.svd.photometric import PhotoFit, photo_score
-from hil.board.svd.roi import Region
-from hil.board.svd.score import support
-from hil.board.svd.search import twins
-from hil.board.svd.turned import Prior, check_turned
-from hil.board.svd.verify import SMALL_PX, check_leaning, choose_by_picture
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.edge_support import support
+from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame
+from hil.board.svd.image.edge_field import edge_field
+from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.propose.edge_search import twins
+from hil.board.svd.propose.regions import Region
+from hil.board.svd.refine.final import Choice, End, conclude, picture_evidence
+from hil.board.svd.refine.parallel import Ranked, laid_over, leaning
+from hil.board.svd.refine.photometric import PhotoFit, photo_score
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 

@@ -9,19 +9,27 @@ import numpy as np
 import pytest
 
 from hil.board.svd import CameraIntrinsics
-from hil.board.svd import quaternion as quat
-from hil.board.svd.canvas import craft_box, make_canvas
-from hil.board.svd.course import Course, Known, Left, Ranked, align_together, begin, with_shadows
-from hil.board.svd.edges import edge_field
-from hil.board.svd.frame import UNASKED, Candidate, Craft, Frame
-from hil.board.svd.levels import _boxes
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.vectors import length
+from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate, Craft, Frame
+from hil.board.svd.image.edge_field import edge_field
+from hil.board.svd.image.response import Response
 from hil.board.svd.look.net import convolve
-from hil.board.svd.photometric import PhotoFit, explained, photo_draw, photo_step
-from hil.board.svd.refine import limit_one_step, limit_step
-from hil.board.svd.response import Response
-from hil.board.svd.roi import Region
-from hil.board.svd.shade import Canvas, Faces
-from hil.board.svd.vectors import length
+from hil.board.svd.model.face_gains import _boxes
+from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.rasteriser import Canvas, Faces
+from hil.board.svd.propose.regions import Region
+from hil.board.svd.refine.edges import limit_one_step, limit_step
+from hil.board.svd.refine.parallel import (
+    Course,
+    Known,
+    Left,
+    Ranked,
+    align_together,
+    begin,
+    with_shadows,
+)
+from hil.board.svd.refine.photometric import PhotoFit, explained, photo_draw, photo_step
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 

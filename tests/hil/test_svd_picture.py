@@ -15,20 +15,20 @@ import trimesh
 from scipy.optimize import brentq
 
 from hil.board.svd import BoardModelError, CameraIntrinsics
-from hil.board.svd import quaternion as quat
-from hil.board.svd.canvas import make_canvas, straightened
-from hil.board.svd.confidence import Evidence, confidence, decide
-from hil.board.svd.course import Left
-from hil.board.svd.frame import Frame
-from hil.board.svd.levels import blurred, coverage, shade
-from hil.board.svd.motion import motion_images
-from hil.board.svd.noise import clipped_noise
-from hil.board.svd.photometric import RELAX, photo_align, photo_likeness, photo_score
-from hil.board.svd.pnp import undistorted_rays
-from hil.board.svd.response import Response
-from hil.board.svd.shade import Canvas, Faces, draw_faces, fill_faces
-from hil.board.svd.shadowed import shadowed
-from hil.board.svd.sunlight import Sunlight, SunTable, rays_to_faces
+from hil.board.svd.decide.confidence import Evidence, confidence, decide
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.hypothesis import Frame
+from hil.board.svd.image.noise import clipped_noise
+from hil.board.svd.image.response import Response
+from hil.board.svd.model.face_gains import blurred, coverage, shade
+from hil.board.svd.model.image_patch import make_canvas, straightened
+from hil.board.svd.model.rasteriser import Canvas, Faces, draw_faces, fill_faces
+from hil.board.svd.model.shadow_map import Sunlight, SunTable, rays_to_faces
+from hil.board.svd.propose.pnp import undistorted_rays
+from hil.board.svd.refine.motion_images import motion_images
+from hil.board.svd.refine.parallel import Left
+from hil.board.svd.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
+from hil.board.svd.refine.shadows import shadowed
 from simulator.targets.board_faces import make_faces
 from simulator.targets.model import Part
 from tests.harness.boxes import closed_box

@@ -9,20 +9,20 @@ import pytest
 from lamp_lit import lamp_lit
 
 from hil.board.svd import CameraIntrinsics
-from hil.board.svd import quaternion as quat
-from hil.board.svd.canvas import craft_box, make_canvas
-from hil.board.svd.course import Ranked, faces_of
-from hil.board.svd.edges import edge_field
-from hil.board.svd.ends import Choice, End, finish, picture_evidence
-from hil.board.svd.frame import Candidate, Craft, Frame
-from hil.board.svd.levels import OPTICS_PX, blurred
-from hil.board.svd.photometric import PhotoFit
-from hil.board.svd.roi import Region
-from hil.board.svd.rolled import axis, check_rolled
-from hil.board.svd.score import support
-from hil.board.svd.shadowed import shadowed
-from hil.board.svd.turned import preference
-from hil.board.svd.verify import SMALL_PX
+from hil.board.svd.decide.axial_symmetry import axis, check_rolled
+from hil.board.svd.decide.discrete_symmetry import preference
+from hil.board.svd.decide.selection import SMALL_PX
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.edge_support import support
+from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame
+from hil.board.svd.image.edge_field import edge_field
+from hil.board.svd.model.face_gains import OPTICS_PX, blurred
+from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.propose.regions import Region
+from hil.board.svd.refine.final import Choice, End, finish, picture_evidence
+from hil.board.svd.refine.parallel import Ranked, faces_of
+from hil.board.svd.refine.photometric import PhotoFit
+from hil.board.svd.refine.shadows import shadowed
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 

@@ -11,24 +11,35 @@ import numpy as np
 import pytest
 
 from hil.board.errors import BoardModelError
-from hil.board.svd import quaternion as quat
-from hil.board.svd.confidence import Evidence, confidence, decide
 from hil.board.svd.debug.stages import write_stage_pictures
-from hil.board.svd.edges import edge_field, gradient_noise
-from hil.board.svd.frame import PoseResult, Trace
-from hil.board.svd.gradient import eliminate_weak_gradients, exponential_threshold, marginal_interval
-from hil.board.svd.groups import Lines, antennas, image_triads, model_triads, parallel_pairs, proximity_pairs
-from hil.board.svd.lines import cleaned_stream
-from hil.board.svd.merge import merge_segments
-from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.noise import noise_sigma
-from hil.board.svd.pnp import plane_poses, solve_points, undistorted_rays
-from hil.board.svd.refine import align_to_field
-from hil.board.svd.roi import propose_regions, straight_windows
-from hil.board.svd.samples import jacobian, project, sample_edges
-from hil.board.svd.templates import build_views, sphere_directions
-from hil.board.svd.vectors import cross
-from hil.board.svd.visibility import hidden, occluders, visible_samples
+from hil.board.svd.decide.confidence import Evidence, confidence, decide
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.vectors import cross
+from hil.board.svd.hypotheses.hypothesis import PoseResult, Trace
+from hil.board.svd.image.edge_field import edge_field, gradient_noise
+from hil.board.svd.image.line_segments import cleaned_stream
+from hil.board.svd.image.noise import noise_sigma
+from hil.board.svd.image.segment_merging import merge_segments
+from hil.board.svd.image.weak_gradients import (
+    eliminate_weak_gradients,
+    exponential_threshold,
+    marginal_interval,
+)
+from hil.board.svd.model.edge_samples import jacobian, project, sample_edges
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.model.visibility import hidden, occluders, visible_samples
+from hil.board.svd.propose.perceptual_groups import (
+    Lines,
+    antennas,
+    image_triads,
+    model_triads,
+    parallel_pairs,
+    proximity_pairs,
+)
+from hil.board.svd.propose.pnp import plane_poses, solve_points, undistorted_rays
+from hil.board.svd.propose.regions import propose_regions, straight_windows
+from hil.board.svd.propose.templates import build_views, sphere_directions
+from hil.board.svd.refine.edges import align_to_field
 
 CAMERA = CameraIntrinsics(640, 480, 800.0, 800.0, 320.0, 240.0)
 

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
-from hil.board.svd.edges import drop_specks
 from hil.board.svd.estimator import BUSY
-from hil.board.svd.gradient import eliminate_weak_gradients
-from hil.board.svd.roi import _busy_share, clusters, propose_regions
+from hil.board.svd.image.edge_field import drop_specks
+from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
+from hil.board.svd.propose.regions import _busy_share, clusters, propose_regions
 from hil.board.svd.target_map import CELL_PX, WEIGHTS, Weights, boxes, target_map
 from hil.evaluate.train_target_map import train
 

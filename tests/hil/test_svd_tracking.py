@@ -9,9 +9,9 @@ from drawn_craft import CAMERA, Craft
 
 from flyaround.__main__ import run
 from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-from hil.board.svd import quaternion as quat
-from hil.board.svd.levels import blurred
-from hil.board.svd.shade import Canvas, draw_faces
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.model.face_gains import blurred
+from hil.board.svd.model.rasteriser import Canvas, draw_faces
 from hil.board.svd.tracking.align import track_edges
 from hil.board.svd.tracking.estimator import SURE, TrackingEstimator
 from hil.board.svd.tracking.filter import first_state, innovation, predict, update

@@ -6,12 +6,12 @@ from typing import Any, Optional, Tuple, Union
 
 import numpy as np
 
-from hil.board.svd.confidence import ACCEPT_AT, Evidence, confidence, decide
-from hil.board.svd.frame import Alternative, Frame, PoseResult, Trace
+from hil.board.svd.decide.confidence import ACCEPT_AT, Evidence, confidence, decide
+from hil.board.svd.hypotheses.hypothesis import Alternative, Frame, PoseResult, Trace
 from hil.board.svd.kernels.library import library
-from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.photometric import PhotoFit
-from hil.board.svd.refine import FineFit
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.refine.edges import FineFit
+from hil.board.svd.refine.photometric import PhotoFit
 
 # A frame smaller than this shows no craft [px].
 SMALLEST_FRAME_PX = 64

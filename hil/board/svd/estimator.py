@@ -9,25 +9,31 @@ from typing import List, Sequence, Tuple, Union
 import numpy as np
 
 from hil.board.svd.base import Estimator
-from hil.board.svd.confidence import ACCEPT_AT, TRIED, Evidence, doubtful, error_scale
-from hil.board.svd.course import Ranked
-from hil.board.svd.drawn import draw_at
-from hil.board.svd.edges import edge_field, shrink
-from hil.board.svd.ends import Choice, no_clearer
-from hil.board.svd.finish import choose
-from hil.board.svd.frame import UNASKED, Alternative, Candidate, Craft, Frame, PoseResult
-from hil.board.svd.gradient import eliminate_weak_gradients
+from hil.board.svd.decide.axial_symmetry import check_rolled
+from hil.board.svd.decide.confidence import ACCEPT_AT, TRIED, Evidence, doubtful, error_scale
+from hil.board.svd.decide.discrete_symmetry import check_turned
+from hil.board.svd.decide.selection import (
+    ALL_LEADERS,
+    LEADERS,
+    align_leaders,
+    check_leaning,
+    choose_by_picture,
+)
+from hil.board.svd.hypotheses.hypothesis import UNASKED, Alternative, Candidate, Craft, Frame, PoseResult
+from hil.board.svd.image.edge_field import edge_field, shrink
+from hil.board.svd.image.noise import noise_sigma, whole_median
+from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.look.first import FirstLook, Glance
-from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.noise import noise_sigma, whole_median
-from hil.board.svd.photometric import PhotoFit
-from hil.board.svd.refine import FineFit
-from hil.board.svd.roi import REDUCTION, Region, propose_regions
-from hil.board.svd.rolled import check_rolled
-from hil.board.svd.search import search_region
-from hil.board.svd.turned import check_turned
-from hil.board.svd.verify import ALL_LEADERS, LEADERS, align_leaders, check_leaning, choose_by_picture
-from hil.board.svd.wide import align_wide
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.propose.edge_search import search_region
+from hil.board.svd.propose.multi_scale import align_wide
+from hil.board.svd.propose.regions import REDUCTION, Region, propose_regions
+from hil.board.svd.refine.edges import FineFit
+from hil.board.svd.refine.final import Choice, no_clearer
+from hil.board.svd.refine.final_edges import choose
+from hil.board.svd.refine.parallel import Ranked
+from hil.board.svd.refine.photometric import PhotoFit
+from hil.board.svd.refine.synthetic_view import draw_at
 
 Array = np.ndarray
 Chosen = Tuple[Candidate, Union[FineFit, PhotoFit], Evidence, Tuple[Alternative, ...]]

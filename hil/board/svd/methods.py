@@ -10,7 +10,7 @@ from hil.board.svd.base import Estimator
 from hil.board.svd.estimator import PoseEstimator
 from hil.board.svd.faithful.config import SOLVERS, STEPS, STREAMS, SVD_2018, SVD_THESIS
 from hil.board.svd.faithful.estimator import FaithfulEstimator
-from hil.board.svd.model import BoardModel, CameraIntrinsics
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
 from hil.board.svd.tracking.estimator import TrackingEstimator
 
 METHODS = ("svd", "svd-2018", "svd-thesis", "svd-track")

@@ -12,8 +12,8 @@ from typing import BinaryIO, List, Optional, Tuple, Union
 import cv2
 import numpy as np
 
-from hil.board.svd.edges import gradient, gradient_noise
-from hil.board.svd.lines import lsd_stream
+from hil.board.svd.image.edge_field import gradient, gradient_noise
+from hil.board.svd.image.line_segments import lsd_stream
 
 Array = np.ndarray
 

@@ -7,9 +7,9 @@ from typing import Any, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd import quaternion as quat
-from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.visibility import hidden, occluders
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.model.visibility import hidden, occluders
 
 Array = np.ndarray
 

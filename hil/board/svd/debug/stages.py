@@ -8,13 +8,13 @@ from typing import Any, Dict, List, Tuple, Union
 import cv2
 import numpy as np
 
-from hil.board.svd import quaternion as quat
 from hil.board.svd.debug.draw import draw_segments, draw_wireframe, grey, label
 from hil.board.svd.debug.whole import drawn_picture, first_look_picture
-from hil.board.svd.frame import PoseResult, Trace
-from hil.board.svd.gradient import WeakGradientElimination
-from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.noise import noise_sigma
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.hypothesis import PoseResult, Trace
+from hil.board.svd.image.noise import noise_sigma
+from hil.board.svd.image.weak_gradients import WeakGradientElimination
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
 
 Array = np.ndarray
 

@@ -7,13 +7,13 @@ from typing import List, Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd import quaternion as quat
 from hil.board.svd.debug.draw import draw_wireframe, grey, label
-from hil.board.svd.drawn import Drawn
+from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.look.crop import look, seen_through
 from hil.board.svd.look.first import Glance
 from hil.board.svd.look.net import FILLED
-from hil.board.svd.model import BoardModel, CameraIntrinsics
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.refine.synthetic_view import Drawn
 
 Array = np.ndarray
 

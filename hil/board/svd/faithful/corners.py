@@ -8,10 +8,10 @@ from typing import List, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd import quaternion as quat
-from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.refine import apply_step, gauss_newton_step, parameter_scale
-from hil.board.svd.roi import Region
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.propose.regions import Region
+from hil.board.svd.refine.edges import apply_step, gauss_newton_step, parameter_scale
 
 Array = np.ndarray
 

@@ -8,9 +8,9 @@ from typing import List, Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd import quaternion as quat
-from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.pnp import undistorted_rays
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.propose.pnp import undistorted_rays
 
 Array = np.ndarray
 

@@ -6,10 +6,7 @@ from typing import List, Tuple
 
 import numpy as np
 
-from hil.board.svd import quaternion as quat
 from hil.board.svd.base import Estimator
-from hil.board.svd.distinct import alternatives, differs
-from hil.board.svd.edges import edge_field, shrink
 from hil.board.svd.faithful.config import FaithfulConfig
 from hil.board.svd.faithful.corners import (
     CornerMap,
@@ -23,14 +20,17 @@ from hil.board.svd.faithful.ellipses import circle_poses, model_circles
 from hil.board.svd.faithful.figures import Figures, image_figures, model_figures
 from hil.board.svd.faithful.hypotheses import solve_all
 from hil.board.svd.faithful.streams import Streams, cdf_box, find_streams
-from hil.board.svd.finish import choose
-from hil.board.svd.frame import Candidate, Craft, Frame, PoseResult
-from hil.board.svd.gradient import WeakGradientElimination, eliminate_weak_gradients
-from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.noise import noise_sigma
-from hil.board.svd.roi import REDUCTION, Region, propose_regions
-from hil.board.svd.score import quick_cost, support
-from hil.board.svd.search import FINE_PX, MARGIN
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.ambiguity import alternatives, differs
+from hil.board.svd.hypotheses.edge_support import quick_cost, support
+from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame, PoseResult
+from hil.board.svd.image.edge_field import edge_field, shrink
+from hil.board.svd.image.noise import noise_sigma
+from hil.board.svd.image.weak_gradients import WeakGradientElimination, eliminate_weak_gradients
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.propose.edge_search import FINE_PX, MARGIN
+from hil.board.svd.propose.regions import REDUCTION, Region, propose_regions
+from hil.board.svd.refine.final_edges import choose
 
 Array = np.ndarray
 

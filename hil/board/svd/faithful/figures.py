@@ -7,7 +7,8 @@ from typing import Dict, List
 
 import numpy as np
 
-from hil.board.svd.groups import (
+from hil.board.svd.model.target_model import BoardModel
+from hil.board.svd.propose.perceptual_groups import (
     Chains,
     Lines,
     antennas,
@@ -16,7 +17,6 @@ from hil.board.svd.groups import (
     parallel_pairs,
     proximity_pairs,
 )
-from hil.board.svd.model import BoardModel
 
 Array = np.ndarray
 

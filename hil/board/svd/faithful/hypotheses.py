@@ -8,9 +8,9 @@ import numpy as np
 
 from hil.board.svd.faithful.config import FaithfulConfig
 from hil.board.svd.faithful.figures import Figures
-from hil.board.svd.model import CameraIntrinsics
-from hil.board.svd.pnp import from_rotvecs, point_solver, undistorted_rays
-from hil.board.svd.three_points import three_point_poses
+from hil.board.svd.model.target_model import CameraIntrinsics
+from hil.board.svd.propose.pnp import from_rotvecs, point_solver, undistorted_rays
+from hil.board.svd.propose.three_points import three_point_poses
 
 Array = np.ndarray
 Pairs = Tuple[Array, Array]

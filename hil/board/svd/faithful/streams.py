@@ -8,13 +8,13 @@ from typing import Dict, Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.edges import drop_specks
 from hil.board.svd.faithful.config import FaithfulConfig
 from hil.board.svd.faithful.ellipses import EllipseFit, hough_ellipses
-from hil.board.svd.gradient import WeakGradientElimination, marginal_interval, prewitt
-from hil.board.svd.lines import SH_GAP, SH_LENGTH, WGE_GAP, WGE_LENGTH, hough, lsd_stream
-from hil.board.svd.merge import merge_segments
-from hil.board.svd.roi import Region
+from hil.board.svd.image.edge_field import drop_specks
+from hil.board.svd.image.line_segments import SH_GAP, SH_LENGTH, WGE_GAP, WGE_LENGTH, hough, lsd_stream
+from hil.board.svd.image.segment_merging import merge_segments
+from hil.board.svd.image.weak_gradients import WeakGradientElimination, marginal_interval, prewitt
+from hil.board.svd.propose.regions import Region
 
 Array = np.ndarray
 

@@ -12,7 +12,7 @@ from hil.board.svd.kernels.pictures import Held, gauss
 from hil.board.svd.kernels.pictures import shown as shown_by
 
 if TYPE_CHECKING:
-    from hil.board.svd.shade import Canvas, Faces
+    from hil.board.svd.model.rasteriser import Canvas, Faces
 
 Array = np.ndarray
 

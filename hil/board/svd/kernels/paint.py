@@ -11,8 +11,8 @@ import numpy as np
 from hil.board.svd.kernels.library import address, begins, laid
 
 if TYPE_CHECKING:
-    from hil.board.svd.model import CameraIntrinsics
-    from hil.board.svd.shade import Canvas, Faces
+    from hil.board.svd.model.rasteriser import Canvas, Faces
+    from hil.board.svd.model.target_model import CameraIntrinsics
 
 Array = np.ndarray
 

@@ -11,9 +11,9 @@ from hil.board.svd.kernels.library import address, begins, laid
 from hil.board.svd.kernels.pictures import Held, gauss, shown
 
 if TYPE_CHECKING:
-    from hil.board.svd.levels import Shading
-    from hil.board.svd.model import CameraIntrinsics
-    from hil.board.svd.shade import Canvas, Faces
+    from hil.board.svd.model.face_gains import Shading
+    from hil.board.svd.model.rasteriser import Canvas, Faces
+    from hil.board.svd.model.target_model import CameraIntrinsics
 
 Array = np.ndarray
 

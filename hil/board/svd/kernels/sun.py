@@ -12,10 +12,10 @@ from hil.board.svd.kernels.paint import view
 
 if TYPE_CHECKING:
     from hil.board.svd.kernels.paint import Packed
-    from hil.board.svd.levels import Shading
-    from hil.board.svd.model import CameraIntrinsics
-    from hil.board.svd.shade import Canvas, Faces
-    from hil.board.svd.sunlight import Sunlight, SunTable
+    from hil.board.svd.model.face_gains import Shading
+    from hil.board.svd.model.rasteriser import Canvas, Faces
+    from hil.board.svd.model.shadow_map import Sunlight, SunTable
+    from hil.board.svd.model.target_model import CameraIntrinsics
 
 Array = np.ndarray
 

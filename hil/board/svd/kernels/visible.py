@@ -10,8 +10,8 @@ import numpy as np
 from hil.board.svd.kernels.library import address, laid
 
 if TYPE_CHECKING:
-    from hil.board.svd.samples import EdgeSamples
-    from hil.board.svd.visibility import Occluders
+    from hil.board.svd.model.edge_samples import EdgeSamples
+    from hil.board.svd.model.visibility import Occluders
 
 Array = np.ndarray
 

@@ -8,13 +8,13 @@ from typing import Optional, Sequence
 import cv2
 import numpy as np
 
-from hil.board.svd.edges import area_mean
+from hil.board.svd.geometry.vectors import length
+from hil.board.svd.image.edge_field import area_mean
 from hil.board.svd.kernels import crop as kernel
 from hil.board.svd.kernels.area import readable
 from hil.board.svd.kernels.library import library
 from hil.board.svd.look.net import FILLED, LOOK_PX, contrast
-from hil.board.svd.model import CameraIntrinsics
-from hil.board.svd.vectors import length
+from hil.board.svd.model.target_model import CameraIntrinsics
 
 Array = np.ndarray
 

@@ -19,12 +19,12 @@ from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from hil.board.svd import quaternion as quat
+from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.look.crop import Gaze, look
 from hil.board.svd.look.net import Net
 from hil.board.svd.look.subspaces import QUARTERS, Subspaces
-from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.roi import Region
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.propose.regions import Region
 
 Array = np.ndarray
 

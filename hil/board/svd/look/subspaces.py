@@ -19,15 +19,15 @@ import cv2
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from hil.board.svd import quaternion as quat
+from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.kernels import look as kernel
 from hil.board.svd.kernels.library import library
 from hil.board.svd.look.attitudes import harmonics, quartered, turning_bumps
 from hil.board.svd.look.crop import Gaze, seen_through
 from hil.board.svd.look.net import FILLED as LOOK_FILLED
-from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.shade import Canvas, Faces, draw_faces
-from hil.board.svd.templates import look_at, sphere_directions
+from hil.board.svd.model.rasteriser import Canvas, Faces, draw_faces
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.propose.templates import look_at, sphere_directions
 
 Array = np.ndarray
 

@@ -8,13 +8,13 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd import quaternion as quat
-from hil.board.svd.model import CameraIntrinsics
-from hil.board.svd.refine import gauss_newton_step, parameter_scale
-from hil.board.svd.robust import tukey
-from hil.board.svd.samples import EdgeSamples, jacobian, project
-from hil.board.svd.vectors import cross
-from hil.board.svd.visibility import Occluders, visible_samples
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.vectors import cross
+from hil.board.svd.model.edge_samples import EdgeSamples, jacobian, project
+from hil.board.svd.model.target_model import CameraIntrinsics
+from hil.board.svd.model.visibility import Occluders, visible_samples
+from hil.board.svd.refine.edges import gauss_newton_step, parameter_scale
+from hil.board.svd.refine.robust import tukey
 
 Array = np.ndarray
 

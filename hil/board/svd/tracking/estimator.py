@@ -7,13 +7,13 @@ from typing import Any, Optional
 
 import numpy as np
 
-from hil.board.svd import quaternion as quat
 from hil.board.svd.base import Estimator
-from hil.board.svd.distinct import largest_sigma
 from hil.board.svd.estimator import PoseEstimator
-from hil.board.svd.frame import Frame, PoseResult, Trace
-from hil.board.svd.model import BoardModel, CameraIntrinsics
-from hil.board.svd.noise import noise_sigma
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.ambiguity import largest_sigma
+from hil.board.svd.hypotheses.hypothesis import Frame, PoseResult, Trace
+from hil.board.svd.image.noise import noise_sigma
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
 from hil.board.svd.tracking.align import TrackFit, track_edges
 from hil.board.svd.tracking.filter import TrackState, first_state, innovation, predict, update
 from hil.board.svd.tracking.picture import find_sun, look

@@ -7,15 +7,15 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd import quaternion as quat
-from hil.board.svd.canvas import craft_box, make_canvas
-from hil.board.svd.course import faces_of
-from hil.board.svd.frame import Craft, Frame
-from hil.board.svd.levels import Shading
-from hil.board.svd.photometric import PhotoFit, explained, photo_draw, photo_shade, photo_step
-from hil.board.svd.shade import Canvas
-from hil.board.svd.shadowed import shadowed
-from hil.board.svd.sunlight import Sunlight
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.hypothesis import Craft, Frame
+from hil.board.svd.model.face_gains import Shading
+from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.rasteriser import Canvas
+from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.refine.parallel import faces_of
+from hil.board.svd.refine.photometric import PhotoFit, explained, photo_draw, photo_shade, photo_step
+from hil.board.svd.refine.shadows import shadowed
 
 Array = np.ndarray
 Pose = Tuple[Array, Array]

@@ -1,0 +1,1 @@
+"""Selection between refined hypotheses, checks of symmetries and near minima, confidence and the acceptance test."""

@@ -1,0 +1,1 @@
+"""Rotations, vectors and the camera: no picture, no target, nothing compiled."""

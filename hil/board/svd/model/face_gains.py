@@ -1,0 +1,345 @@
+"""Brightness of the craft's faces, taken from the picture itself, and the picture drawn with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from typing import Optional, Tuple
+
+import cv2
+import numpy as np
+
+from hil.board.svd.kernels import levels as native_levels
+from hil.board.svd.kernels.library import library
+from hil.board.svd.kernels.pictures import BLURS_PX, reach
+from hil.board.svd.model.rasteriser import Canvas, Faces
+
+Array = np.ndarray
+
+# Labels that a byte holds.
+LABELS = 255
+
+# Blur of the optics [picture px], reach of the background's local brightness [canvas px].
+OPTICS_PX, LOCAL_PX = 1.0, 8.0
+
+# Largest faces that are looked at for saturation.
+SATURATED = 4
+
+# What a pixel beside a border counts for its face's brightness.
+BESIDE = 0.05
+
+# Share of a pixel that is as good as none where brightness is found with the pose.
+LITTLE = 2e-4
+
+# Brightness of a saturated face above the scale, in scales, that is tried.
+OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
+
+
+@dataclass(frozen=True, eq=False)
+class Shading:
+    """The drawn craft with the brightness that the picture gives it.
+
+    Parameters
+    ----------
+    seen : (H, W) face + 1 per drawn pixel. group : (H, W) brightness group + 1; where shadows are cast, groups
+        that are seen are numbered anew, and those in shadow follow those in light.
+    level : (G + 1,) brightness of each group, the background first.
+    picture : (h, w) what it looks like on the canvas, not blurred.
+    centre : (h, w) group at a pixel's middle. area : (G + 1,) pixels well inside each group.
+    behind : (h, w) what the background differs from its level by; None where it is empty space.
+    """
+
+    seen: Array
+    group: Array
+    level: Array
+    picture: Array
+    centre: Array
+    area: Array
+    behind: Optional[Array]
+
+    def brightness(self, group: Array, cell: Array) -> Array:
+        """(N,) of groups (N,) at canvas pixels ``cell`` (N,), flat indices."""
+        level = self.level.take(group, mode="clip")
+        if self.behind is not None:
+            empty = np.flatnonzero(group == 0)
+            level[empty] += self.behind.ravel().take(cell.take(empty))
+        return np.asarray(level)
+
+
+def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = None) -> Shading:
+    """Brightness of each face group from the picture, and the picture drawn with it.
+
+    Parameters
+    ----------
+    seen : drawn by ``draw_faces``. dark : (H, W) drawn pixels on which another face casts its shadow.
+    """
+    h, w = canvas.gray.shape
+    textured = canvas.textured
+    native = library()
+    made = native and native_levels.shade(native, faces, seen, canvas, dark, empty=textured)
+    group, level, picture, centre, area, core, empty, ground = made or _shaded(faces, seen, canvas, dark)
+    bright = (area >= 60) & (level > 0.97 * canvas.full)
+    # hardly any picture has one
+    for k in 1 + np.argsort(-area[1:], kind="stable")[:SATURATED] if bright[1:].any() else ():
+        if bright[k]:
+            part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+            over = _overexposed(picture, part, canvas)
+            level[k] += over
+            picture = picture + np.float32(over) * part
+    behind = None
+    if textured and native is not None and made and min(h, w) >= 2:
+        behind = native_levels.behind(native, canvas, (*made[:2], picture, *made[3:]), LOCAL_PX / 4)
+    elif textured:
+        shown = float(ground[0])
+        own = (core & (centre == 0)).astype(np.float32)
+        behind = _wide_mean(own * (canvas.gray - np.float32(shown)), own)
+        if canvas.clipped > 0:
+            behind = canvas.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
+        # the background's share of each pixel, of which the border pixels have a part
+        picture = picture + empty * behind
+    return Shading(seen, group, level, picture, centre, area, behind)
+
+
+def _shaded(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array]) -> Tuple[Array, ...]:
+    """As ``kernels.levels.shade``, by numpy."""
+    f, (h, w) = canvas.fine, canvas.gray.shape
+    n = faces.groups + 1
+    group = np.take(faces.labels, seen, mode="clip")
+    if dark is not None:
+        group, n = _divided(group, dark, n)
+    g = group.reshape(h, f, w, f)
+    centre = np.ascontiguousarray(g[:, f // 2, :, f // 2])
+    solid = (g[:, 0, :, 0] == centre) & (g[:, -1, :, -1] == centre)
+    solid &= (g[:, 0, :, -1] == centre) & (g[:, -1, :, 0] == centre)
+    # pixels beside a border show how far the pose is off, not how bright the face is
+    core = cv2.erode((solid & ~_borders(centre)).view(np.uint8), np.ones((3, 3), np.uint8)).view(bool)
+    mean, area = _levels(centre, solid, core, canvas, n)
+    level = canvas.response.brightness(mean)
+    picture = cv2.resize(look_up(level, group), (w, h), interpolation=cv2.INTER_AREA)
+    ground = mean[:1].copy()
+    _thin_levels(level, picture, group, area < 3, canvas)
+    empty = np.zeros((0, 0), np.float32)
+    if canvas.textured:
+        empty = cv2.resize((group == 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    return group, level, picture, centre, area, core, empty, ground
+
+
+def look_up(table: Array, labels: Array) -> Array:
+    """float32 value of ``table`` (N,) at each label."""
+    if labels.dtype != np.uint8:
+        return np.asarray(np.take(table.astype(np.float32), labels, mode="clip"))
+    whole = np.zeros(256, np.float32)
+    whole[: len(table)] = table[:256]
+    return np.asarray(cv2.LUT(labels, whole))
+
+
+def _divided(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
+    """Groups numbered anew, their parts in shadow after those in light, and how many there are.
+
+    Those that are not seen get no number: one byte is enough for what is, and bytes are the fastest to compare.
+    """
+    if group.dtype == np.uint8:
+        shadow = dark.view(np.uint8)
+        lit = np.flatnonzero(cv2.calcHist([group], [0], 1 - shadow, [256], [0, 256]))
+        shaded = np.flatnonzero(cv2.calcHist([group], [0], shadow, [256], [0, 256]))
+        lit = lit[lit > 0]
+        if 1 + len(lit) + len(shaded) <= LABELS:
+            to = np.zeros((2, 256), np.uint8)
+            to[0, lit] = 1 + np.arange(len(lit))
+            to[1, shaded] = 1 + len(lit) + np.arange(len(shaded))
+            out = cv2.LUT(group, to[0])
+            cv2.copyTo(cv2.LUT(group, to[1]), shadow, out)
+            return np.asarray(out), 1 + len(lit) + len(shaded)
+    group = group.astype(np.uint16)
+    group[dark] += np.uint16(n - 1)
+    return group, 2 * n - 1
+
+
+def _levels(centre: Array, solid: Array, core: Array, canvas: Canvas, n: int) -> Tuple[Array, Array]:
+    """Brightness (n,) of each group, a mean without what lies far off it, and its pixels (n,) in ``core``."""
+    where = np.flatnonzero(solid | (centre > 0))
+    label = centre.ravel().take(where)
+    # group by group: sums over stretches cost less than sums by label
+    where = where[np.argsort(label, kind="stable")]
+    number = np.bincount(label, minlength=n)
+    some = np.flatnonzero(number)
+    level, area = np.zeros(n), np.zeros(n, np.intp)
+    if not len(some):
+        return level, area
+    number = number[some]
+    first = np.cumsum(number) - number
+    value = canvas.gray.ravel().take(where).astype(float)
+    inner = core.ravel().take(where)
+    trust = inner + BESIDE * solid.ravel().take(where) + 1e-3
+    weight, mean = trust, np.zeros(len(some))
+    for last in (False, False, True):
+        total = np.maximum(np.add.reduceat(weight, first), 1e-9)
+        mean = np.add.reduceat(weight * value, first) / total
+        if not last:
+            away = np.abs(value - np.repeat(mean, number))
+            spread = np.add.reduceat(weight * away, first) / total
+            weight = trust * (away < np.repeat(2.5 * spread + canvas.sigma, number))
+    level[some], area[some] = mean, np.add.reduceat(inner, first, dtype=np.intp)
+    return level, area
+
+
+def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: Array, out: Array) -> int:
+    """Share of each pixel that the background and each of the ``most`` largest groups cover, blurred.
+
+    Parameters
+    ----------
+    blur_px : standard deviation. rows : (N,) flat indices of the pixels that are asked for, ascending.
+    out : (most + 1 or more, N) float32, zero; receives the shares above ``LITTLE``.
+
+    Returns
+    -------
+    Number of groups filled in.
+
+    Notes
+    -----
+    Most groups are small: each is looked at within its own box.
+    """
+    h, w = shading.centre.shape
+    f = canvas.fine
+    # thin ones too: their brightness is known least of all
+    count = np.bincount(shading.centre.ravel(), minlength=len(shading.level))
+    order = 1 + np.argsort(-count[1:], kind="stable")[: min(most, 62)]
+    chosen = np.concatenate([[0], order[count[order] > 3]])
+    slot = np.full(max(len(shading.level), 256), 255, np.uint8)
+    slot[chosen] = np.arange(len(chosen))
+    byte = shading.group.dtype == np.uint8
+    slots = cv2.LUT(shading.group, slot[:256]) if byte else np.take(slot, shading.group, mode="clip")
+    # one more than the blur reaches: what it mirrors at the box's edge is empty then
+    far = reach(blur_px) + 1
+    x0, y0, x1, y1 = _boxes(slots, len(chosen), f)
+    x0, y0 = np.maximum(x0 - far, 0), np.maximum(y0 - far, 0)
+    x1, y1 = np.minimum(x1 + 1 + far, w), np.minimum(y1 + 1 + far, h)
+    first, last = np.searchsorted(rows, y0 * w).tolist(), np.searchsorted(rows, y1 * w).tolist()
+    plane = np.zeros((h, w), np.float32)
+    flat = plane.ravel()
+    for k, (left, top, right, bottom) in enumerate(zip(x0.tolist(), y0.tolist(), x1.tolist(), y1.tolist())):  # noqa: B905 - 3.9
+        a, b = first[k], last[k]
+        if left >= right or a >= b:
+            continue
+        mask = (slots[top * f : bottom * f, left * f : right * f] == k).view(np.uint8)
+        # a mean of 0 and f^2 over f x f pixels is a whole number
+        share = cv2.resize(mask * np.uint8(f * f), (right - left, bottom - top), interpolation=cv2.INTER_AREA)
+        own = plane[top:bottom, left:right]
+        if blur_px > BLURS_PX:
+            cv2.GaussianBlur(share.astype(np.float32), (0, 0), blur_px, dst=own)
+        else:
+            own[:] = share
+        flat.take(rows[a:b], None, out[k, a:b], "clip")
+        own[:] = 0.0
+    share = out[: len(chosen)]
+    share *= np.float32(1.0 / (f * f))
+    share[share <= LITTLE] = 0.0
+    return len(chosen)
+
+
+def _boxes(slots: Array, n: int, f: int) -> Array:
+    """(4, n) first and last column and row of each of the labels 0 .. n - 1; the first beyond the last where none is.
+
+    They are counted in canvas pixels of ``f`` x ``f`` drawn ones.
+
+    All at once: a label is a bit, and a row or column holds the bits of what is in it.
+    """
+    kind = np.uint32 if n <= 32 else np.uint64
+    place = np.arange(n, dtype=kind)
+    bit = np.zeros(256, kind)
+    bit[:n] = np.left_shift(kind(1), place)
+    # OpenCV's table looks bytes up several times faster, and has no whole numbers of this size
+    bits = cv2.LUT(slots, bit.view(np.float32 if n <= 32 else np.float64)).view(kind)
+    for _ in range(2):
+        # rows of each canvas pixel first, then columns, as rows of what lies on its side
+        bits = reduce(np.bitwise_or, [bits[k::f] for k in range(f)]).T
+    out = []
+    for axis in (0, 1):
+        there = np.bitwise_or.reduce(bits, axis=axis)
+        on = np.right_shift(there, place[:, None]) & kind(1) > 0
+        some, size = on.any(axis=1), on.shape[1]
+        out.append(
+            (
+                np.where(some, on.argmax(axis=1), 10 * size),
+                np.where(some, size - 1 - on[:, ::-1].argmax(axis=1), -10 * size),
+            )
+        )
+    return np.stack([out[0][0], out[1][0], out[0][1], out[1][1]])
+
+
+def _wide_mean(value: Array, weight: Array) -> Array:
+    """Mean of ``value`` over ``weight`` within about ``LOCAL_PX``, towards zero where there is little of it."""
+    h, w = value.shape
+    size = (max(2, w // 4), max(2, h // 4))
+    num, den = (
+        cv2.GaussianBlur(cv2.resize(v, size, interpolation=cv2.INTER_AREA), (0, 0), LOCAL_PX / 4)
+        for v in (value, weight)
+    )
+    return cv2.resize(num / (den + 0.02), (w, h), interpolation=cv2.INTER_LINEAR)
+
+
+def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, canvas: Canvas) -> None:
+    """Brightness of groups that fill no pixel: what is left of the picture there, over what they cover.
+
+    Parameters
+    ----------
+    level : (G + 1,) and picture : (h, w) drawn with it, both changed in place.
+    """
+    f, (h, w) = canvas.fine, canvas.gray.shape
+    if group.dtype == np.uint8:
+        marked = np.zeros(256, np.uint8)
+        marked[: len(thin)] = thin
+        where = np.flatnonzero(cv2.LUT(group, marked).view(bool))
+    else:
+        where = np.flatnonzero(np.take(thin, group, mode="clip"))
+    if not len(where):
+        return
+    own = group.ravel()[where]
+    # a remainder costs ten times what this does
+    row = where // (w * f)
+    cell = (row // f) * w + (where - row * (w * f)) // f
+    number = np.bincount(cell, minlength=h * w)
+    # few pixels hold any: only those are looked at from here on
+    cells = np.flatnonzero(number > 0)
+    place = np.empty(h * w, np.intp)
+    place[cells] = np.arange(len(cells))
+    at = place[cell]
+    n = len(level)
+    covered = np.maximum(np.bincount(own, number[cell] / float(f * f), n) + 2.0, 1e-9)
+    gray = canvas.gray.ravel()[cells]
+    drawn = picture.ravel()[cells]
+    for _ in range(2):
+        step = np.bincount(own, (gray - canvas.response.of(drawn)[0])[at], n) / covered
+        after = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * canvas.full)
+        change = np.bincount(at, (after - level)[own], len(cells)) / (f * f)
+        drawn += change.astype(np.float32)
+        level[:] = after
+    picture.ravel()[cells] = drawn
+
+
+def _overexposed(picture: Array, part: Array, canvas: Canvas) -> float:
+    """How far a saturated face's true brightness lies above the scale: blur carries it over its border."""
+    optics = OPTICS_PX / canvas.factor
+    base, own = blurred(picture, optics), blurred(part, optics)
+    ring = (own > 0.02) & (own < 0.98)
+    if int(ring.sum()) < 10:
+        return 0.0
+    base, own, gray = base[ring], own[ring], canvas.gray[ring]
+    costs = [
+        float(np.abs(canvas.response.of(base + np.float32(over) * own)[0] - gray).sum())
+        for over in OVER * canvas.full
+    ]
+    return float(OVER[int(np.argmin(costs))] * canvas.full)
+
+
+def _borders(centre: Array) -> Array:
+    """Pixels whose right or lower neighbour belongs to another group."""
+    out = np.zeros(centre.shape, bool)
+    out[:, :-1] |= centre[:, 1:] != centre[:, :-1]
+    out[:-1] |= centre[1:] != centre[:-1]
+    return out
+
+
+def blurred(image: Array, sigma: float) -> Array:
+    """The image (h, w) or (h, w, channels) through a Gaussian, as it is where that is narrower than a pixel."""
+    return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > BLURS_PX else image

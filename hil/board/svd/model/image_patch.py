@@ -1,0 +1,86 @@
+"""Regions of the picture cut out for comparison with the drawn craft, straightened where the lens bends."""
+
+from __future__ import annotations
+
+from typing import Tuple
+
+import cv2
+import numpy as np
+
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.hypothesis import Craft, Frame
+from hil.board.svd.image.edge_field import shrink
+from hil.board.svd.model.rasteriser import Canvas
+from hil.board.svd.model.target_model import CameraIntrinsics
+from hil.board.svd.propose.pnp import undistorted_rays
+
+Array = np.ndarray
+Box = Tuple[int, int, int, int]
+
+# Drawn pixels per pixel of a canvas, each way.
+FINE = 2
+
+
+def make_canvas(craft: Craft, frame: Frame, box: Box, longest_px: int) -> Canvas:
+    """A region of the picture as a pinhole camera would show it.
+
+    Parameters
+    ----------
+    box : x0, y0, x1, y1 in the pixels of ``craft.camera.pinhole``.
+    """
+    if craft.camera.distorted:
+        gray, factor = straightened(frame.image, craft.camera, box, longest_px)
+        whole = box[2:]
+    else:
+        gray, factor = shrink(frame.image, *box, longest_px)
+        whole = frame.image.shape[1::-1]
+    full = 255.0 if frame.image.dtype == np.uint8 else float(frame.image.max())
+    plain = frame.background if frame.background >= 0 else None
+    h, w = gray.shape
+    wide, high = (min(b, n) - a for a, b, n in zip(box[:2], box[2:], whole))  # noqa: B905 - Python 3.9 has no strict=
+    across = wide / w
+    return Canvas(
+        gray, frame.noise / factor, float(box[0]), float(box[1]), across, FINE, full, plain, high / h / across
+    )
+
+
+def straightened(image: Array, camera: CameraIntrinsics, box: Box, longest_px: int) -> Tuple[Array, float]:
+    """What a pinhole would have seen in ``box``, float32, reduced as ``shrink`` does; black outside the picture."""
+    w, h = box[2] - box[0], box[3] - box[1]
+    # the lens bends smoothly: every eighth pixel's place is enough
+    x = box[0] + (np.arange(-8, w + 16, 8) - camera.cx_px)
+    y = box[1] + (np.arange(-8, h + 16, 8) - camera.cy_px)
+    u, v = np.meshgrid(x / camera.fx_px, y / camera.fy_px)
+    bent_u, bent_v = camera.distort(u, v)
+    at = np.stack([bent_u * camera.fx_px + camera.cx_px, bent_v * camera.fy_px + camera.cy_px], axis=-1)
+    col, row = np.meshgrid((np.arange(w) + 8) / 8.0, (np.arange(h) + 8) / 8.0)
+    place = cv2.remap(at.astype(np.float32), col.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR)
+    crop = cv2.remap(image, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    return shrink(crop, 0, 0, w, h, longest_px)
+
+
+def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:
+    """The box in the pinhole's pixels that holds a box of the picture."""
+    if not camera.distorted:
+        return box
+    s = np.linspace(0.0, 1.0, 9)
+    x, y = box[0] + s * (box[2] - box[0]), box[1] + s * (box[3] - box[1])
+    rim = [(a, b) for a in x for b in (y[0], y[-1])] + [(a, b) for a in (x[0], x[-1]) for b in y]
+    rays = undistorted_rays(camera, np.array(rim))
+    p = rays * (camera.fx_px, camera.fy_px) + (camera.cx_px, camera.cy_px)
+    p = p[np.isfinite(p).all(axis=1)]
+    # a lens may show half the world: no more than about the picture is of use
+    far = np.array([camera.width_px, camera.height_px])
+    low, high = np.clip(p.min(axis=0), -0.5 * far, 1.5 * far), np.clip(p.max(axis=0), -0.5 * far, 1.5 * far)
+    return int(low[0]), int(low[1]), int(max(high[0], low[0] + 32)), int(max(high[1], low[1] + 32))
+
+
+def craft_box(craft: Craft, q: Array, t: Array) -> Box:
+    """What of the pinhole's picture a pose covers, with a margin, in whole pixels."""
+    camera = craft.camera
+    p = camera.pinhole.pixels(craft.model.ends_m @ quat.matrix(q).T + t)
+    (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)
+    m = 8 + 0.06 * max(x1 - x0, y1 - y0)
+    a, b, c, d = pinhole_box(camera, (0, 0, camera.width_px, camera.height_px))
+    left, top = int(np.clip(x0 - m, a, c - 32)), int(np.clip(y0 - m, b, d - 32))
+    return left, top, int(np.clip(x1 + m, left + 32, c)), int(np.clip(y1 + m, top + 32, d))

@@ -1,0 +1,102 @@
+"""Which samples of the wireframe a camera can see: faces turned away and parts in front are removed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Tuple
+
+import numpy as np
+
+from hil.board.svd.geometry.vectors import cross
+from hil.board.svd.kernels import visible as kernel
+from hil.board.svd.kernels.library import library
+from hil.board.svd.model.edge_samples import EdgeSamples
+from hil.board.svd.model.target_model import BoardModel
+
+Array = np.ndarray
+
+# A sample lies on the surface that carries it; only what is nearer than this can hide it [m].
+SKIN_M = 0.006
+
+
+@dataclass(frozen=True, eq=False)
+class Occluders:
+    """Triangles prepared for rays from one point: first vertex, two edges, their cross product."""
+
+    v0: Array
+    e1: Array
+    e2: Array
+    n: Array
+
+    @cached_property
+    def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
+        """The triangles as the kernels take them, and what keeps their arrays alive."""
+        return kernel.packed_occluders(self)
+
+
+def occluders(model: BoardModel) -> Occluders:
+    """The model's hiding mesh, as vertex and edge vectors."""
+    tri = model.vertices_m[model.triangles] if model.triangles.size else np.zeros((0, 3, 3))
+    e1, e2 = tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]
+    n = np.cross(e1, e2)
+    keep = np.linalg.norm(n, axis=1) > 1e-12
+    return Occluders(tri[keep, 0], e1[keep], e2[keep], n[keep])
+
+
+def hidden(occ: Occluders, C_m: Array, X_m: Array, skin_m: Array) -> Array:
+    """Whether points (S, 3) are hidden from camera centre (3,): Moeller and Trumbore's test (1997).
+
+    With one ray origin for all points the triple products become three matrix products.
+    """
+    if not len(occ.v0):
+        return np.zeros(len(X_m), bool)
+    T = C_m - occ.v0
+    # a closed mesh hides with its near side: back faces need no test
+    front = np.einsum("ij,ij->i", T, occ.n) > 0
+    T, e1, e2, n = T[front], occ.e1[front], occ.e2[front], occ.n[front]
+    if not len(T):
+        return np.zeros(len(X_m), bool)
+    D = (X_m - C_m).astype(np.float32)
+    q = cross(T, e1)
+    A = np.concatenate([-n, cross(e2, T), q]).astype(np.float32)
+    B = D @ A.T
+    m = len(T)
+    det, u, v = B[:, :m], B[:, m : 2 * m], B[:, 2 * m :]
+    # near side only: the ray runs against the normal, det = -D.n > 0
+    depth = np.einsum("ij,ij->i", e2, q).astype(np.float32)
+    length = np.linalg.norm(D, axis=1)
+    limit = (1.0 - skin_m / np.maximum(length, 1e-6)).astype(np.float32)
+    hit = (det > 1e-12) & (u >= 0) & (v >= 0) & (u + v <= det) & (depth[None, :] < det * limit[:, None])
+    return np.asarray(hit.any(axis=1))
+
+
+def facing(samples: EdgeSamples, C_m: Array, X_m: Array) -> Tuple[Array, Array]:
+    """Whether each sample can face the camera, and whether it is an outline (one face seen, one not)."""
+    d = C_m - X_m
+    d = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-9)
+    dots = np.einsum("skj,sj->sk", samples.normals, d)
+    seen = (dots > 0.02).sum(axis=1)
+    visible = (seen > 0) | (samples.faces == 0)
+    outline = (samples.faces == 0) | ((samples.faces == 2) & (seen == 1))
+    return visible, outline
+
+
+def visible_samples(samples: EdgeSamples, occ: Occluders, C_m: Array) -> Tuple[Array, Array]:
+    """(S,) visible and (S,) outline flags from camera centre ``C_m`` (3,), target frame."""
+    native = library()
+    if native is not None:
+        return kernel.visible_samples(native, samples, occ, C_m)
+    return _visible_samples(samples, occ, C_m)
+
+
+def _visible_samples(samples: EdgeSamples, occ: Occluders, C_m: Array) -> Tuple[Array, Array]:
+    """The same by numpy."""
+    idx = np.arange(len(samples))[None]
+    X = samples.outline(idx, C_m[None])[0][0]
+    visible, outline = facing(samples, C_m, X)
+    where = np.flatnonzero(visible)
+    # a round member's own skin is as thick as itself
+    skin = SKIN_M + 1.5 * np.abs(samples.radius_m[where])
+    visible[where[hidden(occ, C_m, X[where], skin)]] = False
+    return visible, outline

@@ -1,0 +1,224 @@
+"""Views of the wireframe from everywhere: which samples each direction sees, and how they look.
+
+The fallback that needs no grouping: a few hundred directions times in-plane turns, laid into a region of
+interest and scored by directional chamfer distance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Tuple
+
+import numpy as np
+
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.image.edge_field import CHANNELS, EdgeField
+from hil.board.svd.model.edge_samples import EdgeSamples, project
+from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.model.visibility import Occluders, visible_samples
+from hil.board.svd.propose.regions import Region
+
+Array = np.ndarray
+
+VIEWS = 500
+TURNS = 36
+SHAPE_SAMPLES = 40
+TRACK_SAMPLES = 120
+
+
+@dataclass(frozen=True, eq=False)
+class ViewTable:
+    """What a camera at each of V directions sees.
+
+    Parameters
+    ----------
+    directions : (V, 3) unit vectors from the target to the camera, target frame.
+    R_camera_from_target : (V, 3, 3) looking at the target's centre.
+    track : (V, M) visible samples, spread evenly; weight : (V, M) 1, or 0 for padding.
+    shape_xy : (V, N, 2) chosen samples on the plane at unit distance times range, model metres.
+    shape_angle : (V, N) direction of their normals.
+    box : (V, TURNS, 4) extent of everything visible after each turn [m].
+    distance_m : range the table was made for.
+    """
+
+    directions: Array
+    R_camera_from_target: Array
+    track: Array
+    weight: Array
+    shape_xy: Array
+    shape_angle: Array
+    box: Array
+    distance_m: float
+
+    def nearest(self, R: Array, t: Array, centre_m: Array) -> Array:
+        """Index of the view nearest to each pose's line of sight."""
+        C = -np.einsum("bji,bj->bi", R, t) - centre_m
+        return np.asarray(np.argmax(C @ self.directions.T, axis=1))
+
+
+def sphere_directions(count: int) -> Array:
+    """(count, 3) nearly even directions: the Fibonacci lattice."""
+    k = np.arange(count) + 0.5
+    z = 1 - 2 * k / count
+    phi = np.pi * (1 + np.sqrt(5.0)) * k
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
+
+
+def look_at(direction: Array) -> Array:
+    """Rotation camera-from-target of a camera along ``direction`` looking back at the target."""
+    z = -direction
+    helper = np.array([1.0, 0, 0]) if abs(z[0]) < 0.8 else np.array([0, 1.0, 0])
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def build_views(
+    model: BoardModel, samples: EdgeSamples, occ: Occluders, distance_m: float, views: int = VIEWS
+) -> ViewTable:
+    """Tables for ``views`` directions at ``distance_m``."""
+    rng = np.random.default_rng(0)
+    unit = CameraIntrinsics(1, 1, 1.0, 1.0, 0.0, 0.0)
+    directions = sphere_directions(views)
+    R = np.stack([look_at(d) for d in directions])
+    centre = model.centre_m
+    track = np.zeros((views, TRACK_SAMPLES), np.intp)
+    weight = np.zeros((views, TRACK_SAMPLES), np.float32)
+    xy = np.zeros((views, SHAPE_SAMPLES, 2), np.float32)
+    angle = np.zeros((views, SHAPE_SAMPLES), np.float32)
+    box = np.zeros((views, TURNS, 4), np.float32)
+    turns = np.arange(TURNS) * 2 * np.pi / TURNS
+    c, s = np.cos(turns), np.sin(turns)
+    for v in range(views):
+        C = centre + distance_m * directions[v]
+        visible, _ = visible_samples(samples, occ, C)
+        ids = np.flatnonzero(visible)
+        if not len(ids):
+            ids = np.arange(1)
+        chosen = _spread(ids, TRACK_SAMPLES, rng)
+        track[v, : len(chosen)] = chosen
+        weight[v, : len(chosen)] = 1.0
+        t = -R[v] @ C
+        pr = project(samples, unit, R[v][None], t[None], ids[None])
+        p = pr.pixels[0] * distance_m
+        pick = _spread(np.arange(len(ids)), SHAPE_SAMPLES, rng)
+        pick = np.resize(pick, SHAPE_SAMPLES)
+        xy[v] = p[pick]
+        angle[v] = pr.angle[0][pick]
+        px = p[:, 0][:, None] * c - p[:, 1][:, None] * s
+        py = p[:, 0][:, None] * s + p[:, 1][:, None] * c
+        box[v] = np.stack([px.min(axis=0), py.min(axis=0), px.max(axis=0), py.max(axis=0)], axis=-1)
+    return ViewTable(directions, R, track, weight, xy, angle, box, distance_m)
+
+
+def _spread(ids: Array, count: int, rng: np.random.Generator) -> Array:
+    """At most ``count`` of ``ids``, one from each of ``count`` equal stretches of the list."""
+    if len(ids) <= count:
+        return ids
+    edges = np.linspace(0, len(ids), count + 1)
+    at = np.floor(edges[:-1] + rng.random(count) * np.diff(edges)).astype(int)
+    return ids[np.clip(at, 0, len(ids) - 1)]
+
+
+def match_views(
+    table: ViewTable, field: EdgeField, region: Region, camera: CameraIntrinsics, centre_m: Array, keep: int
+) -> Tuple[Array, Array, Array]:
+    """Poses of the best views laid into the region: q (B, 4), t (B, 3), cost (B,).
+
+    Parameters
+    ----------
+    keep : number of poses returned.
+
+    Notes
+    -----
+    Each turned view is scaled to cover the region, and slid to either end where its shape leaves room:
+    a part in shadow makes the region too small, never too large.
+    """
+    w, h = field.size
+    corners = field.to_field(np.array([[region.x0, region.y0], [region.x1, region.y1]]))
+    (rx0, ry0), (rx1, ry1) = corners
+    rw, rh = max(rx1 - rx0, 2.0), max(ry1 - ry0, 2.0)
+    box = table.box
+    bw, bh = box[..., 2] - box[..., 0], box[..., 3] - box[..., 1]
+    sw, sh = rw / np.maximum(bw, 1e-6), rh / np.maximum(bh, 1e-6)
+    cover, middle = np.maximum(sw, sh), np.sqrt(sw * sh)
+    # views whose shape cannot be the region's, even with a part in shadow
+    ratio = np.maximum(sw / sh, sh / sw)
+    v_all, k_all = np.nonzero(ratio < 2.2)
+    cap = 0.12 * max(w, h)
+    cost_table = np.minimum(field.distance, cap).reshape(-1)
+    turns = np.arange(TURNS) * 2 * np.pi / TURNS
+    best = []
+    for scale, ax, ay in ((middle, 0.5, 0.5), (cover, 0.0, 0.0), (cover, 1.0, 1.0)):
+        use = ratio[v_all, k_all] > 1.08 if ax != 0.5 else np.ones(len(v_all), bool)
+        v, k = v_all[use], k_all[use]
+        if not len(v):
+            continue
+        s = scale[v, k]
+        ox = rx0 - s * box[v, k, 0] + ax * (rw - s * bw[v, k])
+        oy = ry0 - s * box[v, k, 1] + ay * (rh - s * bh[v, k])
+        cost = np.empty(len(v), np.float32)
+        for a in range(0, len(v), 6000):
+            sl = slice(a, a + 6000)
+            cost[sl] = _chamfer(table, field, cost_table, v[sl], turns[k[sl]], s[sl], ox[sl], oy[sl])
+        best.append((cost, v, turns[k], s, ox, oy))
+    if not best:
+        return np.zeros((0, 4)), np.zeros((0, 3)), np.zeros(0)
+    cost, v, turn, s, ox, oy = (np.concatenate(c) for c in zip(*best))  # noqa: B905 - Python 3.9 has no strict=
+    top = np.argsort(cost)[:keep]
+    return (*_poses(table, field, camera, centre_m, v[top], turn[top], s[top], ox[top], oy[top]), cost[top])
+
+
+def _chamfer(
+    table: ViewTable,
+    field: EdgeField,
+    cost_table: Array,
+    v: Array,
+    turn: Array,
+    s: Array,
+    ox: Array,
+    oy: Array,
+) -> Array:
+    w, h = field.size
+    xy = table.shape_xy[v]
+    c, sn = (np.cos(turn) * s).astype(np.float32)[:, None], (np.sin(turn) * s).astype(np.float32)[:, None]
+    x = c * xy[..., 0] - sn * xy[..., 1] + ox.astype(np.float32)[:, None]
+    y = sn * xy[..., 0] + c * xy[..., 1] + oy.astype(np.float32)[:, None]
+    xi = np.clip(x + 0.5, 0, w - 1).astype(np.int32)
+    yi = np.clip(y + 0.5, 0, h - 1).astype(np.int32)
+    k = ((table.shape_angle[v] + turn.astype(np.float32)[:, None]) * (CHANNELS / np.pi) + 0.5).astype(
+        np.int32
+    ) % CHANNELS
+    return np.asarray(cost_table.take((k * h + yi) * w + xi).mean(axis=1))
+
+
+def _poses(
+    table: ViewTable,
+    field: EdgeField,
+    camera: CameraIntrinsics,
+    centre_m: Array,
+    v: Array,
+    turn: Array,
+    s: Array,
+    ox: Array,
+    oy: Array,
+) -> Tuple[Array, Array]:
+    f = 0.5 * (camera.fx_px + camera.fy_px)
+    depth = f / (s * field.factor)
+    u = (ox + 0.5) * field.factor - 0.5 + field.x0
+    w = (oy + 0.5) * field.factor - 0.5 + field.y0
+    ray = np.stack(
+        [(u - camera.cx_px) / camera.fx_px, (w - camera.cy_px) / camera.fy_px, np.ones(len(u))], -1
+    )
+    t_centre = ray * depth[:, None]
+    # the view was made looking straight at the target: turn it to the ray it is seen along
+    zero = np.zeros(len(v))
+    Rz = quat.matrix(quat.from_rotvec(np.stack([zero, zero, turn], axis=-1)))
+    d = ray / np.linalg.norm(ray, axis=1, keepdims=True)
+    axis = np.stack([-d[:, 1], d[:, 0], zero], axis=-1)
+    sine = np.linalg.norm(axis, axis=1, keepdims=True)
+    angle = np.arctan2(sine, d[:, 2:])
+    swing = quat.matrix(quat.from_rotvec(axis / np.maximum(sine, 1e-12) * angle))
+    R = swing @ Rz @ table.R_camera_from_target[v]
+    return quat.from_matrix(R), t_centre - R @ centre_m

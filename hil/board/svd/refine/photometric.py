@@ -1,0 +1,341 @@
+"""Alignment of the drawn craft on the picture itself: every pixel counts, each by what the pose does to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Optional, Tuple
+
+import cv2
+import numpy as np
+
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.kernels import levels as native_levels
+from hil.board.svd.kernels import step as native_step
+from hil.board.svd.kernels.library import library
+from hil.board.svd.model.face_gains import OPTICS_PX, Shading, blurred, coverage, shade
+from hil.board.svd.model.rasteriser import Canvas, Faces, draw_faces
+from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.model.target_model import CameraIntrinsics
+from hil.board.svd.refine.edges import limit_one_step, parameter_scale
+from hil.board.svd.refine.motion_images import motion_images
+
+Array = np.ndarray
+
+# Where a residual stops counting, in units of its robust spread.
+TUKEY = 4.0
+
+# How far an edge may be from where it is drawn: at the end, and more for each pixel of blur [canvas px].
+FLOOR_PX, SLACK = 0.2, 0.6
+
+# Steps on blurred pictures are made longer by this: they fall short, for the levels follow the error of the pose.
+RELAX = 1.5
+
+# What is not drawn outweighs the noise: variance over that of the normal equations, so that errors against
+# development frames have the median of chi-square (eval-black and eval-earth, seeds 6001 and 6002).
+INFLATION = 150.0
+
+# A pixel that a shift by a pixel of the canvas changes by less, in units of the noise, is left out of a step: these are
+# one in three, and hold less than a thousandth of what the picture says.
+TELLS = 0.02
+
+# Groups of faces whose brightness is found together with the pose, and at the end.
+JOINT, JOINT_AT_END = 16, 40
+
+# Verification: blur against noise [canvas px], and the residual beyond which more costs no more [noise].
+SCORE_BLUR_PX, BOUND = 0.8, 6.0
+
+# Share of a pixel covered from which it counts where there is a texture behind.
+COVERED = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoFit:
+    """A pose aligned on the picture.
+
+    Parameters
+    ----------
+    q, t : (4,), (3,). cost : mean robust residual in noise units. covariance : (6, 6) of turn [rad] and
+    shift [m], camera axes.
+    """
+
+    q: Array
+    t: Array
+    cost: float
+    covariance: Array
+
+
+def photo_align(
+    q: Array,
+    t: Array,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    radius_m: float,
+    blurs_px: Tuple[float, ...],
+    sun: Optional[Sunlight] = None,
+    relax: float = RELAX,
+    joint: int = JOINT,
+) -> PhotoFit:
+    """Gauss-Newton on the difference of the picture and the drawn craft.
+
+    Parameters
+    ----------
+    camera : a pinhole (see ``Canvas.rays``). blurs_px : blur of both pictures in each iteration [canvas px]: wide
+        first, to reach far. sun : casts shadows; None draws none. relax : how much longer
+        steps on blurred pictures are made. joint : groups whose brightness is found together with the pose.
+    """
+    fit = PhotoFit(q, t, 9.9, INFLATION * np.eye(6))
+    for blur in blurs_px:
+        shading = photo_draw(fit.q, fit.t, faces, canvas, camera, sun)
+        longer = relax if blur > 0 else 1.0
+        step = photo_step(fit, shading, faces, canvas, camera, radius_m, blur, longer, joint)
+        if step is None:
+            break
+        fit = step
+    return fit
+
+
+def photo_draw(
+    q: Array, t: Array, faces: Faces, canvas: Canvas, camera: CameraIntrinsics, sun: Optional[Sunlight] = None
+) -> Shading:
+    """The craft drawn at a pose, as bright as the picture says; parameters as in ``photo_align``."""
+    R = quat.matrix(q)
+    seen = draw_faces(faces, faces.order(-R.T @ t), camera, R, t, canvas)
+    return photo_shade(seen, q, t, faces, canvas, camera, sun)
+
+
+def photo_shade(
+    seen: Array,
+    q: Array,
+    t: Array,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    sun: Optional[Sunlight] = None,
+) -> Shading:
+    """The same where the faces ``seen`` at the pose are drawn already."""
+    dark = None if sun is None else sun.shadows(faces, seen, canvas, camera, quat.matrix(q), t)
+    return shade(faces, seen, canvas, dark)
+
+
+def photo_step(
+    fit: PhotoFit,
+    shading: Shading,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    radius_m: float,
+    blur: float,
+    relax: float = RELAX,
+    joint: int = JOINT,
+) -> Optional[PhotoFit]:
+    """One step from the pose that ``shading`` was drawn at; None where the picture says nothing.
+
+    Parameters
+    ----------
+    others as in ``photo_align``.
+    """
+    R, t = quat.matrix(fit.q), fit.t
+    noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
+    native = library()
+    if native is not None and shading.group.dtype == np.uint8:
+        blurs = OPTICS_PX / canvas.factor, blur, float(np.hypot(blur, OPTICS_PX / canvas.factor))
+        slack = (FLOOR_PX + SLACK * blur) ** 2
+        G, total, rows = native_step.gram(
+            native, shading, faces, canvas, camera, R, t, blurs, noise, slack, TUKEY**2, joint
+        )
+    else:
+        G, total, rows = _gram(shading, faces, canvas, camera, R, t, blur, noise, joint)
+    if rows < 30:
+        return None
+    H, g, cost = projected(G)
+    scale = parameter_scale(float(t[2]), radius_m)
+    step = relax * damped_step(H, g, scale, 1e-5)
+    step = limit_one_step(step, t, radius_m)
+    cost = float(np.sqrt(cost / max(total, 1e-12))) / noise
+    return PhotoFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, INFLATION * _inverse(H))
+
+
+def _inverse(H: Array) -> Array:
+    """Inverse of a normal matrix, the pseudo-inverse where there is none: that alone costs as much as ten of these."""
+    try:
+        return np.asarray(np.linalg.inv(H))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(H))
+
+
+def _gram(
+    shading: Shading,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    R: Array,
+    t: Array,
+    blur: float,
+    noise: float,
+    joint: int,
+) -> Tuple[Array, float, int]:
+    """As ``kernels.step.gram``, by numpy."""
+    optics = float(np.hypot(blur, OPTICS_PX / canvas.factor))
+    shown, slope = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))
+    drawn = blurred(shown, blur)
+    e = canvas.blurred(blur) - drawn
+    D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t)]
+    across, down = canvas.scale
+    least = TELLS * noise / (max(abs(float(t[2])), 1e-9) * canvas.fine)
+    use = (np.abs(D[3]) > least * across * camera.fx_px) | (np.abs(D[4]) > least * down * camera.fy_px)
+    rows, w = _weights(e, drawn, use, shading.centre > 0, noise, blur)
+    A = np.zeros((joint + 8, len(rows)), np.float32)
+    k = coverage(shading, canvas, joint, optics, rows, A)
+    for j, x in enumerate((*D, e)):
+        x.ravel().take(rows, out=A[k + j], mode="clip")
+    A = A[: k + 7]
+    if slope is not None:
+        A[:-1] *= blurred(slope, blur).ravel().take(rows)
+    A *= np.sqrt(w)
+    return (A @ A.T).astype(float), float(w.sum()), len(rows)
+
+
+def _weights(
+    e: Array, drawn: Array, use: Array, craft: Array, noise: float, blur: float
+) -> Tuple[Array, Array]:
+    """Residuals that count, as flat indices (N,), and the weight (N,) float32 of each.
+
+    From its noise, how far borders may still be off, and Tukey's bound.
+    """
+    gx = cv2.Sobel(drawn, cv2.CV_32F, 1, 0, scale=0.125)
+    gy = cv2.Sobel(drawn, cv2.CV_32F, 0, 1, scale=0.125)
+    rows = np.flatnonzero(use)
+    craft = craft.ravel().take(rows)
+    gx, gy, e = (a.ravel().take(rows) for a in (gx, gy, e))
+    slope = np.float32((FLOOR_PX + SLACK * blur) ** 2) * (gx * gx + gy * gy)
+    flat = slope < noise**2
+    spread = []
+    for part in (~craft, craft):
+        sample = np.abs(e[part & flat])[::2]
+        middle = float(np.partition(sample, len(sample) // 2)[len(sample) // 2]) if len(sample) else 0.0
+        spread.append(max(1.4826 * middle, noise) ** 2)
+    variance = np.array(spread, np.float32).take(craft.view(np.uint8)) + slope
+    weight = np.clip(1 - e * e / (np.float32(TUKEY**2) * variance), 0, None) ** 2 / variance
+    counts = np.flatnonzero(weight)
+    return rows.take(counts), weight.take(counts)
+
+
+def projected(G: Array) -> Tuple[Array, Array, float]:
+    """Normal matrix (6, 6), right side (6,) and squared residual of weighted rows, levels projected out.
+
+    Golub and Pereyra (1973), variable projection: a step of the pose must not be judged with brightnesses that
+    were taken from the picture at the old one.
+
+    Parameters
+    ----------
+    G : (K + 7, K + 7) products of K levels' derivatives, six of the pose and the residual, all weighted.
+    """
+    k = len(G) - 7
+    L = _loaded(G[:k, :k], 1e-6, 1e-12)
+    left = G[k:, k:] - G[k:, :k] @ np.linalg.solve(L, G[:k, k:])
+    return left[:6, :6], left[:6, 6], max(float(left[6, 6]), 0.0)
+
+
+def damped_step(H: Array, g: Array, scale: Array, damping: float) -> Array:
+    """(6,) step of the damped normal equations, in parameters of like size."""
+    A = _loaded(H * scale[:, None] * scale[None, :], damping, 1e-9)
+    return np.asarray(np.linalg.solve(A, g * scale) * scale)
+
+
+def _loaded(A: Array, share: float, least: float) -> Array:
+    """The matrix with ``share`` of its diagonal's mean and ``least`` added to each of that."""
+    A = A.copy()
+    diagonal = A.ravel()[:: len(A) + 1]
+    diagonal += share * diagonal.sum() / max(len(A), 1) + least
+    return A
+
+
+def photo_score(
+    q: Array,
+    t: Array,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    sun: Optional[Sunlight] = None,
+) -> float:
+    """How much better the drawn craft explains the picture than the background alone, 0..1.
+
+    Residuals are bounded: a shadow that is not drawn costs its area, not its depth.
+
+    Parameters
+    ----------
+    as in ``photo_align``.
+    """
+    return explained(photo_draw(q, t, faces, canvas, camera, sun), canvas)
+
+
+def explained(shading: Shading, canvas: Canvas) -> float:
+    """The same of a craft that is drawn already."""
+    if "none" not in canvas.kept:
+        noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
+        none = (canvas.blurred(SCORE_BLUR_PX) - canvas.background) / noise
+        canvas.kept["none"] = noise, none, _bounded(none)
+    noise, none, least = canvas.kept["none"]
+    native = library()
+    if native is None or shading.group.dtype != np.uint8:
+        return 1.0 - _left(shading, canvas, noise, none) / max(least, 1e-9)
+    if "told" not in canvas.kept:
+        blurs, bare = (OPTICS_PX / canvas.factor, SCORE_BLUR_PX, 1.0), none if canvas.textured else None
+        canvas.kept["told"] = native_levels.comparison(canvas, blurs, noise, BOUND**2, bare, COVERED)
+    told = canvas.kept["told"]
+    left = native_levels.explained(native, shading.picture, shading.group, canvas, told)
+    return 1.0 - left / max(least, 1e-9)
+
+
+def _left(shading: Shading, canvas: Canvas, noise: float, none: Array) -> float:
+    """As ``kernels.levels.explained``, by numpy."""
+    drawn = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))[0]
+    e = (canvas.blurred(SCORE_BLUR_PX) - blurred(drawn, SCORE_BLUR_PX)) / noise
+    if canvas.textured:
+        # clutter beside the craft is no pose's merit or fault
+        h, w = e.shape
+        cover = cv2.resize((shading.group > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+        e = np.where(blurred(cover, 1.0) > COVERED, e, none)
+    return _bounded(e)
+
+
+def photo_likeness(
+    q: Array,
+    t: Array,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    sun: Optional[Sunlight] = None,
+) -> Tuple[float, float]:
+    """How the craft drawn at a pose looks like the picture; parameters as in ``photo_align``."""
+    return likeness(photo_draw(q, t, faces, canvas, camera, sun), canvas)
+
+
+def likeness(shading: Shading, canvas: Canvas) -> Tuple[float, float]:
+    """How the drawn craft looks like the picture where it covers it, clutter beside it left out.
+
+    Returns
+    -------
+    Correlation of the two there, -1..1, and how much better the drawn craft explains these pixels than the
+    background alone, 1 at most. Both are zero where next to nothing is covered.
+    """
+    picture = shading.picture
+    h, w = canvas.gray.shape
+    cover = cv2.resize((shading.seen > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    on = blurred(cover, 1.0) > COVERED
+    drawn = blurred(picture, float(np.hypot(SCORE_BLUR_PX, OPTICS_PX / canvas.factor)))
+    drawn = canvas.response.of(drawn)[0][on].astype(float)
+    gray = canvas.blurred(SCORE_BLUR_PX)
+    noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
+    none = ((gray - canvas.background) / noise)[on]
+    gray = gray[on].astype(float)
+    if len(gray) < 30 or not gray.std() * drawn.std() > 0:
+        return 0.0, 0.0
+    covered = 1.0 - _bounded((gray - drawn) / noise) / max(_bounded(none), 1e-9)
+    return float(np.corrcoef(gray, drawn)[0, 1]), covered
+
+
+def _bounded(e: Array) -> float:
+    # the noise itself costs one everywhere: it is nobody's fault
+    return float(np.maximum(np.minimum(e * e, BOUND**2) - 1.5, 0.0).sum())

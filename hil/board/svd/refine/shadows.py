@@ -1,0 +1,122 @@
+"""A pose drawn with the shadows the craft casts on itself, the Sun where the picture wants it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Optional
+
+import numpy as np
+
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.model.face_gains import Shading
+from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.refine.photometric import explained, photo_draw, photo_shade
+
+if TYPE_CHECKING:
+    from hil.board.svd.hypotheses.hypothesis import Craft
+    from hil.board.svd.model.rasteriser import Canvas, Faces
+
+Array = np.ndarray
+
+# Directions of the Sun whose shadows are drawn, pixels that they are chosen by, and side of the craft's picture from
+# each [px]: of a pose on its way, and at its end, where the coarser picture's blunt shadows left poses 0.6 deg off.
+COARSE, FINE = (1, 240, 96), (4, 500, 160)
+
+# Steps by which the Sun's direction is made better at the end [rad], and what its shadows must explain for that: over
+# 41 development frames the median error of attitude falls by a fifth, and the table's directions lie 13 deg apart.
+STEPS_RAD, WORTH = (float(np.radians(4.0)), float(np.radians(2.0))), 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Shadowed:
+    """A craft drawn with its shadows.
+
+    Parameters
+    ----------
+    shading : as drawn. score : how well it explains the picture. sun : None where no shadows explain it better.
+    """
+
+    shading: Shading
+    score: float
+    sun: Optional[Sunlight]
+
+
+def shadowed(
+    craft: Craft,
+    faces: Faces,
+    canvas: Canvas,
+    q: Array,
+    t: Array,
+    plain: Optional[Shading] = None,
+    *,
+    seen: Optional[Array] = None,
+    coarse: bool = False,
+) -> Shadowed:
+    """The craft at a pose with the shadows that explain the picture best.
+
+    A wrong pose has the same choice of Suns, but what they cast on it does not lie where the picture is dark: over 13
+    development frames that were lost the right pose explains 0.05 to 0.55 more with its shadows, others hardly any.
+
+    Parameters
+    ----------
+    faces : of the craft. q, t : the pose. plain : drawn there without shadows, where it is; seen : or which faces
+        are seen there, where that alone is known. coarse : try
+        fewer directions on fewer pixels and leave it at that, which lets go of a third of what shadows explain.
+    """
+    camera = craft.camera.pinhole
+    if plain is None and seen is not None:
+        plain = photo_shade(seen, q, t, faces, canvas, camera)
+    plain = photo_draw(q, t, faces, canvas, camera) if plain is None else plain
+    best = Shadowed(plain, explained(plain, canvas), None)
+    if craft.suns is None:
+        return best
+
+    number, pixels, side = COARSE if coarse else FINE
+
+    def tried(sun: Sunlight) -> Shadowed:
+        shading = photo_shade(plain.seen, q, t, faces, canvas, camera, sun)
+        return Shadowed(shading, explained(shading, canvas), sun)
+
+    least = best.score + WORTH
+    for k in craft.suns.find(faces, plain, canvas, camera, quat.matrix(q), t, number, pixels):
+        best = max(best, tried(craft.suns.sunlight(faces, k, side)), key=_score)
+    if coarse or best.score < least:
+        return best
+    for step in STEPS_RAD:
+        for axis in range(2):
+            for way in (1.0, -1.0):
+                sun = best.sun
+                if sun is None:
+                    continue
+                best = max(
+                    best,
+                    tried(Sunlight.of(faces, _beside(sun, step, way * sun.axes[axis]), side)),
+                    key=_score,
+                )
+                if best.sun is not sun:
+                    # where one side is better the other is not
+                    break
+    return best
+
+
+def sharpened(
+    craft: Craft, faces: Faces, canvas: Canvas, q: Array, t: Array, drawn: Shadowed, side: int
+) -> Shadowed:
+    """The same with the shadows of a Sun's picture of ``side`` pixels, where these explain more.
+
+    What is thin shades nothing on a coarse one: a wing's edge is a third of such a pixel.
+    """
+    if drawn.sun is None:
+        return drawn
+    sun = Sunlight.of(faces, drawn.sun.direction, side)
+    shading = photo_shade(drawn.shading.seen, q, t, faces, canvas, craft.camera.pinhole, sun)
+    return max(drawn, Shadowed(shading, explained(shading, canvas), sun), key=_score)
+
+
+def _score(drawn: Shadowed) -> float:
+    return drawn.score
+
+
+def _beside(sun: Sunlight, angle_rad: float, side: Array) -> Array:
+    """Direction (3,) beside the Sun's, towards a unit vector ``side`` (3,) across it."""
+    return np.asarray(np.cos(angle_rad) * sun.direction + np.sin(angle_rad) * side)

@@ -1,0 +1,55 @@
+"""The craft drawn at a pose beside the picture, with and without the shadows it casts on itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Optional
+
+import numpy as np
+
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.hypotheses.hypothesis import Craft, Frame
+from hil.board.svd.model.face_gains import OPTICS_PX, blurred
+from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.refine.photometric import photo_draw
+from hil.board.svd.refine.shadows import shadowed
+
+Array = np.ndarray
+
+# Longest side of the drawing [px].
+LONGEST_PX = 380
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """What the picture is compared with at one pose.
+
+    Parameters
+    ----------
+    picture, plain : (h, w) float32 the picture there, and the craft drawn with one brightness for each group.
+    shadowed : (h, w) with shadows; None where no Sun was found. sun : (3,) unit vector to it, camera axes.
+    full : largest value of the picture's scale. noise : standard deviation of ``picture``.
+    """
+
+    picture: Array
+    plain: Array
+    shadowed: Optional[Array]
+    sun: Optional[Array]
+    full: float
+    noise: float
+
+
+def draw_at(craft: Craft, frame: Frame, q: Array, t: Array) -> Optional[Drawn]:
+    """The drawing at a pose; None for a target without faces."""
+    faces = craft.model.faces
+    if faces is None:
+        return None
+    canvas = make_canvas(craft, frame, craft_box(craft, q, t), LONGEST_PX)
+    plain = photo_draw(q, t, faces, canvas, craft.camera.pinhole).picture
+    best = shadowed(craft, faces, canvas, q, t)
+    optics = OPTICS_PX / canvas.factor
+    plain, dark = (canvas.response.of(blurred(p, optics))[0] for p in (plain, best.shading.picture))
+    if best.sun is None:
+        return Drawn(canvas.gray, plain, None, None, canvas.full, canvas.sigma)
+    sun = quat.matrix(q) @ best.sun.direction
+    return Drawn(canvas.gray, plain, dark, sun, canvas.full, canvas.sigma)
