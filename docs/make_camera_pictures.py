@@ -17,10 +17,10 @@ from simulator.camera.presets import sensor_preset
 from simulator.camera.sensor import Detector, Sensor
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.scene.develop import digitise_scene, expose_scene
 from simulator.scene.state import SceneState
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.frames.rotation import matrix_from_quat
 
 TILE = (300, 225)
 QUIET = Detector(

@@ -12,14 +12,19 @@ import flyaround as fa
 from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.dataset.poses import scene_with_pose
-from simulator.scene.bands import sunlight_balance
+from simulator.scene.illumination.bands import sunlight_balance
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import place_itrs_m, scene_above
-from simulator.world.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris import moon_eci_m, sun_eci_m
-from simulator.world.pose import Pose
-from simulator.world.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec, quat_normalize
-from simulator.world.time import Instant
+from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from simulator.world.frames.pose import Pose
+from simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_from_matrix,
+    quat_from_rotvec,
+    quat_normalize,
+)
+from simulator.world.time.instant import Instant
 
 DOCS = Path(__file__).parent
 SIZE = (1120, 700)

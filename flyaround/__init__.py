@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from simulator.labels.truth import Truth, read_truth
     from simulator.loop import Plan, Sink, plan_flight, run_frames
     from simulator.render.renderer import Renderer
-    from simulator.scenario import Scenario
-    from simulator.scenario_load import list_scenarios, load_scenario
+    from simulator.scenario.load import list_scenarios, load_scenario
+    from simulator.scenario.scenario import Scenario
     from simulator.scene.state import Environment, SceneState
     from simulator.targets.glb import load_glb
     from simulator.targets.glb_write import write_glb
     from simulator.targets.library import list_targets, load_target
     from simulator.targets.model import Target
-    from simulator.world.pose import Pose
+    from simulator.world.frames.pose import Pose
 
     __version__: str
 
@@ -81,10 +81,10 @@ _HOMES = {
     "Environment": "simulator.scene.state",
     "Frame": "simulator.labels.frame",
     "Plan": "simulator.loop",
-    "Pose": "simulator.world.pose",
+    "Pose": "simulator.world.frames.pose",
     "PoseResult": "hil.board.svd",
     "Renderer": "simulator.render.renderer",
-    "Scenario": "simulator.scenario",
+    "Scenario": "simulator.scenario.scenario",
     "SceneState": "simulator.scene.state",
     "Sensor": "simulator.camera.sensor",
     "Sink": "simulator.loop",
@@ -96,11 +96,11 @@ _HOMES = {
     "draw_truth": "simulator.labels.overlay",
     "estimate": "hil.evaluate.estimate",
     "list_cameras": "simulator.camera.files",
-    "list_scenarios": "simulator.scenario_load",
+    "list_scenarios": "simulator.scenario.load",
     "list_targets": "simulator.targets.library",
     "load_camera": "simulator.camera.files",
     "load_glb": "simulator.targets.glb",
-    "load_scenario": "simulator.scenario_load",
+    "load_scenario": "simulator.scenario.load",
     "load_target": "simulator.targets.library",
     "plan_flight": "simulator.loop",
     "read_truth": "simulator.labels.truth",

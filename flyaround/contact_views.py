@@ -11,11 +11,11 @@ import numpy as np
 from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.camera.sensor import Sensor
-from simulator.scene.bands import sun_irradiance_w_m2
 from simulator.scene.environments import NOTHING
+from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.scene.state import SceneState, TargetRef
 from simulator.world.constants import AU_M
-from simulator.world.rotation import quat_from_matrix
+from simulator.world.frames.rotation import quat_from_matrix
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

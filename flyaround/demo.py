@@ -27,7 +27,7 @@ from simulator.dataset.check import check_dataset
 from simulator.errors import UserError
 from simulator.files import empty_folder, write_json
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

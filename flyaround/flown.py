@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from simulator.errors import UserError
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
-    from simulator.scenario import Scenario
+    from simulator.scenario.scenario import Scenario
 
 
 def load_flown(name: str, command: str) -> Scenario:
@@ -22,7 +22,7 @@ def load_flown(name: str, command: str) -> Scenario:
     try:
         return load_scenario(name)
     except UserError:
-        from simulator.recipe import list_recipes  # noqa: PLC0415 - slow to import, and hardly ever asked for
+        from simulator.scenario.recipes import list_recipes  # noqa: PLC0415 - slow to import, and hardly ever asked for
 
         if name not in list_recipes():
             raise

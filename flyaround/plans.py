@@ -7,9 +7,9 @@ import msgspec
 from simulator.camera.files import read_camera_file
 from simulator.errors import UserError
 from simulator.loop import Plan, plan_flight
-from simulator.recipe import RecipePlan, list_recipes, plan_recipe
-from simulator.scenario_load import load_scenario
-from simulator.scenario_picture import environment_section
+from simulator.scenario.load import load_scenario
+from simulator.scenario.picture import environment_section
+from simulator.scenario.recipes import RecipePlan, list_recipes, plan_recipe
 from simulator.scene.environments import environment_preset
 from simulator.scene.state import Bands, Quality
 

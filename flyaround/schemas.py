@@ -12,7 +12,7 @@ from hil.host.summary import summary_schema
 from simulator.dataset.card import card_json_schema
 from simulator.files import write_atomic
 from simulator.labels.truth import truth_json_schema
-from simulator.scenario_load import scenario_json_schema
+from simulator.scenario.load import scenario_json_schema
 from simulator.targets.records import board_json_schema, target_json_schema
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"

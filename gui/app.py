@@ -23,7 +23,7 @@ from gui.window import Window, import_parts
 from simulator.dataset.picture import save_picture
 from simulator.errors import UserError
 from simulator.files import empty_folder, write_atomic
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable

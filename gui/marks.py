@@ -9,7 +9,7 @@ import numpy as np
 
 from simulator.labels.boxes import amodal_box
 from simulator.labels.occlusion import Mesh, hidden_from_direction, occluded_from_camera
-from simulator.world.rotation import rotation_angle_rad
+from simulator.world.frames.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
     from gui.look import Overlays

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.arrays import Vec3, vec3
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from simulator.scene.state import SceneState
-    from simulator.world.state import WorldState
+    from simulator.world.flight.state import WorldState
 
 
 @dataclass(frozen=True, kw_only=True)

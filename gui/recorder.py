@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, TextIO
 
 from simulator.errors import UserError
 from simulator.files import empty_folder, write_atomic
-from simulator.scenario_write import replay_scenario
-from simulator.world.recording import LINES, Recording, first_line, line_of
+from simulator.scenario.write import replay_scenario
+from simulator.world.flight.recording import LINES, Recording, first_line, line_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from simulator.scenario import Scenario
-    from simulator.world.state import WorldState
+    from simulator.scenario.scenario import Scenario
+    from simulator.world.flight.state import WorldState
 
 EVERY_S = 0.1
 """Simulated time between the states that are kept; at higher rates each step of the session is one."""

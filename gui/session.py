@@ -12,21 +12,21 @@ from gui.keys import STEERING, THRUST, Action
 from gui.recorder import Recorder
 from simulator.arrays import Vec3, vec3
 from simulator.loop import plan_flight
-from simulator.scenario_chaser import keep_out
-from simulator.scenario_flight import fly
-from simulator.world.prediction import predicted_drift_lvlh_m
-from simulator.world.rotation import matrix_from_quat
-from simulator.world.steer import ChaserState, Command, guarded_command, step
+from simulator.scenario.chaser import keep_out
+from simulator.scenario.flight import fly
+from simulator.world.frames.rotation import matrix_from_quat
+from simulator.world.guidance.manual_control import ChaserState, Command, guarded_command, step
+from simulator.world.relative.prediction import predicted_drift_lvlh_m
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
     from simulator.arrays import FloatArray
     from simulator.loop import Plan
-    from simulator.scenario import Scenario
+    from simulator.scenario.scenario import Scenario
     from simulator.scene.state import SceneState
-    from simulator.world.flight import Flight
-    from simulator.world.state import WorldState
+    from simulator.world.flight.flight import Flight
+    from simulator.world.flight.state import WorldState
 
 Mode = Literal["guidance", "steer"]
 

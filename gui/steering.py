@@ -8,14 +8,14 @@ import numpy as np
 
 from gui.keys import THRUST, TURN, Action
 from simulator.arrays import Vec3, vec3
-from simulator.world.rotation import matrix_from_quat, quat_from_rotvec
-from simulator.world.steer import ChaserState, Command
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
+from simulator.world.guidance.manual_control import ChaserState, Command
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
     from simulator.arrays import FloatArray
-    from simulator.world.lvlh import Lvlh
+    from simulator.world.frames.lvlh import Lvlh
 
 ACCELERATION_M_S2 = 0.05
 """Thrust per mass of one key: two seconds of it make 0.1 m/s, an inspection's pace."""

@@ -12,7 +12,7 @@ from simulator.camera.develop import expose
 from simulator.camera.model import Camera
 from simulator.errors import UserError
 from simulator.labels.frame import Frame, take_frame
-from simulator.scenario_flight import fly, frame_times
+from simulator.scenario.flight import fly, frame_times
 from simulator.scene.auto_exposure import AutoExposure, ExposureTrack
 from simulator.scene.build import build_scene
 from simulator.scene.meter import metered_radiance_w_m2_sr
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from simulator.render.renderer import Renderer
-    from simulator.scenario import Scenario
-    from simulator.world.flight import Flight
-    from simulator.world.state import WorldState
+    from simulator.scenario.scenario import Scenario
+    from simulator.world.flight.flight import Flight
+    from simulator.world.flight.state import WorldState
 
 
 class Sink(Protocol):

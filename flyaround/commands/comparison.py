@@ -25,7 +25,7 @@ from simulator.validation.pictures.figures import FIGURES
 from simulator.validation.pictures.likeness import FoundPose
 from simulator.validation.pictures.page import write_comparison
 from simulator.validation.pictures.references import read_references
-from simulator.world.pose import Pose
+from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from simulator.targets.model import Target

@@ -21,13 +21,13 @@ from simulator.dataset.contact_sheet import write_contact_sheets
 from simulator.errors import UserError
 from simulator.files import empty_folder, write_atomic
 from simulator.loop import plan_flight
-from simulator.recipe import RECIPES
-from simulator.scenario_load import list_scenarios, load_scenario
-from simulator.scenario_show import show_scenario
-from simulator.scenario_write import replay_scenario
-from simulator.world.flight_messages import flight_messages
-from simulator.world.flight_table import fly_table, summarise_flight
-from simulator.world.recording import record
+from simulator.scenario.load import list_scenarios, load_scenario
+from simulator.scenario.recipes import RECIPES
+from simulator.scenario.show import show_scenario
+from simulator.scenario.write import replay_scenario
+from simulator.world.flight.ccsds_export import flight_messages
+from simulator.world.flight.recording import record
+from simulator.world.flight.table import fly_table, summarise_flight
 
 
 def fly(

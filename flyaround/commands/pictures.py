@@ -22,7 +22,7 @@ from simulator.errors import UserError
 from simulator.labels.request import LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
 from simulator.render.earth_maps import EarthMaps, begin_earth_maps, begin_maps_of
-from simulator.scenario_picture import environment_section
+from simulator.scenario.picture import environment_section
 from simulator.scene.state import Bands, SceneState
 from simulator.targets.library import load_target
 from simulator.targets.model import Target

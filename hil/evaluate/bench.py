@@ -19,7 +19,7 @@ from simulator.bench.parts import PartCost, cost
 from simulator.labels.frame import take_frame
 from simulator.loop import Plan, plan_flight
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.targets.board_file import write_board_model
 
 if TYPE_CHECKING:

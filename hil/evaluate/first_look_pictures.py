@@ -25,12 +25,12 @@ from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.camera.presets import sensor_preset
 from simulator.labels.exposure import integrate, surfaces
-from simulator.recipe import BASIC, RecipePlan, scaled_range_m
 from simulator.render.renderer import Renderer
+from simulator.scenario.recipes import BASIC, RecipePlan, scaled_range_m
 from simulator.scene.develop import expose_scene
 from simulator.scene.state import Environment
 from simulator.targets.library import load_target
-from simulator.world.rotation import matrix_from_quat, quat_from_matrix
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray

@@ -15,7 +15,7 @@ import numpy as np
 from hil.evaluate.frame_record import COARSE_DEG, COARSE_SHARE
 from simulator.errors import UserError
 from simulator.regular_file import read_regular
-from simulator.world.rotation import rotation_angle_rad
+from simulator.world.frames.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
     from simulator.arrays import Quat, Vec3

@@ -1,4 +1,4 @@
-// The atmosphere's physics. CPU twin: simulator/scene/atmosphere.py; the names are the same.
+// The atmosphere's physics. CPU twin: simulator/scene/illumination/atmosphere.py; the names are the same.
 // Lengths in metres from the Earth's centre, in the space where the ellipsoid is a sphere.
 #include "common/bands.glsl"
 

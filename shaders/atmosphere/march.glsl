@@ -3,7 +3,7 @@
 
 uniform sampler2D t_transmittance;
 uniform sampler2D t_ground;
-uniform sampler2D t_multiple; // simulator/scene/multiple_scattering.py
+uniform sampler2D t_multiple; // simulator/scene/illumination/multiple_scattering.py
 
 // Share of the Sun's light that arrives at radius r_m under the zenith cosine mu [1].
 // Table mapping: Bruneton & Neyret (2008), section 4.

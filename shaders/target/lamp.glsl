@@ -1,4 +1,4 @@
-// A lamp on the chaser that shines along the camera's boresight. CPU twin: simulator/scene/lamp.py.
+// A lamp on the chaser that shines along the camera's boresight. CPU twin: simulator/scene/illumination/lamp.py.
 // LAMP: 1 led, 2 gaussian, 3 flat. u_lamp_place: xyz where it is, camera frame [m]; w: the beam's shape.
 
 // Irradiance [W m-2] of a face that looks at the lamp, at p_m (camera frame); l: unit vector to the lamp.

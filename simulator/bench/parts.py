@@ -12,19 +12,19 @@ import numpy as np
 from simulator.arrays import FloatArray
 from simulator.dataset.capture import capture
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
-from simulator.world.attitude import propagate_attitude
-from simulator.world.clohessy_wiltshire import mean_motion_rad_s
+from simulator.scenario.load import load_scenario
+from simulator.world.attitude.pointing import Pointing
+from simulator.world.attitude.rigid_body import propagate_attitude
 from simulator.world.constants import DAY_S, EARTH_RADIUS_M
-from simulator.world.controlled import fly_controlled
-from simulator.world.forces import FullForces
-from simulator.world.guidance import Hold
-from simulator.world.orbit import Elements, propagate, state_from_elements
-from simulator.world.pointing import Pointing
-from simulator.world.sky_table import SkyTable
-from simulator.world.spherical_harmonics import egm96
-from simulator.world.thrusters import Thrusters
-from simulator.world.time import Instant
+from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.guidance.modes import Hold
+from simulator.world.guidance.thruster_control import fly_controlled
+from simulator.world.guidance.thrusters import Thrusters
+from simulator.world.orbit.forces import FullForces
+from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from simulator.world.orbit.spherical_harmonics import egm96
+from simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s
+from simulator.world.time.instant import Instant
 
 SCENARIO = "tango-flyaround"
 N_STATES = 200

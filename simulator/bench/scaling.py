@@ -13,7 +13,7 @@ import numpy as np
 from simulator.labels.frame import take_frame
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.scene.state import TargetRef
 from simulator.targets.model import MassProperties, Material, Part, Target
 

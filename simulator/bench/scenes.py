@@ -15,7 +15,7 @@ from simulator.labels.frame import take_frame
 from simulator.loop import plan_flight
 from simulator.render.reference_pass import ReferencePass
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -19,7 +19,7 @@ from simulator.threads import use_one_for_matrices
 keep_freed_memory()  # as the program does
 use_one_for_matrices()
 from simulator.render.earth_maps import begin_earth_maps
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 scenario = load_scenario("{SCENE}")
 bands = scenario.output.bands
 begun = begin_earth_maps(bands, scenario.environment_model, scenario.epoch_utc)

@@ -35,8 +35,8 @@ from simulator.labels.truth import Truth, read_truth
 from simulator.regular_file import read_regular
 from simulator.targets.library import load_target
 from simulator.text_files import refuse_deep
-from simulator.world.eclipse import sun_fraction_past_both
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -8,7 +8,7 @@ import numpy as np
 
 from simulator.camera.detector import white_balance
 from simulator.camera.develop import noise_sigma
-from simulator.scene.bands import sunlight_balance
+from simulator.scene.illumination.bands import sunlight_balance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,7 +10,7 @@ import numpy as np
 from simulator.dataset.mask_pixels import lit_pixels
 from simulator.labels.exposure import pose_at_rows
 from simulator.labels.occlusion import mesh_of
-from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
 
 if TYPE_CHECKING:
     from simulator.arrays import BoolArray, ByteArray, FloatArray, IntArray

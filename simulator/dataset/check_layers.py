@@ -16,7 +16,7 @@ from simulator.dataset.raycast import ray_caster
 from simulator.labels.exposure import BAND_PX
 from simulator.labels.layers import layer_hash
 from simulator.labels.occlusion import SURFACE_TOLERANCE_M
-from simulator.world.pose import Pose
+from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.pose import Pose
-from simulator.world.rotation import matrix_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply
+from simulator.world.frames.pose import Pose
+from simulator.world.frames.rotation import matrix_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply
 
 if TYPE_CHECKING:
     from simulator.labels.truth import Truth

@@ -14,7 +14,7 @@ import numpy as np
 from simulator.dataset.check_geometry import PIXEL_TOLERANCE_PX, in_lens, project_with_opencv
 from simulator.dataset.check_rows import pose_of_row
 from simulator.memory import kept_with
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

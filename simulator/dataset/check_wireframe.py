@@ -9,7 +9,7 @@ import numpy as np
 
 from simulator.dataset.check_geometry import in_lens, project_with_opencv
 from simulator.dataset.raycast import RayCaster, ray_caster
-from simulator.world.pose import Pose
+from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.camera.develop import expose
-from simulator.scene.bands import sunlight_balance
+from simulator.scene.illumination.bands import sunlight_balance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from simulator.arrays import ByteArray
     from simulator.camera.model import Camera
-    from simulator.scenario import Scenario
+    from simulator.scenario.scenario import Scenario
 
 COLUMNS, ROWS = 3, 2
 WIDTH_PX = 480

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from simulator.render.earth_maps import EarthMaps
     from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target
-    from simulator.world.pose import Pose
+    from simulator.world.frames.pose import Pose
 
 SUFFIXES = (".png", ".npy", ".exr")
 

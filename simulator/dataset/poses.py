@@ -13,9 +13,9 @@ import numpy as np
 from simulator.arrays import quat, vec3
 from simulator.errors import UserError
 from simulator.regular_file import read_regular
-from simulator.world.eclipse import sun_fraction_past_both
-from simulator.world.pose import Pose
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.frames.pose import Pose
+from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from pathlib import Path

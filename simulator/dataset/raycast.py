@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from simulator.arrays import FloatArray, IntArray
     from simulator.dataset.nearby import Nearby
     from simulator.targets.model import Target
-    from simulator.world.pose import Pose
+    from simulator.world.frames.pose import Pose
 
 NEAR_M = 1e-3
 FLAT = 1e-14  # twice the area of a triangle seen edge-on, in the plane z = 1

@@ -20,8 +20,8 @@ from simulator.labels.boxes import box_3d_m
 from simulator.labels.smear import smear
 from simulator.render.view import POLE_M
 from simulator.scene.motion import scene_at
-from simulator.world.bodies import BODIES
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.ephemeris.bodies import BODIES
+from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -14,7 +14,7 @@ from simulator.labels.boxes import craft_window
 from simulator.labels.exposure import surfaces
 from simulator.labels.request import OF_SURFACES
 from simulator.scene.develop import digitise_scene
-from simulator.world.pose import Pose
+from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -17,7 +17,7 @@ from simulator.arrays import BoolArray, FloatArray, IntArray, vec3
 from simulator.labels.screen import across, seen_from_camera, seen_from_direction
 from simulator.memory import kept_with
 from simulator.targets.shells import is_closed
-from simulator.world.pose import Pose
+from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -21,7 +21,7 @@ from simulator.targets.plane_grid import PlaneGrid
 if TYPE_CHECKING:
     from simulator.arrays import BoolArray, FloatArray, IntArray
     from simulator.labels.occlusion import Mesh
-    from simulator.world.pose import Pose
+    from simulator.world.frames.pose import Pose
 
 NEAR_M = 1e-3  # a triangle that reaches closer to the lens's plane, or behind it, has no projection
 # Triangles seen edge-on hide nothing: twice their area on the plane z = 1, and seen from a far light [m2].

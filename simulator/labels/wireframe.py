@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from simulator.camera.model import Camera
     from simulator.labels.occlusion import Mesh
     from simulator.targets.model import Edge, Target
-    from simulator.world.pose import Pose
+    from simulator.world.frames.pose import Pose
 
 NEAR_M = 0.05
 ROD = 1.2

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.cache import cached_array
-from simulator.scene.atmosphere import (
+from simulator.scene.illumination.atmosphere import (
     MultipleScattering,
     earth_atmosphere,
     ground_irradiance,
     optical_depth_to_top,
 )
-from simulator.scene.multiple_scattering import multiple_scattering
+from simulator.scene.illumination.multiple_scattering import multiple_scattering
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array
-    from simulator.scene.atmosphere import Atmosphere
+    from simulator.scene.illumination.atmosphere import Atmosphere
     from simulator.scene.state import Bands
 
 RADII, COSINES = 64, 128  # of the transmittance table
@@ -36,7 +36,7 @@ class AirTables:
     ----------
     transmittance : (RADII, COSINES, n) to the top, in the mapping of Bruneton & Neyret (2008), section 4.
     ground : (GROUND_SAMPLES, n) direct plus diffuse irradiance on level ground over the Sun's.
-    multiple : (HEIGHTS, SUNS, n) light scattered twice or more; simulator/scene/multiple_scattering.py.
+    multiple : (HEIGHTS, SUNS, n) light scattered twice or more; simulator/scene/illumination/multiple_scattering.py.
     """
 
     air: Atmosphere

@@ -16,8 +16,8 @@ from simulator.render.noise import detail_texture
 from simulator.render.seasons import Season, month_gains, relief, season
 from simulator.render.shoals import missing_sources, shoals
 from simulator.render.skylight import albedo_of_day
-from simulator.scene.atmosphere import earth_atmosphere
-from simulator.scene.multiple_scattering import HEIGHTS, SUNS
+from simulator.scene.illumination.atmosphere import earth_atmosphere
+from simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
 from simulator.threads import beside_the_caller
 
 if TYPE_CHECKING:

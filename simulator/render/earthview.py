@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
     from simulator.render.view import View
-    from simulator.scene.atmosphere import Atmosphere
+    from simulator.scene.illumination.atmosphere import Atmosphere
 
 _GRID = 33  # rays per side of the image that look for what is in view
 

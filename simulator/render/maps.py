@@ -39,7 +39,7 @@ VERSION = 9  # of the packing below; part of the cache's key
 # broadband reflectances (0.35, 0.03-0.05, 0.6-0.7; Liang 2001, Narrowband to broadband conversions). No leaf and no
 # soil is as black as the picture's dark colours: a canopy returns 0.02 of the blue and of the red
 _REFLECTANCE_SCALE, _REFLECTANCE_POWER, _DARKEST = 0.66, 1.7, 0.018
-PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/scene/bands.py
+PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/scene/illumination/bands.py
 _ICE_LATITUDE_DEG = 50.0  # there is none nearer to the equator
 _ICE_REFLECTANCE = 0.22  # water brighter than this is ice, drawn as land
 _ICE_REACH = 8  # texels beyond a strip that the blur of the ice looks at

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.projection import PixelRect
-from simulator.scene.bands import sun_irradiance_w_m2
-from simulator.scene.moonlight import MOON_RADIUS_M, moon_albedo
-from simulator.scene.refraction import shadow_profile
-from simulator.world.rotation import matrix_from_quat
+from simulator.scene.illumination.bands import sun_irradiance_w_m2
+from simulator.scene.illumination.moonlight import MOON_RADIUS_M, moon_albedo
+from simulator.scene.illumination.refraction import shadow_profile
+from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

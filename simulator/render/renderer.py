@@ -28,7 +28,7 @@ from simulator.render.software.quad_packing import LEAST_SHARE, FoursPass
 from simulator.render.software.tiles import all_alike, earth_cells
 from simulator.render.uniform_values import earth_values, frame_values, moon_values
 from simulator.render.view import build_view, sky_light
-from simulator.scene.bands import bands_of
+from simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from simulator.render.skylight import SkyLight
     from simulator.render.software.tiles import Cells
     from simulator.render.view import View
-    from simulator.scene.atmosphere import Atmosphere
+    from simulator.scene.illumination.atmosphere import Atmosphere
     from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from simulator.render.skylight import axes_about, spiral
 from simulator.render.transfer import PATCH, RETURNED_STEP, baked_transfer, harmonics
-from simulator.scene.bands import reflectance
+from simulator.scene.illumination.bands import reflectance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -19,7 +19,7 @@ import numpy as np
 from simulator.render.cache import cached_array
 from simulator.render.maps import maps_key, packed_maps
 from simulator.render.sea_ice import sea_ice
-from simulator.scene.moonlight import moonlight_share
+from simulator.scene.illumination.moonlight import moonlight_share
 
 if TYPE_CHECKING:
     from simulator.arrays import Float32Array, FloatArray

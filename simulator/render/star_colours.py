@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.bands import bands_of
+from simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.view import EQUATOR_M, POLE_M
-from simulator.scene.atmosphere import SUN_ANGULAR_RADIUS_RAD
+from simulator.scene.illumination.atmosphere import SUN_ANGULAR_RADIUS_RAD
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from simulator.render.earthview import EarthView
     from simulator.render.moonview import MoonView
     from simulator.render.view import View
-    from simulator.scene.atmosphere import Atmosphere
+    from simulator.scene.illumination.atmosphere import Atmosphere
     from simulator.scene.state import SceneState
 
 

@@ -14,12 +14,12 @@ from simulator.render.skylight import (
     moon_on_plates,
     no_light,
 )
-from simulator.scene.bands import bands_of, sun_irradiance_w_m2
-from simulator.scene.moonlight import moonlight_share
-from simulator.scene.refraction import sunlight_past_earth
+from simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
+from simulator.scene.illumination.moonlight import moonlight_share
+from simulator.scene.illumination.refraction import sunlight_past_earth
 from simulator.world.constants import MOON_RADIUS_M
-from simulator.world.eclipse import sun_fraction_past_sphere
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere
+from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

@@ -10,13 +10,13 @@ from simulator.arrays import Vec3, quat, vec3
 from simulator.camera.optics import Optics
 from simulator.camera.shutter import Shutter
 from simulator.scene.state import Bands, Environment, Quality, SceneState, TargetRef
-from simulator.world.rotation import matrix_from_quat, quat_multiply
+from simulator.world.frames.rotation import matrix_from_quat, quat_multiply
 
 if TYPE_CHECKING:
     from simulator.camera.model import Camera
     from simulator.camera.sensor import Sensor
-    from simulator.scene.lamp import Lamp
-    from simulator.world.state import WorldState
+    from simulator.scene.illumination.lamp import Lamp
+    from simulator.world.flight.state import WorldState
 
 
 def build_scene(

@@ -8,7 +8,7 @@ import numpy as np
 
 from simulator.camera.check import optics_problem, response_problem, sensor_problem
 from simulator.camera.model import camera_problem
-from simulator.world.time import Instant
+from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
     from simulator.scene.state import SceneState

@@ -9,7 +9,7 @@ import numpy as np
 from simulator.camera.detector import white_balance
 from simulator.camera.develop import Surroundings, digitise, expose
 from simulator.camera.recipe_noise import begin_noise
-from simulator.scene.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
+from simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
 
 if TYPE_CHECKING:
     from collections.abc import Callable

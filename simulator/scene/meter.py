@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.bands import PANCHROMATIC, reflectance, sun_irradiance_w_m2
-from simulator.world.bodies import BODIES
-from simulator.world.rotation import matrix_from_quat
+from simulator.scene.illumination.bands import PANCHROMATIC, reflectance, sun_irradiance_w_m2
+from simulator.world.ephemeris.bodies import BODIES
+from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.arrays import quat, vec3
-from simulator.world.bodies import BODIES
-from simulator.world.rotation import (
+from simulator.world.ephemeris.bodies import BODIES
+from simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
     quat_from_rotvec,
     quat_multiply,
     quat_normalize,
 )
-from simulator.world.time import Instant
+from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

@@ -12,10 +12,10 @@ from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Sensor
 from simulator.camera.shutter import Shutter
-from simulator.scene.lamp import Lamp
-from simulator.world.bodies import BodyName
-from simulator.world.pose import Pose
-from simulator.world.rotation import matrix_from_quat
+from simulator.scene.illumination.lamp import Lamp
+from simulator.world.ephemeris.bodies import BodyName
+from simulator.world.frames.pose import Pose
+from simulator.world.frames.rotation import matrix_from_quat
 
 Bands = Literal["mono", "rgb"]
 Quality = Literal["draft", "default", "high"]

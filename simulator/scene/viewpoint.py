@@ -9,12 +9,12 @@ import numpy as np
 from simulator.arrays import quat, vec3
 from simulator.camera.presets import sensor_preset
 from simulator.scene.state import Bands, Environment, Quality, SceneState
-from simulator.world.earth_orientation import q_itrs_from_eci
-from simulator.world.eclipse import sun_fraction_past_both
-from simulator.world.ephemeris import moon_eci_m, sun_eci_m
-from simulator.world.moon import q_moon_from_eci
-from simulator.world.rotation import matrix_from_quat, quat_from_matrix
-from simulator.world.time import Instant
+from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.ephemeris.moon_orientation import q_moon_from_eci
+from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

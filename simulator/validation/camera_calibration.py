@@ -11,7 +11,7 @@ import numpy as np
 from simulator.camera.lens import Distortion
 from simulator.camera.model import Camera
 from simulator.camera.presets import sensor_preset
-from simulator.recipe import plan_recipe
+from simulator.scenario.recipes import plan_recipe
 from simulator.scene.develop import digitise_scene, expose_scene
 from simulator.targets.craft.chessboard import COLUMNS, ROWS, SQUARE_M
 

@@ -15,7 +15,7 @@ import numpy as np
 from simulator.camera.detector import detect, white_balance
 from simulator.camera.optics import Optics
 from simulator.camera.presets import sensor_preset
-from simulator.scene.bands import sunlight_balance
+from simulator.scene.illumination.bands import sunlight_balance
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

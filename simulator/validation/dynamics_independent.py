@@ -13,15 +13,15 @@ from sgp4.api import Satrec
 from simulator.errors import UserError
 from simulator.validation.rows import Row, arcsec, need, read_table
 from simulator.world.constants import DAY_S
-from simulator.world.earth_orientation import R_itrs_from_eci
-from simulator.world.ephemeris import moon_eci_m, sun_eci_m
-from simulator.world.forces import Forces, FullForces
-from simulator.world.moon_forces import MoonForces
-from simulator.world.orbit import propagate
-from simulator.world.sky_table import SkyTable
-from simulator.world.spherical_harmonics import egm96
-from simulator.world.time import Instant
-from simulator.world.tle import R_eci_from_teme, state_from_tle
+from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
+from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from simulator.world.messages.tle import R_eci_from_teme, state_from_tle
+from simulator.world.orbit.forces import Forces, FullForces
+from simulator.world.orbit.moon_forces import MoonForces
+from simulator.world.orbit.propagation import propagate
+from simulator.world.orbit.spherical_harmonics import egm96
+from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.validation.rows import Row
-from simulator.world.attitude import propagate_attitude
-from simulator.world.clohessy_wiltshire import mean_motion_rad_s, transition_matrix
+from simulator.world.attitude.rigid_body import propagate_attitude
 from simulator.world.constants import DAY_S, MU_EARTH_M3_S2
-from simulator.world.gravity import Gravity
-from simulator.world.lvlh import lvlh_frame
-from simulator.world.orbit import Elements, propagate, state_from_elements
-from simulator.world.rotation import matrix_from_quat
-from simulator.world.yamanaka_ankersen import elliptic_transition_matrix
+from simulator.world.frames.lvlh import lvlh_frame
+from simulator.world.frames.rotation import matrix_from_quat
+from simulator.world.orbit.gravity import Gravity
+from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s, transition_matrix
+from simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray
-    from simulator.world.orbit import OrbitTrack
+    from simulator.world.orbit.propagation import OrbitTrack
 
 
 def physics() -> list[Row]:

@@ -14,13 +14,13 @@ from simulator.camera.presets import list_sensor_presets
 from simulator.camera.shutter import Shutter
 from simulator.labels.request import LAYERS, LabelRequest
 from simulator.labels.truth import FlowLabel
-from simulator.recipe import Recipe, RecipePlan
-from simulator.scene.bands import ASTRONOMICAL_UNIT_M
+from simulator.scenario.recipes import Recipe, RecipePlan
+from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from simulator.scene.motion import scene_at
 from simulator.scene.state import Environment
 from simulator.targets.library import list_targets, load_target
-from simulator.world.eclipse import sun_fraction_past_both
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from numpy.random import Generator

@@ -9,7 +9,7 @@ import numpy as np
 
 from simulator.render.skylight import spiral
 from simulator.render.view import SUN_RADIUS_M
-from simulator.scene.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 from simulator.validation.stage import ball, bare_target, square_camera, stage
 
 if TYPE_CHECKING:

@@ -24,8 +24,8 @@ from simulator.errors import UserError
 from simulator.render.cache import cached_array
 from simulator.render.skylight import spiral
 from simulator.render.view import SUN_RADIUS_M
-from simulator.scene.bands import ASTRONOMICAL_UNIT_M, reflectance, sun_irradiance_w_m2
-from simulator.world.rotation import matrix_from_quat
+from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, reflectance, sun_irradiance_w_m2
+from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

@@ -10,7 +10,7 @@ import numpy as np
 
 from simulator.render.skylight import basis, light_of_samples, spiral, uniform_light
 from simulator.render.view import SUN_RADIUS_M
-from simulator.scene.bands import ASTRONOMICAL_UNIT_M
+from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from simulator.targets.library import load_target
 from simulator.targets.model import Material
 from simulator.validation import rendering_brushed, rendering_lamp

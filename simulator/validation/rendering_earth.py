@@ -11,7 +11,8 @@ from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.render.airtables import air_tables
 from simulator.render.catalogue import star_irradiance_w_m2
-from simulator.scene.atmosphere import (
+from simulator.scene.environments import NOTHING
+from simulator.scene.illumination.atmosphere import (
     MultipleScattering,
     earth_atmosphere,
     ground_irradiance,
@@ -19,15 +20,14 @@ from simulator.scene.atmosphere import (
     path_light,
     rayleigh_phase,
 )
-from simulator.scene.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
-from simulator.scene.environments import NOTHING
-from simulator.scene.moonlight import disc_phase
-from simulator.scene.refraction import shadow_profile, sunlight_past_earth
+from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from simulator.scene.illumination.moonlight import disc_phase
+from simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import EQUATOR_M, POLE_M, scene_above
 from simulator.targets.library import load_target
 from simulator.validation.rows import Row
-from simulator.world.rotation import matrix_from_quat, quat_from_matrix
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

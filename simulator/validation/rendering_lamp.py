@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from simulator.scene.lamp import Lamp, Profile
+from simulator.scene.illumination.lamp import Lamp, Profile
 from simulator.targets.model import Material
 from simulator.validation.rows import Row
 from simulator.validation.stage import bare_target, flat_plate, square_camera, stage

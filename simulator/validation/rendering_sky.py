@@ -13,16 +13,16 @@ from simulator.camera.optics import Optics
 from simulator.camera.sensor import Detector, Sensor
 from simulator.render.catalogue import stars
 from simulator.scene.environments import NOTHING
-from simulator.scene.moonlight import moonlight_share
-from simulator.scene.planets import earth_velocity_c
+from simulator.scene.illumination.moonlight import moonlight_share
+from simulator.scene.illumination.planets import earth_velocity_c
 from simulator.scene.state import TargetRef
 from simulator.scene.viewpoint import EQUATOR_M, POLE_M, scene_above
 from simulator.targets.library import load_target
 from simulator.validation.rows import Row
 from simulator.validation.stage import square_camera
 from simulator.world.constants import AU_M, EARTH_RADIUS_M, FLATTENING, SUN_RADIUS_M
-from simulator.world.eclipse import sun_visible_fraction
-from simulator.world.rotation import matrix_from_quat, quat_from_matrix
+from simulator.world.ephemeris.eclipse import sun_visible_fraction
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
     from simulator.arrays import FloatArray

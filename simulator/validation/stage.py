@@ -10,12 +10,12 @@ import numpy as np
 
 from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
-from simulator.scene.bands import ASTRONOMICAL_UNIT_M
 from simulator.scene.environments import NOTHING
+from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from simulator.scene.state import Quality, SceneState, TargetRef
 from simulator.scene.viewpoint import scene_above
 from simulator.targets.model import MassProperties, Material, Part, Target
-from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, quat_normalize
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, quat_normalize
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from flyaround.cli import app
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 
 def test_fly_writes_messages_and_a_replay(tmp_path: Path) -> None:

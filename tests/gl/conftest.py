@@ -13,7 +13,7 @@ from simulator.camera.sensor import Sensor
 from simulator.scene import environments
 from simulator.scene.state import SceneState, TargetRef
 from simulator.targets.model import MassProperties, Material, Part, Target
-from simulator.world.rotation import quat_from_matrix, quat_from_rotvec, quat_normalize
+from simulator.world.frames.rotation import quat_from_matrix, quat_from_rotvec, quat_normalize
 
 AU_M = 149_597_870_700.0
 CAMERA = Camera(width_px=320, height_px=240, fx_px=600.0, fy_px=590.0, cx_px=161.3, cy_px=118.6)

@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.recipe import plan_recipe
+from simulator.scenario.recipes import plan_recipe
 from simulator.scene.environments import NOTHING
 from simulator.targets.library import load_target
 from simulator.validation.camera import MTF_GOAL
 from simulator.validation.camera_calibration import LENSES, calibrate
 from simulator.validation.camera_mtf import CASES, compare, drawn_edge
 from simulator.validation.stage import square_camera, stage
-from simulator.world.rotation import matrix_from_quat, quat_from_matrix
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 pytestmark = pytest.mark.gl
 

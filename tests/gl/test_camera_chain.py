@@ -14,7 +14,7 @@ from simulator.dataset.native import frame_paths, read_png
 from simulator.dataset.picture import render_scene
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 

@@ -28,7 +28,7 @@ from simulator.labels.frame import pixel_hash, take_frame
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.scene.develop import digitise_scene, expose_scene
 
 pytestmark = pytest.mark.gl

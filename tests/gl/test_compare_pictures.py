@@ -15,7 +15,7 @@ from simulator.camera.files import load_camera
 from simulator.dataset.picture import save_picture
 from simulator.errors import UserError
 from simulator.labels.frame import take_frame
-from simulator.recipe import plan_recipe
+from simulator.scenario.recipes import plan_recipe
 from simulator.targets.library import load_target
 from simulator.validation.pictures.comparison import Pair, compare_pictures
 from simulator.validation.pictures.figures import (

@@ -8,7 +8,7 @@ import pytest
 from simulator.dataset.contact_sheet import contact_sheet, smaller, write_contact_sheets
 from simulator.dataset.native import read_png
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 

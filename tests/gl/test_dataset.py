@@ -20,7 +20,7 @@ from simulator.errors import UserError
 from simulator.labels.frame import take_frame
 from simulator.labels.truth import read_truth, truth_json_schema
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.validation.label_faults import spoil
 
 pytestmark = pytest.mark.gl
@@ -99,7 +99,7 @@ def _consistent_wrong_pose(record):
     record["t_camera_from_target_m"][0] += 0.05
     record["scene"]["t_camera_from_target_m"] = record["t_camera_from_target_m"]
     truth_q = np.array(record["q_camera_from_target_wxyz"])
-    from simulator.world.rotation import matrix_from_quat
+    from simulator.world.frames.rotation import matrix_from_quat
 
     c = record["camera"]
     for k in record["keypoints"]:

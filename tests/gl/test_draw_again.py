@@ -6,7 +6,7 @@ from gui import source
 from simulator.dataset import draw, drawers
 from simulator.errors import UserError
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.targets import library
 
 NAME = "cubesat-1u"

@@ -13,7 +13,7 @@ from simulator.camera.model import Camera
 from simulator.dataset.draw import draw_labelled
 from simulator.loop import plan_flight
 from simulator.render.process import RenderProcess
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 pytestmark = [
     pytest.mark.gl,

@@ -16,7 +16,7 @@ from simulator.labels.frame import take_frame
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl

@@ -14,10 +14,10 @@ from simulator.labels.frame import take_frame
 from simulator.labels.request import LabelRequest
 from simulator.labels.truth import KeypointState
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.validation.labels import dataset_card
-from simulator.world.eclipse import sun_fraction_past_both
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 

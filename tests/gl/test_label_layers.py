@@ -19,7 +19,7 @@ from simulator.labels.layers import layer_hash
 from simulator.labels.request import LAYERS, LabelRequest, parse_labels
 from simulator.labels.truth import Truth, read_truth
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 

@@ -26,9 +26,9 @@ from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
 from simulator.render.passes.stars import stars_in_view
 from simulator.render.view import build_view
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.scene.motion import scene_at
-from simulator.world.rotation import matrix_from_quat, rotation_angle_rad
+from simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
 
 pytestmark = pytest.mark.gl
 

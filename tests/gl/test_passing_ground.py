@@ -10,7 +10,7 @@ from simulator.labels import exposure
 from simulator.labels.exposure import drawings_of_ground, image_motion_px, integrate
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.scene.develop import expose_scene
 from simulator.scene.motion import scene_at
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simulator.render.skylight import no_light, uniform_light
-from simulator.scene.bands import sun_irradiance_w_m2
-from simulator.world.rotation import quat_from_matrix
+from simulator.scene.illumination.bands import sun_irradiance_w_m2
+from simulator.world.frames.rotation import quat_from_matrix
 
 pytestmark = pytest.mark.gl
 

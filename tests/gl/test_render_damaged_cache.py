@@ -27,7 +27,7 @@ cache.map_checked = arrays.map_checked = watched
 from simulator.dataset.contact_sheet import smaller
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 scenario = load_scenario("tango-earth-10m-1024")
 plan = plan_flight(scenario, n=1)
 scene = replace(plan.scene(0), camera=smaller(scenario.camera_model, 128))

@@ -16,7 +16,7 @@ from simulator.render.sea_ice import EXTENT_NORTH, EXTENT_SOUTH, HEIGHT, WIDTH, 
 from simulator.render.seasons import ANCHORS, season
 from simulator.render.shoals import WHERE, make_where
 from simulator.render.software import tiles as cells
-from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above
 

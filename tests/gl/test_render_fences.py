@@ -14,7 +14,7 @@ import pytest
 from simulator.loop import plan_flight
 from simulator.render.gl.fences import Fences, draw_to, flush
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 

@@ -15,7 +15,7 @@ from simulator.loop import plan_flight
 from simulator.render.earth_maps import begin_earth_maps
 from simulator.render.passes.earth import EarthPass
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 
@@ -54,7 +54,7 @@ FRAME = """
 import hashlib
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 plan = plan_flight(load_scenario("tango-earth-10m-1024"), n=1)
 with Renderer() as renderer:
     print(hashlib.sha256(renderer.render(plan.scene(0), plan.target).radiance.tobytes()).hexdigest())

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from simulator.render.gl.programs import read_source
-from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.targets.model import Material
 
 pytestmark = pytest.mark.gl

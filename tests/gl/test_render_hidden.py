@@ -11,7 +11,7 @@ from simulator.arrays import vec3
 from simulator.camera.lens import Distortion
 from simulator.dataset.check_geometry import OUTLINE_TOLERANCE_PX, doubtful_pixels
 from simulator.labels.frame import take_frame
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 

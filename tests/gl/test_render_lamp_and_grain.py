@@ -8,7 +8,7 @@ import pytest
 from simulator.labels.keypoints import geometric_states
 from simulator.labels.occlusion import Mesh
 from simulator.render.skylight import uniform_light
-from simulator.scene.lamp import Lamp
+from simulator.scene.illumination.lamp import Lamp
 from simulator.targets.library import load_target
 from simulator.validation import rendering_brushed, rendering_lamp
 

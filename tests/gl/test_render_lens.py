@@ -10,7 +10,7 @@ from simulator.camera.lens import Distortion
 from simulator.camera.model import Camera
 from simulator.render.gl.lens_rays import ray_table
 from simulator.render.gl.tessellation import outputs
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 

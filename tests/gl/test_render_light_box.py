@@ -10,7 +10,7 @@ from simulator.render.mesh import upload
 from simulator.render.software.back_face_culling import facing
 from simulator.targets.library import load_target
 from simulator.targets.model import Material
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 

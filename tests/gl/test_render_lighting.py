@@ -14,7 +14,7 @@ from simulator.render.skylight import (
     spiral,
     uniform_light,
 )
-from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.targets.model import Part
 
 pytestmark = pytest.mark.gl

@@ -19,7 +19,7 @@ from simulator.render.passes.loaded import MOST_LOADED
 from simulator.render.renderer import Renderer
 from simulator.render.valleys import valley_texture
 from simulator.scene.state import Environment
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 

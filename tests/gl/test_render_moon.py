@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from simulator.camera.model import Camera
-from simulator.scene.bands import sun_irradiance_w_m2
-from simulator.scene.moonlight import disc_phase, lommel_seeliger_disc
-from simulator.scene.refraction import shadow_profile, sunlight_past_earth
+from simulator.scene.illumination.bands import sun_irradiance_w_m2
+from simulator.scene.illumination.moonlight import disc_phase, lommel_seeliger_disc
+from simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth
 from simulator.scene.state import Environment
-from simulator.world.rotation import quat_from_matrix
+from simulator.world.frames.rotation import quat_from_matrix
 
 pytestmark = pytest.mark.gl
 AU_M, MOON_M = 149_597_870_700.0, 384_400_000.0

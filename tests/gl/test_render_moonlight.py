@@ -7,7 +7,7 @@ import pytest
 
 from simulator.arrays import vec3
 from simulator.camera.model import Camera
-from simulator.scene.moonlight import moonlight_share
+from simulator.scene.illumination.moonlight import moonlight_share
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above
 

@@ -10,7 +10,7 @@ import pytest
 
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 

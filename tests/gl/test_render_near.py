@@ -9,7 +9,7 @@ from simulator.loop import plan_flight
 from simulator.render import placement
 from simulator.render.lattice import SEVEN, rotated
 from simulator.render.passes import target as passes
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 

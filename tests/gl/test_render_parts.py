@@ -16,7 +16,7 @@ from simulator.render.projection import PixelRect
 from simulator.render.software import tiles as cells
 from simulator.render.software.coverage_mask import whole
 from simulator.render.view import build_view
-from simulator.scene.atmosphere import earth_atmosphere, ground_irradiance, optical_depth_to_top
+from simulator.scene.illumination.atmosphere import earth_atmosphere, ground_irradiance, optical_depth_to_top
 from simulator.scene.state import Environment
 
 LATTICES = {lattice for choices in PRESETS.values() for lattice, _ in choices} | {TINY_LATTICE}

@@ -24,7 +24,7 @@ from simulator.render.software import coverage_mask as cover
 from simulator.render.software.coverage_mask import CELL_PX, hulls_cover
 from simulator.render.software.tiles import earth_cells
 from simulator.render.view import build_view
-from simulator.scene.atmosphere import earth_atmosphere
+from simulator.scene.illumination.atmosphere import earth_atmosphere
 from simulator.scene.state import Environment
 from simulator.targets.library import load_target
 

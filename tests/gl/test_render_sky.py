@@ -11,17 +11,17 @@ from simulator.render.catalogue import star_irradiance_w_m2, stars
 from simulator.render.passes.stars import StarPass
 from simulator.render.projection import PixelRect
 from simulator.render.view import build_view
-from simulator.scene.atmosphere import (
+from simulator.scene.illumination.atmosphere import (
     MultipleScattering,
     earth_atmosphere,
     mie_phase,
     path_light,
     rayleigh_phase,
 )
-from simulator.scene.bands import sun_irradiance_w_m2
-from simulator.scene.planets import earth_velocity_c
+from simulator.scene.illumination.bands import sun_irradiance_w_m2
+from simulator.scene.illumination.planets import earth_velocity_c
 from simulator.scene.state import Environment
-from simulator.world.rotation import matrix_from_quat, quat_from_matrix
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 pytestmark = pytest.mark.gl
 EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245

@@ -9,7 +9,7 @@ from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above
-from simulator.world.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec
 
 pytestmark = pytest.mark.gl
 CAMERA = Camera(width_px=160, height_px=120, fx_px=300.0, fy_px=300.0, cx_px=79.5, cy_px=59.5)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.targets.model import Material
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 BLACK = Material(name="black", base_color=(0.0, 0.0, 0.0), roughness=1.0)

@@ -11,7 +11,7 @@ from simulator.errors import UserError
 from simulator.targets.craft.charuco import charuco_board, model_from_opencv_m
 from simulator.targets.library import load_target
 from simulator.targets.model import Picture
-from simulator.world.rotation import matrix_from_quat, quat_from_rotvec
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
 
 pytestmark = pytest.mark.gl
 SHADOWLESS = (0.3, 0.2, -1.0)

@@ -9,7 +9,7 @@ from simulator.bench.scaling import scaled
 from simulator.loop import plan_flight
 from simulator.render.passes import target as passes
 from simulator.render.renderer import Renderer
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 BLOCK = 16
 VIEWS = [

@@ -12,7 +12,7 @@ from simulator.camera.presets import sensor_preset
 from simulator.dataset.picture import save_picture
 from simulator.labels.frame import take_frame
 from simulator.targets.model import Keypoint, Material
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from flyaround.cli import app
 from simulator.dataset.contact_sheet import smaller
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
 

@@ -5,7 +5,7 @@ import pytest
 
 from simulator.labels.occlusion import mesh_of
 from simulator.labels.wireframe import view_edges
-from simulator.recipe import plan_recipe
+from simulator.scenario.recipes import plan_recipe
 
 pytestmark = pytest.mark.gl
 

@@ -12,9 +12,9 @@ from gui.marks import AXIS_M, Marker
 from gui.session import Session
 from simulator.labels.keypoints import label_keypoints
 from simulator.labels.occlusion import Mesh
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState
-from simulator.world.rotation import quat_from_rotvec, quat_multiply
+from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
 
 ALL = Overlays(keypoints=True, box=True, axes=True, wireframe=True)
 

@@ -16,13 +16,13 @@ from gui.readout import read_out
 from gui.recorder import Recorder
 from gui.session import FRAME_STEP_S, RATES, STEP_S, Session
 from gui.steering import ACCELERATION_M_S2, BRAKE_M_S2, COARSE_GAIN, RATE_RAD_S, SLEW_RAD_S2
-from simulator import scenario_motion as sm
 from simulator.errors import UserError
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario import motion as sm
+from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState
-from simulator.world.recording import Recording, first_line
-from simulator.world.rotation import matrix_from_quat, rotation_angle_rad
+from simulator.world.flight.recording import Recording, first_line
+from simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
 
 TICK_S = 1 / 50
 

@@ -14,7 +14,7 @@ from gui.source import MOST_DEATHS, RenderedPictures
 from simulator.errors import UserError
 from simulator.labels.frame import Frame
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState
 
 pytestmark = pytest.mark.gl

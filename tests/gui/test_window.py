@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
-from simulator.world.recording import Recording
+from simulator.scenario.load import load_scenario
+from simulator.world.flight.recording import Recording
 from tests.harness.screen import SCREEN, virtual_screen, xdotool
 
 pytestmark = pytest.mark.gui

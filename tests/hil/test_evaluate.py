@@ -13,7 +13,7 @@ from flyaround.__main__ import run
 from hil.evaluate.failures import KINDS
 from hil.evaluate.metrics import metrics_json_schema
 from simulator.dataset.capture import capture
-from simulator.recipe import plan_recipe
+from simulator.scenario.recipes import plan_recipe
 
 pytestmark = pytest.mark.gl
 

@@ -15,7 +15,7 @@ from hil.evaluate.metrics import metrics_json_schema
 from simulator.dataset.capture import capture
 from simulator.dataset.native import read_png
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 TIME_S = 3.0
 

@@ -20,7 +20,7 @@ from simulator.errors import UserError
 from simulator.labels.frame import pixel_hash
 from simulator.labels.truth import truth_to_json
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.targets.board_file import write_board_model
 
 pytestmark = pytest.mark.gl

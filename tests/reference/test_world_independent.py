@@ -7,13 +7,13 @@ from pathlib import Path
 import erfa
 import numpy as np
 
-from simulator.world.earth_orientation import R_itrs_from_eci
-from simulator.world.ephemeris import moon_eci_m, sun_eci_m
-from simulator.world.forces import FullForces
-from simulator.world.orbit import propagate
-from simulator.world.sky_table import SkyTable
-from simulator.world.spherical_harmonics import egm96
-from simulator.world.time import Instant
+from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
+from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from simulator.world.orbit.forces import FullForces
+from simulator.world.orbit.propagation import propagate
+from simulator.world.orbit.spherical_harmonics import egm96
+from simulator.world.time.instant import Instant
 
 HERE = Path(__file__).parent
 SKYFIELD = np.genfromtxt(HERE / "skyfield.csv", delimiter=",", skip_header=1)

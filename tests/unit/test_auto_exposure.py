@@ -7,8 +7,8 @@ from simulator.camera.develop import expose
 from simulator.camera.sections import DetectorSection
 from simulator.errors import UserError
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
-from simulator.scenario_picture import AutoExposureSection
+from simulator.scenario.load import load_scenario
+from simulator.scenario.picture import AutoExposureSection
 from simulator.scene.auto_exposure import AutoExposure, ExposureTrack
 from simulator.scene.meter import metered_radiance_w_m2_sr
 

@@ -19,7 +19,7 @@ from simulator.camera.optics import Optics
 from simulator.camera.presets import sensor_preset
 from simulator.camera.sections import OpticsSection
 from simulator.errors import UserError
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 BROWN = CameraFile(
     width_px=1920,

@@ -14,8 +14,8 @@ from simulator.camera.presets import sensor_preset
 from simulator.camera.sections import DetectorSection
 from simulator.camera.sensor import Detector, Sensor, noiseless
 from simulator.errors import UserError
-from simulator.scenario_load import load_scenario
-from simulator.scene.bands import bands_of, sunlight_balance
+from simulator.scenario.load import load_scenario
+from simulator.scene.illumination.bands import bands_of, sunlight_balance
 
 # ASTM E490-00a (2006), zero air mass solar spectral irradiance, mean of each 10 nm from 400 nm [W m-2 nm-1]: another
 # compilation than the one in the code (G173). Its integral over 450 to 750 nm is 0.1 % off ours.

@@ -10,7 +10,7 @@ from simulator.camera.optics import Optics
 from simulator.camera.sensor import Detector, Sensor
 from simulator.dataset.check_clean import balance_factors
 from simulator.dataset.check_picture import check_same_picture
-from simulator.scene.bands import sunlight_balance
+from simulator.scene.illumination.bands import sunlight_balance
 
 EXPOSURE_S = 0.1
 

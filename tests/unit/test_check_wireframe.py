@@ -12,7 +12,7 @@ from simulator.labels.occlusion import mesh_of
 from simulator.labels.truth import WireLabel
 from simulator.labels.wireframe import view_edges
 from simulator.targets.library import load_target
-from simulator.world.pose import Pose
+from simulator.world.frames.pose import Pose
 
 CAMERA = load_camera("speed")
 TANGO = load_target("tango")

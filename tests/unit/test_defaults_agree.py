@@ -7,11 +7,12 @@ from dataclasses import MISSING, fields
 import msgspec
 import pytest
 
-from simulator import scenario_motion, scenario_picture
 from simulator.camera.optics import Optics
 from simulator.camera.sections import OpticsSection
+from simulator.scenario import motion as scenario_motion
+from simulator.scenario import picture as scenario_picture
 from simulator.scene.state import Environment
-from simulator.world.scripted import Steered
+from simulator.world.guidance.command_script import Steered
 
 PAIRS = [(scenario_picture.EnvironmentSection, Environment), (scenario_motion.SteeredChaser, Steered)]
 

@@ -14,7 +14,6 @@ import pytest
 from mutations import changed_json, changed_text
 
 from hil.board.svd import CameraIntrinsics
-from simulator import scenario_load
 from simulator.camera import files_foreign
 from simulator.camera.files import list_cameras, parse_camera, read_camera_file
 from simulator.camera.files_foreign import FORMATS, written
@@ -27,8 +26,9 @@ from simulator.labels.frame import label_frame
 from simulator.labels.truth import Software, read_truth, truth_to_json
 from simulator.loop import plan_flight
 from simulator.regular_file import read_regular
-from simulator.scenario_load import list_scenarios, load_scenario
-from simulator.scenario_messages import read_message
+from simulator.scenario import load as scenario_load
+from simulator.scenario.load import list_scenarios, load_scenario
+from simulator.scenario.messages import read_message
 from simulator.text_files import refuse_deep, refuse_dotted
 
 LONGEST_S = 20.0  # for one file: a thousand times what it takes
@@ -163,7 +163,7 @@ from simulator.camera.files import load_camera
 from simulator.dataset.card import read_card
 from simulator.errors import UserError
 from simulator.labels.truth import read_truth
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 before = peak_bytes()
 aliases = [b"a0: &a0 [1, 1]"]
 for k in range(1, 20):

@@ -13,7 +13,7 @@ from simulator.camera.model import Camera
 from simulator.labels.feasible import wireframe_step_share
 from simulator.labels.keypoints import _radiometric_state
 from simulator.labels.wireframe import EdgeView
-from simulator.recipe import plan_recipe
+from simulator.scenario.recipes import plan_recipe
 from simulator.targets.model import Edge
 
 HEIGHT, WIDTH, LEVEL = 40, 60, 0.3

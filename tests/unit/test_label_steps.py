@@ -8,7 +8,7 @@ from simulator.labels.keypoints import label_keypoints
 from simulator.labels.occlusion import mesh_of
 from simulator.labels.wireframe import EdgeView
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 from simulator.targets.model import Edge
 
 RADIUS_PX, REACH_PX = 2, 2.0  # as labels have them, and not taken from there

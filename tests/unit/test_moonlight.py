@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simulator.render.skylight import moon_on_plates
-from simulator.scene.moonlight import moonlight_share
+from simulator.scene.illumination.moonlight import moonlight_share
 
 SUN = np.array([1.0, 0.0, 0.0])
 # full Moon over the Sun: -12.73 and -26.74 (Allen 2000), at the mean distance of 384,400 km

@@ -14,7 +14,7 @@ from simulator.labels.occlusion import Mesh, hidden_from_direction, occluded_fro
 from simulator.labels.wireframe import view_edges
 from simulator.targets.library import load_target
 from simulator.targets.model import Part
-from simulator.world.pose import Pose
+from simulator.world.frames.pose import Pose
 
 CUBE = trimesh.creation.box(extents=(1, 1, 1))
 MESH = Mesh(np.asarray(CUBE.vertices, float), np.asarray(CUBE.faces, np.int64))

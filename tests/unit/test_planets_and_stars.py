@@ -7,7 +7,7 @@ from simulator.camera.detector import electrons_per_radiance
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Detector, Sensor
 from simulator.render.catalogue import star_irradiance_w_m2, stars
-from simulator.scene.planets import NAMES, planets
+from simulator.scene.illumination.planets import NAMES, planets
 
 
 def _at(ra_h, ra_m, dec_deg, dec_m):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.recipe import RECIPES, list_recipes, plan_recipe, scaled_range_m
+from simulator.scenario.recipes import RECIPES, list_recipes, plan_recipe, scaled_range_m
 from simulator.targets.library import list_targets, load_target
 from simulator.world.constants import EARTH_RADIUS_M
-from simulator.world.rotation import matrix_from_quat
+from simulator.world.frames.rotation import matrix_from_quat
 
 N = 400
 

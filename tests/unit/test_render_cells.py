@@ -8,7 +8,7 @@ from simulator.render.earthview import earth_view
 from simulator.render.projection import directions
 from simulator.render.software.tiles import earth_cells
 from simulator.render.view import build_view
-from simulator.scene.atmosphere import earth_atmosphere
+from simulator.scene.illumination.atmosphere import earth_atmosphere
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above
 

@@ -18,16 +18,16 @@ from scenario_text import GOOD, write
 from simulator.camera.files import list_cameras, load_camera
 from simulator.camera.presets import list_sensor_presets, sensor_preset
 from simulator.errors import UserError
-from simulator.scenario import Scenario
-from simulator.scenario_flight import fly, frame_times
-from simulator.scenario_load import list_scenarios, load_scenario, scenario_json_schema
-from simulator.scenario_picture import EnvironmentSection, SensorSection, environment_section
+from simulator.scenario.flight import fly, frame_times
+from simulator.scenario.load import list_scenarios, load_scenario, scenario_json_schema
+from simulator.scenario.picture import EnvironmentSection, SensorSection, environment_section
+from simulator.scenario.scenario import Scenario
 from simulator.scene.environments import ENVIRONMENTS
 from simulator.scene.state import Environment
 from simulator.targets.model import MassProperties, Target
 from simulator.world.constants import EARTH_RADIUS_M
-from simulator.world.rotation import matrix_from_quat
-from simulator.world.state import WorldState
+from simulator.world.flight.state import WorldState
+from simulator.world.frames.rotation import matrix_from_quat
 
 BOX = Target(
     name="tango",

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.scenario_flight import fly
-from simulator.scenario_load import load_scenario
+from simulator.scenario.flight import fly
+from simulator.scenario.load import load_scenario
 from simulator.targets.library import load_target
-from simulator.world.aem import write_aem
-from simulator.world.flight import Flight
-from simulator.world.rotation import matrix_from_quat, quat_from_rotvec
-from simulator.world.time import Instant
+from simulator.world.flight.flight import Flight
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
+from simulator.world.messages.aem import write_aem
+from simulator.world.time.instant import Instant
 
 TANGO = load_target("tango")
 HEAD = """

@@ -12,7 +12,7 @@ from scenario_text import GOOD, write
 
 from simulator.camera.files import load_camera
 from simulator.errors import UserError, near_names
-from simulator.scenario_load import load_scenario
+from simulator.scenario.load import load_scenario
 
 
 @pytest.mark.parametrize(

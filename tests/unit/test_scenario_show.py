@@ -11,9 +11,9 @@ import pytest
 
 from flyaround.__main__ import run
 from simulator.errors import UserError
-from simulator.scenario import Scenario
-from simulator.scenario_load import list_scenarios, load_scenario
-from simulator.scenario_show import show_scenario
+from simulator.scenario.load import list_scenarios, load_scenario
+from simulator.scenario.scenario import Scenario
+from simulator.scenario.show import show_scenario
 
 _KEY = re.compile(r"# (\w+ = )(?!\.\.\.)(.*?) +# ")
 

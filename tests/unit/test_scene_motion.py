@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.recipe import plan_recipe
+from simulator.scenario.recipes import plan_recipe
 from simulator.scene.motion import scene_at
-from simulator.world.gravity import Gravity
-from simulator.world.orbit import propagate
+from simulator.world.orbit.gravity import Gravity
+from simulator.world.orbit.propagation import propagate
 
 
 @pytest.mark.parametrize("dt_s", [-2.0, 0.5, 2.0])

@@ -9,9 +9,9 @@ from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.labels.exposure import GAUSS_PX, INSTANT_PX, _add_times, _behind_px, instants_of
 from simulator.labels.smear import smear, smear_kernels
-from simulator.recipe import plan_recipe
+from simulator.scenario.recipes import plan_recipe
 from simulator.world.constants import EARTH_RADIUS_M
-from simulator.world.rotation import quat_from_matrix
+from simulator.world.frames.rotation import quat_from_matrix
 
 
 def test_a_kernel_has_the_moments_of_its_way():

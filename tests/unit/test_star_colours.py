@@ -17,7 +17,7 @@ from simulator.render.star_colours import (
     usual_v_minus_i,
 )
 from simulator.render.view import build_view
-from simulator.scene.bands import sun_irradiance_w_m2
+from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above
 

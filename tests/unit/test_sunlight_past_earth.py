@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.scene.refraction import (
+from simulator.scene.illumination.refraction import (
     _HEIGHTS_M,
     LIMB_DARKENING,
     SUN_RADIUS_M,

@@ -9,7 +9,7 @@ from simulator.labels.occlusion import Mesh
 from simulator.labels.wireframe import view_edges
 from simulator.targets.library import load_target
 from simulator.targets.model import Edge
-from simulator.world.pose import Pose
+from simulator.world.frames.pose import Pose
 
 CAMERA = load_camera("speed")
 

@@ -8,17 +8,22 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.world.aem import read_aem_history, write_aem
-from simulator.world.bodies import EARTH
-from simulator.world.directions import Surroundings
-from simulator.world.ephemeris import sun_eci_m
-from simulator.world.gravity import Gravity
-from simulator.world.magnetic import magnetic_field_t
-from simulator.world.orbit import Elements, propagate, state_from_elements
-from simulator.world.rotation import matrix_from_quat, quat_from_rotvec, quat_multiply, rotation_angle_rad
-from simulator.world.target_attitude import Fixed, Pointed, Spin, TargetMotion, Tumble
-from simulator.world.time import Instant
-from simulator.world.torques import Torques, torque_on
+from simulator.world.attitude.directions import Surroundings
+from simulator.world.attitude.magnetic import magnetic_field_t
+from simulator.world.attitude.target_attitude import Fixed, Pointed, Spin, TargetMotion, Tumble
+from simulator.world.attitude.torques import Torques, torque_on
+from simulator.world.ephemeris.bodies import EARTH
+from simulator.world.ephemeris.sun_moon import sun_eci_m
+from simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_from_rotvec,
+    quat_multiply,
+    rotation_angle_rad,
+)
+from simulator.world.messages.aem import read_aem_history, write_aem
+from simulator.world.orbit.gravity import Gravity
+from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from simulator.world.time.instant import Instant
 
 EPOCH = Instant.from_utc("2026-03-20T12:00:00Z")
 SPAN = 3000.0

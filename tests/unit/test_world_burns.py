@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.burns import Burn
 from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.controlled import fly_controlled
-from simulator.world.gravity import Gravity
-from simulator.world.guidance import Hold
-from simulator.world.lvlh import lvlh_frame
-from simulator.world.orbit import Elements, propagate, state_from_elements
-from simulator.world.steer import ChaserState, Command, step
-from simulator.world.thrusters import Thrusters
+from simulator.world.frames.lvlh import lvlh_frame
+from simulator.world.guidance.manual_control import ChaserState, Command, step
+from simulator.world.guidance.modes import Hold
+from simulator.world.guidance.thruster_control import fly_controlled
+from simulator.world.guidance.thrusters import Thrusters
+from simulator.world.orbit.burns import Burn
+from simulator.world.orbit.gravity import Gravity
+from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
 
 ROUND = Gravity(j2=0.0)
 R0, V0 = state_from_elements(Elements(semi_major_axis_m=7e6, inclination_rad=1.0, raan_rad=0.3))

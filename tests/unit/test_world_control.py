@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.controlled import ControlledTrack, fly_controlled
-from simulator.world.gravity import Gravity
-from simulator.world.guidance import Guidance, Hold, StraightApproach
-from simulator.world.guidance_paths import Glideslope, RangeKeeping, Waypoints
-from simulator.world.lvlh import lvlh_frame
-from simulator.world.orbit import Elements, propagate, state_from_elements
-from simulator.world.safety import KeepOut
-from simulator.world.thrusters import Thrusters
+from simulator.world.frames.lvlh import lvlh_frame
+from simulator.world.guidance.keep_out import KeepOut
+from simulator.world.guidance.modes import Guidance, Hold, StraightApproach
+from simulator.world.guidance.paths import Glideslope, RangeKeeping, Waypoints
+from simulator.world.guidance.thruster_control import ControlledTrack, fly_controlled
+from simulator.world.guidance.thrusters import Thrusters
+from simulator.world.orbit.gravity import Gravity
+from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
 
 R0, V0 = state_from_elements(Elements(semi_major_axis_m=7078e3, inclination_rad=1.7, eccentricity=0.001))
 N = np.sqrt(3.986004418e14 / 7078e3**3)

@@ -8,15 +8,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.scenario_flight import fly
-from simulator.scenario_load import load_scenario
+from simulator.scenario.flight import fly
+from simulator.scenario.load import load_scenario
 from simulator.targets.library import load_target
 from simulator.world.constants import AU_M, EARTH_RADIUS_M, SUN_RADIUS_M
-from simulator.world.eclipse import sun_fraction_past_sphere, sun_visible_fraction
-from simulator.world.forces import FullForces, Surface
-from simulator.world.rotation import matrix_from_quat
-from simulator.world.sky_table import SkyTable
-from simulator.world.time import Instant
+from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
+from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.frames.rotation import matrix_from_quat
+from simulator.world.orbit.forces import FullForces, Surface
+from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.clohessy_wiltshire import transition_matrix
 from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.gravity import Gravity
-from simulator.world.lvlh import lvlh_frame
-from simulator.world.orbit import Elements, elements_from_state, propagate, state_from_elements
-from simulator.world.yamanaka_ankersen import elliptic_transition_matrix, true_anomaly_after
+from simulator.world.frames.lvlh import lvlh_frame
+from simulator.world.orbit.gravity import Gravity
+from simulator.world.orbit.propagation import Elements, elements_from_state, propagate, state_from_elements
+from simulator.world.relative.clohessy_wiltshire import transition_matrix
+from simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix, true_anomaly_after
 
 ROUND = Gravity(j2=0.0)
 

@@ -11,10 +11,13 @@ from simulator.camera.model import Camera
 from simulator.camera.sensor import Sensor
 from simulator.scene.build import build_scene
 from simulator.scene.state import SceneState, TargetRef
-from simulator.world.flight import Flight
-from simulator.world.flight_build import ChaserPlan, TargetStart, propagate_flight
-from simulator.world.flight_table import fly_table
-from simulator.world.guidance import (
+from simulator.world.attitude.pointing import Pointing
+from simulator.world.attitude.target_attitude import Tumble
+from simulator.world.flight.build import ChaserPlan, TargetStart, propagate_flight
+from simulator.world.flight.flight import Flight
+from simulator.world.flight.table import fly_table
+from simulator.world.frames.rotation import matrix_from_quat
+from simulator.world.guidance.modes import (
     ForcedFlyaround,
     FreeDrift,
     Guidance,
@@ -22,11 +25,8 @@ from simulator.world.guidance import (
     NaturalCircumnavigation,
     StraightApproach,
 )
-from simulator.world.orbit import Elements, state_from_elements
-from simulator.world.pointing import Pointing
-from simulator.world.rotation import matrix_from_quat
-from simulator.world.target_attitude import Tumble
-from simulator.world.time import Instant
+from simulator.world.orbit.propagation import Elements, state_from_elements
+from simulator.world.time.instant import Instant
 
 CAMERA = Camera(width_px=1920, height_px=1200, fx_px=3003.41, fy_px=3003.41, cx_px=960, cy_px=600)
 COM = (0.01, 0.02, 0.15)

@@ -14,13 +14,13 @@ from flyaround.__main__ import run
 from flyaround.commands import flights
 from simulator.errors import UserError
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
-from simulator.world.flight import Flight
-from simulator.world.flight_log import FlightLog
-from simulator.world.flight_table import fly_table, summarise_flight
-from simulator.world.guidance import StraightApproach
-from simulator.world.guidance_paths import Waypoints
-from simulator.world.phases import phase_of
+from simulator.scenario.load import load_scenario
+from simulator.world.flight.flight import Flight
+from simulator.world.flight.log import FlightLog
+from simulator.world.flight.table import fly_table, summarise_flight
+from simulator.world.guidance.modes import StraightApproach
+from simulator.world.guidance.paths import Waypoints
+from simulator.world.guidance.phases import phase_of
 
 HEAD = """
 epoch_utc = "2026-03-21T10:00:00Z"

@@ -11,22 +11,22 @@ import pytest
 from scipy.special import lpmv
 
 from simulator.world.constants import AU_M, EARTH_RADIUS_M, MU_MOON_M3_S2, SOLAR_PRESSURE_PA
-from simulator.world.density import _LAYERS, density_kg_m3
-from simulator.world.earth_orientation import R_itrs_from_eci, pole_eci
-from simulator.world.ephemeris import moon_geometric_m
-from simulator.world.forces import (
+from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci, pole_eci
+from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.sun_moon import moon_geometric_m
+from simulator.world.frames.lvlh import lvlh_frame
+from simulator.world.orbit.density import _LAYERS, density_kg_m3
+from simulator.world.orbit.forces import (
     FullForces,
     Surface,
     attraction,
     attraction_difference,
     geodetic_altitude_m,
 )
-from simulator.world.gravity import Gravity
-from simulator.world.lvlh import lvlh_frame
-from simulator.world.orbit import Elements, propagate, state_from_elements
-from simulator.world.sky_table import SkyTable
-from simulator.world.spherical_harmonics import _coefficients, egm96, field
-from simulator.world.time import Instant
+from simulator.world.orbit.gravity import Gravity
+from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from simulator.world.orbit.spherical_harmonics import _coefficients, egm96, field
+from simulator.world.time.instant import Instant
 
 EPOCH = Instant.from_utc("2025-03-21T06:00:00Z")
 SKY = SkyTable.of(EPOCH, 86400.0)

@@ -9,14 +9,14 @@ import pytest
 
 from simulator.errors import UserError
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
-from simulator.world.aem import read_aem_state, write_aem
-from simulator.world.ccsds import read_time
-from simulator.world.flight_messages import flight_messages
-from simulator.world.oem import read_oem_state, write_oem
-from simulator.world.rotation import quat_from_rotvec, quat_multiply, rotation_angle_rad
-from simulator.world.time import Instant
-from simulator.world.tle import R_eci_from_teme, state_from_tle
+from simulator.scenario.load import load_scenario
+from simulator.world.flight.ccsds_export import flight_messages
+from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply, rotation_angle_rad
+from simulator.world.messages.aem import read_aem_state, write_aem
+from simulator.world.messages.ccsds import read_time
+from simulator.world.messages.oem import read_oem_state, write_oem
+from simulator.world.messages.tle import R_eci_from_teme, state_from_tle
+from simulator.world.time.instant import Instant
 
 # Vanguard 1, the first verification case of Vallado et al. (2006), and its state at the epoch in TEME
 LINE1 = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753"

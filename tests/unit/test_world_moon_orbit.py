@@ -8,20 +8,20 @@ import pytest
 
 from simulator.errors import UserError
 from simulator.loop import plan_flight
-from simulator.scenario_flight import check_physics
-from simulator.scenario_load import load_scenario
-from simulator.world.bodies import MOON
+from simulator.scenario.flight import check_physics
+from simulator.scenario.load import load_scenario
 from simulator.world.constants import AU_M, MOON_RADIUS_M, SOLAR_PRESSURE_PA
-from simulator.world.eclipse import sun_fraction_past_both
-from simulator.world.flight_messages import flight_messages
-from simulator.world.forces import FullForces, Surface
-from simulator.world.moon import R_moon_from_eci
-from simulator.world.moon_forces import MoonForces
-from simulator.world.oem import read_oem_state
-from simulator.world.orbit import Elements, propagate, state_from_elements
-from simulator.world.rotation import matrix_from_quat
-from simulator.world.sky_table import SkyTable
-from simulator.world.time import Instant
+from simulator.world.ephemeris.bodies import MOON
+from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.moon_orientation import R_moon_from_eci
+from simulator.world.flight.ccsds_export import flight_messages
+from simulator.world.frames.rotation import matrix_from_quat
+from simulator.world.messages.oem import read_oem_state
+from simulator.world.orbit.forces import FullForces, Surface
+from simulator.world.orbit.moon_forces import MoonForces
+from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from simulator.world.time.instant import Instant
 
 EPOCH = Instant.from_utc("2024-06-06T05:00:00Z")
 HOUR = 3600.0

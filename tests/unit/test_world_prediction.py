@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from simulator.arrays import vec3
-from simulator.world.gravity import Gravity
-from simulator.world.orbit import Elements, propagate, state_from_elements
-from simulator.world.prediction import predicted_drift_lvlh_m
-from simulator.world.steer import ChaserState
+from simulator.world.guidance.manual_control import ChaserState
+from simulator.world.orbit.gravity import Gravity
+from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from simulator.world.relative.prediction import predicted_drift_lvlh_m
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.3])

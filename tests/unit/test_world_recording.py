@@ -12,12 +12,12 @@ import pytest
 
 from simulator.errors import UserError
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
-from simulator.scenario_write import replay_scenario
-from simulator.world import recording
-from simulator.world.recording import Recording, record
-from simulator.world.rotation import rotation_angle_rad
-from simulator.world.steer import Command, step
+from simulator.scenario.load import load_scenario
+from simulator.scenario.write import replay_scenario
+from simulator.world.flight import recording
+from simulator.world.flight.recording import Recording, record
+from simulator.world.frames.rotation import rotation_angle_rad
+from simulator.world.guidance.manual_control import Command, step
 
 
 @pytest.mark.parametrize("name", ["tango-flyaround", "tango-vbar-approach", "tango-eclipse-pass"])

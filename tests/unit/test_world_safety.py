@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.gravity import Gravity
-from simulator.world.orbit import propagate
-from simulator.world.pointing import Pointing
-from simulator.world.safety import KeepOut
-from simulator.world.scripted import Steered, fly_script
+from simulator.world.attitude.pointing import Pointing
+from simulator.world.guidance.command_script import Steered, fly_script
+from simulator.world.guidance.keep_out import KeepOut
+from simulator.world.orbit.gravity import Gravity
+from simulator.world.orbit.propagation import propagate
 
 RADIUS_M, BRAKE_M_S2, PERIOD_S = 10.0, 0.05, 0.5
 SPHERE = KeepOut(radius_m=RADIUS_M)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.clohessy_wiltshire import transition_matrix
+from simulator.world.attitude.pointing import Pointing
 from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.gravity import Gravity
-from simulator.world.guidance_paths import SafeEllipse
-from simulator.world.orbit import Elements, propagate, state_from_elements
-from simulator.world.pointing import Pointing
-from simulator.world.rotation import rotation_angle_rad
-from simulator.world.safety import KeepOut
-from simulator.world.scripted import ScriptedCommand, Steered, SteeredTrack, fly_script
+from simulator.world.frames.rotation import rotation_angle_rad
+from simulator.world.guidance.command_script import ScriptedCommand, Steered, SteeredTrack, fly_script
+from simulator.world.guidance.keep_out import KeepOut
+from simulator.world.guidance.paths import SafeEllipse
+from simulator.world.orbit.gravity import Gravity
+from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
+from simulator.world.relative.clohessy_wiltshire import transition_matrix
 
 ROUND = Gravity(j2=0.0)
 R0, V0 = state_from_elements(Elements(semi_major_axis_m=7e6, inclination_rad=1.0))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from simulator.world.attitude import propagate_attitude
+from simulator.world.attitude.rigid_body import propagate_attitude
+from simulator.world.attitude.torques import Torques, gravity_gradient_torque, torque_on
 from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.gravity import Gravity
-from simulator.world.orbit import propagate
-from simulator.world.rotation import matrix_from_quat, quat_from_rotvec
-from simulator.world.time import Instant
-from simulator.world.torques import Torques, gravity_gradient_torque, torque_on
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
+from simulator.world.orbit.gravity import Gravity
+from simulator.world.orbit.propagation import propagate
+from simulator.world.time.instant import Instant
 
 EPOCH = Instant.from_utc("2026-03-21T10:00:00Z")
 A_M = 7078e3

@@ -6,11 +6,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator import scenario_motion as sm
 from simulator.loop import plan_flight
-from simulator.scenario_load import load_scenario
-from simulator.world.rotation import matrix_from_quat, quat_conjugate, quat_from_rotvec, rotation_angle_rad
-from simulator.world.wheels import Wheels, WheelTrack, fly_wheels
+from simulator.scenario import motion as sm
+from simulator.scenario.load import load_scenario
+from simulator.world.attitude.reaction_wheels import Wheels, WheelTrack, fly_wheels
+from simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_conjugate,
+    quat_from_rotvec,
+    rotation_angle_rad,
+)
 
 J = (12.0, 18.0, 25.0)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.bands import reflectance
+from simulator.scene.illumination.bands import reflectance
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -14,7 +14,7 @@ from simulator.render.craters import BROAD_LARGEST_PX, FINE_LARGEST_PX, SLOPE_MA
 from simulator.render.gl.fences import draw_to, flush
 from simulator.render.gl.programs import FULL_SCREEN
 from simulator.render.passes.air import TABLE_DEFINES
-from simulator.scene.moonlight import surface_phase
+from simulator.scene.illumination.moonlight import surface_phase
 
 if TYPE_CHECKING:
     import moderngl

@@ -14,7 +14,7 @@ from simulator.render.passes.edges import edge_defines
 from simulator.render.passes.gbuffer import normal_bits
 from simulator.render.software.coverage_mask import CELL_PX
 from simulator.render.transfer import LARGEST_SLOPE
-from simulator.scene.lamp import Profile
+from simulator.scene.illumination.lamp import Profile
 
 if TYPE_CHECKING:
     import moderngl
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from simulator.render.lattice import Lattice
     from simulator.render.mesh import Mesh
     from simulator.render.projection import PixelRect
-    from simulator.scene.lamp import Lamp
+    from simulator.scene.illumination.lamp import Lamp
 
 # distinct (material, normal) groups shaded per pixel, with exact areas per quarter of it; the rest joins the last
 MAX_SURFACES, MAX_SURFACES_EXACT = 4, 17

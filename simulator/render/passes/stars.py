@@ -14,8 +14,8 @@ import numpy as np
 from simulator.render.catalogue import stars
 from simulator.render.gl.fences import draw_to
 from simulator.render.star_colours import irradiance_of_v_mag, photons_over_sunlights, usual_v_minus_i
-from simulator.scene.atmosphere import optical_depth_to_top
-from simulator.scene.planets import earth_velocity_c, planets
+from simulator.scene.illumination.atmosphere import optical_depth_to_top
+from simulator.scene.illumination.planets import earth_velocity_c, planets
 from simulator.world.constants import LIGHT_M_S
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from simulator.render.moonview import MoonView
     from simulator.render.projection import PixelRect
     from simulator.render.view import View
-    from simulator.scene.atmosphere import Atmosphere
+    from simulator.scene.illumination.atmosphere import Atmosphere
     from simulator.scene.state import SceneState
 
 _MAX_STARS = 80_000

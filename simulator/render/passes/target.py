@@ -28,7 +28,7 @@ from simulator.render.software.smooth_shading import EvenPass, is_bent, is_even,
 from simulator.render.textures import Textures
 from simulator.render.transfer import PATCH
 from simulator.render.uniform_values import lens_values
-from simulator.scene.bands import bands_of
+from simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from simulator.render.passes.gbuffer import GBufferPass
-from simulator.scene.bands import bands_of, reflectance
+from simulator.scene.illumination.bands import bands_of, reflectance
 
 if TYPE_CHECKING:
     import moderngl

@@ -15,7 +15,7 @@ import numpy as np
 from simulator.camera.presets import sensor_preset
 from simulator.dataset.poses import scene_with_pose
 from simulator.labels.boxes import amodal_box
-from simulator.recipe import plan_recipe
+from simulator.scenario.recipes import plan_recipe
 from simulator.scene.develop import expose_scene
 from simulator.validation.pictures.figures import look_at, moved_dn, noise_dn
 from simulator.validation.pictures.references import fitted
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
     from simulator.validation.pictures.references import Reference
-    from simulator.world.pose import Pose
+    from simulator.world.frames.pose import Pose
 
 SMALL_PX = 240  # width of a candidate
 CANDIDATES = 24

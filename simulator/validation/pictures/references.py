@@ -12,7 +12,7 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.labels.truth import read_truth
-from simulator.world.pose import Pose
+from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from simulator.arrays import ByteArray

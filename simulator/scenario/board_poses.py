@@ -1,0 +1,107 @@
+"""Poses of a flat board in front of a camera, such as a calibration wants them: all over the image, tilted, whole."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from simulator.arrays import FloatArray
+    from simulator.camera.model import Camera
+    from simulator.targets.model import Target
+
+_PLACES = 80
+_STEPS_BACK, _STEP_BACK = 12, 1.15
+MARGIN_PX = 6.0
+
+
+def board_pose(
+    rng: Generator, camera: Camera, target: Target, k: int, facing_deg: float
+) -> tuple[FloatArray, FloatArray]:
+    """Pose of a board: its place on the image goes through a grid of nine, its tilt and roll are drawn.
+
+    Returns
+    -------
+    q_camera_from_target_wxyz (4,), t_camera_from_target_m (3,).
+    """
+    points = np.concatenate([p.positions_m for p in target.parts]).astype(float)
+    low, high = points.min(axis=0), points.max(axis=0)
+    # the middles of its sides too: through a fisheye they bulge
+    across, up = ((a, (a + b) / 2, b) for a, b in zip(low[:2], high[:2], strict=True))
+    rim = np.array([[x, y, high[2]] for x in across for y in up])
+    size = np.array([camera.width_px, camera.height_px])
+    # the board's own z towards the camera, its y up
+    facing = np.diag([1.0, -1.0, -1.0])
+    towards_cell = np.array([k % 3, k // 3 % 3]) - 1.0
+    axis_turn, tilt = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(0.3, 1.0) * facing_deg)
+    roll = np.radians(rng.uniform(-20, 20))
+    tilted = _turned(tilt * np.array([np.cos(axis_turn), np.sin(axis_turn), 0.0]))
+    turned = tilted @ _turned(np.array([0.0, 0.0, roll])) @ facing
+    share = rng.uniform(0.55, 0.8)
+    near = _distance_for_span(camera, rim @ turned.T, share * size)
+    rays = camera.rays(rng.uniform(0, 1, (_PLACES, 2)) * (size - 1))
+    # turned to face a wide-angle camera's corner it may not fit at the size drawn: then farther away
+    for step in range(_STEPS_BACK):
+        found = _farthest_place(camera, rim @ turned.T, near * _STEP_BACK**step, rays, towards_cell)
+        if found is not None:
+            R, t = found
+            return quat_from_matrix(R @ turned), t
+    raise UserError(
+        f"no pose of {target.name} fits the image of {camera.width_px} x {camera.height_px} pixels: "
+        "give a camera with more of them"
+    )
+
+
+def _farthest_place(
+    camera: Camera, rim_m: FloatArray, distance_m: float, rays: FloatArray, towards_cell: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Turn from the boresight and position of the ray at which a board fits and lies farthest towards its cell."""
+    size = np.array([camera.width_px, camera.height_px])
+    best, found = -np.inf, None
+    for ray in rays:
+        # seen along its own ray the board faces the camera, wherever it is in a wide image
+        R = _turn_between(np.array([0.0, 0.0, 1.0]), ray)
+        outline = camera.project(rim_m @ R.T + distance_m * ray)
+        if (
+            not np.all(np.isfinite(outline))
+            or outline.min() < MARGIN_PX
+            or np.any(outline > size - 1 - MARGIN_PX)
+        ):
+            continue
+        off = (outline.mean(axis=0) - size / 2) / size
+        # as far towards its cell as fits; the middle cell's as near to the middle as can be
+        merit = float(off @ towards_cell) - float(np.abs(off) @ (towards_cell == 0))
+        if merit > best:
+            best, found = merit, (R, np.asarray(distance_m * ray))
+    return found
+
+
+def _distance_for_span(camera: Camera, corners_m: FloatArray, span_px: FloatArray) -> float:
+    """Distance on the boresight from which turned corners span less than so many pixels in width and height."""
+    distances = np.geomspace(0.3, 60.0, 100) * float(np.ptp(corners_m, axis=0).max())
+    for distance in distances:
+        if corners_m[:, 2].min() + distance <= 0:
+            continue
+        outline = camera.project(corners_m + np.array([0.0, 0.0, distance]))
+        if np.all(np.ptp(outline, axis=0) < span_px):
+            return float(distance)
+    return float(distances[-1])
+
+
+def _turned(rotvec_rad: FloatArray) -> FloatArray:
+    return matrix_from_quat(quat_from_rotvec(rotvec_rad))
+
+
+def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Rotation that carries one unit vector to another the short way."""
+    axis = np.cross(a, b)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        return np.eye(3)
+    return _turned(axis / sine * np.arctan2(sine, float(a @ b)))

@@ -1,0 +1,167 @@
+"""Reading scenarios: built-in names and TOML files, every mistake told in one sentence."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+import re
+import tomllib
+from dataclasses import asdict
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from simulator.camera.check import optics_problem, response_problem, sensor_problem
+from simulator.camera.files import CameraFile, read_camera_file
+from simulator.errors import UserError, near_names
+from simulator.file_errors import explain
+from simulator.regular_file import read_regular
+from simulator.scenario.flight import check_physics
+from simulator.scenario.messages import resolve_messages
+from simulator.scenario.scenario import Scenario
+from simulator.scene.environments import ENVIRONMENTS
+from simulator.text_files import refuse_deep, refuse_dotted
+from simulator.world.time.instant import Instant
+
+MOST_BYTES = 1_000_000  # of a scenario: a hundred times the longest of the built-in ones
+
+
+def list_scenarios() -> tuple[str, ...]:
+    """Names of the built-in scenarios."""
+    folder = files("assets").joinpath("scenarios")
+    return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """A scenario by its built-in name or from a TOML file.
+
+    Raises
+    ------
+    UserError
+        If there is none, or the file has a mistake: file, key, value given and what is allowed.
+    """
+    text = str(name_or_path)
+    if text in list_scenarios():
+        content = files("assets").joinpath("scenarios", f"{text}.toml").read_bytes()
+        return _parse(content, f"built-in scenario {text}", text, Path())
+    path = Path(name_or_path)
+    try:
+        if not path.is_file():
+            raise UserError(_no_such_scenario(text, path))
+        content = read_regular(path, MOST_BYTES)
+    except OSError as error:
+        raise UserError(f"{text} cannot be read: {error.strerror or error}") from error
+    return _parse(content, text, path.stem, path.parent)
+
+
+def scenario_json_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of the scenario file."""
+    schema = msgspec.json.schema(Scenario)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Flyaround scenario, version 1",
+        **schema,
+    }
+
+
+def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
+    refuse_deep(content, where, toml=True)
+    refuse_dotted(content, where)
+    try:
+        raw = tomllib.loads(content.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise UserError(f"{where} is not UTF-8 text: save it as UTF-8") from error
+    except ValueError as error:  # also a number of thousands of digits
+        raise UserError(f"{where} is not valid TOML: {error}") from error
+    except RecursionError as error:
+        raise UserError(f"{where} is not valid TOML: it nests too deep") from error
+    raw = _with_environment(_plain(raw, where, ""))
+    try:
+        scenario = msgspec.convert(raw, Scenario)
+    except msgspec.ValidationError as error:
+        raise UserError(f"{where}: {explain(str(error), raw, Scenario)}") from error
+    try:
+        Instant.from_utc(scenario.epoch_utc)
+    except ValueError as error:
+        raise UserError(f"{where}: key epoch_utc: {error}") from error
+    scenario = msgspec.structs.replace(
+        scenario,
+        name=scenario.name or stem,
+        camera=_camera(scenario.camera, where, folder),
+        optics=scenario.optics.with_kernel(folder, where),
+    )
+    _check_camera(scenario, where)
+    scenario = resolve_messages(scenario, where, folder)
+    check_physics(scenario, where)
+    return scenario
+
+
+def _with_environment(raw: dict[str, Any]) -> dict[str, Any]:
+    """The file with the layers of its environment's preset filled in under its own; a wrong name is left to be told."""
+    section = raw.get("environment")
+    if not isinstance(section, dict) or section.get("preset") not in ENVIRONMENTS:
+        return raw
+    return {**raw, "environment": {**asdict(ENVIRONMENTS[section["preset"]]), **section}}
+
+
+def _camera(camera: str | CameraFile, where: str, folder: Path) -> CameraFile:
+    """The camera of the file: a built-in name, a path beside the scenario, or the table itself."""
+    if isinstance(camera, CameraFile):
+        found = camera
+    else:
+        try:
+            found = read_camera_file(camera, folder)
+        except UserError as error:
+            raise UserError(f"{where}: key camera: {error}") from error
+        if not found.name:
+            found = msgspec.structs.replace(found, name=Path(camera).stem)
+    found.camera(f"{where}: camera")
+    return found
+
+
+def _check_camera(scenario: Scenario, where: str) -> None:
+    """Refuse a lens or detector that cannot be."""
+    scenario.camera_model  # noqa: B018 - raises where the region or the binning does not fit
+    optics, sensor = scenario.optics_model, scenario.sensor_model
+    problem = (
+        optics_problem(optics)
+        or sensor_problem(sensor)
+        or response_problem(sensor, optics, 1 if scenario.output.bands == "mono" else 3)
+    )
+    if problem is not None:
+        raise UserError(f"{where}: key {problem}")
+    detector = sensor.detector
+    if detector is not None and detector.colour_filter != "none" and scenario.output.bands == "mono":
+        raise UserError(
+            f"{where}: key sensor.detector.colour_filter is {detector.colour_filter!r}, which needs "
+            'output.bands = "rgb"'
+        )
+
+
+def _plain(value: Any, where: str, key: str) -> Any:  # noqa: ANN401 - a TOML value is anything
+    """TOML values as msgspec takes them: times as text, and no NaN or infinity, which would pass bounds."""
+    if isinstance(value, dict):
+        return {k: _plain(v, where, f"{key}.{k}" if key else k) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_plain(v, where, f"{key}[{i}]") for i, v in enumerate(value)]
+    if isinstance(value, dt.datetime):
+        if value.tzinfo is None:
+            raise UserError(
+                f"{where}: key {key} is {value.isoformat()}, which names no time zone: end it with Z"
+            )
+        utc = value.astimezone(dt.UTC).replace(tzinfo=None)
+        return utc.isoformat() + "Z"
+    if isinstance(value, float) and not math.isfinite(value):
+        raise UserError(f"{where}: key {key} is {value}, a finite number is needed")
+    return value
+
+
+def _no_such_scenario(text: str, path: Path) -> str:
+    names = list_scenarios()
+    if path.suffix == ".toml" or re.search(r"[/\\]", text):
+        return f"there is no scenario file {text!r}: give a TOML file, or one of {', '.join(names)}"
+    near = near_names(text, names, 3)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"built-in ones are {', '.join(names)}"
+    return f"there is no scenario {text!r}: {hint}"

@@ -1,0 +1,117 @@
+"""Orbits and attitudes that a scenario takes from TLEs and CCSDS messages, turned into plain states at its epoch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from simulator.arrays import quat, vec3
+from simulator.errors import UserError
+from simulator.regular_file import read_regular
+from simulator.scenario import motion as sm
+from simulator.scenario import scenario as sc
+from simulator.scenario.units import Centre
+from simulator.world.flight.recording import Recording
+from simulator.world.messages.aem import read_aem_state
+from simulator.world.messages.oem import read_oem_state
+from simulator.world.messages.tle import state_from_tle
+from simulator.world.time.instant import Instant
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+
+
+def resolve_messages(scenario: sc.Scenario, where: str, folder: Path) -> sc.Scenario:
+    """The scenario with a TLE or OEM orbit and an AEM attitude replaced by the states they give.
+
+    Parameters
+    ----------
+    scenario : as read. where : its name, for messages. folder : where relative paths start.
+
+    Raises
+    ------
+    UserError
+        If a file cannot be read or says nothing about the epoch.
+    """
+    epoch = Instant.from_utc(scenario.epoch_utc)
+    try:
+        return msgspec.structs.replace(
+            scenario,
+            orbit=_orbit(scenario.orbit, epoch, folder),
+            attitude=_attitude(scenario.attitude, epoch, folder),
+            chaser=_chaser(scenario.chaser, scenario.duration_s, folder),
+        )
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+
+
+def _orbit(
+    orbit: sm.ElementsOrbit | sm.StateOrbit | sm.TleOrbit | sm.OemOrbit, epoch: Instant, folder: Path
+) -> sm.ElementsOrbit | sm.StateOrbit:
+    match orbit:
+        case sm.TleOrbit():
+            centre: Centre = "earth"
+            r, v = state_from_tle(orbit.line1, orbit.line2, epoch)
+        case sm.OemOrbit():
+            centre = orbit.centre
+            text = read_message(orbit.file, "orbit.file", folder)
+            r, v = read_oem_state(text, orbit.file, epoch, centre.upper())
+        case _:
+            return orbit
+    return sm.StateOrbit(centre=centre, r_eci_km=vec3(r / 1e3), v_eci_km_s=vec3(v / 1e3))
+
+
+def _attitude(attitude: sm.Attitude, epoch: Instant, folder: Path) -> sm.Attitude:
+    name = attitude.aem_file
+    if name is None:
+        return attitude
+    if attitude.q_wxyz is not None or attitude.euler_deg is not None:
+        raise UserError("section [attitude] has aem_file and another attitude, allowed: one of them")
+    if attitude.motion == "aem":
+        # the file stays with the scenario; the flight reads all of it
+        return msgspec.structs.replace(attitude, aem_file=str((folder / name).resolve()))
+    q, rate = read_aem_state(read_message(name, "attitude.aem_file", folder), name, epoch)
+    x, y, z = np.degrees(rate)
+    return msgspec.structs.replace(
+        attitude, aem_file=None, frame="eci", q_wxyz=quat(_unit(q)), rate_deg_s=(float(x), float(y), float(z))
+    )
+
+
+def _chaser(chaser: sm.AnyChaser, duration_s: float, folder: Path) -> sm.AnyChaser:
+    """The chaser, with the path of a recording made absolute and its length checked."""
+    if not isinstance(chaser, sm.ReplayChaser):
+        return chaser
+    path = (folder / chaser.file).resolve()
+    recorded_s = Recording.read(path).duration_s
+    if recorded_s < duration_s:
+        raise UserError(
+            f"key duration_s is {duration_s:g}, allowed: at most the {recorded_s:g} s of recording {chaser.file}"
+        )
+    return msgspec.structs.replace(chaser, file=str(path))
+
+
+def _unit(q: FloatArray) -> FloatArray:
+    return q / np.linalg.norm(q)
+
+
+MOST_BYTES = 100_000_000  # of a message: years of states, a minute apart
+
+
+def read_message(name: str, key: str, folder: Path) -> str:
+    """Text of a message file.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read, with the key that names it.
+    """
+    path = folder / name
+    try:
+        return read_regular(path, MOST_BYTES).decode("utf-8")
+    except OSError as error:
+        raise UserError(f"key {key} is {name!r}, which cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"key {key} is {name!r}, which is not a text file") from error

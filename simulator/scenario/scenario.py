@@ -1,0 +1,150 @@
+"""The scenario file as typed, frozen data: what it may hold, units in the keys, angles in degrees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from simulator.camera.files import CameraFile, read_camera_file
+from simulator.camera.intrinsics import CONSISTENT
+from simulator.camera.model import Camera
+from simulator.camera.optics import Optics
+from simulator.camera.presets import sensor_preset
+from simulator.camera.sections import OpticsSection, read_part, read_sensor
+from simulator.camera.sensor import Sensor
+from simulator.camera.shutter import Shutter
+from simulator.errors import UserError
+from simulator.scenario.motion import (
+    AnyChaser,
+    Attitude,
+    BurnSection,
+    ElementsOrbit,
+    Forces,
+    OemOrbit,
+    StateOrbit,
+    TleOrbit,
+)
+from simulator.scenario.picture import EnvironmentSection, LampSection, Output, SensorSection
+from simulator.scenario.units import Section
+from simulator.scene.auto_exposure import AutoExposure
+from simulator.scene.illumination.lamp import Lamp
+from simulator.scene.state import Environment
+
+
+class Scenario(Section, frozen=True, kw_only=True):
+    """A scenario file, read and checked.
+
+    After `simulator.scenario.load.load_scenario` the camera is the camera itself, not its name, and an orbit or
+    attitude from a file or a TLE is the state itself, so that a scenario stands alone.
+    """
+
+    schema: Literal["flyaround.scenario"] = "flyaround.scenario"
+    version: Literal[1] = 1
+    name: str = ""
+    title: str = ""
+    description: str = ""
+    epoch_utc: str
+    duration_s: Annotated[float, Meta(gt=0, le=604_800)]
+    target: str = "tango"
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
+    orbit: ElementsOrbit | StateOrbit | TleOrbit | OemOrbit
+    forces: Forces = Forces()
+    burns: Annotated[list[BurnSection], Meta(max_length=1000)] = msgspec.field(default_factory=list)
+    attitude: Attitude = Attitude()
+    chaser: AnyChaser
+    camera: str | CameraFile = "speed"
+    sensor: SensorSection = SensorSection()
+    optics: OpticsSection = OpticsSection()
+    environment: EnvironmentSection = EnvironmentSection()
+    lamp: LampSection | None = None
+    output: Output = Output()
+
+    @property
+    def camera_model(self) -> Camera:
+        """The camera."""
+        camera = read_camera_file(self.camera) if isinstance(self.camera, str) else self.camera
+        where = f"scenario {self.name}"
+        whole = camera.camera(f"camera of {where}")
+        return read_part(whole, self.sensor.roi_px, self.sensor.binning, where)
+
+    @property
+    def sensor_model(self) -> Sensor:
+        """The preset with its changes."""
+        section, base = self.sensor, sensor_preset(self.sensor.preset)
+        keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance", "bits")
+        given = {key: getattr(section, key) for key in keys}
+        sensor = replace(base, **{key: value for key, value in given.items() if value is not None})
+        pitch_um = section.pixel_pitch_um or self._camera_pitch_um(base)
+        if pitch_um is not None:
+            x, y = pitch_um
+            sensor = replace(sensor, pixel_pitch_x_m=x * 1e-6, pixel_pitch_y_m=y * 1e-6)
+        if section.detector is not None:
+            sensor = replace(sensor, detector=section.detector.detector(base.detector))
+        return read_sensor(sensor, section.roi_px, section.binning)
+
+    def _camera_pitch_um(self, preset: Sensor) -> tuple[float, float] | None:
+        """Pixel pitch that the camera's file gives.
+
+        Raises
+        ------
+        UserError
+            If it is not that of the detector named.
+        """
+        camera = read_camera_file(self.camera) if isinstance(self.camera, str) else self.camera
+        given = camera.pixel_pitch_um
+        own = (preset.pixel_pitch_x_m * 1e6, preset.pixel_pitch_y_m * 1e6)
+        if (
+            given is not None
+            and preset.detector is not None
+            and max(abs(g / o - 1) for g, o in zip(given, own, strict=True)) > CONSISTENT
+        ):
+            raise UserError(
+                f"scenario {self.name}: the camera's file has pixels of {given[0]:g} x {given[1]:g} um, detector "
+                f"{preset.preset} has {own[0]:g} x {own[1]:g}: say which by [sensor] pixel_pitch_um"
+            )
+        return given
+
+    @property
+    def optics_model(self) -> Optics:
+        """The lens besides its distortion."""
+        return self.optics.optics()
+
+    @property
+    def lamp_model(self) -> Lamp | None:
+        """The lamp on the chaser; None for none."""
+        return None if self.lamp is None else Lamp(**msgspec.structs.asdict(self.lamp))
+
+    @property
+    def auto_exposure(self) -> AutoExposure | None:
+        """How the exposure follows the light; None for a fixed one.
+
+        Raises
+        ------
+        UserError
+            If its limits are the wrong way round.
+        """
+        section = self.sensor.auto_exposure
+        if section is None:
+            return None
+        if section.shortest_s > section.longest_s:
+            raise UserError(
+                f"scenario {self.name}: sensor.auto_exposure.shortest_s {section.shortest_s:g} is longer than "
+                f"longest_s {section.longest_s:g}; exchange them"
+            )
+        return AutoExposure(**msgspec.structs.asdict(section))
+
+    @property
+    def shutter_model(self) -> Shutter:
+        """When rows are exposed."""
+        s = self.sensor
+        return Shutter(kind=s.shutter, readout_s=s.readout_s, motion_blur=s.motion_blur)
+
+    @property
+    def environment_model(self) -> Environment:
+        """The switches as the scene has them."""
+        switches = msgspec.structs.asdict(self.environment)
+        del switches["preset"]  # the file's reader has put in what it means
+        return Environment(**switches)

@@ -1,0 +1,166 @@
+"""A built-in scenario as a file to start from: its own text, and every key that may be added, commented out."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import tomllib
+from importlib.resources import files
+from typing import Any
+
+import msgspec
+from msgspec import inspect as mi
+
+from simulator.errors import UserError, near_names
+from simulator.file_errors import alternatives, describe_all
+from simulator.scenario.load import list_scenarios
+from simulator.scenario.recipes import RECIPES
+from simulator.scenario.scenario import Scenario
+from simulator.scenario.write import toml_value
+
+WIDTH = 100  # of a comment's lines
+_VALUES_AT = 44  # column that what is allowed stands in
+_HEADER = re.compile(r"\[+([\w.]+)\]+")
+
+
+def show_scenario(name: str) -> str:
+    """The text of a built-in scenario with every further key as a comment: its value unless given, and what is allowed.
+
+    What is printed is a scenario file: without a change it flies as the built-in one.
+
+    Raises
+    ------
+    UserError
+        If there is no such scenario, or it is a recipe, which has no file.
+    """
+    if any(r.name == name for r in RECIPES):
+        raise UserError(
+            f"{name} is a recipe, which draws independent samples and has no file: capture takes it by name; "
+            f"start from a scenario, such as {list_scenarios()[0]}"
+        )
+    if name not in list_scenarios():
+        near = near_names(name, list_scenarios(), 3) or list_scenarios()
+        raise UserError(f"there is no built-in scenario {name!r}: name one of {', '.join(near)}")
+    text = files("assets").joinpath("scenarios", f"{name}.toml").read_text(encoding="utf-8")
+    raw = tomllib.loads(text)
+    lines = [
+        f"# Scenario {name}. Keep it as mine.toml, change it, and look: flyaround render mine.toml -o mine.png",
+        "# A key behind a # has the value shown unless it is given; ... is for one that has none, or is needed.",
+        "# Keys are explained in docs/formats/scenario.md; units are in their names.",
+        "",
+    ]
+    for path, block in _blocks(text):
+        kind = _at(raw, path)[1]
+        lines += [*_about(kind), *block] if path else block
+        lines += [*_keys_to_add(kind, _at(raw, path)[0]), *_other_kinds(raw, path), ""]
+    for path, kind, many in _sections_to_add(raw, _struct(mi.type_info(Scenario), raw), ""):
+        header = f"[[{path}]]" if many else f"[{path}]"
+        lines += [*_about(kind), f"# {header}", *_keys_to_add(kind, {}), ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _blocks(text: str) -> list[tuple[str, list[str]]]:
+    """The text by its sections: path (empty for the top) and lines, without blank ones at the end."""
+    found: list[tuple[str, list[str]]] = [("", [])]
+    for line in text.splitlines():
+        if header := _HEADER.match(line):
+            found.append((header[1], []))
+        found[-1][1].append(line)
+    return [(path, "\n".join(lines).rstrip().splitlines()) for path, lines in found]
+
+
+def _at(raw: dict[str, Any], path: str) -> tuple[dict[str, Any], mi.StructType]:
+    """The table at a path, and its type."""
+    table: Any = raw
+    kind = _struct(mi.type_info(Scenario), raw)
+    for step in path.split(".") if path else ():
+        table = table[step]
+        field = next(f for f in kind.fields if f.encode_name == step)
+        # of a list of tables the first stands for all
+        many = isinstance(table, list)
+        table = table[0] if many else table
+        kind = _struct(_item(field.type) if many else field.type, table)
+    return table, kind
+
+
+def _struct(type_: mi.Type, table: dict[str, Any]) -> mi.StructType:
+    """Of the tables that a type allows the one that the file's tag names."""
+    structs = [t for t in alternatives(type_) if isinstance(t, mi.StructType)]
+    return next((t for t in structs if t.tag_field and table.get(t.tag_field) == t.tag), structs[0])
+
+
+def _item(type_: mi.Type) -> mi.Type:
+    """The item of a list of tables."""
+    return next(t.item_type for t in alternatives(type_) if isinstance(t, mi.ListType))
+
+
+def _is_section(field: mi.Field) -> bool:
+    kinds = alternatives(field.type)
+    lists = [i for t in kinds if isinstance(t, mi.ListType) for i in alternatives(t.item_type)]
+    return any(isinstance(t, mi.StructType) for t in (*kinds, *lists))
+
+
+def _keys_to_add(kind: mi.StructType, table: dict[str, Any]) -> list[str]:
+    """A commented line for each plain key that a table does not have."""
+    lines = []
+    for field in kind.fields:
+        if field.encode_name in table or (_is_section(field) and field.encode_name != "camera"):
+            continue
+        default = None if field.required else _default(field)
+        value = "..." if default is None else toml_value(default)
+        needed = "needed: " if field.required else ""
+        start = f"# {field.encode_name} = {value}"
+        lines.append(f"{start:{_VALUES_AT}} # {needed}{describe_all(alternatives(field.type))}")
+    return lines
+
+
+def _other_kinds(raw: dict[str, Any], path: str) -> list[str]:
+    """A line that names what else a section may be, where its keys depend on one of them."""
+    top = next((f for f in _struct(mi.type_info(Scenario), raw).fields if f.encode_name == path), None)
+    kinds = [] if top is None else [t for t in alternatives(top.type) if isinstance(t, mi.StructType)]
+    if len(kinds) < 2 or kinds[0].tag_field is None:
+        return []
+    names = ", ".join(str(t.tag) for t in kinds)
+    return _comment(f"{kinds[0].tag_field}: {names}; each has its own keys")
+
+
+def _default(field: mi.Field) -> Any:  # noqa: ANN401 - a TOML value is anything
+    if field.default is not msgspec.NODEFAULT:
+        return msgspec.to_builtins(field.default)
+    return field.default_factory() if callable(field.default_factory) else None
+
+
+def _sections_to_add(
+    table: dict[str, Any], kind: mi.StructType, path: str
+) -> list[tuple[str, mi.StructType, bool]]:
+    """Sections that a table may have and does not: path, type, and whether there may be many."""
+    found = []
+    for field in kind.fields:
+        name = field.encode_name
+        if not _is_section(field) or name == "camera":
+            continue
+        there, at = table.get(name), f"{path}.{name}" if path else name
+        many = any(isinstance(t, mi.ListType) for t in alternatives(field.type))
+        if isinstance(there, dict):
+            found += _sections_to_add(there, _struct(field.type, there), at)
+        elif there is None:
+            section = _struct(_item(field.type) if many else field.type, {})
+            found.append((at, section, many))
+            # what lies within a section that may be added may be added with it
+            found += _sections_to_add({}, section, at)
+    return found
+
+
+def _about(kind: mi.StructType) -> list[str]:
+    """What a section is, as its type says."""
+    return _comment(inspect.cleandoc(kind.cls.__doc__ or "").replace("``", "").replace("`", ""))
+
+
+def _comment(text: str) -> list[str]:
+    lines, line = [], "#"
+    for word in text.split():
+        if len(line) + 1 + len(word) > WIDTH:
+            lines.append(line)
+            line = "#"
+        line += f" {word}"
+    return [*lines, line]

@@ -1,0 +1,52 @@
+"""Writing a scenario as the TOML file that replays a recorded flight."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from simulator.scenario import motion as sm
+
+if TYPE_CHECKING:
+    from simulator.scenario.scenario import Scenario
+
+
+def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float | None = None) -> str:
+    """TOML of a scenario like this one whose chaser and target fly as recorded.
+
+    Parameters
+    ----------
+    scenario : what was flown. recording_file : path from where the TOML will lie.
+    duration_s : of the recording, when it is not the scenario's.
+    """
+    chaser = sm.ReplayChaser(file=recording_file, minimum_start_range_m=scenario.chaser.minimum_start_range_m)
+    replay = msgspec.structs.replace(
+        scenario,
+        name=f"{scenario.name}-replay",
+        chaser=chaser,
+        # the recording has flown them
+        burns=[],
+        duration_s=duration_s or scenario.duration_s,
+    )
+    return to_toml(msgspec.to_builtins(replay))
+
+
+def to_toml(table: dict[str, Any], path: str = "") -> str:
+    """A nested table as TOML; keys without a value are left out."""
+    plain = {k: v for k, v in table.items() if v is not None and not isinstance(v, dict)}
+    text = "".join(f"{key} = {toml_value(value)}\n" for key, value in plain.items())
+    for key, value in table.items():
+        if isinstance(value, dict):
+            name = f"{path}.{key}" if path else key
+            text += f"\n[{name}]\n{to_toml(value, name)}"
+    return text
+
+
+def toml_value(value: Any) -> str:  # noqa: ANN401 - a TOML value is anything
+    """A value as TOML writes it."""
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
+    # JSON writes texts, numbers, true and false as TOML does
+    return json.dumps(value) if not isinstance(value, float) else repr(value)

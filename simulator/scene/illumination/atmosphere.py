@@ -1,0 +1,297 @@
+"""Scattering in a spherical atmosphere, in double precision: the oracle and the tables of the renderer.
+
+Lengths are in metres, heights above a sphere of Earth's equatorial radius. The renderer draws an ellipsoid by
+stretching its polar axis to this sphere first, so that one atmosphere fits every latitude.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.scene.illumination.bands import bands_of
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.scene.state import Bands
+
+EARTH_RADIUS_M = 6_378_137.0  # WGS84 semi-major axis
+SUN_ANGULAR_RADIUS_RAD = 0.004652  # IAU 2015 nominal solar radius at 1 au
+
+# Rayleigh scattering at sea level times wavelength^4: Penndorf (1957), as in Bruneton & Neyret (2008) [m-1 um^4]
+_RAYLEIGH_M_UM4 = 1.24062e-6
+# Ozone absorption at 25 km, peak of a 10-25-40 km tent holding 300 Dobson units [m-1]; cross sections averaged over
+# the band: Gorshelev et al. (2014), High spectral resolution ozone absorption cross-sections, AMT 7
+_OZONE_PEAK_M = {"panchromatic": 1.18e-6, "red": 1.43e-6, "green": 1.75e-6, "blue": 1.67e-7}
+
+
+@dataclass(frozen=True, eq=False)
+class Atmosphere:
+    """Optical properties per band.
+
+    Parameters
+    ----------
+    rayleigh_m : (n,) scattering at sea level [m-1]. mie_scattering_m, mie_extinction_m : the same, aerosol.
+    ozone_m : (n,) absorption at the peak of the layer [m-1].
+    rayleigh_height_m, mie_height_m : scale heights [m].
+    mie_g : asymmetry of the Cornette-Shanks phase function.
+    thickness_m : height of the top [m].
+    """
+
+    rayleigh_m: FloatArray
+    mie_scattering_m: FloatArray
+    mie_extinction_m: FloatArray
+    ozone_m: FloatArray
+    rayleigh_height_m: float = 8000.0
+    mie_height_m: float = 1200.0
+    mie_g: float = 0.76
+    thickness_m: float = 100_000.0
+    radius_m: float = field(default=EARTH_RADIUS_M)
+
+    @property
+    def top_m(self) -> float:
+        """Radius of the top [m]."""
+        return self.radius_m + self.thickness_m
+
+    def density(self, height_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rayleigh, aerosol and ozone density relative to sea level (to the peak, ozone) at a height."""
+        h = np.maximum(height_m, 0.0)
+        ozone = np.clip(1 - np.abs(h - 25_000.0) / 15_000.0, 0, None)
+        return np.exp(-h / self.rayleigh_height_m), np.exp(-h / self.mie_height_m), ozone
+
+    def extinction_m(self, height_m: FloatArray) -> FloatArray:
+        """Extinction (..., n) at a height [m-1]."""
+        rayleigh, mie, ozone = self.density(height_m)
+        return (
+            rayleigh[..., None] * self.rayleigh_m
+            + mie[..., None] * self.mie_extinction_m
+            + ozone[..., None] * self.ozone_m
+        )
+
+
+def earth_atmosphere(bands: Bands, thickness_m: float = 100_000.0) -> Atmosphere:
+    """The Earth's clear air with continental-average aerosol (optical depth 0.05), per band of the camera.
+
+    Parameters
+    ----------
+    thickness_m : height at which it is cut off; its density is that of the Earth's air up to there.
+    """
+    rayleigh, ozone = [], []
+    for band in bands_of(bands):
+        low, high = band.low_nm * 1e-3, band.high_nm * 1e-3
+        # mean of wavelength^-4 over the band
+        rayleigh.append(_RAYLEIGH_M_UM4 * (low**-3 - high**-3) / (3 * (high - low)))
+        ozone.append(_OZONE_PEAK_M[band.name])
+    extinction = np.full(
+        len(rayleigh), 4.44e-6
+    )  # Angstrom turbidity 0.0053, exponent 0, as in Bruneton (2017)
+    return Atmosphere(
+        rayleigh_m=np.array(rayleigh),
+        mie_scattering_m=0.93 * extinction,
+        mie_extinction_m=extinction,
+        ozone_m=np.array(ozone),
+        thickness_m=thickness_m,
+    )
+
+
+def rayleigh_phase(cosine: FloatArray) -> FloatArray:
+    """Rayleigh phase function [sr-1]."""
+    return 3 / (16 * np.pi) * (1 + cosine**2)
+
+
+def mie_phase(cosine: FloatArray, g: float) -> FloatArray:
+    """Phase function of Cornette & Shanks (1992) [sr-1]."""
+    scale = 3 / (8 * np.pi) * (1 - g * g) / (2 + g * g)
+    return scale * (1 + cosine**2) / (1 + g * g - 2 * g * cosine) ** 1.5
+
+
+def sun_share(radius_m: FloatArray, mu_sun: FloatArray, ground_m: float) -> FloatArray:
+    """Share of the Sun's disc above the horizon at a radius, 0..1 (smooth step over the disc's diameter).
+
+    Parameters
+    ----------
+    radius_m : distance from the centre. mu_sun : cosine of the Sun's zenith angle.
+    """
+    horizon = -np.sqrt(np.clip(1 - (ground_m / np.maximum(radius_m, ground_m)) ** 2, 0, None))
+    x = np.clip((mu_sun - horizon) / (2 * SUN_ANGULAR_RADIUS_RAD) + 0.5, 0, 1)
+    return x * x * (3 - 2 * x)
+
+
+def optical_depth_to_top(
+    air: Atmosphere, radius_m: FloatArray, mu: FloatArray, steps: int = 64
+) -> FloatArray:
+    """Optical depth (..., n) from a radius along zenith cosine ``mu`` to the top; the ground does not block."""
+    r, mu = np.broadcast_arrays(np.asarray(radius_m, float), np.asarray(mu, float))
+    length = np.asarray(-r * mu + np.sqrt(np.clip((r * mu) ** 2 + air.top_m**2 - r * r, 0, None)))
+    # samples close up to where the ray is lowest: its start, or its perigee when it looks down
+    low = np.asarray(np.clip(-r * mu, 0, length))
+    edges = np.linspace(0, 1, steps + 1)
+    x = 0.5 * (edges[1:] + edges[:-1])
+    depth = np.zeros((*r.shape, len(air.rayleigh_m)))
+    # to the lowest point, of rays that have one, and from there to the top
+    for begin, end, which in ((low, np.zeros_like(low), low > 0), (low, length, np.ones(low.shape, bool))):
+        if not which.any():
+            continue
+        at, start = r[which][:, None], begin[which][:, None]
+        # quadratic spacing away from the lowest point
+        span = end[which][:, None] - start
+        t = start + span * x**2
+        height = np.sqrt(at**2 + t * t + 2 * at * mu[which][:, None] * t) - air.radius_m
+        weight = np.abs(span) * 2 * x / steps
+        depth[which] += (air.extinction_m(height) * weight[..., None]).sum(axis=-2)
+    return depth
+
+
+def transmittance_to_sun(air: Atmosphere, radius_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
+    """Share (..., n) of the Sun's light that arrives at a radius, the horizon included."""
+    share = np.asarray(sun_share(np.asarray(radius_m, float), np.asarray(mu_sun, float), air.radius_m))
+    # rays below the geometric horizon are those of the disc's upper part: they see the horizon's air
+    r = np.maximum(np.asarray(radius_m, float), air.radius_m)
+    horizon = -np.sqrt(np.clip(1 - (air.radius_m / r) ** 2, 0, None))
+    mu = np.asarray(np.maximum(mu_sun, horizon))
+    through = np.zeros((*share.shape, len(air.rayleigh_m)))
+    lit = share > 0
+    through[lit] = np.exp(-optical_depth_to_top(air, np.broadcast_to(r, lit.shape)[lit], mu[lit]))
+    return through * share[..., None]
+
+
+@dataclass(frozen=True, eq=False)
+class PathLight:
+    """What a stretch of air adds and takes: unit-irradiance in-scatter without phase [1], transmittance [1].
+
+    Parameters
+    ----------
+    multiple : (K, n) light scattered twice or more, even in all directions [sr-1]; zero when it was not asked for.
+    """
+
+    rayleigh: FloatArray
+    mie: FloatArray
+    transmittance: FloatArray
+    multiple: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class MultipleScattering:
+    """Radiance that arrives at a point after two or more scatterings, averaged over directions.
+
+    Parameters
+    ----------
+    psi : (HEIGHTS, SUNS, n) over the Sun's irradiance [sr-1]; rows: square root of the height over the thickness;
+        columns: cosine of the Sun's zenith angle, -1 to 1 stretched about the horizon (``sun_column``).
+    """
+
+    psi: FloatArray
+    thickness_m: float
+
+    def __call__(self, height_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
+        """Linear between the table's entries: (..., n)."""
+        rows, columns, _ = self.psi.shape
+        y = np.sqrt(np.clip(height_m / self.thickness_m, 0, 1)) * (rows - 1)
+        x = sun_column(np.asarray(mu_sun, float)) * (columns - 1)
+        i, k = np.minimum(y.astype(int), rows - 2), np.minimum(x.astype(int), columns - 2)
+        fy, fx = (y - i)[..., None], (x - k)[..., None]
+        low = self.psi[i, k] * (1 - fx) + self.psi[i, k + 1] * fx
+        high = self.psi[i + 1, k] * (1 - fx) + self.psi[i + 1, k + 1] * fx
+        return np.asarray(low * (1 - fy) + high * fy)
+
+
+def sun_column(mu_sun: FloatArray) -> FloatArray:
+    """Column 0..1 of a cosine -1..1: half of them lie within 0.25 of the horizon."""
+    return np.asarray(0.5 + 0.5 * np.sign(mu_sun) * np.sqrt(np.abs(mu_sun)))
+
+
+def path_light(
+    air: Atmosphere,
+    camera_m: FloatArray,
+    directions: FloatArray,
+    sun: FloatArray,
+    steps: int = 64,
+    multiple: MultipleScattering | None = None,
+) -> PathLight:
+    """Scattering along rays (K, 3) from a camera outside or inside the air, to the ground or to space.
+
+    The radiance is ``E_sun * (rayleigh * rayleigh_phase + mie * mie_phase + multiple)``.
+
+    Parameters
+    ----------
+    camera_m : (3,) from the Earth's centre. directions : (K, 3) unit.
+    sun : (..., 3) unit, towards the Sun; with several, in-scatter is (..., K, n) and transmittance (K, n).
+    multiple : adds the light scattered twice or more.
+    """
+    d = np.asarray(directions, float)
+    b = d @ camera_m
+    c2 = float(camera_m @ camera_m)
+    to_top = b * b - c2 + air.top_m**2
+    to_ground = b * b - c2 + air.radius_m**2
+    hit_air = (to_top > 0) & ((-b + np.sqrt(np.clip(to_top, 0, None))) > 0)
+    hit_ground = (to_ground > 0) & (b < 0)
+    start = np.maximum(-b - np.sqrt(np.clip(to_top, 0, None)), 0)
+    end = np.where(
+        hit_ground, -b - np.sqrt(np.clip(to_ground, 0, None)), -b + np.sqrt(np.clip(to_top, 0, None))
+    )
+    length = np.where(hit_air, np.maximum(end - start, 0), 0)
+    depth = np.zeros((len(d), len(air.rayleigh_m)))
+    rayleigh, mie, more = (np.zeros((*sun.shape[:-1], *depth.shape)) for _ in range(3))
+    for k in range(steps):
+        # ground rays: steps shorten towards the ground, where the aerosol is; others are even, which for the
+        # bell-shaped density about the perigee converges fast
+        x = (k + 0.5) / steps
+        t = start + length * np.where(hit_ground, 1 - (1 - x) ** 2, x)
+        dt = length / steps * np.where(hit_ground, 2 * (1 - x), 1.0)
+        p = camera_m + t[:, None] * d
+        r = np.linalg.norm(p, axis=1)
+        density_r, density_m, _ = air.density(r - air.radius_m)
+        step_depth = air.extinction_m(r - air.radius_m) * dt[:, None]
+        mu_sun = sun @ p.T / r
+        arrives = np.exp(-(depth + 0.5 * step_depth)) * dt[:, None]
+        light = transmittance_to_sun(air, r, mu_sun) * arrives
+        rayleigh += density_r[:, None] * light * air.rayleigh_m
+        mie += density_m[:, None] * light * air.mie_scattering_m
+        if multiple is not None:
+            scatters = density_r[:, None] * air.rayleigh_m + density_m[:, None] * air.mie_scattering_m
+            more += scatters * arrives * multiple(r - air.radius_m, mu_sun)
+        depth += step_depth
+    return PathLight(rayleigh, mie, np.exp(-depth), more)
+
+
+def ground_irradiance(
+    air: Atmosphere,
+    mu_sun: FloatArray,
+    *,
+    diffuse: bool = True,
+    multiple: MultipleScattering | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Direct and diffuse irradiance (K, n) on level ground over that of the Sun above the air.
+
+    Parameters
+    ----------
+    mu_sun : (K,) cosines of the Sun's zenith angle.
+    diffuse : ``False`` leaves the sky's part at zero, and saves nearly all of the time.
+    multiple : adds the light scattered twice or more to the diffuse part.
+    """
+    mu_sun = np.asarray(mu_sun, float)
+    direct = (
+        transmittance_to_sun(air, np.full_like(mu_sun, air.radius_m), mu_sun)
+        * np.clip(mu_sun, 0, None)[:, None]
+    )
+    if not diffuse:
+        return direct, np.zeros_like(direct)
+    point = np.array([0.0, 0.0, air.radius_m + 1.0])
+    zenith_nodes, zenith_weights = np.polynomial.legendre.leggauss(8)
+    cosine = 0.5 * (zenith_nodes + 1)
+    azimuth = (np.arange(8) + 0.5) / 8 * np.pi  # the sky is symmetric about the Sun's vertical
+    c, a = (v.ravel() for v in np.meshgrid(cosine, azimuth, indexing="ij"))
+    s = np.sqrt(1 - c * c)
+    rays = np.stack([s * np.cos(a), s * np.sin(a), c], axis=1)
+    weight = np.repeat(0.5 * zenith_weights, 8) * c * 2 * np.pi / 8
+    suns = np.stack([np.sqrt(np.maximum(1 - mu_sun**2, 0.0)), np.zeros_like(mu_sun), mu_sun], axis=1)
+    light = path_light(air, point, rays, suns, steps=16, multiple=multiple)
+    angle = suns @ rays.T
+    radiance = (
+        light.rayleigh * rayleigh_phase(angle)[..., None]
+        + light.mie * mie_phase(angle, air.mie_g)[..., None]
+        + light.multiple
+    )
+    return direct, np.asarray(weight @ radiance)

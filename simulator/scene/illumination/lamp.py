@@ -1,0 +1,79 @@
+"""A lamp on the chaser: its beam, what it throws on a surface, per band. CPU twin of shaders/target/lamp.glsl."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from simulator.arrays import FloatArray, Vec3
+from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from simulator.scene.state import Bands
+
+Profile = Literal["led", "gaussian", "flat"]
+FLAT_EDGE = 0.03  # of the half angle: over it a flat beam falls to nothing
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lamp:
+    """A small lamp that shines along the camera's boresight, of the Sun's colour.
+
+    Parameters
+    ----------
+    power_w : radiant power of the whole beam within the panchromatic band [W].
+    half_angle_deg : off its axis the intensity is half of that on it; a flat beam ends there.
+    profile : ``led``, a power of the cosine, as bare diodes and those behind lenses shine; ``gaussian`` in the angle;
+        ``flat``, even inside its cone.
+    offset_m : place of the lamp in the camera frame (right, down, forward) [m]. It throws no shadows: beside the
+        camera they would be seen, by the ratio of this to the range.
+    """
+
+    power_w: float
+    half_angle_deg: float = 20.0
+    profile: Profile = "led"
+    offset_m: Vec3 = (0.0, 0.0, 0.0)
+
+    @property
+    def shape(self) -> float:
+        """The exponent of ``led``; one over the half angle [rad-1] otherwise."""
+        half = np.radians(self.half_angle_deg)
+        return float(np.log(0.5) / np.log(np.cos(half)) if self.profile == "led" else 1 / half)
+
+    def beam(self, angle_rad: ArrayLike) -> FloatArray:
+        """Intensity off the axis over that on it, 0..1."""
+        angle = np.asarray(angle_rad, float)
+        ahead = np.clip(np.cos(angle), 0, None)
+        if self.profile == "led":
+            return np.asarray(ahead**self.shape)
+        share = angle * self.shape
+        if self.profile == "gaussian":
+            return np.asarray(np.exp2(-share * share) * (ahead > 0))
+        return np.asarray(np.clip((1 - share) / FLAT_EDGE + 0.5, 0, 1) * (ahead > 0))
+
+    def intensity_w_sr(self, bands: Bands) -> FloatArray:
+        """(n,) radiant intensity on the axis, per band [W sr-1]."""
+        cosine = (np.arange(20_000) + 0.5) / 20_000
+        solid_angle = 2 * np.pi * float(np.mean(self.beam(np.arccos(cosine))))
+        colour = sun_irradiance_w_m2(bands, ASTRONOMICAL_UNIT_M) / sun_irradiance_w_m2(
+            "mono", ASTRONOMICAL_UNIT_M
+        )
+        return np.asarray(self.power_w / solid_angle * colour)
+
+    def irradiance_w_m2(self, positions_m: FloatArray, normals: FloatArray, bands: Bands) -> FloatArray:
+        """(K, n) light that falls on surfaces.
+
+        Parameters
+        ----------
+        positions_m, normals : (K, 3) camera frame.
+        """
+        to_lamp = np.asarray(self.offset_m) - positions_m
+        distance = np.linalg.norm(to_lamp, axis=1)
+        light = to_lamp / distance[:, None]
+        off_axis = np.arccos(np.clip(-light[:, 2], -1, 1))
+        falling = self.beam(off_axis) / distance**2 * np.clip((light * normals).sum(axis=1), 0, None)
+        return np.asarray(falling[:, None] * self.intensity_w_sr(bands))

@@ -1,0 +1,61 @@
+"""How bright the Moon is: its albedo per band, its phase function, and the light that falls on it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.scene.illumination.bands import bands_of
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.scene.state import Bands
+
+MOON_RADIUS_M = 1_737_400.0  # IAU 2015, mean
+FULL_MOON_SHARE = 2.5e-6  # of the Sun's irradiance: magnitudes -12.73 and -26.74, Allen (2000)
+# Geometric albedo of the near side per band: 0.12 in V (Allen's Astrophysical Quantities 2000, table 12.8), the other
+# bands by the Moon's colour B-V = 0.92, V-R = 0.62 against the Sun's 0.65 and 0.35 (the same table)
+_ALBEDO = {"panchromatic": 0.122, "red": 0.143, "green": 0.120, "blue": 0.096}
+
+
+def moon_albedo(bands: Bands) -> FloatArray:
+    """Geometric albedo per band (n,)."""
+    return np.array([_ALBEDO[band.name] for band in bands_of(bands)])
+
+
+def disc_phase(angle_rad: FloatArray | float) -> FloatArray:
+    """Light of the whole disc over that at phase angle zero, 0..1.
+
+    References
+    ----------
+    Allen's Astrophysical Quantities (2000), 12.5: V(alpha) = V(0) + 0.026 alpha + 4e-9 alpha^4, alpha in degrees.
+    """
+    degrees = np.degrees(np.abs(np.asarray(angle_rad, float)))
+    return np.asarray(10 ** (-0.4 * (0.026 * degrees + 4.0e-9 * degrees**4)))
+
+
+def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:
+    """Irradiance of the Moon's disc over the Sun's.
+
+    Parameters
+    ----------
+    r_moon_m : (3,) the Moon from where it shines. sun : (3,) unit vector to the Sun, the same frame.
+    """
+    distance = float(np.linalg.norm(r_moon_m))
+    phase = math.acos(min(max(float(-r_moon_m @ sun) / distance, -1.0), 1.0))
+    return min(FULL_MOON_SHARE * float(disc_phase(phase)) * (384_400_000.0 / distance) ** 2, 1.0)
+
+
+def lommel_seeliger_disc(angle_rad: FloatArray) -> FloatArray:
+    """Disc-integrated Lommel-Seeliger reflection over that at zero phase: 1 - sin(a/2) tan(a/2) ln(cot(a/4))."""
+    half = np.clip(np.abs(np.asarray(angle_rad, float)) / 2, 1e-6, np.pi / 2 - 1e-6)
+    return np.asarray(1 - np.sin(half) * np.tan(half) * np.log(1 / np.tan(half / 2)))
+
+
+def surface_phase(angle_rad: FloatArray) -> FloatArray:
+    """Phase function of the ground with which the Lommel-Seeliger disc follows ``disc_phase``."""
+    # beyond 165 degrees the crescent's light is that of relief, which neither formula knows
+    angle = np.clip(np.abs(np.asarray(angle_rad, float)), 0, np.radians(165))
+    return disc_phase(angle) / lommel_seeliger_disc(angle)

@@ -1,0 +1,100 @@
+"""Mercury to Saturn as points of light: where they are and how bright."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import erfa
+import numpy as np
+
+from simulator.world.constants import AU_M
+from simulator.world.time.instant import Instant, guarded
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class _Planet:
+    """Number in SOFA's list, V at one astronomical unit from Sun and Earth, change with the phase angle, B-V.
+
+    ``phase`` are coefficients of the powers 1, 2, 3 of the phase angle in degrees.
+    """
+
+    name: str
+    number: int
+    magnitude: float
+    phase: tuple[float, float, float]
+    b_minus_v: float
+
+
+# Meeus (1998), Astronomical Algorithms, ch. 41: the formulas of the Astronomical Almanac since 1984; Saturn without its
+# rings, which brighten it by up to one magnitude
+_PLANETS = (
+    _Planet("Mercury", 1, -0.42, (3.80e-2, -2.73e-4, 2.0e-6), 0.97),
+    _Planet("Venus", 2, -4.40, (9.0e-4, 2.39e-4, -6.5e-7), 0.81),
+    _Planet("Mars", 4, -1.52, (1.6e-2, 0.0, 0.0), 1.43),
+    _Planet("Jupiter", 5, -9.40, (5.0e-3, 0.0, 0.0), 0.87),
+    _Planet("Saturn", 6, -8.88, (4.4e-2, 0.0, 0.0), 1.09),
+)
+NAMES = tuple(planet.name for planet in _PLANETS)
+_LIGHT_DAYS_PER_AU = 499.004784 / 86400.0
+
+
+@dataclass(frozen=True, eq=False)
+class PlanetLight:
+    """Planets seen from a place: unit directions (5, 3) GCRS without aberration, V magnitudes, B-V colours."""
+
+    directions: FloatArray
+    v_mag: FloatArray
+    b_minus_v: FloatArray
+
+
+def planets(epoch_utc: str, observer_eci_m: FloatArray) -> PlanetLight:
+    """The five bright planets, in the order of ``NAMES``.
+
+    Positions are SOFA's ``iauPlan94``: within half an arc minute, for Saturn one and a half, over 1900-2100; those of
+    the whole minute, in which Mercury moves by 5 arc seconds.
+
+    Parameters
+    ----------
+    observer_eci_m : (3,) from the Earth's centre.
+    """
+    almanac = _almanac(epoch_utc[: len("2026-01-01T00:00")])
+    seen = almanac.geocentric_m - np.asarray(observer_eci_m, float)
+    directions = seen / np.linalg.norm(seen, axis=1, keepdims=True)
+    return PlanetLight(directions, almanac.v_mag, np.array([p.b_minus_v for p in _PLANETS]))
+
+
+def earth_velocity_c(epoch_utc: str) -> FloatArray:
+    """Velocity (3,) of the Earth about the barycentre over that of light, GCRS: it shifts every star by up to 20.5"."""
+    return _almanac(epoch_utc[: len("2026-01-01T00:00")]).earth_c
+
+
+@dataclass(frozen=True, eq=False)
+class _Almanac:
+    geocentric_m: FloatArray
+    v_mag: FloatArray
+    earth_c: FloatArray
+
+
+@lru_cache(maxsize=64)
+def _almanac(minute_utc: str) -> _Almanac:
+    now = Instant.from_utc(f"{minute_utc}:00Z")
+    heliocentric, barycentric = guarded(erfa.epv00, now.tt1, now.tt2)
+    earth = np.asarray(heliocentric["p"], float)
+    geocentric, magnitudes = [], []
+    for planet in _PLANETS:
+        at = np.asarray(guarded(erfa.plan94, now.tt1, now.tt2, planet.number)["p"], float)
+        delay = float(np.linalg.norm(at - earth)) * _LIGHT_DAYS_PER_AU
+        at = np.asarray(guarded(erfa.plan94, now.tt1, now.tt2 - delay, planet.number)["p"], float)
+        seen = at - earth
+        r, d = float(np.linalg.norm(at)), float(np.linalg.norm(seen))
+        phase = np.degrees(np.arccos(np.clip(at @ seen / (r * d), -1, 1)))
+        a, b, c = planet.phase
+        magnitudes.append(planet.magnitude + 5 * np.log10(r * d) + a * phase + b * phase**2 + c * phase**3)
+        geocentric.append(seen * AU_M)
+    earth_c = np.asarray(barycentric["v"], float) * _LIGHT_DAYS_PER_AU
+    return _Almanac(np.array(geocentric), np.array(magnitudes), earth_c)

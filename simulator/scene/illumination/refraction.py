@@ -1,0 +1,119 @@
+"""Sunlight that grazes the Earth's air: dimmed, reddened, bent into the shadow; the limb darkening of the Sun's disc.
+
+One model for the Sun seen past the Earth by a spacecraft, and for the light inside the Earth's shadow on the Moon.
+Geometry: a straight ray that would pass the centre at radius + y arrives where a bent one of perigee height h does,
+y = h - D e(h), D the distance behind the Earth and e(h) the bending.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.scene.illumination.atmosphere import earth_atmosphere, optical_depth_to_top
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.scene.state import Bands
+
+BENDING_RAD = np.radians(69.0 / 60)  # through the whole air at the ground: twice the 34.5' of a setting Sun
+BENDING_HEIGHT_M = 8000.0  # it falls off as the density
+SUN_RADIUS_M = 6.957e8
+LIMB_DARKENING = 0.6  # linear law in the visible: Allen's Astrophysical Quantities (2000), 14.7
+_HEIGHTS_M = np.concatenate([np.linspace(0, 60e3, 601), np.linspace(62e3, 300e3, 120)])
+_STRIPS = 96
+
+
+def limb_darkening(share_of_radius: FloatArray) -> FloatArray:
+    """Brightness of the Sun's disc over its mean, at a share 0..1 of its radius."""
+    mu = np.sqrt(np.clip(1 - np.asarray(share_of_radius, float) ** 2, 0, None))
+    return (1 - LIMB_DARKENING * (1 - mu)) / (1 - LIMB_DARKENING / 3)
+
+
+@lru_cache(maxsize=4)
+def _grazing(bands: Bands) -> FloatArray:
+    """Transmittance (K, n) of the whole air along a ray of perigee height ``_HEIGHTS_M``."""
+    air = earth_atmosphere(bands)
+    depth = optical_depth_to_top(air, air.radius_m + _HEIGHTS_M, np.zeros_like(_HEIGHTS_M), steps=48)
+    # clouds stand in the way of most of the lowest rays: open from a tenth at the ground to all at 12 km
+    clear = 0.1 + 0.9 * np.clip(_HEIGHTS_M / 12e3, 0, 1)
+    return np.exp(-2 * depth) * clear[:, None]
+
+
+@lru_cache(maxsize=1)
+def _strips() -> tuple[FloatArray, FloatArray]:
+    """Strips of the disc: place -1..1 and share of the light."""
+    edges = -np.cos(np.linspace(0, np.pi, _STRIPS + 1))  # fine at both ends
+    place = 0.5 * (edges[1:] + edges[:-1])
+    half = np.sqrt(1 - place**2)
+    # brightness integrated along a strip; closed form of 1 - u + u sqrt(1 - r^2) along a chord of half length c
+    light = 2 * half * (1 - LIMB_DARKENING) + LIMB_DARKENING * np.pi / 2 * half**2
+    weight = light * np.diff(edges)
+    return place, weight / weight.sum()
+
+
+def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> FloatArray:
+    """Share (n,) of the Sun's light per band that reaches a place past the Earth and through its air.
+
+    Parameters
+    ----------
+    r_m, r_sun_m : (3,) place and Sun from the Earth's centre, in space where the ellipsoid is a sphere or near it [m].
+    """
+    air = earth_atmosphere(bands)
+    to_sun = np.asarray(r_sun_m, float) - r_m
+    away = float(np.linalg.norm(to_sun))
+    u = to_sun / away
+    behind = -float(np.dot(r_m, u))  # distance behind the Earth's centre
+    if behind <= 0:
+        return np.ones(len(air.rayleigh_m))
+    y = float(np.linalg.norm(r_m + behind * u)) - air.radius_m  # height of the centre's straight ray
+    sun_m = behind * SUN_RADIUS_M / away
+    if y - sun_m > _HEIGHTS_M[-1]:
+        return np.ones(len(air.rayleigh_m))
+    place, weight = _strips()
+    bending = BENDING_RAD * np.exp(-_HEIGHTS_M / BENDING_HEIGHT_M)
+    arrives = _HEIGHTS_M - behind * bending
+    light = _grazing(bands) / (1 + behind * bending / BENDING_HEIGHT_M)[:, None]
+    at = y + sun_m * place
+    return np.array([weight @ np.interp(at, arrives, column, left=0.0) for column in light.T])
+
+
+@lru_cache(maxsize=8)
+def shadow_profile(distance_km: int, sun_distance_gm: int, bands: Bands) -> tuple[FloatArray, float]:
+    """Sunlight across the Earth's shadow far behind it, where light from all around the limb meets.
+
+    Parameters
+    ----------
+    distance_km : behind the Earth. sun_distance_gm : of the Sun from there [10^9 m].
+
+    Returns
+    -------
+    share : (256, n) of the unobstructed light per band, at even steps from the axis out.
+    reach_m : distance of the last one from the axis; there and beyond it is one.
+    """
+    air = earth_atmosphere(bands)
+    behind = distance_km * 1e3
+    sun_m = behind * SUN_RADIUS_M / (sun_distance_gm * 1e9)
+    reach = air.radius_m + 1.15 * sun_m + 300e3
+    # rings of the plane at the limb are laid down where they land: light is kept, the axis's focus included
+    h = np.concatenate([np.linspace(0, 300e3, 6001), np.linspace(300e3, reach + sun_m, 4000)[1:]])
+    middle, width = 0.5 * (h[1:] + h[:-1]), np.diff(h)
+    lands = np.abs(air.radius_m + middle - behind * BENDING_RAD * np.exp(-middle / BENDING_HEIGHT_M))
+    flux = width * 2 * np.pi * (air.radius_m + middle)
+    through = np.stack([np.interp(middle, _HEIGHTS_M, c, right=1.0) for c in _grazing(bands).T], axis=1)
+    edges = np.linspace(0, reach + sun_m, 1201)
+    area = np.pi * np.diff(edges**2)
+    point = np.stack([np.histogram(lands, edges, weights=flux * c)[0] / area for c in through.T], axis=1)
+    radius = 0.5 * (edges[1:] + edges[:-1])
+    # the disc of the Sun, as a plane of rays from each of its parts
+    ring = (np.arange(16) + 0.5) / 16
+    turn = (np.arange(48) + 0.5) / 48 * np.pi
+    s, a = (v.ravel() for v in np.meshgrid(np.sqrt(ring), turn))
+    weight = limb_darkening(s)
+    weight = weight / weight.sum()
+    axis = np.linspace(0, reach, 256)
+    far = np.sqrt(axis[:, None] ** 2 + (sun_m * s) ** 2 + 2 * axis[:, None] * (sun_m * s * np.cos(a)))
+    share = np.stack([(np.interp(far, radius, c, right=1.0) * weight).sum(axis=1) for c in point.T], axis=1)
+    return np.clip(share, 0, 1), reach

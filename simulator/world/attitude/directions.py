@@ -1,0 +1,175 @@
+"""Directions that a spacecraft may point at, and the attitude that two of them give."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from simulator.world.constants import DAY_S
+from simulator.world.ephemeris.sun_moon import sun_eci_m
+from simulator.world.frames.rotation import quat_from_matrix
+from simulator.world.frames.vectors import cross, length
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from scipy.interpolate import CubicSpline
+
+    from simulator.arrays import FloatArray, Vec3
+    from simulator.world.ephemeris.bodies import Body
+    from simulator.world.orbit.propagation import OrbitTrack
+    from simulator.world.time.instant import Instant
+
+    Direction = Callable[[float], tuple[FloatArray, FloatArray]]
+
+DirectionName = Literal["nadir", "zenith", "along_track", "cross_track", "sun", "chaser"]
+
+_NODE_S = 1800.0
+_LEAST_SINE = 1e-3
+"""Two directions closer than this (3 arcmin) leave the turn about them open."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surroundings:
+    """What a target can point at over a flight.
+
+    Parameters
+    ----------
+    orbit : of the target. body : that it circles. epoch, duration_s : of the flight.
+    relative : chaser minus target at a time, position [m] and velocity [m s-1], GCRS axes.
+    """
+
+    orbit: OrbitTrack
+    body: Body
+    epoch: Instant
+    duration_s: float
+    relative: Callable[[float], tuple[FloatArray, FloatArray]]
+
+    def direction(self, name: DirectionName) -> Direction:
+        """The direction of that name: unit vector along GCRS axes and its derivative [s-1], over time."""
+        match name:
+            case "nadir" | "zenith":
+                return Radial(self.orbit, 1.0 if name == "zenith" else -1.0)
+            case "along_track" | "cross_track":
+                return LvlhAxis(self.orbit, 1 if name == "along_track" else 2)
+            case "chaser":
+                return Toward(self.relative)
+            case "sun":
+                return Sunward(self.orbit, self._sun())
+
+    def _sun(self) -> CubicSpline:
+        """The apparent Sun from the central body, over the flight."""
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import: maps are begun before
+
+        nodes = np.arange(-1, int(np.ceil(self.duration_s / _NODE_S)) + 3) * _NODE_S
+        places = [
+            sun_eci_m(self.epoch.tt1, self.epoch.tt2 + t / DAY_S)
+            - self.body.geocentric_state(self.epoch.plus(float(t)))[0]
+            for t in nodes
+        ]
+        return CubicSpline(nodes, np.array(places))
+
+
+@dataclass(frozen=True, eq=False)
+class Radial:
+    """Away from the central body (``sign`` 1) or towards it (-1)."""
+
+    orbit: OrbitTrack
+    sign: float
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Unit vector and its derivative."""
+        r, v = self.orbit(t_s)
+        return unit_and_rate(self.sign * r, self.sign * v)
+
+
+@dataclass(frozen=True, eq=False)
+class LvlhAxis:
+    """Along-track (``column`` 1) or cross-track (2)."""
+
+    orbit: OrbitTrack
+    column: int
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Unit vector and its derivative."""
+        frame = self.orbit.frame(t_s)
+        u = frame.R_eci_from_lvlh[:, self.column]
+        return u, cross(frame.omega_eci_rad_s, u)
+
+
+@dataclass(frozen=True, eq=False)
+class Toward:
+    """To the chaser."""
+
+    relative: Callable[[float], tuple[FloatArray, FloatArray]]
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Unit vector and its derivative."""
+        return unit_and_rate(*self.relative(t_s))
+
+
+@dataclass(frozen=True, eq=False)
+class Sunward:
+    """To the apparent Sun; ``where`` gives it from the central body [m]."""
+
+    orbit: OrbitTrack
+    where: CubicSpline
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Unit vector and its derivative."""
+        r, v = self.orbit(t_s)
+        return unit_and_rate(self.where(t_s) - r, self.where(t_s, 1) - v)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TwoAxisTrack:
+    """A body whose one axis follows a direction exactly and whose other axis comes as near to a second as it can.
+
+    Parameters
+    ----------
+    axis_body, toward : what follows, and what it follows. second_axis_body, second_toward : likewise.
+    """
+
+    axis_body: Vec3
+    toward: Direction
+    second_axis_body: Vec3
+    second_toward: Direction
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1].
+
+        References
+        ----------
+        Black (1964), A passive system for determining the attitude of a satellite, AIAA J. 2(7): the triad.
+        """
+        first, first_rate = self.toward(t_s)
+        second, second_rate = self.second_toward(t_s)
+        normal = cross(first, second)
+        z, z_rate = unit_and_rate(normal, cross(first_rate, second) + cross(first, second_rate))
+        y, y_rate = cross(z, first), cross(z_rate, first) + cross(z, first_rate)
+        R_eci_from_triad = np.array([first, y, z]).T
+        R_body_from_triad = triad(self.axis_body, self.second_axis_body)
+        rate = np.array([y_rate @ z, z_rate @ first, first_rate @ y])
+        return quat_from_matrix(R_eci_from_triad @ R_body_from_triad.T), R_body_from_triad @ rate
+
+    def undefined_at(self, t_s: float) -> bool:
+        """Whether the two directions run together, so that the attitude is open."""
+        return length(cross(self.toward(t_s)[0], self.second_toward(t_s)[0])) < _LEAST_SINE
+
+
+def triad(first: Vec3, second: Vec3) -> FloatArray:
+    """(3, 3) columns: along the first, towards the second, and normal to both."""
+    a, b = np.array(first, float), np.array(second, float)
+    x = a / length(a)
+    z = cross(x, b)
+    z = z / length(z)
+    return np.array([x, cross(z, x), z]).T
+
+
+def unit_and_rate(v: FloatArray, v_rate: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit vector along (3,) ``v`` and its derivative."""
+    n = length(v)
+    u = v / n
+    return u, (v_rate - (v_rate @ u) * u) / n

@@ -1,0 +1,165 @@
+"""A chaser that points its camera by reaction wheels: controller, limits of torque and momentum, rigid body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import Vec3
+from simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_normalize,
+)
+from simulator.world.frames.vectors import cross_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from simulator.arrays import FloatArray
+
+    Reference = Callable[[float], tuple[FloatArray, FloatArray]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wheels:
+    """Three wheels along the camera's axes and the controller that drives them.
+
+    Parameters
+    ----------
+    inertia_kg_m2 : of the chaser about the camera's axes, taken as principal.
+    torque_nm, momentum_nms : limits of each wheel; a full wheel gives no more torque that way.
+    bandwidth_rad_s, damping : of the controller's answer to an error of attitude.
+    period_s : of control; the torque is held over it.
+    start_error_rad : turn of the camera, about its own axes, from where it should point at the start.
+    """
+
+    inertia_kg_m2: Vec3 = (20.0, 20.0, 20.0)
+    torque_nm: float = 0.05
+    momentum_nms: float = 4.0
+    bandwidth_rad_s: float = 0.2
+    damping: float = 0.9
+    period_s: float = 0.25
+    start_error_rad: Vec3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WheelTrack:
+    """The chaser's attitude as its wheels turn it.
+
+    Parameters
+    ----------
+    wheels : what was flown.
+    q_eci_from_camera_wxyz, omega_rad_s, momentum_nms, torque_nm : (n, 4) and (n, 3) at the start of each period,
+        rate, wheels' momentum and torque on the body along the camera's axes.
+    error_rad : (n,) angle from where the camera should look.
+    """
+
+    wheels: Wheels
+    q_eci_from_camera_wxyz: FloatArray
+    omega_rad_s: FloatArray
+    momentum_nms: FloatArray
+    torque_nm: FloatArray
+    error_rad: FloatArray
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_camera_from_eci_wxyz`` and the rate relative to ECI, camera axes [rad s-1]."""
+        h = self.wheels.period_s
+        k = min(max(int(t_s // h), 0), len(self.error_rad) - 1)
+        q, omega, _ = turned(
+            self.wheels,
+            (self.q_eci_from_camera_wxyz[k], self.omega_rad_s[k], self.momentum_nms[k]),
+            self.torque_nm[k],
+            t_s - k * h,
+        )
+        return quat_conjugate(q), omega
+
+
+def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> WheelTrack:
+    """Follow a reference attitude as well as the wheels can.
+
+    Each period asks for the reference's own acceleration, the gyroscopic torque of body and wheels, and a spring
+    and damper on what is missing; then the limits cut.
+
+    Parameters
+    ----------
+    reference : ``q_camera_from_eci_wxyz`` and rate in camera axes over time, as `Pointing.attitude` gives them.
+    duration_s : of the flight. wheels : of the chaser.
+
+    References
+    ----------
+    Wie (2008), Space Vehicle Dynamics and Control, sec. 7.3 (quaternion feedback with gyroscopic decoupling).
+    """
+    J, h = np.array(wheels.inertia_kg_m2), wheels.period_s
+    spring, damper = wheels.bandwidth_rad_s**2, 2 * wheels.damping * wheels.bandwidth_rad_s
+    wanted_q, wanted_rate = reference(0.0)
+    q = quat_multiply(quat_conjugate(wanted_q), quat_from_rotvec(wheels.start_error_rad))
+    omega, momentum = wanted_rate, np.zeros(3)
+    rows = []
+    for k in range(int(np.ceil(duration_s / h))):
+        next_q, next_rate = reference(min((k + 1) * h, duration_s))
+        # where it should be, seen from where it is
+        apart = quat_multiply(quat_conjugate(q), quat_conjugate(wanted_q))
+        apart = apart if apart[0] >= 0 else -apart
+        angle = 2 * float(np.arctan2(np.linalg.norm(apart[1:]), apart[0]))
+        R = matrix_from_quat(apart)
+        ahead = (next_rate - wanted_rate) / h
+        asked = J * (R @ ahead + spring * 2 * apart[1:] + damper * (R @ wanted_rate - omega))
+        asked = asked + np.array(cross_of(omega.tolist(), (J * omega + momentum).tolist()))
+        torque = np.clip(asked, -wheels.torque_nm, wheels.torque_nm)
+        full = wheels.momentum_nms
+        torque = np.clip(torque, (momentum - full) / h, (momentum + full) / h)
+        rows.append(np.concatenate([q, omega, momentum, torque, [angle]]))
+        q, omega, momentum = turned(wheels, (q, omega, momentum), torque, h)
+        wanted_q, wanted_rate = next_q, next_rate
+    table = np.array(rows)
+    return WheelTrack(
+        wheels=wheels,
+        q_eci_from_camera_wxyz=table[:, :4],
+        omega_rad_s=table[:, 4:7],
+        momentum_nms=table[:, 7:10],
+        torque_nm=table[:, 10:13],
+        error_rad=table[:, 13],
+    )
+
+
+def turned(
+    wheels: Wheels, state: tuple[FloatArray, FloatArray, FloatArray], torque_nm: FloatArray, h: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Attitude, rate and wheels' momentum ``h`` seconds later under a held torque: one Runge-Kutta step."""
+    q, omega, momentum = state
+    if h == 0.0:
+        return state
+    ix, iy, iz = wheels.inertia_kg_m2
+    ux, uy, uz = torque_nm.tolist()
+    mx, my, mz = momentum.tolist()
+
+    def rate(y: list[float], tau: float) -> list[float]:
+        w, x, y_, z, a, b, c = y
+        # what the wheels take, the body gives
+        total = (ix * a + mx - ux * tau, iy * b + my - uy * tau, iz * c + mz - uz * tau)
+        gx, gy, gz = cross_of((a, b, c), total)
+        return [
+            0.5 * (-x * a - y_ * b - z * c),
+            0.5 * (w * a + y_ * c - z * b),
+            0.5 * (w * b + z * a - x * c),
+            0.5 * (w * c + x * b - y_ * a),
+            (ux - gx) / ix,
+            (uy - gy) / iy,
+            (uz - gz) / iz,
+        ]
+
+    def plus(a: list[float], s: float, b: list[float]) -> list[float]:
+        return [u + s * v for u, v in zip(a, b, strict=True)]
+
+    y = [*q.tolist(), *omega.tolist()]
+    k1 = rate(y, 0.0)
+    k2 = rate(plus(y, h / 2, k1), h / 2)
+    k3 = rate(plus(y, h / 2, k2), h / 2)
+    k4 = rate(plus(y, h, k3), h)
+    end = np.array(y) + h / 6 * (np.array(k1) + 2 * np.array(k2) + 2 * np.array(k3) + np.array(k4))
+    return quat_normalize(end[:4]), end[4:], momentum - torque_nm * h

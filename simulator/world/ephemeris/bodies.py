@@ -1,0 +1,49 @@
+"""The two bodies that a flight may circle: their gravity, their size, and where they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from simulator.world.constants import EARTH_RADIUS_M, MOON_RADIUS_M, MU_EARTH_M3_S2, MU_MOON_M3_S2
+from simulator.world.ephemeris.sun_moon import moon_geometric_state
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.world.time.instant import Instant
+
+BodyName = Literal["earth", "moon"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A central body.
+
+    Parameters
+    ----------
+    name : lower case. title : as it stands in a sentence. mu_m3_s2 : gravitational parameter.
+    radius_m : from which altitudes count. lowest_m : perigee altitude below which an orbit is taken for a mistake.
+    """
+
+    name: BodyName
+    title: str
+    mu_m3_s2: float
+    radius_m: float
+    lowest_m: float
+
+    def geocentric_state(self, instant: Instant) -> tuple[FloatArray, FloatArray]:
+        """Where its centre is and how it moves, from the Earth's, GCRS axes [m], [m s-1], each (3,)."""
+        if self.name == "earth":
+            return np.zeros(3), np.zeros(3)
+        return moon_geometric_state(instant.tt1, instant.tt2)
+
+
+EARTH = Body(
+    name="earth", title="the Earth", mu_m3_s2=MU_EARTH_M3_S2, radius_m=EARTH_RADIUS_M, lowest_m=100e3
+)
+MOON = Body(name="moon", title="the Moon", mu_m3_s2=MU_MOON_M3_S2, radius_m=MOON_RADIUS_M, lowest_m=12e3)
+"""Its highest mountain stands 10.8 km above its mean radius."""
+
+BODIES: dict[BodyName, Body] = {"earth": EARTH, "moon": MOON}

@@ -1,0 +1,53 @@
+"""Orientation of the Earth: precession, nutation, rotation and polar motion between GCRS and ITRS."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import erfa
+import numpy as np
+
+from simulator.world.frames.rotation import quat_from_matrix
+from simulator.world.time.earth_parameters import earth_parameters
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.world.time.instant import Instant
+
+
+def R_itrs_from_eci(instant: Instant, *, polar_motion: bool = True) -> FloatArray:
+    """(3, 3) rotation from GCRS to ITRS, IAU 2006/2000A, with measured UT1 and pole where the table has them.
+
+    The celestial pole offsets of the IERS (0.3 mas, 1 cm on the ground) are left out.
+
+    Parameters
+    ----------
+    instant : the moment. polar_motion : without it the pole is the Earth's axis (up to 0.6 arcsec, 18 m).
+
+    References
+    ----------
+    IERS Conventions (2010), chapter 5; SOFA routine ``iauC2t06a``.
+    """
+    pole = _pole(instant) if polar_motion else (0.0, 0.0)
+    return np.asarray(erfa.c2t06a(instant.tt1, instant.tt2, *instant.ut1, *pole), float)
+
+
+def celestial_and_polar(instant: Instant) -> tuple[FloatArray, FloatArray]:
+    """The slow factors of `R_itrs_from_eci`: GCRS to CIRS, and TIRS to ITRS; between them turns the Earth."""
+    tt1, tt2 = instant.tt1, instant.tt2
+    polar = erfa.pom00(*_pole(instant), erfa.sp00(tt1, tt2))
+    return np.asarray(erfa.c2i06a(tt1, tt2), float), np.asarray(polar, float)
+
+
+def q_itrs_from_eci(instant: Instant) -> FloatArray:
+    """Unit quaternion ``q_itrs_from_eci_wxyz``, scalar first."""
+    return quat_from_matrix(R_itrs_from_eci(instant))
+
+
+def pole_eci(instant: Instant) -> FloatArray:
+    """Unit vector along the Earth's axis (the celestial intermediate pole) in GCRS."""
+    return celestial_and_polar(instant)[0][2]
+
+
+def _pole(instant: Instant) -> tuple[float, float]:
+    return earth_parameters().pole(instant.mjd_utc)

@@ -1,0 +1,77 @@
+"""Earth orientation, Sun and Moon tabulated over a flight, so that each step of the propagator costs little."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import erfa
+import numpy as np
+
+from simulator.world.constants import DAY_S
+from simulator.world.ephemeris.earth_orientation import celestial_and_polar
+from simulator.world.ephemeris.sun_moon import moon_geometric_m, sun_geometric_m
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.world.time.instant import Instant
+
+_STEP_S = 1800.0
+"""Half an hour: cubics between such nodes hold the Moon to a millimetre and nutation to 1e-15 rad."""
+
+
+@dataclass(frozen=True, eq=False)
+class SkyTable:
+    """Piecewise cubics of what turns and moves about the Earth over a flight.
+
+    Parameters
+    ----------
+    pieces : (k, 4, 16) coefficients, highest power first, of: the matrix GCRS to CIRS (9), the Earth rotation
+        angle less a uniform turn (1), the geometric Sun (3) and Moon (3) [m].
+    era_start_rad, era_rate_rad_s : that uniform turn.
+    R_itrs_from_tirs : polar motion, held over the flight.
+    """
+
+    pieces: FloatArray
+    era_start_rad: float
+    era_rate_rad_s: float
+    R_itrs_from_tirs: FloatArray
+
+    @staticmethod
+    def of(epoch: Instant, duration_s: float) -> SkyTable:
+        """The table from an hour before ``epoch`` to an hour after the flight's end."""
+        nodes = np.arange(-2, int(np.ceil(duration_s / _STEP_S)) + 4) * _STEP_S
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import: maps are begun before
+
+        instants = [epoch.plus(float(t)) for t in nodes]
+        celestial = np.array([celestial_and_polar(i)[0].ravel() for i in instants])
+        era = np.unwrap([float(erfa.era00(*i.ut1)) for i in instants])
+        # the nodes are closer than half a turn apart, so that unwrapping counts every turn
+        rate = float(era[-1] - era[0]) / float(nodes[-1] - nodes[0])
+        start = float(era[0] - rate * nodes[0])
+        tt2 = epoch.tt2 + nodes / DAY_S
+        columns = np.column_stack(
+            [
+                celestial,
+                era - start - rate * nodes,
+                sun_geometric_m(epoch.tt1, tt2),
+                moon_geometric_m(epoch.tt1, tt2),
+            ]
+        )
+        pieces = np.ascontiguousarray(CubicSpline(nodes, columns).c.transpose(1, 0, 2))
+        return SkyTable(pieces, start, rate, celestial_and_polar(epoch)[1])
+
+    def _row(self, t_s: float) -> FloatArray:
+        at = t_s + 2 * _STEP_S
+        k = min(max(int(at // _STEP_S), 0), len(self.pieces) - 1)
+        d = at - k * _STEP_S
+        return np.asarray(np.array([d * d * d, d * d, d, 1.0]) @ self.pieces[k])
+
+    def at(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """``R_itrs_from_eci`` (3, 3), geometric Sun and Moon (3,) [m], GCRS, ``t_s`` after the epoch."""
+        row = self._row(t_s)
+        angle = self.era_start_rad + self.era_rate_rad_s * t_s + row[9]
+        c, s = np.cos(angle), np.sin(angle)
+        R_tirs_from_cirs = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        R = self.R_itrs_from_tirs @ (R_tirs_from_cirs @ row[:9].reshape(3, 3))
+        return R, row[10:13], row[13:16]

@@ -1,0 +1,76 @@
+"""Orientation of the Moon: where its pole points and how far it has turned, for its map."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.world.frames.rotation import quat_from_matrix
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.world.time.instant import Instant
+
+# (start [deg], rate [deg per day]) of the arguments E1 to E13
+_ARGUMENTS = np.array(
+    [
+        (125.045, -0.0529921),
+        (250.089, -0.1059842),
+        (260.008, 13.0120009),
+        (176.625, 13.3407154),
+        (357.529, 0.9856003),
+        (311.589, 26.4057084),
+        (134.963, 13.0649930),
+        (276.617, 0.3287146),
+        (34.226, 1.7484877),
+        (15.134, -0.1589763),
+        (119.743, 0.0036096),
+        (239.961, 0.1643573),
+        (25.053, 12.9590088),
+    ]
+)
+# amplitudes [deg] of their sines in the right ascension of the pole, cosines in its declination, sines in W
+_ALPHA = np.array([-3.8787, -0.1204, 0.0700, -0.0172, 0, 0.0072, 0, 0, 0, -0.0052, 0, 0, 0.0043])
+_DELTA = np.array([1.5419, 0.0239, -0.0278, 0.0068, 0, -0.0029, 0.0009, 0, 0, 0.0008, 0, 0, -0.0009])
+_W = np.array(
+    [
+        3.5610, 0.1208, -0.0642, 0.0158, 0.0252, -0.0066, -0.0047,
+        -0.0046, 0.0028, 0.0052, 0.0040, 0.0019, -0.0044,
+    ]
+)  # fmt: skip
+
+
+def R_moon_from_eci(instant: Instant) -> FloatArray:
+    """(3, 3) rotation from GCRS to the Moon's mean Earth / polar axis frame, good to about 150 m on its ground.
+
+    Its x axis points to the mean Earth (longitude 0), z along the axis.
+
+    References
+    ----------
+    Archinal et al. (2011), Report of the IAU Working Group on Cartographic Coordinates and Rotational Elements:
+    2009, Celest. Mech. Dyn. Astr. 109, table 2.
+    """
+    days = instant.tt1 - 2451545.0 + instant.tt2
+    centuries = days / 36525.0
+    E = np.radians(_ARGUMENTS[:, 0] + _ARGUMENTS[:, 1] * days)
+    alpha = 269.9949 + 0.0031 * centuries + float(_ALPHA @ np.sin(E))
+    delta = 66.5392 + 0.0130 * centuries + float(_DELTA @ np.cos(E))
+    W = 38.3213 + 13.17635815 * days - 1.4e-12 * days**2 + float(_W @ np.sin(E))
+    return _about_z(W) @ _about_x(90.0 - delta) @ _about_z(90.0 + alpha)
+
+
+def q_moon_from_eci(instant: Instant) -> FloatArray:
+    """Unit quaternion ``q_moon_from_eci_wxyz``, scalar first."""
+    return quat_from_matrix(R_moon_from_eci(instant))
+
+
+def _about_z(angle_deg: float) -> FloatArray:
+    """Turn of the axes about z."""
+    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _about_x(angle_deg: float) -> FloatArray:
+    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])

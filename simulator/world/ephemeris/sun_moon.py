@@ -1,0 +1,86 @@
+"""Apparent geocentric Sun and Moon from SOFA's series, no data files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import erfa
+import numpy as np
+
+from simulator.world.constants import AU_M, DAY_S, LIGHT_M_S
+from simulator.world.time.instant import guarded
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from simulator.arrays import FloatArray
+
+_C_AU_DAY = LIGHT_M_S * DAY_S / AU_M
+
+
+def sun_geometric_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
+    """Where the Sun is, not where it is seen: geocentric, GCRS axes (..., 3) [m]; for its attraction."""
+    heliocentric, _ = guarded(erfa.epv00, tt1, tt2)
+    return np.asarray(-heliocentric["p"] * AU_M, float)
+
+
+def moon_geometric_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
+    """Where the Moon is, not where it is seen: geocentric, GCRS axes (..., 3) [m]; for its attraction."""
+    return np.asarray(erfa.moon98(tt1, tt2)["p"] * AU_M, float)
+
+
+def moon_geometric_state(tt1: float, tt2: float) -> tuple[FloatArray, FloatArray]:
+    """Where the Moon is and how it moves: geocentric, GCRS axes, [m] and [m s-1], each (3,)."""
+    pv = erfa.moon98(tt1, tt2)
+    return np.asarray(pv["p"] * AU_M, float), np.asarray(pv["v"] * (AU_M / DAY_S), float)
+
+
+def sun_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
+    """Apparent geocentric position of the Sun in GCRS [m]: light time and annual aberration applied.
+
+    A spacecraft's own speed adds at most 5 arcsec more, which is left out.
+
+    Parameters
+    ----------
+    tt1, tt2 : (...) two-part Julian date of TT (used for TDB: 2 ms, no matter here).
+
+    Returns
+    -------
+    (..., 3) direction as seen from the Earth's centre times the distance the light has travelled.
+
+    References
+    ----------
+    SOFA routines ``iauEpv00`` (Earth, 5 km or 0.01 arcsec over 1900-2100) and ``iauAb``.
+    """
+    heliocentric, barycentric = guarded(erfa.epv00, tt1, tt2)
+    sun_p = barycentric["p"] - heliocentric["p"]
+    sun_v = barycentric["v"] - heliocentric["v"]
+    light_days = np.linalg.norm(heliocentric["p"], axis=-1, keepdims=True) / _C_AU_DAY
+    seen = sun_p - sun_v * light_days - barycentric["p"]
+    distance_au = np.linalg.norm(seen, axis=-1, keepdims=True)
+    beta = barycentric["v"] / _C_AU_DAY
+    lorentz = np.sqrt(1 - np.sum(beta * beta, axis=-1))
+    apparent = erfa.ab(seen / distance_au, beta, distance_au[..., 0], lorentz)
+    return np.asarray(apparent * distance_au * AU_M, float)
+
+
+def moon_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
+    """Apparent geocentric position of the Moon in GCRS [m], corrected for light time.
+
+    For a geocentric observer the light time along the relative motion is the whole planetary aberration.
+
+    Parameters
+    ----------
+    tt1, tt2 : (...) two-part Julian date of TT.
+
+    Returns
+    -------
+    (..., 3) position.
+
+    References
+    ----------
+    SOFA routine ``iauMoon98`` (Meeus 1998: about 10 arcsec, 20 km in distance).
+    """
+    pv = erfa.moon98(tt1, tt2)
+    light_days = np.linalg.norm(pv["p"], axis=-1, keepdims=True) / _C_AU_DAY
+    return np.asarray((pv["p"] - pv["v"] * light_days) * AU_M, float)

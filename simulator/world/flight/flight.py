@@ -1,0 +1,173 @@
+"""A propagated flight: target, tumble, chaser and sky at any moment of its span."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import quat, vec3
+from simulator.world.ephemeris.bodies import EARTH, Body
+from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.ephemeris.moon_orientation import q_moon_from_eci
+from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from simulator.world.flight.state import WorldState
+from simulator.world.frames.lvlh import Lvlh, lvlh_frame
+from simulator.world.frames.rotation import matrix_from_quat
+from simulator.world.guidance.manual_control import ChaserState
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.world.attitude.pointing import Pointing
+    from simulator.world.attitude.reaction_wheels import WheelTrack
+    from simulator.world.attitude.rigid_body import AttitudeTrack
+    from simulator.world.flight.recording import Recording
+    from simulator.world.guidance.command_script import SteeredTrack
+    from simulator.world.guidance.modes import Guidance
+    from simulator.world.guidance.thruster_control import ControlledTrack
+    from simulator.world.orbit.burns import Burn
+    from simulator.world.orbit.propagation import OrbitTrack
+    from simulator.world.time.instant import Instant
+
+_EDGE_S = 1e-6
+"""Times this far outside the span are taken for rounding."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flight:
+    """A flight over ``0 <= t_s <= duration_s``; every state depends on the inputs alone.
+
+    Parameters
+    ----------
+    epoch : the start. duration_s : length [s].
+    orbit, attitude : the target's propagated tracks; the orbit's is from the centre of ``body``.
+    guidance : how the chaser moves. n_rad_s : the target's mean motion at the start.
+    pointing : how the camera looks.
+    controlled : the chaser's track when it flies by thrusters. recording : what is played back instead.
+    burns : of both craft, which the orbits hold already.
+    """
+
+    epoch: Instant
+    duration_s: float
+    orbit: OrbitTrack
+    attitude: AttitudeTrack
+    guidance: Guidance
+    n_rad_s: float
+    pointing: Pointing
+    controlled: ControlledTrack | None = None
+    steered: SteeredTrack | None = None
+    wheels: WheelTrack | None = None
+    recording: Recording | None = None
+    body: Body = EARTH
+    burns: tuple[Burn, ...] = ()
+
+    def lvlh(self, t_s: float) -> Lvlh:
+        """The target's LVLH frame."""
+        return lvlh_frame(*self.orbit(t_s), self.orbit.acceleration(t_s))
+
+    def chaser(self, t_s: float) -> ChaserState:
+        """The chaser as its guidance and pointing have it; the start for steering by hand."""
+        self._check(t_s)
+        if self.recording is not None:
+            return self.recording.chaser(t_s)
+        frame = self.lvlh(t_s)
+        p, v = self.relative(t_s, frame)
+        if self.steered is not None and not self.steered.script.tracking:
+            return self.steered(t_s)
+        q, omega = self.wheels(t_s) if self.wheels else self.pointing.attitude(-p, -v, frame)
+        return ChaserState(
+            t_s=t_s,
+            position_eci_m=vec3(p),
+            velocity_eci_m_s=vec3(v),
+            q_camera_from_eci_wxyz=quat(q),
+            omega_camera_rad_s=vec3(omega),
+        )
+
+    def state(self, t_s: float) -> WorldState:
+        """The world at ``t_s`` seconds after the start.
+
+        Raises
+        ------
+        ValueError
+            If ``t_s`` is outside the flight.
+        """
+        return self.state_with_chaser(self.chaser(t_s))
+
+    def state_with_chaser(self, chaser: ChaserState) -> WorldState:
+        """The world at ``chaser.t_s`` with the chaser where it says, for example steered by hand.
+
+        Raises
+        ------
+        ValueError
+            If the time is outside the flight.
+        """
+        t_s = chaser.t_s
+        self._check(t_s)
+        now = self.epoch.plus(t_s)
+        r, v, r_body = self._target(now, t_s)
+        q_target, omega_target = self.attitude(t_s)
+        p, p_rate = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
+        p_lvlh, v_lvlh = self.lvlh(t_s).from_eci(p, p_rate)
+        sun = sun_eci_m(now.tt1, now.tt2)
+        moon = moon_eci_m(now.tt1, now.tt2) if self.body is EARTH else r_body
+        q_ie = q_itrs_from_eci(now)
+        return WorldState(
+            epoch_utc=now.iso(),
+            t_s=float(t_s),
+            r_target_eci_m=vec3(r),
+            v_target_eci_m_s=vec3(v),
+            q_eci_from_target_wxyz=quat(q_target),
+            omega_target_rad_s=vec3(omega_target),
+            r_chaser_eci_m=vec3(r + p),
+            v_chaser_eci_m_s=vec3(v + p_rate),
+            q_camera_from_eci_wxyz=chaser.q_camera_from_eci_wxyz,
+            omega_camera_rad_s=chaser.omega_camera_rad_s,
+            relative_eci_m=chaser.position_eci_m,
+            relative_eci_m_s=chaser.velocity_eci_m_s,
+            position_lvlh_m=vec3(p_lvlh),
+            velocity_lvlh_m_s=vec3(v_lvlh),
+            r_sun_eci_m=vec3(sun),
+            r_moon_eci_m=vec3(moon),
+            q_itrs_from_eci_wxyz=quat(q_ie),
+            q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
+            sun_visible_fraction=sun_fraction_past_both(r, sun, moon, matrix_from_quat(q_ie)[2]),
+            central_body=self.body.name,
+        )
+
+    def _target(self, now: Instant, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Geocentric position and velocity of the target, and position of the body it circles."""
+        r_body, v_body = self.body.geocentric_state(now)
+        if self.recording is not None:
+            # as recorded, to the last bit
+            y = self.recording.target(t_s)
+            return y[:3], y[3:], r_body
+        r, v = self.orbit(t_s)
+        return r_body + r, v_body + v, r_body
+
+    def relative(self, t_s: float, frame: Lvlh) -> tuple[FloatArray, FloatArray]:
+        """Chaser minus target along GCRS axes [m], [m s-1]; ``frame`` is `lvlh` at that time."""
+        told = self.recording.chaser if self.recording else self.steered
+        if told is not None:
+            chaser = told(t_s)
+            return np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
+        if self.controlled is not None:
+            return self.controlled(t_s)
+        if self.guidance.ballistic:
+            return self.orbit.relative(t_s)
+        return frame.to_eci(*self.guidance.state_lvlh(t_s, self.n_rad_s))
+
+    def apart(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Chaser minus target along GCRS axes [m], [m s-1]."""
+        return self.relative(t_s, self.orbit.frame(t_s))
+
+    def looking(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_camera_from_eci_wxyz`` and rate that the pointing asks for, by a quicker way than `chaser`."""
+        frame = self.orbit.frame(t_s)
+        p, v = self.relative(t_s, frame)
+        return self.pointing.attitude(-p, -v, frame)
+
+    def _check(self, t_s: float) -> None:
+        if not -_EDGE_S <= t_s <= self.duration_s + _EDGE_S:
+            raise ValueError(f"t = {t_s} s is outside the flight of {self.duration_s} s")

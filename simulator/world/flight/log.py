@@ -1,0 +1,228 @@
+"""What happens in a flight besides motion: phases, what the thrusters give, propellant, and events such as an abort."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from simulator.arrays import Vec3, vec3
+from simulator.world.frames.rotation import matrix_from_quat
+from simulator.world.guidance.phases import phase_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.arrays import FloatArray
+    from simulator.world.flight.flight import Flight
+    from simulator.world.guidance.command_script import SteeredTrack
+    from simulator.world.guidance.thruster_control import ControlledTrack
+    from simulator.world.orbit.burns import Burn
+
+EventKind = Literal["abort", "retreated", "guarded", "burn", "burn_end", "shadow", "sunlight"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Something that happened.
+
+    Parameters
+    ----------
+    t_s : since the flight's start [s]. kind : its kind, one word. what : a sentence.
+    """
+
+    t_s: float
+    kind: EventKind
+    what: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Push:
+    """What the chaser's thrusters do at one moment; None is not known.
+
+    Parameters
+    ----------
+    phase : what the chaser is about, one word or two.
+    acceleration_lvlh_m_s2 : of the thrusters alone, along the target's LVLH axes. mass_kg : of the chaser.
+    delta_v_m_s : given since the start.
+    """
+
+    phase: str
+    acceleration_lvlh_m_s2: Vec3 | None = None
+    mass_kg: float | None = None
+    delta_v_m_s: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FlightLog:
+    """The log of one flight, asked at any moment of it.
+
+    Parameters
+    ----------
+    flight : that was propagated.
+    """
+
+    flight: Flight
+    _totals_m_s: list[float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Sum what was given, once."""
+        f = self.flight
+        given: list[float] = []
+        if f.controlled is not None:
+            given = [float(np.linalg.norm(a)) * f.controlled.period_s for a in f.controlled.thrust_eci_m_s2]
+        elif f.steered is not None and f.recording is None:
+            spans = pairwise([*f.steered.times_s, f.duration_s])
+            given = [
+                float(np.linalg.norm(_asked(f.steered, k))) * (end - start)
+                for k, (start, end) in enumerate(spans)
+            ]
+        object.__setattr__(self, "_totals_m_s", [0.0, *accumulate(given)])
+
+    def push(self, t_s: float) -> Push:
+        """What the chaser does at ``t_s``."""
+        f = self.flight
+        if f.recording is not None:
+            return Push(phase="replay")
+        if f.controlled is not None:
+            return self._controlled(f.controlled, t_s)
+        if f.steered is not None:
+            return self._steered(f.steered, t_s)
+        if f.guidance.ballistic:
+            return _ballistic(phase_of(f.guidance, t_s), f.burns, t_s)
+        # a path that is followed exactly: by what is not modelled
+        return Push(phase=phase_of(f.guidance, t_s))
+
+    def _controlled(self, track: ControlledTrack, t_s: float) -> Push:
+        k = min(max(int(t_s // track.period_s), 0), len(track.mass_kg) - 1)
+        start = k * track.period_s
+        a = track.thrust_eci_m_s2[k]
+        phase = phase_of(self.flight.guidance, t_s)
+        if track.abort_s is not None and start >= track.abort_s:
+            phase = "retreat" if _near(track, k) else "drift"
+        over = t_s >= start + track.period_s
+        return Push(
+            phase=phase,
+            acceleration_lvlh_m_s2=vec3(track.orbit.frame(start).R_eci_from_lvlh.T @ a),
+            mass_kg=track.end_mass_kg if over else float(track.mass_kg[k]),
+            delta_v_m_s=self._totals_m_s[k] + float(np.linalg.norm(a)) * min(t_s - start, track.period_s),
+        )
+
+    def _steered(self, track: SteeredTrack, t_s: float) -> Push:
+        k = max(bisect_right(track.times_s, t_s) - 1, 0)
+        start = track.times_s[k]
+        a = _asked(track, k)
+        frame = track.orbit.frame(start)
+        moved = frame.R_eci_from_lvlh.T @ a
+        phase = "guarded" if track.overruled[k] else "commanded" if a.any() else "coast"
+        return Push(
+            phase=phase,
+            acceleration_lvlh_m_s2=vec3(moved),
+            delta_v_m_s=self._totals_m_s[k] + float(np.linalg.norm(a)) * (t_s - start),
+        )
+
+    def events(self, times_s: Sequence[float] = (), sun_fractions: Sequence[float] = ()) -> list[Event]:
+        """What happened, in the order of time.
+
+        Parameters
+        ----------
+        times_s, sun_fractions : samples of the share of the Sun that the target sees; without them the Earth's and the
+            Moon's shadows are not looked for.
+        """
+        f = self.flight
+        found = _shadow_events(times_s, sun_fractions)
+        for burn in f.burns if f.recording is None else ():
+            speed = float(np.linalg.norm(burn.delta_v_lvlh_m_s))
+            found.append(
+                Event(t_s=burn.start_s, kind="burn", what=f"burn of the {burn.craft}, {speed:.4g} m/s")
+            )
+            if burn.duration_s > 0:
+                found.append(Event(t_s=burn.end_s, kind="burn_end", what=f"end of the {burn.craft}'s burn"))
+        if f.controlled is not None and f.controlled.abort_s is not None:
+            found += _abort_events(f.controlled, f.controlled.abort_s)
+        if f.steered is not None and f.recording is None:
+            starts = (
+                t
+                for t, before, now in zip(
+                    f.steered.times_s, [False, *f.steered.overruled], f.steered.overruled, strict=False
+                )
+                if now and not before
+            )
+            found += [
+                Event(t_s=t, kind="guarded", what="the keep-out sphere's guard overrules the commands")
+                for t in starts
+            ]
+        return sorted((e for e in found if e.t_s <= f.duration_s), key=lambda e: e.t_s)
+
+    @property
+    def delta_v_m_s(self) -> float | None:
+        """Given over the whole flight [m s-1]; None where that is not known."""
+        return self.push(self.flight.duration_s).delta_v_m_s
+
+    @property
+    def propellant_kg(self) -> float | None:
+        """Used over the whole flight [kg]; None where that is not known."""
+        track = self.flight.controlled
+        return None if track is None else float(track.mass_kg[0]) - track.end_mass_kg
+
+
+def _asked(track: SteeredTrack, k: int) -> FloatArray:
+    """Acceleration of a step, along GCRS axes."""
+    command = track.commands[k]
+    camera = matrix_from_quat(track.states[k].q_camera_from_eci_wxyz).T @ np.array(
+        command.acceleration_camera_m_s2, float
+    )
+    if not any(command.acceleration_lvlh_m_s2):
+        return np.asarray(camera)
+    frame = track.orbit.frame(track.times_s[k])
+    return np.asarray(camera + frame.R_eci_from_lvlh @ np.array(command.acceleration_lvlh_m_s2, float))
+
+
+def _near(track: ControlledTrack, k: int) -> bool:
+    """Whether the retreat after an abort still goes on."""
+    reach = 0.0 if track.keep_out is None else 2 * track.keep_out.radius_m
+    return float(np.linalg.norm(track.position_eci_m[k])) <= reach
+
+
+def _ballistic(phase: str, burns: tuple[Burn, ...], t_s: float) -> Push:
+    """Free flight, but for the chaser's burns."""
+    total, push = 0.0, np.zeros(3)
+    for burn in burns:
+        if burn.craft != "chaser" or burn.start_s > t_s:
+            continue
+        share = 1.0 if burn.duration_s == 0 else min((t_s - burn.start_s) / burn.duration_s, 1.0)
+        total += share * float(np.linalg.norm(burn.delta_v_lvlh_m_s))
+        if burn.duration_s > 0 and t_s < burn.end_s:
+            push = push + np.array(burn.acceleration_lvlh_m_s2)
+    return Push(phase="burn" if push.any() else phase, acceleration_lvlh_m_s2=vec3(push), delta_v_m_s=total)
+
+
+def _abort_events(track: ControlledTrack, abort_s: float) -> list[Event]:
+    k = round(abort_s / track.period_s)
+    distance = float(np.linalg.norm(track.position_eci_m[k]))
+    events = [
+        Event(
+            t_s=abort_s,
+            kind="abort",
+            what=f"abort {distance:.2f} m from the target, inside the keep-out sphere and outside its corridor: "
+            "straight outward",
+        )
+    ]
+    away = next((j for j in range(k, len(track.mass_kg)) if not _near(track, j)), None)
+    if away is not None:
+        t_s = away * track.period_s
+        events.append(Event(t_s=t_s, kind="retreated", what="twice the sphere's radius away: free drift"))
+    return events
+
+
+def _shadow_events(times_s: Sequence[float], sun_fractions: Sequence[float]) -> list[Event]:
+    events = []
+    for t, (before, now) in zip(times_s[1:], pairwise(sun_fractions), strict=True):
+        if before > 0 >= now:
+            events.append(Event(t_s=float(t), kind="shadow", what="the target is in full shadow"))
+        elif before <= 0 < now:
+            events.append(Event(t_s=float(t), kind="sunlight", what="the target leaves full shadow"))
+    return events

@@ -1,0 +1,243 @@
+"""A recorded flight: the states of both craft at its samples, and the tracks that play them back."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import quat, vec3
+from simulator.errors import UserError
+from simulator.regular_file import read_regular
+from simulator.world.ephemeris.bodies import EARTH
+from simulator.world.frames.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
+from simulator.world.guidance.manual_control import ChaserState
+from simulator.world.orbit.propagation import OrbitTrack
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from simulator.arrays import FloatArray
+    from simulator.world.attitude.rigid_body import AttitudeTrack
+    from simulator.world.ephemeris.bodies import Body
+    from simulator.world.flight.flight import Flight
+    from simulator.world.flight.state import WorldState
+    from simulator.world.orbit.forces import Forces
+    from simulator.world.time.instant import Instant
+
+_FIELDS = {
+    "t_s": 1,
+    "r_target_eci_m": 3,
+    "v_target_eci_m_s": 3,
+    "q_eci_from_target_wxyz": 4,
+    "omega_target_rad_s": 3,
+    "relative_eci_m": 3,
+    "relative_eci_m_s": 3,
+    "q_camera_from_eci_wxyz": 4,
+    "omega_camera_rad_s": 3,
+}
+"""Arrays of the file and the width of each, named as in `WorldState`."""
+LINES = ".csv"
+"""Ending of a recording as lines, which grows while it is flown; any other is an npz file."""
+MOST_BYTES = 2**29
+"""Of a recording, packed or not: three million samples."""
+_DAMAGED = (
+    KeyError,
+    ValueError,
+    TypeError,
+    EOFError,
+    RuntimeError,
+    MemoryError,
+    struct.error,
+    zlib.error,
+    zipfile.BadZipFile,
+)
+"""What NumPy, the zip reader and inflation say of a damaged or odd file (encrypted, a method that is not known)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Samples of a flight; ``arrays`` holds (n, width) of each of ``_FIELDS``, times (n,)."""
+
+    arrays: dict[str, FloatArray]
+
+    @staticmethod
+    def of(states: Iterable[WorldState]) -> Recording:
+        """Record states in the order of time, of a guided flight or of one steered by hand."""
+        rows = list(states)
+        return Recording({name: np.array([getattr(s, name) for s in rows], float) for name in _FIELDS})
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last sample [s]."""
+        return float(self.arrays["t_s"][-1])
+
+    def to_bytes(self) -> bytes:
+        """The npz file."""
+        out = io.BytesIO()
+        np.savez_compressed(out, **self.arrays)  # type: ignore[arg-type]
+        return out.getvalue()
+
+    @staticmethod
+    def read(path: Path) -> Recording:
+        """A recording from its file, of arrays or of lines; a last line that was not finished is left out.
+
+        Raises
+        ------
+        UserError
+            If it cannot be read, is too large, lacks an array, or its times do not start at 0 and rise.
+        """
+        try:
+            data = read_regular(path, MOST_BYTES)
+            arrays = _from_lines(data.decode("ascii")) if path.suffix == LINES else _from_npz(data)
+        except OSError as error:
+            raise UserError(f"recording {path} cannot be read: {error.strerror or error}") from error
+        except _DAMAGED as error:
+            raise UserError(f"{path} is not a recording of a flight: {error}") from error
+        t = arrays["t_s"]
+        if t.ndim != 1:
+            raise UserError(f"recording {path} has times in {t.ndim} dimensions, not in one; record it again")
+        shapes = {name: (len(t),) if width == 1 else (len(t), width) for name, width in _FIELDS.items()}
+        if any(arrays[name].shape != shape for name, shape in shapes.items()) or len(t) < 2:
+            raise UserError(f"recording {path} has arrays of unequal length, or fewer than two samples")
+        if t[0] != 0.0 or np.any(np.diff(t) <= 0) or not all(np.isfinite(a).all() for a in arrays.values()):
+            raise UserError(f"recording {path} must start at 0 s, rise in time and hold finite numbers alone")
+        return Recording(arrays)
+
+    def _place(self, t_s: float) -> tuple[int, float]:
+        """The sample at or before a time, and the time since."""
+        t = self.arrays["t_s"]
+        k = min(max(int(np.searchsorted(t, t_s, side="right")) - 1, 0), len(t) - 1)
+        return k, t_s - float(t[k])
+
+    def _moved(self, r: str, v: str, t_s: float) -> FloatArray:
+        """Position and velocity (6,): the sample itself, a cubic between two, straight on after the last."""
+        k, d = self._place(t_s)
+        p, w = self.arrays[r], self.arrays[v]
+        if d == 0.0:
+            return np.concatenate([p[k], w[k]])
+        if k == len(p) - 1:
+            return np.concatenate([p[k] + d * w[k], w[k]])
+        h = float(self.arrays["t_s"][k + 1] - self.arrays["t_s"][k])
+        x = d / h
+        chord = (p[k + 1] - p[k]) / h
+        # Hermite's cubic as the first sample plus what its slopes add
+        a, b = w[k] - chord, w[k + 1] - chord
+        place = p[k] + d * chord + d * (1 - x) * ((1 - x) * a - x * b)
+        slope = chord + (1 - x) * (1 - 3 * x) * a - x * (2 - 3 * x) * b
+        return np.concatenate([place, slope])
+
+    def target(self, t_s: float) -> FloatArray:
+        """Position and velocity of the target, GCRS (6,)."""
+        return self._moved("r_target_eci_m", "v_target_eci_m_s", t_s)
+
+    def target_attitude(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_eci_from_target_wxyz`` and the rate in target axes; between samples the rate is taken as constant."""
+        k, d = self._place(t_s)
+        q, w = self.arrays["q_eci_from_target_wxyz"][k], self.arrays["omega_target_rad_s"][k]
+        return (q, w) if d == 0.0 else (quat_multiply(q, quat_from_rotvec(w * d)), w)
+
+    def chaser(self, t_s: float) -> ChaserState:
+        """The chaser and its camera."""
+        y = self._moved("relative_eci_m", "relative_eci_m_s", t_s)
+        k, d = self._place(t_s)
+        q, w = self.arrays["q_camera_from_eci_wxyz"][k], self.arrays["omega_camera_rad_s"][k]
+        if d != 0.0:
+            q = quat_multiply(quat_conjugate(quat_from_rotvec(w * d)), q)
+        return ChaserState(
+            t_s=t_s,
+            position_eci_m=vec3(y[:3]),
+            velocity_eci_m_s=vec3(y[3:]),
+            q_camera_from_eci_wxyz=quat(q),
+            omega_camera_rad_s=vec3(w),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedAttitude:
+    """The target's recorded attitude, handed out to the last bit."""
+
+    recording: Recording
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_eci_from_body_wxyz`` and the body rate [rad s-1]."""
+        return self.recording.target_attitude(t_s)
+
+
+def first_line() -> str:
+    """The names of a line's numbers, in order."""
+    names = [f"{name}_{k}" if width > 1 else name for name, width in _FIELDS.items() for k in range(width)]
+    return ",".join(names) + "\n"
+
+
+def line_of(state: WorldState) -> str:
+    """A state as a line of numbers, which read again are the same to the last bit."""
+    values = (np.atleast_1d(getattr(state, name)).tolist() for name in _FIELDS)
+    return ",".join(repr(float(value)) for part in values for value in part) + "\n"
+
+
+def _from_npz(data: bytes) -> dict[str, FloatArray]:
+    """Arrays of an npz file's bytes. One of ``_DAMAGED`` if they are not that, or would be too large unpacked."""
+    with zipfile.ZipFile(io.BytesIO(data)) as packed:
+        size = sum(entry.file_size for entry in packed.infolist())
+    if size > MOST_BYTES:
+        raise ValueError(f"unpacked it has {size:,} bytes, and at most {MOST_BYTES:,} are read")
+    with np.load(io.BytesIO(data), allow_pickle=False) as file:
+        return {name: np.asarray(file[name], float) for name in _FIELDS}
+
+
+def _from_lines(text: str) -> dict[str, FloatArray]:
+    """Arrays of `first_line` and the whole lines after it. ValueError if they are not that."""
+    first, *rows = text.split("\n")[:-1]  # what comes after the last line's end was not finished
+    if first + "\n" != first_line():
+        raise ValueError("its first line does not name the numbers of a flight")
+    count = sum(_FIELDS.values())
+    table = np.array([row.split(",") for row in rows], float).reshape(-1, count)
+    arrays, at = {}, 0
+    for name, width in _FIELDS.items():
+        arrays[name] = table[:, at] if width == 1 else table[:, at : at + width]
+        at += width
+    return arrays
+
+
+def record(flight: Flight, times_s: Iterable[float]) -> Recording:
+    """A flight sampled at times that start at 0."""
+    return Recording.of(flight.state(float(t)) for t in times_s)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedOrbit:
+    """The target's recorded orbit from the centre of the body it circles."""
+
+    recording: Recording
+    forces: Forces
+    epoch: Instant
+    body: Body
+
+    def __call__(self, t_s: float) -> FloatArray:
+        """Position [m] and velocity [m s-1], GCRS axes (6,)."""
+        geocentric = self.recording.target(t_s)
+        if self.body is EARTH:
+            return geocentric
+        return geocentric - np.concatenate(self.body.geocentric_state(self.epoch.plus(t_s)))
+
+    def rate(self, t_s: float) -> FloatArray:
+        """Its derivative, by the forces."""
+        y = self(t_s)
+        return np.concatenate([y[3:], self.forces.target(t_s, y[:3], y[3:])])
+
+
+def recorded_tracks(
+    recording: Recording, forces: Forces, duration_s: float, epoch: Instant, body: Body
+) -> tuple[OrbitTrack, AttitudeTrack]:
+    """The target as recorded: its orbit from the centre of ``body``, its attitude."""
+    return (
+        OrbitTrack(forces, duration_s, RecordedOrbit(recording, forces, epoch, body)),
+        RecordedAttitude(recording),
+    )

@@ -1,0 +1,122 @@
+"""A flight as rows of a table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.world.flight.log import FlightLog
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from simulator.world.flight.flight import Flight
+
+_VECTORS = (
+    "r_target_eci_m",
+    "v_target_eci_m_s",
+    "r_chaser_eci_m",
+    "v_chaser_eci_m_s",
+    "position_lvlh_m",
+    "velocity_lvlh_m_s",
+    "omega_target_rad_s",
+    "omega_camera_rad_s",
+)
+_QUATERNIONS = ("q_eci_from_target_wxyz", "q_camera_from_eci_wxyz", "q_itrs_from_eci_wxyz")
+
+
+Row = dict[str, str | float | None]
+
+
+def fly_table(flight: Flight, times_s: Iterable[float]) -> list[Row]:
+    """States as rows for a table; a vector ``r_target_eci_m`` becomes ``r_target_eci_x_m`` and so on.
+
+    After the states: the chaser's phase, what its thrusters give, its mass, the velocity given so far, and what
+    happened since the row before. What is not known is None.
+    """
+    rows: list[Row] = []
+    for t in times_s:
+        state = flight.state(float(t))
+        row: Row = {"epoch_utc": state.epoch_utc, "t_s": state.t_s}
+        for name in _VECTORS:
+            quantity, unit = _split_unit(name)
+            row |= {
+                f"{quantity}_{axis}_{unit}": x for axis, x in zip("xyz", getattr(state, name), strict=True)
+            }
+        for name in _QUATERNIONS:
+            quantity = name.removesuffix("_wxyz")
+            row |= {f"{quantity}_{axis}": x for axis, x in zip("wxyz", getattr(state, name), strict=True)}
+        row |= {"range_m": state.range_m, "sun_visible_fraction": state.sun_visible_fraction}
+        rows.append(row)
+    return _with_log(flight, rows)
+
+
+def _with_log(flight: Flight, rows: list[Row]) -> list[Row]:
+    """The rows with what the flight's log says."""
+    log = FlightLog(flight)
+    times = [float(row["t_s"] or 0.0) for row in rows]
+    events = log.events(times, [float(row["sun_visible_fraction"] or 0.0) for row in rows])
+    for k, (t, row) in enumerate(zip(times, rows, strict=True)):
+        push = log.push(t)
+        a, mass = push.acceleration_lvlh_m_s2, push.mass_kg
+        row["phase"] = push.phase
+        for i, axis in enumerate("xyz"):
+            row[f"thrust_acceleration_lvlh_{axis}_m_s2"] = None if a is None else a[i]
+        for i, axis in enumerate("xyz"):
+            row[f"thrust_lvlh_{axis}_n"] = None if a is None or mass is None else a[i] * mass
+        row["mass_kg"], row["delta_v_m_s"] = mass, push.delta_v_m_s
+        before = -np.inf if k == 0 else times[k - 1]
+        row["events"] = "; ".join(e.what for e in events if before < e.t_s <= t)
+    return rows
+
+
+def summarise_flight(flight: Flight, rows: Sequence[Row]) -> dict[str, Any]:
+    """A flight in a few figures, JSON-able.
+
+    Parameters
+    ----------
+    rows : of `fly_table`; phases and the nearest approach are as fine as they are.
+
+    Returns
+    -------
+    dict
+        ``rows``; ``aborted``, ``abort_s``; ``phases`` [{``phase from_s to_s``}]; ``delta_v_m_s``, ``propellant_kg``,
+        ``mass_kg`` [at the start, at the end], each None where it is not known; ``min_range_m`` at ``min_range_s``;
+        ``events`` [{``t_s kind what``}].
+    """
+    log = FlightLog(flight)
+    times, ranges, sun = (
+        [float(row[name] or 0.0) for row in rows] for name in ("t_s", "range_m", "sun_visible_fraction")
+    )
+    nearest = int(np.argmin(ranges))
+    track = flight.controlled
+    abort_s = None if track is None else track.abort_s
+    return {
+        "rows": len(rows),
+        "aborted": abort_s is not None,
+        "abort_s": abort_s,
+        "phases": _phases(rows, times),
+        "delta_v_m_s": log.delta_v_m_s,
+        "propellant_kg": log.propellant_kg,
+        "mass_kg": None if track is None else [float(track.mass_kg[0]), track.end_mass_kg],
+        "min_range_m": ranges[nearest],
+        "min_range_s": times[nearest],
+        "events": [{"t_s": e.t_s, "kind": e.kind, "what": e.what} for e in log.events(times, sun)],
+    }
+
+
+def _phases(rows: Sequence[Row], times_s: Sequence[float]) -> list[dict[str, Any]]:
+    """Runs of rows of one phase, each to the start of the next."""
+    starts = [k for k, row in enumerate(rows) if k == 0 or row["phase"] != rows[k - 1]["phase"]]
+    ends = [*starts[1:], len(rows) - 1]
+    return [
+        {"phase": rows[k]["phase"], "from_s": times_s[k], "to_s": times_s[end]}
+        for k, end in zip(starts, ends, strict=True)
+    ]
+
+
+def _split_unit(name: str) -> tuple[str, str]:
+    """``v_target_eci_m_s`` as quantity and unit."""
+    unit = next(u for u in ("rad_s", "m_s", "m") if name.endswith(f"_{u}"))
+    return name.removesuffix(f"_{unit}"), unit

@@ -1,0 +1,59 @@
+"""The local-vertical local-horizontal (Hill) frame: x radial outward, y along-track, z cross-track."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.world.frames.vectors import cross, cross_of, dot_of
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Lvlh:
+    """The frame at one moment.
+
+    Parameters
+    ----------
+    R_eci_from_lvlh : (3, 3) rotation; its columns are the radial, along-track and cross-track axes.
+    omega_eci_rad_s : (3,) rate of the frame relative to GCRS, along GCRS axes [rad s-1].
+    """
+
+    R_eci_from_lvlh: FloatArray
+    omega_eci_rad_s: FloatArray
+
+    def to_eci(self, p_lvlh: FloatArray, v_lvlh: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Relative position and velocity of LVLH along GCRS axes (the frame's rotation added)."""
+        p = self.R_eci_from_lvlh @ p_lvlh
+        return p, self.R_eci_from_lvlh @ v_lvlh + cross(self.omega_eci_rad_s, p)
+
+    def from_eci(self, p_eci: FloatArray, v_eci: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Relative position and velocity as seen in the rotating LVLH frame."""
+        R = self.R_eci_from_lvlh.T
+        return R @ p_eci, R @ (v_eci - cross(self.omega_eci_rad_s, p_eci))
+
+
+def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, a_eci_m_s2: FloatArray) -> Lvlh:
+    """LVLH of a spacecraft at ``r_eci_m`` moving with ``v_eci_m_s`` under ``a_eci_m_s2``.
+
+    The rate is exact for the given acceleration: ``h/r^2`` about the cross-track axis, and the turning of the
+    orbit plane by the out-of-plane acceleration about the radial axis.
+
+    References
+    ----------
+    Alfriend et al. (2010), Spacecraft Formation Flying, sec. 4.1.
+    """
+    r, v = r_eci_m.tolist(), v_eci_m_s.tolist()
+    h = cross_of(r, v)
+    r_norm, h_norm = math.sqrt(dot_of(r, r)), math.sqrt(dot_of(h, h))
+    x, z = [c / r_norm for c in r], [c / h_norm for c in h]
+    y = cross_of(z, x)
+    turning = r_norm * dot_of(a_eci_m_s2.tolist(), z) / h_norm
+    rate = h_norm / r_norm**2
+    omega = [rate * c + turning * d for c, d in zip(z, x, strict=True)]
+    return Lvlh(np.array([x, y, z]).T, np.array(omega))

@@ -1,0 +1,74 @@
+"""A rigid transform that knows its two frames, so that mismatched ones cannot be composed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.arrays import Quat, Vec3, quat, vec3
+from simulator.world.frames.rotation import matrix_from_quat, quat_conjugate, quat_multiply, quat_normalize
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from simulator.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Pose:
+    """``x_to = R_to_from_frm @ x_frm + t_m``.
+
+    Parameters
+    ----------
+    to, frm : names of the frames, e.g. ``"camera"``, ``"target"``.
+    q_wxyz : unit quaternion ``q_to_from_frm``, scalar first.
+    t_m : origin of ``frm`` in ``to`` [m].
+    """
+
+    to: str
+    frm: str
+    q_wxyz: Quat
+    t_m: Vec3
+
+    @staticmethod
+    def of(to: str, frm: str, q_wxyz: ArrayLike, t_m: ArrayLike) -> Pose:
+        """A pose from any array-like; the quaternion is normalised.
+
+        Raises
+        ------
+        ValueError
+            If the quaternion is zero or anything is not finite.
+        """
+        t = np.asarray(t_m, float)
+        if not np.all(np.isfinite(t)):
+            raise ValueError(f"translation {to} from {frm} must be finite, got {t.tolist()}")
+        return Pose(to, frm, quat(quat_normalize(q_wxyz)), vec3(t))
+
+    @property
+    def R(self) -> FloatArray:
+        """(3, 3) rotation matrix ``R_to_from_frm``."""
+        return matrix_from_quat(self.q_wxyz)
+
+    def apply(self, points_m: ArrayLike) -> FloatArray:
+        """Points (..., 3) given in ``frm``, expressed in ``to`` [m]."""
+        return np.asarray(points_m, float) @ self.R.T + np.asarray(self.t_m)
+
+    def inverse(self) -> Pose:
+        """The pose ``frm`` from ``to``."""
+        return Pose.of(self.frm, self.to, quat_conjugate(self.q_wxyz), -self.R.T @ np.asarray(self.t_m))
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """Compose: ``a_from_c = a_from_b @ b_from_c``.
+
+        Raises
+        ------
+        ValueError
+            If the inner frames differ.
+        """
+        if self.frm != other.to:
+            raise ValueError(f"cannot compose {self.to}_from_{self.frm} with {other.to}_from_{other.frm}")
+        return Pose.of(
+            self.to, other.frm, quat_multiply(self.q_wxyz, other.q_wxyz), self.apply(np.asarray(other.t_m))
+        )

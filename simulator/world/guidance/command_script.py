@@ -1,0 +1,164 @@
+"""A chaser steered by a written list of commands, in LVLH or camera axes, with its keep-out sphere defended."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+import numpy as np
+
+from simulator.arrays import Vec3, quat, vec3
+from simulator.world.guidance.manual_control import ChaserState, Command, guarded_command, step
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.world.attitude.pointing import Pointing
+    from simulator.world.guidance.keep_out import KeepOut
+    from simulator.world.orbit.propagation import OrbitTrack
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScriptedCommand:
+    """One line of the script.
+
+    Parameters
+    ----------
+    start_s, duration_s : when it holds. acceleration_m_s2 : along ``axes``.
+    axes : ``lvlh`` (radial, along-track, cross-track) or ``camera`` (right, down, forward).
+    rate_camera_rad_s : of the camera relative to the stars, unless it keeps looking at the target.
+    """
+
+    start_s: float
+    duration_s: float
+    acceleration_m_s2: Vec3 = (0.0, 0.0, 0.0)
+    axes: Literal["lvlh", "camera"] = "lvlh"
+    rate_camera_rad_s: Vec3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steered:
+    """Free flight with the commands of a script.
+
+    Parameters
+    ----------
+    position_lvlh_m, velocity_lvlh_m_s : start. commands : of the operator; those that overlap add up.
+    tracking : whether the camera keeps looking at the target; else the commands turn it.
+    brake_m_s2 : with which the keep-out sphere is defended. period_s : of the guard.
+    """
+
+    ballistic: ClassVar[bool] = False
+    position_lvlh_m: Vec3
+    velocity_lvlh_m_s: Vec3 = (0.0, 0.0, 0.0)
+    commands: tuple[ScriptedCommand, ...] = ()
+    tracking: bool = True
+    brake_m_s2: float = 0.05
+    period_s: float = 0.5
+
+    def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
+        """The start."""
+        return np.array(self.position_lvlh_m, float), np.array(self.velocity_lvlh_m_s, float)
+
+    def command(self, t_s: float) -> Command:
+        """What holds at a time."""
+        sums = {"lvlh": np.zeros(3), "camera": np.zeros(3)}
+        rate = np.zeros(3)
+        for c in self.commands:
+            if c.start_s <= t_s < c.start_s + c.duration_s:
+                sums[c.axes] = sums[c.axes] + np.array(c.acceleration_m_s2)
+                rate = rate + np.array(c.rate_camera_rad_s)
+        return Command(
+            acceleration_camera_m_s2=vec3(sums["camera"]),
+            acceleration_lvlh_m_s2=vec3(sums["lvlh"]),
+            rate_camera_rad_s=vec3(rate),
+        )
+
+    def times_s(self, duration_s: float) -> list[float]:
+        """Starts of the steps: every period, and wherever a command starts or ends."""
+        edges = {t for c in self.commands for t in (c.start_s, c.start_s + c.duration_s)}
+        grid = set((np.arange(int(np.ceil(duration_s / self.period_s))) * self.period_s).tolist())
+        return sorted(grid | {t for t in edges if 0 < t < duration_s})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SteeredTrack:
+    """A steered flight: states and commands at the start of each step.
+
+    Parameters
+    ----------
+    orbit : of the target. pointing : of the camera while it tracks. script : what was flown.
+    times_s, states, commands : at the start of each step. guarded_s : when the guard first overruled, or None.
+    overruled : whether it did, at each step.
+    """
+
+    orbit: OrbitTrack
+    pointing: Pointing
+    script: Steered
+    times_s: list[float]
+    states: list[ChaserState]
+    commands: list[Command]
+    guarded_s: float | None
+    overruled: list[bool]
+
+    def __call__(self, t_s: float) -> ChaserState:
+        """The chaser at any time of the flight."""
+        k = max(bisect_right(self.times_s, t_s) - 1, 0)
+        since = t_s - self.times_s[k]
+        now = self.states[k] if since == 0 else step(self.states[k], self.commands[k], since, self.orbit)
+        return looking(now, self.orbit, self.pointing) if self.script.tracking else now
+
+
+def fly_script(
+    orbit: OrbitTrack, script: Steered, n_rad_s: float, pointing: Pointing, keep_out: KeepOut | None
+) -> SteeredTrack:
+    """Fly a script to the end of the target's track.
+
+    Parameters
+    ----------
+    orbit : of the target. script : start and commands. n_rad_s : mean motion. pointing : of the camera.
+    keep_out : what the guard defends, whatever the commands say.
+    """
+    p, v = orbit.frame(0.0).to_eci(*script.state_lvlh(0.0, n_rad_s))
+    blank = ChaserState(
+        t_s=0.0,
+        position_eci_m=vec3(p),
+        velocity_eci_m_s=vec3(v),
+        q_camera_from_eci_wxyz=(1.0, 0.0, 0.0, 0.0),
+    )
+    state = looking(blank, orbit, pointing)
+    times = script.times_s(orbit.duration_s)
+    states, commands, guarded_s = [], [], None
+    overrulings = []
+    for t, end in zip(times, [*times[1:], orbit.duration_s], strict=True):
+        if script.tracking:
+            state = looking(state, orbit, pointing)
+        command = script.command(t)
+        if script.tracking:
+            command = replace(command, rate_camera_rad_s=state.omega_camera_rad_s)
+        overruled = False
+        if keep_out is not None:
+            command, overruled = guarded_command(
+                state, command, end - t, orbit.frame(t), keep_out, script.brake_m_s2
+            )
+            guarded_s = t if overruled and guarded_s is None else guarded_s
+        states.append(state)
+        commands.append(command)
+        overrulings.append(overruled)
+        state = replace(step(state, command, end - t, orbit), t_s=end)
+    return SteeredTrack(
+        orbit=orbit,
+        pointing=pointing,
+        script=script,
+        times_s=times,
+        states=states,
+        commands=commands,
+        guarded_s=guarded_s,
+        overruled=overrulings,
+    )
+
+
+def looking(state: ChaserState, orbit: OrbitTrack, pointing: Pointing) -> ChaserState:
+    """The state with its camera turned as the pointing has it."""
+    p, v = np.array(state.position_eci_m), np.array(state.velocity_eci_m_s)
+    q, omega = pointing.attitude(-p, -v, orbit.frame(state.t_s))
+    return replace(state, q_camera_from_eci_wxyz=quat(q), omega_camera_rad_s=vec3(omega))

@@ -1,0 +1,124 @@
+"""A chaser flown by its thrusters: guidance aims, control asks, thrusters give, gravity does the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.world.relative.clohessy_wiltshire import transition_matrix
+from simulator.world.relative.thrusted_step import Held, relative_step
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.world.guidance.keep_out import KeepOut
+    from simulator.world.guidance.modes import Guidance
+    from simulator.world.guidance.thrusters import Thrusters
+    from simulator.world.orbit.propagation import OrbitTrack
+
+_PULL_IN_PERIODS = 10.0
+"""An error of position is taken out over this many periods of control."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ControlledTrack:
+    """A chaser under control: its state at the start of each period and the thrust held over it.
+
+    Parameters
+    ----------
+    orbit : the target's track. period_s : of control.
+    position_eci_m, velocity_eci_m_s : (n, 3) chaser minus target along GCRS axes.
+    thrust_eci_m_s2 : (n, 3) acceleration held over each period.
+    mass_kg : (n,) of the chaser.
+    abort_s : when the keep-out sphere was defended, or None.
+    end_mass_kg : after the last period. keep_out : the sphere, or None.
+    """
+
+    orbit: OrbitTrack
+    period_s: float
+    position_eci_m: FloatArray
+    velocity_eci_m_s: FloatArray
+    thrust_eci_m_s2: FloatArray
+    mass_kg: FloatArray
+    abort_s: float | None
+    end_mass_kg: float
+    keep_out: KeepOut | None = None
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """Position [m] and velocity [m s-1] relative to the target at any time, GCRS axes."""
+        k = min(max(int(t_s // self.period_s), 0), len(self.mass_kg) - 1)
+        start = k * self.period_s
+        state = self.position_eci_m[k], self.velocity_eci_m_s[k]
+        return relative_step(self.orbit, start, t_s - start, state, Held(self.thrust_eci_m_s2[k]))
+
+    @property
+    def delta_v_m_s(self) -> float:
+        """Sum of what the thrusters gave [m s-1]."""
+        return float(np.sum(np.linalg.norm(self.thrust_eci_m_s2, axis=1))) * self.period_s
+
+
+def fly_controlled(
+    orbit: OrbitTrack,
+    guidance: Guidance,
+    n_rad_s: float,
+    thrusters: Thrusters,
+    keep_out: KeepOut | None = None,
+) -> ControlledTrack:
+    """Fly the chaser after its guidance to the end of the target's track.
+
+    At the start of each period the Clohessy-Wiltshire equations foretell where the chaser would coast to; the
+    thrusters are asked for what is missing to the guidance's velocity, and for a tenth of what is missing to
+    its position. A mode with a method ``impulse_lvlh`` decides for itself.
+
+    Parameters
+    ----------
+    orbit : the target's track. guidance : path to follow, or a mode that decides impulses itself.
+    n_rad_s : mean motion. thrusters : of the chaser. keep_out : what it must not enter.
+    """
+    h = thrusters.period_s
+    Phi = transition_matrix(n_rad_s, h)
+    decide = getattr(guidance, "impulse_lvlh", None)
+    frame = orbit.frame(0.0)
+    state = frame.to_eci(*guidance.state_lvlh(0.0, n_rad_s))
+    mass, abort_s = thrusters.mass_kg, None
+    rows: list[FloatArray] = []
+    for k in range(int(np.ceil(orbit.duration_s / h))):
+        t = k * h
+        frame = orbit.frame(t)
+        p, v = frame.from_eci(*state)
+        if abort_s is None and keep_out is not None and keep_out.violated(p):
+            abort_s = t
+        if abort_s is not None and keep_out is not None:
+            wanted = _retreat(p, v, keep_out)
+        elif decide is not None:
+            wanted = decide(p, v, n_rad_s)
+        else:
+            coasted = Phi @ np.concatenate([p, v])
+            aim_p, aim_v = guidance.state_lvlh(t + h, n_rad_s)
+            wanted = aim_v - coasted[3:] + (aim_p - coasted[:3]) / (_PULL_IN_PERIODS * h)
+        given, after = thrusters.fire(wanted, mass)
+        thrust = frame.R_eci_from_lvlh @ given / h
+        rows.append(np.array([*state[0].tolist(), *state[1].tolist(), *thrust.tolist(), mass]))
+        state = relative_step(orbit, t, min(h, orbit.duration_s - t), state, Held(thrust))
+        mass = after
+    table = np.array(rows)
+    return ControlledTrack(
+        orbit=orbit,
+        period_s=h,
+        position_eci_m=table[:, :3],
+        velocity_eci_m_s=table[:, 3:6],
+        thrust_eci_m_s2=table[:, 6:9],
+        mass_kg=table[:, 9],
+        abort_s=abort_s,
+        end_mass_kg=mass,
+        keep_out=keep_out,
+    )
+
+
+def _retreat(p: FloatArray, v: FloatArray, keep_out: KeepOut) -> FloatArray:
+    """What turns the velocity straight outward, until the chaser is far enough to drift."""
+    distance = float(np.linalg.norm(p))
+    if distance > 2 * keep_out.radius_m:
+        return np.zeros(3)
+    return keep_out.retreat_m_s * p / max(distance, 1e-9) - v

@@ -1,0 +1,230 @@
+"""CCSDS attitude ephemeris messages (AEM, 504.0-B): an attitude or its history out of one, and a flight into one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.world.frames.rotation import (
+    quat_conjugate,
+    quat_from_matrix,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_normalize,
+)
+from simulator.world.messages.ccsds import Segment, header, read_segments, stamp
+from simulator.world.messages.ccsds_frames import FRAMES, R_gcrf_from, known_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+    from scipy.spatial.transform import RotationSpline
+
+    from simulator.arrays import FloatArray
+    from simulator.world.time.instant import Instant
+
+_ROUNDING_S = 1e-6
+_BESIDE = 12
+"""Lines before and after a flight that the spline takes in."""
+_QUATERNION_TYPES = ("QUATERNION", "QUATERNION/DERIVATIVE", "QUATERNION/RATE", "QUATERNION/ANGVEL")
+_EULER_TYPES = ("EULER_ANGLE", "EULER_ANGLE/RATE", "EULER_ANGLE/DERIVATIVE", "EULER_ANGLE/ANGVEL")
+_TYPES = (*_QUATERNION_TYPES, *_EULER_TYPES, "SPIN")
+
+
+def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
+    """``q_eci_from_body_wxyz`` and the rate relative to ECI in body axes [rad s-1] at ``epoch``.
+
+    Between two lines the body turns at a constant rate about a fixed axis; that rate is what is returned.
+    Lines must therefore be closer together than half a turn.
+
+    Raises
+    ------
+    UserError
+        If the file is not an AEM of a known kind against a known frame, its lines are out of order, or the
+        epoch falls outside every segment or into a gap.
+    """
+    segment, times = _segment_over(text, where, epoch, 0.0)
+    k = min(max(int(np.searchsorted(times, 0.0)) - 1, 0), len(times) - 2)
+    segment.refuse_gap(times, k + 1)
+    q0, q1 = _attitudes(segment)[k : k + 2]
+    turn = _rotvec(quat_multiply(quat_conjugate(q0), q1)) / (times[k + 1] - times[k])
+    half = turn * -times[k]
+    angle = float(np.linalg.norm(half))
+    step = np.array([np.cos(angle / 2), *(0.5 * np.sinc(angle / (2 * np.pi)) * half)])
+    return quat_multiply(q0, step), turn
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeHistory:
+    """The attitude of a message over a flight: a cubic rotation spline through its lines, with a smooth rate.
+
+    Parameters
+    ----------
+    spline : over the flight. end_s : of what was asked for; from there it turns on at its last rate.
+    """
+
+    spline: RotationSpline
+    end_s: float
+
+    def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+        """``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1]."""
+        inside = min(t_s, self.end_s)
+        x, y, z, w = self.spline(inside).as_quat()
+        q, omega = np.array([w, x, y, z]), np.asarray(self.spline(inside, 1), float)
+        return (q if inside == t_s else quat_multiply(q, quat_from_rotvec(omega * (t_s - inside)))), omega
+
+
+def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -> AttitudeHistory:
+    """The attitude from ``epoch`` on for ``duration_s``.
+
+    Raises
+    ------
+    UserError
+        As `read_aem_state`, and if no segment covers the whole flight.
+
+    References
+    ----------
+    Hughes (1986), Spacecraft Attitude Dynamics, ch. 2; the spline is that of scipy's ``RotationSpline``.
+    """
+    from scipy.spatial.transform import Rotation, RotationSpline  # noqa: PLC0415 - slow to import: maps are begun before
+
+    segment, times = _segment_over(text, where, epoch, duration_s)
+    low = max(int(np.searchsorted(times, 0.0)) - _BESIDE, 0)
+    high = min(int(np.searchsorted(times, duration_s)) + _BESIDE + 1, len(times))
+    for k in range(low + 1, high):
+        segment.refuse_gap(times, k)
+    q = _attitudes(segment)[low:high]
+    return AttitudeHistory(
+        RotationSpline(times[low:high], Rotation.from_quat(np.roll(q, -1, axis=1))), duration_s
+    )
+
+
+def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> tuple[Segment, FloatArray]:
+    """The segment that covers a flight, and the times of its lines since ``epoch`` [s]."""
+    spans = []
+    for segment in read_segments(text, where, "AEM"):
+        instants = segment.instants()
+        first, last = segment.usable(instants)
+        spans.append(f"{first.iso()} to {last.iso()}")
+        covers = first.minus(epoch) <= _ROUNDING_S and last.minus(epoch) >= duration_s - _ROUNDING_S
+        if len(instants) > 1 and covers:
+            return segment, np.array([t.minus(epoch) for t in instants])
+    asked = epoch.iso() + (f" to {epoch.plus(duration_s).iso()}" if duration_s else "")
+    raise UserError(
+        f"{where} covers {' and '.join(spans)}, not {asked}: choose an epoch and a duration within"
+    )
+
+
+def _attitudes(segment: Segment) -> FloatArray:
+    """(n, 4) ``q_eci_from_body_wxyz``, one sign through the file."""
+    kind = segment.one_of("ATTITUDE_TYPE", _TYPES)
+    if kind in _QUATERNION_TYPES:
+        q = _quaternions(segment)
+    elif kind in _EULER_TYPES:
+        q = _from_angles(segment.numbers(3), _sequence(segment))
+    else:
+        q = _from_angles(_spin_angles(segment), "ZYZ")
+    a, b = segment.need("REF_FRAME_A"), segment.need("REF_FRAME_B")
+    if segment.meta.get("ATTITUDE_DIR", "A2B").upper() == "B2A":
+        q = quat_conjugate(q)
+    frame = known_frame(a)
+    if frame is None:
+        frame, q = known_frame(b), quat_conjugate(q)
+    if frame is None:
+        raise UserError(
+            f"{segment.where}: neither REF_FRAME_A = {a} nor REF_FRAME_B = {b} is one of {', '.join(FRAMES)}"
+        )
+    turning = frame in {"ITRF", "TOD", "TEME"}
+    instants = segment.instants() if turning else segment.instants()[:1] * len(q)
+    fixed = None if turning else quat_from_matrix(R_gcrf_from(frame, instants[0]))
+    rows = [
+        quat_multiply(quat_from_matrix(R_gcrf_from(frame, t)) if fixed is None else fixed, row)
+        for t, row in zip(instants, q, strict=True)
+    ]
+    return np.array(rows)
+
+
+def _quaternions(segment: Segment) -> FloatArray:
+    """(n, 4) scalar first.
+
+    A quaternion of these messages carries vectors of frame A to frame B by rotating the frame, which makes
+    it the Hamilton quaternion ``q_A_from_B``.
+    """
+    values = segment.numbers(4)
+    if segment.meta.get("QUATERNION_TYPE", "LAST").upper() == "LAST":
+        values = np.roll(values, 1, axis=1)
+    try:
+        return quat_normalize(values)
+    except ValueError as error:
+        raise UserError(f"{segment.where}: {error}") from error
+
+
+def _sequence(segment: Segment) -> str:
+    """The axes of an Euler sequence such as 321, as scipy names turns about the turned axes."""
+    named = segment.need("EULER_ROT_SEQ").upper().translate(str.maketrans("123", "XYZ"))
+    if len(named) != 3 or set(named) - set("XYZ") or named[0] == named[1] or named[1] == named[2]:
+        raise UserError(
+            f"{segment.where}: EULER_ROT_SEQ is {segment.meta['EULER_ROT_SEQ']}, allowed: three axes such as 321"
+        )
+    return named
+
+
+def _spin_angles(segment: Segment) -> FloatArray:
+    """Turns about z, y, z that bring frame A to a body spinning about its z axis (right ascension, declination)."""
+    alpha, delta, phase, _ = segment.numbers(4).T
+    return np.stack([alpha, 90.0 - delta, phase], axis=1)
+
+
+def _from_angles(angles_deg: FloatArray, axes: str) -> FloatArray:
+    """(n, 4) ``q_A_from_B`` of turns that carry frame A's axes to B's, in the order of the sequence."""
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import: maps are begun before
+
+    return np.roll(Rotation.from_euler(axes, angles_deg, degrees=True).as_quat(), 1, axis=1)
+
+
+def _rotvec(q_wxyz: FloatArray) -> FloatArray:
+    q = q_wxyz if q_wxyz[0] >= 0 else -q_wxyz
+    sine = float(np.linalg.norm(q[1:]))
+    return np.zeros(3) if sine == 0 else np.asarray(2 * np.arctan2(sine, q[0]) / sine * q[1:])
+
+
+def write_aem(
+    *, name: str, body_frame: str, epochs_utc: Sequence[str], q_eci_from_body_wxyz: ArrayLike
+) -> str:
+    """An AEM of quaternions, scalar last, from GCRF to the body.
+
+    Parameters
+    ----------
+    name : of the object. body_frame : what its axes are called, for example SC_BODY_1.
+    epochs_utc : ISO 8601 with Z, in order. q_eci_from_body_wxyz : (n, 4).
+    """
+    lines = header("AEM", "1.0", epochs_utc[0])
+    lines += [
+        "META_START",
+        f"OBJECT_NAME = {name}",
+        f"OBJECT_ID = {name}",
+        "CENTER_NAME = EARTH",
+        "REF_FRAME_A = GCRF",
+        f"REF_FRAME_B = {body_frame}",
+        "ATTITUDE_DIR = A2B",
+        "TIME_SYSTEM = UTC",
+        f"START_TIME = {stamp(epochs_utc[0])}",
+        f"STOP_TIME = {stamp(epochs_utc[-1])}",
+        "ATTITUDE_TYPE = QUATERNION",
+        "QUATERNION_TYPE = LAST",
+        "META_STOP",
+        "",
+        "DATA_START",
+    ]
+    before = np.zeros(4)
+    for epoch, q in zip(epochs_utc, np.asarray(q_eci_from_body_wxyz, float), strict=True):
+        # one sign through the file, so that readers may interpolate the numbers
+        near = -q if q @ before < 0 else q
+        before = near
+        w, x, y, z = near
+        lines.append(f"{stamp(epoch)} {x:.12f} {y:.12f} {z:.12f} {w:.12f}")
+    return "\n".join([*lines, "DATA_STOP"]) + "\n"

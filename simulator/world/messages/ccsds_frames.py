@@ -1,0 +1,76 @@
+"""Reference frames of CCSDS navigation messages, and the way from each to GCRF."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import erfa
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci, celestial_and_polar
+from simulator.world.frames.vectors import cross
+from simulator.world.messages.tle import R_eci_from_teme
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.world.time.instant import Instant
+
+FRAMES = ("GCRF", "ICRF", "EME2000", "J2000", "TOD", "TEME", "ITRF")
+"""What is understood; ITRF with any year. TOD: true equator and equinox of date; TEME: mean equinox."""
+
+EARTH_RATE_RAD_S = 7.292115146706979e-5
+"""Rate of the Earth rotation angle, IERS Conventions (2010), eq. 5.15, per second of UT1."""
+
+_ITRF = re.compile(r"ITRF(-?\d{2,4})?")
+
+
+def known_frame(name: str) -> str | None:
+    """The frame of ``FRAMES`` that a message means, or None."""
+    plain = name.upper()
+    if _ITRF.fullmatch(plain):
+        return "ITRF"
+    return plain if plain in FRAMES else None
+
+
+def need_frame(name: str, where: str) -> str:
+    """The frame of ``FRAMES`` that a message means.
+
+    Raises
+    ------
+    UserError
+        If there is none.
+    """
+    frame = known_frame(name)
+    if frame is None:
+        raise UserError(f"{where}: REF_FRAME is {name}, allowed: {', '.join(FRAMES)}")
+    return frame
+
+
+def R_gcrf_from(frame: str, instant: Instant) -> FloatArray:
+    """(3, 3) rotation to GCRF from one of ``FRAMES``."""
+    match frame:
+        case "EME2000" | "J2000":
+            bias, _, _ = erfa.bp06(2451545.0, 0.0)
+            return np.asarray(bias.T, float)
+        case "TOD":
+            return np.asarray(erfa.pnm06a(instant.tt1, instant.tt2).T, float)
+        case "TEME":
+            return R_eci_from_teme(instant)
+        case "ITRF":
+            return R_itrs_from_eci(instant).T
+        case _:
+            return np.eye(3)
+
+
+def state_in_gcrf(
+    frame: str, instant: Instant, r_m: FloatArray, v_m_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Position and velocity along GCRF axes; ITRF's velocity gains that of the turning Earth."""
+    R = R_gcrf_from(frame, instant)
+    if frame == "ITRF":
+        # the Earth turns about the pole of the day, up to half an arcsecond from the frame's z axis
+        axis = celestial_and_polar(instant)[1] @ np.array([0.0, 0.0, EARTH_RATE_RAD_S])
+        v_m_s = v_m_s + cross(axis, r_m)
+    return R @ r_m, R @ v_m_s

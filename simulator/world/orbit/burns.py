@@ -1,0 +1,60 @@
+"""Burns of either craft: an impulse, or a constant push over a while, along the target's LVLH axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from simulator.arrays import Vec3
+from simulator.world.frames.vectors import cross_of
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Burn:
+    """A change of velocity.
+
+    Parameters
+    ----------
+    craft : which of the two. start_s : from the flight's start [s].
+    delta_v_lvlh_m_s : radial, along-track, cross-track.
+    duration_s : 0 is an impulse; else the push is constant along the axes, which turn with the orbit.
+    """
+
+    craft: Literal["target", "chaser"]
+    start_s: float
+    delta_v_lvlh_m_s: Vec3
+    duration_s: float = 0.0
+
+    @property
+    def end_s(self) -> float:
+        """When it is over [s]."""
+        return self.start_s + self.duration_s
+
+    @property
+    def acceleration_lvlh_m_s2(self) -> Vec3:
+        """Of a burn that takes time."""
+        x, y, z = self.delta_v_lvlh_m_s
+        return (x / self.duration_s, y / self.duration_s, z / self.duration_s)
+
+    def runs_over(self, start_s: float, end_s: float) -> bool:
+        """Whether it pushes all through a span that no burn's start or end cuts."""
+        return self.start_s <= start_s and end_s <= self.end_s and self.duration_s > 0
+
+
+def cuts_s(burns: tuple[Burn, ...], start_s: float, end_s: float) -> list[float]:
+    """Starts and ends of burns strictly inside a span, in order [s]."""
+    edges = {t for b in burns for t in (b.start_s, b.end_s)}
+    return sorted(t for t in edges if start_s < t < end_s)
+
+
+def along_lvlh(push_lvlh: Vec3, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
+    """A vector of the LVLH frame of a craft at (3,) ``r`` and ``v``, along GCRS axes."""
+    r, v = r_eci_m.tolist(), v_eci_m_s.tolist()
+    h = cross_of(r, v)
+    axes = np.array([r, cross_of(h, r), h])
+    return np.asarray(np.array(push_lvlh) @ (axes / np.linalg.norm(axes, axis=1, keepdims=True)))

@@ -1,0 +1,100 @@
+"""The forces on two craft about the Moon: its gravity, the Earth and the Sun as third bodies, sunlight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.world.constants import MOON_RADIUS_M, MU_EARTH_M3_S2, MU_MOON_M3_S2, MU_SUN_M3_S2
+from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
+from simulator.world.ephemeris.moon_orientation import R_moon_from_eci
+from simulator.world.orbit.forces import attraction, attraction_difference, light_pressure, third_body
+from simulator.world.orbit.spherical_harmonics import HarmonicField, field
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.world.ephemeris.ephemeris_table import SkyTable
+    from simulator.world.orbit.forces import Surface
+    from simulator.world.time.instant import Instant
+
+_C20, _C22 = -9.08828e-5, 3.46737e-5
+"""Fully normalised, of the principal axes, from which the mean Earth / polar axes differ by 0.6 mrad."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MoonForces:
+    """Point mass of the Moon and the Earth's pull, and whatever else is switched on.
+
+    Positions and velocities are from the Moon's centre, along GCRS axes.
+
+    Parameters
+    ----------
+    epoch : start of the flight. sky : Sun and Moon over it.
+    oblate : whether the Moon's degree 2 (its flattening and the bulge towards the Earth) acts.
+    sun : whether it attracts. solar_pressure : whether it pushes.
+    craft : target's and chaser's surfaces, for the last.
+    """
+
+    epoch: Instant
+    sky: SkyTable
+    oblate: bool = False
+    sun: bool = False
+    solar_pressure: bool = False
+    craft: tuple[Surface, Surface] | None = None
+
+    @property
+    def mu_m3_s2(self) -> float:
+        """Gravitational parameter of the Moon."""
+        return MU_MOON_M3_S2
+
+    def target(self, t_s: float, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
+        """Acceleration of the target, GCRS axes [m s-2]."""
+        return self.pair(t_s, r_eci_m, v_eci_m_s, np.zeros(3), np.zeros(3))[0]
+
+    def pair(
+        self,
+        t_s: float,
+        r_eci_m: FloatArray,
+        v_eci_m_s: FloatArray,  # noqa: ARG002 - there is no air
+        p_eci_m: FloatArray,
+        w_eci_m_s: FloatArray,  # noqa: ARG002
+    ) -> tuple[FloatArray, FloatArray]:
+        """The target's acceleration and the chaser's less it; the large terms are differenced in closed form."""
+        r, p = r_eci_m, p_eci_m
+        _, sun_from_earth, moon = self.sky.at(t_s)
+        sun = sun_from_earth - moon
+        a = np.array(attraction(r.tolist(), MU_MOON_M3_S2))
+        d = np.array(attraction_difference(r.tolist(), p.tolist(), MU_MOON_M3_S2))
+        bodies = [(-moon, MU_EARTH_M3_S2)] + ([(sun, MU_SUN_M3_S2)] if self.sun else [])
+        for body, mu in bodies:
+            a = a + third_body(r.tolist(), body.tolist(), mu)
+            d = d + attraction_difference((r - body).tolist(), p.tolist(), mu)
+        if self.oblate:
+            R = R_moon_from_eci(self.epoch.plus(t_s))
+            g = lunar_degree_2().acceleration(np.stack([r, r + p]) @ R.T) @ R
+            a, d = a + g[0], d + (g[1] - g[0])
+        if self.solar_pressure and self.craft is not None:
+            own, other = (self._push(c, x, sun, moon) for c, x in zip(self.craft, (r, r + p), strict=True))
+            a, d = a + own, d + (other - own)
+        return a, d
+
+    def _push(self, craft: Surface, r: FloatArray, sun: FloatArray, moon: FloatArray) -> FloatArray:
+        past_moon = float(sun_fraction_past_sphere(r, sun, MOON_RADIUS_M))
+        past_earth = float(sun_visible_fraction(r + moon, sun + moon))
+        return light_pressure(craft, r - sun, max(past_moon + past_earth - 1.0, 0.0))
+
+
+@lru_cache(maxsize=1)
+def lunar_degree_2() -> HarmonicField:
+    """The Moon's flattening and equatorial bulge, in its mean Earth / polar axis frame.
+
+    References
+    ----------
+    Konopliv et al. (2013), The JPL lunar gravity field to spherical harmonic degree 660, JGR Planets 118.
+    """
+    C, S = np.zeros((3, 3)), np.zeros((3, 3))
+    C[2, 0], C[2, 2] = _C20, _C22
+    return field(MU_MOON_M3_S2, MOON_RADIUS_M, C, S)

@@ -1,0 +1,129 @@
+"""Yamanaka-Ankersen equations: relative motion about an elliptic orbit, to first order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.world.constants import MU_EARTH_M3_S2
+
+if TYPE_CHECKING:
+    from simulator.arrays import FloatArray
+    from simulator.world.orbit.propagation import Elements
+
+# the paper's axes (x along-track, y against the orbit normal, z to the Earth) from LVLH, one by one
+_PAPER_FROM_LVLH = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A point of the orbit: true anomaly, ``1 + e cos``, its sine and cosine companions."""
+
+    nu: float
+    rho: float
+    s: float
+    c: float
+    s_slope: float
+    c_slope: float
+
+    @staticmethod
+    def of(nu: float, e: float) -> _Place:
+        rho = 1 + e * np.cos(nu)
+        return _Place(
+            nu=nu,
+            rho=rho,
+            s=rho * np.sin(nu),
+            c=rho * np.cos(nu),
+            s_slope=np.cos(nu) + e * np.cos(2 * nu),
+            c_slope=-(np.sin(nu) + e * np.sin(2 * nu)),
+        )
+
+
+def elliptic_transition_matrix(orbit: Elements, t_s: float, mu_m3_s2: float = MU_EARTH_M3_S2) -> FloatArray:
+    """(6, 6) matrix that carries an LVLH state [x y z vx vy vz] over ``t_s``.
+
+    Parameters
+    ----------
+    orbit : the target's elements at the start; for a circle this is Clohessy-Wiltshire.
+    t_s : elapsed time [s].
+    mu_m3_s2 : gravitational parameter.
+
+    References
+    ----------
+    Yamanaka & Ankersen (2002), New state transition matrix for relative motion on an arbitrary elliptical
+    orbit, J. Guidance 25(1), eq. 80-90.
+    """
+    e = orbit.eccentricity
+    p = orbit.semi_major_axis_m * (1 - e * e)
+    k2 = np.sqrt(mu_m3_s2 / p**3)
+    start = _Place.of(orbit.true_anomaly_rad, e)
+    end = _Place.of(true_anomaly_after(orbit, t_s, mu_m3_s2), e)
+    J = k2 * t_s
+    in_plane = _in_plane(end, e, J) @ _in_plane_start_inverse(start, e)
+    across = _across(end.nu - start.nu)
+    paper = np.zeros((6, 6))
+    xz, y = np.ix_([0, 2, 3, 5], [0, 2, 3, 5]), np.ix_([1, 4], [1, 4])
+    paper[xz], paper[y] = in_plane, across
+    whole = _to_time(end, e, k2) @ paper @ _to_anomaly(start, e, k2)
+    T = np.kron(np.eye(2), _PAPER_FROM_LVLH)
+    return np.asarray(T.T @ whole @ T)
+
+
+def _in_plane(at: _Place, e: float, J: float) -> FloatArray:
+    """Solutions of the in-plane equations, rows [x z x' z'], columns the four constants."""
+    s, c, rho = at.s, at.c, at.rho
+    return np.array(
+        [
+            [1, -c * (1 + 1 / rho), s * (1 + 1 / rho), 3 * rho * rho * J],
+            [0, s, c, 2 - 3 * e * s * J],
+            [0, 2 * s, 2 * c - e, 3 * (1 - 2 * e * s * J)],
+            [0, at.s_slope, at.c_slope, -3 * e * (at.s_slope * J + s / (rho * rho))],
+        ]
+    )
+
+
+def _in_plane_start_inverse(at: _Place, e: float) -> FloatArray:
+    """The constants from the state at the start, where J = 0."""
+    return np.asarray(np.linalg.inv(_in_plane(at, e, 0.0)))
+
+
+def _across(angle: float) -> FloatArray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s], [-s, c]])
+
+
+def _to_anomaly(at: _Place, e: float, k2: float) -> FloatArray:
+    """From position and velocity to the scaled position and its slope over true anomaly."""
+    eye = np.eye(3)
+    sine = e * np.sin(at.nu)
+    return np.block([[at.rho * eye, 0 * eye], [-sine * eye, eye / (k2 * at.rho)]])
+
+
+def _to_time(at: _Place, e: float, k2: float) -> FloatArray:
+    eye = np.eye(3)
+    sine = e * np.sin(at.nu)
+    return np.block([[eye / at.rho, 0 * eye], [k2 * sine * eye, k2 * at.rho * eye]])
+
+
+def true_anomaly_after(orbit: Elements, t_s: float, mu_m3_s2: float = MU_EARTH_M3_S2) -> float:
+    """True anomaly ``t_s`` later on a Keplerian orbit, counted on through full turns [rad].
+
+    References
+    ----------
+    Vallado (2013), Fundamentals of Astrodynamics, algorithm 2 (Newton on Kepler's equation).
+    """
+    e, nu = orbit.eccentricity, orbit.true_anomaly_rad
+    stretch = np.sqrt((1 - e) / (1 + e))
+    E0 = 2 * np.arctan2(stretch * np.sin(nu / 2), np.cos(nu / 2))
+    M = E0 - e * np.sin(E0) + np.sqrt(mu_m3_s2 / orbit.semi_major_axis_m**3) * t_s
+    turns = np.floor(M / (2 * np.pi) + 0.5)
+    m = M - 2 * np.pi * turns
+    E = m + e * np.sin(m)
+    for _ in range(50):
+        step = (E - e * np.sin(E) - m) / (1 - e * np.cos(E))
+        E -= step
+        if abs(step) < 1e-15:
+            break
+    return float(2 * np.arctan2(np.sin(E / 2), stretch * np.cos(E / 2)) + 2 * np.pi * turns)

@@ -1,0 +1,121 @@
+"""Instants: UTC in text, terrestrial time (TT) as a two-part Julian date inside."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import erfa
+
+from simulator.world.constants import DAY_S
+from simulator.world.time.earth_parameters import earth_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)T(\d\d):(\d\d):(\d\d(?:\.\d+)?)Z")
+_FIRST_YEAR, _LAST_YEAR = 1972, 2099
+"""UTC with whole leap seconds starts in 1972; the Earth's ephemeris (epv00) ends with 2100."""
+
+
+def guarded(function: Callable[..., Any], *args: Any) -> Any:  # noqa: ANN401 - erfa ships no types
+    """Call an erfa routine without its "dubious year" warning.
+
+    erfa warns when a date lies beyond its table of leap seconds, five years after its release. A future
+    leap second would move the Earth by 15 arcsec under the orbit, which a simulation may ignore.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", erfa.ErfaWarning)
+        return function(*args)
+
+
+@dataclass(frozen=True)
+class Instant:
+    """A moment as a two-part Julian date of TT.
+
+    Parameters
+    ----------
+    tt1, tt2 : their sum is the Julian date; ``tt2`` is the small part, good to 0.1 ns.
+    """
+
+    tt1: float
+    tt2: float
+
+    @staticmethod
+    def from_utc(text: str) -> Instant:
+        """The instant of ``2026-03-20T12:00:00Z`` (ISO 8601, seconds may have a fraction).
+
+        Raises
+        ------
+        ValueError
+            If the text is not of that form, not a date, or outside 1972 to 2099.
+        """
+        match = _ISO.fullmatch(text)
+        if match is None:
+            raise ValueError(f"{text!r} is not a UTC time of the form 2026-03-20T12:00:00Z")
+        year, month, day, hour, minute = (int(g) for g in match.groups()[:5])
+        second = float(match[6])
+        if not _FIRST_YEAR <= year <= _LAST_YEAR:
+            raise ValueError(f"{text!r} is outside the years {_FIRST_YEAR} to {_LAST_YEAR}")
+        if hour > 23 or minute > 59 or second >= 61:
+            raise ValueError(f"{text!r} has an hour, minute or second that does not exist")
+        try:
+            utc1, utc2 = guarded(erfa.dtf2d, "UTC", year, month, day, hour, minute, second)
+        except erfa.ErfaError as error:
+            raise ValueError(f"{text!r} is not a date of the calendar") from error
+        tt1, tt2 = erfa.taitt(*guarded(erfa.utctai, utc1, utc2))
+        return Instant(float(tt1), float(tt2))
+
+    def plus(self, seconds: float) -> Instant:
+        """The instant ``seconds`` later (SI seconds, so that leap seconds need no care)."""
+        return Instant(self.tt1, self.tt2 + seconds / DAY_S)
+
+    def minus(self, earlier: Instant) -> float:
+        """Seconds from ``earlier`` to this instant."""
+        return ((self.tt1 - earlier.tt1) + (self.tt2 - earlier.tt2)) * DAY_S
+
+    @property
+    def utc(self) -> tuple[float, float]:
+        """Two-part quasi Julian date of UTC."""
+        utc1, utc2 = guarded(erfa.taiutc, *erfa.tttai(self.tt1, self.tt2))
+        return float(utc1), float(utc2)
+
+    @property
+    def mjd_utc(self) -> float:
+        """Modified Julian date of UTC, by which the tables of the Earth's rotation go."""
+        utc1, utc2 = self.utc
+        return utc1 - 2400000.5 + utc2
+
+    @property
+    def ut1(self) -> tuple[float, float]:
+        """Two-part Julian date of UT1, from the table of measured Earth rotation.
+
+        Outside the table UT1 - TAI is held at its nearest row (see `simulator.world.time.earth_parameters`).
+        """
+        tai1, tai2 = erfa.tttai(self.tt1, self.tt2)
+        offset_s = earth_parameters().ut1_minus_tai(self.mjd_utc)
+        return float(tai1), float(tai2) + offset_s / DAY_S
+
+    @property
+    def tdb(self) -> tuple[float, float]:
+        """Two-part Julian date of TDB."""
+        return self.tt1, self.tt2 + tdb_minus_tt_s(self.tt1, self.tt2) / DAY_S
+
+    def iso(self) -> str:
+        """ISO 8601 text in UTC with microseconds and a trailing Z."""
+        year, month, day, hmsf = guarded(erfa.d2dtf, "UTC", 6, *self.utc)
+        date = f"{int(year):04d}-{int(month):02d}-{int(day):02d}"
+        h, m, s, f = (int(hmsf[field]) for field in "hmsf")
+        return f"{date}T{h:02d}:{m:02d}:{s:02d}.{f:06d}Z"
+
+
+def tdb_minus_tt_s(tt1: float, tt2: float) -> float:
+    """TDB - TT at the Earth's centre [s], at most 1.7 ms; the argument may be either.
+
+    References
+    ----------
+    SOFA routine ``iauDtdb`` (Fairhead & Bretagnon 1990: 3 ns).
+    """
+    return float(erfa.dtdb(tt1, tt2, (tt1 + tt2 + 0.5) % 1.0, 0.0, 0.0, 0.0))
