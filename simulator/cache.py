@@ -1,4 +1,8 @@
-"""The user's cache folder, and the files in it: each ends with a checksum, so that damage costs time, never a picture.
+"""The user's cache folder, how its entries are named, and its files, each with a checksum behind its contents.
+
+An entry is named by what it is, the version of the function that makes it, and a hash of what it is made from
+(`entry_name`). The version is a number beside that function, raised by hand whenever its output changes; comments,
+names and places of code do not matter. `tests/unit/test_cache_versions.py` holds outputs against the versions.
 
 A file is its contents and 40 bytes more: `MAGIC`, the length of the contents and their XXH3 of 128 bits,
 little-endian. Programs that read the contents alone (NumPy, readers of glTF) do not mind what follows. The checksum
@@ -8,6 +12,8 @@ tells of accidents; it is no defence against who may write to the folder, and no
 from __future__ import annotations
 
 import contextlib
+import dataclasses
+import hashlib
 import logging
 import mmap
 import os
@@ -17,6 +23,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import platformdirs
 import xxhash
 
@@ -38,6 +45,51 @@ def cache_folder(part: str = "") -> Path:
     """``FLYAROUND_CACHE_DIR``, or the platform's cache folder for Flyaround; or a part of it by its name."""
     chosen = os.environ.get("FLYAROUND_CACHE_DIR", "")
     return (Path(chosen) if chosen else Path(platformdirs.user_cache_dir("flyaround"))) / part
+
+
+def entry_name(name: str, version: int, *inputs: object) -> str:
+    """File name of a cache entry, without suffix: ``name-vVERSION-HASH``.
+
+    Parameters
+    ----------
+    name : what is kept. version : of the function that makes it; raise it when the same inputs give another output.
+    inputs : what it is made from: numbers, texts, bytes, arrays, dataclasses, and tuples or lists of them. Floats that
+        are computed should be rounded: processors differ in their last bits.
+
+    Raises
+    ------
+    TypeError
+        If an input is of another type.
+    """
+    digest = hashlib.sha256()
+    for one in inputs:
+        _hash_input(digest, one)
+    return f"{name}-v{version}-{digest.hexdigest()[:20]}"
+
+
+def _hash_input(digest: hashlib._Hash, value: object) -> None:
+    """Add a value to a hash, with its kind and length, so that no two lists of inputs read alike."""
+    if isinstance(value, np.ndarray):
+        if value.dtype.hasobject:
+            raise TypeError("an array of objects cannot name a cache entry")
+        digest.update(f"array {value.dtype.str} {value.shape};".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, bytes):
+        digest.update(f"bytes {len(value)};".encode() + value)
+    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
+        _hash_input(digest, tuple(getattr(value, f.name) for f in dataclasses.fields(value)))
+    elif isinstance(value, (tuple, list)):
+        digest.update(f"list {len(value)};".encode())
+        for one in value:
+            _hash_input(digest, one)
+    elif value is None or isinstance(value, (bool, int, float, str)):
+        plain = (
+            float(value) if isinstance(value, float) else value
+        )  # NumPy's floats write themselves otherwise
+        text = repr(plain).encode()
+        digest.update(f"text {len(text)};".encode() + text)
+    else:
+        raise TypeError(f"a {type(value).__name__} cannot name a cache entry")
 
 
 def map_checked(path: Path) -> tuple[mmap.mmap, int]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.cache import entry_name
 from simulator.render.cache import cached_array
 from simulator.scene.illumination.atmosphere import (
     MultipleScattering,
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 RADII, COSINES = 64, 128  # of the transmittance table
 GROUND_SAMPLES = 512
 GROUND_MU_MIN = -0.3  # no light reaches the ground when the Sun is lower than this
-_VERSION = 4
+# Of the three tables: raise it when the same bands and thickness give another (also for what earth_atmosphere holds).
+VERSION = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,15 +49,16 @@ class AirTables:
 def air_tables(bands: Bands, thickness_m: float) -> AirTables:
     """The Earth's tables for the camera's bands and a height of the air's top."""
     air = earth_atmosphere(bands, thickness_m)
-    key = hashlib.sha256(f"{_VERSION} {RADII} {COSINES} {GROUND_SAMPLES} {air}".encode()).hexdigest()[:16]
-    multiple = cached_array(
-        f"air-multiple-{bands}-{key}", lambda: multiple_scattering(air).psi.astype(np.float32)
-    )
+
+    def key(table: str) -> str:
+        return entry_name(f"air-{table}-{bands}", VERSION, bands, float(thickness_m))
+
+    multiple = cached_array(key("multiple"), lambda: multiple_scattering(air).psi.astype(np.float32))
     scattered = MultipleScattering(np.asarray(multiple, float), thickness_m)
     return AirTables(
         air,
-        cached_array(f"air-transmittance-{bands}-{key}", lambda: transmittance_table(air)),
-        cached_array(f"air-ground-{bands}-{key}", lambda: _ground_table(air, scattered)),
+        cached_array(key("transmittance"), lambda: transmittance_table(air)),
+        cached_array(key("ground"), lambda: _ground_table(air, scattered)),
         multiple,
     )
 

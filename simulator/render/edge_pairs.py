@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from simulator.cache import entry_name
 from simulator.render.cache import cached_array
 
 if TYPE_CHECKING:
     from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.render.mesh_edges import MeshEdges
 
-VERSION = 1  # of what follows; part of the cache's key
+VERSION = 1  # of `_look`: raise it when the same edges give other distances
 _FARTHEST = 0.004  # of the mesh's extent: what lies farther apart is not looked for
 _PLACES = 3, 12  # along an edge that are looked around from: at least, at most
 _APART = 0.02  # of the mesh's extent, between those of a long edge
@@ -31,9 +31,7 @@ def distances_beside(edges: MeshEdges) -> Float32Array:
     The first is that to creases with a face as turned as the edge's first face, which show when that face does; the
     second that of the second face. Infinite where there are none, or none near.
     """
-    content = hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in _content(edges)))
-    key = f"edge-pairs-{VERSION}-{content.hexdigest()[:24]}"
-    return np.asarray(cached_array(key, lambda: _look(edges)))
+    return np.asarray(cached_array(entry_name("edge-pairs", VERSION, *_content(edges)), lambda: _look(edges)))
 
 
 def _content(edges: MeshEdges) -> tuple[FloatArray, IntArray, IntArray, BoolArray, FloatArray]:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
-from functools import cache
-from importlib import resources
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.cache import entry_name
 from simulator.render.buried import inside, uncover
 from simulator.render.cache import cached_array
 from simulator.render.charts import Charts, make_charts
@@ -28,19 +26,9 @@ if TYPE_CHECKING:
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
 MOST_KEPT = 1_000_000  # triangles: a finer mesh is a gigabyte on the disk, and worked out anew
-_MADE_BY = (
-    "render/geometry.py",
-    "render/buried.py",
-    "render/charts.py",
-    "render/chart_cut.py",
-    "render/hulls.py",
-    "render/mesh_edges.py",
-    "render/occluders.py",
-    "render/relief.py",
-    "render/stored.py",
-    "targets/plane_grid.py",
-    "targets/shells.py",
-)
+# Of `_make`, and of the fields of what it gives: raise it when the same target gives another geometry, whichever file
+# the change is in (charts, hidden faces, hulls, occluders, edges, decals, closed shells, packing).
+VERSION = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +95,16 @@ class Geometry(Shape):
     uv: Float32Array
 
 
+_PACKED = (
+    Geometry,
+    Shown,
+    Boxes,
+    Charts,
+    MeshEdges,
+    ConvexShell,
+)  # in the file each is known by its place here
+
+
 @dataclass(frozen=True, eq=False)
 class Merged:
     """The parts of a target one after the other.
@@ -132,29 +130,17 @@ def geometry_of(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int
 
     # made or fetched it is what was stored: arrays laid out in another way may be summed in another order
     def made() -> ByteArray:
-        return pack(_make(merged, parts, numbers, texel))
+        return pack(_make(merged, parts, numbers, texel), *_PACKED)
 
     if len(merged.triangles) > MOST_KEPT:
         return _unpacked(made())
-    content = hashlib.sha256(
-        _code().encode() + f"{texel} {[len(part.positions_m) for part in parts]}".encode()
-    )
-    for array in (merged.vertices, merged.triangles, merged.uv):
-        content.update(array.tobytes())
-    for part in parts:  # they may be merged in another order
-        content.update(part.positions_m.tobytes())
-    return _unpacked(cached_array(f"geometry-{content.hexdigest()[:24]}", made))
+    own = [part.positions_m for part in parts]  # they may be merged in another order
+    key = entry_name("geometry", VERSION, texel, merged.vertices, merged.triangles, merged.uv, own)
+    return _unpacked(cached_array(key, made))
 
 
 def _unpacked(packed: ByteArray) -> Geometry:
-    return unpack(packed, Geometry, Shown, Boxes, Charts, MeshEdges, ConvexShell)
-
-
-@cache
-def _code() -> str:
-    """Hash of the code that makes a geometry, so that an edit never meets an old file."""
-    here = resources.files("simulator")
-    return hashlib.sha256(b"\0".join(here.joinpath(name).read_bytes() for name in _MADE_BY)).hexdigest()
+    return unpack(packed, *_PACKED)
 
 
 def _make(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int], texel: float) -> Geometry:

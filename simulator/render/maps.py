@@ -6,7 +6,6 @@ For three bands a second RGBA texture holds the land's colour (square roots) and
 
 from __future__ import annotations
 
-import hashlib
 from concurrent.futures import ThreadPoolExecutor
 from importlib import resources
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from simulator.cache import entry_name
 from simulator.errors import UserError
 from simulator.render.cache import cached_array
 from simulator.render.opencv_threads import one_thread
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 8064, 4032
 DAY, CLOUDS = "day_2004-08_8064x4032.jpg", "clouds_8064x4032.jpg"
 NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
-VERSION = 9  # of the packing below; part of the cache's key
+VERSION = 10  # of the packing below: raise it when the same files give other maps
 
 # Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert, forest and snow to their
 # broadband reflectances (0.35, 0.03-0.05, 0.6-0.7; Liang 2001, Narrowband to broadband conversions). No leaf and no
@@ -73,20 +73,17 @@ def packed_maps(bands: int, files: KeptFiles | None = None) -> list[ByteArray]:
     files : of a caller who has made more of the same; they are forgotten here.
     """
     files = KeptFiles() if files is None else files
-    stem = maps_key()
-    maps = [cached_array(f"earth-pan-{stem}", lambda: _pack_panchromatic(files, day_again=bands == 3))]
+    key = maps_key()
+    maps = [cached_array(f"earth-pan-{key}", lambda: _pack_panchromatic(files, day_again=bands == 3))]
     if bands == 3:
-        maps.append(cached_array(f"earth-rgb-{stem}", lambda: _pack_colour(day_map(files), maps[0][..., 3])))
+        maps.append(cached_array(f"earth-rgb-{key}", lambda: _pack_colour(day_map(files), maps[0][..., 3])))
     files.forget()
     return maps
 
 
 def maps_key() -> str:
-    """What the packed maps are made of, for keys of the cache."""
-    key = hashlib.sha256(f"{VERSION} {_REFLECTANCE_SCALE} {_REFLECTANCE_POWER} {_ICE_REFLECTANCE}".encode())
-    for name in (DAY, CLOUDS, NIGHT, COAST):
-        key.update(f"{name} {asset_size(name)}".encode())
-    return key.hexdigest()[:16]
+    """Cache entry of the packed maps; what is made from them names it among its inputs."""
+    return entry_name("maps", VERSION, [(name, asset_size(name)) for name in (DAY, CLOUDS, NIGHT, COAST)])
 
 
 def asset_size(name: str) -> int:

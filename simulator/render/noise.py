@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from simulator.cache import entry_name
 from simulator.render.cache import cached_array
 
 if TYPE_CHECKING:
@@ -22,13 +21,13 @@ _BROAD, _FINE = 512, 1024  # texels of the two fields: one over the whole tile, 
 _BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
 _OPEN = 0.66  # share of the land without woods
 _SEED = 20040800
+VERSION = 1  # of `make_detail`: raise it when it gives another tile
 _STRIP, _ROWS = 1 << 14, 32  # values that are looked up at a time; rows of a tile that are coded at a time
 
 
 def detail_texture() -> ByteArray:
     """(SIZE, SIZE, 4) of the clouds' puffs, their slope along u and v, and the land's patches; from the cache."""
-    version = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
-    return cached_array(f"detail-{version}", make_detail)
+    return cached_array(entry_name("detail", VERSION), make_detail)
 
 
 def make_detail() -> ByteArray:

@@ -8,15 +8,14 @@ nobody can know from the date.
 
 from __future__ import annotations
 
-import hashlib
 from datetime import datetime
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from simulator.cache import entry_name
 from simulator.render.cache import cached_array
 
 if TYPE_CHECKING:
@@ -52,6 +51,7 @@ EXTENT_SOUTH = (5.0, 3.1, 4.0, 7.0, 10.4, 13.6, 16.2, 17.8, 18.5, 18.1, 16.0, 10
 # fmt: on
 _FARTHEST_DEG = 40.0  # there is no ice nearer to the equator
 _SEED = 1893
+VERSION = 1  # of `_make_noise`: raise it when the same pole gets other noise
 _POLAR_SINE = 0.94  # of the latitude (70 degrees): nearer to the poles a degree of longitude is narrow
 
 
@@ -125,8 +125,7 @@ def _edge(points: tuple[tuple[float, float], ...], longitude: FloatArray) -> Flo
 @lru_cache(maxsize=2)
 def _noise(pole: int) -> Float32Array:
     """(3, rows, WIDTH) from the pole outwards: the edge's tongues, of deviation 1, the pack's leads, 0..1, tongues."""
-    version = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
-    return cached_array(f"ice-{pole}-{version}", lambda: _make_noise(pole))
+    return cached_array(entry_name("ice", VERSION, pole), lambda: _make_noise(pole))
 
 
 def _make_noise(pole: int) -> Float32Array:

@@ -5,7 +5,6 @@ Both change little within a cell of the screen: the vertices read them, the pixe
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from simulator.cache import entry_name
 from simulator.render.cache import cached_array, cached_arrays
 from simulator.render.maps import (
     PAN_WEIGHTS,
@@ -35,7 +35,7 @@ OCTAVES = 4.0  # the gain's channels hold plus and minus this many octaves
 SLOPE_MAX = 0.25  # the relief's channels hold plus and minus this
 ROUGH_M = 400.0  # standard deviation of the height over 30 km where the land is as rough as can be
 _MAP_MONTH = 8  # of the fine map
-_VERSION = 3
+VERSION = 4  # of the gains, the land and the relief: raise it when the same maps give another
 # middle of each month there is a map of [day of the year]
 ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
 _STRIP_ROWS = 16
@@ -75,10 +75,7 @@ def month_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
 
 def _key(month: int, bands: int) -> str:
     names = [_name(month), _name(_MAP_MONTH)]
-    key = hashlib.sha256(
-        f"{_VERSION} {bands} {[asset_size(n) for n in names]} {to_reflectance()[[0, 100]]}".encode()
-    ).hexdigest()[:16]
-    return f"season-{month:02d}-{key}"
+    return entry_name(f"season-{month:02d}", VERSION, bands, [asset_size(n) for n in names], maps_key())
 
 
 def _name(month: int) -> str:
@@ -105,7 +102,7 @@ def land_of_months() -> ByteArray:
         coast = cv2.resize(packed_maps(1)[0][..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
         return (coast > 128 + 4).astype(np.uint8)
 
-    return np.asarray(cached_array(f"land-{_VERSION}-{maps_key()}", make))
+    return np.asarray(cached_array(entry_name("land", VERSION, maps_key()), make))
 
 
 def _reflectances(month: int, bands: int) -> list[FloatArray]:
@@ -129,8 +126,7 @@ def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) ->
 
 def relief() -> ByteArray:
     """(2016, 4032, 4): slope to the east, slope to the north, roughness, 255."""
-    key = f"relief-{_VERSION}-{asset_size(HEIGHT_MAP)}"
-    return cached_array(key, _make_relief)
+    return cached_array(entry_name("relief", VERSION, asset_size(HEIGHT_MAP)), _make_relief)
 
 
 def _make_relief() -> ByteArray:

@@ -1,6 +1,6 @@
 """What ``assets/made`` holds, and how it is made: what a first start of the standard scenes would take longest for.
 
-`python -m simulator.render.ship` makes it again, where code that it is made by has changed; a test says so.
+`python -m simulator.render.ship` makes it again, where the output of a maker has changed and its version was raised.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from simulator.render.shoals import shoals
 from simulator.render.skylight import kept_albedo
 from simulator.render.transfer import sight_to_ship
 from simulator.shipped import SUFFIX, made_anew
-from simulator.targets.library import load_target, shipped_name
+from simulator.targets.library import cache_name, load_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -34,7 +34,7 @@ _LEVEL = 22  # of zstd: the smallest
 
 def made() -> Iterator[tuple[str, bytes]]:
     """Names and contents of the files; each is made anew, from what is shipped of the others."""
-    yield shipped_name(TARGET), next(iter(_kept(lambda: load_target(TARGET), "targets/*.glb").values()))
+    yield cache_name(TARGET), next(iter(_kept(lambda: load_target(TARGET), "targets/*.glb").values()))
     yield from _kept(lambda: [air_tables(bands, 100e3) for bands in ("mono", "rgb")], "*.npy").items()
     yield from _kept(lambda: shoals(1), "*.npy").items()
     of_maps = _kept(lambda: (land_of_months(), kept_albedo(clouds=True)), "*.npy")

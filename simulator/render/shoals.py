@@ -6,7 +6,6 @@ they are, ``assets/earth/shoals_720x360.png``, again: a cell of the screen that 
 
 from __future__ import annotations
 
-import hashlib
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from simulator.cache import entry_name
 from simulator.render.cache import cached_array, is_kept
 from simulator.render.maps import (
     COAST,
@@ -45,7 +45,7 @@ _ICE = 60.0  # counts in every channel: floating ice, not water
 _OFFSHORE = 24  # counts of the coast's distance (7 km): nearer texels are mixtures with land
 _ASHORE = 7  # texels over which what is offshore is carried to the shore
 _NOTICED = 0.01  # reflectance for which a cell of the screen looks
-_VERSION = 1
+VERSION = 2  # of `_make`: raise it when the same maps give another
 # most of the sea is deep
 _TILES = [
     (slice(row, row + 36), slice(column, column + 72))
@@ -71,8 +71,7 @@ def missing_sources(bands: int, files: KeptFiles) -> Sources | None:
 
 def _key(bands: int) -> str:
     sizes = [asset_size(name) for name in (DAY, COAST, WHERE)]
-    key = hashlib.sha256(f"{_VERSION} {bands} {SCALE} {sizes}".encode()).hexdigest()[:16]
-    return f"shoals-{bands}-{key}"
+    return entry_name(f"shoals-{bands}", VERSION, bands, sizes)
 
 
 def _make(bands: int, sources: Sources) -> ByteArray:

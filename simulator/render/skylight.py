@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from simulator.cache import entry_name
 from simulator.render.cache import cached_array
 from simulator.render.maps import maps_key, packed_maps
 from simulator.render.sea_ice import sea_ice
@@ -29,6 +30,7 @@ EARTH_MEAN_ALBEDO = 0.30  # Bond albedo, Stephens et al. (2015), The albedo of E
 SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55
 ICE_ALBEDO = 0.55  # of the pack, as it is drawn: floes, leads and ponds
 _MAP_SIZE = (128, 64)
+ALBEDO_VERSION = 5  # of `_reduce_maps`: raise it when the same maps give another albedo
 _SAMPLES = 256
 _PLATES = 96
 _GRADIENT = np.arange(3)
@@ -256,7 +258,7 @@ def _reduced_maps(clouds: bool) -> Float32Array:  # noqa: FBT001 - a key of the 
 
 def kept_albedo(*, clouds: bool) -> Float32Array:
     """(2, 64, 128) albedo, and by how much it grows with that of the sea; from the cache after the first call."""
-    key = f"albedo-4-{int(clouds)}-{maps_key()}"
+    key = entry_name("albedo", ALBEDO_VERSION, bool(clouds), maps_key())
     return np.asarray(cached_array(key, lambda: _reduce_maps(clouds=clouds)))
 
 

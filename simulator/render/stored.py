@@ -20,8 +20,15 @@ _T = TypeVar("_T")
 _ALIGNED = 64  # bytes: where an array of a processor's vectors may begin
 
 
-def pack(tree: object) -> ByteArray:
+def pack(tree: object, *kinds: type) -> ByteArray:
     """The bytes (n,) of a tree of dataclasses, tuples, numbers, texts, None and arrays of numbers.
+
+    A dataclass is written as the place of its type among ``kinds`` and the values of its fields in their order: neither
+    names nor modules matter.
+
+    Parameters
+    ----------
+    kinds : types of the dataclasses in the tree, that of its root first.
 
     Raises
     ------
@@ -29,7 +36,7 @@ def pack(tree: object) -> ByteArray:
         If it holds anything else.
     """
     arrays: list[NDArray[Any]] = []
-    head = json.dumps(_described(tree, arrays)).encode()
+    head = json.dumps(_described(tree, kinds, arrays)).encode()
     pieces = [np.array([len(head)], "<u8").tobytes(), head]
     at = 8 + len(head)
     for array in arrays:
@@ -43,7 +50,7 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
 
     Parameters
     ----------
-    of : type of the tree. inner : dataclasses within.
+    of, inner : the ``kinds`` that it was packed with.
 
     Raises
     ------
@@ -52,14 +59,13 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
     """
     data = np.asarray(packed)  # a mapped file's own type takes ten times as long to cut
     length = int(data[:8].view("<u8")[0])
-    kinds = {kind.__name__: kind for kind in (of, *inner)}
-    tree = _Reader(data, 8 + length, kinds).read(json.loads(data[8 : 8 + length].tobytes()))
+    tree = _Reader(data, 8 + length, (of, *inner)).read(json.loads(data[8 : 8 + length].tobytes()))
     if not isinstance(tree, of):
         raise TypeError(f"a {type(tree).__name__} is stored and a {of.__name__} was asked for")
     return tree
 
 
-def _described(node: object, arrays: list[NDArray[Any]]) -> object:
+def _described(node: object, kinds: tuple[type, ...], arrays: list[NDArray[Any]]) -> object:
     """The tree as JSON; arrays go to a list, and their types and shapes stand for them."""
     if isinstance(node, np.ndarray):
         if node.dtype.kind not in "biuf":
@@ -67,10 +73,12 @@ def _described(node: object, arrays: list[NDArray[Any]]) -> object:
         arrays.append(np.ascontiguousarray(node))
         return {"array": [node.dtype.str, list(node.shape)]}
     if dataclasses.is_dataclass(node) and not isinstance(node, type):
-        values = {f.name: _described(getattr(node, f.name), arrays) for f in dataclasses.fields(node)}
-        return {"kind": type(node).__name__, "values": values}
+        if type(node) not in kinds:
+            raise TypeError(f"a {type(node).__name__} cannot be stored: it is not among the kinds")
+        values = [_described(getattr(node, f.name), kinds, arrays) for f in dataclasses.fields(node)]
+        return {"kind": kinds.index(type(node)), "values": values}
     if isinstance(node, tuple):
-        return {"tuple": [_described(one, arrays) for one in node]}
+        return {"tuple": [_described(one, kinds, arrays) for one in node]}
     if isinstance(node, np.generic):
         node = node.item()
     if node is None or isinstance(node, (bool, int, float, str)):
@@ -81,7 +89,7 @@ def _described(node: object, arrays: list[NDArray[Any]]) -> object:
 class _Reader:
     """Goes through a description in the order in which it was made, and through the arrays behind it."""
 
-    def __init__(self, data: ByteArray, at: int, kinds: dict[str, type]) -> None:
+    def __init__(self, data: ByteArray, at: int, kinds: tuple[type, ...]) -> None:
         self._data, self._at, self._kinds = data, at, kinds
 
     def read(self, node: Any) -> Any:  # noqa: ANN401 - what JSON gives
@@ -91,9 +99,13 @@ class _Reader:
             return self._array(*node["array"])
         if "tuple" in node:
             return tuple(self.read(one) for one in node["tuple"])
-        if node["kind"] not in self._kinds:
-            raise TypeError(f"a {node['kind']} is stored, which was not asked for")
-        return self._kinds[node["kind"]](**{name: self.read(one) for name, one in node["values"].items()})
+        kind = self._kinds[node["kind"]] if node["kind"] < len(self._kinds) else None
+        if not dataclasses.is_dataclass(kind):
+            raise TypeError(f"a dataclass of kind {node['kind']} is stored, which was not asked for")
+        names = [f.name for f in dataclasses.fields(kind)]
+        if len(names) != len(node["values"]):
+            raise TypeError(f"{len(node['values'])} values are stored of a {kind.__name__} of {len(names)}")
+        return kind(**{name: self.read(one) for name, one in zip(names, node["values"], strict=True)})
 
     def _array(self, layout: str, shape: list[int]) -> NDArray[Any]:
         dtype = np.dtype(layout)

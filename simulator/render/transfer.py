@@ -9,13 +9,13 @@ SIGGRAPH 18. Light of the sky is a sum over the same directions, kept as spheric
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from scipy.sparse import coo_matrix
 
+from simulator.cache import entry_name
 from simulator.render.cache import cached_arrays
 from simulator.render.first_hits import make_tracer
 from simulator.render.geometry import VERTEX
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from simulator.render.sight import Seen
 
 _T = TypeVar("_T", bound=np.generic)
-VERSION = 13  # of what follows; part of the cache's key
+SIGHT_VERSION = 14  # of `_seen`: raise it when the same mesh sees otherwise, on the same processor
+VERSION = 14  # of `solve`: raise it when what is seen gives another light
 DIRECTIONS = 128  # that are looked along, and that the Sun's light is known from
 LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.75
 BOUNCES = 4
@@ -82,10 +83,8 @@ def baked_transfer(mesh: Shape, reflectance: FloatArray, patch: int = PATCH) -> 
     reflectance : (M, n) of each material, per band. patch : nodes along each side of one that returns light.
     """
     charts = mesh.charts
-    shape = _hash_of(mesh)
-    sight = f"sight-{_names(patch)}-{shape.hexdigest()[:24]}"
-    shape.update(np.round(reflectance, 6).tobytes())
-    key = f"transfer-{_names(patch)}-{shape.hexdigest()[:24]}"
+    sight = _sight_key(mesh, patch)
+    key = entry_name("transfer", VERSION, sight, np.round(reflectance, 6))
     materials = np.rint(_vertices(mesh)["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
 
     def bake() -> tuple[np.typing.NDArray[np.generic], np.typing.NDArray[np.generic]]:
@@ -103,8 +102,7 @@ def sight_to_ship(mesh: Shape, patch: int = PATCH) -> tuple[str, np.typing.NDArr
     """Key and `coded` numbers of what a mesh's nodes see, whatever its materials: what a bake takes longest for."""
     codes = coded(_seen(mesh), _patches(mesh.charts, patch)[0])
     small = codes.max() <= np.iinfo(np.uint16).max
-    key = f"sight-{_names(patch)}-{_hash_of(mesh).hexdigest()[:24]}"
-    return key, codes.astype(np.uint16) if small else codes
+    return _sight_key(mesh, patch), codes.astype(np.uint16) if small else codes
 
 
 def _shipped_sight(key: str, mesh: Shape, patch: int) -> Seen | None:
@@ -126,13 +124,9 @@ def _vertices(mesh: Shape) -> np.typing.NDArray[np.void]:
     return mesh.values.view(VERTEX).ravel()[: len(mesh.charts.uv)]
 
 
-def _hash_of(mesh: Shape) -> hashlib._Hash:
-    data = _vertices(mesh).tobytes() + mesh.triangles.tobytes() + mesh.charts.uv.tobytes()
-    return hashlib.sha256(data)
-
-
-def _names(patch: int) -> str:
-    return f"{VERSION}-{DIRECTIONS}{f'-{patch}' if patch != PATCH else ''}"
+def _sight_key(mesh: Shape, patch: int) -> str:
+    vertices = _vertices(mesh).tobytes()
+    return entry_name("sight", SIGHT_VERSION, DIRECTIONS, patch, vertices, mesh.triangles, mesh.charts.uv)
 
 
 def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import base64
 import contextlib
-import functools
-import hashlib
 import zlib
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from simulator.cache import cache_folder, read_checked, store_checked
+from simulator.cache import cache_folder, entry_name, read_checked, store_checked
 from simulator.targets import face_tree, faces
-from simulator.targets.library import built_in_targets, load_target
+from simulator.targets.detail import DETAILS
+from simulator.targets.library import built_in_targets, cache_name, load_target
 from simulator.targets.records import FacesRecord
 
 if TYPE_CHECKING:
@@ -28,6 +26,9 @@ LARGE = 1.2e-3
 
 # Decimals of the planes in the file.
 PLANE_DIGITS = 6
+
+# Of `make_faces`: raise it when the same parts give another record (changes here, in face_tree.py, in faces.py).
+VERSION = 1
 
 
 def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
@@ -64,7 +65,8 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
 
 def kept_faces(target: Target) -> FacesRecord | None:
     """The target's faces: computed once, then read from the user's cache by the target's hash."""
-    path = cache_folder("targets") / f"faces-{target.sha256[:24]}-{_code_key()}.json"
+    levels = [cache_name(target.name, d) for d in DETAILS] if target.name in built_in_targets() else []
+    path = cache_folder("targets") / f"{entry_name('faces', VERSION, target.sha256, levels)}.json"
     data = read_checked(path)
     if data is not None:
         with contextlib.suppress(msgspec.DecodeError):
@@ -80,9 +82,3 @@ def _levels(target: Target) -> list[tuple[Part, ...]]:
     if target.name in built_in_targets() and load_target(target.name).sha256 == target.sha256:
         return [load_target(target.name, "low").parts, load_target(target.name, "medium").parts]
     return [target.parts]
-
-
-@functools.cache
-def _code_key() -> str:
-    files = (Path(face_tree.__file__), Path(faces.__file__), Path(__file__))
-    return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()[:8]

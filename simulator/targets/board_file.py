@@ -4,29 +4,30 @@ from __future__ import annotations
 
 import base64
 import contextlib
-import functools
-import hashlib
 import zlib
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from simulator.arrays import vec3
-from simulator.cache import cache_folder, read_checked, store_checked
+from simulator.cache import cache_folder, entry_name, read_checked, store_checked
 from simulator.files import write_atomic
-from simulator.targets import outlines
 from simulator.targets.board_faces import kept_faces
 from simulator.targets.convert import board_model
 from simulator.targets.outlines import LARGEST_RADIUS, RANGE_RADII, Outlines, outlines_of
 from simulator.targets.records import BoardModel, OutlinesRecord
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from simulator.targets.model import Target
 
 POSITION_STEPS = 8192
 """Steps along the craft's radius: half a millimetre on Dragon, less than a pixel's tenth wherever it fits a picture."""
+
+# Of `packed(outlines_of(target))`: raise it when the same target gives another record (here or in outlines.py).
+VERSION = 1
 
 
 def write_board_model(target: Target, path: Path) -> None:
@@ -68,7 +69,7 @@ def packed(o: Outlines) -> OutlinesRecord:
 
 def kept_outlines(target: Target) -> OutlinesRecord:
     """The target's outlines: computed once, then read from the user's cache by the target's hash."""
-    path = cache_folder("targets") / f"outlines-{target.sha256[:24]}-{_code_key()}.json"
+    path = cache_folder("targets") / f"{entry_name('outlines', VERSION, target.sha256)}.json"
     data = read_checked(path)
     if data is not None:
         with contextlib.suppress(msgspec.DecodeError):
@@ -77,9 +78,3 @@ def kept_outlines(target: Target) -> OutlinesRecord:
     # a board file can be written where the cache cannot
     store_checked(path, lambda file: file.write(msgspec.json.encode(record)))
     return record
-
-
-@functools.cache
-def _code_key() -> str:
-    files = (Path(outlines.__file__), Path(__file__))
-    return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()[:8]

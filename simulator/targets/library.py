@@ -9,14 +9,13 @@ Meshes that the user added stand beside them, in the data folder, at one level.
 from __future__ import annotations
 
 import functools
-import hashlib
 import importlib
 import logging
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from simulator.cache import cache_folder, read_checked, store_checked
+from simulator.cache import cache_folder, entry_name, read_checked, store_checked
 from simulator.errors import UserError, near_names
 from simulator.shipped import shipped_bytes
 from simulator.targets.detail import DETAILS, Detail, level_name, split_level
@@ -24,22 +23,26 @@ from simulator.targets.glb import load_glb, target_from
 from simulator.targets.importing.install import user_file, user_targets
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from simulator.targets.model import Target
 
 log = logging.getLogger(__name__)
-_HERE = Path(__file__).parent
+FILE_VERSION = 1  # of what all targets are built with: the builders, and how a target file is written
 _MOST_IN_USE = 4  # targets that one process keeps: megabytes each
 
 
 @dataclass(frozen=True, kw_only=True)
 class TargetEntry:
-    """A built-in target: its name and the function of a level that builds it, imported only when it must."""
+    """A built-in target: its name and the function of a level that builds it, imported only when it must.
+
+    Parameters
+    ----------
+    version : of that function; raise it when the target that it builds changes in anything, titles included.
+    """
 
     name: str
     module: str
     function: str
+    version: int = 1
 
 
 ENTRIES = (
@@ -144,36 +147,24 @@ def target_in_use(name: str, sha256: str) -> Target:
     return target
 
 
-@functools.cache
-def source_key() -> str:
-    """Hash of the code that builds targets, so that an edit never meets an old file."""
-    return _hash_of(sorted(_HERE.rglob("*.py")))
+def cache_name(name: str, detail: Detail = "full") -> str:
+    """File name of a built-in target in the cache, and where it is shipped."""
+    entry = next(e for e in ENTRIES if e.name == name)
+    return _cache_name(entry, detail)
 
 
-def shipped_name(name: str) -> str:
-    """What a target that is shipped with the program is called there.
-
-    Only code that all targets are built with and Tango's own counts: no other craft is shipped.
-    """
-    files = [*_HERE.glob("*.py"), *_HERE.joinpath("builders").glob("*.py"), _HERE / "craft" / "labels.py"]
-    return f"{name}-{_hash_of(sorted(files))}.glb"
-
-
-def _hash_of(files: Sequence[Path]) -> str:
-    digest = hashlib.sha256()
-    for file in files:
-        digest.update(file.relative_to(_HERE).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]
+def _cache_name(entry: TargetEntry, detail: Detail) -> str:
+    return f"{entry_name(level_name(entry.name, detail), entry.version, FILE_VERSION)}.glb"
 
 
 def _built_in(entry: TargetEntry, detail: Detail) -> Target:
     if detail not in DETAILS:
         raise UserError(f"target {entry.name} has no level {detail!r}: choose from {', '.join(DETAILS)}")
     name = level_name(entry.name, detail)
-    path = cache_folder("targets") / f"{name}-{source_key()}.glb"
+    path = cache_folder("targets") / _cache_name(entry, detail)
     if (target := _sound(read_checked(path), name, path)) is not None:
         return target
-    data = shipped_bytes(shipped_name(name))
+    data = shipped_bytes(path.name)
     target = _sound(data, name, path)
     if target is None or data is None:
         data = _built(entry, detail, name)

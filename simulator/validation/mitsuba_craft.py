@@ -9,7 +9,6 @@ Jakob et al. (2022), Mitsuba 3 renderer, https://mitsuba-renderer.org.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from simulator.cache import entry_name
 from simulator.errors import UserError
 from simulator.render.cache import cached_array
 from simulator.render.skylight import spiral
@@ -157,8 +157,7 @@ def _key(scene: SceneState, target: Target, light: dict[str, Any], spp: int) -> 
     """File name of what is traced of one light."""
     camera = scene.camera
     place = (scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m, camera.width_px, camera.fx_px)
-    what = repr((target.sha256, place, light, spp, DEPTH, SAMPLES_PER_PASS))
-    return f"mitsuba-{VERSION}-{hashlib.sha256(what.encode()).hexdigest()[:24]}"
+    return entry_name("mitsuba", VERSION, target.sha256, repr((place, light, spp)), DEPTH, SAMPLES_PER_PASS)
 
 
 def _traced(scene: SceneState, target: Target, light: dict[str, Any], spp: int) -> FloatArray:

@@ -28,7 +28,7 @@ _POINTS = 0
 _TEXTURE_2D, _UNSIGNED_BYTE, _UNPACK_ALIGNMENT = 0x0DE1, 0x1401, 0x0CF5
 _FORMATS = {1: (0x8229, 0x1903), 4: (0x8058, 0x1908)}  # R8 and RED, RGBA8 and RGBA
 _OWN_NAME = "name made here"
-VERSION = 2  # of how levels are made; part of the cache's key
+VERSION = 2  # of `_smaller`: raise it when the same image gives other levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ def levelled(image: ByteArray, *, globe: bool) -> Levelled:
     name = name_of(image)
     if name is None:
         return Levelled(image, _smaller(image, globe=globe))
-    return Levelled(image, cached_array(f"{name}-levels-{VERSION}", lambda: _smaller(image, globe=globe)))
+    return Levelled(image, cached_array(f"{name}-levels-v{VERSION}", lambda: _smaller(image, globe=globe)))
 
 
 def levelled_texture(context: moderngl.Context, levels: Levelled) -> moderngl.Texture:

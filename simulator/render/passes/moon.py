@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from simulator.cache import entry_name
 from simulator.errors import UserError
 from simulator.render.cache import cached_array
 from simulator.render.craters import BROAD_LARGEST_PX, FINE_LARGEST_PX, SLOPE_MAX, crater_texture
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 MAP = "albedo_4096x2048.jpg"
 MAP_SCALE = 2.5  # of the map's 8 bits, in means of the near side
-_MAP_VERSION = 3
+MAP_VERSION = 4  # of `moon_map`: raise it when the same file gives another map
 _PHASES = 512
 SAMPLES, STRIDE = 13, 5  # of a fine pixel; sample k lies in column k and row 5 k mod 13 of a grid of 13 by 13
 _AIR = {1: ("t_air",), 3: ("t_air_rayleigh", "t_air_mie", "t_air_transmittance")}
@@ -53,7 +54,7 @@ def moon_map() -> ByteArray:
         mean = float((image * weight).sum() / weight.sum())
         return np.asarray(np.clip(image / (mean * MAP_SCALE) * 255 + 0.5, 0, 255), np.uint8)
 
-    return cached_array(f"moon-{_MAP_VERSION}-{len(data)}", make)
+    return cached_array(entry_name("moon", MAP_VERSION, len(data)), make)
 
 
 class MoonPass:
