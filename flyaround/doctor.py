@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.board.errors import BoardModelError
-from hil.board.svd.kernels.library import kernels
+from hil.board.svd.native.backend import kernels
 from simulator.cache import cache_folder
 from simulator.errors import UserError
 from simulator.render.cache import cache_bytes

@@ -32,7 +32,7 @@ on = [name for name in {NAMES!r} if features[name]]
 assert not on, f"NumPy still uses {on}"
 """
 KERNELS = """
-from hil.board.svd.kernels.library import kernels
+from hil.board.svd.native.backend import kernels
 assert kernels().startswith({NAME!r}), kernels()
 """
 THREADS = """

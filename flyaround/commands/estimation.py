@@ -14,10 +14,10 @@ from flyaround.progress import progress_bar
 from flyaround.terminal import say, terminal
 from hil.board.errors import BoardModelError
 from hil.board.svd import METHODS, BoardModel, CameraIntrinsics, make_estimator
-from hil.board.svd.debug.stages import write_stage_pictures
-from hil.board.svd.faithful.config import SOLVERS, STEPS, STREAMS
-from hil.board.svd.kernels.library import kernels
+from hil.board.svd.debug.stage_pictures import write_stage_pictures
 from hil.board.svd.methods import PUBLISHED
+from hil.board.svd.native.backend import kernels
+from hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS
 from hil.evaluate.estimate import checked_picture
 from hil.evaluate.grey import PLAIN, about_pictures
 from hil.evaluate.metrics import MethodMetrics

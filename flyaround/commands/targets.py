@@ -141,7 +141,7 @@ def add(
 
 def _expected_of_the_estimator(target: Target) -> str:
     """What to expect of the board's estimator on a craft that it was not made for; empty where it has a first look."""
-    from hil.board.svd.look.first import read_net  # noqa: PLC0415 - slow to import, needed here alone
+    from hil.board.svd.propose.learned.learned_proposal import read_net  # noqa: PLC0415 - slow to import, needed here alone
 
     if read_net(target.name) is not None:
         return ""

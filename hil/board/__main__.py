@@ -71,7 +71,7 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
     """
     import cv2  # noqa: PLC0415 - a board that only relays has none
 
-    from hil.board.svd.kernels.library import kernels  # noqa: PLC0415 - the same
+    from hil.board.svd.native.backend import kernels  # noqa: PLC0415 - the same
 
     if camera is None:
         raise LinkError("--image needs the camera it was taken with: name its file with --camera")

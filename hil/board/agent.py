@@ -123,7 +123,7 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
         CameraIntrinsics,
         make_estimator,
     )
-    from hil.board.svd.kernels.library import kernels  # noqa: PLC0415 - the same
+    from hil.board.svd.native.backend import kernels  # noqa: PLC0415 - the same
 
     try:
         # built and loaded before a host is met
@@ -194,7 +194,7 @@ def run_board(
         if model_path is None:
             raise LinkError("the board needs a model file: name one with --model")
         make_estimator, model_name, model_sha256 = svd_factory(model_path, method)
-        from hil.board.svd.kernels.library import kernels  # noqa: PLC0415 - needs OpenCV
+        from hil.board.svd.native.backend import kernels  # noqa: PLC0415 - needs OpenCV
 
         runs_on = f", kernels {kernels().split()[0]}"
     hello = Hello(

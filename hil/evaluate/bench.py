@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from hil.board.svd.kernels.library import CHOICE
+from hil.board.svd.native.backend import CHOICE
 from simulator.bench.parts import PartCost, cost
 from simulator.labels.frame import take_frame
 from simulator.loop import Plan, plan_flight
@@ -36,7 +36,7 @@ BOARD = """
 import json, sys
 import cv2, numpy as np
 from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-from hil.board.svd.kernels.library import kernels
+from hil.board.svd.native.backend import kernels
 cv2.setNumThreads(1)
 folder, every_s = sys.argv[1], float(sys.argv[2])
 model = BoardModel.read(folder + "/model.json")

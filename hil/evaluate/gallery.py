@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from hil.board.svd.debug.draw import draw_wireframe
+from hil.board.svd.debug.overlay import draw_wireframe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

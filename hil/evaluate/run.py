@@ -13,7 +13,7 @@ import msgspec
 
 from hil.board.errors import BoardModelError
 from hil.board.svd import BoardModel
-from hil.board.svd.kernels.library import kernels
+from hil.board.svd.native.backend import kernels
 from hil.evaluate.frames import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
 from hil.evaluate.grey import about_pictures
 from hil.evaluate.metrics import MethodMetrics, Metrics, compose, summarise

@@ -29,8 +29,8 @@ SHEBANG = b"#!/usr/bin/env python3\n"
 # Zips know no time before 1980; one date for all, so that the same sources give the same bytes.
 DATE = (1980, 1, 1, 0, 0, 0)
 
-# Folder of the weights of first looks, a file for each craft that has one.
-LOOKS = "look"
+# Folder of the learned proposals' weights, a file for each craft that has one.
+WEIGHTS = "weights"
 
 # Parts of pyserial that a Linux board never imports.
 LEFT_OUT = ("tools", "threaded", "urlhandler", "serialjava.py", "serialcli.py", "serialwin32.py", "win32.py")
@@ -60,12 +60,14 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
     yield "__main__.py", MAIN
     root = Path(hil.__path__[0])
     for source in (root / "__init__.py", *(root / "board").rglob("*.py"), *(root / "link").rglob("*.py")):
-        yield f"hil/{source.relative_to(root).as_posix()}", source.read_bytes()
+        # pictures of stages are for people: no estimate asks for them
+        if source.parent.name != "debug":
+            yield f"hil/{source.relative_to(root).as_posix()}", source.read_bytes()
     names = {target.name for target in targets}
     for kind in ("*.npz", "*.c", "*.h"):
         for data in (root / "board").rglob(kind):
-            # a first look is over a megabyte: only those of the crafts that go along
-            if data.parent.name != LOOKS or data.stem in names:
+            # a network is over a megabyte: only those of the crafts that go along
+            if data.parent.name != WEIGHTS or data.stem in names:
                 yield f"hil/{data.relative_to(root).as_posix()}", data.read_bytes()
     for target in targets:
         yield f"hil/board/models/{target.name}.board.json", msgspec.json.encode(board_record(target))

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import cv2
 import pytest
 
-from hil.board.svd.kernels import library
-from hil.board.svd.look.subspaces import Subspaces
+from hil.board.svd.native import backend as library
+from hil.board.svd.propose.learned.view_subspaces import Subspaces
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 

@@ -35,8 +35,8 @@ def test_the_bundle_is_small_whole_and_the_same_again(bundle: Path, tmp_path: Pa
     assert {"__main__.py", "serial/serialposix.py", "hil/board/models/cubesat-3u.board.json"} <= set(names)
     assert sum(name.startswith("hil/board/svd/") for name in names) >= 30
     # of the first looks those of its crafts alone
-    assert "hil/board/svd/look/tango.npz" in names
-    assert "hil/board/svd/look/soyuz-ms.npz" not in names
+    assert "hil/board/svd/propose/learned/weights/tango.npz" in names
+    assert "hil/board/svd/propose/learned/weights/soyuz-ms.npz" not in names
     assert not any(name.startswith(("simulator", "flyaround", "hil/host")) for name in names)
     assert (
         run(["hil", "bundle", str(tmp_path / "again.pyz"), "--target", "tango", "--target", "cubesat-3u"])

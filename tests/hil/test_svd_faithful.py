@@ -7,30 +7,30 @@ import numpy as np
 import pytest
 
 from hil.board.svd import BoardModel, BoardModelError, CameraIntrinsics, make_estimator
-from hil.board.svd.faithful import estimator as faithful
-from hil.board.svd.faithful.config import SOLVERS, SVD_2018, SVD_THESIS, FaithfulConfig
-from hil.board.svd.faithful.corners import corner_map, model_corners, refine_on_corners, reprojection
-from hil.board.svd.faithful.ellipses import (
+from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
+from hil.board.svd.propose.pnp import solve_points, undistorted_rays
+from hil.board.svd.propose.regions import Region
+from hil.board.svd.propose.three_points import three_point_poses
+from hil.board.svd.published import published_estimator as faithful
+from hil.board.svd.published.corners import corner_map, model_corners, refine_on_corners, reprojection
+from hil.board.svd.published.ellipses import (
     EllipseFit,
     circle_poses,
     circle_views,
     hough_ellipses,
     model_circles,
 )
-from hil.board.svd.faithful.estimator import FaithfulEstimator
-from hil.board.svd.faithful.figures import image_figures, model_figures
-from hil.board.svd.faithful.streams import (
+from hil.board.svd.published.line_streams import (
     Streams,
     find_streams,
     grown_region,
     harris_corners,
     sobel_edges,
 )
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.propose.pnp import solve_points, undistorted_rays
-from hil.board.svd.propose.regions import Region
-from hil.board.svd.propose.three_points import three_point_poses
+from hil.board.svd.published.point_groups import image_figures, model_figures
+from hil.board.svd.published.published_estimator import FaithfulEstimator
+from hil.board.svd.published.settings import SOLVERS, SVD_2018, SVD_THESIS, FaithfulConfig
 
 CAMERA = CameraIntrinsics(640, 480, 900.0, 900.0, 319.5, 239.5)
 HALF = np.array([0.5, 0.4, 0.15])

@@ -11,19 +11,19 @@ import pytest
 from scipy.signal import correlate
 
 from hil.board.svd import BoardModel, CameraIntrinsics
-from hil.board.svd import look as look_folder
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.look.attitudes import ANCHORS, bumps, even_attitudes
-from hil.board.svd.look.crop import Gaze, seen_through
-from hil.board.svd.look.first import FirstLook, Glance, net_for, worth_asking
-from hil.board.svd.look.net import FILLED, LOOK_PX, Net, convolve
-from hil.board.svd.look.subspaces import Subspaces
 from hil.board.svd.model.rasteriser import Canvas, draw_faces
+from hil.board.svd.propose import learned as look_folder
+from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
+from hil.board.svd.propose.learned.learned_proposal import FirstLook, Glance, net_for, worth_asking
+from hil.board.svd.propose.learned.network import FILLED, LOOK_PX, Net, convolve
+from hil.board.svd.propose.learned.network_input import Gaze, seen_through
+from hil.board.svd.propose.learned.view_subspaces import Subspaces
 from hil.board.svd.propose.regions import Region
-from hil.evaluate.first_look_pictures import VIEW_PX
-from hil.evaluate.first_look_samples import Views, sample
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
+from tools.train.proposal_samples import Views, sample
+from tools.train.proposal_views import VIEW_PX
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 
@@ -53,7 +53,7 @@ def test_a_convolution_is_the_correlation_of_the_definition(side: int, stride: i
 @pytest.mark.slow
 def test_the_board_computes_what_was_trained(tmp_path: Path) -> None:
     torch = pytest.importorskip("torch", reason="the extra 'train'")
-    from hil.evaluate import train_first_look as trainer
+    from tools.train import learned_proposal as trainer
 
     rng = np.random.default_rng(2)
     looks = rng.normal(0, 0.5, (8, LOOK_PX, LOOK_PX, 2)).astype(np.float32)
@@ -178,7 +178,9 @@ def test_only_the_model_it_was_trained_for_gets_a_network(tango: BoardModel) -> 
     assert net_for(replace(tango, wireframe=edges)) is None
 
 
-@pytest.mark.parametrize("path", sorted(Path(look_folder.__path__[0]).glob("*.npz")), ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path", sorted((Path(look_folder.__path__[0]) / "weights").glob("*.npz")), ids=lambda p: p.stem
+)
 def test_every_network_that_is_shipped_is_of_its_craft_as_it_is_now(path: Path) -> None:
     model = board_model(load_target(path.stem))
     net = net_for(model)

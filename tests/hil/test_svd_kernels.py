@@ -19,17 +19,17 @@ from hil.board.errors import KernelError
 from hil.board.svd import BoardModel, CameraIntrinsics, PoseEstimator
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.hypotheses.hypothesis import Candidate
-from hil.board.svd.kernels import library
-from hil.board.svd.kernels.look import likelihood
-from hil.board.svd.look.attitudes import even_attitudes, turning_bumps
-from hil.board.svd.look.crop import Gaze, look
-from hil.board.svd.look.first import net_for
-from hil.board.svd.look.subspaces import HARMONICS, _circle
 from hil.board.svd.model import rasteriser as shade
 from hil.board.svd.model.edge_samples import sample_edges
 from hil.board.svd.model.face_gains import shade as shaded
 from hil.board.svd.model.shadow_map import Sunlight, SunTable
 from hil.board.svd.model.visibility import _visible_samples, occluders, visible_samples
+from hil.board.svd.native import backend as library
+from hil.board.svd.native.learned.attitude_likelihood import likelihood
+from hil.board.svd.propose.learned.attitude_basis import even_attitudes, turning_bumps
+from hil.board.svd.propose.learned.learned_proposal import net_for
+from hil.board.svd.propose.learned.network_input import Gaze, look
+from hil.board.svd.propose.learned.view_subspaces import HARMONICS, _circle
 from hil.board.svd.refine.parallel import _middle
 from hil.evaluate.metrics import compose, summarise
 from simulator.targets.board_file import board_record
@@ -136,7 +136,7 @@ def test_the_bundle_carries_the_sources(tmp_path: Path) -> None:
 
     write_bundle(tmp_path / "board.pyz", [])
     names = zipfile.ZipFile(tmp_path / "board.pyz").namelist()
-    assert {f"hil/board/svd/kernels/{name}" for name in library.SOURCES} <= set(names)
+    assert {f"hil/board/svd/native/{name}" for name in library.SOURCES} <= set(names)
 
 
 @needs_compiler
@@ -348,7 +348,7 @@ def test_no_kernel_reads_or_writes_beside_its_arrays(tmp_path: Path) -> None:
         "LD_PRELOAD": " ".join(name.strip() for name in runtime),
         "ASAN_OPTIONS": "detect_leaks=0",
     }
-    asked = "from hil.board.svd.kernels.library import kernels; print(kernels())"
+    asked = "from hil.board.svd.native.backend import kernels; print(kernels())"
     told = subprocess.run(
         [sys.executable, "-c", asked], env=environment, capture_output=True, text=True, check=True
     )

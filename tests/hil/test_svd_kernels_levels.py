@@ -12,10 +12,11 @@ import pytest
 
 from hil.board.svd import BoardModel, CameraIntrinsics
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.kernels import library, step
 from hil.board.svd.model import face_gains as levels
 from hil.board.svd.model.rasteriser import Canvas, draw_faces
 from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.native import backend as library
+from hil.board.svd.native.photometric import normal_equations as step
 from hil.board.svd.refine import motion_images as motion
 from hil.board.svd.refine import photometric
 from simulator.targets.board_file import board_record

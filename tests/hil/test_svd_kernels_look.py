@@ -13,15 +13,15 @@ from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.image.edge_field import area_mean
 from hil.board.svd.image.line_segments import lsd_stream
 from hil.board.svd.image.noise import noise_sigma
-from hil.board.svd.kernels import library
-from hil.board.svd.kernels import look as kernel
-from hil.board.svd.kernels.area import shrunk
-from hil.board.svd.kernels.net import Layers, convolutions
-from hil.board.svd.look.attitudes import ANCHORS, bumps, turning_bumps
-from hil.board.svd.look.crop import Gaze, look, views_through
-from hil.board.svd.look.first import net_for
-from hil.board.svd.look.net import convolve
-from hil.board.svd.look.subspaces import QUARTERS, TURNS, Subspaces
+from hil.board.svd.native import backend as library
+from hil.board.svd.native.images.area_average import shrunk
+from hil.board.svd.native.learned import attitude_likelihood as kernel
+from hil.board.svd.native.learned.convolution import Layers, convolutions
+from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, turning_bumps
+from hil.board.svd.propose.learned.learned_proposal import net_for
+from hil.board.svd.propose.learned.network import convolve
+from hil.board.svd.propose.learned.network_input import Gaze, look, views_through
+from hil.board.svd.propose.learned.view_subspaces import QUARTERS, TURNS, Subspaces
 
 if TYPE_CHECKING:
     from ctypes import CDLL

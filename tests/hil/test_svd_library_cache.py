@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.board.svd.kernels import library, library_cache
+from hil.board.svd.native import backend as library
+from hil.board.svd.native import library_cache
 
 STEM = "kernels-0"
 MARKED = """

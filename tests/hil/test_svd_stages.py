@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hil.board.errors import BoardModelError
-from hil.board.svd.debug.stages import write_stage_pictures
+from hil.board.svd.debug.stage_pictures import write_stage_pictures
 from hil.board.svd.decide.confidence import Evidence, confidence, decide
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.vectors import cross

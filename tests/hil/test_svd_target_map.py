@@ -13,8 +13,8 @@ from hil.board.svd.estimator import BUSY
 from hil.board.svd.image.edge_field import drop_specks
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.propose.regions import _busy_share, clusters, propose_regions
-from hil.board.svd.target_map import CELL_PX, WEIGHTS, Weights, boxes, target_map
-from hil.evaluate.train_target_map import train
+from hil.board.svd.propose.saliency import CELL_PX, WEIGHTS, Weights, boxes, target_map
+from tools.train.saliency import train
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.model.face_gains import blurred
 from hil.board.svd.model.rasteriser import Canvas, draw_faces
-from hil.board.svd.tracking.align import track_edges
-from hil.board.svd.tracking.estimator import SURE, TrackingEstimator
-from hil.board.svd.tracking.filter import first_state, innovation, predict, update
+from hil.board.svd.tracking.edge_tracker import track_edges
+from hil.board.svd.tracking.pose_filter import first_state, innovation, predict, update
+from hil.board.svd.tracking.tracking_estimator import SURE, TrackingEstimator
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 

@@ -10,11 +10,11 @@ from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.hypotheses.hypothesis import Craft, Frame
 from hil.board.svd.image.edge_field import shrink
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.look.crop import Gaze
-from hil.board.svd.look.first import Glance
 from hil.board.svd.model.face_gains import blurred
 from hil.board.svd.model.rasteriser import Canvas, draw_faces
 from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.propose.learned.learned_proposal import Glance
+from hil.board.svd.propose.learned.network_input import Gaze
 from hil.board.svd.propose.multi_scale import align_wide, gazes_about, gazes_about_lit
 from hil.board.svd.propose.regions import Region, propose_regions
 from hil.evaluate.worker import board_model

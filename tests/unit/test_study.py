@@ -10,16 +10,23 @@ import numpy as np
 import pytest
 
 from hil.board.svd import CameraIntrinsics, make_estimator
-from hil.board.svd.faithful.config import SVD_2018, SVD_THESIS, FaithfulConfig
-from hil.board.svd.faithful.estimator import FaithfulEstimator
+from hil.board.svd.published.published_estimator import FaithfulEstimator
+from hil.board.svd.published.settings import SVD_2018, SVD_THESIS, FaithfulConfig
 from hil.evaluate.frame_record import frame_record
 from hil.evaluate.frames import EvaluatedFrame
 from hil.evaluate.metrics import summarise
-from hil.evaluate.study import FEW, PUBLISHED, TOWARDS_OURS, TOWARDS_THESIS, compared, wrong_model
-from hil.evaluate.study_tables import mcnemar, paired, table, units_table, write_into_page
 from hil.evaluate.worker import MethodChoice, board_model
 from simulator.errors import UserError
 from simulator.targets.library import load_target
+from tools.studies.paired_tables import mcnemar, paired, table, units_table, write_into_page
+from tools.studies.published_methods import (
+    FEW,
+    PUBLISHED,
+    TOWARDS_OURS,
+    TOWARDS_THESIS,
+    compared,
+    wrong_model,
+)
 
 
 def test_a_wrong_model_is_wrong_by_what_was_asked_and_stays_joined() -> None:

@@ -20,11 +20,11 @@ SHADERS = "shaders"
 LEFT_OUT = {
     "hil/evaluate/page.py": "how a page looks",
     "hil/evaluate/plots.py": "how a plot looks",
-    "hil/evaluate/study_tables.py": "how a page looks",
+    "tools/studies/paired_tables.py": "how a page looks",
     "hil/evaluate/gallery.py": "how a page looks",
     "hil/host/report_plots.py": "how a plot looks",
-    "hil/evaluate/train_first_look.py": "training, never run by the fast suite",
-    "hil/evaluate/train_target_map.py": "training, never run by the fast suite",
+    "tools/train/learned_proposal.py": "training, never run by the fast suite",
+    "tools/train/saliency.py": "training, never run by the fast suite",
     "simulator/dataset/contact_sheet.py": "how a page looks",
     "shaders/bench/reference.frag": "measures time; its picture says nothing",
 }

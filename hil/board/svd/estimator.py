@@ -23,9 +23,9 @@ from hil.board.svd.hypotheses.hypothesis import UNASKED, Alternative, Candidate,
 from hil.board.svd.image.edge_field import edge_field, shrink
 from hil.board.svd.image.noise import noise_sigma, whole_median
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.look.first import FirstLook, Glance
 from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
 from hil.board.svd.propose.edge_search import search_region
+from hil.board.svd.propose.learned.learned_proposal import FirstLook, Glance
 from hil.board.svd.propose.multi_scale import align_wide
 from hil.board.svd.propose.regions import REDUCTION, Region, propose_regions
 from hil.board.svd.refine.edges import FineFit

@@ -8,10 +8,10 @@ from typing import Optional, Sequence
 from hil.board.errors import BoardModelError
 from hil.board.svd.base import Estimator
 from hil.board.svd.estimator import PoseEstimator
-from hil.board.svd.faithful.config import SOLVERS, STEPS, STREAMS, SVD_2018, SVD_THESIS
-from hil.board.svd.faithful.estimator import FaithfulEstimator
 from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
-from hil.board.svd.tracking.estimator import TrackingEstimator
+from hil.board.svd.published.published_estimator import FaithfulEstimator
+from hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS, SVD_2018, SVD_THESIS
+from hil.board.svd.tracking.tracking_estimator import TrackingEstimator
 
 METHODS = ("svd", "svd-2018", "svd-thesis", "svd-track")
 

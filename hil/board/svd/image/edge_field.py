@@ -9,8 +9,8 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.kernels.area import readable, shrunk
-from hil.board.svd.kernels.library import library
+from hil.board.svd.native.backend import library
+from hil.board.svd.native.images.area_average import readable, shrunk
 
 Array = np.ndarray
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.kernels.library import library
-from hil.board.svd.kernels.segments import segments as native_segments
+from hil.board.svd.native.backend import library
+from hil.board.svd.native.images.line_segments import segments as native_segments
 
 Array = np.ndarray
 

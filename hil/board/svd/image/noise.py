@@ -6,9 +6,9 @@ from typing import Tuple
 
 import numpy as np
 
-from hil.board.svd.kernels.area import readable
-from hil.board.svd.kernels.library import library
-from hil.board.svd.kernels.noise import masked
+from hil.board.svd.native.backend import library
+from hil.board.svd.native.images.area_average import readable
+from hil.board.svd.native.images.noise import masked
 
 Array = np.ndarray
 

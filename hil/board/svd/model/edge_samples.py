@@ -9,8 +9,8 @@ from typing import Any, Tuple
 import numpy as np
 
 from hil.board.svd.geometry.vectors import cross
-from hil.board.svd.kernels.visible import packed_samples
 from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.native.raster.visibility import packed_samples
 
 Array = np.ndarray
 

@@ -9,10 +9,10 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.kernels import levels as native_levels
-from hil.board.svd.kernels.library import library
-from hil.board.svd.kernels.pictures import BLURS_PX, reach
 from hil.board.svd.model.rasteriser import Canvas, Faces
+from hil.board.svd.native.backend import library
+from hil.board.svd.native.photometric import face_gains as native_levels
+from hil.board.svd.native.photometric.image_formation import BLURS_PX, reach
 
 Array = np.ndarray
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from hil.board.svd.model.target_model import CameraIntrinsics
 
 from hil.board.svd.image.response import Response
-from hil.board.svd.kernels import paint
-from hil.board.svd.kernels.library import library
+from hil.board.svd.native.backend import library
+from hil.board.svd.native.raster import rasteriser as paint
 
 Array = np.ndarray
 

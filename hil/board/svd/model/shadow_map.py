@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 import numpy as np
 
 from hil.board.svd.geometry.vectors import cross, length
-from hil.board.svd.kernels import sun as kernel
-from hil.board.svd.kernels.library import library
 from hil.board.svd.model.face_gains import Shading
 from hil.board.svd.model.rasteriser import Canvas, Faces, fill_faces
+from hil.board.svd.native.backend import library
+from hil.board.svd.native.raster import shadow_map as kernel
 
 if TYPE_CHECKING:
     from hil.board.svd.model.target_model import CameraIntrinsics

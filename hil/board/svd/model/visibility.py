@@ -9,10 +9,10 @@ from typing import Any, Tuple
 import numpy as np
 
 from hil.board.svd.geometry.vectors import cross
-from hil.board.svd.kernels import visible as kernel
-from hil.board.svd.kernels.library import library
 from hil.board.svd.model.edge_samples import EdgeSamples
 from hil.board.svd.model.target_model import BoardModel
+from hil.board.svd.native.backend import library
+from hil.board.svd.native.raster import visibility as kernel
 
 Array = np.ndarray
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from hil.board.svd.image.edge_field import drop_specks, gradient, gradient_noise, thin_edges
 from hil.board.svd.image.weak_gradients import WeakGradientElimination, marginal_interval
-from hil.board.svd.target_map import CELL_PX, WEIGHTS, Weights, boxes, straight_segments, target_map
+from hil.board.svd.propose.saliency import CELL_PX, WEIGHTS, Weights, boxes, straight_segments, target_map
 
 Array = np.ndarray
 
@@ -177,7 +177,7 @@ def propose_regions(
 def _weights() -> Optional[Weights]:
     """The map's weights, None where they were left out of an installation."""
     # a bundle is a zip file: its members are read through the importer
-    data = pkgutil.get_data("hil.board.svd", WEIGHTS)
+    data = pkgutil.get_data("hil.board.svd.propose", WEIGHTS)
     return None if data is None else Weights.read(io.BytesIO(data))
 
 

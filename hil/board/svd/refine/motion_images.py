@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.board.svd.kernels import step
-from hil.board.svd.kernels.library import library
 from hil.board.svd.model.face_gains import Shading
 from hil.board.svd.model.rasteriser import Canvas, Faces
 from hil.board.svd.model.target_model import CameraIntrinsics
+from hil.board.svd.native.backend import library
+from hil.board.svd.native.photometric import normal_equations as step
 
 Array = np.ndarray
 

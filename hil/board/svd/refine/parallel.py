@@ -10,11 +10,11 @@ import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.hypotheses.hypothesis import Candidate, Craft
-from hil.board.svd.kernels import sun as kernel
-from hil.board.svd.kernels.library import library
 from hil.board.svd.model.face_gains import Shading
 from hil.board.svd.model.rasteriser import Canvas, Faces, draw_faces
 from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.native.backend import library
+from hil.board.svd.native.raster import shadow_map as kernel
 from hil.board.svd.refine.photometric import PhotoFit, explained, photo_draw, photo_step
 from hil.board.svd.refine.shadows import shadowed
 

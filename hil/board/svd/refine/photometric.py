@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.kernels import levels as native_levels
-from hil.board.svd.kernels import step as native_step
-from hil.board.svd.kernels.library import library
 from hil.board.svd.model.face_gains import OPTICS_PX, Shading, blurred, coverage, shade
 from hil.board.svd.model.rasteriser import Canvas, Faces, draw_faces
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.model.target_model import CameraIntrinsics
+from hil.board.svd.native.backend import library
+from hil.board.svd.native.photometric import face_gains as native_levels
+from hil.board.svd.native.photometric import normal_equations as native_step
 from hil.board.svd.refine.edges import limit_one_step, parameter_scale
 from hil.board.svd.refine.motion_images import motion_images
 

@@ -1,0 +1,39 @@
+"""Straight line segments of an image, in C."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from hil.board.svd.native.backend import address, laid
+
+Array = np.ndarray
+
+
+def segments(library: ctypes.CDLL, picture: Array, least: float) -> Array:
+    """(N, 4) ends x0 y0 x1 y1 of straight segments [px, half a pixel right and down of the places of pixels].
+
+    Parameters
+    ----------
+    picture : (H, W) of bytes; none are found in a single row or column. least : gradient that counts [1 / px].
+    """
+    given = laid(picture, "uint8")
+    h, w = given.shape
+    if min(h, w) < 2:
+        return np.zeros((0, 4))
+    # none has fewer than two pixels
+    out = np.empty((h * w // 2, 4))
+    run = library.fly_segments
+    run.restype = ctypes.c_int64
+    found = run(
+        ctypes.c_void_p(address(given, "uint8")),
+        ctypes.c_int64(h),
+        ctypes.c_int64(w),
+        ctypes.c_double(least),
+        ctypes.c_int64(len(out)),
+        ctypes.c_void_p(address(out, "float64")),
+    )
+    if found < 0:
+        raise MemoryError("no memory to find segments")
+    return out[:found].copy()

@@ -1,0 +1,193 @@
+"""Radiometric gains of faces, and how well a synthetic view explains the image, in C."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING, Optional, Tuple
+
+import numpy as np
+
+from hil.board.svd.native.backend import address, begins, laid
+from hil.board.svd.native.photometric.image_formation import Held, gauss
+from hil.board.svd.native.photometric.image_formation import shown as shown_by
+
+if TYPE_CHECKING:
+    from hil.board.svd.model.rasteriser import Canvas, Faces
+
+Array = np.ndarray
+
+
+def shade(
+    library: ctypes.CDLL,
+    faces: Faces,
+    seen: Array,
+    canvas: Canvas,
+    dark: Optional[Array],
+    *,
+    empty: bool,
+) -> Optional[Tuple[Array, ...]]:
+    """As ``levels.shade`` up to what is saturated and what is behind.
+
+    Parameters
+    ----------
+    empty : whether the background's share of each pixel is asked for.
+
+    Returns
+    -------
+    Groups (H, W), their level (n,), the picture (h, w), groups at middles (h, w), area (n,), pixels well inside a
+    group (h, w), the background's share of each (h, w), else empty, and the background's mean value (1,); None where
+    a byte holds too few groups.
+    """
+    (h, w), f = canvas.gray.shape, canvas.fine
+    seen, light = laid(seen, "int32"), None if dark is None else laid(dark, "bool")
+    group, centre, core = (
+        np.empty((h * f, w * f), np.uint8),
+        np.empty((h, w), np.uint8),
+        np.empty((h, w), bool),
+    )
+    picture, share = np.empty((h, w), np.float32), np.empty((h, w) if empty else (0, 0), np.float32)
+    level, area, ground = np.empty(256), np.empty(256, np.int64), np.empty(1)
+    run, at = library.fly_shade, ctypes.c_void_p
+    run.restype = ctypes.c_int64
+    n = run(
+        at(address(seen, "int32", group.shape)),
+        None if light is None else at(address(light, "bool", group.shape)),
+        *_of_craft(faces, canvas).at,
+        at(begins(group)),
+        at(begins(centre)),
+        at(begins(core)),
+        at(begins(picture)),
+        at(begins(level)),
+        at(begins(area)),
+        at(begins(ground)),
+        at(begins(share)) if empty else None,
+    )
+    if n < 0:
+        raise MemoryError("no memory to find the brightness of faces")
+    return (group, level[:n], picture, centre, area[:n], core, share, ground) if n else None
+
+
+def _of_craft(faces: Faces, canvas: Canvas) -> Held:
+    """What ``shade`` is told of a craft and a canvas, kept for the next pose."""
+    of, held = canvas.kept.get("shade", (None, None))
+    if of is not faces:
+        (h, w), n = canvas.gray.shape, len(faces.corners)
+        arrays, response = (
+            (laid(faces.labels, "uint16"), laid(canvas.gray, "float32")),
+            shown_by(canvas.response),
+        )
+        held = Held(
+            (
+                ctypes.c_void_p(address(arrays[0], "uint16", (n + 1,))),
+                ctypes.c_int64(n),
+                ctypes.c_int64(faces.groups + 1),
+                ctypes.c_void_p(address(arrays[1], "float32")),
+                *(ctypes.c_int64(side) for side in (h, w, canvas.fine)),
+                ctypes.c_double(canvas.sigma),
+                response.at,
+            ),
+            # others' responses may have taken this one's place where it is kept
+            (*arrays, *response.arrays),
+        )
+        canvas.kept["shade"] = faces, held
+    return held
+
+
+def behind(
+    library: ctypes.CDLL,
+    canvas: Canvas,
+    made: Tuple[Array, ...],
+    blur_px: float,
+) -> Array:
+    """(h, w) what the background differs from its level by, which is added to the picture that ``made`` holds.
+
+    Parameters
+    ----------
+    made : of ``shade``, the background's share with it. blur_px : of means of 4 x 4 pixels.
+    """
+    _, level, picture, centre, _, core, empty, shown = made
+    h, w = canvas.gray.shape
+    gray, out = laid(canvas.gray, "float32"), np.empty((h, w), np.float32)
+    run, at = library.fly_behind, ctypes.c_void_p
+    run.restype = ctypes.c_int64
+    done = run(
+        at(address(gray, "float32", (h, w))),
+        at(address(core, "bool", (h, w))),
+        at(address(centre, "uint8", (h, w))),
+        ctypes.c_int64(h),
+        ctypes.c_int64(w),
+        ctypes.c_double(float(shown[0])),
+        ctypes.c_double(float(level[0])),
+        shown_by(canvas.response).at,
+        gauss(blur_px).at,
+        at(address(empty, "float32", (h, w))),
+        at(address(out, "float32")),
+        at(address(picture, "float32", (h, w))),
+    )
+    if done < 0:
+        raise MemoryError("no memory for the background about the craft")
+    return out
+
+
+def explained(
+    library: ctypes.CDLL,
+    picture: Array,
+    group: Array,
+    canvas: Canvas,
+    told: Held,
+) -> float:
+    """Bounded squared deviations from the drawn ``picture`` summed, as in ``photometric.explained``.
+
+    Parameters
+    ----------
+    group : (H, W) bytes. told : by ``comparison``.
+    """
+    h, w = canvas.gray.shape
+    picture = laid(picture, "float32")
+    run, at = library.fly_explained, ctypes.c_void_p
+    run.restype = ctypes.c_double
+    out = run(
+        at(address(picture, "float32", (h, w))),
+        at(address(group, "uint8", (h * canvas.fine, w * canvas.fine))),
+        *told.at,
+    )
+    if out < 0:
+        raise MemoryError("no memory to compare a drawn craft with the picture")
+    return float(out)
+
+
+def comparison(
+    canvas: Canvas,
+    blurs_px: Tuple[float, float, float],
+    noise: float,
+    bound: float,
+    none: Optional[Array],
+    covered: float,
+) -> Held:
+    """What ``explained`` is told of a canvas, the same for every pose.
+
+    Parameters
+    ----------
+    blurs_px : of the optics, the score, and what is covered. none : (h, w) deviations without the craft, which hold
+        where no more than ``covered`` of a pixel is.
+    """
+    h, w = canvas.gray.shape
+    gray = laid(canvas.blurred(blurs_px[1]), "float32")
+    bare = None if none is None else laid(none, "float32")
+    optics, score, cover = (gauss(b) for b in blurs_px)
+    response, at = shown_by(canvas.response), ctypes.c_void_p
+    told = (
+        *(ctypes.c_int64(side) for side in (h, w, canvas.fine)),
+        optics.at,
+        response.at,
+        at(address(gray, "float32", (h, w))),
+        score.at,
+        ctypes.c_double(noise),
+        ctypes.c_double(bound),
+        None if bare is None else at(address(bare, "float32", (h, w))),
+        cover.at,
+        ctypes.c_double(covered),
+    )
+    # the blurs' weights and the response's tables live as long as the canvas, too
+    arrays = *optics.arrays, *score.arrays, *cover.arrays, *response.arrays, gray
+    return Held(told, arrays if bare is None else (*arrays, bare))

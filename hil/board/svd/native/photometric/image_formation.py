@@ -1,0 +1,83 @@
+"""What the C of synthetic views shares: Gaussian blur, sensor response."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Tuple
+
+import cv2
+import numpy as np
+
+from hil.board.svd.image import response
+
+if TYPE_CHECKING:
+    from hil.board.svd.image.response import Response
+
+Array = np.ndarray
+
+# Widest blur that a kernel takes [px].
+WIDEST = 64
+
+# What is narrower is no blur [px].
+BLURS_PX = 0.2
+
+
+class _Gauss(ctypes.Structure):
+    """pictures.h: struct gauss."""
+
+    _fields_ = [("taps", ctypes.c_void_p), ("reach", ctypes.c_int64)]
+
+
+class _Response(ctypes.Structure):
+    """pictures.h: struct response."""
+
+    _fields_ = [
+        *((name, ctypes.c_double) for name in ("sigma", "full")),
+        *((name, ctypes.c_void_p) for name in ("lift", "share", "x", "below")),
+        *((name, ctypes.c_int64) for name in ("entries", "end")),
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A structure of a kernel, by reference, and the arrays that it names."""
+
+    at: Any
+    arrays: Tuple[Array, ...]
+
+
+def reach(sigma_px: float) -> int:
+    """How far OpenCV's Gaussian of this width reaches in a float picture [px]."""
+    return (int(np.rint(8 * sigma_px + 1)) | 1) // 2 if sigma_px > BLURS_PX else 0
+
+
+@functools.lru_cache(maxsize=256)
+def gauss(sigma_px: float) -> Held:
+    """OpenCV's Gaussian; none where it is narrower than ``BLURS_PX``.
+
+    Raises
+    ------
+    ValueError
+        If it is wider than a kernel takes.
+    """
+    r = reach(sigma_px)
+    if r > WIDEST:
+        raise ValueError(f"a kernel blurs by {WIDEST} px at most, not {r}")
+    taps = cv2.getGaussianKernel(2 * r + 1, sigma_px, cv2.CV_32F) if r else np.ones(1, np.float32)
+    taps = np.ascontiguousarray(taps, np.float32)
+    return Held(ctypes.byref(_Gauss(taps.ctypes.data, r)), (taps,))
+
+
+@functools.lru_cache(maxsize=16)
+def shown(curve: Response) -> Held:
+    """The response and its tables."""
+    lift, share = (np.ascontiguousarray(a, np.float32) for a in response.tables())
+    x, below = (np.ascontiguousarray(curve.sigma * a, np.float64) for a in response.means())
+    end = round(curve.full * response.STEPS / curve.sigma) if curve.sigma > 0 else 0
+    arrays = lift, share, x, below
+    held = _Response(
+        float(curve.sigma), float(curve.full), *(a.ctypes.data for a in arrays), len(x), min(end, 1 << 40)
+    )
+    return Held(ctypes.byref(held), arrays)

@@ -1,0 +1,45 @@
+/* What a pose does to the drawn picture: motion.py. Camera axes: x right, y down, z forward. */
+#ifndef FLYAROUND_MOTION_H
+#define FLYAROUND_MOTION_H
+
+#include "photometric/image_formation.h"
+
+/* Numbers kept of a pixel: six derivatives, the residual, and one that fills the line. */
+#define WIDE 8
+
+/* All of them at once; each rounds as it does alone. */
+typedef float lanes __attribute__((vector_size(4 * WIDE), may_alias));
+
+/* A drawn craft that moves. */
+struct moving {
+    const int32_t *seen;  /* (h f, w f) face + 1 */
+    const double *level;  /* (256,) brightness of each group */
+    const float *behind;  /* (h, w) what the background differs from its level by, or NULL */
+    const double *normal; /* (faces, 3) outward, target frame */
+    const double *offset; /* (faces,) plane n.x = offset [m] */
+    int64_t faces;
+    const double *R, *t;           /* camera from target: (3, 3), (3,) [m] */
+    double u, v, step_u, step_v;   /* normalised coordinates of the first drawn pixel, and from one to the next */
+};
+
+/* What the row of a canvas is made from: inverse depth n / d of each face's plane, zero first; the rays' coordinates
+ * at drawn columns and half-way to the next ones, the canvas pixel that each lies in, and whether it is its last.
+ */
+struct rays {
+    float *near;           /* (faces + 1, 4) */
+    float *x, *between;    /* (w f,) */
+    int32_t *column, *end; /* (w f,) */
+    double across, down;   /* of a border's brightness, per drawn pixel [1 / px] */
+    double least, most;    /* inverse depths that can be trusted [1 / m] */
+};
+
+/* The rays of a canvas; one piece of memory, to be freed, NULL where there is none. */
+float *fly_rays_of(const struct moving *m, struct drawing d, struct rays *r);
+
+/* Derivatives cell (w, WIDE) of row y of the canvas, by turn about the target's origin and shift, added to what is
+ * there, the last two left alone; any (w,) : becomes 1 where there are some.
+ */
+void fly_moving_row(const struct moving *m, const struct rays *r, struct drawing d, int64_t y, float *cell,
+                    uint8_t *any);
+
+#endif

@@ -1,0 +1,164 @@
+"""Derivatives of the synthetic view and the normal equations of a Gauss-Newton step, in C."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING, Tuple
+
+import numpy as np
+
+from hil.board.svd.native.backend import address, begins, laid
+from hil.board.svd.native.photometric.image_formation import Held, gauss, shown
+
+if TYPE_CHECKING:
+    from hil.board.svd.model.face_gains import Shading
+    from hil.board.svd.model.rasteriser import Canvas, Faces
+    from hil.board.svd.model.target_model import CameraIntrinsics
+
+Array = np.ndarray
+
+# Most groups with a brightness of their own (cover.h), and a matrix with room for them.
+MOST, ROOM = 63, (63 + 7) ** 2
+
+# How the kernel tells two numbers in one.
+PACK = 1000
+
+
+class _Moving(ctypes.Structure):
+    """motion.h: struct moving."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("seen", "level", "behind", "normal", "offset")),
+        ("faces", ctypes.c_int64),
+        *((name, ctypes.c_void_p) for name in ("R", "t")),
+        *((name, ctypes.c_double) for name in ("u", "v", "step_u", "step_v")),
+    ]
+
+
+def _moving(
+    shading: Shading, faces: Faces, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+) -> Held:
+    h, w = canvas.gray.shape
+    level = np.zeros(256)
+    level[: len(shading.level)] = shading.level
+    behind = None if shading.behind is None else laid(shading.behind, "float32")
+    seen, R, t = laid(shading.seen, "int32"), laid(R, "float64"), laid(t, "float64")
+    planes, rays = _of_craft(faces, canvas, camera)
+    held = _Moving(
+        address(seen, "int32", (h * canvas.fine, w * canvas.fine)),
+        begins(level),
+        None if behind is None else address(behind, "float32", (h, w)),
+        *planes.at,
+        address(R, "float64", (3, 3)),
+        address(t, "float64", (3,)),
+        *rays,
+    )
+    kept = (seen, level, R, t, *planes.arrays)
+    return Held(ctypes.byref(held), kept if behind is None else (*kept, behind))
+
+
+def _of_craft(
+    faces: Faces, canvas: Canvas, camera: CameraIntrinsics
+) -> Tuple[Held, Tuple[float, float, float, float]]:
+    """Planes of a craft and rays of a canvas as ``struct moving`` has them, kept for the next pose."""
+    of, told = canvas.kept.get("moving", ((None, None), None))
+    if of[0] is not faces or of[1] is not camera:
+        n, (across, down) = len(faces.corners), canvas.scale
+        arrays = laid(faces.normals, "float64"), laid(faces.offset, "float64")
+        planes = address(arrays[0], "float64", (n, 3)), address(arrays[1], "float64", (n,)), n
+        told = (
+            Held(planes, arrays),
+            # as ``Canvas.rays``
+            (
+                (0.5 / across - 0.5 + canvas.x0 - camera.cx_px) / camera.fx_px,
+                (0.5 / down - 0.5 + canvas.y0 - camera.cy_px) / camera.fy_px,
+                1.0 / (across * camera.fx_px),
+                1.0 / (down * camera.fy_px),
+            ),
+        )
+        canvas.kept["moving"] = (faces, camera), told
+    return told
+
+
+def motion_images(
+    library: ctypes.CDLL,
+    shading: Shading,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    R: Array,
+    t: Array,
+) -> Array:
+    """As ``motion.motion_images``, of groups that a byte holds."""
+    (h, w), f = canvas.gray.shape, canvas.fine
+    out = np.empty((6, h, w), np.float32)
+    moving = _moving(shading, faces, canvas, camera, R, t)
+    run = library.fly_motion
+    run.restype = ctypes.c_int64
+    done = run(
+        moving.at,
+        ctypes.c_void_p(address(shading.group, "uint8", (h * f, w * f))),
+        ctypes.c_int64(h),
+        ctypes.c_int64(w),
+        ctypes.c_int64(f),
+        ctypes.c_void_p(address(out, "float32")),
+    )
+    if done < 0:
+        raise MemoryError("no memory for the derivatives of a picture")
+    return out
+
+
+def gram(
+    library: ctypes.CDLL,
+    shading: Shading,
+    faces: Faces,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    R: Array,
+    t: Array,
+    blurs_px: Tuple[float, float, float],
+    noise: float,
+    slack: float,
+    tukey: float,
+    most: int,
+) -> Tuple[Array, float, int]:
+    """What ``photometric.photo_step`` solves: products (K + 7, K + 7) of its weighted rows.
+
+    Parameters
+    ----------
+    blurs_px : of the optics, of this step, and of both. noise : of the picture blurred so. slack : squared distance
+        that borders may still be off [px^2]. tukey : squared bound in units of a residual's deviation. most : groups
+        whose brightness is found.
+
+    Returns
+    -------
+    The products, the sum of weights, and how many pixels count.
+    """
+    (h, w), f = canvas.gray.shape, canvas.fine
+    out, total = np.empty(ROOM), np.zeros(1)
+    gray, picture = laid(canvas.blurred(blurs_px[1]), "float32"), laid(shading.picture, "float32")
+    moving = _moving(shading, faces, canvas, camera, R, t)
+    run, at = library.fly_step, ctypes.c_void_p
+    run.restype = ctypes.c_int64
+    packed = run(
+        moving.at,
+        at(address(shading.group, "uint8", (h * f, w * f))),
+        at(address(shading.centre, "uint8", (h, w))),
+        at(address(picture, "float32", (h, w))),
+        at(address(gray, "float32", (h, w))),
+        ctypes.c_int64(h),
+        ctypes.c_int64(w),
+        ctypes.c_int64(f),
+        shown(canvas.response).at,
+        *(gauss(b).at for b in blurs_px),
+        ctypes.c_double(noise),
+        ctypes.c_double(slack),
+        ctypes.c_double(tukey),
+        ctypes.c_int64(min(most, MOST - 1)),
+        at(begins(out)),
+        at(begins(total)),
+    )
+    if packed < 0:
+        raise MemoryError("no memory for a step's normal equations")
+    k, rows = packed % PACK + 7, packed // PACK
+    return out[: k * k].reshape(k, k), float(total[0]), int(rows)

@@ -1,0 +1,147 @@
+"""Faces rasterised on an image patch, in C."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Tuple
+
+import numpy as np
+
+from hil.board.svd.native.backend import address, begins, laid
+
+if TYPE_CHECKING:
+    from hil.board.svd.model.rasteriser import Canvas, Faces
+    from hil.board.svd.model.target_model import CameraIntrinsics
+
+Array = np.ndarray
+
+_POINTERS = ("corners", "normals", "offset", "middles", "plane", "children", "first", "members")
+
+
+class _Faces(ctypes.Structure):
+    """kernels.h: struct faces."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in _POINTERS),
+        ("faces", ctypes.c_int64),
+        ("nodes", ctypes.c_int64),
+    ]
+
+
+class _View(ctypes.Structure):
+    """kernels.h: struct view."""
+
+    _fields_ = [(name, ctypes.c_double) for name in ("fx", "fy", "cx", "cy", "x0", "y0", "across", "down")]
+
+
+def view(camera: CameraIntrinsics, canvas: Canvas) -> ctypes.Structure:
+    """What a canvas shows of a pinhole's picture: struct view, kept for the next pose."""
+    of, held = canvas.kept.get("view", (None, None))
+    if of is not camera:
+        c, (across, down) = camera, canvas.scale
+        held = _View(c.fx_px, c.fy_px, c.cx_px, c.cy_px, canvas.x0, canvas.y0, across, down)
+        canvas.kept["view"] = camera, held
+    return held
+
+
+@dataclass(frozen=True, eq=False)
+class Packed:
+    """Faces as the kernels take them: made once for each craft.
+
+    Parameters
+    ----------
+    arrays : what ``pointers`` names, kept alive. members : how many faces its nodes hold in all.
+    """
+
+    arrays: Tuple[Array, ...]
+    pointers: Any
+    members: int
+
+    @staticmethod
+    def of(faces: Faces, middles: Array) -> Packed:
+        """The faces, with the mean (T, 3) of each one's corners."""
+        number = [len(m) for m in faces.members]
+        arrays = (
+            *(laid(a, "float64") for a in (faces.corners, faces.normals, faces.offset, middles, faces.plane)),
+            _one_parent(faces.children),
+            laid(np.concatenate([[0], np.cumsum(number)]), "int64"),
+            laid(np.concatenate(faces.members), "int64"),
+        )
+        at = [a.__array_interface__["data"][0] for a in arrays]
+        return Packed(arrays, _Faces(*at, len(faces.corners), len(faces.children)), int(sum(number)))
+
+
+def _one_parent(children: Array) -> Array:
+    """(N, 2) int64 with each child under the first node that names it: a file may name one twice."""
+    out = laid(children, "int64").copy()
+    taken = set()
+    for entry in range(out.size):
+        child = int(out.flat[entry])
+        if child >= 0 and child in taken:
+            out.flat[entry] = -1
+        taken.add(child)
+    return out
+
+
+def order(library: ctypes.CDLL, packed: Packed, C_m: Array) -> Array:
+    """As ``Faces.order``."""
+    C, out = laid(C_m, "float64"), np.empty(packed.members, np.int64)
+    run = library.fly_order
+    run.restype = ctypes.c_int64
+    n = run(
+        ctypes.byref(packed.pointers),
+        ctypes.c_void_p(address(C, "float64", (3,))),
+        ctypes.c_void_p(address(out, "int64")),
+    )
+    if n < 0:
+        raise MemoryError("no memory to order the faces")
+    return out[:n]
+
+
+def draw_faces(
+    library: ctypes.CDLL,
+    packed: Packed,
+    some: Array,
+    camera: CameraIntrinsics,
+    R: Array,
+    t: Array,
+    canvas: Canvas,
+    least_px: float,
+) -> Array:
+    """As ``shade.draw_faces``, of a pinhole."""
+    h, w = (side * canvas.fine for side in canvas.gray.shape)
+    seen, some = np.zeros((h, w), np.int32), laid(some, "int64")
+    R, t = laid(R, "float64"), laid(t, "float64")
+    library.fly_draw_faces(
+        ctypes.byref(packed.pointers),
+        ctypes.c_void_p(address(some, "int64")),
+        ctypes.c_int64(len(some)),
+        ctypes.c_void_p(address(R, "float64", (3, 3))),
+        ctypes.c_void_p(address(t, "float64", (3,))),
+        ctypes.byref(view(camera, canvas)),
+        ctypes.c_double(least_px),
+        ctypes.c_int(canvas.exact),
+        ctypes.c_void_p(begins(seen)),
+        ctypes.c_int64(h),
+        ctypes.c_int64(w),
+    )
+    return seen
+
+
+def fill_faces(
+    library: ctypes.CDLL, p: Array, some: Array, shape: Tuple[int, int], least_px: float, *, exact: bool
+) -> Array:
+    """As ``shade.fill_faces``."""
+    seen, p, some = np.zeros(shape, np.int32), laid(p, "float64"), laid(some, "int64")
+    library.fly_fill_faces(
+        ctypes.c_void_p(address(p, "float64", (len(some), 4, 2))),
+        ctypes.c_void_p(address(some, "int64")),
+        ctypes.c_int64(len(some)),
+        ctypes.c_double(least_px),
+        ctypes.c_int(exact),
+        ctypes.c_void_p(address(seen, "int32")),
+        ctypes.c_int64(shape[0]),
+        ctypes.c_int64(shape[1]),
+    )
+    return seen

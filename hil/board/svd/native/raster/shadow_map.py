@@ -1,0 +1,227 @@
+"""Shadow map of the target, cast shadows, and the search for the Sun, in C."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING, Any, Optional, Tuple
+
+import numpy as np
+
+from hil.board.svd.native.backend import address, laid
+from hil.board.svd.native.raster.rasteriser import view
+
+if TYPE_CHECKING:
+    from hil.board.svd.model.face_gains import Shading
+    from hil.board.svd.model.rasteriser import Canvas, Faces
+    from hil.board.svd.model.shadow_map import Sunlight, SunTable
+    from hil.board.svd.model.target_model import CameraIntrinsics
+    from hil.board.svd.native.raster.rasteriser import Packed
+
+Array = np.ndarray
+
+# Fewer points on the craft say nothing of shadows.
+LEAST_POINTS = 40
+
+
+class _Sun(ctypes.Structure):
+    """sun.c: struct sun."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("axes", "at", "height", "seen")),
+        ("side", ctypes.c_int64),
+        ("bytes", ctypes.c_int64),
+    ]
+
+
+class _Table(ctypes.Structure):
+    """sun.c: struct sun_table."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("frames", "origin", "pitch", "height")),
+        ("directions", ctypes.c_int64),
+        ("side", ctypes.c_int64),
+    ]
+
+
+class _LookedAt(ctypes.Structure):
+    """sun.c: struct looked_at."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("seen", "centre", "good", "gray", "group")),
+        *((name, ctypes.c_int64) for name in ("h", "w", "fine", "groups", "labels", "bytes")),
+        ("darkest", ctypes.c_float),
+    ]
+
+
+def polygons(
+    library: ctypes.CDLL, packed: Packed, order: Array, frame: Array, n: int
+) -> Tuple[Array, Array, float]:
+    """Faces ``order`` on the Sun's picture: (P, 4, 2) polygons [px], its origin (2,) and pitch [m].
+
+    Parameters
+    ----------
+    frame : (3, 3) axes of the picture and the direction to the Sun. n : its side [px].
+    """
+    p, out = np.empty((len(order), 4, 2)), np.empty(3)
+    library.fly_sun_polygons(
+        ctypes.byref(packed.pointers),
+        ctypes.c_void_p(address(order, "int64")),
+        ctypes.c_int64(len(order)),
+        ctypes.c_void_p(address(frame, "float64", (3, 3))),
+        ctypes.c_int64(n),
+        ctypes.c_void_p(address(p, "float64")),
+        ctypes.c_void_p(address(out, "float64")),
+    )
+    return p, out[:2].copy(), float(out[2])
+
+
+def heights(
+    library: ctypes.CDLL, packed: Packed, frame: Array, origin: Array, pitch_m: float, seen: Array
+) -> Array:
+    """(n, n) float32 heights [m] of what the Sun sees (n, n) int32."""
+    at, out = np.array([*origin, pitch_m]), np.empty(seen.shape, np.float32)
+    failed = library.fly_sun_heights(
+        ctypes.byref(packed.pointers),
+        ctypes.c_void_p(address(frame, "float64", (3, 3))),
+        ctypes.c_void_p(address(at, "float64", (3,))),
+        ctypes.c_void_p(address(seen, "int32", (len(seen), len(seen)))),
+        ctypes.c_int64(len(seen)),
+        ctypes.c_void_p(address(out, "float32")),
+    )
+    _checked(failed)
+    return out
+
+
+def shadows(
+    library: ctypes.CDLL,
+    packed: Packed,
+    sun: Sunlight,
+    seen: Array,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    R: Array,
+    t: Array,
+) -> Array:
+    """As ``Sunlight.shadows``."""
+    R, t, dark = laid(R, "float64"), laid(t, "float64"), np.zeros(seen.shape, bool)
+    failed = library.fly_shadows(
+        ctypes.byref(packed.pointers),
+        ctypes.byref(sun.packed[0]),
+        ctypes.byref(view(camera, canvas)),
+        ctypes.c_void_p(address(R, "float64", (3, 3))),
+        ctypes.c_void_p(address(t, "float64", (3,))),
+        ctypes.c_void_p(address(seen, "int32")),
+        ctypes.c_int64(seen.shape[0]),
+        ctypes.c_int64(seen.shape[1]),
+        ctypes.c_void_p(address(dark, "bool")),
+    )
+    _checked(failed)
+    return dark
+
+
+def packed_sun(sun: Sunlight) -> Tuple[Any, Tuple[Array, ...]]:
+    """The Sun's picture as the kernels take it, and what keeps its arrays alive."""
+    n = len(sun.height)
+    frame, at = np.vstack([sun.axes, sun.direction]), np.array([*sun.origin, sun.pitch_m])
+    kind = "uint16" if sun.seen.dtype == np.uint16 else "int32"
+    held = _Sun(
+        address(frame, "float64", (3, 3)),
+        address(at, "float64", (3,)),
+        address(sun.height, "float32", (n, n)),
+        address(sun.seen, kind, (n, n)),
+        n,
+        sun.seen.itemsize,
+    )
+    return held, (frame, at, sun.height, sun.seen)
+
+
+def packed_table(table: SunTable) -> Tuple[Any, Tuple[Array, ...]]:
+    """The table as the kernels take it, and what keeps its arrays alive."""
+    arrays = (
+        laid(table.frames, "float64"),
+        laid(table.origin, "float64"),
+        laid(table.pitch_m, "float64"),
+        laid(table.height, "float32"),
+    )
+    at = [a.__array_interface__["data"][0] for a in arrays]
+    return _Table(*at, len(table.directions), table.height.shape[1]), arrays
+
+
+def costs(
+    library: ctypes.CDLL,
+    table: Any,  # noqa: ANN401 - of packed_table
+    faces: Faces,
+    shading: Shading,
+    canvas: Canvas,
+    camera: CameraIntrinsics,
+    R: Array,
+    t: Array,
+    some: Array,
+    darkest: float,
+    dim: float,
+    pixels: int,
+) -> Optional[Array]:
+    """(S,) what each of the directions ``some`` (S,) leaves unexplained; None where too little is seen.
+
+    Parameters
+    ----------
+    table : of ``packed_table``. darkest : least of the canvas. dim : brightness that is as good as none.
+    others as in ``SunTable.find``.
+    """
+    good = shading.area > 0
+    good[0] = False
+    h, w = canvas.gray.shape
+    gray, group, some = laid(canvas.gray, "float32"), laid(faces.group, "int64"), laid(some, "int64")
+    kind = "uint8" if shading.centre.dtype == np.uint8 else "uint16"
+    centre = laid(shading.centre, kind)
+    picture = _LookedAt(
+        address(shading.seen, "int32", (h * canvas.fine, w * canvas.fine)),
+        address(centre, kind, (h, w)),
+        address(good, "bool"),
+        address(gray, "float32"),
+        address(group, "int64"),
+        h,
+        w,
+        canvas.fine,
+        faces.groups,
+        len(good),
+        centre.itemsize,
+        darkest,
+    )
+    R, t, out = laid(R, "float64"), laid(t, "float64"), np.empty(len(some))
+    run = library.fly_sun_costs
+    run.restype = ctypes.c_int64
+    points = run(
+        ctypes.byref(faces.packed.pointers),
+        ctypes.byref(table),
+        ctypes.byref(picture),
+        ctypes.byref(view(camera, canvas)),
+        ctypes.c_void_p(address(R, "float64", (3, 3))),
+        ctypes.c_void_p(address(t, "float64", (3,))),
+        ctypes.c_double(dim),
+        ctypes.c_int64(pixels),
+        ctypes.c_void_p(address(some, "int64")),
+        ctypes.c_int64(len(some)),
+        ctypes.c_void_p(address(out, "float64")),
+    )
+    _checked(-1 if points < 0 else 0)
+    return out if points >= LEAST_POINTS else None
+
+
+def middle(library: ctypes.CDLL, seen: Array) -> Array:
+    """(2,) mean column and row of the pixels of ``seen`` (h, w) that show the craft; NaN where none does."""
+    out = np.empty(2)
+    run = library.fly_middle
+    run.restype = ctypes.c_int64
+    n = run(
+        ctypes.c_void_p(address(seen, "int32")),
+        ctypes.c_int64(seen.shape[0]),
+        ctypes.c_int64(seen.shape[1]),
+        ctypes.c_void_p(address(out, "float64")),
+    )
+    return out if n else np.full(2, np.nan)
+
+
+def _checked(failed: int) -> None:
+    if failed:
+        raise MemoryError("no memory for the Sun's pictures")

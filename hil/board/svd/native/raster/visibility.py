@@ -1,0 +1,69 @@
+"""Which samples of the wireframe a camera sees, in C."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING, Any, Tuple
+
+import numpy as np
+
+from hil.board.svd.native.backend import address, laid
+
+if TYPE_CHECKING:
+    from hil.board.svd.model.edge_samples import EdgeSamples
+    from hil.board.svd.model.visibility import Occluders
+
+Array = np.ndarray
+
+
+class _Samples(ctypes.Structure):
+    """visible.c: struct samples."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("points", "tangents", "radius", "normals", "faces")),
+        ("n", ctypes.c_int64),
+    ]
+
+
+class _Occluders(ctypes.Structure):
+    """visible.c: struct occluders."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("v0", "e1", "e2", "n")),
+        ("triangles", ctypes.c_int64),
+    ]
+
+
+def packed_samples(samples: EdgeSamples) -> Tuple[Any, Tuple[Array, ...]]:
+    """The samples as the kernels take them, and what keeps their arrays alive."""
+    given = (samples.points_m, samples.tangents, samples.radius_m, samples.normals)
+    arrays = (*(laid(a, "float64") for a in given), laid(samples.faces, "int64"))
+    n = len(samples)
+    shapes = ((n, 3), (n, 3), (n,), (n, 2, 3), (n,))
+    at = [address(a, a.dtype.name, shape) for a, shape in zip(arrays, shapes)]  # noqa: B905 - 3.9
+    return _Samples(*at, n), arrays
+
+
+def packed_occluders(occ: Occluders) -> Tuple[Any, Tuple[Array, ...]]:
+    """The triangles as the kernels take them, and what keeps their arrays alive."""
+    arrays = tuple(laid(a, "float64") for a in (occ.v0, occ.e1, occ.e2, occ.n))
+    n = len(occ.v0)
+    return _Occluders(*(address(a, "float64", (n, 3)) for a in arrays), n), arrays
+
+
+def visible_samples(
+    library: ctypes.CDLL, samples: EdgeSamples, occ: Occluders, C_m: Array
+) -> Tuple[Array, Array]:
+    """As ``visibility.visible_samples``."""
+    C = laid(C_m, "float64")
+    visible, outline = np.empty(len(samples), bool), np.empty(len(samples), bool)
+    failed = library.fly_visible(
+        ctypes.byref(samples.packed[0]),
+        ctypes.byref(occ.packed[0]),
+        ctypes.c_void_p(address(C, "float64", (3,))),
+        ctypes.c_void_p(address(visible, "bool")),
+        ctypes.c_void_p(address(outline, "bool")),
+    )
+    if failed:
+        raise MemoryError("no memory to see what hides the wireframe")
+    return visible, outline

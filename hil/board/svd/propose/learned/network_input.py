@@ -1,0 +1,143 @@
+"""What the network is shown: the picture as a small camera turned to a part of it would see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Optional, Sequence
+
+import cv2
+import numpy as np
+
+from hil.board.svd.geometry.vectors import length
+from hil.board.svd.image.edge_field import area_mean
+from hil.board.svd.model.target_model import CameraIntrinsics
+from hil.board.svd.native.backend import library
+from hil.board.svd.native.images.area_average import readable
+from hil.board.svd.native.learned import network_input as kernel
+from hil.board.svd.propose.learned.network import FILLED, LOOK_PX, contrast
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Gaze:
+    """A direction, and how large the craft is thought to be there.
+
+    Parameters
+    ----------
+    direction : (3,) unit vector, camera axes. diameter_px : of the craft's sphere were it on the boresight, which
+        is its focal length times twice the tangent of its half angle.
+    """
+
+    direction: Array
+    diameter_px: float
+
+    @staticmethod
+    def at(camera: CameraIntrinsics, u_px: float, v_px: float, diameter_px: float) -> Gaze:
+        """Through a pixel; the lens is left out of account, as a second gaze corrects the first."""
+        d = np.array([(u_px - camera.cx_px) / camera.fx_px, (v_px - camera.cy_px) / camera.fy_px, 1.0])
+        return Gaze(d / np.linalg.norm(d), diameter_px)
+
+    def moved(self, f_px: float, shift: Array, log_size: float) -> Gaze:
+        """Corrected by what the network says: shift (2,) in half sides of its picture, logarithm of the size.
+
+        Parameters
+        ----------
+        f_px : focal length of the camera.
+        """
+        half = 0.5 * self.diameter_px / (FILLED * f_px)
+        d = self.swing() @ np.array([half * shift[0], half * shift[1], 1.0])
+        return Gaze(d / length(d), self.diameter_px * float(np.exp(log_size)))
+
+    def swing(self) -> Array:
+        """(3, 3) the shortest turn of the boresight to this direction."""
+        x, y, z = self.direction.tolist()
+        c = 1.0 / (1.0 + max(z, -0.99))
+        return np.array([[1 - x * x * c, -x * y * c, x], [-x * y * c, 1 - y * y * c, y], [-x, -y, z]])
+
+
+def seen_through(
+    image: Array,
+    camera: CameraIntrinsics,
+    gaze: Gaze,
+    side_px: int,
+    sphere_px: float,
+    reduced: Optional[Array] = None,
+) -> Array:
+    """(side, side) float32 the picture by a small camera along a gaze, averaged over what each pixel covers.
+
+    Parameters
+    ----------
+    image : (H, W). sphere_px : diameter of the craft's sphere there. reduced : the whole picture reduced by area
+        averaging, which a small camera that takes in much is shown instead.
+    """
+    return views_through(image, camera, [gaze], side_px, sphere_px, reduced)[0]
+
+
+def views_through(
+    image: Array,
+    camera: CameraIntrinsics,
+    gazes: Sequence[Gaze],
+    side_px: int,
+    sphere_px: float,
+    reduced: Optional[Array] = None,
+) -> Array:
+    """(N, side, side) the same along many gazes."""
+    native = library()
+    if native is None or camera.distorted or not readable(image):
+        return np.stack([_seen_through(image, camera, g, side_px, sphere_px, reduced) for g in gazes])
+    intrinsics = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
+    given = np.array([[*g.direction, g.diameter_px] for g in gazes])
+    return kernel.seen_through(native, image, reduced, intrinsics, given, side_px, sphere_px)
+
+
+def _seen_through(
+    image: Array,
+    camera: CameraIntrinsics,
+    gaze: Gaze,
+    side_px: int,
+    sphere_px: float,
+    reduced: Optional[Array],
+) -> Array:
+    f = 0.5 * (camera.fx_px + camera.fy_px)
+    # picture pixels per pixel of the small one
+    factor = gaze.diameter_px / sphere_px
+    step = (np.arange(side_px) - 0.5 * (side_px - 1)) * factor / f
+    x, y = np.meshgrid(step, step)
+    at = camera.pixels(np.stack([x, y, np.ones_like(x)], axis=-1) @ gaze.swing().T)
+    if reduced is not None:
+        scale = np.array([image.shape[1] / reduced.shape[1], image.shape[0] / reduced.shape[0]])
+        if factor > 2.0 * scale.max():
+            # its pixels are averages of averages then
+            image, at, factor = reduced, (at + 0.5) / scale - 0.5, factor / float(scale.max())
+    h, w = image.shape
+    x0, y0 = (int(np.clip(np.floor(at[..., k].min()) - factor, 0, size - 2)) for k, size in ((0, w), (1, h)))
+    x1, y1 = (
+        int(np.clip(np.ceil(at[..., k].max()) + factor, low + 2, size))
+        for k, low, size in ((0, x0, w), (1, y0, h))
+    )
+    part = image[y0:y1, x0:x1]
+    if factor > 1.0:
+        part = area_mean(part, max(2, round((x1 - x0) / factor)), max(2, round((y1 - y0) / factor)))
+    u = ((at[..., 0] - x0 + 0.5) * (part.shape[1] / (x1 - x0)) - 0.5).astype(np.float32)
+    v = ((at[..., 1] - y0 + 0.5) * (part.shape[0] / (y1 - y0)) - 0.5).astype(np.float32)
+    part = np.asarray(part, np.float32)
+    return np.asarray(cv2.remap(part, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+def look(
+    image: Array,
+    noise: float,
+    camera: CameraIntrinsics,
+    gazes: Sequence[Gaze],
+    reduced: Optional[Array] = None,
+) -> Array:
+    """(B, 64, 64, 2) float32 what the network is shown along each gaze.
+
+    Parameters
+    ----------
+    image : (H, W). noise : its standard deviation. reduced : see ``seen_through``.
+    """
+    sphere = FILLED * LOOK_PX
+    pictures = views_through(image, camera, gazes, LOOK_PX, sphere, reduced)
+    return contrast(pictures, np.array([noise / max(g.diameter_px / sphere, 1.0) for g in gazes]))

@@ -1,0 +1,1 @@
+"""Studies that the documents quote; nothing here is in the wheel."""

@@ -1,0 +1,288 @@
+"""The studies of docs/svd_results.md: methods, solvers, streams, steps towards ours, a wrong model, a wrong exposure.
+
+``python -m tools.studies.published_methods SET REPORTS --parts methods --feasible 30`` prints tables in Markdown.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from hil.board.svd import BoardModel
+from hil.board.svd.published.settings import OF_OURS, OF_THESIS, SOLVERS
+from hil.evaluate.frames import EvaluatedFrame, rows_there
+from hil.evaluate.run import ROWS, evaluate_dataset, method_metrics
+from hil.evaluate.worker import MethodChoice, board_model
+from simulator.dataset.card import read_card
+from simulator.dataset.native import frame_paths, is_whole, write_frame
+from simulator.labels.frame import take_frame
+from simulator.labels.truth import read_truth
+from simulator.render.renderer import Renderer
+from simulator.targets.library import load_target
+from tools.studies.paired_tables import paired, table, units_table, write_into_page
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+
+# The thesis's version draws as few points of a figure as a solver takes; the published one gives it all of them, where
+# P3P and AP3P have no use for the fourth.
+FEW = tuple(MethodChoice("svd-thesis", s) for s in ("p3p", *(s for s in SOLVERS if s != "p3p")))
+ALL = tuple(MethodChoice("svd-2018", s) for s in SOLVERS if s not in ("p3p", "ap3p"))
+
+# Its own two streams are the first of ``FEW``, all three the first of ``TOWARDS_OURS``.
+STREAMS = tuple(
+    MethodChoice("svd-thesis", None, k) for k in (("wge",), ("sh",), ("lsd",), ("wge", "sh", "harris"))
+)
+
+# Each thing that ours has and the thesis's version has not, alone and then all; the same between published ones.
+TOWARDS_OURS = (
+    *(MethodChoice("svd-thesis", None, None, (step,)) for step in OF_OURS),
+    MethodChoice("svd-thesis", None, None, tuple(OF_OURS)),
+)
+TOWARDS_THESIS = tuple(MethodChoice("svd-2018", None, None, (step,)) for step in OF_THESIS)
+PUBLISHED = (*FEW, *ALL, *STREAMS, *TOWARDS_THESIS, *TOWARDS_OURS)
+
+# Waves that make up the shift of a wrong model.
+WAVES = 60
+
+SVD = MethodChoice("svd")
+METHODS = (MethodChoice("svd-2018"), MethodChoice("svd-thesis"))
+
+MODEL_ERRORS_M = (0.002, 0.005)
+EXPOSURE_FACTORS = (0.25, 4.0)
+
+
+def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
+    """A model bent at random, ``sigma_m`` along each axis: wireframe, hiding mesh and drawn faces alike.
+
+    Notes
+    -----
+    The shift is a smooth random field that varies over a quarter of the model's radius, so that what meets stays joined
+    and the small faces that a large one was cut into stay nearly plane.
+    """
+    rng = np.random.default_rng(seed)
+    waves = rng.normal(0.0, 4.0 / model.radius_m, (3, WAVES, 3))
+    phases = rng.uniform(0.0, 2 * np.pi, (3, WAVES))
+
+    def moved(points: np.ndarray) -> np.ndarray:
+        p = np.asarray(points, float)
+        shift = [np.cos(p @ w.T + phase).sum(axis=-1) for w, phase in zip(waves, phases, strict=True)]
+        return p + sigma_m * np.sqrt(2.0 / WAVES) * np.stack(shift, axis=-1)
+
+    edges = tuple(replace(e, a_m=moved(e.a_m), b_m=moved(e.b_m)) for e in model.wireframe)
+    faces = model.faces
+    if faces is not None:
+        corners = moved(faces.corners)
+        normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        # three corners: the last stands twice
+        flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = np.where((normals * faces.normals).sum(axis=1, keepdims=True) > 0, normals, flat)
+        size = np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = np.where(size > 1e-12, normals / np.maximum(size, 1e-12), faces.normals)
+        offset = np.einsum("fi,fi->f", normals, corners.mean(axis=1))
+        faces = replace(faces, corners=corners, normals=normals, offset=offset)
+    return replace(
+        model,
+        wireframe=edges,
+        vertices_m=moved(model.vertices_m.reshape(-1, 3)),
+        faces=faces,
+        sha256=f"{model.sha256}+{sigma_m}",
+    )
+
+
+def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None = None) -> Path:
+    """The same frames, all or some, drawn again with ``factor`` times the exposure; labels are the same."""
+    card = read_card(folder)
+    asked = range(card.n_frames) if frames is None else frames
+    missing = [k for k in asked if is_whole(folder, k) and not is_whole(out, k)]
+    if not missing and (out / "dataset.json").is_file():
+        return out
+    (out / "images").mkdir(parents=True, exist_ok=True)
+    target = load_target(card.target.name)
+    with Renderer() as renderer:
+        for k in missing:
+            truth = read_truth(frame_paths(folder, k).truth)
+            scene = replace(truth.scene, exposure_s=truth.scene.exposure_s * factor)
+            frame = take_frame(renderer, scene, target)
+            if frame.truth is None:
+                raise RuntimeError("a labelled frame needs its truth")
+            # whether a frame can be solved is a matter of the right exposure
+            same = msgspec.structs.replace(
+                frame.truth, feasible=truth.feasible, infeasible_reason=truth.infeasible_reason
+            )
+            write_frame(out, k, replace(frame, truth=same))
+    (out / "dataset.json").write_bytes((folder / "dataset.json").read_bytes())
+    return out
+
+
+def feasible_frames(folder: Path, most: int) -> list[int]:
+    """The first ``most`` frames of a set that can be solved."""
+    found: list[int] = []
+    for k in range(read_card(folder).n_frames):
+        if len(found) == most:
+            break
+        if is_whole(folder, k) and read_truth(frame_paths(folder, k).truth).feasible:
+            found.append(k)
+    return found
+
+
+class Study:
+    """The parts of the studies on one data set.
+
+    Parameters
+    ----------
+    folder : the data set. reports : folder of the evaluations, gone on with when there are any.
+    feasible : so many of the feasible frames alone; None: all frames. workers : processes.
+    evaluate : whether to evaluate what is missing; else tables are of the frames that every method has answered.
+    """
+
+    def __init__(
+        self, folder: Path, reports: Path, *, feasible: int | None, workers: int, evaluate: bool
+    ) -> None:
+        self.folder, self.reports, self.workers, self.evaluate = folder, reports, workers, evaluate
+        self.name = read_card(folder).scenario_name
+        self.model = board_model(load_target(read_card(folder).target.name))
+        self.frames = None if feasible is None else feasible_frames(folder, feasible)
+        self.parts: dict[str, Callable[[], str]] = {
+            "methods": self.methods,
+            "units": self.units,
+            "solvers": lambda: self.published((*FEW, *ALL), FEW[0]),
+            "streams": lambda: self.published((FEW[0], *STREAMS[:3], TOWARDS_OURS[0], STREAMS[3]), FEW[0]),
+            "thesis": lambda: self.published((ALL[0], *TOWARDS_THESIS, FEW[0]), ALL[0]),
+            "ablation": lambda: self.published((FEW[0], *TOWARDS_OURS), FEW[0]),
+            "model": self.bent,
+            "exposure": self.exposure,
+        }
+
+    def rows(
+        self,
+        name: str,
+        choices: Sequence[MethodChoice],
+        of: Path | None = None,
+        model: BoardModel | None = None,
+    ) -> list[EvaluatedFrame]:
+        """Rows of an evaluation, of the frames that all its methods have answered."""
+        place = self.reports / name
+        if self.evaluate:
+            place.mkdir(parents=True, exist_ok=True)
+            evaluate_dataset(
+                of or self.folder,
+                place,
+                methods=tuple(choices),
+                model=model,
+                workers=self.workers,
+                frames=self.frames,
+            )
+        rows = rows_there(place / ROWS)
+        answered = Counter(r.frame for r in rows)
+        return [r for r in rows if answered[r.frame] == len(choices)]
+
+    def published(self, choices: Sequence[MethodChoice], first: MethodChoice) -> str:
+        """A table of variants of the published methods, with paired counts against one of them."""
+        # each frame by all before the next one: what there is at any time compares
+        rows = self.rows("published", PUBLISHED)
+        return compared(rows, [c.label for c in choices], first.label)
+
+    def methods(self) -> str:
+        """The three methods; the published ones on as many frames as there are."""
+        return compared(
+            [*self.rows("methods", METHODS), *self.rows("svd", [SVD])],
+            [*(c.label for c in METHODS), SVD.label],
+            METHODS[1].label,
+        )
+
+    def units(self) -> str:
+        """The thesis's means of errors, in which unit."""
+        rows = self.rows("methods", METHODS)
+        return units_table(
+            [(c.label, [r.record for r in rows if r.method == c.label]) for c in METHODS[::-1]]
+        )
+
+    def bent(self) -> str:
+        """The best method given a wrong model."""
+        found = {"exact": self.rows("svd", [SVD])}
+        for sigma in MODEL_ERRORS_M:
+            wrong = wrong_model(self.model, sigma)
+            found[f"bent by {1e3 * sigma:g} mm"] = self.rows(f"model-{sigma}", [SVD], model=wrong)
+        return together(found)
+
+    def exposure(self) -> str:
+        """The best method given a wrong exposure."""
+        found = {"right exposure": self.rows("svd", [SVD])}
+        for factor in EXPOSURE_FACTORS:
+            place = self.reports / f"set-exposure-{factor}"
+            other = expose(self.folder, place, factor, self.frames) if self.evaluate else place
+            found[f"exposure x {factor:g}"] = self.rows(f"exposure-{factor}", [SVD], of=other)
+        return together(found)
+
+
+def compared(rows: Sequence[EvaluatedFrame], labels: Sequence[str], first: str) -> str:
+    """A table of some methods, with frames gained and lost against the first."""
+    present = [label for label in labels if any(r.method == label for r in rows)]
+    metrics = [(label, method_metrics(label, [r for r in rows if r.method == label])) for label in present]
+    differ = []
+    for label in present:
+        gained, lost, p = paired(rows, first, label)
+        differ.append("" if label == first else f"{gained}, {lost} ({max(p, 1e-99):.2g})")
+    return table(metrics, differ)
+
+
+def together(found: dict[str, list[EvaluatedFrame]]) -> str:
+    """A table of one method under several conditions, of the frames that it has answered under all of them."""
+    common = set.intersection(*({r.frame for r in rows} for rows in found.values()))
+    first, *_ = found
+    rows = [
+        msgspec.structs.replace(r, method=name)
+        for name, all_rows in found.items()
+        for r in all_rows
+        if r.frame in common
+    ]
+    return compared(rows, list(found), first)
+
+
+def main() -> int:
+    """Run parts of the studies from the command line."""
+    parser = argparse.ArgumentParser(prog="tools.studies.published_methods", description=__doc__)
+    parser.add_argument("set", type=Path, help="a data set written by capture")
+    parser.add_argument("reports", type=Path, help="folder of the reports, gone on with when it exists")
+    parser.add_argument(
+        "--parts",
+        default="methods",
+        help="with commas: methods,units,solvers,streams,thesis,ablation,model,exposure",
+    )
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--feasible", type=int, help="the first so many feasible frames alone")
+    parser.add_argument("--tables", action="store_true", help="evaluate nothing: tables of what is there")
+    parser.add_argument(
+        "--page", type=Path, help="a page whose tables (<!-- study PART SCENARIO -->) are replaced"
+    )
+    options = parser.parse_args()
+    study = Study(
+        options.set,
+        options.reports,
+        feasible=options.feasible,
+        workers=options.workers,
+        evaluate=not options.tables,
+    )
+    for part in options.parts.split(","):
+        if part not in study.parts:
+            parser.error(f"unknown part {part!r}: choose from {', '.join(study.parts)}")
+    for part in options.parts.split(","):
+        text = study.parts[part]()
+        sys.stdout.write(f"### {part}: {study.name}\n\n{text}\n\n")
+        sys.stdout.flush()
+        if options.page is not None:
+            write_into_page(options.page, part, study.name, text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

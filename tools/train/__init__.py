@@ -1,0 +1,1 @@
+"""Training of the weights that the estimator ships with; nothing here is in the wheel."""
