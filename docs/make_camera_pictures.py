@@ -10,15 +10,15 @@ from typing import Any
 import cv2
 import numpy as np
 
-from simulator.arrays import vec3
 from simulator.camera.files import load_camera
 from simulator.camera.optics import Optics
 from simulator.camera.presets import sensor_preset
 from simulator.camera.sensor import Detector, Sensor
+from simulator.imaging.develop import digitise_scene, expose_scene
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
+from simulator.runtime.arrays import vec3
 from simulator.scenario.load import load_scenario
-from simulator.scene.develop import digitise_scene, expose_scene
 from simulator.scene.state import SceneState
 from simulator.world.frames.rotation import matrix_from_quat
 

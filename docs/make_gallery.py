@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 import flyaround as fa
-from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.dataset.poses import scene_with_pose
+from simulator.runtime.arrays import quat, vec3
 from simulator.scene.illumination.bands import sunlight_balance
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import place_itrs_m, scene_above

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from simulator.camera.model import Camera
     from simulator.camera.sensor import Sensor
     from simulator.dataset.capture import capture
-    from simulator.dataset.check import check_dataset
+    from simulator.dataset.check.verify import check_dataset
     from simulator.dataset.picture import render_scene, save_picture
     from simulator.dataset.poses import scene_at
     from simulator.errors import UserError
-    from simulator.labels.frame import Frame, take_frame
+    from simulator.frame import Frame, take_frame
     from simulator.labels.overlay import draw_truth
     from simulator.labels.truth import Truth, read_truth
     from simulator.loop import Plan, Sink, plan_flight, run_frames
@@ -79,7 +79,7 @@ __all__ = [
 _HOMES = {
     "Camera": "simulator.camera.model",
     "Environment": "simulator.scene.state",
-    "Frame": "simulator.labels.frame",
+    "Frame": "simulator.frame",
     "Plan": "simulator.loop",
     "Pose": "simulator.world.frames.pose",
     "PoseResult": "hil.board.svd",
@@ -92,7 +92,7 @@ _HOMES = {
     "Truth": "simulator.labels.truth",
     "UserError": "simulator.errors",
     "capture": "simulator.dataset.capture",
-    "check_dataset": "simulator.dataset.check",
+    "check_dataset": "simulator.dataset.check.verify",
     "draw_truth": "simulator.labels.overlay",
     "estimate": "hil.evaluate.estimate",
     "list_cameras": "simulator.camera.files",
@@ -108,7 +108,7 @@ _HOMES = {
     "run_frames": "simulator.loop",
     "save_picture": "simulator.dataset.picture",
     "scene_at": "simulator.dataset.poses",
-    "take_frame": "simulator.labels.frame",
+    "take_frame": "simulator.frame",
     "write_glb": "simulator.targets.glb_write",
 }
 

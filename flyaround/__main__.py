@@ -14,8 +14,8 @@ from flyaround.terminal import terminal
 from hil.board.errors import BoardModelError
 from hil.link.errors import LinkError
 from simulator.errors import UserError, machine_sentence
-from simulator.memory import keep_freed_memory
-from simulator.threads import use_one_for_matrices
+from simulator.runtime.memory import keep_freed_memory
+from simulator.runtime.threads import use_one_for_matrices
 
 INTERRUPTED, TERMINATED = 130, 143  # 128 and the signal's number, as shells have it
 

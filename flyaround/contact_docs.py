@@ -9,8 +9,8 @@ import numpy as np
 from flyaround.contact_page import facts, jpeg
 from flyaround.contact_views import OBLIQUE, draw_labels, draw_view
 from simulator.errors import write_error
-from simulator.files import write_atomic
 from simulator.render.renderer import Renderer
+from simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -10,14 +10,14 @@ import numpy as np
 
 from flyaround.contact_views import OBLIQUE, SIDES, bounds_m, draw_labels, draw_view
 from simulator.errors import write_error
-from simulator.files import write_atomic
 from simulator.render.renderer import Renderer
+from simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from simulator.arrays import ByteArray
+    from simulator.runtime.arrays import ByteArray
     from simulator.targets.model import Material, Target
 
 LARGE, SMALL = (640, 480), (240, 240)

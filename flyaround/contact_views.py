@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.camera.sensor import Sensor
+from simulator.runtime.arrays import quat, vec3
 from simulator.scene.environments import NOTHING
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.scene.state import SceneState, TargetRef
@@ -20,8 +20,8 @@ from simulator.world.frames.rotation import quat_from_matrix
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from simulator.arrays import ByteArray, Float32Array, FloatArray
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
     from simulator.targets.model import Target
 
 OBLIQUE = ((1.0, -0.75, 0.55), (-0.85, 0.9, 0.45), (0.6, 0.85, -0.8))

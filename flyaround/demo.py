@@ -23,10 +23,10 @@ from hil.host.run import HostFrame, RunConfig, run_host
 from hil.host.stream import stream_frames
 from hil.host.truth_logger import TruthLogger
 from simulator.dataset.capture import capture
-from simulator.dataset.check import check_dataset
+from simulator.dataset.check.verify import check_dataset
 from simulator.errors import UserError
-from simulator.files import empty_folder, write_json
 from simulator.loop import plan_flight
+from simulator.runtime.files import empty_folder, write_json
 from simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:

@@ -14,19 +14,19 @@ from flyaround.demo_plots import plot_errors, plot_latency, plot_trajectory
 from hil.host.summary import LedgerSummary
 from simulator.dataset.capture import CaptureSummary
 from simulator.dataset.card import read_card
-from simulator.dataset.check import CheckReport
-from simulator.dataset.native import frame_paths, read_png
-from simulator.files import write_atomic
+from simulator.dataset.check.verify import CheckReport
+from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.labels.overlay import draw_pose, draw_truth
 from simulator.labels.truth import Truth, read_truth
+from simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.host.ledger import LedgerRow
     from hil.host.run import HostFrame
-    from simulator.arrays import ByteArray
     from simulator.loop import Plan
+    from simulator.runtime.arrays import ByteArray
 
 THUMB = (480, 300)
 N_ANSWERS = 6

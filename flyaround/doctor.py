@@ -13,11 +13,11 @@ import numpy as np
 
 from hil.board.errors import BoardModelError
 from hil.board.svd.native.backend import kernels
-from simulator.cache import cache_folder
 from simulator.errors import UserError
 from simulator.render.cache import cache_bytes
 from simulator.render.first_hits import embree_is_here
 from simulator.render.renderer import Renderer
+from simulator.runtime.cache import cache_folder
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from typing import Any
 from hil.evaluate.metrics import metrics_json_schema
 from hil.host.summary import summary_schema
 from simulator.dataset.card import card_json_schema
-from simulator.files import write_atomic
 from simulator.labels.truth import truth_json_schema
+from simulator.runtime.files import write_atomic
 from simulator.scenario.load import scenario_json_schema
 from simulator.targets.records import board_json_schema, target_json_schema
 

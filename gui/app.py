@@ -22,13 +22,13 @@ from gui.source import RenderedPictures
 from gui.window import Window, import_parts
 from simulator.dataset.picture import save_picture
 from simulator.errors import UserError
-from simulator.files import empty_folder, write_atomic
+from simulator.runtime.files import empty_folder, write_atomic
 from simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.arrays import ByteArray
+    from simulator.runtime.arrays import ByteArray
 
 log = logging.getLogger(__name__)
 

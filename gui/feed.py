@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gui.look import Look
     from gui.session import Moment, Session
     from simulator.camera.model import Camera
-    from simulator.labels.frame import Frame
+    from simulator.frame import Frame
     from simulator.scene.state import Quality, SceneState
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from simulator.arrays import Vec3
+from simulator.runtime.arrays import Vec3
 
 
 class Action(Enum):

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from simulator.labels.boxes import amodal_box
-from simulator.labels.occlusion import Mesh, hidden_from_direction, occluded_from_camera
+from simulator.labels.visibility import Mesh, hidden_from_direction, occluded_from_camera
 from simulator.world.frames.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
     from gui.look import Overlays
-    from simulator.arrays import BoolArray, FloatArray
+    from simulator.runtime.arrays import BoolArray, FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 

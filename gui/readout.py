@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.arrays import Vec3, vec3
+from simulator.runtime.arrays import Vec3, vec3
 from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import time
 from typing import TYPE_CHECKING, TextIO
 
 from simulator.errors import UserError
-from simulator.files import empty_folder, write_atomic
+from simulator.runtime.files import empty_folder, write_atomic
 from simulator.scenario.write import replay_scenario
 from simulator.world.flight.recording import LINES, Recording, first_line, line_of
 

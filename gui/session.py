@@ -10,8 +10,8 @@ import numpy as np
 from gui import steering
 from gui.keys import STEERING, THRUST, Action
 from gui.recorder import Recorder
-from simulator.arrays import Vec3, vec3
 from simulator.loop import plan_flight
+from simulator.runtime.arrays import Vec3, vec3
 from simulator.scenario.chaser import keep_out
 from simulator.scenario.flight import fly
 from simulator.world.frames.rotation import matrix_from_quat
@@ -21,8 +21,8 @@ from simulator.world.relative.prediction import predicted_drift_lvlh_m
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
-    from simulator.arrays import FloatArray
     from simulator.loop import Plan
+    from simulator.runtime.arrays import FloatArray
     from simulator.scenario.scenario import Scenario
     from simulator.scene.state import SceneState
     from simulator.world.flight.flight import Flight

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Self
 
 from gui.feed import PicturesLostError
 from simulator.errors import UserError
-from simulator.labels.frame import Frame, take_frame
-from simulator.render.process import ProcessDiedError, RenderProcess
+from simulator.frame import Frame, take_frame
+from simulator.runtime.process import ProcessDiedError, RenderProcess
 from simulator.targets.library import target_in_use
 
 if TYPE_CHECKING:

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gui.keys import THRUST, TURN, Action
-from simulator.arrays import Vec3, vec3
+from simulator.runtime.arrays import Vec3, vec3
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
 from simulator.world.guidance.manual_control import ChaserState, Command
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.frames.lvlh import Lvlh
 
 ACCELERATION_M_S2 = 0.05

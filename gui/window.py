@@ -15,7 +15,7 @@ from simulator.errors import UserError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from simulator.arrays import ByteArray
+    from simulator.runtime.arrays import ByteArray
 
 NO_DISPLAY = (
     "no window can be opened here (no X or Wayland display answers); start flyaround sim in a desktop "

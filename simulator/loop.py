@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, Protocol
 import msgspec
 import numpy as np
 
-from simulator.camera.develop import expose
 from simulator.camera.model import Camera
 from simulator.errors import UserError
-from simulator.labels.frame import Frame, take_frame
+from simulator.frame import Frame, take_frame
+from simulator.imaging.auto_exposure import AutoExposure, ExposureTrack
+from simulator.imaging.image_formation import expose
+from simulator.imaging.metering import metered_radiance_w_m2_sr
 from simulator.scenario.flight import fly, frame_times
-from simulator.scene.auto_exposure import AutoExposure, ExposureTrack
 from simulator.scene.build import build_scene
-from simulator.scene.meter import metered_radiance_w_m2_sr
 from simulator.scene.state import Bands, Quality, SceneState, TargetRef
 from simulator.targets.library import load_target
 from simulator.targets.model import Target

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from simulator.threads import share_processors
+from simulator.runtime.threads import share_processors
 
 MOST_PROGRAMS = 120
 """A driver keeps three megabytes for each until its context goes: the suite's four hundred were over a gigabyte."""

@@ -17,8 +17,8 @@ from hil.board.svd import CameraIntrinsics, make_estimator
 from hil.evaluate.worker import board_model
 from simulator.camera.files import load_camera
 from simulator.camera.presets import sensor_preset
-from simulator.files import empty_folder
 from simulator.render.renderer import Renderer
+from simulator.runtime.files import empty_folder
 from simulator.targets.library import load_target
 from simulator.validation.pictures.comparison import compare_pictures
 from simulator.validation.pictures.figures import FIGURES

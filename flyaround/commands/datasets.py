@@ -16,8 +16,8 @@ from flyaround.progress import progress_bar
 from flyaround.terminal import say
 from simulator.dataset.capture import FORMATS, parse_formats
 from simulator.dataset.capture import capture as capture_plan
-from simulator.dataset.check import check_dataset
-from simulator.dataset.check_picture import SHARE as REDRAWN_SHARE
+from simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
+from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.clipping import ClippingSummary
 from simulator.errors import UserError
 from simulator.labels.request import parse_labels

@@ -25,9 +25,9 @@ from hil.evaluate.run import evaluate_dataset
 from hil.evaluate.worker import MethodChoice, board_model
 from simulator.camera.files import load_camera
 from simulator.dataset.card import read_card
-from simulator.dataset.native import read_png
+from simulator.dataset.formats.native import read_png
 from simulator.errors import UserError
-from simulator.files import empty_folder
+from simulator.runtime.files import empty_folder
 from simulator.targets.library import load_target
 
 Solver = Annotated[

@@ -19,8 +19,8 @@ from simulator.camera.files import list_cameras, load_camera, read_camera_file
 from simulator.camera.files_foreign import FORMATS, written
 from simulator.dataset.contact_sheet import write_contact_sheets
 from simulator.errors import UserError
-from simulator.files import empty_folder, write_atomic
 from simulator.loop import plan_flight
+from simulator.runtime.files import empty_folder, write_atomic
 from simulator.scenario.load import list_scenarios, load_scenario
 from simulator.scenario.recipes import RECIPES
 from simulator.scenario.show import show_scenario

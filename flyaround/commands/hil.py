@@ -26,8 +26,8 @@ from hil.host.stream import check_streamable, stream_frames
 from hil.host.summary import LedgerSummary
 from hil.host.truth_policy import truth_kept_home
 from simulator.errors import UserError
-from simulator.files import empty_folder
 from simulator.loop import plan_flight
+from simulator.runtime.files import empty_folder
 from simulator.targets.board_file import write_board_model
 from simulator.targets.library import load_target
 

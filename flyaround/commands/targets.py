@@ -13,7 +13,7 @@ from flyaround.contact_page import write_contact_sheet
 from flyaround.progress import progress_bar
 from flyaround.terminal import say, terminal
 from simulator.errors import UserError
-from simulator.files import empty_folder
+from simulator.runtime.files import empty_folder
 from simulator.targets.board_file import write_board_model
 from simulator.targets.faces import MOST_TRIANGLES
 from simulator.targets.glb_write import write_glb

@@ -16,7 +16,7 @@ import numpy as np
 
 from hil.board.svd.native.backend import CHOICE
 from simulator.bench.parts import PartCost, cost
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.loop import Plan, plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario

@@ -16,7 +16,7 @@ from hil.evaluate.grey import grey
 from hil.evaluate.worker import MethodChoice, board_model
 from simulator.camera.files import load_camera
 from simulator.camera.model import Camera
-from simulator.dataset.native import read_png
+from simulator.dataset.formats.native import read_png
 from simulator.errors import UserError
 from simulator.targets.library import load_target
 from simulator.targets.model import Target

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.arrays import vec3
+from simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from hil.evaluate.frame_record import FrameRecord
-from simulator.arrays import vec3
+from simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

@@ -13,9 +13,9 @@ from hil.evaluate.failures import KINDS
 from hil.evaluate.gallery import failure_tile
 from hil.evaluate.grey import grey
 from hil.evaluate.plots import CAPTIONS, draw_plots
-from simulator.dataset.native import frame_paths, read_png
-from simulator.files import write_atomic
+from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.labels.truth import read_truth
+from simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

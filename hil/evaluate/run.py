@@ -20,9 +20,9 @@ from hil.evaluate.metrics import MethodMetrics, Metrics, compose, summarise
 from hil.evaluate.page import write_page
 from hil.evaluate.worker import Evaluator, MethodChoice, answer_in_worker, board_model, start_worker
 from simulator.dataset.card import read_card
-from simulator.dataset.native import frame_paths, is_whole, read_png
+from simulator.dataset.formats.native import frame_paths, is_whole, read_png
 from simulator.errors import UserError
-from simulator.files import write_atomic
+from simulator.runtime.files import write_atomic
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:

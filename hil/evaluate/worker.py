@@ -17,7 +17,7 @@ from hil.evaluate.failures import failure_kind
 from hil.evaluate.frame_record import frame_record
 from hil.evaluate.frames import EvaluatedFrame
 from hil.evaluate.grey import grey
-from simulator.dataset.native import frame_paths, read_png
+from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.errors import UserError
 from simulator.labels.truth import Truth, read_truth
 from simulator.targets.board_file import write_board_model

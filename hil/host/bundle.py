@@ -13,7 +13,7 @@ import msgspec
 
 import hil
 from simulator.errors import UserError
-from simulator.files import write_atomic
+from simulator.runtime.files import write_atomic
 from simulator.targets.board_file import board_record
 
 if TYPE_CHECKING:

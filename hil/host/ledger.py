@@ -14,11 +14,11 @@ import numpy as np
 
 from hil.evaluate.frame_record import COARSE_DEG, COARSE_SHARE
 from simulator.errors import UserError
-from simulator.regular_file import read_regular
+from simulator.runtime.untrusted_files import read_regular
 from simulator.world.frames.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
-    from simulator.arrays import Quat, Vec3
+    from simulator.runtime.arrays import Quat, Vec3
 
 FRAMES_CSV = "frames.csv"
 ACCEPTED, DECLINED, DROPPED = "accepted", "declined", "dropped:"

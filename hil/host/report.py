@@ -12,8 +12,8 @@ from hil.host.ledger import FRAMES_CSV, read_ledger
 from hil.host.report_plots import draw_plots
 from hil.host.summary import RUN_JSON, SUMMARY_JSON, LedgerSummary, RunTerms, summarise
 from simulator.errors import UserError
-from simulator.files import write_atomic
-from simulator.regular_file import read_regular
+from simulator.runtime.files import write_atomic
+from simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -30,7 +30,7 @@ from hil.host.summary import (
 from hil.host.truth_policy import truth_kept_home, with_truth_endpoint
 from hil.link.messages import HelloAck, Mode, TruthPolicy
 from simulator.errors import UserError
-from simulator.files import write_atomic
+from simulator.runtime.files import write_atomic
 
 logger = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from hil.host.run import HostFrame
 from simulator.dataset.draw import draw_labelled
 from simulator.errors import UserError
 from simulator.labels.truth import truth_to_json
-from simulator.render.processes import RenderProcesses
+from simulator.runtime.process_pool import RenderProcesses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

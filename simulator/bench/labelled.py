@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.labels.request import LAYERS, LabelRequest
 from simulator.labels.truth import FlowLabel
 

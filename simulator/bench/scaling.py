@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario

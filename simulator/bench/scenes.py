@@ -11,7 +11,7 @@ import numpy as np
 
 from simulator.bench.labelled import labels_cost
 from simulator.camera.files import load_camera
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.loop import plan_flight
 from simulator.render.reference_pass import ReferencePass
 from simulator.render.renderer import Renderer

@@ -10,9 +10,9 @@ import time
 import numpy as np
 
 from simulator.bench.parts import PartCost, cost
-from simulator.camera.develop import digitise, expose
 from simulator.camera.presets import list_sensor_presets, sensor_preset
 from simulator.camera.recipe_noise import begin_noise
+from simulator.imaging.image_formation import digitise, expose
 
 SHAPE = (1200, 1920)
 EXPOSURE_S = 1e-3

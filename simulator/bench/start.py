@@ -14,8 +14,8 @@ SCENE = "tango-earth-10m-1024"
 # in the order of `flyaround render`: the maps are begun before what draws is imported
 _PROGRAM = f"""
 import sys
-from simulator.memory import keep_freed_memory
-from simulator.threads import use_one_for_matrices
+from simulator.runtime.memory import keep_freed_memory
+from simulator.runtime.threads import use_one_for_matrices
 keep_freed_memory()  # as the program does
 use_one_for_matrices()
 from simulator.render.earth_maps import begin_earth_maps
@@ -23,7 +23,7 @@ from simulator.scenario.load import load_scenario
 scenario = load_scenario("{SCENE}")
 bands = scenario.output.bands
 begun = begin_earth_maps(bands, scenario.environment_model, scenario.epoch_utc)
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
 plan = plan_flight(scenario, n=1)

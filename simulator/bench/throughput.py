@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.bench.scenes import BenchMachine, bench_machine, bench_views
-from simulator.labels.frame import take_frame
-from simulator.memory import keep_freed_memory
+from simulator.frame import take_frame
 from simulator.render.reference_pass import ReferencePass
 from simulator.render.renderer import Renderer
-from simulator.threads import share_processors
+from simulator.runtime.memory import keep_freed_memory
+from simulator.runtime.threads import share_processors
 
 if TYPE_CHECKING:
     from collections.abc import Callable

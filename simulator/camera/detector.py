@@ -13,9 +13,9 @@ from simulator.camera.sunlight import electrons_per_joule
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.optics import Optics
     from simulator.camera.sensor import Detector, Sensor
+    from simulator.runtime.arrays import Float32Array, FloatArray
 
 _MOSAIC = {"r": 0, "g": 1, "b": 2}
 _DEMOSAIC = {

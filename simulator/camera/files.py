@@ -12,8 +12,8 @@ from simulator.camera.files_native import CameraFile, DistortionSection
 from simulator.camera.intrinsics import LensFile
 from simulator.camera.model import Camera
 from simulator.errors import UserError, near_names
-from simulator.file_errors import explain
-from simulator.regular_file import read_regular
+from simulator.runtime.untrusted_files import read_regular
+from simulator.runtime.validation_errors import explain
 
 __all__ = [
     "CameraFile",

@@ -15,7 +15,7 @@ import msgspec
 
 from simulator.camera.files_native import CameraFile
 from simulator.errors import UserError
-from simulator.text_files import MOST_DEEP, refuse_deep
+from simulator.runtime.untrusted_files import MOST_DEEP, refuse_deep
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

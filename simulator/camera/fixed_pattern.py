@@ -11,8 +11,8 @@ import numpy as np
 from simulator.camera.deviates import bit_source
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array
     from simulator.camera.sensor import Detector
+    from simulator.runtime.arrays import Float32Array
 
 _KEY = 0x466C79  # keeps the pattern's random numbers apart from any frame's
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 DistortionModel = Literal["none", "brown_conrady", "kannala_brandt"]
 COEFFICIENT_COUNTS: dict[str, tuple[int, ...]] = {

@@ -23,7 +23,7 @@ from simulator.camera.lens import (
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 __all__ = ["Camera", "Distortion", "DistortionModel"]
 

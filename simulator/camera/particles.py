@@ -9,8 +9,8 @@ import numpy as np
 from simulator.camera.deviates import bit_source
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array
     from simulator.camera.sensor import Sensor
+    from simulator.runtime.arrays import Float32Array
 
 ELECTRONS_PER_M = 80e6
 """Minimum-ionising particle in silicon: Janesick (2001), Scientific charge-coupled devices, section 8."""

@@ -13,7 +13,7 @@ from simulator.camera.deviates import add_normal, normal_tables, random_words
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.arrays import ByteArray, Float32Array, FloatArray
+    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 EXACT_BELOW_E = 12.0
 """Mean up to which the law is drawn exactly; above, its normal expansion differs by less than 1e-3 anywhere."""

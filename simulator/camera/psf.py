@@ -15,15 +15,15 @@ from scipy.optimize import nnls
 from scipy.special import j1
 
 from simulator.camera.pyramid import Pyramid, fit_kernel, fit_pyramid
-from simulator.camera.sharing import pieces_of, share_out
+from simulator.runtime.threads import pieces_of, share_out
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
     from simulator.camera.optics import Optics
     from simulator.camera.sensor import Sensor
+    from simulator.runtime.arrays import Float32Array, FloatArray
 
 _GRID = 128  # frequencies per axis; kernels reach half as far
 _KEPT_ENERGY = 0.999

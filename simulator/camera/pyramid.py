@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.arrays import Float32Array, FloatArray
+    from simulator.runtime.arrays import Float32Array, FloatArray
 
 REACH = (3, 2, 2, 2, 2, 2, 2, 3)
 """Taps each side of the middle, at full size, half, quarter, ..."""

@@ -23,8 +23,8 @@ from simulator.camera.poisson import poisson
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.arrays import Float32Array
     from simulator.camera.sensor import Detector, Sensor
+    from simulator.runtime.arrays import Float32Array
 
 _ROW_KEY, _COLUMN_KEY = 0x726F77, 0x636F6C
 JOINED_FROM_E = 2.0

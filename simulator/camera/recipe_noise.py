@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.arrays import ByteArray, Float32Array
     from simulator.camera.sensor import Sensor
+    from simulator.runtime.arrays import ByteArray, Float32Array
 
 MIN_SHIFT = 4
 """Fewer steps than 16 a digital number are not fine enough: then the arithmetic is in floating point."""

@@ -17,7 +17,7 @@ from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Detector, Sensor
 from simulator.errors import UserError
-from simulator.regular_file import read_regular
+from simulator.runtime.untrusted_files import read_regular
 
 MOST_KERNEL_BYTES = 100_000_000
 

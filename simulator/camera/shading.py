@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
     from simulator.camera.optics import Optics
+    from simulator.runtime.arrays import Float32Array, FloatArray
 
 _STEP_PX = 16
 _NEAR_PX = 128

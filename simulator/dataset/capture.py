@@ -20,14 +20,14 @@ from simulator.dataset.card import (
 )
 from simulator.dataset.clipping import ClippingSummary, summarise_clipping
 from simulator.dataset.drawers import open_drawer
+from simulator.dataset.formats.native import is_whole, write_encoded
+from simulator.dataset.formats.speed import export_speed
 from simulator.dataset.lock import NAME as LOCK
 from simulator.dataset.lock import only_capture
-from simulator.dataset.native import is_whole, write_encoded
-from simulator.dataset.speed import export_speed
 from simulator.errors import UserError
-from simulator.files import empty_folder, write_atomic
 from simulator.labels.request import LAYERS, LabelRequest
 from simulator.labels.truth import FlowLabel
+from simulator.runtime.files import empty_folder, write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,8 +12,7 @@ import msgspec
 
 from simulator.camera.model import Camera
 from simulator.errors import UserError
-from simulator.regular_file import read_regular
-from simulator.text_files import refuse_deep
+from simulator.runtime.untrusted_files import read_regular, refuse_deep
 
 CARD_NAME = "dataset.json"
 MOST_BYTES = 64_000_000  # of a card: with every frame of a large set in quarantine

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.dataset.native import encode_png
-from simulator.files import write_atomic
-from simulator.labels.frame import take_frame
+from simulator.dataset.formats.native import encode_png
+from simulator.frame import take_frame
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
+from simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from simulator.arrays import ByteArray
     from simulator.camera.model import Camera
+    from simulator.runtime.arrays import ByteArray
     from simulator.scenario.scenario import Scenario
 
 COLUMNS, ROWS = 3, 2

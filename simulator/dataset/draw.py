@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from simulator.labels.frame import Frame, take_frame
+from simulator.frame import Frame, take_frame
 from simulator.labels.request import LabelRequest
 from simulator.targets.library import target_in_use
 

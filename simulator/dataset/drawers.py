@@ -6,14 +6,14 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from simulator.dataset.check import check_frame
+from simulator.dataset.check.verify import check_frame
 from simulator.dataset.clipping import Clipping, measure_clipping
-from simulator.dataset.native import EncodedFrame, encode_frame
-from simulator.labels.frame import Frame, take_frame
+from simulator.dataset.formats.native import EncodedFrame, encode_frame
+from simulator.frame import Frame, take_frame
 from simulator.labels.request import LabelRequest
 from simulator.render.earth_maps import begin_maps_of
-from simulator.render.processes import RenderProcesses
 from simulator.render.renderer import Renderer
+from simulator.runtime.process_pool import RenderProcesses
 from simulator.targets.library import target_in_use
 
 if TYPE_CHECKING:

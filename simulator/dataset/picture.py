@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.exr import encode_exr
-from simulator.dataset.native import encode_png, write_layers
+from simulator.dataset.formats.exr import encode_exr
+from simulator.dataset.formats.native import encode_png, write_layers
 from simulator.dataset.poses import scene_with_pose
 from simulator.errors import UserError
-from simulator.files import write_atomic
-from simulator.labels.frame import Frame, take_frame
+from simulator.frame import Frame, take_frame
 from simulator.labels.truth import truth_to_json
 from simulator.render.renderer import Renderer
+from simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from simulator.arrays import quat, vec3
 from simulator.errors import UserError
-from simulator.regular_file import read_regular
+from simulator.runtime.arrays import quat, vec3
+from simulator.runtime.untrusted_files import read_regular
 from simulator.world.ephemeris.eclipse import sun_fraction_past_both
 from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import matrix_from_quat
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 

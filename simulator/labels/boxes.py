@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.labels.occlusion import box_corners_m, mesh_of
 from simulator.labels.truth import Box
-from simulator.memory import kept_with
+from simulator.labels.visibility import box_corners_m, mesh_of
+from simulator.runtime.memory import kept_with
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray, FloatArray
+    from simulator.runtime.arrays import ByteArray, FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.camera.develop import noise_sigma
+from simulator.imaging.image_formation import noise_sigma
 from simulator.labels.wireframe import bent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.arrays import Float32Array, FloatArray
     from simulator.camera.model import Camera
     from simulator.labels.wireframe import EdgeView
+    from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.state import SceneState
 
 SILHOUETTE_SHARE = 0.9

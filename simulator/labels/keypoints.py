@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.develop import noise_sigma
-from simulator.labels.exposure import pose_at_rows
-from simulator.labels.occlusion import Mesh, hidden_from_direction, occluded_from_camera
+from simulator.imaging.exposure import pose_at_rows
+from simulator.imaging.image_formation import noise_sigma
 from simulator.labels.truth import KeypointLabel, KeypointState
+from simulator.labels.visibility import Mesh, hidden_from_direction, occluded_from_camera
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from simulator.arrays import Float32Array, FloatArray, IntArray
+    from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 

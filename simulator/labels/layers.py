@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.arrays import ByteArray, Float32Array
 from simulator.camera.sensor import noiseless
+from simulator.imaging.develop import digitise_scene
+from simulator.imaging.exposure import surfaces
 from simulator.labels.boxes import craft_window
-from simulator.labels.exposure import surfaces
 from simulator.labels.request import OF_SURFACES
-from simulator.scene.develop import digitise_scene
+from simulator.runtime.arrays import ByteArray, Float32Array
 from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
     from simulator.labels.request import LabelRequest
     from simulator.labels.truth import Box, FlowLabel
     from simulator.render.passes.labels import Surfaces
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 

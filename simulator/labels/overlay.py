@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.labels.occlusion import mesh_of
 from simulator.labels.truth import Truth
+from simulator.labels.visibility import mesh_of
 from simulator.labels.wireframe import view_edges
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.arrays import ByteArray
+    from simulator.runtime.arrays import ByteArray
     from simulator.targets.model import Target
 
 # RGB. Colours that a colour-blind reader tells apart (Okabe and Ito).

@@ -7,13 +7,12 @@ from typing import Any, Literal
 
 import msgspec
 
-from simulator.arrays import Quat, Vec3
 from simulator.camera.model import Camera
 from simulator.errors import UserError
-from simulator.regular_file import read_regular
+from simulator.runtime.arrays import Quat, Vec3
+from simulator.runtime.untrusted_files import read_regular, refuse_deep
 from simulator.scene.check import scene_problem
 from simulator.scene.state import SceneState
-from simulator.text_files import refuse_deep
 
 MOST_BYTES = 64_000_000  # of a record: its wireframe and row poses take the most
 

@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.camera.model import Distortion
-from simulator.labels.occlusion import SURFACE_TOLERANCE_M
-from simulator.labels.screen import seen_from_camera
-from simulator.memory import kept_with
+from simulator.labels.projected_mesh import seen_from_camera
+from simulator.labels.visibility import SURFACE_TOLERANCE_M
+from simulator.runtime.memory import kept_with
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, FloatArray, IntArray
     from simulator.camera.model import Camera
-    from simulator.labels.occlusion import Mesh
+    from simulator.labels.visibility import Mesh
+    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
     from simulator.targets.model import Edge, Target
     from simulator.world.frames.pose import Pose
 

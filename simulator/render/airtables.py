@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.cache import entry_name
 from simulator.render.cache import cached_array
+from simulator.runtime.cache import entry_name
 from simulator.scene.illumination.atmosphere import (
     MultipleScattering,
     earth_atmosphere,
@@ -18,7 +18,7 @@ from simulator.scene.illumination.atmosphere import (
 from simulator.scene.illumination.multiple_scattering import multiple_scattering
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array
+    from simulator.runtime.arrays import Float32Array
     from simulator.scene.illumination.atmosphere import Atmosphere
     from simulator.scene.state import Bands
 

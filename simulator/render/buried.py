@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.render.occluders import ConvexShell
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 _LEAST_FACE = 0.15  # of the square of the radius: the strips left over cost more than smaller faces
 _LEAST_SHARE = 0.3  # of a face that must be covered

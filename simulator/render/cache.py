@@ -1,8 +1,8 @@
 """The user's cache folder: decoded maps and tables that are slow to make, written atomically.
 
-A file's name says what it was made from, its end whether it is what was written (`simulator.cache`). Who needs what
-another thread or program is making waits for it. What no program has asked for in `KEPT_DAYS` goes when something new
-is stored. What a first picture is drawn from is written after it (`Later`).
+A file's name says what it was made from, its end whether it is what was written (`simulator.runtime.cache`). Who
+needs what another thread or program is making waits for it. What no program has asked for in `KEPT_DAYS` goes when
+something new is stored. What a first picture is drawn from is written after it (`Later`).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from typing import IO, TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
-from simulator.cache import DamagedError, cache_folder, map_checked, store_checked
-from simulator.shipped import is_shipped, shipped_array
+from simulator.runtime.cache import DamagedError, cache_folder, map_checked, store_checked
+from simulator.runtime.prebuilt import is_shipped, shipped_array
 
 if sys.platform != "win32":
     import fcntl

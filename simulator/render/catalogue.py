@@ -20,7 +20,7 @@ from simulator.render.star_colours import (
 )
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Bands
 
 CATALOGUE = "hipparcos2_hp9.npz"

@@ -17,7 +17,7 @@ from simulator.render.chart_cut import cut_charts
 from simulator.targets.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 TEXEL = 0.032  # of the craft's radius
 MOST_NODES = 250_000  # 64 MB of baked light a band; a mesh that needs more has fewer to a metre

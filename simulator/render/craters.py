@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.cache import entry_name
 from simulator.render.cache import cached_array
+from simulator.runtime.cache import entry_name
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray, FloatArray
+    from simulator.runtime.arrays import ByteArray, FloatArray
 
 SIZE = 1024
 SLOPE_MAX = 0.9  # the slope channels hold plus and minus this

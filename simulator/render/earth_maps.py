@@ -16,13 +16,13 @@ from simulator.render.noise import detail_texture
 from simulator.render.seasons import Season, month_gains, relief, season
 from simulator.render.shoals import missing_sources, shoals
 from simulator.render.skylight import albedo_of_day
+from simulator.runtime.threads import beside_the_caller
 from simulator.scene.illumination.atmosphere import earth_atmosphere
 from simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
-from simulator.threads import beside_the_caller
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array
     from simulator.render.gl.mipmaps import Levelled
+    from simulator.runtime.arrays import Float32Array
     from simulator.scene.state import Bands, Environment, SceneState
 
 _T = TypeVar("_T")

@@ -13,9 +13,9 @@ from simulator.render.projection import PixelRect, directions
 from simulator.render.view import EQUATOR_M, POLE_M
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
     from simulator.render.view import View
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.illumination.atmosphere import Atmosphere
 
 _GRID = 33  # rays per side of the image that look for what is in view

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simulator.cache import entry_name
 from simulator.render.cache import cached_array
+from simulator.runtime.cache import entry_name
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.render.mesh_edges import MeshEdges
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 VERSION = 1  # of `_look`: raise it when the same edges give other distances
 _FARTHEST = 0.004  # of the mesh's extent: what lies farther apart is not looked for

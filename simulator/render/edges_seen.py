@@ -11,11 +11,11 @@ from simulator.render.edge_pairs import distances_beside
 from simulator.render.occluders import BOX, Boxes, hidden
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, FloatArray, IntArray
     from simulator.camera.model import Camera
     from simulator.render.mesh import Mesh
     from simulator.render.mesh_edges import MeshEdges
     from simulator.render.projection import PixelRect
+    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 _SHORTEST_PX = 1.3
 """Shorter ones are left out: of Tango at 6 to 14 m that is half of what 0.7 px leaves, and coverage is off by 1.016 %

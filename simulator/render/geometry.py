@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.cache import entry_name
 from simulator.render.buried import inside, uncover
 from simulator.render.cache import cached_array
 from simulator.render.charts import Charts, make_charts
@@ -16,12 +15,13 @@ from simulator.render.mesh_edges import MeshEdges, find_edges
 from simulator.render.occluders import BOX, Boxes, ConvexShell, convex_bodies, find_shells
 from simulator.render.relief import relief_heights
 from simulator.render.stored import pack, unpack
+from simulator.runtime.cache import entry_name
 from simulator.targets.shells import is_closed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from simulator.arrays import ByteArray, Float32Array, FloatArray, IntArray
+    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray, IntArray
     from simulator.targets.model import Part
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])

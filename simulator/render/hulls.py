@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 _ROUNDING = 1e-9  # of a hull's extent, by which one inside of it may stand out
 

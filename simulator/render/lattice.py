@@ -19,7 +19,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True)

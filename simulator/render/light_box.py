@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, FloatArray
     from simulator.camera.model import Camera
     from simulator.render.mesh import Mesh
+    from simulator.runtime.arrays import BoolArray, FloatArray
 
 _LARGEST = 0.85  # of the box: a larger window is not worth a change
 _STEP = 2**0.25  # between the sizes of windows

@@ -10,7 +10,7 @@ import numpy as np
 from simulator.render.skylight import axes_about
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 WIDER = 1.02
 """Half the box, over the radius of the craft."""

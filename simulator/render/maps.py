@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.cache import entry_name
 from simulator.errors import UserError
 from simulator.render.cache import cached_array
 from simulator.render.opencv_threads import one_thread
-from simulator.threads import beside_the_caller
+from simulator.runtime.cache import entry_name
+from simulator.runtime.threads import beside_the_caller
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.arrays import ByteArray, Float32Array
+    from simulator.runtime.arrays import ByteArray, Float32Array
 
     Decoder = Callable[[str, int], ByteArray]
 

@@ -15,8 +15,8 @@ from simulator.render.gl.patches import EDGE_SHARE, PatchArray, cut
 from simulator.render.gl.shared_blocks import MAX_MATERIALS
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array
     from simulator.render.geometry import Geometry
+    from simulator.runtime.arrays import Float32Array
     from simulator.targets.model import Material, Target
 
 VERTEX_FORMAT = "3f 3f 1f"

@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.targets.model import Part
 
 SMOOTH_COSINE = np.cos(np.radians(5.0))  # shading normals that differ by less across an edge hide it

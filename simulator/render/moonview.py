@@ -16,8 +16,8 @@ from simulator.world.frames.rotation import matrix_from_quat
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
 
 EARTH_RADIUS_M = 6_371_008.8

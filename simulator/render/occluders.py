@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.targets.model import Part
 
 MARGIN = 2e-4

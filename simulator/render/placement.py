@@ -12,9 +12,9 @@ from simulator.render.projection import PixelRect, lens_bounds_px
 from simulator.render.software.coverage_mask import CELL_PX, hulls_cover, whole
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
     from simulator.render.mesh import Mesh
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Quality
 
 MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
+    from simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 HIGHEST = 1.5e-3
 """Of the mesh's radius: what stands higher on a face is not looked at."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.arrays import Float32Array
+    from simulator.runtime.arrays import Float32Array
 
 Layer = Literal["all", "craft", "sky"]
 """What is drawn: everything; the target alone, in the scene's own light; or all that it hides, without it."""

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
     import moderngl
 
-    from simulator.arrays import Float32Array, FloatArray
     from simulator.render.earth_maps import EarthMaps
     from simulator.render.earthview import EarthView
     from simulator.render.gl.context import GlInfo
@@ -44,6 +43,7 @@ if TYPE_CHECKING:
     from simulator.render.skylight import SkyLight
     from simulator.render.software.tiles import Cells
     from simulator.render.view import View
+    from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.illumination.atmosphere import Atmosphere
     from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target

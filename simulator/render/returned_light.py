@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
     import moderngl
 
-    from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.render.mesh import Mesh
     from simulator.render.skylight import SkyLight
     from simulator.render.transfer import Transfer
     from simulator.render.view import View
+    from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
     from simulator.scene.state import Bands
     from simulator.targets.model import Material
 

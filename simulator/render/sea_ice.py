@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.cache import entry_name
 from simulator.render.cache import cached_array
+from simulator.runtime.cache import entry_name
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.arrays import ByteArray, Float32Array, FloatArray
+    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 WIDTH, HEIGHT = 1440, 720
 EDGE_DEG = 1.6  # width of the zone of floes, from open water to the pack

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.cache import entry_name
 from simulator.render.cache import cached_array, cached_arrays
 from simulator.render.maps import (
     PAN_WEIGHTS,
@@ -23,11 +22,12 @@ from simulator.render.maps import (
     packed_maps,
     to_reflectance,
 )
+from simulator.runtime.cache import entry_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.arrays import ByteArray, Float32Array, FloatArray
+    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 WIDTH, HEIGHT = 2048, 1024
 HEIGHT_MAP, HEIGHT_M_PER_COUNT = "height_4032x2016.png", 24.8

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.cache import read_checked
 from simulator.render.airtables import air_tables
 from simulator.render.edge_pairs import distances_beside
 from simulator.render.mesh import prepared
@@ -21,7 +20,8 @@ from simulator.render.seasons import land_of_months
 from simulator.render.shoals import shoals
 from simulator.render.skylight import kept_albedo
 from simulator.render.transfer import sight_to_ship
-from simulator.shipped import SUFFIX, made_anew
+from simulator.runtime.cache import read_checked
+from simulator.runtime.prebuilt import SUFFIX, made_anew
 from simulator.targets.library import cache_name, load_target
 
 if TYPE_CHECKING:

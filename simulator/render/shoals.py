@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.cache import entry_name
 from simulator.render.cache import cached_array, is_kept
 from simulator.render.maps import (
     COAST,
@@ -26,12 +25,13 @@ from simulator.render.maps import (
     decode_file,
     decode_map,
 )
+from simulator.runtime.cache import entry_name
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.arrays import ByteArray, Float32Array, FloatArray
     from simulator.render.maps import Decoder
+    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
     Sources = tuple[ByteArray, ByteArray]
 

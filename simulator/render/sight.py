@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.render.charts import Charts
     from simulator.render.first_hits import Int32Array, Tracer
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet that stands for a round face
 # of the craft's radius: a place looks from so far off its face, which then does not hide it; and one that is covered by

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.cache import entry_name
 from simulator.render.cache import cached_array
 from simulator.render.maps import maps_key, packed_maps
 from simulator.render.sea_ice import sea_ice
+from simulator.runtime.cache import entry_name
 from simulator.scene.illumination.moonlight import moonlight_share
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array, FloatArray
+    from simulator.runtime.arrays import Float32Array, FloatArray
 
 EARTH_RADIUS_M = 6_371_008.8
 EARTH_MEAN_ALBEDO = 0.30  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53

@@ -11,7 +11,7 @@ import numpy as np
 from simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray
+    from simulator.runtime.arrays import ByteArray
     from simulator.targets.model import Material, Target
 
 GL_SRGB8 = 0x8C41

@@ -15,19 +15,19 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from scipy.sparse import coo_matrix
 
-from simulator.cache import entry_name
 from simulator.render.cache import cached_arrays
 from simulator.render.first_hits import make_tracer
 from simulator.render.geometry import VERTEX
 from simulator.render.sight import coded, decoded, look_around
 from simulator.render.skylight import spiral
-from simulator.shipped import shipped_array
+from simulator.runtime.cache import entry_name
+from simulator.runtime.prebuilt import shipped_array
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
     from simulator.render.charts import Charts
     from simulator.render.geometry import Shape
     from simulator.render.sight import Seen
+    from simulator.runtime.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 
 _T = TypeVar("_T", bound=np.generic)
 SIGHT_VERSION = 14  # of `_seen`: raise it when the same mesh sees otherwise, on the same processor

@@ -12,11 +12,11 @@ from simulator.scene.illumination.atmosphere import SUN_ANGULAR_RADIUS_RAD
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
     from simulator.render.earthview import EarthView
     from simulator.render.moonview import MoonView
     from simulator.render.view import View
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.illumination.atmosphere import Atmosphere
     from simulator.scene.state import SceneState
 

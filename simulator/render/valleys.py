@@ -14,11 +14,11 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from simulator.cache import entry_name
 from simulator.render.cache import cached_array
+from simulator.runtime.cache import entry_name
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, ByteArray, FloatArray, IntArray
+    from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
 
 SIZE = 1024
 SLOPE_MAX = 0.9  # the slope channels hold plus and minus this

@@ -22,7 +22,7 @@ from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere
 from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
 
 EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245  # WGS84

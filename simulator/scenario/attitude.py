@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import vec3
 from simulator.errors import UserError
+from simulator.runtime.arrays import vec3
 from simulator.scenario.messages import read_message
 from simulator.world.attitude.rigid_body import check_inertia
 from simulator.world.attitude.target_attitude import Fixed, History, Pointed, Spin, TargetMotion, Tumble
@@ -17,7 +17,7 @@ from simulator.world.frames.rotation import quat_from_matrix, quat_from_rotvec, 
 from simulator.world.messages.aem import read_aem_history
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scenario import motion as sm
     from simulator.world.ephemeris.bodies import Body
     from simulator.world.frames.lvlh import Lvlh

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from simulator.arrays import FloatArray, vec3
 from simulator.errors import UserError
+from simulator.runtime.arrays import FloatArray, vec3
 from simulator.scenario import motion as sm
 from simulator.scenario import scenario as sc
 from simulator.world.attitude.reaction_wheels import Wheels

@@ -23,7 +23,7 @@ from simulator.world.orbit.propagation import Elements, elements_from_state, sta
 from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.targets.model import Target
     from simulator.world.flight.flight import Flight
 

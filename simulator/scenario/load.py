@@ -16,13 +16,12 @@ import msgspec
 from simulator.camera.check import optics_problem, response_problem, sensor_problem
 from simulator.camera.files import CameraFile, read_camera_file
 from simulator.errors import UserError, near_names
-from simulator.file_errors import explain
-from simulator.regular_file import read_regular
+from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_dotted
+from simulator.runtime.validation_errors import explain
 from simulator.scenario.flight import check_physics
 from simulator.scenario.messages import resolve_messages
 from simulator.scenario.scenario import Scenario
 from simulator.scene.environments import ENVIRONMENTS
-from simulator.text_files import refuse_deep, refuse_dotted
 from simulator.world.time.instant import Instant
 
 MOST_BYTES = 1_000_000  # of a scenario: a hundred times the longest of the built-in ones

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.arrays import quat, vec3
 from simulator.errors import UserError
-from simulator.regular_file import read_regular
+from simulator.runtime.arrays import quat, vec3
+from simulator.runtime.untrusted_files import read_regular
 from simulator.scenario import motion as sm
 from simulator.scenario import scenario as sc
 from simulator.scenario.units import Centre
@@ -21,7 +21,7 @@ from simulator.world.messages.tle import state_from_tle
 from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 
 def resolve_messages(scenario: sc.Scenario, where: str, folder: Path) -> sc.Scenario:

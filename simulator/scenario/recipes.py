@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.arrays import FloatArray, quat, vec3
 from simulator.camera.files import load_camera
 from simulator.camera.model import Camera
 from simulator.camera.presets import sensor_preset
 from simulator.errors import UserError
+from simulator.runtime.arrays import FloatArray, quat, vec3
 from simulator.scenario.board_poses import board_pose
 from simulator.scene.state import Bands, Environment, Quality, SceneState, TargetRef
 from simulator.targets.library import list_targets, load_target

@@ -17,6 +17,7 @@ from simulator.camera.sections import OpticsSection, read_part, read_sensor
 from simulator.camera.sensor import Sensor
 from simulator.camera.shutter import Shutter
 from simulator.errors import UserError
+from simulator.imaging.auto_exposure import AutoExposure
 from simulator.scenario.motion import (
     AnyChaser,
     Attitude,
@@ -29,7 +30,6 @@ from simulator.scenario.motion import (
 )
 from simulator.scenario.picture import EnvironmentSection, LampSection, Output, SensorSection
 from simulator.scenario.units import Section
-from simulator.scene.auto_exposure import AutoExposure
 from simulator.scene.illumination.lamp import Lamp
 from simulator.scene.state import Environment
 

@@ -12,7 +12,7 @@ import msgspec
 from msgspec import inspect as mi
 
 from simulator.errors import UserError, near_names
-from simulator.file_errors import alternatives, describe_all
+from simulator.runtime.validation_errors import alternatives, describe_all
 from simulator.scenario.load import list_scenarios
 from simulator.scenario.recipes import RECIPES
 from simulator.scenario.scenario import Scenario

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import Vec3, quat, vec3
 from simulator.camera.optics import Optics
 from simulator.camera.shutter import Shutter
+from simulator.runtime.arrays import Vec3, quat, vec3
 from simulator.scene.state import Bands, Environment, Quality, SceneState, TargetRef
 from simulator.world.frames.rotation import matrix_from_quat, quat_multiply
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import quat, vec3
+from simulator.runtime.arrays import quat, vec3
 from simulator.world.ephemeris.bodies import BODIES
 from simulator.world.frames.rotation import (
     matrix_from_quat,
@@ -19,7 +19,7 @@ from simulator.world.frames.rotation import (
 from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
 
 EARTH_RATE_RAD_S = 7.292115e-5  # WGS 84

@@ -7,11 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from simulator.arrays import Quat, Vec3, vec3
 from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Sensor
 from simulator.camera.shutter import Shutter
+from simulator.runtime.arrays import Quat, Vec3, vec3
 from simulator.scene.illumination.lamp import Lamp
 from simulator.world.ephemeris.bodies import BodyName
 from simulator.world.frames.pose import Pose

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import quat, vec3
 from simulator.camera.presets import sensor_preset
+from simulator.runtime.arrays import quat, vec3
 from simulator.scene.state import Bands, Environment, Quality, SceneState
 from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
 from simulator.world.ephemeris.eclipse import sun_fraction_past_both
@@ -17,8 +17,8 @@ from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import TargetRef
 
 EQUATOR_M, POLE_M = 6_378_137.0, 6_356_752.314245  # WGS84

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.arrays import FloatArray
+from simulator.runtime.arrays import FloatArray
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.model import Part
 

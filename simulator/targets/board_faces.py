@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.cache import cache_folder, entry_name, read_checked, store_checked
+from simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
 from simulator.targets import face_tree, faces
 from simulator.targets.detail import DETAILS
 from simulator.targets.library import built_in_targets, cache_name, load_target

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from simulator.arrays import vec3
-from simulator.cache import cache_folder, entry_name, read_checked, store_checked
-from simulator.files import write_atomic
+from simulator.runtime.arrays import vec3
+from simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
+from simulator.runtime.files import write_atomic
 from simulator.targets.board_faces import kept_faces
 from simulator.targets.convert import board_model
 from simulator.targets.outlines import LARGEST_RADIUS, RANGE_RADII, Outlines, outlines_of

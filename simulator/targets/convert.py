@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.arrays import Vec3
+from simulator.runtime.arrays import Vec3
 from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 from simulator.targets.records import (
     BoardModel,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simulator.arrays import BoolArray, FloatArray, IntArray
+from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 from simulator.targets.sphere import sphere_directions
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.regular_file import read_regular
+from simulator.runtime.untrusted_files import read_regular
 from simulator.targets.check import check_keypoints_on_mesh, check_target
 from simulator.targets.convert import (
     content_sha256,

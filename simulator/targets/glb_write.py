@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.files import write_atomic
+from simulator.runtime.files import write_atomic
 from simulator.targets.convert import record_of
 from simulator.targets.glb import ANISOTROPY, CLEARCOAT
 from simulator.targets.glb_pictures import mime_of

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from simulator.cache import cache_folder, entry_name, read_checked, store_checked
 from simulator.errors import UserError, near_names
-from simulator.shipped import shipped_bytes
+from simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
+from simulator.runtime.prebuilt import shipped_bytes
 from simulator.targets.detail import DETAILS, Detail, level_name, split_level
 from simulator.targets.glb import load_glb, target_from
 from simulator.targets.importing.install import user_file, user_targets

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import FloatArray, Vec3, vec3
+from simulator.runtime.arrays import FloatArray, Vec3, vec3
 from simulator.targets.model import MassProperties
 
 if TYPE_CHECKING:

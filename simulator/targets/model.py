@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from simulator.arrays import Float32Array, FloatArray, IntArray, Mat3, Vec3
+from simulator.runtime.arrays import Float32Array, FloatArray, IntArray, Mat3, Vec3
 
 
 @dataclass(frozen=True, kw_only=True)

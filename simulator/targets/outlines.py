@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simulator.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from simulator.targets.sphere import sphere_directions
 
 if TYPE_CHECKING:

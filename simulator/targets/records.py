@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from simulator.arrays import Mat3, Quat, Vec3
+from simulator.runtime.arrays import Mat3, Quat, Vec3
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]

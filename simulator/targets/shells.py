@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.memory import kept_with
+from simulator.runtime.memory import kept_with
 
 if TYPE_CHECKING:
     from simulator.targets.model import Part

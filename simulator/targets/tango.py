@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from simulator.arrays import Quat
+from simulator.runtime.arrays import Quat
 from simulator.targets.assembly import Piece, part_of
 from simulator.targets.check import check_target
 from simulator.targets.convert import content_sha256

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.develop import digitise, expose
 from simulator.camera.optics import Optics
 from simulator.camera.presets import list_sensor_presets, sensor_preset
 from simulator.camera.recipe_noise import begin_noise
 from simulator.camera.sensor import Detector
-from simulator.files import write_atomic
+from simulator.imaging.image_formation import digitise, expose
 from simulator.render.renderer import Renderer
+from simulator.runtime.files import write_atomic
 from simulator.validation.camera_calibration import LENSES, calibrate
 from simulator.validation.camera_counts import electron_chance, reading_chance
 from simulator.validation.camera_mtf import CASES, FREQUENCIES, compare, drawn_edge
@@ -29,8 +29,8 @@ from simulator.validation.camera_sensor import WAYS, evened, measure, measure_co
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.arrays import Float32Array
     from simulator.camera.sensor import Sensor
+    from simulator.runtime.arrays import Float32Array
 
 PAGE = Path("docs/validation/camera.md")
 GOALS = {"system gain [DN/e]": 0.01, "read noise [e]": 0.03}

@@ -11,13 +11,13 @@ import numpy as np
 from simulator.camera.lens import Distortion
 from simulator.camera.model import Camera
 from simulator.camera.presets import sensor_preset
+from simulator.imaging.develop import digitise_scene, expose_scene
 from simulator.scenario.recipes import plan_recipe
-from simulator.scene.develop import digitise_scene, expose_scene
 from simulator.targets.craft.chessboard import COLUMNS, ROWS, SQUARE_M
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray, FloatArray
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import ByteArray, FloatArray
 
 BOARDS = 20
 LENSES: dict[str, Camera] = {

@@ -15,8 +15,8 @@ from simulator.camera.poisson import poisson
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.arrays import FloatArray
     from simulator.camera.sensor import Sensor
+    from simulator.runtime.arrays import FloatArray
 
 SAMPLES = 100_000
 SHAPE = (250, 400)

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.develop import expose
 from simulator.camera.optics import Optics
 from simulator.camera.psf import optics_mtf, used_mtf
 from simulator.camera.sensor import Sensor
+from simulator.imaging.image_formation import expose
 from simulator.targets.model import Material
 from simulator.validation.stage import bare_target, flat_plate, square_camera, stage
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Quality
 
 SIZE = 256

@@ -18,8 +18,8 @@ from simulator.camera.presets import sensor_preset
 from simulator.scene.illumination.bands import sunlight_balance
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
     from simulator.camera.sensor import Detector, Sensor
+    from simulator.runtime.arrays import FloatArray
 
 SHAPE = (600, 800)
 FRAMES = 40

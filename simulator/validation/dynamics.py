@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from simulator.files import write_atomic
+from simulator.runtime.files import write_atomic
 from simulator.validation.dynamics_independent import independent
 from simulator.validation.dynamics_physics import physics
 from simulator.validation.rows import Row

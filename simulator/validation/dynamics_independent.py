@@ -26,7 +26,7 @@ from simulator.world.time.instant import Instant
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 EARTH_EPOCH = "2025-03-21T06:00:00Z"
 MOON_EPOCH = "2024-06-06T05:00:00Z"

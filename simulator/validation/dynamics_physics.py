@@ -17,7 +17,7 @@ from simulator.world.relative.clohessy_wiltshire import mean_motion_rad_s, trans
 from simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.orbit.propagation import OrbitTrack
 
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import vec3
 from simulator.camera.model import Camera, Distortion, camera_problem
 from simulator.camera.presets import list_sensor_presets
 from simulator.camera.shutter import Shutter
 from simulator.labels.request import LAYERS, LabelRequest
 from simulator.labels.truth import FlowLabel
+from simulator.runtime.arrays import vec3
 from simulator.scenario.recipes import Recipe, RecipePlan
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from simulator.scene.motion import scene_at

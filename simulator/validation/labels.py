@@ -29,12 +29,12 @@ import msgspec
 import numpy as np
 
 from simulator.dataset.card import CardMachine, CardTarget, DatasetCard, describe_machine
-from simulator.dataset.check import check_frame
-from simulator.dataset.native import frame_paths, read_layer, read_png, write_frame
-from simulator.files import write_atomic
-from simulator.labels.frame import Frame, take_frame
+from simulator.dataset.check.verify import check_frame
+from simulator.dataset.formats.native import frame_paths, read_layer, read_png, write_frame
+from simulator.frame import Frame, take_frame
 from simulator.labels.truth import read_truth
 from simulator.render.renderer import Renderer
+from simulator.runtime.files import write_atomic
 from simulator.validation.label_faults import SPOILERS, spoil
 from simulator.validation.label_frames import cached_target, random_frame
 

@@ -13,8 +13,8 @@ from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradian
 from simulator.validation.stage import ball, bare_target, square_camera, stage
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array, FloatArray
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.state import Quality
     from simulator.targets.model import Material
 

@@ -25,7 +25,7 @@ from simulator.errors import UserError
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray, FloatArray
+    from simulator.runtime.arrays import ByteArray, FloatArray
     from simulator.targets.model import Target
 
 SIDES = {

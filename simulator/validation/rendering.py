@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simulator.errors import UserError
-from simulator.files import write_atomic
 from simulator.render.renderer import Renderer
+from simulator.runtime.files import write_atomic
 from simulator.validation import rendering_craft, rendering_earth, rendering_sky
 
 if TYPE_CHECKING:

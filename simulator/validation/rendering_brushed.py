@@ -14,8 +14,8 @@ from simulator.validation.rows import Row
 from simulator.validation.stage import bare_target, flat_plate, square_camera, stage
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import FloatArray
 
 BRUSHED = Material(
     name="m", base_color=(0.9,) * 3, metallic=1.0, roughness=0.35, anisotropy=0.7, grain=(0.2, 1.0, 0.1)

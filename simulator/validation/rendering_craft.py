@@ -22,8 +22,8 @@ from simulator.validation.stage import ball, bare_target, flat_plate, square_cam
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import BoolArray, FloatArray
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import BoolArray, FloatArray
     from simulator.scene.state import Quality
 
 SUN_RAD = SUN_RADIUS_M / ASTRONOMICAL_UNIT_M

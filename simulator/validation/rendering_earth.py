@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.render.airtables import air_tables
 from simulator.render.catalogue import star_irradiance_w_m2
+from simulator.runtime.arrays import quat, vec3
 from simulator.scene.environments import NOTHING
 from simulator.scene.illumination.atmosphere import (
     MultipleScattering,
@@ -30,8 +30,8 @@ from simulator.validation.rows import Row
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Bands, SceneState
 
 SIZE, FIELD_RAD = 128, 0.046

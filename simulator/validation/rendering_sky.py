@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import quat, vec3
 from simulator.camera.detector import electrons_per_radiance
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Detector, Sensor
 from simulator.render.catalogue import stars
+from simulator.runtime.arrays import quat, vec3
 from simulator.scene.environments import NOTHING
 from simulator.scene.illumination.moonlight import moonlight_share
 from simulator.scene.illumination.planets import earth_velocity_c
@@ -25,9 +25,9 @@ from simulator.world.ephemeris.eclipse import sun_visible_fraction
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Environment, SceneState
 
 LIGHT_M_S, PLANCK_J_S = 299_792_458.0, 6.62607015e-34

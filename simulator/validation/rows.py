@@ -12,7 +12,7 @@ from simulator.errors import UserError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
+from simulator.runtime.arrays import quat, vec3
 from simulator.scene.environments import NOTHING
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from simulator.scene.state import Quality, SceneState, TargetRef

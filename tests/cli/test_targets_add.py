@@ -11,7 +11,7 @@ import trimesh
 
 from flyaround.__main__ import run
 from hil.board.svd import BoardModel as BoardView
-from simulator.dataset.check import check_dataset
+from simulator.dataset.check.verify import check_dataset
 from simulator.errors import UserError
 from simulator.targets.board_file import write_board_model
 from simulator.targets.glb_write import write_glb

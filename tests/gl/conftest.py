@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.camera.sensor import Sensor
+from simulator.runtime.arrays import quat, vec3
 from simulator.scene import environments
 from simulator.scene.state import SceneState, TargetRef
 from simulator.targets.model import MassProperties, Material, Part, Target

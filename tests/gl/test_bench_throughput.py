@@ -8,7 +8,7 @@ from flyaround.__main__ import run
 from simulator.bench import throughput
 from simulator.bench.scenes import bench_views
 from simulator.bench.throughput import bench_throughput, counts_up_to
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.render.renderer import Renderer
 
 

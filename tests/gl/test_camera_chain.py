@@ -9,8 +9,8 @@ from simulator.camera.files_native import DistortionSection
 from simulator.camera.intrinsics import LensFile
 from simulator.camera.sections import DetectorSection
 from simulator.dataset.capture import capture
-from simulator.dataset.check import check_dataset
-from simulator.dataset.native import frame_paths, read_png
+from simulator.dataset.check.verify import check_dataset
+from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.dataset.picture import render_scene
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight

@@ -8,7 +8,7 @@ import pytest
 
 from flyaround.__main__ import run
 from simulator.dataset.clipping import Clipping, summarise_clipping
-from simulator.dataset.native import frame_paths, read_png
+from simulator.dataset.formats.native import frame_paths, read_png
 
 pytestmark = pytest.mark.gl
 

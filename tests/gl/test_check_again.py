@@ -13,23 +13,23 @@ from typer.testing import CliRunner
 
 from flyaround.cli import app
 from simulator.camera.files import load_camera
-from simulator.dataset import check as check_module
-from simulator.dataset import check_picture
 from simulator.dataset.capture import capture
-from simulator.dataset.check import check_dataset
-from simulator.dataset.check_geometry import in_lens
-from simulator.dataset.check_picture import EXACT, check_same_picture, sample
-from simulator.dataset.check_shares import check_silhouette_inside, check_step_share
-from simulator.dataset.check_states import check_amodal_box, check_states, triangles_of
+from simulator.dataset.check import redraw as check_picture
+from simulator.dataset.check import verify as check_module
+from simulator.dataset.check.feasibility import check_silhouette_inside, check_step_share
+from simulator.dataset.check.geometry import in_lens
+from simulator.dataset.check.keypoint_states import check_amodal_box, check_states, triangles_of
+from simulator.dataset.check.redraw import EXACT, check_same_picture, sample
+from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.contact_sheet import smaller
-from simulator.dataset.native import frame_paths, read_png
+from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.errors import UserError
-from simulator.labels.frame import pixel_hash, take_frame
+from simulator.frame import pixel_hash, take_frame
+from simulator.imaging.develop import digitise_scene, expose_scene
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
-from simulator.scene.develop import digitise_scene, expose_scene
 
 pytestmark = pytest.mark.gl
 

@@ -14,7 +14,7 @@ from flyaround.cli import app
 from simulator.camera.files import load_camera
 from simulator.dataset.picture import save_picture
 from simulator.errors import UserError
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.scenario.recipes import plan_recipe
 from simulator.targets.library import load_target
 from simulator.validation.pictures.comparison import Pair, compare_pictures

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.dataset.contact_sheet import contact_sheet, smaller, write_contact_sheets
-from simulator.dataset.native import read_png
+from simulator.dataset.formats.native import read_png
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
 

@@ -12,12 +12,12 @@ import pytest
 
 from simulator.dataset.capture import capture
 from simulator.dataset.card import card_json_schema
-from simulator.dataset.check import check_dataset
+from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.contact_sheet import smaller
-from simulator.dataset.native import frame_paths, read_png
+from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.dataset.picture import render_scene, save_picture
 from simulator.errors import UserError
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.labels.truth import read_truth, truth_json_schema
 from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario

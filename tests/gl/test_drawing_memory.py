@@ -12,7 +12,7 @@ import pytest
 from simulator.camera.model import Camera
 from simulator.dataset.draw import draw_labelled
 from simulator.loop import plan_flight
-from simulator.render.process import RenderProcess
+from simulator.runtime.process import RenderProcess
 from simulator.scenario.load import load_scenario
 
 pytestmark = [

@@ -12,7 +12,7 @@ from peak_memory import peak_bytes
 
 from simulator.dataset.contact_sheet import smaller
 from simulator.errors import UserError
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer

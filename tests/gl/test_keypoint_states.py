@@ -7,13 +7,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.arrays import vec3
-from simulator.dataset.check import check_frame
+from simulator.dataset.check.verify import check_frame
 from simulator.dataset.contact_sheet import smaller
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.labels.request import LabelRequest
 from simulator.labels.truth import KeypointState
 from simulator.loop import plan_flight
+from simulator.runtime.arrays import vec3
 from simulator.scenario.load import load_scenario
 from simulator.validation.labels import dataset_card
 from simulator.world.ephemeris.eclipse import sun_fraction_past_both

@@ -7,14 +7,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.arrays import vec3
 from simulator.camera.shutter import Shutter
 from simulator.dataset.capture import capture
-from simulator.dataset.check import check_dataset
+from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.contact_sheet import smaller
-from simulator.dataset.native import frame_paths, read_png
+from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.dataset.picture import render_scene
-from simulator.labels.exposure import (
+from simulator.imaging.exposure import (
     MAX_INSTANTS,
     image_motion_px,
     instants,
@@ -26,6 +25,7 @@ from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
 from simulator.render.passes.stars import stars_in_view
 from simulator.render.view import build_view
+from simulator.runtime.arrays import vec3
 from simulator.scenario.load import load_scenario
 from simulator.scene.motion import scene_at
 from simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from simulator.dataset.contact_sheet import smaller
-from simulator.labels import exposure
-from simulator.labels.exposure import drawings_of_ground, image_motion_px, integrate
+from simulator.imaging import exposure
+from simulator.imaging.develop import expose_scene
+from simulator.imaging.exposure import drawings_of_ground, image_motion_px, integrate
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
-from simulator.scene.develop import expose_scene
 from simulator.scene.motion import scene_at
 
 pytestmark = pytest.mark.gl

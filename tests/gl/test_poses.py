@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flyaround.cli import app
-from simulator.dataset.native import read_png
+from simulator.dataset.formats.native import read_png
 from simulator.dataset.poses import COLUMNS, read_poses
 from simulator.errors import UserError
 from simulator.labels.truth import read_truth

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.cache import cache_folder
+from simulator.runtime.cache import cache_folder
 
 pytestmark = pytest.mark.gl
 SMALL = 4_000_000  # bytes: larger ones take seconds to make, and are the same to who reads them

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from simulator.bench import start
-from simulator.cache import cache_folder
 from simulator.dataset.contact_sheet import smaller
 from simulator.loop import plan_flight
 from simulator.render.earth_maps import begin_earth_maps
 from simulator.render.passes.earth import EarthPass
 from simulator.render.renderer import Renderer
+from simulator.runtime.cache import cache_folder
 from simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.arrays import vec3
 from simulator.camera.lens import Distortion
-from simulator.dataset.check_geometry import OUTLINE_TOLERANCE_PX, doubtful_pixels
-from simulator.labels.frame import take_frame
+from simulator.dataset.check.geometry import OUTLINE_TOLERANCE_PX, doubtful_pixels
+from simulator.frame import take_frame
+from simulator.runtime.arrays import vec3
 from simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl

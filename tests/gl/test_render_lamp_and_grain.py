@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.labels.keypoints import geometric_states
-from simulator.labels.occlusion import Mesh
+from simulator.labels.visibility import Mesh
 from simulator.render.skylight import uniform_light
 from simulator.scene.illumination.lamp import Lamp
 from simulator.targets.library import load_target

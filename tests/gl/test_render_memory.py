@@ -13,7 +13,7 @@ import pytest
 
 from simulator.camera.model import Distortion
 from simulator.dataset.contact_sheet import smaller
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.render.gl.context import create_context
 from simulator.render.passes.loaded import MOST_LOADED
 from simulator.render.renderer import Renderer

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.arrays import vec3
 from simulator.camera.model import Camera
+from simulator.runtime.arrays import vec3
 from simulator.scene.illumination.moonlight import moonlight_share
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.render.process import RenderProcess
+from simulator.runtime.process import RenderProcess
 from simulator.targets.model import Target
 
 pytestmark = pytest.mark.gl
@@ -131,7 +131,7 @@ PARENT = """
 import pickle, sys, time
 sys.path.insert(0, sys.argv[1])
 import test_render_process as here
-from simulator.render.process import RenderProcess
+from simulator.runtime.process import RenderProcess
 if __name__ == "__main__":
     scene = pickle.loads(open(sys.argv[2], "rb").read())
     with RenderProcess(here.hold) as process:

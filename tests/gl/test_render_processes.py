@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.render.processes import RenderProcesses
-from simulator.threads import usable_processors
+from simulator.runtime.process_pool import RenderProcesses
+from simulator.runtime.threads import usable_processors
 
 pytestmark = pytest.mark.gl
 COUNT = 2

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
+from simulator.runtime.arrays import quat, vec3
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec

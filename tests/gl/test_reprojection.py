@@ -10,7 +10,7 @@ import pytest
 from simulator.camera.files import load_camera
 from simulator.camera.presets import sensor_preset
 from simulator.dataset.picture import save_picture
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.targets.model import Keypoint, Material
 from simulator.world.frames.rotation import matrix_from_quat
 

@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from simulator.labels.frame import take_frame
+from simulator.frame import take_frame
 from simulator.validation.label_faults import SPOILERS, spoil
 from simulator.validation.label_frames import cached_target, random_frame
 from simulator.validation.labels import _check, check_one, dataset_card, newest, page, summary

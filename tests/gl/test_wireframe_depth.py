@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.labels.occlusion import mesh_of
+from simulator.labels.visibility import mesh_of
 from simulator.labels.wireframe import view_edges
 from simulator.scenario.recipes import plan_recipe
 

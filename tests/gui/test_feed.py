@@ -12,7 +12,7 @@ from gui.feed import Feed, PicturesLostError
 from gui.look import Look
 from gui.overlay import shown_passes
 from gui.session import Session
-from simulator.labels.frame import Frame
+from simulator.frame import Frame
 from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState
 

@@ -11,7 +11,7 @@ from gui.look import Overlays
 from gui.marks import AXIS_M, Marker
 from gui.session import Session
 from simulator.labels.keypoints import label_keypoints
-from simulator.labels.occlusion import Mesh
+from simulator.labels.visibility import Mesh
 from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState
 from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply

@@ -12,7 +12,7 @@ import pytest
 from gui.feed import PicturesLostError
 from gui.source import MOST_DEATHS, RenderedPictures
 from simulator.errors import UserError
-from simulator.labels.frame import Frame
+from simulator.frame import Frame
 from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState

@@ -13,7 +13,7 @@ from flyaround.__main__ import run
 from hil.evaluate.grey import grey
 from hil.evaluate.metrics import metrics_json_schema
 from simulator.dataset.capture import capture
-from simulator.dataset.native import read_png
+from simulator.dataset.formats.native import read_png
 from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
 

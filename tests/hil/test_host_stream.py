@@ -17,7 +17,7 @@ from hil.host.run import HostFrame, RunConfig, run_host
 from hil.host.stream import stream_frames
 from simulator.dataset.draw import draw_labelled
 from simulator.errors import UserError
-from simulator.labels.frame import pixel_hash
+from simulator.frame import pixel_hash
 from simulator.labels.truth import truth_to_json
 from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario

@@ -230,7 +230,7 @@ def test_the_true_pose_is_mostly_among_the_proposed_ones(tango: BoardModel, reci
     from hil.board.svd.image.noise import noise_sigma
     from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
     from hil.board.svd.propose.regions import REDUCTION, propose_regions
-    from simulator.labels.frame import take_frame
+    from simulator.frame import take_frame
     from simulator.render.renderer import Renderer
     from simulator.scenario.recipes import plan_recipe
 

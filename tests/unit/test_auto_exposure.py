@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from simulator.camera.develop import expose
 from simulator.camera.sections import DetectorSection
 from simulator.errors import UserError
+from simulator.imaging.auto_exposure import AutoExposure, ExposureTrack
+from simulator.imaging.image_formation import expose
+from simulator.imaging.metering import metered_radiance_w_m2_sr
 from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
 from simulator.scenario.picture import AutoExposureSection
-from simulator.scene.auto_exposure import AutoExposure, ExposureTrack
-from simulator.scene.meter import metered_radiance_w_m2_sr
 
 
 def test_a_step_is_followed_with_the_lag():
@@ -91,7 +91,7 @@ def test_the_picture_has_the_level_that_was_asked_for(renderer):
     from dataclasses import replace
 
     from simulator.dataset.contact_sheet import smaller
-    from simulator.labels.frame import take_frame
+    from simulator.frame import take_frame
 
     for name in ("tango-limb", "tango-flyaround"):
         plan = plan_flight(_with_auto(load_scenario(name), share=0.9), n=3, quality="draft")

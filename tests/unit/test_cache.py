@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator import cache
-from simulator.cache import DamagedError, cache_folder, map_checked, read_checked, store_checked
 from simulator.render.cache import cached_array, name_of
+from simulator.runtime import cache
+from simulator.runtime.cache import DamagedError, cache_folder, map_checked, read_checked, store_checked
 from simulator.targets import board_faces, board_file, library
 from simulator.targets.library import load_target
 

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from simulator.camera import psf
-from simulator.camera.develop import expose
 from simulator.camera.model import Camera
 from simulator.camera.optics import Optics
 from simulator.camera.psf import blur, optics_mtf, psf_kernel, psf_pyramid, used_mtf
 from simulator.camera.pyramid import fit_pyramid
 from simulator.camera.sensor import Sensor
 from simulator.camera.shading import veiling_glare
+from simulator.imaging.image_formation import expose
 
 
 def test_glare_follows_its_law_round_the_sun_and_is_never_dark():

@@ -8,9 +8,9 @@ import pytest
 
 from simulator.camera import particles, readout
 from simulator.camera.detector import detect
-from simulator.camera.develop import digitise
 from simulator.camera.deviates import NOISE_BANDS, bit_source
 from simulator.camera.sensor import Detector, Sensor
+from simulator.imaging.image_formation import digitise
 
 SIDE = 192
 QUIET = Detector(

@@ -8,12 +8,12 @@ import pytest
 from scenario_text import GOOD, write
 
 from simulator.camera.detector import detect, electrons_per_radiance, white_balance
-from simulator.camera.develop import expose
 from simulator.camera.optics import Optics
 from simulator.camera.presets import sensor_preset
 from simulator.camera.sections import DetectorSection
 from simulator.camera.sensor import Detector, Sensor, noiseless
 from simulator.errors import UserError
+from simulator.imaging.image_formation import expose
 from simulator.scenario.load import load_scenario
 from simulator.scene.illumination.bands import bands_of, sunlight_balance
 

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.camera.develop import digitise
 from simulator.camera.sensor import Detector, Sensor, noiseless
-from simulator.dataset.check_clean import check_clean
+from simulator.dataset.check.clean_twin import check_clean
+from simulator.imaging.image_formation import digitise
 
 EXPOSURE_S = 0.1
 

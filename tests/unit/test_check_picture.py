@@ -8,8 +8,8 @@ import pytest
 from simulator.camera.detector import detect, white_balance
 from simulator.camera.optics import Optics
 from simulator.camera.sensor import Detector, Sensor
-from simulator.dataset.check_clean import balance_factors
-from simulator.dataset.check_picture import check_same_picture
+from simulator.dataset.check.clean_twin import balance_factors
+from simulator.dataset.check.redraw import check_same_picture
 from simulator.scene.illumination.bands import sunlight_balance
 
 EXPOSURE_S = 0.1

@@ -7,9 +7,9 @@ import pytest
 from msgspec.structs import replace
 
 from simulator.camera.files import load_camera
-from simulator.dataset.check_wireframe import check_wireframe
-from simulator.labels.occlusion import mesh_of
+from simulator.dataset.check.wireframe import check_wireframe
 from simulator.labels.truth import WireLabel
+from simulator.labels.visibility import mesh_of
 from simulator.labels.wireframe import view_edges
 from simulator.targets.library import load_target
 from simulator.world.frames.pose import Pose

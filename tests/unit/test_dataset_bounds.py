@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.dataset import exr
-from simulator.dataset.exr import encode_exr, read_exr
-from simulator.dataset.native import encode_png, read_png
+from simulator.dataset.formats import exr
+from simulator.dataset.formats.exr import encode_exr, read_exr
+from simulator.dataset.formats.native import encode_png, read_png
 from simulator.errors import UserError
 
 

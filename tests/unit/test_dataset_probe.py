@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.dataset.probe import sample_pixels
+from simulator.dataset.check.sampled_rays import sample_pixels
 
 
 @pytest.mark.parametrize("rolling", [False, True])

@@ -3,7 +3,7 @@
 import pytest
 
 from simulator.errors import UserError
-from simulator.files import write_atomic, write_json
+from simulator.runtime.files import write_atomic, write_json
 
 
 def test_nothing_is_left_when_the_parent_is_a_file(tmp_path):

@@ -21,15 +21,14 @@ from simulator.dataset import card as cards
 from simulator.dataset.card import CardTarget, DatasetCard, card_to_json, describe_machine, read_card
 from simulator.dataset.poses import read_poses
 from simulator.errors import UserError
+from simulator.frame import label_frame
 from simulator.labels import truth as truths
-from simulator.labels.frame import label_frame
 from simulator.labels.truth import Software, read_truth, truth_to_json
 from simulator.loop import plan_flight
-from simulator.regular_file import read_regular
+from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_dotted
 from simulator.scenario import load as scenario_load
 from simulator.scenario.load import list_scenarios, load_scenario
 from simulator.scenario.messages import read_message
-from simulator.text_files import refuse_deep, refuse_dotted
 
 LONGEST_S = 20.0  # for one file: a thousand times what it takes
 

@@ -5,7 +5,7 @@ import pytest
 
 from simulator.labels.feasible import wireframe_step_share
 from simulator.labels.keypoints import label_keypoints
-from simulator.labels.occlusion import mesh_of
+from simulator.labels.visibility import mesh_of
 from simulator.labels.wireframe import EdgeView
 from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario

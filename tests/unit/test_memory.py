@@ -8,12 +8,12 @@ import weakref
 import numpy as np
 import pytest
 
-from simulator.memory import kept_with
+from simulator.runtime.memory import kept_with
 
 FAULTS = """
 import resource, sys
 import numpy as np
-from simulator.memory import keep_freed_memory
+from simulator.runtime.memory import keep_freed_memory
 if sys.argv[1] == "kept" and not keep_freed_memory():
     print(-1)
     raise SystemExit

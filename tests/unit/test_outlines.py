@@ -17,7 +17,7 @@ from hil.board.svd.model.occluding_contours import Outlines
 from hil.board.svd.model.round_bodies import is_round, with_outlines
 from hil.board.svd.model.target_model import WireEdge
 from hil.board.svd.propose.templates import SHAPE_SAMPLES, TURNS, ViewTable, look_at, sphere_directions
-from simulator.arrays import FloatArray
+from simulator.runtime.arrays import FloatArray
 from simulator.targets.assembly import Piece
 from simulator.targets.board_file import packed, write_board_model
 from simulator.targets.builders.mesh import Mesh, merge

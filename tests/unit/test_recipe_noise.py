@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.develop import digitise
 from simulator.camera.presets import sensor_preset
 from simulator.camera.recipe_noise import LEAST_AHEAD, begin_noise
+from simulator.imaging.image_formation import digitise
 
 
 @pytest.mark.parametrize("shape", [(300, 512), (200, 300, 3), (40, 50)])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import zstandard
 
-from simulator import shipped
 from simulator.render import ship
 from simulator.render.cache import cached_array, is_kept
 from simulator.render.geometry import _PACKED, _unpacked
 from simulator.render.stored import _described
+from simulator.runtime import prebuilt as shipped
 from simulator.targets import library
 from simulator.targets.glb import load_glb
 

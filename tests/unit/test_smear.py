@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
-from simulator.labels.exposure import GAUSS_PX, INSTANT_PX, _add_times, _behind_px, instants_of
-from simulator.labels.smear import smear, smear_kernels
+from simulator.imaging.exposure import GAUSS_PX, INSTANT_PX, _add_times, _behind_px, instants_of
+from simulator.imaging.motion_blur import smear, smear_kernels
+from simulator.runtime.arrays import quat, vec3
 from simulator.scenario.recipes import plan_recipe
 from simulator.world.constants import EARTH_RADIUS_M
 from simulator.world.frames.rotation import quat_from_matrix

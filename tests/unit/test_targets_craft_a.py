@@ -15,7 +15,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from simulator.arrays import FloatArray
+from simulator.runtime.arrays import FloatArray
 from simulator.targets.convert import board_model
 from simulator.targets.craft.dragon.cargo import build_dragon_cargo
 from simulator.targets.craft.dragon.cargo_shape import CAP_HEIGHT_M

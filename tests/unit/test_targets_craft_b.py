@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.arrays import FloatArray
 from simulator.errors import UserError
+from simulator.runtime.arrays import FloatArray
 from simulator.targets.convert import board_model
 from simulator.targets.detail import DETAILS, facets, level_name, split_level
 from simulator.targets.glb import load_glb

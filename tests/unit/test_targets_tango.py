@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.arrays import FloatArray
+from simulator.runtime.arrays import FloatArray
 from simulator.targets.model import Part, Target
 from simulator.targets.tango import build_tango, build_tango_mli
 

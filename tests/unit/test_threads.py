@@ -4,9 +4,9 @@ import os
 
 import cv2
 
-from simulator import threads
 from simulator.render.opencv_threads import OneThread
-from simulator.threads import share_processors, use_one_for_matrices
+from simulator.runtime import threads
+from simulator.runtime.threads import share_processors, use_one_for_matrices
 
 NAME = "OPENBLAS_NUM_THREADS"
 DRIVER = "LP_NUM_THREADS"

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from simulator.camera.files import load_camera
-from simulator.labels.occlusion import Mesh
+from simulator.labels.visibility import Mesh
 from simulator.labels.wireframe import view_edges
 from simulator.targets.library import load_target
 from simulator.targets.model import Edge

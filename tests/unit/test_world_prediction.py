@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.arrays import vec3
+from simulator.runtime.arrays import vec3
 from simulator.world.guidance.manual_control import ChaserState
 from simulator.world.orbit.gravity import Gravity
 from simulator.world.orbit.propagation import Elements, propagate, state_from_elements

@@ -21,8 +21,8 @@ from hil.evaluate.frames import EvaluatedFrame, rows_there
 from hil.evaluate.run import ROWS, evaluate_dataset, method_metrics
 from hil.evaluate.worker import MethodChoice, board_model
 from simulator.dataset.card import read_card
-from simulator.dataset.native import frame_paths, is_whole, write_frame
-from simulator.labels.frame import take_frame
+from simulator.dataset.formats.native import frame_paths, is_whole, write_frame
+from simulator.frame import take_frame
 from simulator.labels.truth import read_truth
 from simulator.render.renderer import Renderer
 from simulator.targets.library import load_target

@@ -35,7 +35,7 @@ from tools.train.proposal_samples import Batch, Views, sample
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
     Tree = dict[str, torch.Tensor]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.arrays import Float32Array, FloatArray
+    from simulator.runtime.arrays import Float32Array, FloatArray
 
 # Shares of samples with the Earth behind, and without a craft.
 EARTH_SHARE, EMPTY_SHARE = 0.65, 0.1

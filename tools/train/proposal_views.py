@@ -21,19 +21,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.evaluate.worker import board_model
-from simulator.arrays import quat, vec3
 from simulator.camera.model import Camera
 from simulator.camera.presets import sensor_preset
-from simulator.labels.exposure import integrate, surfaces
+from simulator.imaging.develop import expose_scene
+from simulator.imaging.exposure import integrate, surfaces
 from simulator.render.renderer import Renderer
+from simulator.runtime.arrays import quat, vec3
 from simulator.scenario.recipes import BASIC, RecipePlan, scaled_range_m
-from simulator.scene.develop import expose_scene
 from simulator.scene.state import Environment
 from simulator.targets.library import load_target
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array, FloatArray
+    from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 

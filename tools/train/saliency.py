@@ -20,12 +20,12 @@ from hil.board.svd.image.noise import noise_sigma
 from hil.board.svd.propose.regions import REDUCTION
 from hil.board.svd.propose.saliency import CELL_PX, measures
 from simulator.dataset.card import read_card
-from simulator.dataset.native import frame_paths, is_whole, read_png
+from simulator.dataset.formats.native import frame_paths, is_whole, read_png
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 HIDDEN, EPOCHS, BATCH = 24, 30, 512
 

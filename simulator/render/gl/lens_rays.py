@@ -10,8 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import Float32Array
     from simulator.camera.model import Camera
+    from simulator.runtime.arrays import Float32Array
 
 KEPT = 64
 """Cameras whose textures are kept: a rolling shutter draws the image in so many bands of rows at most."""

@@ -17,7 +17,7 @@ from simulator.render.cache import cached_array, name_of
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import ByteArray
+    from simulator.runtime.arrays import ByteArray
 
 _LIBRARIES = {
     "darwin": ("/System/Library/Frameworks/OpenGL.framework/OpenGL",),

@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.arrays import Float32Array, FloatArray
+    from simulator.runtime.arrays import Float32Array, FloatArray
 
 MOST_PIECES = 16
 """Pieces of an edge that the GPU makes at most; so many corners a triangle as 256 of them stay below 2^16."""

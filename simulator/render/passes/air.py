@@ -16,10 +16,10 @@ from simulator.render.gl.programs import FULL_SCREEN
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.render.airtables import AirTables
     from simulator.render.earthview import EarthView
     from simulator.render.gl.programs import Program, ProgramLibrary
+    from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 
 COLUMNS, ROWS, STEPS = 64, 96, 24
 TABLE_DEFINES = {"COLUMNS": COLUMNS, "ROWS": ROWS}

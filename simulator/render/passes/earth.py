@@ -34,13 +34,13 @@ from simulator.render.valleys import valley_texture
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-    from simulator.arrays import Float32Array, IntArray
     from simulator.render.airtables import AirTables
     from simulator.render.earth_maps import EarthMaps
     from simulator.render.frame_images import Images
     from simulator.render.gl.mipmaps import Levelled
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.software.tiles import CellKind, Cells
+    from simulator.runtime.arrays import Float32Array, IntArray
     from simulator.scene.state import Bands, Environment, SceneState
 
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE

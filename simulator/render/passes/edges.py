@@ -16,13 +16,13 @@ from simulator.render.lattice import lattice_defines
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import IntArray
     from simulator.render.edges_seen import EdgeView
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.lattice import Lattice
     from simulator.render.mesh import Mesh
     from simulator.render.mesh_edges import MeshEdges
     from simulator.render.projection import PixelRect
+    from simulator.runtime.arrays import IntArray
 
 EXACT_AREAS = "EXACT_AREAS"
 """Define of the shaders: the areas of parts that several edges end in a pixel are summed too (preset `high`)."""

@@ -13,10 +13,10 @@ from simulator.render.gl.depth_buffer import FloatDepth
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import FloatArray
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.mesh import Mesh
     from simulator.render.software.back_face_culling import FacingArray
+    from simulator.runtime.arrays import FloatArray
 
 
 STAMP_SHIFT = 28

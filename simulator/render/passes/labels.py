@@ -20,11 +20,11 @@ from simulator.render.uniform_values import lens_values
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import BoolArray, Float32Array, FloatArray
     from simulator.camera.model import Camera
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.gl.shared_blocks import Blocks
     from simulator.render.mesh import Mesh
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
     from simulator.targets.model import Target
 
 _SILHOUETTE_SIDE_PX = 512  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved

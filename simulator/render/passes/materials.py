@@ -13,7 +13,7 @@ from simulator.scene.illumination.bands import reflectance
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Bands
     from simulator.targets.model import Material
 

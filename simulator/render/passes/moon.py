@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.cache import entry_name
 from simulator.errors import UserError
 from simulator.render.cache import cached_array
 from simulator.render.craters import BROAD_LARGEST_PX, FINE_LARGEST_PX, SLOPE_MAX, crater_texture
 from simulator.render.gl.fences import draw_to, flush
 from simulator.render.gl.programs import FULL_SCREEN
 from simulator.render.passes.air import TABLE_DEFINES
+from simulator.runtime.cache import entry_name
 from simulator.scene.illumination.moonlight import surface_phase
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import ByteArray
     from simulator.render.frame_images import Images
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.moonview import MoonView
+    from simulator.runtime.arrays import ByteArray
 
 MAP = "albedo_4096x2048.jpg"
 MAP_SCALE = 2.5  # of the map's 8 bits, in means of the near side

@@ -19,13 +19,13 @@ from simulator.render.passes.shadow import (
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import FloatArray
     from simulator.camera.model import Camera
     from simulator.render.gl.programs import ProgramLibrary
     from simulator.render.gl.shared_blocks import Blocks
     from simulator.render.passes.loaded import Loaded
     from simulator.render.placement import Placement
     from simulator.render.view import View
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
 
 

@@ -19,11 +19,11 @@ from simulator.scene.illumination.lamp import Profile
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import FloatArray
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.lattice import Lattice
     from simulator.render.mesh import Mesh
     from simulator.render.projection import PixelRect
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.illumination.lamp import Lamp
 
 # distinct (material, normal) groups shaded per pixel, with exact areas per quarter of it; the rest joins the last

@@ -13,11 +13,11 @@ from simulator.render.light_view import light_matrix
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import BoolArray, FloatArray
     from simulator.render.gl.programs import ProgramLibrary
     from simulator.render.mesh import Mesh
     from simulator.render.software.back_face_culling import FacingArray
     from simulator.render.view import View
+    from simulator.runtime.arrays import BoolArray, FloatArray
     from simulator.scene.state import Quality
 
 

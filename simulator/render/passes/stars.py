@@ -21,7 +21,6 @@ from simulator.world.constants import LIGHT_M_S
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.camera.model import Camera
     from simulator.render.earthview import EarthView
     from simulator.render.frame_images import Images
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from simulator.render.moonview import MoonView
     from simulator.render.projection import PixelRect
     from simulator.render.view import View
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from simulator.scene.illumination.atmosphere import Atmosphere
     from simulator.scene.state import SceneState
 

@@ -36,12 +36,12 @@ if TYPE_CHECKING:
     import moderngl
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray
     from simulator.render.frame_images import Images
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.gl.shared_blocks import Blocks
     from simulator.render.gl.timing import StageClock
     from simulator.render.view import View
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target
 

@@ -11,8 +11,8 @@ from simulator.render.occluders import hidden
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import BoolArray, FloatArray
     from simulator.render.mesh import Mesh
+    from simulator.runtime.arrays import BoolArray, FloatArray
 
 GRAZING = 0.01
 """Sine of the angle under which a triangle may look away and is drawn yet: corners rounded to 1/256 of a pixel may

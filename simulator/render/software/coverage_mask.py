@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, FloatArray, IntArray
     from simulator.render.projection import PixelRect
+    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 CELL_PX = 8
 _MASK_PX = 2  # of the picture that the hulls are filled into

@@ -9,8 +9,8 @@ import numpy as np
 from simulator.render.software.coverage_mask import CELL_PX
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, Float32Array, FloatArray
     from simulator.render.projection import PixelRect
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
 
 _NEAR_PX = 0.25
 """How near to a cell's outermost pixels a line passes that counts as crossing it; those are whole squares, with all of

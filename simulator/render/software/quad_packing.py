@@ -9,10 +9,10 @@ from simulator.render.gl.fences import draw_to
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import Float32Array
     from simulator.render.frame_images import Images
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.software.tiles import Cells
+    from simulator.runtime.arrays import Float32Array
 
 LEAST_SHARE = 0.4
 """Of the image that must gain: reading texels of four takes as long as a tenth of the Earth's pixels."""

@@ -20,10 +20,10 @@ from simulator.render.software.edge_free_tiles import crossed_cells
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.arrays import Float32Array, FloatArray
     from simulator.render.edges_seen import EdgeView, SeenEdges
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
+    from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.targets.model import Target
 
 LEAST_CELLS = 1000

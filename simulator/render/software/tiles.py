@@ -16,9 +16,9 @@ from simulator.render.software.coverage_mask import CELL_PX
 from simulator.render.view import EQUATOR_M
 
 if TYPE_CHECKING:
-    from simulator.arrays import Float32Array, FloatArray, IntArray
     from simulator.camera.model import Camera
     from simulator.render.earthview import EarthView
+    from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 
 CELL_RAD = (
     0.0107  # 32 pixels of a SPEED camera: the ground point bends by less than a tenth of a pixel in between

@@ -14,7 +14,7 @@ import numpy as np
 from simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Bands
 
 EARTH_RADIUS_M = 6_378_137.0  # WGS84 semi-major axis

@@ -11,7 +11,7 @@ import numpy as np
 from simulator.camera.sunlight import MONO_BAND_NM, RGB_BANDS_NM, sun_irradiance_between_w_m2
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Bands
 
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from simulator.arrays import FloatArray, Vec3
+from simulator.runtime.arrays import FloatArray, Vec3
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Bands
 
 MOON_RADIUS_M = 1_737_400.0  # IAU 2015, mean

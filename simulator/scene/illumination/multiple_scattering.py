@@ -14,7 +14,7 @@ import numpy as np
 from simulator.scene.illumination.atmosphere import MultipleScattering, optical_depth_to_top, sun_share
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.illumination.atmosphere import Atmosphere
 
 HEIGHTS, SUNS = 24, 33

@@ -13,7 +13,7 @@ from simulator.world.constants import AU_M
 from simulator.world.time.instant import Instant, guarded
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 from simulator.scene.illumination.atmosphere import earth_atmosphere, optical_depth_to_top
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Bands
 
 BENDING_RAD = np.radians(69.0 / 60)  # through the whole air at the ground: twice the 34.5' of a setting Sun

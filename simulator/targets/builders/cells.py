@@ -12,7 +12,7 @@ from simulator.targets.builders.prism import prism
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 
 def clipped_rectangle(width_m: float, height_m: float, clip_m: float, clipped: str) -> FloatArray:

@@ -12,7 +12,7 @@ from simulator.targets.builders.solids import CREASE_RAD
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray, IntArray
+    from simulator.runtime.arrays import FloatArray, IntArray
 
 
 def creased(points_m: ArrayLike, triangles: ArrayLike, crease_rad: float = float(CREASE_RAD)) -> Mesh:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray, IntArray
+    from simulator.runtime.arrays import FloatArray, IntArray
 
 
 def circle(centre: ArrayLike, radius: float, segments: int = 24) -> FloatArray:

@@ -7,7 +7,7 @@ import zlib
 
 import numpy as np
 
-from simulator.arrays import BoolArray
+from simulator.runtime.arrays import BoolArray
 
 BLOCK_BYTES = 65_535
 

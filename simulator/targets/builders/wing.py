@@ -13,7 +13,7 @@ from simulator.targets.builders.prism import rectangle
 from simulator.targets.builders.solids import bar, box, rod
 
 if TYPE_CHECKING:
-    from simulator.arrays import Vec3
+    from simulator.runtime.arrays import Vec3
 
 CELL_M = 0.002
 """Cells stand this far proud of their panel."""

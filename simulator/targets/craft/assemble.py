@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator.arrays import Quat, Vec3
+from simulator.runtime.arrays import Quat, Vec3
 from simulator.targets.assembly import Piece, part_of
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.check import check_target

@@ -16,7 +16,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from simulator.arrays import BoolArray, FloatArray
+from simulator.runtime.arrays import BoolArray, FloatArray
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.two_tone import two_tone_png

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.arrays import FloatArray, Vec3
+from simulator.runtime.arrays import FloatArray, Vec3
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.prism import prism, rectangle

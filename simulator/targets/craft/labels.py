@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import FloatArray, Vec3, vec3
+from simulator.runtime.arrays import FloatArray, Vec3, vec3
 from simulator.targets.builders.mesh import Mesh, unit
 from simulator.targets.model import Edge, Keypoint, Occluders
 

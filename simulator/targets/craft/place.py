@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import FloatArray, Vec3, vec3
+from simulator.runtime.arrays import FloatArray, Vec3, vec3
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from simulator.arrays import Vec3, vec3
+from simulator.runtime.arrays import Vec3, vec3
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box, cone, rod, truss

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import Vec3, vec3
+from simulator.runtime.arrays import Vec3, vec3
 from simulator.targets.builders.mesh import across, unit
 from simulator.targets.builders.prism import signed_area
 from simulator.targets.builders.solids import CREASE_RAD
@@ -15,7 +15,7 @@ from simulator.targets.model import Edge
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 
 def prism_edges(

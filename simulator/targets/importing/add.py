@@ -36,7 +36,7 @@ from simulator.targets.model import Target
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.targets.importing.raw import RawModel
     from simulator.targets.importing.topology import Body
     from simulator.targets.model import Material, Part

@@ -22,7 +22,7 @@ from simulator.targets.plane_grid import PlaneGrid
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from simulator.arrays import BoolArray, FloatArray, IntArray
+    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
     from simulator.targets.importing.topology import Body
 
 NEAREST = 1e-5

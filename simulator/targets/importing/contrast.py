@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.arrays import Float32Array, FloatArray
+from simulator.runtime.arrays import Float32Array, FloatArray
 from simulator.targets.importing.surface_points import SurfacePoints, surface_points
 from simulator.targets.importing.topology import Body
 from simulator.targets.sphere import sphere_directions

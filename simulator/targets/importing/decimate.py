@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simulator.arrays import FloatArray, IntArray
+from simulator.runtime.arrays import FloatArray, IntArray
 from simulator.targets.importing.topology import Body
 from simulator.targets.triangles import distance_to_triangles
 

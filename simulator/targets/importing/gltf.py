@@ -11,7 +11,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.regular_file import find_beside, read_regular
+from simulator.runtime.untrusted_files import find_beside, read_regular
 from simulator.targets.glb import ANISOTROPY, BROKEN, CLEARCOAT, LARGEST_FILE_BYTES, read_chunks
 from simulator.targets.glb_json import parse_json
 from simulator.targets.importing.accessors import read_accessor
@@ -26,7 +26,7 @@ from simulator.targets.model import Material, Picture
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.arrays import FloatArray, IntArray
+    from simulator.runtime.arrays import FloatArray, IntArray
 
 COMPRESSED = {"EXT_meshopt_compression": "meshopt"}
 UNDERSTOOD = (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray, IntArray
+    from simulator.runtime.arrays import FloatArray, IntArray
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 """What a primitive's indices are joined to: its ``mode``."""

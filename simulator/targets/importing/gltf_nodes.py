@@ -9,7 +9,7 @@ import numpy as np
 from simulator.targets.importing.gltf_geometry import node_matrix
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 MOST_ROWS = 4_000_000
 """Vertices and corners of all placed meshes, unless the file itself holds more: a mesh placed often takes as often."""

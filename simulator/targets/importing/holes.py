@@ -15,7 +15,7 @@ from simulator.targets.importing.coincident import NEAREST, Faces, coincident_pa
 from simulator.targets.importing.topology import edge_table, face_bodies
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray, IntArray
+    from simulator.runtime.arrays import FloatArray, IntArray
     from simulator.targets.importing.topology import Body
 
 THIN = 1e-4

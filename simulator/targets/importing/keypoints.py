@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from simulator.arrays import FloatArray, vec3
+from simulator.runtime.arrays import FloatArray, vec3
 from simulator.targets.importing.seen import DIRECTIONS, times_seen
 from simulator.targets.importing.topology import Body, apart, edge_table, used_vertices
 from simulator.targets.importing.wireframe import crease_edges

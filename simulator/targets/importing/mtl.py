@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.regular_file import find_beside, read_regular
+from simulator.runtime.untrusted_files import find_beside, read_regular
 from simulator.targets.importing.texture import LARGEST_PICTURE_BYTES, PictureReader
 from simulator.targets.model import Material, Picture
 

@@ -15,7 +15,7 @@ from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart, 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.arrays import FloatArray, IntArray
+    from simulator.runtime.arrays import FloatArray, IntArray
     from simulator.targets.importing.mtl import ObjMaterial
 
 

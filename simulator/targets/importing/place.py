@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from simulator.arrays import FloatArray, vec3
 from simulator.errors import UserError
+from simulator.runtime.arrays import FloatArray, vec3
 from simulator.targets.importing.raw import RawModel
 from simulator.targets.importing.topology import used_vertices
 

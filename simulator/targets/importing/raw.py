@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from simulator.arrays import FloatArray, IntArray
+from simulator.runtime.arrays import FloatArray, IntArray
 from simulator.targets.model import Material, Picture
 
 if TYPE_CHECKING:

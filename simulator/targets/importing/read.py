@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from simulator.errors import UserError
-from simulator.regular_file import read_regular
+from simulator.runtime.untrusted_files import read_regular
 from simulator.targets.glb import LARGEST_FILE_BYTES
 from simulator.targets.importing.gltf import read_gltf
 from simulator.targets.importing.obj import read_obj

@@ -11,7 +11,7 @@ from simulator.errors import UserError
 from simulator.targets.importing.topology import Body, components, edge_table, used_vertices, weld
 
 if TYPE_CHECKING:
-    from simulator.arrays import BoolArray, FloatArray, IntArray
+    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
     from simulator.targets.importing.raw import RawPart
     from simulator.targets.importing.topology import EdgeTable
 

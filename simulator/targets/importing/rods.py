@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from simulator.arrays import BoolArray, FloatArray, vec3
+from simulator.runtime.arrays import BoolArray, FloatArray, vec3
 from simulator.targets.importing.topology import Body, edge_table, face_bodies
 from simulator.targets.model import Edge
 

@@ -7,7 +7,7 @@ import itertools
 import cv2
 import numpy as np
 
-from simulator.arrays import FloatArray, IntArray
+from simulator.runtime.arrays import FloatArray, IntArray
 from simulator.targets.builders.mesh import across
 from simulator.targets.importing.decimate import decimate
 from simulator.targets.importing.topology import Body

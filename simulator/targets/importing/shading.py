@@ -13,7 +13,7 @@ from simulator.targets.model import Part
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.arrays import BoolArray, FloatArray
+    from simulator.runtime.arrays import BoolArray, FloatArray
     from simulator.targets.importing.topology import Body
     from simulator.targets.model import Material
 

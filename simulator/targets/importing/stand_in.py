@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from simulator.arrays import FloatArray, IntArray
+from simulator.runtime.arrays import FloatArray, IntArray
 from simulator.targets.importing.surface_points import surface_points
 from simulator.targets.importing.topology import Body
 from simulator.targets.model import Occluders

@@ -13,7 +13,7 @@ from simulator.targets.importing.raw import UNNAMED_SURFACE, RawModel, RawPart
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 HEADER_BYTES, RECORD_BYTES = 84, 50
 VERTEX = re.compile(rb"^\s*vertex[ \t]+(.*)$", re.IGNORECASE | re.MULTILINE)

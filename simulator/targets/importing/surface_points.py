@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.arrays import FloatArray, IntArray
+from simulator.runtime.arrays import FloatArray, IntArray
 from simulator.targets.importing.topology import Body, edge_table, face_bodies
 
 

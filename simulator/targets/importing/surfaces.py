@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import vec3
+from simulator.runtime.arrays import vec3
 from simulator.targets.importing.texture import mean_colour, without_textures
 from simulator.targets.importing.topology import Body
 from simulator.targets.model import Material

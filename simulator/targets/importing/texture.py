@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.arrays import vec3
 from simulator.errors import UserError
+from simulator.runtime.arrays import vec3
 from simulator.targets.glb_pictures import check_picture, mime_of, picture_size
 from simulator.targets.importing.raw import unique_names
 from simulator.targets.model import Material, Picture
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray, FloatArray, IntArray
+    from simulator.runtime.arrays import ByteArray, FloatArray, IntArray
     from simulator.targets.importing.raw import RawModel
 
 LARGEST_PX = 4096

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.arrays import FloatArray, vec3
+from simulator.runtime.arrays import FloatArray, vec3
 from simulator.targets.importing.topology import Body
 from simulator.targets.model import MassProperties
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import BoolArray, FloatArray, IntArray, Vec3, vec3
+from simulator.runtime.arrays import BoolArray, FloatArray, IntArray, Vec3, vec3
 from simulator.targets.importing.contrast import contrast_of
 from simulator.targets.importing.rods import along_rods, rods_of
 from simulator.targets.importing.topology import Body, EdgeTable, apart, edge_table

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.scene.develop import digitise_scene, expose_scene
+from simulator.imaging.develop import digitise_scene, expose_scene
 from simulator.scene.environments import ENVIRONMENTS
 from simulator.validation.pictures.figures import (
     GRADIENT_LARGEST_DN,
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.arrays import ByteArray
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import ByteArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
     from simulator.validation.pictures.figures import Look

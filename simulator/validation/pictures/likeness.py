@@ -14,18 +14,18 @@ import numpy as np
 
 from simulator.camera.presets import sensor_preset
 from simulator.dataset.poses import scene_with_pose
+from simulator.imaging.develop import expose_scene
 from simulator.labels.boxes import amodal_box
 from simulator.scenario.recipes import plan_recipe
-from simulator.scene.develop import expose_scene
 from simulator.validation.pictures.figures import look_at, moved_dn, noise_dn
 from simulator.validation.pictures.references import fitted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.arrays import ByteArray, Float32Array
     from simulator.camera.sensor import Sensor
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import ByteArray, Float32Array
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
     from simulator.validation.pictures.references import Reference

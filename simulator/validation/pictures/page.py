@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from simulator.files import write_atomic, write_json
+from simulator.runtime.files import write_atomic, write_json
 from simulator.validation.pictures.comparison import summary
 from simulator.validation.pictures.figures import (
     FIGURES,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.arrays import ByteArray, FloatArray
+    from simulator.runtime.arrays import ByteArray, FloatArray
     from simulator.validation.pictures.comparison import Pair
     from simulator.validation.pictures.figures import Look
 

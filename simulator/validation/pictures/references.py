@@ -15,8 +15,8 @@ from simulator.labels.truth import read_truth
 from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
-    from simulator.arrays import ByteArray
     from simulator.camera.model import Camera
+    from simulator.runtime.arrays import ByteArray
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 SKIPPED = (

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from scipy.interpolate import CubicSpline
 
-    from simulator.arrays import FloatArray, Vec3
+    from simulator.runtime.arrays import FloatArray, Vec3
     from simulator.world.ephemeris.bodies import Body
     from simulator.world.orbit.propagation import OrbitTrack
     from simulator.world.time.instant import Instant

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 _RADIUS_M = 6_371_200.0
 _DIPOLE_2025_T = np.array([-1410.3, 4545.5, -29350.0]) * 1e-9

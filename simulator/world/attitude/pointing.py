@@ -19,7 +19,7 @@ from simulator.world.frames.rotation import (
 from simulator.world.frames.vectors import cross, length
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.frames.lvlh import Lvlh
 
 Down = Literal["nadir", "cross_track", "along_track"]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import Vec3
+from simulator.runtime.arrays import Vec3
 from simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
@@ -20,7 +20,7 @@ from simulator.world.frames.vectors import cross_of
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
     Reference = Callable[[float], tuple[FloatArray, FloatArray]]
 

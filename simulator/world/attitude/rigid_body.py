@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from simulator.arrays import FloatArray
+from simulator.runtime.arrays import FloatArray
 from simulator.world.frames.rotation import matrix_from_quat, quat_normalize
 from simulator.world.orbit.dense_output import Pieces, integrate
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from simulator.arrays import FloatArray, Vec3
 from simulator.errors import UserError
+from simulator.runtime.arrays import FloatArray, Vec3
 from simulator.world.attitude.directions import DirectionName, Surroundings, TwoAxisTrack
 from simulator.world.attitude.rigid_body import AttitudeTrack, propagate_attitude
 from simulator.world.attitude.torques import NO_TORQUES, Torques, torque_on

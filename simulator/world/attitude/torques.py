@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import Vec3
+from simulator.runtime.arrays import Vec3
 from simulator.world.attitude.magnetic import magnetic_field_t
 from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.ephemeris.ephemeris_table import SkyTable
@@ -16,7 +16,7 @@ from simulator.world.frames.vectors import cross, length
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.attitude.rigid_body import Torque
     from simulator.world.orbit.propagation import OrbitTrack
     from simulator.world.time.instant import Instant

@@ -11,7 +11,7 @@ from simulator.world.constants import EARTH_RADIUS_M, MOON_RADIUS_M, MU_EARTH_M3
 from simulator.world.ephemeris.sun_moon import moon_geometric_state
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.time.instant import Instant
 
 BodyName = Literal["earth", "moon"]

@@ -11,7 +11,7 @@ from simulator.world.frames.rotation import quat_from_matrix
 from simulator.world.time.earth_parameters import earth_parameters
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.time.instant import Instant
 
 

@@ -13,7 +13,7 @@ from simulator.world.ephemeris.earth_orientation import celestial_and_polar
 from simulator.world.ephemeris.sun_moon import moon_geometric_m, sun_geometric_m
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.time.instant import Instant
 
 _STEP_S = 1800.0

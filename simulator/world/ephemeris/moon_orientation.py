@@ -9,7 +9,7 @@ import numpy as np
 from simulator.world.frames.rotation import quat_from_matrix
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.time.instant import Instant
 
 # (start [deg], rate [deg per day]) of the arguments E1 to E13

@@ -13,7 +13,7 @@ from simulator.world.time.instant import guarded
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 _C_AU_DAY = LIGHT_M_S * DAY_S / AU_M
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import Quat, vec3
+from simulator.runtime.arrays import Quat, vec3
 from simulator.world.attitude.directions import Surroundings
 from simulator.world.attitude.pointing import DOWN_AXES_LVLH
 from simulator.world.attitude.reaction_wheels import fly_wheels
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.attitude.pointing import Pointing
     from simulator.world.attitude.reaction_wheels import Wheels
     from simulator.world.frames.lvlh import Lvlh

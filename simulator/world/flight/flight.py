@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import quat, vec3
+from simulator.runtime.arrays import quat, vec3
 from simulator.world.ephemeris.bodies import EARTH, Body
 from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
 from simulator.world.ephemeris.eclipse import sun_fraction_past_both
@@ -19,7 +19,7 @@ from simulator.world.frames.rotation import matrix_from_quat
 from simulator.world.guidance.manual_control import ChaserState
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.attitude.pointing import Pointing
     from simulator.world.attitude.reaction_wheels import WheelTrack
     from simulator.world.attitude.rigid_body import AttitudeTrack

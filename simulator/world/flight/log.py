@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from simulator.arrays import Vec3, vec3
+from simulator.runtime.arrays import Vec3, vec3
 from simulator.world.frames.rotation import matrix_from_quat
 from simulator.world.guidance.phases import phase_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.flight.flight import Flight
     from simulator.world.guidance.command_script import SteeredTrack
     from simulator.world.guidance.thruster_control import ControlledTrack

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import quat, vec3
 from simulator.errors import UserError
-from simulator.regular_file import read_regular
+from simulator.runtime.arrays import quat, vec3
+from simulator.runtime.untrusted_files import read_regular
 from simulator.world.ephemeris.bodies import EARTH
 from simulator.world.frames.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
 from simulator.world.guidance.manual_control import ChaserState
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.attitude.rigid_body import AttitudeTrack
     from simulator.world.ephemeris.bodies import Body
     from simulator.world.flight.flight import Flight

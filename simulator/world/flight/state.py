@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.arrays import Quat, Vec3
+from simulator.runtime.arrays import Quat, Vec3
 from simulator.world.ephemeris.bodies import BODIES, BodyName
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from simulator.world.frames.vectors import cross, cross_of, dot_of
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

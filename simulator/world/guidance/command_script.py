@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
-from simulator.arrays import Vec3, quat, vec3
+from simulator.runtime.arrays import Vec3, quat, vec3
 from simulator.world.guidance.manual_control import ChaserState, Command, guarded_command, step
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.attitude.pointing import Pointing
     from simulator.world.guidance.keep_out import KeepOut
     from simulator.world.orbit.propagation import OrbitTrack

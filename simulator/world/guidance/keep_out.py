@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.arrays import FloatArray, Vec3
+from simulator.runtime.arrays import FloatArray, Vec3
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import Quat, Vec3, quat, vec3
+from simulator.runtime.arrays import Quat, Vec3, quat, vec3
 from simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 
-from simulator.arrays import Vec3
+from simulator.runtime.arrays import Vec3
 from simulator.world.relative.clohessy_wiltshire import bounded_ellipse
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 
 class Guidance(Protocol):

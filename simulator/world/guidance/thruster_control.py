@@ -11,7 +11,7 @@ from simulator.world.relative.clohessy_wiltshire import transition_matrix
 from simulator.world.relative.thrusted_step import Held, relative_step
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.guidance.keep_out import KeepOut
     from simulator.world.guidance.modes import Guidance
     from simulator.world.guidance.thrusters import Thrusters

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.arrays import FloatArray
+from simulator.runtime.arrays import FloatArray
 
 _G0_M_S2 = 9.80665
 

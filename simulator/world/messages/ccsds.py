@@ -14,7 +14,7 @@ from simulator.world.constants import DAY_S
 from simulator.world.time.instant import Instant, tdb_minus_tt_s
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 _TT_AHEAD_OF = {"TAI": 32.184, "TT": 0.0, "GPS": 51.184}
 TIME_SYSTEMS = ("UTC", *_TT_AHEAD_OF, "TDB")

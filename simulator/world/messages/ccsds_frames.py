@@ -14,7 +14,7 @@ from simulator.world.frames.vectors import cross
 from simulator.world.messages.tle import R_eci_from_teme
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.time.instant import Instant
 
 FRAMES = ("GCRF", "ICRF", "EME2000", "J2000", "TOD", "TEME", "ITRF")

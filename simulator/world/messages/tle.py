@@ -13,7 +13,7 @@ from simulator.world.ephemeris.earth_orientation import celestial_and_polar
 from simulator.world.time.instant import Instant, guarded
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 _FAR_DAYS = 30.0
 """SGP4 loses a kilometre or more a day; a month from its epoch an element set says little."""

@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
 
 _DEGREE = 7
 

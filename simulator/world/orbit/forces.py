@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from simulator.arrays import Vec3
+from simulator.runtime.arrays import Vec3
 from simulator.world.constants import (
     AU_M,
     EARTH_RADIUS_M,
@@ -22,7 +22,7 @@ from simulator.world.ephemeris.eclipse import sun_visible_fraction
 from simulator.world.orbit.density import density_kg_m3
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.ephemeris.ephemeris_table import SkyTable
     from simulator.world.orbit.spherical_harmonics import HarmonicField
 

@@ -15,7 +15,7 @@ from simulator.world.orbit.forces import attraction, attraction_difference, ligh
 from simulator.world.orbit.spherical_harmonics import HarmonicField, field
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.ephemeris.ephemeris_table import SkyTable
     from simulator.world.orbit.forces import Surface
     from simulator.world.time.instant import Instant

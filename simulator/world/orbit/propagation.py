@@ -16,7 +16,7 @@ from simulator.world.orbit.dense_output import Pieces, integrate
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.orbit.forces import Forces
 
 _TARGET_ONLY = 6

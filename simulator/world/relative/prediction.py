@@ -10,7 +10,7 @@ from simulator.world.orbit.propagation import elements_from_state
 from simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.guidance.manual_control import ChaserState
     from simulator.world.orbit.propagation import OrbitTrack
 

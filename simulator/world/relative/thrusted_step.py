@@ -14,7 +14,7 @@ from simulator.world.orbit.forces import attraction_difference
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.orbit.propagation import OrbitTrack
 
     Thrust = Callable[[float], list[float]]

@@ -10,7 +10,7 @@ import numpy as np
 from simulator.world.constants import MU_EARTH_M3_S2
 
 if TYPE_CHECKING:
-    from simulator.arrays import FloatArray
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.orbit.propagation import Elements
 
 # the paper's axes (x along-track, y against the orbit normal, z to the Earth) from LVLH, one by one

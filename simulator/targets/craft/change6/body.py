@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from simulator.arrays import FloatArray
+from simulator.runtime.arrays import FloatArray
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import prism

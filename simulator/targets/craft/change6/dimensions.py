@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from simulator.arrays import FloatArray
+from simulator.runtime.arrays import FloatArray
 from simulator.targets.builders.cells import clipped_rectangle
 from simulator.targets.builders.prism import circle
 

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from simulator.arrays import Vec3, vec3
+from simulator.runtime.arrays import Vec3, vec3
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.builders.prism import prism
 from simulator.targets.builders.solids import cone

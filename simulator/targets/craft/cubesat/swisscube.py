@@ -8,7 +8,7 @@ this model's own. A craft of this size has about 7,000 triangles to show.
 
 from __future__ import annotations
 
-from simulator.arrays import Vec3
+from simulator.runtime.arrays import Vec3
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box, rod

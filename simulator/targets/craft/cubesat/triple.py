@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.arrays import Vec3
+from simulator.runtime.arrays import Vec3
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import circle, rectangle

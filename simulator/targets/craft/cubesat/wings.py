@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from simulator.arrays import Vec3
+from simulator.runtime.arrays import Vec3
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.builders.prism import rectangle

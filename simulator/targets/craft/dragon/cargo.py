@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.arrays import vec3
+from simulator.runtime.arrays import vec3
 from simulator.targets.craft.assemble import assemble
 from simulator.targets.craft.dragon.cargo_body import build_body
 from simulator.targets.craft.dragon.cargo_labels import (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.arrays import FloatArray
+from simulator.runtime.arrays import FloatArray
 from simulator.targets.assembly import Piece
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box

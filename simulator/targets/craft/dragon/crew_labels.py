@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.arrays import vec3
+from simulator.runtime.arrays import vec3
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box
 from simulator.targets.craft.dragon.crew_nose import nose_cone

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.arrays import Vec3
+from simulator.runtime.arrays import Vec3
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.builders.prism import rectangle
 from simulator.targets.builders.solids import box, cone

@@ -1,0 +1,1 @@
+"""Verifies every label of a data set again, by other means than those that made it."""

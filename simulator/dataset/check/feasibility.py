@@ -1,0 +1,190 @@
+"""Checks of the two shares that decide whether a frame is feasible, each worked out once more by other means.
+
+The silhouette is filled by OpenCV on the CPU. Steps along the wireframe are taken in double precision, sample by
+sample, from the clean twin or from a picture that was drawn again; where that cannot tell on which side of the noise a
+step is, either answer is right.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.dataset.check.geometry import cut_for_the_lens, fill_triangles, in_lens, project_with_opencv
+from simulator.imaging.image_formation import noise_sigma
+from simulator.labels.visibility import mesh_of
+from simulator.labels.wireframe import view_edges
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from simulator.labels.truth import Truth
+    from simulator.runtime.arrays import ByteArray, FloatArray
+    from simulator.targets.model import Target
+
+FINE_PX = 2048  # longest side of the grid that a silhouette is filled on
+LABEL_PX = 512  # and of the one that the label counts on
+SHARE = 0.002
+OUTLINE = 1.0  # how many pixels more or less a raster finds on an outline, over the root of its length
+SPACING_PX, REACH_PX = (
+    4.0,
+    2.0,
+)  # docs/labels.md: samples along an edge, and how far to its sides a step is taken
+ON_GRID_PX = 1 / 32  # the places between pixels that OpenCV's lookup knows, in some of its versions
+ROUNDING = 1e-5
+
+
+def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
+    """The share of the whole silhouette that falls on the image, from triangles filled on the CPU."""
+    mesh, camera = mesh_of(target), truth.camera
+    box = truth.box_amodal_px
+    if (
+        box is not None
+        and min(box[:2]) >= 0
+        and box[2] <= camera.width_px - 1
+        and box[3] <= camera.height_px - 1
+    ):
+        # which is checked by itself
+        return (
+            []
+            if truth.silhouette_inside == 1
+            else ["silhouette_inside is not 1, and all of the craft is inside"]
+        )
+    t = np.asarray(truth.t_camera_from_target_m)
+    R = truth.scene.camera_from_target.R
+    in_camera = mesh.positions_m @ R.T + t
+    if in_camera[:, 2].min() <= 1e-3:
+        return []
+    if not in_lens(camera, in_camera).all():
+        return []  # further out than the lens is known for, OpenCV's series folds
+    corners_m = mesh.positions_m[mesh.triangles]
+    if not camera.distortion.is_none:
+        corners_m = cut_for_the_lens(camera, corners_m, in_camera[mesh.triangles])
+    points = corners_m.reshape(-1, 3)
+    corners_px = project_with_opencv(camera, points, truth.q_camera_from_target_wxyz, t).reshape(-1, 3, 2)
+    low, high = corners_px.min(axis=(0, 1)), corners_px.max(axis=(0, 1))
+    size = np.array([camera.width_px, camera.height_px])
+    if np.all(low >= 0) and np.all(high <= size - 1):
+        wanted, tolerance = 1.0, 0.0
+    elif np.any(high < -1) or np.any(low > size):
+        wanted, tolerance = 0.0, 0.0
+    else:
+        scale = min(4.0, FINE_PX / float((high - low).max()))
+        shape = tuple(int(n) + 3 for n in np.ceil((high - low) * scale)[::-1])
+        # pixel (0, 0) of the fine grid begins where the silhouette does, less one pixel
+        start = low - 1.0 / scale
+        fine = np.zeros(shape, np.uint8)
+        fill_triangles(fine, (corners_px - start) * scale - 0.5)
+        whole, part = _area(fine, start, scale, size)
+        wanted = part / whole if whole else 0.0
+        # the label counts pixels of the image, or coarser ones
+        coarser = min(1.0, LABEL_PX / float((high - low).max())) / scale
+        outline = np.count_nonzero(fine - cv2.erode(fine, np.ones((3, 3), np.uint8))) * coarser
+        tolerance = SHARE + OUTLINE * float(np.sqrt(outline)) / max(whole * coarser**2, 1.0)
+    if abs(truth.silhouette_inside - wanted) > tolerance:
+        what = (
+            f"silhouette_inside is {truth.silhouette_inside:.4f}, the projected craft says {wanted:.4f} "
+            f"to {tolerance:.4f}"
+        )
+        return [what]
+    return []
+
+
+def _area(fine: ByteArray, start: FloatArray, scale: float, size: FloatArray) -> tuple[float, float]:
+    """Fine pixels of a filled silhouette, without half of its outline, and those of them that lie on the image."""
+    inner = cv2.erode(fine, np.ones((3, 3), np.uint8))
+    share = (fine.astype(float) + inner) / 510
+    x, y = ((np.arange(n) + 0.5) / scale + s for n, s in zip(fine.shape[::-1], start, strict=True))
+    on = ((x >= -0.5) & (x < size[0] - 0.5))[None, :] & ((y >= -0.5) & (y < size[1] - 0.5))[:, None]
+    return float(share.sum()), float(share[on].sum())
+
+
+def check_step_share(
+    truth: Truth, target: Target, signal: FloatArray, doubt: float, relative: float = 0.0
+) -> list[str]:
+    """The share of the visible wireframe whose step reaches one sigma of the noise.
+
+    Parameters
+    ----------
+    signal : (H, W) noise-free signal, 1 at full scale. doubt : by how much each of its numbers may be off.
+    relative : and by what share of itself besides.
+    """
+    within = np.clip(signal, 0, 1)
+    level = float(within.mean())
+    of_level = doubt + relative * level
+    sigmas = [
+        noise_sigma(truth.scene.sensor, x, truth.scene.exposure_s)
+        for x in (max(level - of_level, 0.0), level + of_level)
+    ]
+    surely = perhaps = count = 0
+    for pixels, normal in _samples(truth, target):
+        sides = np.array([_sides(within, pixels, normal, grid_px) for grid_px in (0.0, ON_GRID_PX)])
+        steps = np.abs(sides[:, 0] - sides[:, 1])
+        off = 2 * (doubt + ROUNDING) + relative * sides.sum(axis=1).max(axis=0)
+        surely += int(np.count_nonzero(steps.min(axis=0) - off >= max(sigmas)))
+        perhaps += int(np.count_nonzero(steps.max(axis=0) + off >= min(sigmas)))
+        count += len(pixels)
+    if not count:
+        return (
+            [] if truth.wireframe_step_share == 0 else ["wireframe_step_share is not 0, and no edge is seen"]
+        )
+    low, high = surely / count, perhaps / count
+    if not low - 1e-9 <= truth.wireframe_step_share <= high + 1e-9:
+        what = (
+            f"wireframe_step_share is {truth.wireframe_step_share:.4f}, the noise-free picture says "
+            f"{low:.4f} to {high:.4f}"
+        )
+        return [what]
+    return []
+
+
+def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Pixels (S, 2) on the image of each visible stretch, and its normal (2,)."""
+    q, t = truth.q_camera_from_target_wxyz, np.asarray(truth.t_camera_from_target_m)
+    pose = truth.scene.camera_from_target
+    # what is seen of each edge is checked by rays elsewhere
+    for view in view_edges(truth.camera, pose, target, mesh_of(target)):
+        ends_m = np.array([view.edge.a_m, view.edge.b_m])
+        ends_px = project_with_opencv(truth.camera, ends_m, q, t)
+        way = ends_px[1] - ends_px[0]
+        length = float(np.hypot(*way))
+        if length < 1.0:
+            continue
+        rays = pose.apply(ends_m)
+        rays = rays / rays[:, 2:]
+        for a, b in view.stretches:
+            n = max(round((b - a) * length / SPACING_PX), 1)
+            share = a + (np.arange(n) + 0.5) * (b - a) / n
+            along = rays[0] + share[:, None] * (rays[1] - rays[0])
+            along = along[in_lens(truth.camera, along)]  # the others are outside the image
+            if not len(along):
+                continue
+            pixels = project_with_opencv(truth.camera, along, (1.0, 0.0, 0.0, 0.0), np.zeros(3))
+            yield pixels[truth.camera.contains(pixels)], np.array([-way[1], way[0]]) / length
+
+
+def _sides(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: float) -> FloatArray:
+    """(2, S) an image's values on the two sides of an edge.
+
+    Parameters
+    ----------
+    grid_px : of places between pixels that a lookup knows, 0 for any place.
+    """
+    sides = [pixels + sign * REACH_PX * normal for sign in (-1, 1)]
+    if grid_px:
+        sides = [np.rint(side / grid_px) * grid_px for side in sides]
+    return np.array([_between_pixels(image, side) for side in sides])
+
+
+def _between_pixels(image: FloatArray, pixels: FloatArray) -> FloatArray:
+    """Bilinear values (S,) at pixels (S, 2), the border's own beyond it."""
+    height, width = image.shape
+    x, y = (np.clip(pixels[:, k], 0, n - 1) for k, n in enumerate((width, height)))
+    x0, y0 = (np.minimum(c.astype(int), max(n - 2, 0)) for c, n in ((x, width), (y, height)))
+    x1, y1 = np.minimum(x0 + 1, width - 1), np.minimum(y0 + 1, height - 1)
+    u, v = x - x0, y - y0
+    above = image[y0, x0] * (1 - u) + image[y0, x1] * u
+    below = image[y1, x0] * (1 - u) + image[y1, x1] * u
+    return np.asarray(above * (1 - v) + below * v)

@@ -1,0 +1,303 @@
+"""Checks of what is projected: keypoints, pose, boxes, silhouette; each by other means than made it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.dataset.check.mask_statistics import lit_pixels
+from simulator.imaging.exposure import pose_at_rows
+from simulator.labels.visibility import mesh_of
+from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
+
+if TYPE_CHECKING:
+    from simulator.camera.model import Camera
+    from simulator.dataset.card import DatasetCard
+    from simulator.labels.truth import Truth
+    from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+# Exported pixels carry float64 through JSON: only rounding in the projection may differ.
+PIXEL_TOLERANCE_PX = 1e-6
+POSE_TOLERANCE_RAD = 1e-6
+POSE_TOLERANCE_RELATIVE = 1e-6
+# The outline filled on the CPU and the raster's may differ by one pixel, never two.
+OUTLINE_TOLERANCE_PX = 1
+FILL_SCALE = 4
+FILL_SHIFT = 4
+ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
+BENT_PX = 12.0  # over this length a lens bends an edge by a tenth of a pixel at most
+SURELY_COVERED, SURELY_TOUCHED = 0.9, 0.1
+
+
+def project_with_opencv(
+    camera: Camera, points_m: FloatArray, q_wxyz: tuple[float, ...], t_m: FloatArray
+) -> FloatArray:
+    """Pixels (K, 2) of target points by OpenCV's own projection."""
+    rotation = cv2.Rodrigues(matrix_from_quat(q_wxyz))[0]
+    coefficients = np.array(camera.distortion.coefficients or [0.0] * 5)
+    if camera.distortion.model == "kannala_brandt":
+        projected, _ = cv2.fisheye.projectPoints(
+            points_m.reshape(-1, 1, 3), rotation, t_m.reshape(3, 1), camera.K, coefficients
+        )
+    else:
+        projected, _ = cv2.projectPoints(points_m, rotation, t_m, camera.K, coefficients)
+    return np.asarray(projected, float).reshape(-1, 2)
+
+
+def in_lens(camera: Camera, points_camera_m: FloatArray) -> BoolArray:
+    """Which points (K, 3) before the camera lie within what its lens is known for: beyond it, OpenCV's series folds."""
+    if camera.distortion.is_none:
+        return np.ones(len(points_camera_m), bool)
+    xy = points_camera_m[:, :2] / points_camera_m[:, 2:]
+    return np.asarray(np.hypot(*xy.T) <= 0.999 * camera.domain.limit)
+
+
+def rays_with_opencv(camera: Camera, pixels_px: FloatArray) -> FloatArray:
+    """(K, 2) x/z, y/z of what is seen at pixels (K, 2), by OpenCV's own inverse."""
+    coefficients = np.array(camera.distortion.coefficients or [0.0] * 5)
+    pixels = pixels_px.reshape(-1, 1, 2)
+    if camera.distortion.model == "kannala_brandt":
+        rays = cv2.fisheye.undistortPoints(pixels, camera.K, coefficients)
+    else:
+        rays = cv2.undistortPoints(pixels, camera.K, coefficients, R=None, P=None, criteria=ITERATIONS)
+    return np.asarray(rays, float).reshape(-1, 2)
+
+
+def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
+    """Names, projections, the pose that they give, and who is out of the frame."""
+    wrong = []
+    known = card.target.keypoints
+    if {k.name: tuple(k.target_m) for k in truth.keypoints} != {n: tuple(p) for n, p in known.items()}:
+        wrong.append("keypoints differ from the card's")
+    ahead = [k for k in truth.keypoints if k.pixel_px is not None]
+    if not ahead:
+        return wrong
+    points = np.array([k.target_m for k in ahead])
+    pixels = np.array([k.pixel_px for k in ahead])
+    # what a rolling shutter adds by the time of each row is taken off: the pose is that of mid-exposure
+    at_rows = _projected(truth, points, pose_at_rows(truth.scene, points))
+    at_middle = _projected(truth, points, (truth.scene,) * len(points))
+    pose = truth.scene.camera_from_target
+    usable = in_lens(truth.camera, pose.apply(points))
+    error = float(np.abs(at_rows - pixels)[usable].max(initial=0.0))
+    if not error <= PIXEL_TOLERANCE_PX:
+        wrong.append(f"a keypoint is {error:.3g} px from its projection")
+        return wrong
+    if usable.sum() >= 4:
+        wrong += _check_pose(truth, points[usable], (pixels - at_rows + at_middle)[usable])
+    inside = truth.camera.contains(pixels)
+    wrong += [
+        f"keypoint {k.name} at {k.pixel_px} is labelled {k.state}"
+        for k, is_inside in zip(ahead, inside, strict=True)
+        if (k.state == "out_of_frame") == bool(is_inside)
+    ]
+    wrong += [
+        f"keypoint {k.name} is behind the camera and labelled {k.state}"
+        for k in truth.keypoints
+        if k.pixel_px is None and k.state != "out_of_frame"
+    ]
+    return wrong
+
+
+def _projected(truth: Truth, points: FloatArray, scenes: tuple[SceneState, ...]) -> FloatArray:
+    out = np.empty((len(points), 2))
+    for scene in {id(s): s for s in scenes}.values():
+        which = [s is scene for s in scenes]
+        # the record's own pose where the scene is its mid-exposure: the two are compared elsewhere
+        own = scene is truth.scene
+        q = truth.q_camera_from_target_wxyz if own else scene.q_camera_from_target_wxyz
+        t = truth.t_camera_from_target_m if own else scene.t_camera_from_target_m
+        out[which] = project_with_opencv(truth.camera, points[which], q, np.asarray(t))
+    return out
+
+
+def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[str]:
+    """The pose by PnP, from the label itself as the start: the pixels must agree with it to 1e-6."""
+    R = matrix_from_quat(truth.q_camera_from_target_wxyz)
+    t = np.asarray(truth.t_camera_from_target_m)
+    coefficients = np.array(truth.camera.distortion.coefficients or [0.0] * 5)
+    if truth.camera.distortion.model == "kannala_brandt":  # solvePnP knows no fish-eye: it is given rays
+        rays = rays_with_opencv(truth.camera, pixels)
+        pixels = rays * (truth.camera.fx_px, truth.camera.fy_px) + (truth.camera.cx_px, truth.camera.cy_px)
+        coefficients = np.zeros(5)
+    _, rotation, translation = cv2.solvePnP(
+        points,
+        pixels,
+        truth.camera.K,
+        coefficients,
+        cv2.Rodrigues(R)[0],
+        t.reshape(3, 1).copy(),
+        True,
+        cv2.SOLVEPNP_ITERATIVE,
+    )
+    angle = rotation_angle_rad(
+        quat_from_rotvec(np.asarray(rotation).ravel()), truth.q_camera_from_target_wxyz
+    )
+    shift = float(np.linalg.norm(np.asarray(translation).ravel() - t) / np.linalg.norm(t))
+    if angle > POSE_TOLERANCE_RAD or shift > POSE_TOLERANCE_RELATIVE:
+        return [f"pose from keypoints is off by {angle:.2g} rad and {shift:.2g} of the range"]
+    return []
+
+
+def check_visible_on_mask(truth: Truth, mask: ByteArray) -> list[str]:
+    """Most keypoints that are seen lie within 3 px of the mask; a tip thinner than a pixel may lie off it."""
+    near = cv2.dilate(mask, np.ones((7, 7), np.uint8))
+    seen, off = 0, []
+    for k in truth.keypoints:
+        if k.state in {"visible", "shadowed", "eclipsed", "saturated"} and k.pixel_px is not None:
+            seen += 1
+            u, v = (int(x) for x in np.rint(k.pixel_px))
+            if not near[np.clip(v, 0, mask.shape[0] - 1), np.clip(u, 0, mask.shape[1] - 1)]:
+                off.append(k.name)
+    if mask.any() and len(off) > 3 and 2 * len(off) > seen:
+        return [f"keypoints {', '.join(off)} are seen but lie off the mask"]
+    return []
+
+
+def check_box_3d(truth: Truth, target: Target) -> list[str]:
+    """The box about the mesh in three dimensions, and where its corners are seen."""
+    if not truth.box_3d_target_m:
+        return []
+    positions = np.concatenate([part.positions_m for part in target.parts]).astype(float)
+    corners = np.array(truth.box_3d_target_m)
+    bits = np.arange(8)[:, None] >> np.array([2, 1, 0]) & 1
+    wanted = np.where(bits, positions.max(axis=0), positions.min(axis=0))
+    if corners.shape != (8, 3) or not np.allclose(corners, wanted, rtol=0, atol=1e-9):
+        return ["box_3d_target_m is not the box about the mesh"]
+    in_camera = corners @ matrix_from_quat(truth.q_camera_from_target_wxyz).T + truth.t_camera_from_target_m
+    ahead = in_camera[:, 2] > 1e-9
+    if len(truth.box_3d_px) != 8 or [p is not None for p in truth.box_3d_px] != list(ahead):
+        return ["box_3d_px does not tell which corners are before the camera"]
+    if not ahead.any():
+        return []
+    projected = project_with_opencv(
+        truth.camera,
+        corners[ahead],
+        truth.q_camera_from_target_wxyz,
+        np.asarray(truth.t_camera_from_target_m),
+    )
+    error = np.abs(projected - np.array([p for p in truth.box_3d_px if p is not None]))
+    error[~in_lens(truth.camera, in_camera[ahead])] = 0
+    # far off the axis a pixel number is large, and so is its last digit
+    if np.any(error > PIXEL_TOLERANCE_PX * np.maximum(1, np.abs(projected) / 1e3)):
+        return [f"a corner of box_3d_px is {error.max():.3g} px from its projection"]
+    return []
+
+
+def doubtful_pixels(
+    truth: Truth, mask: ByteArray, target: Target, origin_px: tuple[int, int] = (0, 0)
+) -> IntArray:
+    """(K, 2) pixels x, y of a mask that the projected triangles, filled on the CPU, contradict by more than an outline.
+
+    Parameters
+    ----------
+    origin_px : the mask's first pixel in the image (an amodal mask starts outside).
+    """
+    mesh = mesh_of(target)
+    R = matrix_from_quat(truth.q_camera_from_target_wxyz)
+    in_camera = mesh.positions_m @ R.T + np.asarray(truth.t_camera_from_target_m)
+    if in_camera[:, 2].min() <= 1e-3:
+        return np.zeros((0, 2), np.int64)
+    corners_m = mesh.positions_m[mesh.triangles]
+    if not truth.camera.distortion.is_none:
+        corners_m = cut_for_the_lens(truth.camera, corners_m, in_camera[mesh.triangles])
+    pixels = truth.camera.project(corners_m @ R.T + np.asarray(truth.t_camera_from_target_m))
+    corners_px = _at_their_rows(truth, pixels.reshape(-1, 2), corners_m.reshape(-1, 3)) - origin_px
+    corners_px = corners_px.reshape(-1, 3, 2)
+    if mesh.in_shell is not None and len(corners_px) == len(mesh.in_shell):
+        # of a closed shell what faces the camera covers all that the shell does
+        corners_px = corners_px[~mesh.in_shell | (_twice_area(corners_px) <= 0)]
+    inner, outer = filled_silhouette(corners_px, mask.shape)
+    reach = np.ones((2 * OUTLINE_TOLERANCE_PX + 1,) * 2, np.uint8)
+    extra = (mask > 0) & (np.asarray(cv2.dilate(outer, reach)) == 0)
+    missing = (np.asarray(cv2.erode(inner, reach, borderValue=0)) > 0) & (mask == 0)
+    return lit_pixels((extra | missing).view(np.uint8))
+
+
+def _twice_area(corners_px: FloatArray) -> FloatArray:
+    """(M,) twice the area of triangles (M, 3, 2), negative where the corners go against the clock on the image."""
+    e1, e2 = corners_px[:, 1] - corners_px[:, 0], corners_px[:, 2] - corners_px[:, 0]
+    return np.asarray(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
+
+
+def cut_for_the_lens(camera: Camera, corners_m: FloatArray, in_camera: FloatArray) -> FloatArray:
+    """Triangles (M, 3, 3) with large ones cut in four until none is large in the image: a lens bends their edges.
+
+    Parameters
+    ----------
+    in_camera : the same corners, camera frame.
+    """
+    for _ in range(7):
+        pixels = camera.project(in_camera)
+        large = np.ptp(pixels, axis=1).max(axis=1) > BENT_PX
+        if not large.any():
+            break
+        pieces = []
+        for c in (corners_m, in_camera):
+            a, b, d = c[large, 0], c[large, 1], c[large, 2]
+            ab, bd, da = (a + b) / 2, (b + d) / 2, (d + a) / 2
+            four = [np.stack(t, axis=1) for t in ((a, ab, da), (ab, b, bd), (da, bd, d), (ab, bd, da))]
+            pieces.append(np.concatenate([c[~large], *four]))
+        corners_m, in_camera = pieces
+    return corners_m
+
+
+def _at_their_rows(truth: Truth, pixels: FloatArray, positions_m: FloatArray) -> FloatArray:
+    """Where a rolling shutter has projected points: each moves on a straight line and is met by its own row."""
+    if len(truth.row_poses) < 2:
+        return pixels
+    first, last = truth.row_poses[0], truth.row_poses[-1]
+    ends = [
+        project_with_opencv(
+            truth.camera, positions_m, pose.q_camera_from_target_wxyz, np.asarray(pose.t_camera_from_target_m)
+        )
+        for pose in (first, last)
+    ]
+    per_row = (ends[1] - ends[0]) / (last.row_px - first.row_px)
+    middle = (truth.camera.height_px - 1) / 2
+    row = (pixels[:, 1] - per_row[:, 1] * middle) / (1 - per_row[:, 1])
+    row = np.clip(row, -0.5, truth.camera.height_px - 0.5)
+    return np.asarray(pixels + per_row * (row - middle)[:, None])
+
+
+def filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[ByteArray, ByteArray]:
+    """Projected triangles (M, 3, 2) filled on a grid FILL_SCALE times finer: surely inside, and perhaps inside.
+
+    OpenCV fills the pixels a border touches too, which closes slots narrower than a pixel: ``outer`` has them
+    closed, ``inner`` has one fine pixel taken off every border, which opens them.
+    """
+    height, width = shape
+    low = np.clip(np.floor(corners_px.min(axis=(0, 1))) - 4, 0, (width, height)).astype(int)
+    high = np.clip(np.ceil(corners_px.max(axis=(0, 1))) + 5, 0, (width, height)).astype(int)
+    inner, outer = np.zeros((2, height, width), np.uint8)
+    if np.any(high <= low):
+        return inner, outer
+    fine = np.zeros(((high[1] - low[1]) * FILL_SCALE, (high[0] - low[0]) * FILL_SCALE), np.uint8)
+    # a coarse pixel's centre is at (FILL_SCALE - 1) / 2 on the finer grid
+    at = (corners_px - low) * FILL_SCALE + (FILL_SCALE - 1) / 2
+    fill_triangles(fine, at)
+    size = (int(high[0] - low[0]), int(high[1] - low[1]))
+    eroded = cv2.erode(fine, np.ones((3, 3), np.uint8))
+    for place, grid, share in ((inner, eroded, SURELY_COVERED), (outer, fine, SURELY_TOUCHED)):
+        coarse = cv2.resize(grid, size, interpolation=cv2.INTER_AREA)
+        place[low[1] : high[1], low[0] : high[0]] = np.where(
+            coarse >= 255 * share, np.uint8(255), np.uint8(0)
+        )
+    return inner, outer
+
+
+def fill_triangles(fine: ByteArray, corners: FloatArray) -> None:
+    """Fill triangles (M, 3, 2); those within one pixel are set all at once, which most of a far craft's are."""
+    cells = np.rint(corners).astype(np.int64)
+    dots = np.all(cells == cells[:, :1], axis=(1, 2))
+    x, y = cells[dots, 0].T
+    on = (x >= 0) & (y >= 0) & (x < fine.shape[1]) & (y < fine.shape[0])
+    fine[y[on], x[on]] = 255
+    large = corners[~dots]
+    seen = np.all(large.max(axis=1) >= -1, axis=1) & np.all(large.min(axis=1) <= fine.shape[::-1], axis=1)
+    for triangle in np.rint(large[seen] * 2**FILL_SHIFT).astype(np.int32):
+        cv2.fillConvexPoly(fine, triangle, 255, cv2.LINE_8, FILL_SHIFT)

@@ -1,0 +1,153 @@
+"""Checks of the keypoints' geometric states and of the craft's box, by rays through the whole mesh.
+
+The labels project the mesh to a screen and compare depths there; here each keypoint sends a ray to the camera and one
+to the Sun, and is hidden if they meet a triangle (Moeller and Trumbore 1997, Fast, minimum storage ray/triangle
+intersection).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.dataset.check.geometry import PIXEL_TOLERANCE_PX, in_lens, project_with_opencv
+from simulator.dataset.check.row_poses import pose_of_row
+from simulator.runtime.memory import kept_with
+from simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from simulator.labels.truth import KeypointLabel, KeypointState, Truth
+    from simulator.runtime.arrays import FloatArray
+    from simulator.targets.model import Target
+
+AWAY_M = 2e-3  # docs/formats/truth.md: what is closer to a keypoint than this does not hide it
+DOUBT_M, DOUBT = 1e-4, 1e-6  # of that, and of where within a triangle a ray meets it: either answer is right
+NEAREST_M = 1e-3
+ECLIPSED_BELOW = 0.02
+BY_PICTURE = ("visible", "saturated", "below_noise")
+
+
+class Triangles:
+    """All triangles of a craft, target frame, to be met by rays."""
+
+    def __init__(self, target: Target) -> None:
+        self.vertices_m = np.concatenate([part.positions_m for part in target.parts]).astype(float)
+        corners = np.concatenate([part.positions_m[part.triangles] for part in target.parts]).astype(float)
+        self._corners = corners
+        middle = corners.mean(axis=1)
+        self._reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + 1e-6
+        self._middle = np.ascontiguousarray(middle.T)
+        # what of the distance from a ray does not depend on it
+        self._within = (middle**2).sum(axis=1) - self._reach**2
+
+    def between(self, start_m: FloatArray, way: FloatArray, length_m: float) -> tuple[bool, bool]:
+        """Whether a triangle surely, and whether one perhaps stands on a ray.
+
+        Parameters
+        ----------
+        start_m : (3,) its beginning. way : (3,) unit vector. length_m : where it ends; infinite for the Sun.
+        """
+        along = way @ self._middle - way @ start_m
+        near = np.flatnonzero(
+            self._within - 2 * (start_m @ self._middle) + start_m @ start_m <= along * along
+        )
+        reach = self._reach[near]
+        near = near[(along[near] >= -reach) & (along[near] <= length_m + reach)]
+        a, b, c = self._corners[near].transpose(1, 0, 2)
+        e1, e2 = b - a, c - a
+        p = np.cross(way, e2)
+        area = (e1 * p).sum(axis=1)
+        scale = np.linalg.norm(e1, axis=1) * np.linalg.norm(e2, axis=1)
+        met = np.abs(area) > 1e-12 * np.maximum(scale, 1e-30)  # seen edge-on it hides nothing
+        safe = np.where(met, area, 1.0)
+        s = start_m - a
+        u = (s * p).sum(axis=1) / safe
+        q = np.cross(s, e1)
+        v = (q @ way) / safe
+        t = (e2 * q).sum(axis=1) / safe
+        inside = np.minimum(np.minimum(u, v), 1 - u - v)
+        perhaps = met & (inside > -DOUBT) & (t > AWAY_M - DOUBT_M) & (t < length_m)
+        surely = met & (inside > DOUBT) & (t > AWAY_M + DOUBT_M) & (t < length_m - AWAY_M)
+        return bool(surely.any()), bool(perhaps.any())
+
+
+@kept_with
+def triangles_of(target: Target) -> Triangles:
+    """`Triangles`, kept for the targets in use."""
+    return Triangles(target)
+
+
+def check_states(truth: Truth, target: Target) -> list[str]:
+    """Keypoints that are called hidden, eclipsed, in shadow, or none of these, and a ray says otherwise."""
+    mesh = triangles_of(target)
+    to_sun = matrix_from_quat(truth.q_camera_from_target_wxyz).T @ np.asarray(truth.sun_direction_camera)
+    wrong = []
+    for keypoint in truth.keypoints:
+        if keypoint.state == "out_of_frame" or keypoint.pixel_px is None:
+            continue  # where it is on the image is known from its pixel
+        possible = _possible(truth, keypoint, mesh, to_sun)
+        state = "in sight" if keypoint.state in BY_PICTURE else keypoint.state
+        if state not in possible:
+            wrong.append(
+                f"keypoint {keypoint.name} is labelled {keypoint.state}, a ray says {' or '.join(possible)}"
+            )
+    return wrong
+
+
+def _possible(
+    truth: Truth, keypoint: KeypointLabel, mesh: Triangles, to_sun: FloatArray
+) -> list[KeypointState | str]:
+    """States that the geometry allows, the first that applies or, where a ray grazes something, the next as well."""
+    point = np.array(keypoint.target_m)
+    row = 0.0 if keypoint.pixel_px is None else keypoint.pixel_px[1]
+    eye = np.asarray(pose_of_row(truth, row).inverse().t_m) - point
+    distance = float(np.linalg.norm(eye))
+    surely, perhaps = mesh.between(point, eye / distance, distance)
+    possible: list[KeypointState | str] = ["self_occluded"] if perhaps else []
+    if surely:
+        return possible
+    if truth.scene.lamp is not None:
+        return [*possible, "in sight"]  # what the camera sees, its lamp lights
+    if truth.sun_visible_fraction < ECLIPSED_BELOW:
+        return [*possible, "eclipsed"]
+    surely, perhaps = mesh.between(point, to_sun, np.inf)
+    possible += ["shadowed"] if perhaps else []
+    return possible if surely else [*possible, "in sight"]
+
+
+def check_amodal_box(truth: Truth, target: Target) -> list[str]:
+    """The box of the whole craft: the bounds of all its vertices, projected by OpenCV where a lens bends."""
+    points = triangles_of(target).vertices_m
+    t, R = np.asarray(truth.t_camera_from_target_m), matrix_from_quat(truth.q_camera_from_target_wxyz)
+    depth = points @ R[2] + t[2]
+    if abs(float(depth.min()) - NEAREST_M) < 1e-9:
+        return []
+    ahead = bool(depth.min() > NEAREST_M)
+    if ahead != (truth.box_amodal_px is not None):
+        return [
+            f"box_amodal_px is {truth.box_amodal_px}, the craft is {'' if ahead else 'not '}all before the camera"
+        ]
+    if truth.box_amodal_px is None:
+        return []
+    if truth.camera.distortion.is_none:
+        sides = R[:2] @ points.T + t[:2, None]
+        c = truth.camera
+        pixels = (sides / depth).T * (c.fx_px, c.fy_px) + (c.cx_px, c.cy_px)
+    else:
+        known = in_lens(truth.camera, points @ R.T + t)
+        pixels = project_with_opencv(truth.camera, points[known], truth.q_camera_from_target_wxyz, t)
+        if not known.all():  # what lies further out than the lens is known for can only make the box larger
+            low, high = pixels.min(axis=0, initial=np.inf), pixels.max(axis=0, initial=-np.inf)
+            box = np.array(truth.box_amodal_px)
+            holds = np.all(box[:2] <= low + PIXEL_TOLERANCE_PX) and np.all(
+                box[2:] >= high - PIXEL_TOLERANCE_PX
+            )
+            return [] if holds else [f"box_amodal_px {truth.box_amodal_px} does not hold the projected craft"]
+    wanted = (*pixels.min(axis=0), *pixels.max(axis=0))
+    error = np.abs(np.subtract(wanted, truth.box_amodal_px))
+    # far off the axis a pixel number is large, and so is its last digit
+    if np.any(error > PIXEL_TOLERANCE_PX * np.maximum(1, np.abs(wanted) / 1e3)):
+        rounded = tuple(round(float(x), 3) for x in wanted)
+        return [f"box_amodal_px {truth.box_amodal_px} is not the projected craft's {rounded}"]
+    return []

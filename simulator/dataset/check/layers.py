@@ -1,0 +1,293 @@
+"""Checks of the label layers: whole images against each other, and sampled pixels against rays cast on the CPU."""
+
+from __future__ import annotations
+
+import itertools
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.dataset.check.geometry import doubtful_pixels, project_with_opencv, rays_with_opencv
+from simulator.dataset.check.mask_statistics import is_binary
+from simulator.dataset.check.ray_casting import ray_caster
+from simulator.dataset.check.row_poses import pose_of_row
+from simulator.dataset.check.sampled_rays import DEPTH_M, DEPTH_RELATIVE, Layers, Probe, Prober, sample_pixels
+from simulator.imaging.exposure import BAND_PX
+from simulator.labels.layers import layer_hash
+from simulator.labels.visibility import SURFACE_TOLERANCE_M
+from simulator.world.frames.pose import Pose
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from simulator.labels.truth import KeypointLabel, Truth
+    from simulator.runtime.arrays import ByteArray, FloatArray, IntArray
+    from simulator.targets.model import Target
+
+MOST_DOUBTS = 300
+MOST_BAD = 6
+# Half precision keeps a normal to 5e-4.
+NORMAL_TOLERANCE = 2e-3
+NORMAL_ANGLE_RAD = 0.05
+FLOW_PX = 2e-3
+
+
+def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target | None = None) -> list[str]:
+    """Everything wrong with the layers of a frame, a sentence each.
+
+    Parameters
+    ----------
+    layers : by name, as drawn or as read. target : asked by a ray where the pixels are too coarse to tell.
+    """
+    named = {name for name in truth.layers if name != "wireframe"}
+    if named != set(truth.layer_sha256):
+        return [f"layers are {sorted(named)}, their hashes are of {sorted(truth.layer_sha256)}"]
+    wrong = [f"layer {name} is missing" for name in sorted(named - set(layers))]
+    wrong += [
+        f"layer {name} is not the one that the record describes"
+        for name, layer in layers.items()
+        if name in truth.layer_sha256 and layer_hash(name, layer, mask) != truth.layer_sha256[name]
+    ]
+    for name, layer in layers.items():
+        shape = mask.shape if name not in {"normals", "flow", "clean"} else layer.shape[:2]
+        if name != "amodal" and shape != mask.shape:
+            wrong.append(f"layer {name} is {layer.shape}, the image {mask.shape}")
+    return wrong or _check_support(truth, mask, layers, target) + _check_amodal(truth, mask, layers)
+
+
+def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target | None) -> list[str]:
+    """One support for all, unit normals towards the camera, parts that are named, keypoints at their depth."""
+    wrong, on = [], mask > 0
+    if "depth" in layers:
+        depth = layers["depth"]
+        if depth.dtype != np.float32 or not np.array_equal(np.isfinite(depth), on):
+            wrong.append("depth is not finite exactly on the mask")
+        elif on.any() and depth[on].min() <= 0:
+            wrong.append("depth is not in front of the camera")
+        else:
+            wrong += [
+                f"keypoint {k.name} is {k.state}, which the depth about it contradicts"
+                for k in truth.keypoints
+                if not keypoint_at_depth(truth, k, depth)
+                and not (target is not None and keypoint_by_ray(truth, k, target))
+            ]
+    if "flow" in layers and (_in_any_channel(np.isfinite(layers["flow"])) & ~on).any():
+        wrong.append("there is optical flow off the mask")
+    if "parts" in layers:
+        parts = layers["parts"]
+        if not np.array_equal(parts > 0, on):
+            wrong.append("the parts do not partition the mask")
+        elif parts.max(initial=0) > len(truth.parts):
+            wrong.append(f"part {parts.max()} has no name among {len(truth.parts)}")
+    if "normals" in layers:
+        # as bits less the sign: comparing half floats takes longer than all else here
+        bits = np.ascontiguousarray(layers["normals"], np.float16).view(np.uint16)
+        there = (_in_any_channel(bits) & 0x7FFF) > 0
+        normals = layers["normals"][on].astype(float)
+        if not np.array_equal(there, on):
+            wrong.append("normals are not there exactly on the mask")
+        elif not np.all(np.abs(np.linalg.norm(normals, axis=1) - 1) <= NORMAL_TOLERANCE):
+            wrong.append("normals are not of unit length")
+        else:
+            wrong += _check_facing(truth, on, normals)
+    return wrong
+
+
+def _in_any_channel(values: NDArray[Any]) -> NDArray[Any]:
+    """(H, W) of (H, W, C): bits or truths that are set in any channel; numpy is slow along short axes."""
+    found = values[..., 0].copy()
+    for k in range(1, values.shape[2]):
+        found |= values[..., k]
+    return found
+
+
+def _check_facing(truth: Truth, on: NDArray[np.bool_], n: FloatArray) -> list[str]:
+    """Normals (K, 3) of the pixels that are ``on``, row by row, against the rays there."""
+    rows, columns = np.nonzero(on)
+    if not len(rows):
+        return []
+    rays = rays_with_opencv(truth.camera, np.stack([columns, rows], axis=1).astype(float))
+    towards = (n[:, 0] * rays[:, 0] + n[:, 1] * rays[:, 1] + n[:, 2]) / np.hypot(1, np.hypot(*rays.T))
+    away = int(np.count_nonzero(towards > NORMAL_TOLERANCE))
+    return [f"{away} normals look away from the camera"] if away else []
+
+
+def keypoint_at_depth(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np.float32]) -> bool:
+    """Whether a keypoint's label agrees with the depths of the 3 x 3 pixels about it: seen ones are not behind them."""
+    if keypoint.pixel_px is None or keypoint.state == "out_of_frame":
+        return True
+    pose = pose_of_row(truth, keypoint.pixel_px[1])
+    z_m = float(pose.apply(np.array(keypoint.target_m))[2])
+    u, v = (int(x) for x in np.rint(keypoint.pixel_px))
+    patch = depth_m[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2]
+    if patch.size < 9 or not np.isfinite(patch).all():
+        return True  # beside an outline what hides or shows a point may lie between the pixels' centres
+    # about a rod's root or an edge the surface leaves the point by as much as the pixels are wide
+    tolerance = 3e-3 * max(1.0, z_m) + 1.5 * z_m / min(truth.camera.fx_px, truth.camera.fy_px)
+    if keypoint.state == "self_occluded":
+        return bool(patch.min() < z_m + tolerance)
+    # a thin tape seen end-on hides its neighbours' pixels, but not all around its tip
+    wide = depth_m[max(v - 2, 0) : v + 3, max(u - 2, 0) : u + 3]
+    return bool(not np.isfinite(wide).all() or wide.max() > z_m - tolerance)
+
+
+def keypoint_by_ray(truth: Truth, keypoint: KeypointLabel, target: Target) -> bool:
+    """Whether a ray to a keypoint meets something before it just when its label says that it is hidden.
+
+    What is thinner than a pixel, a wing seen edge-on, hides a point without any pixel's centre showing it.
+    """
+    if keypoint.pixel_px is None:
+        return False
+    pose = pose_of_row(truth, keypoint.pixel_px[1])
+    point = pose.apply(np.array(keypoint.target_m))
+    z_m = float(point[2])
+    found = ray_caster(target, pose).hits(point / z_m).z_m
+    surface_m = SURFACE_TOLERANCE_M * z_m / float(np.linalg.norm(point))
+    hidden = bool(len(found) and found[0] < z_m - surface_m)
+    return hidden == (keypoint.state == "self_occluded")
+
+
+def _check_amodal(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
+    """The whole silhouette holds the image, and is the mask there."""
+    if "amodal" not in layers:
+        return []
+    amodal, origin = layers["amodal"], truth.amodal_origin_px
+    height, width = mask.shape
+    if origin is None or max(origin) > 0:
+        return [f"the amodal mask starts at {origin}, inside the image"]
+    x, y = -origin[0], -origin[1]
+    if amodal.ndim != 2 or not np.array_equal(amodal[y : y + height, x : x + width], mask):
+        return ["the amodal mask is not the visible mask on the image"]
+    if not is_binary(amodal):
+        return ["the amodal mask has values other than 0 and 255"]
+    return []
+
+
+def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Target) -> list[str]:
+    """Mask, silhouette and sampled pixels of all layers against the mesh."""
+    prober = Prober(truth, target)
+    if "amodal" in layers and truth.amodal_origin_px is not None:
+        # which is the visible mask on the image
+        whole = np.asarray(layers["amodal"], np.uint8)
+        wrong = _check_mask(truth, whole, truth.amodal_origin_px, target, prober, "amodal mask")
+    else:
+        wrong = _check_mask(truth, mask, (0, 0), target, prober, "mask")
+    if "parts" in layers and truth.parts != tuple(part.name for part in target.parts):
+        wrong.append("the parts' names are not the target's")
+    pixels = sample_pixels(truth, mask, layers, prober)
+    for name, is_right in (
+        ("mask", _mask_agrees),
+        ("depth", partial(_depth_agrees, _depth_in_a_band(truth))),
+        ("parts", _part_agrees),
+    ):
+        layer = mask if name == "mask" else layers.get(name)
+        if layer is not None:
+            wrong += _sentence(
+                name, (p for p in pixels if not prober.agrees(p, partial(is_right, layer[p[1], p[0]])))
+            )
+    if "normals" in layers and len(pixels):
+        rays = rays_with_opencv(truth.camera, pixels.astype(float))
+        bad = (
+            p
+            for p, ray in zip(pixels, rays, strict=True)
+            if mask[p[1], p[0]]
+            and not prober.agrees(p, partial(_normal_agrees, layers["normals"][p[1], p[0]], ray))
+        )
+        wrong += _sentence("normals", bad)
+    if "flow" in layers:
+        wrong += _check_flow(truth, layers["flow"], pixels, prober)
+    return wrong
+
+
+def _sentence(name: str, bad: Iterable[IntArray]) -> list[str]:
+    """What is wrong, by its first pixels: a layer that is wrong all over need not be followed to its end."""
+    first = list(itertools.islice(bad, MOST_BAD))
+    if not first:
+        return []
+    number = f"{MOST_BAD} or more" if len(first) == MOST_BAD else str(len(first))
+    return [f"{name} is not the mesh's at {number} sampled pixels, the first at {tuple(map(int, first[0]))}"]
+
+
+def _mask_agrees(value: int, probe: Probe) -> bool:
+    return bool(len(probe.z_m)) if value else probe.misses
+
+
+def _depth_in_a_band(truth: Truth) -> float:
+    """Share of the depth by which it may change while a rolling shutter's band is exposed."""
+    return BAND_PX / 2 / min(truth.camera.fx_px, truth.camera.fy_px) if truth.row_poses else 0.0
+
+
+def _depth_agrees(in_band: float, z_m: float, probe: Probe) -> bool:
+    if not np.isfinite(z_m):
+        return probe.misses
+    tolerance = (DEPTH_RELATIVE + in_band) * z_m + DEPTH_M
+    return bool(len(probe.z_m)) and probe.z_m.min() - tolerance <= z_m <= probe.z_m.max() + tolerance
+
+
+def _part_agrees(part: int, probe: Probe) -> bool:
+    return probe.misses if part == 0 else int(part) in probe.parts
+
+
+def _normal_agrees(normal: NDArray[np.float16], ray: FloatArray, probe: Probe) -> bool:
+    """Whether the normal is that of a surface there, turned towards the camera and not past its horizon."""
+    away = np.array([*ray, 1.0]) / np.sqrt(ray @ ray + 1)
+    both = np.concatenate([probe.normals, -probe.normals])
+    both = both - np.maximum(both @ away, 0)[:, None] * away
+    both /= np.maximum(np.linalg.norm(both, axis=1, keepdims=True), 1e-9)
+    n = normal.astype(float)
+    if np.any(np.linalg.norm(both - n, axis=1) < NORMAL_ANGLE_RAD):
+        return True
+    return probe.nearby is not None and probe.nearby.has_normal(n, away, NORMAL_ANGLE_RAD)
+
+
+def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, prober: Prober) -> list[str]:
+    """Sampled pixels: the point that a ray meets, seen from the next frame's pose."""
+    if truth.flow is None:
+        return ["there is optical flow, and the record does not say to which frame"]
+    here = pose_of_row(truth, 0)
+    there = Pose.of(
+        "camera", "target", truth.flow.q_camera_from_target_wxyz, truth.flow.t_camera_from_target_m
+    )
+    R = there.R @ here.R.T
+    t = np.asarray(there.t_m) - R @ np.asarray(here.t_m)
+    on = pixels[np.isfinite(flow[pixels[:, 1], pixels[:, 0]]).any(axis=1)]
+    off = pixels[~np.isfinite(flow[pixels[:, 1], pixels[:, 0]]).all(axis=1)]
+
+    def has_none(pixel: IntArray, probe: Probe) -> bool:
+        ray = np.array([*rays_with_opencv(truth.camera, pixel[None].astype(float))[0], 1.0])
+        return probe.misses or bool(np.all((probe.z_m[:, None] * ray @ R.T + t)[:, 2] <= 1e-9))
+
+    def is_right(pixel: IntArray, ray: FloatArray, probe: Probe) -> bool:
+        points = probe.z_m[:, None] * np.array([*ray, 1.0]) @ R.T + t
+        points = points[points[:, 2] > 1e-9]
+        if not len(points):
+            return False
+        moved = project_with_opencv(truth.camera, points, (1.0, 0.0, 0.0, 0.0), np.zeros(3))
+        # from the nearest to the farthest surface that the pixel may show
+        low, high = (f(moved, axis=0) - pixel for f in (np.min, np.max))
+        tolerance = FLOW_PX + 2e-6 * np.abs(moved).max()
+        value = flow[pixel[1], pixel[0]]
+        return bool(np.all((value >= low - tolerance) & (value <= high + tolerance)))
+
+    rays = rays_with_opencv(truth.camera, on.astype(float)) if len(on) else np.zeros((0, 2))
+    bad = (p for p, ray in zip(on, rays, strict=True) if not prober.agrees(p, partial(is_right, p, ray)))
+    missing = (p for p in off if not prober.agrees(p, partial(has_none, p)))
+    return _sentence("flow", itertools.chain(bad, missing))
+
+
+def _check_mask(
+    truth: Truth, mask: ByteArray, origin_px: tuple[int, int], target: Target, prober: Prober, name: str
+) -> list[str]:
+    """A mask against the triangles filled on the CPU; single pixels that differ are asked of rays."""
+    doubts = doubtful_pixels(truth, mask, target, origin_px)
+    if len(doubts) > MOST_DOUBTS:
+        return [f"{name} differs from the projected craft at {len(doubts)} pixels"]
+    bad = (
+        p
+        for p in doubts
+        if not prober.agrees(p + np.array(origin_px), partial(_mask_agrees, mask[p[1], p[0]]))
+    )
+    return _sentence(name, bad)

@@ -1,0 +1,119 @@
+"""Triangles about a pixel's centre: what a raster may show there once it has rounded their corners.
+
+A raster moves every corner by up to 1/512 px each way before it asks which centres a triangle covers, and then takes
+depth and normal from the unrounded plane. On rods, edges and cracks narrower than that, rays through and about the
+centre say too little; here every triangle that could be shown is asked how far its rounding reaches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import nnls
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray, IntArray
+
+SNAP_PX = 1 / 128
+"""A corner's rounding and the opposite edge's, together, with as much again for the raster's own arithmetic."""
+MOST_BEYOND = 4.0
+"""How many of its own heights a triangle thinner than the rounding may be shown beyond itself."""
+ON_HORIZON = 0.01
+"""Cosine to the line of sight below which a normal may have been put back upon the horizon."""
+
+
+@dataclass(frozen=True, eq=False)
+class Nearby:
+    """Triangles that a raster may show at one pixel's centre.
+
+    Parameters
+    ----------
+    nearest_m, farthest_m : (M,) camera z that each may give there. parts : (M,) numbers of their parts, from 1.
+    cones : (M, 3, 3) camera frame, corners' normals (rows) moved outward by the rounding: what is shown is a positive
+        combination of the three. is_sure : whether one of them covers the centre whatever the rounding.
+    """
+
+    nearest_m: FloatArray
+    farthest_m: FloatArray
+    parts: IntArray
+    cones: FloatArray
+    is_sure: bool
+
+    def has_normal(self, normal: FloatArray, ray: FloatArray, within_rad: float) -> bool:
+        """Whether a normal turned towards the camera is one of a surface here.
+
+        Parameters
+        ----------
+        ray : (3,) unit direction from the camera through the pixel.
+        """
+        clamped = [-ray] if abs(normal @ ray) < ON_HORIZON else []
+        return any(
+            nnls(np.stack([*(side * cone), *clamped], axis=1), normal)[1] < within_rad
+            for cone in self.cones
+            for side in (1, -1)
+        )
+
+
+def nearby(
+    corners_px: FloatArray, inverse_z: FloatArray, normals: FloatArray, parts: IntArray, doubt_px: float
+) -> Nearby:
+    """What may be shown at the origin of the plane of ``corners_px``.
+
+    Parameters
+    ----------
+    corners_px : (K, 3, 2) relative to the pixel's centre. inverse_z : (K, 3) 1 / camera z of the corners [1/m].
+    normals : (K, 3, 3) unit, camera frame. parts : (K,). doubt_px : how far from the centre a shown point may be.
+    """
+    inside, border_px = _inside_by(corners_px)
+    close = inside | (border_px <= doubt_px)
+    corners, inverse, border = corners_px[close], inverse_z[close], border_px[close]
+    sure = inside[close] & (border > SNAP_PX)
+    area2, longest = _twice_area(corners), _longest(corners)
+    height = np.abs(area2) / np.maximum(longest, 1e-12)
+    beyond = np.minimum(SNAP_PX / np.maximum(height, 1e-12), MOST_BEYOND)
+    low, high = _inverse_range(corners, inverse, area2, beyond, doubt_px)
+    nearest, farthest = 1 / np.maximum(high, 1e-9), 1 / np.maximum(low, 1e-9)
+    first = farthest[sure].min(initial=np.inf)
+    shown = nearest <= first
+    n, e = normals[close], beyond[:, None, None]
+    cones = n * (1 + 2 * e) - e * (np.roll(n, 1, axis=1) + np.roll(n, 2, axis=1))
+    return Nearby(nearest[shown], farthest[shown], parts[close][shown], cones[shown], bool(sure.any()))
+
+
+def _inverse_range(
+    corners: FloatArray, inverse: FloatArray, area2: FloatArray, beyond: FloatArray, doubt_px: float
+) -> tuple[FloatArray, FloatArray]:
+    """(M,) least and greatest 1/z within ``doubt_px`` of the origin, no farther off a triangle than its rounding."""
+    span = np.ptp(inverse, axis=1) * beyond
+    low, high = inverse.min(axis=1) - span, inverse.max(axis=1) + span
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    d1, d2 = inverse[:, 1] - inverse[:, 0], inverse[:, 2] - inverse[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # the plane's gradient; 1/z is linear in the image
+        g = np.stack([d1 * e2[:, 1] - d2 * e1[:, 1], d2 * e1[:, 0] - d1 * e2[:, 0]], axis=1) / area2[:, None]
+        here = inverse[:, 0] - (g * corners[:, 0]).sum(axis=1)
+        reach = np.hypot(*g.T) * doubt_px
+        return np.fmax(low, here - reach), np.fmin(high, here + reach)
+
+
+def _inside_by(corners: FloatArray) -> tuple[np.typing.NDArray[np.bool_], FloatArray]:
+    """Whether triangles (K, 3, 2) hold the origin, and how far it is from their borders [px]."""
+    following = np.roll(corners, -1, axis=1)
+    way = following - corners
+    side = corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]
+    inside = np.all(side >= 0, axis=1) | np.all(side <= 0, axis=1)
+    along = -(corners * way).sum(axis=2) / np.maximum((way**2).sum(axis=2), 1e-24)
+    foot = corners + np.clip(along, 0, 1)[..., None] * way
+    return inside, np.hypot(foot[..., 0], foot[..., 1]).min(axis=1)
+
+
+def _twice_area(corners: FloatArray) -> FloatArray:
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return np.asarray(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
+
+
+def _longest(corners: FloatArray) -> FloatArray:
+    way = np.roll(corners, -1, axis=1) - corners
+    return np.asarray(np.hypot(way[..., 0], way[..., 1]).max(axis=1))

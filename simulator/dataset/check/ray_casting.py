@@ -1,0 +1,118 @@
+"""What a ray from the camera meets first, by intersecting it with the mesh on the CPU in double precision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.dataset.check.raster_tolerance import nearby
+from simulator.labels.visibility import mesh_of
+from simulator.runtime.memory import kept_with
+
+if TYPE_CHECKING:
+    from simulator.dataset.check.raster_tolerance import Nearby
+    from simulator.runtime.arrays import FloatArray, IntArray
+    from simulator.targets.model import Target
+    from simulator.world.frames.pose import Pose
+
+NEAR_M = 1e-3
+FLAT = 1e-14  # twice the area of a triangle seen edge-on, in the plane z = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Everything along one ray, nearest first: camera z [m], part (from 1), unit normals (N, 3) camera frame."""
+
+    z_m: FloatArray
+    parts: IntArray
+    normals: FloatArray
+
+
+@kept_with
+def _part_of_triangle(target: Target) -> IntArray:
+    return np.repeat(np.arange(1, len(target.parts) + 1), [len(part.triangles) for part in target.parts])
+
+
+@kept_with
+def _normals(target: Target) -> FloatArray:
+    return np.concatenate([part.normals for part in target.parts]).astype(float)
+
+
+class RayCaster:
+    """A target at a pose, ready to be asked along many rays."""
+
+    def __init__(self, target: Target, camera_from_target: Pose) -> None:
+        mesh = mesh_of(target)
+        vertices = camera_from_target.apply(mesh.positions_m)
+        ahead = np.all(vertices[mesh.triangles, 2] > NEAR_M, axis=1)
+        self._triangles = mesh.triangles[ahead]
+        self._parts = _part_of_triangle(target)[ahead]
+        self._normals, self._R = _normals(target), camera_from_target.R
+        corners = vertices[self._triangles]
+        self._xy = corners[..., :2] / corners[..., 2:]
+        self._inverse = 1 / corners[..., 2]
+        self._low = np.ascontiguousarray(self._xy.min(axis=1).T)
+        self._high = np.ascontiguousarray(self._xy.max(axis=1).T)
+
+    def largest_triangles(self) -> FloatArray:
+        """(K, 2) x/z, y/z of the middles of the three triangles of each part that look largest."""
+        e1, e2 = self._xy[:, 1] - self._xy[:, 0], self._xy[:, 2] - self._xy[:, 0]
+        order = np.lexsort((-np.abs(_cross(e1, e2)), self._parts))
+        _, first, count = np.unique(self._parts[order], return_index=True, return_counts=True)
+        rank = np.arange(len(order)) - np.repeat(first, count)
+        return np.asarray(self._xy[order[rank < 3]].mean(axis=1))
+
+    def nearby(self, ray: FloatArray, px_per_ray: FloatArray, doubt_px: float) -> Nearby:
+        """Triangles that a raster may show at the pixel of the ray through (x, y, 1), camera frame.
+
+        Parameters
+        ----------
+        px_per_ray : (2, 2) how a step of the ray moves the pixel. doubt_px : how far from its centre they may be.
+        """
+        reach = doubt_px * np.abs(np.linalg.inv(px_per_ray)).sum(axis=1)
+        low, high = self._low, self._high
+        near = np.flatnonzero(
+            (low[0] <= ray[0] + reach[0])
+            & (high[0] >= ray[0] - reach[0])
+            & (low[1] <= ray[1] + reach[1])
+            & (high[1] >= ray[1] - reach[1])
+        )
+        return nearby(
+            (self._xy[near] - ray[:2]) @ px_per_ray.T,
+            self._inverse[near],
+            self._normals[self._triangles[near]] @ self._R.T,
+            self._parts[near],
+            doubt_px,
+        )
+
+    def hits(self, ray: FloatArray) -> Hits:
+        """What lies along the ray through (x, y, 1), camera frame."""
+        low, high = self._low, self._high
+        near = np.flatnonzero(
+            (low[0] <= ray[0]) & (high[0] >= ray[0]) & (low[1] <= ray[1]) & (high[1] >= ray[1])
+        )
+        a, b, c = (self._xy[near, k] - ray[:2] for k in range(3))
+        weights = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=1)
+        area = weights.sum(axis=1)
+        inside = (np.abs(area) > FLAT) & (np.all(weights >= 0, axis=1) | np.all(weights <= 0, axis=1))
+        near, weights = near[inside], weights[inside] / area[inside, None]
+        # shares on the screen; over depth they are the shares on the triangle
+        inverse = (weights * self._inverse[near]).sum(axis=1)
+        on_triangle = weights * self._inverse[near] / inverse[:, None]
+        normals = (on_triangle[..., None] * self._normals[self._triangles[near]]).sum(axis=1) @ self._R.T
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        order = np.argsort(-inverse)
+        return Hits(1 / inverse[order], self._parts[near][order], normals[order])
+
+
+@lru_cache(maxsize=2)
+def ray_caster(target: Target, camera_from_target: Pose) -> RayCaster:
+    """A target at a pose, kept for the next check of the same frame."""
+    return RayCaster(target, camera_from_target)
+
+
+def _cross(p: FloatArray, q: FloatArray) -> FloatArray:
+    return np.asarray(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])

@@ -1,0 +1,160 @@
+"""Check of the images themselves: a sample is drawn again from its records, and must be the same picture.
+
+A record's hash tells of accidents only: who changes an image can change its hash. The same renderer draws the same
+bytes; another one may round otherwise, so pictures are compared blurred, each pixel to what the noise and a shift of a
+fraction of a pixel would leave.
+"""
+
+from __future__ import annotations
+
+import math
+import secrets
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.dataset.check.clean_twin import balance_factors
+from simulator.dataset.check.feasibility import check_step_share
+from simulator.dataset.formats.native import frame_paths, read_png
+from simulator.errors import UserError
+from simulator.frame import take_frame
+from simulator.imaging.develop import expose_scene
+from simulator.imaging.image_formation import noise_sigma
+from simulator.labels.truth import read_truth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from simulator.labels.truth import Truth
+    from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import ByteArray
+    from simulator.targets.model import Target
+
+SHARE = 0.02  # of a data set's frames that are drawn again
+FEWEST = 3
+BLUR_PX = 2.0
+LEFT_OF_NOISE = 1 / (2 * math.sqrt(math.pi) * BLUR_PX)  # of white noise, after that blur
+SIGMAS = 6.0
+SHIFT_PX = 0.25  # by which an edge may be drawn elsewhere
+RELATIVE, ABSOLUTE = 0.01, 0.004  # of the signal, and of full scale: what renderers differ by
+MOST_OTHER, MOST_OF_MASK = 2e-4, 0.01  # share of the image's pixels, and of the craft's, that may be others
+FEW = 4
+EXACT = 1e-6
+
+
+@dataclass(frozen=True)
+class Redrawn:
+    """What drawing again found: how many frames were drawn, what is wrong with which, and why none was, or nothing."""
+
+    n_frames: int
+    faults: tuple[tuple[int, str], ...]
+    reason: str = ""
+
+
+def fresh_seed() -> int:
+    """A seed that nobody knows beforehand, short enough for any reader of JSON."""
+    return secrets.randbelow(2**53)
+
+
+def sample(frames: Sequence[int], share: float, seed: int) -> list[int]:
+    """Frames to draw again: a share of them, at least three; none for a share of zero.
+
+    Parameters
+    ----------
+    seed : decides which; nobody who may alter a data set should know it beforehand.
+    """
+    if share <= 0 or not frames:
+        return []
+    count = min(len(frames), max(FEWEST, math.ceil(share * len(frames))))
+    chosen = np.random.default_rng([seed % 2**63, len(frames)]).choice(len(frames), count, replace=False)
+    return [frames[k] for k in sorted(chosen.tolist())]
+
+
+def check_pictures(
+    folder: Path, frames: Sequence[int], target: Target, progress: Callable[[], None] = lambda: None
+) -> Redrawn:
+    """Draw frames again from their records, and compare.
+
+    Parameters
+    ----------
+    frames : to be drawn, all of them readable. target : that the card and the records name.
+    """
+    from simulator.render.earth_maps import begin_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
+    from simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
+
+    faults: list[tuple[int, str]] = []
+    try:
+        renderer = Renderer(begun=begin_maps_of(read_truth(frame_paths(folder, frames[0]).truth).scene))
+    except UserError as error:
+        return Redrawn(0, (), str(error))
+    with renderer:
+        for k in frames:
+            truth = read_truth(frame_paths(folder, k).truth)  # megabytes each
+            if truth.scene.target.sha256 != target.sha256:
+                faults.append((k, "the scene's target is not the card's"))
+                continue
+            image = read_png(frame_paths(folder, k).image)
+            mask = np.asarray(read_png(frame_paths(folder, k).mask), np.uint8)
+            faults += [(k, what) for what in check_drawn_again(renderer, truth, image, mask, target)]
+            progress()
+    return Redrawn(len(frames), tuple(faults))
+
+
+def check_drawn_again(
+    renderer: Renderer, truth: Truth, image: NDArray[np.unsignedinteger], mask: ByteArray, target: Target
+) -> list[str]:
+    """Everything by which a frame differs from what its record gives when it is drawn again."""
+    again = take_frame(renderer, truth.scene, target, labels=False)
+    wrong = check_same_picture(truth, image, again.image, mask)
+    signal = expose_scene(truth.scene, again.radiance)
+    mono = np.asarray(signal if signal.ndim == 2 else signal.mean(axis=2), float)
+    # the same renderer's light is the same; another one's is another by as much as its image may be
+    doubt, relative = (EXACT, 0.0) if np.array_equal(image, again.image) else (ABSOLUTE, RELATIVE)
+    return wrong + check_step_share(truth, target, mono, doubt, relative)
+
+
+def check_same_picture(
+    truth: Truth,
+    image: NDArray[np.unsignedinteger],
+    again: NDArray[np.unsignedinteger],
+    mask: ByteArray,
+) -> list[str]:
+    """Whether an image shows what was drawn again of its record, to the noise and a renderer's own rounding."""
+    if image.shape != again.shape or image.dtype != again.dtype:
+        return [f"the image is {image.shape} {image.dtype}, drawn again {again.shape} {again.dtype}"]
+    if np.array_equal(image, again):
+        return []
+    sensor = truth.scene.sensor
+    full, black = 2.0**sensor.bits - 1, 0.0
+    if sensor.detector is not None:
+        # a detector saturates where its well does, above its black level
+        full, black = sensor.saturation_e / sensor.detector.gain_e_per_dn, sensor.detector.black_level_dn
+    mine, other = (
+        cv2.GaussianBlur((x.astype(np.float32) - black) / full, (0, 0), BLUR_PX) for x in (image, again)
+    )
+    off = np.abs(mine - other)
+    levels = np.linspace(0, 1, 33)
+    sigma = np.array([noise_sigma(sensor, float(x), truth.scene.exposure_s) for x in levels])
+    # demosaicing spreads the noise of one pixel in four over all, which a blur halves less; white balance multiplies it
+    spread = np.maximum(3.0, 2.0 * balance_factors(truth)) if image.ndim == 3 else 1.0
+    noise = np.interp(other, levels, sigma) * (SIGMAS * math.sqrt(2) * LEFT_OF_NOISE * spread)
+    near = np.ones((3, 3), np.uint8)
+    slope = cv2.dilate(other, near) - cv2.erode(other, near)
+    bad = off > ABSOLUTE + RELATIVE * np.maximum(other, 0) + noise + SHIFT_PX * slope
+    bad = bad if bad.ndim == 2 else bad.any(axis=2)
+    about = cv2.dilate(mask, np.ones((9, 9), np.uint8)) > 0
+    on_craft, beside = (int(np.count_nonzero(bad & where)) for where in (about, ~about))
+    if on_craft <= max(MOST_OF_MASK * np.count_nonzero(mask), FEW) and beside <= max(
+        MOST_OTHER * bad.size, FEW
+    ):
+        return []
+    what = (
+        f"the image is not what its record gives when it is drawn again: {on_craft + beside} pixels differ by more "
+        "than noise and rounding"
+    )
+    return [what]

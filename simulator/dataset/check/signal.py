@@ -1,0 +1,96 @@
+"""Check of the keypoint states that the picture decides: visible, saturated, below the noise; from the clean twin."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.dataset.check.feasibility import check_step_share
+from simulator.imaging.image_formation import noise_sigma
+from simulator.labels.keypoints import CONTRAST_RADIUS_PX
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.labels.truth import Truth
+    from simulator.targets.model import Target
+
+BY_SIGNAL = ("visible", "saturated", "below_noise")
+RELATIVE = 0.02
+"""How close to the noise a contrast must be for either side to be right."""
+
+
+def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> list[str]:
+    """Keypoints that are called visible, saturated or below the noise, and are not by the image without noise.
+
+    Its digital numbers give the signal to half a step; where that leaves two answers, either is right. A colour that
+    reaches full scale in one band alone, and a detector that blooms or mixes its pixels' colours, are not judged.
+    """
+    scale = _scale(truth, clean)
+    if scale is None:
+        return []
+    full, black = scale
+    wrong = []
+    for k in truth.keypoints:
+        if k.state not in BY_SIGNAL or k.pixel_px is None:
+            continue
+        u, v = (int(x) for x in np.rint(k.pixel_px))
+        r = CONTRAST_RADIUS_PX
+        patch, wider = (
+            (clean[max(v - d, 0) : v + d + 1, max(u - d, 0) : u + d + 1].astype(float) - black) / full
+            for d in (r, r + 1)
+        )
+        if (wider >= 1 - 0.51 / full).all():
+            possible: tuple[str, ...] = ("saturated",)
+        else:
+            possible = _possible_states(truth, patch, 1.0 / full)
+        if k.state not in possible:
+            wrong.append(
+                f"keypoint {k.name} is labelled {k.state}, the clean twin says {' or '.join(possible)}"
+            )
+    return wrong
+
+
+def check_steps_by_signal(truth: Truth, target: Target, clean: NDArray[np.unsignedinteger]) -> list[str]:
+    """The share of the wireframe that stands out of the noise, from the clean twin where it tells the signal."""
+    scale = _scale(truth, clean)
+    if scale is None:
+        return []
+    full, black = scale
+    signal = (clean.astype(float) - black) / full
+    return check_step_share(truth, target, signal if signal.ndim == 2 else signal.mean(axis=2), 0.51 / full)
+
+
+def _scale(truth: Truth, clean: NDArray[np.unsignedinteger]) -> tuple[float, float] | None:
+    """Digital numbers of full scale above black, and of black; ``None`` where a number is not one pixel's signal."""
+    sensor = truth.scene.sensor
+    detector = sensor.detector
+    if detector is None:
+        return 2.0**sensor.bits - 1, 0.0
+    if detector.blooming > 0 or clean.ndim == 3 or truth.scene.bands == "rgb":
+        return None
+    return sensor.saturation_e / detector.gain_e_per_dn, float(detector.black_level_dn)
+
+
+def _possible_states(truth: Truth, signal: NDArray[np.float64], step: float) -> tuple[str, ...]:
+    """States that a patch (h, w) or (h, w, 3) of the signal, known to half a ``step``, may have."""
+    at_full = signal >= 1 - 0.51 * step
+    if at_full.all():
+        return ("saturated", "below_noise")  # half a step below full scale reads as full
+    if signal.ndim == 3:
+        if at_full.any():
+            return BY_SIGNAL
+        signal = signal.mean(axis=2)
+    clipped = np.clip(signal, 0, 1)
+    contrast = float(clipped.max() - clipped.min())
+    sigma = noise_sigma(truth.scene.sensor, float(clipped.mean()), truth.scene.exposure_s)
+    slack = step + RELATIVE * sigma
+    return tuple(
+        state
+        for state, fits in (
+            ("visible", contrast > sigma - slack),
+            ("below_noise", contrast < sigma + slack),
+        )
+        if fits
+    )

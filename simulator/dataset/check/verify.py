@@ -1,0 +1,299 @@
+"""Re-verify every label of a data set from its files alone, by means that did not make them.
+
+Pixels by ``cv2.projectPoints``, the pose by PnP on the exported keypoints, the mask against a silhouette
+filled by OpenCV on the CPU, boxes against the mask, images against the camera, exports against the records.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.dataset.card import DatasetCard, read_card
+from simulator.dataset.check.clean_twin import check_clean
+from simulator.dataset.check.feasibility import check_silhouette_inside
+from simulator.dataset.check.geometry import check_box_3d, check_keypoints, check_visible_on_mask
+from simulator.dataset.check.keypoint_states import check_amodal_box, check_states
+from simulator.dataset.check.layers import check_against_mesh, check_layers
+from simulator.dataset.check.mask_statistics import is_binary
+from simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
+from simulator.dataset.check.redraw import Redrawn, check_pictures, fresh_seed, sample
+from simulator.dataset.check.row_poses import check_rows
+from simulator.dataset.check.signal import check_states_by_signal, check_steps_by_signal
+from simulator.dataset.check.wireframe import check_wireframe
+from simulator.dataset.formats.native import frame_paths, is_whole, read_layer, read_png
+from simulator.dataset.formats.speed import FOLDER as SPEED_FOLDER
+from simulator.errors import UserError
+from simulator.frame import infeasible_reason, pixel_hash
+from simulator.labels.boxes import mask_box
+from simulator.labels.truth import Truth, read_truth
+from simulator.runtime.untrusted_files import read_regular, refuse_deep
+from simulator.targets.library import load_target
+from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from simulator.dataset.check.sampled_rays import Layers
+    from simulator.runtime.arrays import ByteArray
+    from simulator.targets.model import Target
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One wrong label: which frame (None: the card), and what is wrong."""
+
+    frame: int | None
+    what: str
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """Outcome of a check.
+
+    Parameters
+    ----------
+    n_redrawn : frames that were drawn again from their records. not_redrawn : why none was, where some should be.
+    redraw_seed : decides which; with it the same ones are drawn again.
+    """
+
+    n_frames: int
+    n_labels: int
+    faults: tuple[Fault, ...]
+    n_redrawn: int = 0
+    not_redrawn: str = ""
+    redraw_seed: int = 0
+
+
+def check_dataset(
+    folder: str | Path,
+    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    *,
+    redraw: float = REDRAWN_SHARE,
+    redraw_seed: int | None = None,
+) -> CheckReport:
+    """Check every frame of a data set, and some images by drawing them again.
+
+    Parameters
+    ----------
+    redraw : share of the frames to draw again from their records, at least three; 0 for none. Where there is no OpenGL
+        none is, and the report says so. redraw_seed : decides which; fresh where none is given, as who alters a data
+        set must not know them beforehand.
+
+    Raises
+    ------
+    UserError
+        If the folder is not a data set.
+    """
+    folder = Path(folder)
+    card = read_card(folder)
+    faults: list[Fault] = []
+    target: Target | None = load_target(card.target.name)
+    if target is not None and target.sha256 != card.target.sha256:
+        faults.append(
+            Fault(
+                None,
+                f"target {card.target.name} here is not the one drawn; masks were not compared",
+            )
+        )
+        target = None
+    frames = [k for k in range(card.n_frames) if is_whole(folder, k)]
+    faults += _check_count(folder, card, len(frames))
+    readable = []
+    if card.complete:
+        faults += [Fault(k, "files are missing") for k in range(card.n_frames) if not is_whole(folder, k)]
+    seed = fresh_seed() if redraw_seed is None else redraw_seed
+    drawn = sample(frames, redraw, seed)
+    n_labels = 0
+    previous: Truth | None = None
+    for done, k in enumerate(frames):
+        try:
+            truth = read_truth(frame_paths(folder, k).truth)
+            image = read_png(frame_paths(folder, k).image)
+            mask = read_png(frame_paths(folder, k).mask)
+            layers = {name: read_layer(folder / "images", f"{k:06d}", name) for name in truth.layer_sha256}
+        except UserError as error:
+            faults.append(Fault(k, str(error)))
+            continue
+        readable.append(k)
+        faults += _check_flow_to(k, truth, previous)
+        previous = truth
+        found = check_frame(k, truth, image, np.asarray(mask, np.uint8), card, target, layers)
+        faults += [Fault(k, what) for what in found]
+        n_labels += len(truth.keypoints) + len(truth.layers) + 7
+        progress(done + 1, len(frames) + len(drawn))
+    again = Redrawn(0, ())
+    readable_drawn = [k for k in drawn if k in readable]
+    if target is not None and readable_drawn:
+        steps = itertools.count(len(frames) + 1)
+        again = check_pictures(
+            folder, readable_drawn, target, lambda: progress(next(steps), len(frames) + len(drawn))
+        )
+        faults += [Fault(k, what) for k, what in again.faults]
+    if (folder / SPEED_FOLDER).is_dir():
+        faults += _check_speed(folder, readable, card)
+    return CheckReport(len(frames), n_labels, tuple(faults), again.n_frames, again.reason, seed)
+
+
+def _check_flow_to(k: int, truth: Truth, previous: Truth | None) -> list[Fault]:
+    """The frame that the one before says its flow leads to is this one."""
+    if previous is None or previous.flow is None or previous.frame_index != truth.frame_index - 1:
+        return []
+    flow = previous.flow
+    if (flow.t_s, flow.q_camera_from_target_wxyz, flow.t_camera_from_target_m) != (
+        truth.t_s,
+        truth.q_camera_from_target_wxyz,
+        truth.t_camera_from_target_m,
+    ):
+        return [Fault(k - 1, "the optical flow leads to another time or pose than the next frame's")]
+    return []
+
+
+def _check_count(folder: Path, card: DatasetCard, n_whole: int) -> list[Fault]:
+    """The card's number of frames against the files."""
+    faults = []
+    surplus = [p.stem for p in (folder / "images").glob("*.json") if int(p.stem) >= card.n_frames]
+    if surplus:
+        faults.append(Fault(None, f"images/ holds {len(surplus)} frames beyond the card's {card.n_frames}"))
+    if n_whole == 0:
+        faults.append(Fault(None, "there is no whole frame to check"))
+    return faults
+
+
+def check_frame(
+    k: int,
+    truth: Truth,
+    image: NDArray[np.unsignedinteger],
+    mask: ByteArray,
+    card: DatasetCard,
+    target: Target | None,
+    layers: Layers | None = None,
+) -> list[str]:
+    """Everything wrong with frame k, a sentence each.
+
+    Parameters
+    ----------
+    layers : the label layers of the frame by name, as drawn or as read.
+    """
+    layers = layers or {}
+    wrong: list[str] = []
+    size = (truth.camera.height_px, truth.camera.width_px)
+    if image.shape[:2] != size or mask.shape != size:
+        return [f"image is {image.shape[:2]}, mask {mask.shape}, camera says {size}"]
+    if truth.image_sha256 != pixel_hash(image):
+        wrong.append("the image is not the one that the record describes")
+    if truth.mask_sha256 != pixel_hash(mask):
+        wrong.append("the mask is not the one that the record describes")
+    wrong += _check_bookkeeping(k, truth, card)
+    if truth.camera != card.camera:
+        wrong.append("camera differs from the card's")
+    if not is_binary(mask):
+        wrong.append("mask has values other than 0 and 255")
+    if abs(float(np.linalg.norm(truth.q_camera_from_target_wxyz)) - 1) > 1e-9:
+        wrong.append("quaternion is not of unit length")
+    if truth.box_px != mask_box(mask):
+        wrong.append(f"box_px {truth.box_px} is not the mask's {mask_box(mask)}")
+    scene = truth.scene
+    if (scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m) != (
+        truth.q_camera_from_target_wxyz,
+        truth.t_camera_from_target_m,
+    ):
+        wrong.append("pose differs from the scene's")
+    wrong += _check_directions(truth)
+    wrong += check_rows(truth)
+    wrong += check_keypoints(truth, card)
+    wrong += check_visible_on_mask(truth, mask)
+    of_layers = check_layers(truth, mask, layers, target)
+    wrong += of_layers
+    if not of_layers and "clean" in layers:
+        wrong += check_clean(truth, image, mask, layers["clean"])
+        wrong += check_states_by_signal(truth, layers["clean"])
+    if target is not None:
+        if not of_layers:
+            wrong += check_against_mesh(truth, mask, layers, target)
+        wrong += check_wireframe(truth, target)
+        wrong += check_states(truth, target)
+        wrong += check_amodal_box(truth, target)
+        wrong += check_box_3d(truth, target)
+        wrong += check_silhouette_inside(truth, target)
+        if not of_layers and "clean" in layers:
+            wrong += check_steps_by_signal(truth, target, layers["clean"])
+    return wrong
+
+
+def _check_directions(truth: Truth) -> list[str]:
+    """Sun, Earth, eclipse and exposure, from the positions in the scene."""
+    scene, wrong = truth.scene, []
+    to_camera = matrix_from_quat(scene.q_camera_from_eci_wxyz)
+    target, sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
+    for name, label, way in (
+        ("sun_direction_camera", truth.sun_direction_camera, sun - target),
+        ("earth_direction_camera", truth.earth_direction_camera, -target),
+    ):
+        if label is not None and not np.allclose(label, to_camera @ way / np.linalg.norm(way), atol=1e-9):
+            wrong.append(f"{name} is not the direction that the scene's positions give")
+    pole = matrix_from_quat(scene.q_itrs_from_eci_wxyz)[2]
+    seen = sun_fraction_past_both(target, sun, scene.r_moon_eci_m, pole)
+    if abs(truth.sun_visible_fraction - seen) > 1e-9:
+        wrong.append("sun_visible_fraction is not what Earth and Moon leave of the Sun's disc")
+    if truth.exposure_s is not None and truth.exposure_s != scene.exposure_s:
+        wrong.append("exposure_s differs from the scene's")
+    return wrong
+
+
+def _check_bookkeeping(k: int, truth: Truth, card: DatasetCard) -> list[str]:
+    """What the record says twice, it says alike."""
+    scene = truth.scene
+    wrong: list[str] = []
+    twice = ("epoch_utc", "t_s", "seed", "frame_index", "camera", "sun_visible_fraction")
+    wrong += [
+        f"{name} differs from the scene's" for name in twice if getattr(truth, name) != getattr(scene, name)
+    ]
+    if truth.frame_index != k:
+        wrong.append(f"frame_index is {truth.frame_index} in the record of frame {k}")
+    if truth.seed != card.seed:
+        wrong.append(f"seed is {truth.seed}, the card's is {card.seed}")
+    reason = infeasible_reason(truth.silhouette_inside, truth.wireframe_step_share, truth.box_amodal_px)
+    if (truth.feasible, truth.infeasible_reason) != (reason == "", reason):
+        wrong.append(
+            f"feasible is {truth.feasible} ({truth.infeasible_reason or 'no reason'}), its shares say otherwise"
+        )
+    return wrong
+
+
+def _speed_rows(path: Path, card: DatasetCard) -> list[dict[str, Any]]:
+    data = read_regular(path, 1000 * (card.n_frames + 1))
+    refuse_deep(data, str(path))
+    rows: list[dict[str, Any]] = json.loads(data)
+    return rows
+
+
+def _check_speed(folder: Path, frames: list[int], card: DatasetCard) -> list[Fault]:
+    path = folder / SPEED_FOLDER / "train.json"
+    try:
+        labels = {
+            row["filename"]: (tuple(row["q_vbs2tango"]), tuple(row["r_Vo2To_vbs_true"]))
+            for row in _speed_rows(path, card)
+        }
+    except (UserError, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        return [Fault(None, f"{path} cannot be read: {error}")]
+    faults = []
+    for k in frames:
+        name = f"img{k:06d}.jpg"
+        if name not in labels:
+            faults.append(Fault(k, "is missing from the SPEED export"))
+            continue
+        truth = read_truth(frame_paths(folder, k).truth)
+        if labels[name] != (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m):
+            faults.append(Fault(k, "has another pose in the SPEED export"))
+        if not (folder / SPEED_FOLDER / "images" / "train" / name).is_file():
+            faults.append(Fault(k, "has no image in the SPEED export"))
+    return faults

@@ -1,0 +1,100 @@
+"""Check of the wireframe's visibility: edges by name and place, and what is seen of each against rays."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.dataset.check.geometry import in_lens, project_with_opencv
+from simulator.dataset.check.ray_casting import RayCaster, ray_caster
+from simulator.world.frames.pose import Pose
+
+if TYPE_CHECKING:
+    from simulator.labels.truth import Truth
+    from simulator.runtime.arrays import FloatArray
+    from simulator.targets.model import Edge, Target
+
+EDGE_NEAR_M = 0.05
+LONG_PX = 6.0
+MOST_STRETCHES = 60
+CLEAR_M, CLEAR_COSINE = 1e-3, 0.02  # closer than this to being seen, either label may stand
+OWN_RADII = 1.15
+"""Radii about a rod's axis within which a surface is the rod's own, however it tapers about its mean radius."""
+SHARPEST_COSINE = 0.985
+"""Of a rod to the line of sight; one that is seen from its end (within 10 degrees) is hidden by its own cap."""
+
+
+def check_wireframe(truth: Truth, target: Target) -> list[str]:
+    """Edges by name and place, and the middles of what is seen and of what is hidden against rays."""
+    if "wireframe" not in truth.layers:
+        return ["edges are listed though the wireframe was not asked for"] if truth.wireframe else []
+    pose = Pose.of("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
+    ahead = [e for e in target.wireframe if pose.apply(np.array([e.a_m, e.b_m]))[:, 2].min() >= EDGE_NEAR_M]
+    if [e.name for e in ahead] != [w.name for w in truth.wireframe]:
+        return ["the wireframe's edges are not the target's"]
+    wrong, caster = [], ray_caster(target, pose)
+    asked = 0
+    order = np.random.default_rng([truth.seed, truth.frame_index, 0xED6E]).permutation(len(ahead))
+    # rods are few and thin: all of them; of the other edges others in every frame
+    for number in sorted(order.tolist(), key=lambda k: ahead[k].radius_m == 0):
+        edge, wire = ahead[number], truth.wireframe[number]
+        ends = np.array([edge.a_m, edge.b_m])
+        projected = project_with_opencv(
+            truth.camera, ends, truth.q_camera_from_target_wxyz, np.asarray(pose.t_m)
+        )
+        error = np.abs(projected - np.array(wire.ends_px))[in_lens(truth.camera, pose.apply(ends))]
+        if np.any(error > 1e-6 * max(1.0, np.abs(projected).max() / 1e3)):
+            wrong.append(f"edge {wire.name} is {error.max():.3g} px from its projection")
+            continue
+        bounds = [0.0, *(x for stretch in wire.visible for x in stretch), 1.0]
+        if bounds != sorted(bounds):
+            wrong.append(f"edge {wire.name} has stretches {wire.visible} that are not in order within 0 to 1")
+            continue
+        length = float(np.hypot(*(projected[1] - projected[0])))
+        for k, (a, b) in enumerate(itertools.pairwise(bounds)):
+            if (b - a) * length < LONG_PX or asked >= MOST_STRETCHES:
+                continue
+            asked += 1
+            seen, middle = k % 2 == 1, (a + b) / 2
+            if not _stretch_agrees(caster, pose, edge, middle, seen=seen):
+                word = "seen" if seen else "hidden"
+                wrong.append(f"edge {wire.name} is {word} at {middle:.3f} of it, which a ray contradicts")
+    return wrong
+
+
+def _stretch_agrees(caster: RayCaster, pose: Pose, edge: Edge, share: float, *, seen: bool) -> bool:
+    """Whether the point at a share of the projected edge is seen, or hidden, as the label has it."""
+    ends = pose.apply(np.array([edge.a_m, edge.b_m]))
+    z = ends[:, 2]
+    # shares of the projection are shares of the edge over depth
+    along = share / z[1] / ((1 - share) / z[0] + share / z[1])
+    point = ends[0] + along * (ends[1] - ends[0])
+    hits = caster.hits(point[:2] / point[2])
+    if edge.radius_m > 0:
+        return _rod_agrees(hits.z_m, edge.radius_m, ends, point, seen=seen)
+    nearest = float(hits.z_m[0]) if len(hits.z_m) else np.inf
+    if seen:
+        return nearest > point[2] - (5e-3 + 2e-4 * float(point[2]))
+    # hidden: by something before it, or because all its faces look away
+    facing = [float(pose.R @ np.asarray(n) @ -point) / float(np.linalg.norm(point)) for n in edge.normals]
+    return nearest < point[2] - CLEAR_M or max(facing, default=1.0) < CLEAR_COSINE
+
+
+def _rod_agrees(
+    hits_z_m: FloatArray, radius_m: float, ends: FloatArray, point: FloatArray, *, seen: bool
+) -> bool:
+    """Whether a point of a rod's axis is seen, or hidden, as the label has it: its own surface hides it not.
+
+    What lies before the axis is told from the rod's own surface by its distance from the axis.
+    """
+    way = (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-12)
+    if abs(float(way @ point)) > SHARPEST_COSINE * float(np.linalg.norm(point)):
+        return True
+    before = hits_z_m[hits_z_m < point[2] - CLEAR_M]
+    places = before[:, None] * (point / point[2])
+    off = np.linalg.norm(np.cross(places - ends[0], way), axis=1)
+    if seen:
+        return not np.any(off > 5e-3 + 2.5 * radius_m + 2e-4 * float(point[2]))
+    return bool(np.any(off > OWN_RADII * radius_m + CLEAR_M))

@@ -1,0 +1,1 @@
+"""Layouts and encodings of data sets on disk."""

@@ -1,0 +1,175 @@
+"""The native layout of a data set: images/NNNNNN.png, .mask.png, layers, .json; the .json is written last."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from simulator.dataset.formats.exr import MOST_BYTES, MOST_PIXELS, MOST_SIDE_PX, encode_exr, read_exr
+from simulator.errors import UserError
+from simulator.labels.truth import truth_to_json
+from simulator.runtime.files import write_atomic
+from simulator.runtime.untrusted_files import read_regular
+from simulator.targets.glb_pictures import picture_size
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.frame import Frame
+    from simulator.runtime.arrays import ByteArray
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+PNG_LAYERS = ("amodal", "parts", "clean")
+EXR_CHANNELS = {"depth": ("Z",), "normals": ("X", "Y", "Z"), "flow": ("U", "V")}
+
+
+@dataclass(frozen=True)
+class FramePaths:
+    """Files of frame k."""
+
+    image: Path
+    mask: Path
+    truth: Path
+
+
+def frame_paths(folder: Path, k: int) -> FramePaths:
+    """Where frame k of a data set lies."""
+    stem = folder / "images" / f"{k:06d}"
+    return FramePaths(stem.with_suffix(".png"), stem.with_suffix(".mask.png"), stem.with_suffix(".json"))
+
+
+def encode_png(image: NDArray[np.unsignedinteger]) -> bytes:
+    """PNG bytes of a mono or RGB image of 8 or 16 bits.
+
+    OpenCV's own choice of one filter and run lengths takes a third of the time of any level that is asked for, also the
+    lowest, for the same size: noise does not compress.
+    """
+    bgr = image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
+    ok, data = cv2.imencode(".png", bgr)
+    if not ok:
+        raise RuntimeError("OpenCV could not encode a PNG")
+    return data.tobytes()
+
+
+def read_png(path: Path) -> NDArray[np.unsignedinteger]:
+    """Read a PNG as written: mono (H, W) or RGB (H, W, 3); transparency, which none of ours has, is left out.
+
+    Raises
+    ------
+    UserError
+        If the file is missing, not an image, larger than any camera's, or not of 8 or 16 bits.
+    """
+    try:
+        data = read_regular(path, MOST_BYTES)
+    except OSError:
+        data = b""
+    # a PNG says its size in its first chunk; Pillow knows the others, of up to 13,000 x 13,000 pixels
+    size = (
+        struct.unpack_from(">II", data, 16)
+        if data.startswith(_PNG) and len(data) >= 24
+        else picture_size(data)
+    )
+    if size is not None and (max(size) > MOST_SIDE_PX or size[0] * size[1] > MOST_PIXELS):
+        raise UserError(
+            f"image {path} has {size[0]:,} x {size[1]:,} pixels, and at most {MOST_SIDE_PX:,} x "
+            f"{MOST_SIDE_PX:,} are read; make it smaller"
+        )
+    image = None if size is None else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise UserError(f"cannot read image {path}; it is missing or not a PNG")
+    dtype = image.dtype.type
+    if dtype not in (np.uint8, np.uint16):
+        raise UserError(f"image {path} holds {image.dtype} pixels; save it with 8 or 16 bits")
+    return np.ascontiguousarray(image if image.ndim == 2 else image[..., 2::-1])
+
+
+def layer_path(folder: Path, stem: str, name: str) -> Path:
+    """Where a layer of the frame called ``stem`` lies."""
+    return folder / f"{stem}.{name}.{'png' if name in PNG_LAYERS else 'exr'}"
+
+
+def encode_layers(frame: Frame) -> dict[str, bytes]:
+    """Files of a frame's layers by name; ids of parts take 8 bits where they fit."""
+    files = {}
+    for name, layer in frame.layers.items():
+        if name in EXR_CHANNELS:
+            files[name] = encode_exr(EXR_CHANNELS[name], layer)
+        elif name == "parts" and layer.max(initial=0) < 256:
+            files[name] = encode_png(layer.astype(np.uint8))
+        else:
+            files[name] = encode_png(layer)
+    return files
+
+
+def write_layers(folder: Path, stem: str, frame: Frame) -> None:
+    """Write the layers of a frame."""
+    for name, data in encode_layers(frame).items():
+        write_atomic(layer_path(folder, stem, name), data)
+
+
+def read_layer(folder: Path, stem: str, name: str) -> NDArray[Any]:
+    """A layer as it was drawn, of the type and shape that the record's hash is of.
+
+    Raises
+    ------
+    UserError
+        If the file is missing or damaged.
+    """
+    path = layer_path(folder, stem, name)
+    if name in EXR_CHANNELS:
+        return read_exr(path, EXR_CHANNELS[name])
+    image = read_png(path)
+    return image.astype(np.uint16) if name == "parts" else image
+
+
+@dataclass(frozen=True, eq=False)
+class EncodedFrame:
+    """A frame as the bytes of its files: image, mask and record, and layers by name."""
+
+    image: bytes
+    mask: bytes
+    truth: bytes
+    layers: dict[str, bytes]
+
+
+def encode_frame(frame: Frame) -> EncodedFrame:
+    """The files of a labelled frame."""
+    if frame.truth is None or frame.mask is None:
+        raise RuntimeError("a data set frame needs labels")
+    mask: ByteArray = frame.mask
+    return EncodedFrame(
+        encode_png(frame.image), encode_png(mask), truth_to_json(frame.truth), encode_layers(frame)
+    )
+
+
+def write_frame(folder: Path, k: int, frame: Frame) -> FramePaths:
+    """Write frame k, as `write_encoded` does."""
+    return write_encoded(folder, k, encode_frame(frame))
+
+
+def write_encoded(folder: Path, k: int, files: EncodedFrame) -> FramePaths:
+    """Write frame k; its truth record comes last, so that a record means a whole frame.
+
+    Raises
+    ------
+    UserError
+        If the disk is full or the folder cannot be written.
+    """
+    paths = frame_paths(folder, k)
+    write_atomic(paths.image, files.image)
+    write_atomic(paths.mask, files.mask)
+    for name, data in files.layers.items():
+        write_atomic(layer_path(folder / "images", f"{k:06d}", name), data)
+    write_atomic(paths.truth, files.truth)
+    return paths
+
+
+def is_whole(folder: Path, k: int) -> bool:
+    """Whether frame k was written to the end."""
+    paths = frame_paths(folder, k)
+    return paths.truth.is_file() and paths.image.is_file() and paths.mask.is_file()

@@ -1,0 +1,154 @@
+"""From radiance to digital numbers: exposure, PSF, noise, quantisation. Seeded per frame.
+
+Frame k's noise depends on (seed, k) alone, never on the frames before it nor on the number of threads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.camera.detector import detect, detector_sigma, electrons_per_radiance
+from simulator.camera.optics import Optics
+from simulator.camera.psf import blur, defocus_px
+from simulator.camera.recipe_noise import arithmetic_of, draw_noise
+from simulator.camera.shading import veiling_glare, vignetting
+from simulator.runtime.threads import pieces_of, share_out, threads
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from simulator.camera.model import Camera
+    from simulator.camera.recipe_noise import RecipeNoise
+    from simulator.camera.sensor import Sensor
+    from simulator.runtime.arrays import Float32Array, FloatArray
+
+_PERFECT_LENS = Optics()
+_PIECE_VALUES = 3 << 18  # of two threads: shorter ones would wait for Python's lock
+_SHORT_VALUES = 3 << 16  # of more threads
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What the optics need to know of a frame besides its picture.
+
+    Parameters
+    ----------
+    camera : its geometry. target_distance_m : for the blur of what is out of focus.
+    sun_direction : unit vector, camera frame. sun_irradiance_w_m2 : per band, less what is hidden; for glare.
+    """
+
+    camera: Camera
+    target_distance_m: float
+    sun_direction: FloatArray
+    sun_irradiance_w_m2: FloatArray
+
+
+def expose(
+    radiance_w_m2_sr: Float32Array,
+    sensor: Sensor,
+    exposure_s: float,
+    band_gain: ArrayLike = 1.0,
+    optics: Optics | None = None,
+    around: Surroundings | None = None,
+) -> Float32Array:
+    """Noise-free signal on the detector: vignetting and glare, exposure, the PSF.
+
+    Parameters
+    ----------
+    radiance_w_m2_sr : (H, W) or (H, W, 3) band radiance [W m-2 sr-1].
+    sensor : detector; ``full_scale_j_m2_sr``, or its saturation charge, maps to 1.
+    exposure_s : integration time [s].
+    band_gain : gain of each band, for example the white balance of a colour camera (not of a detector in electrons:
+        that is balanced after its read-out).
+    optics : None for a perfect lens. around : what vignetting, glare and defocus need; without it they are left out.
+
+    Returns
+    -------
+    (H, W) or (H, W, 3) float32, 1 at full scale, not clipped.
+    """
+    optics = optics or _PERFECT_LENS
+    bands = 1 if radiance_w_m2_sr.ndim == 2 else radiance_w_m2_sr.shape[2]
+    if sensor.detector is None:
+        gain = np.asarray(band_gain, float) * exposure_s / sensor.full_scale_j_m2_sr
+    else:
+        gain = electrons_per_radiance(sensor, optics, exposure_s, bands) / sensor.saturation_e
+    image, disc_px = radiance_w_m2_sr, 0.0
+    if around is not None:
+        image = _through_the_lens(image, optics, around)
+        disc_px = defocus_px(around.camera, optics, sensor, around.target_distance_m)
+    by_band = gain.astype(np.float32) if gain.size > 1 else float(gain.flat[0])
+    return blur(image, optics, sensor, disc_px, by_band)
+
+
+def _through_the_lens(image: Float32Array, optics: Optics, around: Surroundings) -> Float32Array:
+    """Vignetting and veiling glare; the picture itself where there is neither."""
+    share = vignetting(around.camera, optics)
+    if share is not None:
+        image = image * (share if image.ndim == 2 else share[..., None])
+    glare = veiling_glare(around.camera, optics, around.sun_direction, around.sun_irradiance_w_m2)
+    return image if glare is None else image + glare
+
+
+def noise_sigma(sensor: Sensor, signal: float = 0.0, exposure_s: float = 0.0) -> float:
+    """Standard deviation of the noise on a 0..1 signal, quantisation included [1]."""
+    if sensor.detector is not None:
+        return detector_sigma(sensor, signal, exposure_s)
+    step = 1.0 / (2**sensor.bits - 1)
+    return float(np.sqrt(sensor.gaussian_variance + sensor.speckle_variance * signal**2 + step**2 / 12))
+
+
+def digitise(
+    signal: Float32Array,
+    sensor: Sensor,
+    seed: int,
+    frame_index: int,
+    exposure_s: float = 0.0,
+    band_gain: ArrayLike = 1.0,
+    noise: Callable[[], RecipeNoise] | None = None,
+) -> NDArray[np.unsignedinteger]:
+    """Digital numbers of an exposed signal: by the detector, or clip, speckle, Gaussian noise, clip, quantise.
+
+    The order of the thesis recipe is not given in its source; here speckle ``I + n I`` with uniform n comes
+    first, then the Gaussian term, then the clip, as MATLAB's ``imnoise`` would be called in sequence.
+
+    Parameters
+    ----------
+    signal : (H, W) or (H, W, 3) float32, 1 = full scale.
+    sensor : noise recipe and bit depth.
+    seed, frame_index : key of this frame's random numbers.
+    exposure_s, band_gain : for a detector in electrons: dark current, and the `white_balance` of a colour image.
+    noise : what `begin_noise` gave for this sensor, seed, frame and shape; drawn here without it.
+
+    Returns
+    -------
+    Array of the signal's shape, uint8 for up to 8 bits, uint16 above.
+    """
+    if sensor.detector is not None:
+        return detect(signal, sensor, seed, frame_index, exposure_s, band_gain)
+    arithmetic = arithmetic_of(sensor)
+    full, steps_per_dn = arithmetic.full_dn, arithmetic.steps_per_dn
+    random = noise() if noise is not None else draw_noise(signal.shape, sensor, seed, frame_index)
+    flat = signal.reshape(signal.shape[0], -1)
+    out = np.empty(flat.shape, np.uint8 if sensor.bits <= 8 else np.uint16)
+
+    def digitise_rows(first: int, end: int) -> None:
+        rows = slice(first, end)
+        values = np.clip(flat[rows], 0.0, 1.0)
+        values *= np.float32(full * steps_per_dn)
+        if random.factors is not None:
+            values *= random.factors[rows]
+        steps: NDArray[Any] = values.astype(arithmetic.dtype, copy=False)
+        steps += random.steps[rows] if len(random.steps) > 1 else random.steps
+        if arithmetic.fixed_point:
+            np.right_shift(steps, arithmetic.shift, out=steps)
+        np.clip(steps, 0, full, out=steps)
+        out[rows] = steps
+
+    piece = _PIECE_VALUES if threads() <= 2 else _SHORT_VALUES
+    share_out(pieces_of(len(flat), flat.size // piece), digitise_rows)
+    return out.reshape(signal.shape)

@@ -1,0 +1,122 @@
+"""An exposure meter that needs no picture: the radiance that a camera will see, predicted from the geometry.
+
+Lambert's law on a few hundred points of the craft and on the ground that the image shows. It leaves out highlights,
+shadows, clouds and light thrown from one thing on another: a meter sets an exposure, it does not measure light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.scene.illumination.bands import PANCHROMATIC, reflectance, sun_irradiance_w_m2
+from simulator.world.ephemeris.bodies import BODIES
+from simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+POINTS = 600
+GRID = (16, 12)
+GROUND_ALBEDO = {
+    "earth": 0.30,
+    "moon": 0.12,
+}  # Stephens et al. (2015); Allen's Astrophysical Quantities (2000)
+LOWEST_W_M2_SR = 1e-4
+"""What counts as dark: the sunlit Earth and any sunlit paint are five orders of magnitude above."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeterPoints:
+    """Points spread evenly over a craft's surface: positions (K, 3) [m], normals (K, 3), albedo (K,), area [m2]."""
+
+    positions_m: FloatArray
+    normals: FloatArray
+    albedo: FloatArray
+    area_m2: float
+
+
+@lru_cache(maxsize=4)
+def meter_points(target: Target) -> MeterPoints:
+    """Points of a target, one for each equal share of its surface."""
+    base = {m.name: m for m in target.materials}
+    corners, albedo = [], []
+    for part in target.parts:
+        material = base[part.material]
+        corners.append(part.positions_m[part.triangles].astype(float))
+        # what a metal reflects is a mirror's and mostly misses the camera
+        diffuse = float(reflectance("mono", np.asarray(material.base_color))[0]) * (
+            1 - 0.7 * material.metallic
+        )
+        albedo.append(np.full(len(part.triangles), diffuse))
+    c, a = np.concatenate(corners), np.concatenate(albedo)
+    normal = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+    area = np.linalg.norm(normal, axis=1) / 2
+    total = np.cumsum(area)
+    chosen = np.searchsorted(total, (np.arange(POINTS) + 0.5) / POINTS * total[-1])
+    unit = normal[chosen] / np.linalg.norm(normal[chosen], axis=1, keepdims=True)
+    return MeterPoints(c[chosen].mean(axis=1), unit, a[chosen], float(total[-1] / POINTS))
+
+
+def metered_radiance_w_m2_sr(scene: SceneState, target: Target, share: float) -> float:
+    """Panchromatic radiance that ``share`` of what is lit on the image stays below; 0 where nothing is lit.
+
+    Parameters
+    ----------
+    share : 0..1, by area on the image: 0.9 lets the brightest tenth go above.
+    """
+    radiance, area = (
+        np.concatenate(pair) for pair in zip(_craft(scene, target), _ground(scene), strict=True)
+    )
+    lit = radiance > LOWEST_W_M2_SR
+    if not lit.any() or area[lit].sum() <= 0:
+        return 0.0
+    order = np.argsort(radiance[lit])
+    below = np.cumsum(area[lit][order])
+    return float(radiance[lit][order][np.searchsorted(below, share * below[-1])])
+
+
+def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
+    """Radiance of the craft's points and the pixels that each stands for (0 where it is not seen)."""
+    points = meter_points(target)
+    pose, c = scene.camera_from_target, scene.camera
+    p, n = pose.apply(points.positions_m), points.normals @ pose.R.T
+    distance = np.linalg.norm(p, axis=1)
+    facing = np.clip(-(p * n).sum(axis=1) / distance, 0, None)
+    with np.errstate(invalid="ignore"):
+        on_image = c.contains(c.project(p))
+    area = points.area_m2 * facing / distance**2 * c.fx_px * c.fy_px * on_image
+    sun_m = float(np.linalg.norm(np.subtract(scene.r_sun_eci_m, scene.r_target_eci_m)))
+    sunlight = float(sun_irradiance_w_m2("mono", sun_m)[0]) * scene.sun_visible_fraction
+    incidence = np.clip(n @ np.asarray(scene.sun_direction_camera), 0, None)
+    light = sunlight * incidence
+    if scene.lamp is not None:
+        light = light + scene.lamp.irradiance_w_m2(p, n, "mono")[:, 0]
+    return points.albedo / np.pi * light, area
+
+
+def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
+    """Radiance of the ground of the body that is circled, on a grid over the image, and each point's pixels."""
+    c, body = scene.camera, BODIES[scene.central_body]
+    u = (np.arange(GRID[0]) + 0.5) / GRID[0] * c.width_px - 0.5
+    v = (np.arange(GRID[1]) + 0.5) / GRID[1] * c.height_px - 0.5
+    pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    area = np.full(len(pixels), c.width_px * c.height_px / len(pixels))
+    if not scene.environment.earth:
+        return np.zeros(len(pixels)), area
+    d = c.rays(pixels) @ matrix_from_quat(scene.q_camera_from_eci_wxyz)
+    center = np.asarray(scene.r_moon_eci_m) if scene.central_body == "moon" else np.zeros(3)
+    r = np.asarray(scene.r_camera_eci_m) - center
+    along = -d @ r
+    left = along**2 - (r @ r - body.radius_m**2)
+    hit = (left > 0) & (along > 0)
+    zenith = (r + (along - np.sqrt(np.maximum(left, 0)))[:, None] * d) / body.radius_m
+    sun = np.asarray(scene.r_sun_eci_m) - center
+    cosine = np.clip(zenith @ sun / np.linalg.norm(sun), 0, None)
+    sunlight = PANCHROMATIC.sun_irradiance_w_m2
+    return np.where(hit, GROUND_ALBEDO[scene.central_body] / np.pi * sunlight * cosine, 0.0), area

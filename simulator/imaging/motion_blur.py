@@ -1,0 +1,112 @@
+"""Smear of a picture along its own flow: what a detector sees of a ground that passes during the exposure.
+
+The ground's motion across the image is smooth, so that the mean over the exposure of a picture drawn once is its
+convolution, tile by tile, with the way that is gone there.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
+
+_STEPS_PER_PX = 6
+_CUBIC_REACH = 2
+_SAME_WAY_PX = (
+    0.15  # what a way may differ by across a tile: its ends then lie within 0.04 px of where they should
+)
+_TILE_PX = (32, 256)
+
+
+def _cubic(x: FloatArray) -> FloatArray:
+    """Weights of cubic interpolation, exact for parabolas.
+
+    References
+    ----------
+    Keys (1981), Cubic convolution interpolation for digital image processing, eq. 15.
+    """
+    x = np.abs(x)
+    near = (1.5 * x - 2.5) * x * x + 1
+    far = ((-0.5 * x + 2.5) * x - 4) * x + 2
+    return np.asarray(np.where(x < 1, near, np.where(x < _CUBIC_REACH, far, 0.0)))
+
+
+def smear_kernels(ways_px: FloatArray) -> Float32Array:
+    """Mean of the shifts along straight ways, their middles at the kernels'; the sum of each is one.
+
+    Parameters
+    ----------
+    ways_px : (K, 2) from the exposure's beginning to its end, along x and y [px].
+
+    Returns
+    -------
+    (K, rows, columns) of odd sizes, those of the longest way.
+    """
+    count = max(int(np.ceil(_STEPS_PER_PX * np.hypot(*ways_px.T).max())), 4)
+    at = (np.arange(count) + 0.5) / count - 0.5
+    weights = []
+    for ways in ways_px.T:
+        reach = int(np.ceil(np.abs(ways).max() / 2)) + _CUBIC_REACH - 1
+        weights.append(_cubic(np.arange(-reach, reach + 1)[:, None] - ways[:, None, None] * at))
+    kernels = weights[1] @ weights[0].transpose(0, 2, 1) / count
+    return np.asarray(kernels / kernels.sum(axis=(1, 2), keepdims=True), np.float32)
+
+
+def smear(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArray]) -> Float32Array:
+    """Mean of a picture over an exposure in which each of its points goes its own way.
+
+    Parameters
+    ----------
+    picture : (H, W[, bands]) at mid-exposure. What comes in over its border is taken to be like the border.
+    ways_px : for (K, 2) pixels gives (K, 2), their ways during the exposure [px].
+
+    Returns
+    -------
+    (H, W[, bands]) float32.
+    """
+    height, width = picture.shape[:2]
+    tile = _tile_size(width, height, ways_px)
+    columns, rows = (_edges(size, step) for size, step in zip((width, height), tile, strict=True))
+    u, v = np.meshgrid(*((e[:-1] + e[1:] - 1) / 2 for e in (columns, rows)))
+    kernels = smear_kernels(ways_px(np.stack([u.ravel(), v.ravel()], axis=1)))
+    kernels = kernels.reshape(*u.shape, *kernels.shape[1:])
+    ry, rx = (side // 2 for side in kernels.shape[2:])
+    out = np.empty((height, width, *picture.shape[2:]), np.float32)
+
+    # by one thread: two would wait for Python's lock
+    for j, (y0, y1) in enumerate(itertools.pairwise(rows.tolist())):
+        for i, (x0, x1) in enumerate(itertools.pairwise(columns.tolist())):
+            top, left = max(y0 - ry, 0), max(x0 - rx, 0)
+            around = picture[top : y1 + ry, left : x1 + rx]
+            # what it makes up beyond the piece's edges is cut off with them
+            done = cv2.filter2D(around, -1, kernels[j, i], borderType=cv2.BORDER_REPLICATE)
+            y, x = y0 - top, x0 - left
+            # a cubic dips below zero beside a sharp light
+            np.maximum(done[y : y + y1 - y0, x : x + x1 - x0], 0, out=out[y0:y1, x0:x1])
+    return out
+
+
+def _tile_size(
+    width: int, height: int, ways_px: Callable[[FloatArray], FloatArray], nodes: int = 9
+) -> tuple[int, int]:
+    """Sides of tiles across which ways are much the same [px]."""
+    x, y = np.linspace(0, width - 1, nodes), np.linspace(0, height - 1, nodes)
+    u, v = np.meshgrid(x, y)
+    ways = ways_px(np.stack([u.ravel(), v.ravel()], axis=1)).reshape(nodes, nodes, 2)
+    sides = []
+    for axis, step in ((1, (width - 1) / (nodes - 1)), (0, (height - 1) / (nodes - 1))):
+        steepest = float(np.abs(np.diff(ways, axis=axis)).max()) / max(step, 1e-9)
+        sides.append(int(np.clip(_SAME_WAY_PX / max(steepest, 1e-9), *_TILE_PX)))
+    return sides[0], sides[1]
+
+
+def _edges(size: int, step: int) -> IntArray:
+    """Edges of about equal tiles, at whole pixels."""
+    return np.rint(np.linspace(0, size, -(-size // step) + 1)).astype(np.int64)

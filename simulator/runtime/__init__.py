@@ -1,0 +1,4 @@
+"""What every room stands on: processes, threads, memory, the cache, files, names of arrays.
+
+Nothing of spacecraft or pictures.
+"""
