@@ -1,5 +1,5 @@
-// The air in front of the ground at corners of cells, for `simulator/render/passes/air.py` to read back: over the Sun's
-// irradiance. A look-up in the frame's table would have the vertices of the cells wait for all that was drawn before it.
+// The air in front of the ground at corners of tiles, for `simulator/render/passes/air.py` to read back: over the Sun's
+// irradiance. A look-up in the frame's table would have the vertices of the tiles wait for all that was drawn before it.
 #include "atmosphere/march.glsl"
 #include "earth/geometry.glsl"
 in vec2 in_pixel; // a corner [px]

@@ -1,7 +1,7 @@
 // The Earth and its air behind the target: radiance to add [W m-2 sr-1].
 // Space: Earth-fixed axes, the polar one stretched so that the WGS84 ellipsoid is the unit sphere.
-// SMOOTH: the cell is all ground, away from limb and poles. AIR_ONLY: none of it is ground. COVERED: the target may be in
-// front. MOON: the Moon may. FOURS: a fragment is two by two pixels of a smooth cell; MAGNIFIED: the map's texels are wider
+// SMOOTH: the tile is all ground, away from limb and poles. AIR_ONLY: none of it is ground. COVERED: the target may be in
+// front. MOON: the Moon may. QUADS: a fragment is two by two pixels of a smooth tile; MAGNIFIED: the map's texels are wider
 // than six pixels, so that what is read from it is a plane over the four.
 #include "atmosphere/air.glsl"
 #include "earth/geometry.glsl"
@@ -24,7 +24,7 @@
 #define RIPPLE 0.0
 #endif
 
-// What a pixel sees of the ground; x: from the cell's middle, in half cells.
+// What a pixel sees of the ground; x: from the tile's middle, in half tiles.
 GroundPoint ground_at(vec2 x) {
     vec4 at = AT(uv_plane), sun = AT(sun); // sun: toward, sharp, glint
     vec4 lift = LIFT;
@@ -34,9 +34,9 @@ GroundPoint ground_at(vec2 x) {
 }
 #endif
 uniform sampler2D t_coverage;
-uniform sampler2D t_radiance; // FOURS, COVERED: what the target sends there
-#if FOURS
-#include "common/fours.glsl"
+uniform sampler2D t_radiance; // QUADS, COVERED: what the target sends there
+#if QUADS
+#include "common/quads.glsl"
 
 void main() {
     vec2 x = (2.0 * gl_FragCoord.xy - v_middle.xy) * v_middle.z;
@@ -60,7 +60,7 @@ void main() {
     FOUR_COLORS(t_radiance, before)
     vec4 covered = four_of(t_coverage);
 #endif
-    color four[4];
+    color quad[4];
     for (int k = 0; k < 4; ++k) {
         vec2 side = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
         GroundPoint g = ground_at(x + step_x * side);
@@ -77,17 +77,17 @@ void main() {
         s.shore = ALONG(surface.shore, shore);
         s.cover = max(ALONG(surface.cover, cover), 0.0);
         s.lit = max(ALONG(surface.lit, lit), 0.0);
-        four[k] = surface_radiance(g, s, waters, detail_at(g, ALONG(place, place)));
+        quad[k] = surface_radiance(g, s, waters, detail_at(g, ALONG(place, place)));
 #elif HIGH && SHOALS
-        four[k] = ground_radiance(g, waters_at(g)); // banks have edges of their own
+        quad[k] = ground_radiance(g, waters_at(g)); // banks have edges of their own
 #else
-        four[k] = ground_radiance(g, waters);
+        quad[k] = ground_radiance(g, waters);
 #endif
 #if COVERED
-        four[k] = before[k] + (1.0 - covered[k]) * four[k];
+        quad[k] = before[k] + (1.0 - covered[k]) * quad[k];
 #endif
     }
-    send_four(four);
+    send_quad(quad);
 }
 #else
 layout(location = 0) out vec4 out_radiance;

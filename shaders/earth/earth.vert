@@ -1,12 +1,12 @@
-// A cell of the screen, as a point: a square of whole pixels. A smooth cell carries the plane through what its corners
-// see of the ground (mean, slope to the right, slope down, per half a cell); its pixels read that plane.
+// A tile of the screen, as a point: a square of whole pixels. A smooth tile carries the plane through what its corners
+// see of the ground (mean, slope to the right, slope down, per half a tile); its pixels read that plane.
 #include "atmosphere/air.glsl"
 #include "earth/geometry.glsl"
 #include "earth/aerial.glsl"
 #include "earth/point.glsl"
-uniform vec2 u_extent_px; // of all cells
-uniform float u_cell_px;  // side of a cell
-in vec2 in_pixel;         // middle of the cell [px], edges of pixels at .5
+uniform vec2 u_extent_px; // of all tiles
+uniform float u_tile_px;  // side of a tile
+in vec2 in_pixel;         // middle of the tile [px], edges of pixels at .5
 
 #if SMOOTH
 // of the air in front of the four corners, as shaders/earth/corners.vert has it
@@ -26,13 +26,13 @@ in vec4 in_air_0, in_air_1, in_air_2, in_air_3, in_air_4, in_air_5;
 
 void main() {
     gl_Position = vec4((in_pixel + 0.5) / u_extent_px * 2.0 - 1.0, 0.0, 1.0);
-#if FOURS
-    gl_PointSize = 0.5 * u_cell_px;
+#if QUADS
+    gl_PointSize = 0.5 * u_tile_px;
 #else
-    gl_PointSize = u_cell_px;
+    gl_PointSize = u_tile_px;
 #endif
 #if SMOOTH
-    v_middle = vec3(in_pixel + 0.5, 2.0 / u_cell_px);
+    v_middle = vec3(in_pixel + 0.5, 2.0 / u_tile_px);
 #define START(type, name) v_##name[0] = v_##name[1] = v_##name[2] = type(0.0);
     FOR_EACH_VALUE(START)
 #if !HIGH
@@ -40,7 +40,7 @@ void main() {
 #endif
     for (int k = 0; k < 4; ++k) {
         vec2 corner = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
-        GroundPoint g = ground_point(earth_ray(in_pixel + corner * (0.5 * u_cell_px)), CORNER_AIR(k));
+        GroundPoint g = ground_point(earth_ray(in_pixel + corner * (0.5 * u_tile_px)), CORNER_AIR(k));
         vec4 at = vec4(g.uv, g.plane);
         vec4 sun = vec4(g.toward, g.sharp, g.glint);
 #define ADD(value, name) { v_##name[0] += 0.25 * value; \

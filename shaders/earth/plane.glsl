@@ -1,5 +1,5 @@
-// What the corners of a smooth cell see of the ground, as a plane over the cell: mean, slope to the right, slope down,
-// each slope per half a cell. STAGE: out in the vertex shader, in in the fragment shader.
+// What the corners of a smooth tile see of the ground, as a plane over the tile: mean, slope to the right, slope down,
+// each slope per half a tile. STAGE: out in the vertex shader, in in the fragment shader.
 #if HIGH
 #define FOR_EACH_VALUE(F) F(vec4, uv_plane) F(vec4, sun) F(color, light) F(color, lamps) F(color, haze) \
     F(color, tone) F(float, rough) F(vec4, lift) F(float, ripple)
@@ -10,6 +10,6 @@
 #define DECLARE(type, name) flat STAGE type v_##name[3];
 FOR_EACH_VALUE(DECLARE)
 #if !HIGH
-flat STAGE vec2 v_lift; // the same all over the cell
+flat STAGE vec2 v_lift; // the same all over the tile
 #endif
-flat STAGE vec3 v_middle; // of the cell, in gl_FragCoord's sense [px]; two over the cell's side [px-1]
+flat STAGE vec3 v_middle; // of the tile, in gl_FragCoord's sense [px]; two over the tile's side [px-1]

@@ -10,7 +10,7 @@ import numpy as np
 
 from simulator.render.airtables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
 from simulator.render.cache import Later
-from simulator.render.gl.mipmaps import levelled
+from simulator.render.gl.mipmaps import mipmap_chain
 from simulator.render.maps import KeptFiles, packed_maps
 from simulator.render.noise import detail_texture
 from simulator.render.seasons import Season, month_gains, relief, season
@@ -21,7 +21,7 @@ from simulator.scene.illumination.atmosphere import earth_atmosphere
 from simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
 
 if TYPE_CHECKING:
-    from simulator.render.gl.mipmaps import Levelled
+    from simulator.render.gl.mipmaps import MipmapChain
     from simulator.runtime.arrays import Float32Array
     from simulator.scene.state import Bands, Environment, SceneState
 
@@ -42,11 +42,11 @@ class EarthMaps:
     """
 
     albedo: Future[Float32Array]
-    maps: Future[list[Levelled]]
-    detail: Future[Levelled]
-    relief: Future[Levelled]
-    months: Future[dict[int, Levelled]]
-    shoals: Future[Levelled]
+    maps: Future[list[MipmapChain]]
+    detail: Future[MipmapChain]
+    relief: Future[MipmapChain]
+    months: Future[dict[int, MipmapChain]]
+    shoals: Future[MipmapChain]
     air: Future[AirTables]
     later: Later
 
@@ -65,16 +65,16 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
     # sources of the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
     files = KeptFiles()
     sources = with_maps.submit(missing_sources, bands, files)
-    maps = with_maps.submit(lambda: [levelled(image, globe=True) for image in packed_maps(bands, files)])
+    maps = with_maps.submit(lambda: [mipmap_chain(image, globe=True) for image in packed_maps(bands, files)])
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = with_maps.submit(_months, sorted({dates.before, dates.after}), bands)
     # few pictures wait for them
-    water = with_maps.submit(lambda: levelled(shoals(bands, sources.result()), globe=True))
+    water = with_maps.submit(lambda: mipmap_chain(shoals(bands, sources.result()), globe=True))
     begun = EarthMaps(
         albedo,
         maps,
-        others.submit(lambda: levelled(detail_texture(), globe=False)),
-        others.submit(lambda: levelled(relief(), globe=True)),
+        others.submit(lambda: mipmap_chain(detail_texture(), globe=False)),
+        others.submit(lambda: mipmap_chain(relief(), globe=True)),
         months,
         water,
         others.submit(air_tables, of_bands, environment.atmosphere_thickness_km * 1e3),
@@ -118,8 +118,8 @@ def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> Eart
     )
 
 
-def _black(size: tuple[int, int], bands: int) -> Levelled:
-    return levelled(np.zeros(size if bands == 1 else (*size, 4), np.uint8), globe=True)
+def _black(size: tuple[int, int], bands: int) -> MipmapChain:
+    return mipmap_chain(np.zeros(size if bands == 1 else (*size, 4), np.uint8), globe=True)
 
 
 def _done(value: _T) -> Future[_T]:
@@ -128,6 +128,6 @@ def _done(value: _T) -> Future[_T]:
     return future
 
 
-def _months(months: list[int], bands: int) -> dict[int, Levelled]:
-    made = (levelled(gain, globe=True) for gain in month_gains(months, bands))
+def _months(months: list[int], bands: int) -> dict[int, MipmapChain]:
+    made = (mipmap_chain(gain, globe=True) for gain in month_gains(months, bands))
     return dict(zip(months, made, strict=True))

@@ -126,7 +126,7 @@ def _rect(
     camera: Camera,
     top2: float,
 ) -> PixelRect | None:
-    """Cells of the grid that the Earth touches, by its grid points or by being too near to miss."""
+    """Tiles of the grid that the Earth touches, by its grid points or by being too near to miss."""
     width, height = camera.width_px, camera.height_px
     # the whole disc may fall between grid points when the Earth is small (seen from far away)
     center = -view.R_camera_from_itrs @ view.r_camera_itrs_m

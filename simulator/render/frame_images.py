@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _WORTH_TWO = 3 << 19  # values of a picture that two threads put in order sooner than one
 
 
-class Images:
+class FrameImages:
     """Radiance in 32-bit floats (the Sun's disc, 2e7, overflows 16), one channel per band.
 
     The target is drawn first, into both images; the sky's passes then *add* their light times one minus the
@@ -42,24 +42,24 @@ class Images:
         self.sky_framebuffer = context.framebuffer([self.radiance])
         self._label_framebuffer = context.framebuffer([self.coverage])
         self._covered: PixelRect | None = PixelRect(0, 0, width, height)
-        self._fours: tuple[list[moderngl.Texture], moderngl.Framebuffer] | None = None
+        self._quads: tuple[list[moderngl.Texture], moderngl.Framebuffer] | None = None
 
     @property
-    def have_fours(self) -> bool:
+    def can_pack_quads(self) -> bool:
         """Whether the radiance can be kept by two by two pixels: its sides are of even length."""
         return not any(side % 2 for side in self.size)
 
     @property
-    def fours_framebuffer(self) -> moderngl.Framebuffer:
+    def quad_framebuffer(self) -> moderngl.Framebuffer:
         """The radiance again, two by two pixels in a texel (of three bands: in three texels).
 
         A pass for which they are one is a quarter as long.
         """
-        if self._fours is None:
+        if self._quads is None:
             size = (self.size[0] // 2, self.size[1] // 2)
             textures = [self._context.texture(size, 4, dtype="f4") for _ in range(self.bands)]
-            self._fours = textures, self._context.framebuffer(textures)
-        return self._fours[1]
+            self._quads = textures, self._context.framebuffer(textures)
+        return self._quads[1]
 
     def clear(self, added_to: PixelRect | None) -> None:
         """Black and empty; of the coverage only what the last target was drawn to.
@@ -83,33 +83,33 @@ class Images:
         """Remember the pixels of the coverage that the target may have written."""
         self._covered = rect
 
-    def read_radiance(self, *, fours: bool = False) -> Float32Array:
+    def read_radiance(self, *, quads: bool = False) -> Float32Array:
         """(H, W) or (H, W, 3), row 0 at the top.
 
         Parameters
         ----------
-        fours : read what was drawn four pixels to a texel.
+        quads : read what was drawn four pixels to a texel.
         """
         width, height = self.size
         flush(self._context)
-        if fours:
-            return self._read_fours()
+        if quads:
+            return self._read_quads()
         image = np.empty((height, width) if self.bands == 1 else (height, width, 3), np.float32)
         self.sky_framebuffer.read_into(image, components=self.bands, dtype="f4", alignment=1)
         return image
 
-    def _read_fours(self) -> Float32Array:
+    def _read_quads(self) -> Float32Array:
         width, height = self.size
         whole = np.empty((height, width * self.bands), np.float32)
         # two neighbours of a row as one number, which is moved and never looked at
         pairs = [
             np.frombuffer(
-                self.fours_framebuffer.read(components=4, attachment=k, dtype="f4", alignment=1), np.float64
+                self.quad_framebuffer.read(components=4, attachment=k, dtype="f4", alignment=1), np.float64
             ).reshape(height // 2, width // 2, 2)
             for k in range(self.bands)
         ]
         rows = [whole[k::2].view(np.float64).reshape(height // 2, width // 2, self.bands) for k in (0, 1)]
-        # in the order of shaders/common/fours.glsl: the upper row's numbers, then the lower one's
+        # in the order of shaders/common/quads.glsl: the upper row's numbers, then the lower one's
         order = np.repeat(np.arange(2 * self.bands), 2).tolist()
 
         def move(first: int, end: int) -> None:
@@ -147,6 +147,6 @@ class Images:
             self.radiance,
             self.coverage,
         )
-        if self._fours is not None:
-            release(self._context, self._fours[1], *self._fours[0])
-            self._fours = None
+        if self._quads is not None:
+            release(self._context, self._quads[1], *self._quads[0])
+            self._quads = None

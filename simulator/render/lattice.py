@@ -62,16 +62,16 @@ class Lattice:
             raise AssertionError(f"{self} has {len(found)} samples per pixel, not {n}")
         return sorted(found, key=lambda p: (p[2] ** 2 + p[3] ** 2, p[2], p[3]))
 
-    def window(self, cells_px: FloatArray, reach_px: float) -> tuple[tuple[int, int], tuple[int, int]]:
+    def window(self, tiles_px: FloatArray, reach_px: float) -> tuple[tuple[int, int], tuple[int, int]]:
         """Framebuffer size and lattice origin (s0, t0) that hold every sample of some squares of the image.
 
         Parameters
         ----------
-        cells_px : (K, 2) centres of the squares. reach_px : from there to the centre of a square's outermost pixel.
+        tiles_px : (K, 2) centres of the squares. reach_px : from there to the centre of a square's outermost pixel.
         """
         low, high = [], []
         for cx, cy in (self.s, self.t):
-            counter = cells_px @ [float(cx), float(cy)]
+            counter = tiles_px @ [float(cx), float(cy)]
             # samples of a pixel, and the next one beyond it, lie at most this many steps from its own index
             margin = (reach_px + 1.25) * (abs(cx) + abs(cy))
             low.append(int(np.floor(counter.min() - margin)))

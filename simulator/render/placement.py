@@ -1,4 +1,4 @@
-"""Where a target is drawn: its pixels, the cells that it may touch, its depth range, and how densely it is sampled."""
+"""Where a target is drawn: its pixels, the tiles that it may touch, its depth range, and how densely it is sampled."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from simulator.render.lattice import SEVEN, Lattice, rotated
 from simulator.render.projection import PixelRect, lens_bounds_px
-from simulator.render.software.coverage_mask import CELL_PX, hulls_cover, whole
+from simulator.render.software.coverage_mask import TILE_PX, hull_tiles, whole
 
 if TYPE_CHECKING:
     from simulator.camera.model import Camera
@@ -36,7 +36,7 @@ LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
 NEAR_PIXEL_M = 1e-3
 DENSE_LATTICES = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
 TINY_PX = 22  # a target no larger gets the finest lattice: its whole light is in few pixels
-CELL_REACH_PX = (CELL_PX - 1) / 2
+TILE_REACH_PX = (TILE_PX - 1) / 2
 TINY_LATTICE = rotated(8)  # 65 samples per pixel
 
 
@@ -44,7 +44,7 @@ TINY_LATTICE = rotated(8)  # 65 samples per pixel
 class Placement:
     """Where the target is in the image: bounds (not clipped), pixels to draw, depth range.
 
-    The pixels to draw begin at whole cells of the cover, and end there or at the image's edge. ``hull_px``: the mesh's
+    The pixels to draw begin at whole tiles of the cover, and end there or at the image's edge. ``hull_px``: the mesh's
     ``hull_m`` in the image (2, K), where no lens bends it and all of it is before the camera. ``nearest_m``: camera's z
     of what is nearest of the mesh; the depth range is of its sphere.
     """
@@ -104,7 +104,7 @@ def locate(
         low, high = np.maximum(low, 0), np.minimum(high, [width, height])
         if np.any(high <= low):
             return None
-        low, high = low // CELL_PX * CELL_PX, np.minimum(-(-high // CELL_PX) * CELL_PX, [width, height])
+        low, high = low // TILE_PX * TILE_PX, np.minimum(-(-high // TILE_PX) * TILE_PX, [width, height])
     return Placement(
         bounds,
         PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1])),
@@ -115,18 +115,18 @@ def locate(
     )
 
 
-def find_cover(mesh: Mesh, place: Placement) -> FloatArray:
-    """Centres (K, 2) [px] of the cells that the target may touch.
+def target_tiles(mesh: Mesh, place: Placement) -> FloatArray:
+    """Centres (K, 2) [px] of the tiles that the target may touch.
 
     Those of all of its rectangle where a lens bends it, or part of it is behind the camera.
     """
     if place.hull_px is None:
         return whole(place.rect)
-    return hulls_cover(place.rect, place.hull_px, mesh.hull_parts)
+    return hull_tiles(place.rect, place.hull_px, mesh.hull_parts)
 
 
 def outline_px(place: Placement) -> FloatArray:
-    """(K, 2) places [px] that span what the target may touch, without looking for its cells; as `find_cover` else."""
+    """(K, 2) places [px] that span what the target may touch, without looking for its tiles; as `target_tiles` else."""
     if place.hull_px is None:
         return whole(place.rect)
     rect = place.rect
@@ -134,13 +134,13 @@ def outline_px(place: Placement) -> FloatArray:
 
 
 def choose_lattice(
-    quality: Quality, place: Placement, cells_px: FloatArray, pixel_m: float, *, dense: bool = False
+    quality: Quality, place: Placement, tiles_px: FloatArray, pixel_m: float, *, dense: bool = False
 ) -> Lattice:
     """The finest lattice of the preset whose buffer stays within its limit.
 
     Parameters
     ----------
-    cells_px : (K, 2) centres of the cells that the target may touch, or its outline.
+    tiles_px : (K, 2) centres of the tiles that the target may touch, or its outline.
     pixel_m : width of a pixel on what is nearest of the target [m].
     dense : more samples, where no edges weigh them: through a lens that bends, and inside textures.
     """
@@ -149,7 +149,7 @@ def choose_lattice(
     if quality == "default" and not dense and pixel_m <= NEAR_PIXEL_M:
         return rotated(2)
     for lattice, limit in DENSE_LATTICES if dense and quality == "default" else LATTICES[quality]:
-        width, height = lattice.window(cells_px, CELL_REACH_PX)[0]
+        width, height = lattice.window(tiles_px, TILE_REACH_PX)[0]
         if width * height <= limit:
             return lattice
     raise AssertionError("the last lattice of a preset has no limit")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 from simulator.errors import UserError
 from simulator.render.earth_maps import begin_earth_maps, stand_ins
 from simulator.render.earthview import earth_view
-from simulator.render.frame_images import Images
+from simulator.render.frame_images import FrameImages
 from simulator.render.gl.context import create_context, describe
 from simulator.render.gl.fences import keep_fences
 from simulator.render.gl.lens_rays import RayTextures
@@ -24,8 +24,8 @@ from simulator.render.passes.target import TargetPasses
 from simulator.render.projection import PixelRect
 from simulator.render.rendered import Craft, Layer, Rendered
 from simulator.render.skylight import no_light
-from simulator.render.software.quad_packing import LEAST_SHARE, FoursPass
-from simulator.render.software.tiles import all_alike, earth_cells
+from simulator.render.software.quad_packing import LEAST_SHARE, QuadPackingPass
+from simulator.render.software.tiles import earth_tiles, uniform_tiles
 from simulator.render.uniform_values import earth_values, frame_values, moon_values
 from simulator.render.view import build_view, sky_light
 from simulator.scene.illumination.bands import bands_of
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from simulator.render.moonview import MoonView
     from simulator.render.passes.labels import Surfaces
     from simulator.render.skylight import SkyLight
-    from simulator.render.software.tiles import Cells
+    from simulator.render.software.tiles import ScreenTiles
     from simulator.render.view import View
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.illumination.atmosphere import Atmosphere
@@ -56,15 +56,15 @@ class Sky:
     Parameters
     ----------
     moon, earth : as the camera sees them, ``None`` when the scene has none. air : of the Earth.
-    tables : this frame's air, ``None`` where nothing asks for it. cells : of the image that Earth and air touch,
-        ``None`` with neither in the image. corners : of the cells and of the fine ones, the air in front of the ground.
+    tables : this frame's air, ``None`` where nothing asks for it. tiles : of the image that Earth and air touch,
+        ``None`` with neither in the image. corners : of the tiles and of the fine ones, the air in front of the ground.
     """
 
     moon: MoonView | None = None
     earth: EarthView | None = None
     air: Atmosphere | None = None
     tables: list[moderngl.Texture] | None = None
-    cells: Cells | None = None
+    tiles: ScreenTiles | None = None
     corners: tuple[Float32Array, Float32Array] | None = None
 
     @property
@@ -75,7 +75,7 @@ class Sky:
     @property
     def added_to(self) -> PixelRect | None:
         """Pixels where the Earth is added to the target's light; it is written to all its others."""
-        return None if self.cells is None else self.cells.covered()
+        return None if self.tiles is None else self.tiles.covered()
 
 
 def _refuse_another(scene: SceneState, target: Target) -> None:
@@ -128,8 +128,8 @@ class Renderer:
         self._target_passes()
         self._stars = StarPass(self._gl, self._programs)
         self._sun = SunPass(self._gl, self._programs)
-        self._fours = FoursPass(self._gl, self._programs)
-        self._images: Images | None = None
+        self._quads = QuadPackingPass(self._gl, self._programs)
+        self._images: FrameImages | None = None
         self._filled = False  # by the Earth, in the last frame: nothing was to be cleared
         self._moon: MoonPass | None = None
         self._earths: dict[Bands, EarthPass] = {}
@@ -192,10 +192,10 @@ class Renderer:
         if early:
             images.clear(PixelRect(0, 0, *images.size))
         sampled = None if layer == "sky" else passes.sample(scene, view, target, clock)
-        cells_px = None if sampled is None else sampled.cells_px
+        tiles_px = None if sampled is None else sampled.tiles_px
         begun = self._begun.get(scene.bands)
         if begun is not None:
-            self._compile_ahead(scene, view, images, cells_px, clock)
+            self._compile_ahead(scene, view, images, tiles_px, clock)
             if sampled is not None:
                 passes.compile_ahead(sampled, scene.bands, images)
         if sampled is not None and sky is None:
@@ -204,7 +204,7 @@ class Renderer:
             view = replace(view, sky=sky_light(scene))
             self._blocks.frame.write(frame_values(scene, view))
         clock.lap("skylight")
-        behind = self._prepare_sky(scene, view, cells_px, self._earth_pass, clock)
+        behind = self._prepare_sky(scene, view, tiles_px, self._earth_pass, clock)
         self._filled = behind.fills
         if not early:
             images.clear(behind.added_to if behind.fills else PixelRect(0, 0, *images.size))
@@ -213,8 +213,8 @@ class Renderer:
             clock.lap("target.shading")
         hidden = None if sampled is None else sampled.rect
         images.mark_covered(hidden)
-        fours, starlight = self._draw_sky(scene, view, images, behind, hidden, clock)
-        radiance = images.read_radiance(fours=fours)
+        quads, starlight = self._draw_sky(scene, view, images, behind, hidden, clock)
+        radiance = images.read_radiance(quads=quads)
         if starlight is not None:
             starlight.add_to(radiance)
         clock.lap("readback")
@@ -321,21 +321,21 @@ class Renderer:
         self,
         scene: SceneState,
         view: View,
-        images: Images,
+        images: FrameImages,
         hidden_px: FloatArray | None,
         clock: StageClock,
     ) -> None:
         """Have the driver compile what draws the Earth, a second's work, while the first frame's maps are decoded.
 
-        Some cells are drawn from stand-ins of the maps. All that they touch is cleared or drawn again.
+        Some tiles are drawn from stand-ins of the maps. All that they touch is cleared or drawn again.
         """
         maps = stand_ins(scene.bands, scene.environment, scene.epoch_utc)
         earth = EarthPass(self._gl, self._programs, scene.bands, maps, thrifty=self._thrifty)
         sky = self._prepare_sky(scene, view, hidden_px, lambda _: earth, clock)
-        if sky.cells is not None:
+        if sky.tiles is not None:
             behind = sky.moon is not None and sky.moon.in_front
-            fours = self._in_fours(images, sky)
-            earth.run(images, sky.cells, sky.corners, scene, behind=behind, fours=fours, ahead=True)
+            quads = self._packs_quads(images, sky)
+            earth.run(images, sky.tiles, sky.corners, scene, behind=behind, quads=quads, ahead=True)
         earth.release()
         clock.lap("earth.programs")
 
@@ -362,28 +362,28 @@ class Renderer:
             clock.lap("earth.setup")
             return Sky(moon=moon, earth=earth, air=air)
         if self._thrifty:
-            cells = earth_cells(earth, scene.camera, hidden_px, ice_day(scene))
+            tiles = earth_tiles(earth, scene.camera, hidden_px, ice_day(scene))
         else:
-            cells = all_alike(earth, scene.camera)
+            tiles = uniform_tiles(earth, scene.camera)
         clock.lap("earth.setup")
         tables, corners = None, None
         if air is not None:
-            # a view of nothing but smooth ground asks for the air at its cells' corners only
-            if not (cells.all_smooth and earth.sky_rows is None) or (moon is not None and moon.in_front):
+            # a view of nothing but smooth ground asks for the air at its tiles' corners only
+            if not (tiles.all_smooth and earth.sky_rows is None) or (moon is not None and moon.in_front):
                 in_use.frame.run(earth)
                 tables = in_use.frame.tables
-            if cells.smooth_share > 0:
-                even = not len(cells.others_px) and not len(cells.halved[0])
-                at_cells = in_use.frame.corners(*cells.corners_px, all_ground=even)
-                corners = at_cells, in_use.frame.at(cells.fine_corners_px.reshape(-1, 2))
+            if tiles.smooth_share > 0:
+                even = not len(tiles.others_px) and not len(tiles.halved[0])
+                at_tiles = in_use.frame.corners(*tiles.corners_px, all_ground=even)
+                corners = at_tiles, in_use.frame.at(tiles.fine_corners_px.reshape(-1, 2))
         clock.lap("earth.air")
-        return Sky(moon, earth, air, tables, cells, corners)
+        return Sky(moon, earth, air, tables, tiles, corners)
 
     def _draw_sky(
         self,
         scene: SceneState,
         view: View,
-        images: Images,
+        images: FrameImages,
         sky: Sky,
         hidden: PixelRect | None,
         clock: StageClock,
@@ -401,10 +401,10 @@ class Renderer:
         starlight = None
         environment, earth, moon = scene.environment, sky.earth, sky.moon
         behind = moon is not None and moon.in_front
-        fours = self._in_fours(images, sky)
-        if sky.cells is not None:
+        quads = self._packs_quads(images, sky)
+        if sky.tiles is not None:
             self._earth_pass(scene.bands).run(
-                images, sky.cells, sky.corners, scene, behind=behind, fours=fours
+                images, sky.tiles, sky.corners, scene, behind=behind, quads=quads
             )
             clock.lap("earth.surface")
         if (environment.stars or environment.planets) and not sky.fills:
@@ -422,17 +422,17 @@ class Renderer:
             hides = moon is not None and moon.rect is not None
             self._sun.run(images, view, scene.camera, earth=earth is not None, air=sky.tables, moon=hides)
             clock.lap("sun")
-        if fours and sky.cells is not None:
-            self._fours.run(images, sky.cells, sky.cells.others_px)
-            clock.lap("earth.fours")
-        return fours, starlight
+        if quads and sky.tiles is not None:
+            self._quads.run(images, sky.tiles, sky.tiles.others_px)
+            clock.lap("earth.quad_packing")
+        return quads, starlight
 
     @staticmethod
-    def _in_fours(images: Images, sky: Sky) -> bool:
-        """Whether the Earth's smooth cells are drawn four pixels to a texel."""
+    def _packs_quads(images: FrameImages, sky: Sky) -> bool:
+        """Whether the Earth's smooth tiles are drawn four pixels to a texel."""
         behind = sky.moon is not None and sky.moon.in_front
-        many = sky.cells is not None and sky.cells.smooth_share > LEAST_SHARE
-        return images.have_fours and not behind and many
+        many = sky.tiles is not None and sky.tiles.smooth_share > LEAST_SHARE
+        return images.can_pack_quads and not behind and many
 
     def _target_passes(self) -> TargetPasses:
         """The spacecraft's passes for the lens at hand: programs and vertex arrays with it and without are apart."""
@@ -449,13 +449,13 @@ class Renderer:
             self.check("uploading the Earth's maps")
         return self._earths[bands]
 
-    def _images_for(self, scene: SceneState) -> Images:
+    def _images_for(self, scene: SceneState) -> FrameImages:
         width, height = scene.camera.width_px, scene.camera.height_px
         bands = len(bands_of(scene.bands))
         if self._images is None or (self._images.size, self._images.bands) != ((width, height), bands):
             if self._images is not None:
                 self._images.release()
-            self._images = Images(self._gl, width, height, bands)
+            self._images = FrameImages(self._gl, width, height, bands)
             self.check(f"allocating images of {width} x {height}")
         return self._images
 

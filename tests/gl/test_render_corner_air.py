@@ -1,4 +1,4 @@
-"""Air at the corners of smooth cells: its light on the ground against the table of irradiances that it comes from."""
+"""Air at the corners of smooth tiles: its light on the ground against the table of irradiances that it comes from."""
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
     assert np.allclose(seen["air"][..., 2], exact, rtol=1e-3)
 
 
-def test_cubics_between_every_other_corner_are_nearer_than_a_cell_s_plane(renderer, draw_kit, monkeypatch):
+def test_cubics_between_every_other_corner_are_nearer_than_a_tile_s_plane(renderer, draw_kit, monkeypatch):
     seen = {}
     corners, view = AirPass.corners, renderer_module.earth_view
 
@@ -84,7 +84,7 @@ def test_cubics_between_every_other_corner_are_nearer_than_a_cell_s_plane(render
     assert seen["all_ground"]
     exact, coarse = seen["exact"], seen["coarse"]
     assert np.abs(coarse - exact).max() > 0  # every other one was left out
-    # planes through every other corner miss the one in between by this much, cells' own by a quarter of it
+    # planes through every other corner miss the one in between by this much, tiles' own by a quarter of it
     plane = np.abs(0.5 * (exact[:, :-2] + exact[:, 2:]) - exact[:, 1:-1]).max(axis=(0, 1))
     limit = 0.25 * plane
     if not renderer.info.is_software:

@@ -10,7 +10,7 @@ from scipy.interpolate import PchipInterpolator
 
 import simulator.render.passes.earth as passes
 from simulator.camera.model import Camera
-from simulator.render.gl.mipmaps import levelled_texture, opengl
+from simulator.render.gl.mipmaps import gl_library, mipmapped_texture
 from simulator.render.maps import COAST, decode_map
 from simulator.render.sea_ice import EXTENT_NORTH, EXTENT_SOUTH, HEIGHT, WIDTH, extent_m2, near_ice, sea_ice
 from simulator.render.seasons import ANCHORS, season
@@ -207,18 +207,18 @@ def test_ice_is_where_and_when_it_should_be(draw):
 
 def test_the_ice_of_a_past_day_is_freed(draw, monkeypatch):
     # a data set's frames have a day each: with 1.4 MB left of every one a long capture took gigabytes
-    library, names = opengl(), set()
+    library, names = gl_library(), set()
     if library is None:
         pytest.skip("moderngl frees the textures that it makes")
     monkeypatch.setattr(library.glIsTexture, "restype", ctypes.c_ubyte)
 
     def upload(context, levels):
-        texture = levelled_texture(context, levels)
+        texture = mipmapped_texture(context, levels)
         if texture.size == (WIDTH, HEIGHT):
             names.add(texture.glo)
         return texture
 
-    monkeypatch.setattr(passes, "levelled_texture", upload)
+    monkeypatch.setattr(passes, "mipmapped_texture", upload)
     for day in (1, 2, 3):
         draw(f"2026-04-{day:02d}T12:00:00Z", (80.0, 0.0, 700.0))
         assert sum(bool(library.glIsTexture(name)) for name in names) == 1

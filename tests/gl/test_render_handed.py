@@ -6,7 +6,7 @@ import pytest
 from simulator.render.gl.uniform_block import Field
 from simulator.render.renderer import Renderer
 from simulator.render.software import smooth_shading as even
-from simulator.render.software.flat_varyings import hand_on
+from simulator.render.software.flat_varyings import flat_varyings
 from tests.harness.boxes import closed_box
 
 pytestmark = pytest.mark.gl
@@ -26,7 +26,7 @@ void main() { light = u_sun * u_sky[2] + u_sky[0] + u_table[k] + texture(t_map, 
 
 
 def test_what_every_fragment_reads_the_same_is_handed_on():
-    vertex, fragment = hand_on(VERTEX, FRAGMENT, FIELDS, slots=16)
+    vertex, fragment = flat_varyings(VERTEX, FRAGMENT, FIELDS, slots=16)
     assert (
         "v_u_sun * v_u_sky_2 + v_u_sky_0 + u_table[k] + texture(t_map, v_u_texel * v_u_size) + v_u_window"
         in fragment
@@ -40,12 +40,12 @@ def test_what_every_fragment_reads_the_same_is_handed_on():
 
 def test_a_name_within_a_longer_one_is_left_alone():
     fragment = "uniform vec4 u_sun_w;\nvoid main() { light = u_sun * my_u_sun + u_sunset + u_sun_w; }\n"
-    _, made = hand_on(VERTEX, fragment, FIELDS, slots=16)
+    _, made = flat_varyings(VERTEX, fragment, FIELDS, slots=16)
     assert "light = v_u_sun * my_u_sun + u_sunset + v_u_sun_w;" in made
 
 
 def test_what_finds_no_slot_stays_a_uniform():
-    vertex, fragment = hand_on(VERTEX, FRAGMENT, FIELDS, slots=2)
+    vertex, fragment = flat_varyings(VERTEX, FRAGMENT, FIELDS, slots=2)
     assert "v_u_sun * u_sky[2] + v_u_sky_0 +" in fragment
     assert "uniform vec2 u_texel; uniform vec2 u_size;" in fragment
     assert vertex.count("flat out") == 2

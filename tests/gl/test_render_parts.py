@@ -1,4 +1,4 @@
-"""The renderer's parts on their own: sampling lattice, uniform layout, shader text, cells, noise, cache."""
+"""The renderer's parts on their own: sampling lattice, uniform layout, shader text, tiles, noise, cache."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from simulator.render.noise import detail_texture
 from simulator.render.placement import LATTICES as PRESETS
 from simulator.render.placement import TINY_LATTICE
 from simulator.render.projection import PixelRect
-from simulator.render.software import tiles as cells
+from simulator.render.software import tiles
 from simulator.render.software.coverage_mask import whole
 from simulator.render.view import build_view
 from simulator.scene.illumination.atmosphere import earth_atmosphere, ground_irradiance, optical_depth_to_top
@@ -94,7 +94,7 @@ def test_includes_are_expanded_once():
 
 
 @pytest.mark.gl
-def test_interpolated_cells_differ_little_from_the_exact_ones(renderer, draw_kit, monkeypatch):
+def test_interpolated_tiles_differ_little_from_the_exact_ones(renderer, draw_kit, monkeypatch):
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     environment = Environment(stars=False, sun=False, clouds=False)
     scene = draw_kit.scene(
@@ -106,19 +106,19 @@ def test_interpolated_cells_differ_little_from_the_exact_ones(renderer, draw_kit
         environment=environment,
     )
     quick = renderer.render(scene, target).radiance
-    monkeypatch.setattr(cells, "_SMOOTH_DISC", 2.0)
+    monkeypatch.setattr(tiles, "_SMOOTH_DISC", 2.0)
     exact = renderer.render(scene, target).radiance
     assert not np.array_equal(quick, exact)
     assert np.sqrt(np.mean((quick - exact) ** 2)) < 0.02 * exact.mean()
 
 
-def test_cells_cover_what_the_earth_touches_once(draw_kit):
+def test_tiles_cover_what_the_earth_touches_once(draw_kit):
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     camera = Camera(width_px=200, height_px=150, fx_px=400.0, fy_px=400.0, cx_px=99.5, cy_px=74.5)
     for off_nadir, full in ((0.0, True), (68.0, False), (180.0, False)):
         view = build_view(draw_kit.scene(target, camera=camera, off_nadir_deg=off_nadir))
         earth = earth_view(view, camera, earth_atmosphere("mono"))
-        cut = cells.earth_cells(earth, camera, whole(PixelRect(50, 50, 60, 60)), "2026-03-20")
+        cut = tiles.earth_tiles(earth, camera, whole(PixelRect(50, 50, 60, 60)), "2026-03-20")
         seen = np.zeros((150, 200), int)
         for x, y in np.concatenate([*cut.centers_px.values(), np.zeros((0, 2))]) + 0.5 - cut.size_px / 2:
             seen[round(y) : round(y) + cut.size_px, round(x) : round(x) + cut.size_px] += 1

@@ -1,4 +1,4 @@
-"""What the passes leave out shows nowhere: triangles that look away, cells that the craft does not touch."""
+"""What the passes leave out shows nowhere: triangles that look away, tiles that the craft does not touch."""
 
 import ctypes
 from dataclasses import replace
@@ -14,15 +14,21 @@ from simulator.render import renderer as renderer_module
 from simulator.render.cache import cached_array
 from simulator.render.earthview import earth_view
 from simulator.render.gl.depth_buffer import MOST_RANGES
-from simulator.render.gl.mipmaps import VERSION, levelled, levelled_texture, opengl, release_levelled
+from simulator.render.gl.mipmaps import (
+    VERSION,
+    gl_library,
+    mipmap_chain,
+    mipmapped_texture,
+    release_mipmapped,
+)
 from simulator.render.passes import loaded as loaded_targets
 from simulator.render.passes import target as target_passes
 from simulator.render.projection import PixelRect
 from simulator.render.renderer import Renderer
 from simulator.render.software import back_face_culling as facing_module
 from simulator.render.software import coverage_mask as cover
-from simulator.render.software.coverage_mask import CELL_PX, hulls_cover
-from simulator.render.software.tiles import earth_cells
+from simulator.render.software.coverage_mask import TILE_PX, hull_tiles
+from simulator.render.software.tiles import earth_tiles
 from simulator.render.view import build_view
 from simulator.scene.illumination.atmosphere import earth_atmosphere
 from simulator.scene.state import Environment
@@ -39,7 +45,7 @@ POSES = (
 
 
 @pytest.mark.parametrize(("t_m", "rotvec_rad"), POSES)
-def test_triangles_and_cells_left_out_change_no_pixel(renderer, draw_kit, t_m, rotvec_rad, monkeypatch):
+def test_triangles_and_tiles_left_out_change_no_pixel(renderer, draw_kit, t_m, rotvec_rad, monkeypatch):
     tango = load_target("tango")
     scene = draw_kit.scene(tango, t_m=t_m, rotvec_rad=rotvec_rad, sun_camera=(0.5, -0.4, -0.6))
     lean = renderer.render(scene, tango, labels=True)
@@ -56,16 +62,16 @@ def test_triangles_and_cells_left_out_change_no_pixel(renderer, draw_kit, t_m, r
     assert min(counts) > 1.5
     assert np.abs(whole.radiance - lean.radiance).max() < 1e-4 * whole.radiance.max()
     assert np.array_equal(whole.coverage, lean.coverage)
-    # every cell of the rectangle, on the same lattice's window
-    cells = []
-    find_cover = target_passes.find_cover
+    # every tile of the rectangle, on the same lattice's window
+    tiles = []
+    target_tiles = target_passes.target_tiles
     monkeypatch.setattr(
-        target_passes, "find_cover", lambda *a: cells.append(find_cover(*a)) or cover.whole(a[1].rect)
+        target_passes, "target_tiles", lambda *a: tiles.append(target_tiles(*a)) or cover.whole(a[1].rect)
     )
     everywhere = renderer.render(scene, tango, labels=True)
     outside = everywhere.coverage.copy()
-    for x, y in cells[0] - (CELL_PX - 1) / 2:
-        outside[round(y) : round(y) + CELL_PX, round(x) : round(x) + CELL_PX] = 0
+    for x, y in tiles[0] - (TILE_PX - 1) / 2:
+        outside[round(y) : round(y) + TILE_PX, round(x) : round(x) + TILE_PX] = 0
     assert everywhere.coverage.max() == 1
     assert outside.max() == 0
 
@@ -120,28 +126,28 @@ def test_pixels_drawn_by_fours_are_those_drawn_one_by_one(
         environment=Environment(),
     )
     scene = replace(scene, bands=bands)
-    fours = renderer.render(scene, tango, labels=True)
-    assert "earth.fours" in fours.stage_ms
+    quads = renderer.render(scene, tango, labels=True)
+    assert "earth.quad_packing" in quads.stage_ms
     monkeypatch.setattr(renderer_module, "LEAST_SHARE", 2.0)
     singles = renderer.render(scene, tango, labels=True)
-    assert "earth.fours" not in singles.stage_ms
+    assert "earth.quad_packing" not in singles.stage_ms
     view = build_view(scene)
     earth = earth_view(view, camera, earth_atmosphere(bands))
-    cells = earth_cells(earth, camera, None, scene.epoch_utc)
+    tiles = earth_tiles(earth, camera, None, scene.epoch_utc)
     copied = np.zeros((160, 192), bool)
-    for x, y in cells.others_px + 0.5 - cells.size_px / 2:
-        copied[round(y) : round(y) + cells.size_px, round(x) : round(x) + cells.size_px] = True
+    for x, y in tiles.others_px + 0.5 - tiles.size_px / 2:
+        copied[round(y) : round(y) + tiles.size_px, round(x) : round(x) + tiles.size_px] = True
     assert (copied.sum() > 0) == (off_nadir_deg > 60)
     assert copied.sum() < 0.6 * copied.size
     # nor does what lies behind the target come into it
     copied |= singles.coverage == 1
-    assert np.array_equal(fours.radiance[copied], singles.radiance[copied])
+    assert np.array_equal(quads.radiance[copied], singles.radiance[copied])
     # the map has 256 steps, which thin clouds and coasts enlarge: few pixels are off by more than one step's worth
-    off = np.abs(fours.radiance - singles.radiance)[~copied]
+    off = np.abs(quads.radiance - singles.radiance)[~copied]
     assert off.max() > 0
     assert np.median(off) < 0.005 * singles.radiance.mean()
     assert np.sqrt(np.mean(off**2)) < 0.03 * singles.radiance.mean()
-    assert fours.radiance.mean() == pytest.approx(singles.radiance.mean(), rel=1e-3)
+    assert quads.radiance.mean() == pytest.approx(singles.radiance.mean(), rel=1e-3)
 
 
 def test_no_light_is_negative_by_night(renderer, draw_kit):
@@ -151,21 +157,21 @@ def test_no_light_is_negative_by_night(renderer, draw_kit):
         tango, t_m=(0.4, 0.1, 12.0), latitude_deg=45, sun_camera=(0.3, -0.2, 1), environment=Environment()
     )
     drawn = renderer.render(scene, tango)
-    assert "earth.fours" in drawn.stage_ms
+    assert "earth.quad_packing" in drawn.stage_ms
     assert drawn.radiance.min() >= 0
     assert drawn.radiance.max() > 0
 
 
 def test_a_cover_holds_what_its_hulls_touch_and_little_more():
-    rect = PixelRect(40, 24, 203, 180)  # ends at the image's edge, not at a cell's
+    rect = PixelRect(40, 24, 203, 180)  # ends at the image's edge, not at a tile's
     needle = np.array([[30.0, 20.0], [31.0, 20.0], [300.0, 170.0]])
-    cells = hulls_cover(rect, np.concatenate([[[60.0, 30.0]], needle]).T, np.array([1]))
+    tiles = hull_tiles(rect, np.concatenate([[[60.0, 30.0]], needle]).T, np.array([1]))
     t = np.linspace(0, 1, 2000)[:, None]
     along = needle[0] + t * (needle[2] - needle[0])
     low = np.array([rect.x0, rect.y0])
     inside = along[np.all((along >= low - 0.5) & (along < [rect.x1 - 0.5, rect.y1 - 0.5]), axis=1)]
-    marked = set(map(tuple, ((cells - (CELL_PX - 1) / 2 - low) / CELL_PX).astype(int)))
-    assert set(map(tuple, ((inside + 0.5 - low) // CELL_PX).astype(int))) <= marked
+    marked = set(map(tuple, ((tiles - (TILE_PX - 1) / 2 - low) / TILE_PX).astype(int)))
+    assert set(map(tuple, ((inside + 0.5 - low) // TILE_PX).astype(int))) <= marked
     assert len(marked) < 60  # of 420
 
 
@@ -173,11 +179,11 @@ def test_levels_of_a_kept_map_are_means_of_four_texels(renderer, tmp_path, monke
     monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
     made = np.random.default_rng(1).integers(0, 256, (38, 100, 4), np.uint8)
     image = cached_array("map", lambda: made)
-    texture = levelled_texture(renderer._gl, levelled(image, globe=False))
+    texture = mipmapped_texture(renderer._gl, mipmap_chain(image, globe=False))
     renderer.check("uploading levels")
     assert {path.name for path in tmp_path.iterdir()} == {"map.npy", f"map-levels-{VERSION}.npy"}
     texture.use(0)
-    library = opengl()
+    library = gl_library()
     for level, (w, h) in ((1, (50, 19)), (6, (1, 1))):
         found = np.zeros((h, w, 4), np.uint8)
         library.glGetTexImage(0x0DE1, level, 0x1908, 0x1401, ctypes.c_void_p(found.ctypes.data))
@@ -185,7 +191,7 @@ def test_levels_of_a_kept_map_are_means_of_four_texels(renderer, tmp_path, monke
         # each level is rounded anew
         assert np.abs(found - means).max() <= (1 if level == 1 else 6)
     assert renderer._gl.error == "GL_NO_ERROR"
-    release_levelled(texture)
+    release_mipmapped(texture)
 
 
 @pytest.mark.slow

@@ -46,10 +46,10 @@ def test_a_picture_hardly_depends_on_what_is_left_out(renderers, name, bands):
     craft = thrifty.coverage > 0.99
     off = np.abs(thrifty.radiance - lavish.radiance)[craft]
     of_craft = thrifty.radiance[craft]
-    # cells without edges are interpolated: within 2 % of the craft's brightest, by a thousandth in the mean
+    # tiles without edges are interpolated: within 2 % of the craft's brightest, by a thousandth in the mean
     assert off.max() < 0.02 * of_craft.max()
     assert off.mean() < 1e-3 * of_craft.mean()
-    # ground of one level of detail a cell, which may be half a level sharper: the same brightness, other cloud edges
+    # ground of one level of detail a tile, which may be half a level sharper: the same brightness, other cloud edges
     assert lavish.radiance.mean() == pytest.approx(thrifty.radiance.mean(), rel=0.01)
     blocks = _blocks(thrifty.radiance)
     assert np.abs(blocks - _blocks(lavish.radiance)).max() < 0.06 * blocks.max()

@@ -1,4 +1,4 @@
-"""Cells of the screen: what a kind of cell promises holds at every pixel of it."""
+"""Tiles of the screen: what a kind of tile promises holds at every pixel of it."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from simulator.camera.model import Camera
 from simulator.render.earthview import earth_view
 from simulator.render.projection import directions
-from simulator.render.software.tiles import earth_cells
+from simulator.render.software.tiles import earth_tiles
 from simulator.render.view import build_view
 from simulator.scene.illumination.atmosphere import earth_atmosphere
 from simulator.scene.state import Environment, TargetRef
@@ -32,25 +32,25 @@ def limb_scene():
 
 
 @pytest.mark.parametrize("off_nadir_deg", [63.0, 64.5, 66.0])
-def test_no_pixel_of_a_cell_of_air_meets_the_ground(limb_scene, off_nadir_deg):
+def test_no_pixel_of_a_tile_of_air_meets_the_ground(limb_scene, off_nadir_deg):
     scene = limb_scene(off_nadir_deg)
     earth = earth_view(build_view(scene), CAMERA, earth_atmosphere("mono"))
-    cells = earth_cells(earth, CAMERA, None, scene.epoch_utc)
+    tiles = earth_tiles(earth, CAMERA, None, scene.epoch_utc)
     d = directions(CAMERA, np.arange(480.0), np.arange(320.0), earth.earth_from_camera)
     ground = earth.camera @ earth.camera - (d @ earth.camera) ** 2 < 1
     of_air = np.zeros_like(ground)
-    for kind, centers in cells.centers_px.items():
-        for x, y in centers + 0.5 - cells.size_px / 2 if kind.air else ():
-            of_air[round(y) : round(y) + cells.size_px, round(x) : round(x) + cells.size_px] = True
+    for kind, centers in tiles.centers_px.items():
+        for x, y in centers + 0.5 - tiles.size_px / 2 if kind.air else ():
+            of_air[round(y) : round(y) + tiles.size_px, round(x) : round(x) + tiles.size_px] = True
     assert of_air.any()
     assert ground.any()
     assert not np.any(of_air & ground)
 
 
-def test_fine_cells_bend_no_more_than_whole_ones(limb_scene):
+def test_fine_tiles_bend_no_more_than_whole_ones(limb_scene):
     scene = limb_scene(60.0)
     earth = earth_view(build_view(scene), CAMERA, earth_atmosphere("mono"))
-    cells = earth_cells(earth, CAMERA, None, scene.epoch_utc)
+    tiles = earth_tiles(earth, CAMERA, None, scene.epoch_utc)
 
     def on_ground(x, y):
         d = directions(CAMERA, x, y, earth.earth_from_camera)
@@ -59,8 +59,8 @@ def test_fine_cells_bend_no_more_than_whole_ones(limb_scene):
         return earth.camera - (along + depth)[..., None] * d
 
     bend = {False: 0.0, True: 0.0}  # [px]
-    for kind, centers in cells.centers_px.items():
-        half = cells.size_of(kind) / 2
+    for kind, centers in tiles.centers_px.items():
+        half = tiles.size_of(kind) / 2
         for x, y in centers.astype(float) if kind.smooth else ():
             plane = on_ground(x + half * np.array([-1.0, 1.0]), y + half * np.array([-1.0, 1.0])).mean(
                 axis=(0, 1)
@@ -68,14 +68,14 @@ def test_fine_cells_bend_no_more_than_whole_ones(limb_scene):
             seen = np.linalg.solve(earth.earth_from_camera, plane / np.linalg.norm(plane) - earth.camera)
             off = CAMERA.project(seen) - (x, y)
             bend[kind.fine] = max(bend[kind.fine], float(np.linalg.norm(off)))
-    assert len(cells.halved[0]) > 10
+    assert len(tiles.halved[0]) > 10
     assert 0 < bend[True] < 1.1 * bend[False] < 0.45
 
-    # quarters, and nothing twice: each halved cell is four, and no whole one
-    fine = np.concatenate([c for k, c in cells.centers_px.items() if k.fine])
-    which, row, column = cells.fine_place(fine)
-    assert np.array_equal(np.sort(which * 4 + row * 2 + column), np.arange(4 * len(cells.halved[0])))
-    whole = np.concatenate([c for k, c in cells.centers_px.items() if not k.fine])
-    assert not set(zip(*cells.place(whole), strict=True)) & set(zip(*cells.halved, strict=True))
-    corner = cells.fine_corners_px[which, row, column]
-    assert np.array_equal(corner + np.float32(cells.size_px / 4), fine)
+    # quarters, and nothing twice: each halved tile is four, and no whole one
+    fine = np.concatenate([c for k, c in tiles.centers_px.items() if k.fine])
+    which, row, column = tiles.fine_place(fine)
+    assert np.array_equal(np.sort(which * 4 + row * 2 + column), np.arange(4 * len(tiles.halved[0])))
+    whole = np.concatenate([c for k, c in tiles.centers_px.items() if not k.fine])
+    assert not set(zip(*tiles.place(whole), strict=True)) & set(zip(*tiles.halved, strict=True))
+    corner = tiles.fine_corners_px[which, row, column]
+    assert np.array_equal(corner + np.float32(tiles.size_px / 4), fine)

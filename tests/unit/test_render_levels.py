@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 
-from simulator.render.gl.mipmaps import levelled
+from simulator.render.gl.mipmaps import mipmap_chain
 
 HEIGHT, WIDTH = 256, 512
 
 
 def _first(image, *, globe):
     """The second level, whose texels are two of the first wide and high."""
-    return levelled(image, globe=globe).smaller[: HEIGHT // 2 * WIDTH // 2].reshape(HEIGHT // 2, WIDTH // 2)
+    return (
+        mipmap_chain(image, globe=globe).smaller[: HEIGHT // 2 * WIDTH // 2].reshape(HEIGHT // 2, WIDTH // 2)
+    )
 
 
 def _row(latitude_deg):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simulator.render.gl.buffer_pool import GRAIN_PX, KEPT, LARGER, SizeClasses
+from simulator.render.gl.buffer_pool import GRAIN_PX, KEPT, LARGER, BufferPool
 
 
 class Counted:
@@ -21,7 +21,7 @@ class Counted:
 
 def test_windows_about_a_step_of_the_classes_share_a_buffer():
     Counted.made = Counted.freed = 0
-    classes = SizeClasses(Counted)
+    classes = BufferPool(Counted)
     # a craft that turns: its window's sides pass the steps of both classes to and fro
     for k in range(40):
         width, height = 18 * GRAIN_PX + 5 * (k % 3 - 1), 29 * GRAIN_PX + 4 * (k % 5 - 2)
@@ -38,7 +38,7 @@ def test_windows_about_a_step_of_the_classes_share_a_buffer():
 def test_sizes_at_hand_have_an_area_together():
     Counted.made = Counted.freed = 0
     side = 4 * GRAIN_PX
-    classes = SizeClasses(Counted, 2.4 * side**2)
+    classes = BufferPool(Counted, 2.4 * side**2)
     first = classes.at_least(side, side)
     classes.at_least(side, side // 2)
     assert classes.at_least(side, side) is first
@@ -58,7 +58,7 @@ def test_no_buffer_is_lost_where_another_grown_to_the_class_would_have_the_same_
     rng = np.random.default_rng(3)
     windows += [tuple(int(k) for k in side) for side in rng.integers(1, 6, (400, 2))]
     Counted.made = Counted.freed = 0
-    classes = SizeClasses(Counted)
+    classes = BufferPool(Counted)
     for width, height in windows:
         buffers = classes.at_least(width * GRAIN_PX, height * GRAIN_PX)
         assert buffers.size[0] >= width * GRAIN_PX

@@ -29,7 +29,7 @@ class Buffers(Protocol):
 B = TypeVar("B", bound=Buffers)
 
 
-class SizeClasses(Generic[B]):
+class BufferPool(Generic[B]):
     """Makes buffers when a class is first needed and frees those not used for longest.
 
     Parameters

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from simulator.render.gl.fences import draw_to
-from simulator.render.gl.mipmaps import opengl
+from simulator.render.gl.mipmaps import gl_library
 
 if TYPE_CHECKING:
     import moderngl
@@ -18,7 +18,7 @@ _DEPTH_CLAMP = 0x864F
 _TEXTURE_2D, _DEPTH_COMPONENT, _DEPTH_COMPONENT32F, _FLOAT = 0x0DE1, 0x1902, 0x8CAC, 0x1406
 
 
-class FloatDepth:
+class DepthBuffer:
     """A depth texture and the range in use: number k, from 1 on, holds depths from 16^-k to 16 times that.
 
     Without an OpenGL to be called by name its depths have 24 bits and it must be cleared each time: moderngl makes no
@@ -31,7 +31,7 @@ class FloatDepth:
         self.texture.compare_func = ""
         self.texture.filter = (context.NEAREST, context.NEAREST)
         self.texture.repeat_x = self.texture.repeat_y = False
-        library = opengl()
+        library = gl_library()
         self._most = 1 if library is None else MOST_RANGES
         self.number = 0
         if library is not None:

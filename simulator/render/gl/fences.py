@@ -16,7 +16,7 @@ import ctypes
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from simulator.render.gl.mipmaps import opengl
+from simulator.render.gl.mipmaps import gl_library
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -72,7 +72,7 @@ class Fences:
 
 def keep_fences(context: moderngl.Context) -> None:
     """Have `flush` and `draw_to` keep the fences of a context from here on; for software drivers."""
-    library = opengl()
+    library = gl_library()
     if context.extra is None and library is not None and hasattr(library, "glFenceSync"):
         context.extra = Fences(library)
 
@@ -102,5 +102,5 @@ def draw_to(framebuffer: moderngl.Framebuffer) -> None:
 @lru_cache(maxsize=1)
 def _gl_flush() -> Callable[[], None] | None:
     """The call, which keeps Python's lock."""
-    library = opengl()
+    library = gl_library()
     return None if library is None else ctypes.PYFUNCTYPE(None)(("glFlush", library))

@@ -32,14 +32,14 @@ VERSION = 2  # of `_smaller`: raise it when the same image gives other levels
 
 
 @dataclass(frozen=True, eq=False)
-class Levelled:
-    """An image (H, W) or (H, W, 4) and its smaller levels, one after the other, as `levelled` makes them."""
+class MipmapChain:
+    """An image (H, W) or (H, W, 4) and its smaller levels, one after the other, as `mipmap_chain` makes them."""
 
     image: ByteArray
     smaller: ByteArray
 
 
-def levelled(image: ByteArray, *, globe: bool) -> Levelled:
+def mipmap_chain(image: ByteArray, *, globe: bool) -> MipmapChain:
     """The image with its levels, kept beside it where it comes from `cached_array`. Needs no OpenGL.
 
     Parameters
@@ -50,19 +50,19 @@ def levelled(image: ByteArray, *, globe: bool) -> Levelled:
     """
     name = name_of(image)
     if name is None:
-        return Levelled(image, _smaller(image, globe=globe))
-    return Levelled(image, cached_array(f"{name}-levels-v{VERSION}", lambda: _smaller(image, globe=globe)))
+        return MipmapChain(image, _smaller(image, globe=globe))
+    return MipmapChain(image, cached_array(f"{name}-levels-v{VERSION}", lambda: _smaller(image, globe=globe)))
 
 
-def levelled_texture(context: moderngl.Context, levels: Levelled) -> moderngl.Texture:
+def mipmapped_texture(context: moderngl.Context, levels: MipmapChain) -> moderngl.Texture:
     """A texture with all its levels; without an OpenGL to be called by name the driver makes them.
 
-    `release_levelled` frees it: of names that it did not make moderngl only lets go.
+    `release_mipmapped` frees it: of names that it did not make moderngl only lets go.
     """
     image = levels.image
     height, width = image.shape[:2]
     components = image.size // (width * height)
-    library = opengl()
+    library = gl_library()
     if library is None or components not in _FORMATS:
         texture = context.texture((width, height), components, image, alignment=1)
         texture.build_mipmaps()
@@ -86,16 +86,16 @@ def levelled_texture(context: moderngl.Context, levels: Levelled) -> moderngl.Te
     return texture
 
 
-def release_levelled(texture: moderngl.Texture) -> None:
-    """Free a texture of `levelled_texture`, or any other."""
-    name, library = texture.glo, opengl() if texture.extra == _OWN_NAME else None
+def release_mipmapped(texture: moderngl.Texture) -> None:
+    """Free a texture of `mipmapped_texture`, or any other."""
+    name, library = texture.glo, gl_library() if texture.extra == _OWN_NAME else None
     texture.extra = None  # another texture may take the name
     texture.release()
     if library is not None:
         library.glDeleteTextures(1, ctypes.byref(ctypes.c_uint(name)))
 
 
-def single_textures(context: moderngl.Context, levels: Levelled) -> list[moderngl.Texture]:
+def level_textures(context: moderngl.Context, levels: MipmapChain) -> list[moderngl.Texture]:
     """Each level as a texture of its own, from the largest on: a driver that has no level to choose is quicker."""
     height, width = levels.image.shape[:2]
     components = levels.image.size // (width * height)
@@ -111,7 +111,7 @@ def single_textures(context: moderngl.Context, levels: Levelled) -> list[moderng
 
 def draw_one_point(array: moderngl.VertexArray) -> None:
     """Draw the first vertex of an array of points while Python's other threads go on; moderngl holds them up."""
-    library = opengl()
+    library = gl_library()
     if library is None:
         array.render(vertices=1)
         return
@@ -160,7 +160,7 @@ def _as_wide_as_high(level: ByteArray) -> ByteArray:
 
 
 @lru_cache(maxsize=1)
-def opengl() -> ctypes.CDLL | None:
+def gl_library() -> ctypes.CDLL | None:
     """OpenGL itself: moderngl uploads to levels that exist, and has no call that makes one."""
     for name in _LIBRARIES.get(sys.platform, _LINUX):
         try:

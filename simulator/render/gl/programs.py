@@ -11,7 +11,7 @@ import moderngl
 
 from simulator.render.gl.patches import MOST_PIECES
 from simulator.render.gl.tessellation import control_stage, evaluation_stage
-from simulator.render.software.flat_varyings import LEAST_SLOTS, SPARE_SLOTS, hand_on
+from simulator.render.software.flat_varyings import LEAST_SLOTS, SPARE_SLOTS, flat_varyings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -88,7 +88,7 @@ class ProgramLibrary:
         samplers: tuple[str, ...] = (),
         *,
         varyings: tuple[str, ...] = (),
-        hand: bool = False,
+        flat_uniforms: bool = False,
     ) -> Program:
         """The program of two shader files, compiled at first use.
 
@@ -97,8 +97,8 @@ class ProgramLibrary:
         fragment : ``None`` for a program that draws nothing: what its vertices give is written to a buffer.
         defines : preprocessor constants. Value ``""`` defines the bare name.
         samplers : names of the samplers; sampler ``k`` reads texture unit ``k``. varyings : without a fragment shader,
-            what is written. hand : the vertex shader hands on the fragment's uniforms, see `hand_on`: for programs
-            that draw many more fragments than vertices.
+            what is written. flat_uniforms : the fragment shader takes its uniforms as flat inputs (`flat_varyings`):
+            for programs that draw many more fragments than vertices.
         """
         # passes ask in every frame: in the same words they are answered without sorting and printing them
         values = tuple(defines.values())  # 1 and 1.0 are equal, and other words
@@ -108,8 +108,10 @@ class ProgramLibrary:
         key = (vertex, fragment, tuple(sorted((k, str(v)) for k, v in defines.items())), samplers, self.lens)
         if key not in self._built:
             own, pixel = read_source(vertex), None if fragment is None else read_source(fragment)
-            if hand and pixel is not None:
-                own, pixel = hand_on(own, pixel, (f for b in self._blocks for f in b.fields), self._slots)
+            if flat_uniforms and pixel is not None:
+                own, pixel = flat_varyings(
+                    own, pixel, (f for b in self._blocks for f in b.fields), self._slots
+                )
             known = {"LENS": int(self.lens), **defines}
             blocks = "".join(block.glsl for block in self._blocks)
 

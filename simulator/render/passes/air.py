@@ -83,7 +83,7 @@ class AirPass:
             "atmosphere/table.frag",
             {"BANDS": bands, "STEPS": STEPS, "GROUND_MU_MIN": GROUND_MU_MIN, **TABLE_DEFINES},
             ("t_transmittance", "t_ground", "t_multiple"),
-            hand=True,
+            flat_uniforms=True,
         )
         self._array = context.vertex_array(self._program.gl, [])
         self._programs, self._bands = programs, bands
@@ -127,7 +127,7 @@ class AirPass:
         ----------
         columns_px, rows_px : (M,) and (N,) of the corners.
         all_ground : every one's ray meets the ground, well away from the limb. The air is then looked through at every
-            other corner each way, and cubic between them: nearer to it than the planes of the cells are.
+            other corner each way, and cubic between them: nearer to it than the planes of the tiles are.
 
         Returns
         -------

@@ -15,10 +15,10 @@ from simulator.render.earth_maps import AUGUST
 from simulator.render.gl.fences import draw_to, flush
 from simulator.render.gl.mipmaps import (
     draw_one_point,
-    levelled,
-    levelled_texture,
-    release_levelled,
-    single_textures,
+    level_textures,
+    mipmap_chain,
+    mipmapped_texture,
+    release_mipmapped,
 )
 from simulator.render.maps import WIDTH as MAP_WIDTH
 from simulator.render.noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
@@ -36,17 +36,17 @@ if TYPE_CHECKING:
 
     from simulator.render.airtables import AirTables
     from simulator.render.earth_maps import EarthMaps
-    from simulator.render.frame_images import Images
-    from simulator.render.gl.mipmaps import Levelled
+    from simulator.render.frame_images import FrameImages
+    from simulator.render.gl.mipmaps import MipmapChain
     from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.software.tiles import CellKind, Cells
+    from simulator.render.software.tiles import ScreenTiles, TileKind
     from simulator.runtime.arrays import Float32Array, IntArray
     from simulator.scene.state import Bands, Environment, SceneState
 
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
 CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
-MAGNIFIED_LEVEL = -0.5  # of a cell: there the maps' texels are at least six pixels wide
+MAGNIFIED_LEVEL = -0.5  # of a tile: there the maps' texels are at least six pixels wide
 _OWN = (
     "t_coverage",
     "t_radiance",
@@ -91,13 +91,13 @@ class _Draw:
 
     Parameters
     ----------
-    smooth, fine : its cells are. in_fours : it goes four pixels to a texel. blended : it is added to what is there.
-    level : of `CellKind`; ``None`` where no map is read from another level than its first.
+    smooth, fine : its tiles are. in_quads : it goes four pixels to a texel. blended : it is added to what is there.
+    level : of `TileKind`; ``None`` where no map is read from another level than its first.
     """
 
     smooth: bool
     fine: bool
-    in_fours: bool
+    in_quads: bool
     blended: bool
     program: Program
     detail: moderngl.Texture
@@ -105,24 +105,24 @@ class _Draw:
 
 
 class _Around:
-    """The air at the corners of smooth cells: upper left, upper right, lower left, lower right.
+    """The air at the corners of smooth tiles: upper left, upper right, lower left, lower right.
 
     Parameters
     ----------
-    whole, fine : (N, M, V) of the cells, (9 P, V) of the fine ones.
+    whole, fine : (N, M, V) of the tiles, (9 P, V) of the fine ones.
     """
 
-    def __init__(self, cells: Cells, whole: Float32Array, fine: Float32Array) -> None:
-        self._cells, self._whole, self._fine = cells, whole, fine
+    def __init__(self, tiles: ScreenTiles, whole: Float32Array, fine: Float32Array) -> None:
+        self._tiles, self._whole, self._fine = tiles, whole, fine
 
     def whole(self, centers_px: Float32Array) -> Float32Array:
-        """(K, 4 V) of cells, by their middles."""
-        row, column = self._cells.place(centers_px)
+        """(K, 4 V) of tiles, by their middles."""
+        row, column = self._tiles.place(centers_px)
         return self._four(self._whole, (row, column))
 
     def fine(self, centers_px: Float32Array) -> Float32Array:
-        """(K, 4 V) of fine cells, by their middles."""
-        which, row, column = self._cells.fine_place(centers_px)
+        """(K, 4 V) of fine tiles, by their middles."""
+        which, row, column = self._tiles.fine_place(centers_px)
         return self._four(self._fine.reshape(-1, 3, 3, self._fine.shape[1]), (row, column), which)
 
     @staticmethod
@@ -163,13 +163,13 @@ class EarthPass:
         self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
         self._months = {k: self._mapped(levels) for k, levels in begun.months.result().items()}
         self._detail_levels = begun.detail.result()
-        self._details = single_textures(context, self._detail_levels)
+        self._details = level_textures(context, self._detail_levels)
         self._detail: moderngl.Texture | None = None
         self._valleys: moderngl.Texture | None = None  # of `high`
         self._relief = self._mapped(begun.relief.result())
         self._keep_air(begun.air.result())
         self._ice: tuple[str, moderngl.Texture] | None = None  # of a day
-        self._shoals: Future[Levelled] | moderngl.Texture = begun.shoals
+        self._shoals: Future[MipmapChain] | moderngl.Texture = begun.shoals
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
         self._kept: dict[tuple[object, ...], Program] = {}
 
@@ -186,7 +186,7 @@ class EarthPass:
         maps += [] if self._ice is None else [self._ice[1]]
         for texture in maps:
             if isinstance(texture, moderngl.Texture):
-                release_levelled(texture)
+                release_mipmapped(texture)
         for air in self._airs.values():
             air.frame.release()
         for buffer, array in self._arrays.values():
@@ -197,30 +197,34 @@ class EarthPass:
         frame = AirPass(self._context, self._programs, self.bands, tables)
         self._airs[tables.air.thickness_m] = Air(tables, frame)
 
-    def _mapped(self, levels: Levelled) -> moderngl.Texture:
-        texture = levelled_texture(self._context, levels)
+    def _mapped(self, levels: MipmapChain) -> moderngl.Texture:
+        texture = mipmapped_texture(self._context, levels)
         texture.filter = (self._context.LINEAR_MIPMAP_LINEAR, self._context.LINEAR)
         texture.repeat_x, texture.repeat_y = True, False
         return texture
 
     def _month(self, month: int) -> moderngl.Texture:
         if month not in self._months:
-            self._months[month] = self._mapped(levelled(month_gain(month, self.bands), globe=True))
+            self._months[month] = self._mapped(mipmap_chain(month_gain(month, self.bands), globe=True))
         return self._months[month]
 
     def _program(
-        self, environment: Environment, kind: CellKind, *, behind: bool, high: bool, fours: bool, dark: bool
+        self, environment: Environment, kind: TileKind, *, behind: bool, high: bool, quads: bool, dark: bool
     ) -> Program:
-        key = (environment, kind, behind, high, fours, dark, self._programs.lens)
+        key = (environment, kind, behind, high, quads, dark, self._programs.lens)
         if key not in self._kept:
-            defines = self._defines(environment, kind, behind=behind, high=high, fours=fours, dark=dark)
+            defines = self._defines(environment, kind, behind=behind, high=high, quads=quads, dark=dark)
             self._kept[key] = self._programs.get(
-                "earth/earth.vert", "earth/earth.frag", defines, _SAMPLERS[self.bands], hand=not kind.smooth
+                "earth/earth.vert",
+                "earth/earth.frag",
+                defines,
+                _SAMPLERS[self.bands],
+                flat_uniforms=not kind.smooth,
             )
         return self._kept[key]
 
     def _defines(
-        self, environment: Environment, kind: CellKind, *, behind: bool, high: bool, fours: bool, dark: bool
+        self, environment: Environment, kind: TileKind, *, behind: bool, high: bool, quads: bool, dark: bool
     ) -> dict[str, object]:
         one = environment.undifferentiated
         return {
@@ -238,8 +242,8 @@ class EarthPass:
             "AIR_ONLY": int(kind.air),
             "COVERED": int(kind.covered),
             "MOON": int(behind),
-            "FOURS": int(fours),
-            "MAGNIFIED": int(fours and kind.level <= MAGNIFIED_LEVEL),
+            "QUADS": int(quads),
+            "MAGNIFIED": int(quads and kind.level <= MAGNIFIED_LEVEL),
             "HIGH": int(high),
             "ONE_OPTICS": int(one),
             "RELIEF": float(environment.relief and not one),
@@ -258,32 +262,32 @@ class EarthPass:
 
     def run(
         self,
-        images: Images,
-        cells: Cells,
+        images: FrameImages,
+        tiles: ScreenTiles,
         corners: tuple[Float32Array, Float32Array] | None,
         scene: SceneState,
         *,
         behind: bool,
-        fours: bool = False,
+        quads: bool = False,
         ahead: bool = False,
     ) -> None:
         """Add the Earth's light to ``images``.
 
         Parameters
         ----------
-        corners : the air in front of the ground, of all cells (`AirPass.corners`) and of the fine ones (`AirPass.at`).
+        corners : the air in front of the ground, of all tiles (`AirPass.corners`) and of the fine ones (`AirPass.at`).
         behind : the Moon is nearer, and may hide it.
-        fours : draw smooth cells four pixels to a texel, and not into the image itself; those that the target may
+        quads : draw smooth tiles four pixels to a texel, and not into the image itself; those that the target may
             cover are added to what is there.
-        ahead : draw one cell of each kind alone, while other threads go on: a software driver compiles its programs
+        ahead : draw one tile of each kind alone, while other threads go on: a software driver compiles its programs
             then.
         """
         environment = scene.environment
         # beyond the image's end: a point is dropped when its middle is outside
-        width, height = cells.extent_px
+        width, height = tiles.extent_px
         images.sky_framebuffer.viewport = (0, 0, width, height)
-        if fours:
-            images.fours_framebuffer.viewport = (0, 0, width // 2, height // 2)
+        if quads:
+            images.quad_framebuffer.viewport = (0, 0, width // 2, height // 2)
         self._context.blend_func = self._context.ONE, self._context.ONE
         month = season(scene.epoch_utc) if environment.seasons else AUGUST
         textures = self._textures(images, self.air(environment.atmosphere_thickness_km).frame) | {
@@ -293,13 +297,13 @@ class EarthPass:
         }
         if scene.quality == "high":
             textures["t_valleys"] = self._high_valleys()
-        if any(kind.icy or kind.shoal for kind in cells.centers_px):
+        if any(kind.icy or kind.shoal for kind in tiles.centers_px):
             textures |= self._waters(ice_day(scene))
-        around = None if corners is None else _Around(cells, *corners)
-        for draw, centers in self._draws(cells, scene, behind=behind, fours=fours).items():
+        around = None if corners is None else _Around(tiles, *corners)
+        for draw, centers in self._draws(tiles, scene, behind=behind, quads=quads).items():
             # large textures that the last draw did not have may end its scene
             flush(self._context)
-            draw_to(images.fours_framebuffer if draw.in_fours else images.sky_framebuffer)
+            draw_to(images.quad_framebuffer if draw.in_quads else images.sky_framebuffer)
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
             blend = self._context.BLEND if draw.blended else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
@@ -311,8 +315,8 @@ class EarthPass:
             program, level = draw.program, draw.level or 0.0
             program.bind_textures(**textures, t_detail=draw.detail)
             program.set("u_season", month.share)
-            program.set("u_extent_px", cells.extent_px)
-            program.set("u_cell_px", cells.size_px / 2 if draw.fine else float(cells.size_px))
+            program.set("u_extent_px", tiles.extent_px)
+            program.set("u_tile_px", tiles.size_px / 2 if draw.fine else float(tiles.size_px))
             program.set("u_level", (level - LOG2_TEXEL_KM, level - math.log2(DETAIL_TEXEL_KM)))
             vertices = np.concatenate(centers)
             values = 0
@@ -328,28 +332,28 @@ class EarthPass:
                 array.render(vertices=len(vertices))
 
     def _draws(
-        self, cells: Cells, scene: SceneState, *, behind: bool, fours: bool
+        self, tiles: ScreenTiles, scene: SceneState, *, behind: bool, quads: bool
     ) -> dict[_Draw, list[Float32Array]]:
-        """Middles of the cells of each draw call: kinds that differ in nothing that is drawn come together."""
+        """Middles of the tiles of each draw call: kinds that differ in nothing that is drawn come together."""
         draws: dict[_Draw, list[Float32Array]] = {}
         high = scene.quality == "high"
         # what goes into one image comes together too: a driver that changes images finishes the first
-        for kind, centers in sorted(cells.centers_px.items(), key=itemgetter(0)):
-            in_fours = fours and kind.smooth
+        for kind, centers in sorted(tiles.centers_px.items(), key=itemgetter(0)):
+            in_quads = quads and kind.smooth
             # larger than life the maps have one level; a driver that need not ask is quicker
             magnified = not high and kind.smooth and kind.level <= LOG2_TEXEL_KM
             draw = _Draw(
                 kind.smooth,
                 kind.fine,
-                in_fours,
-                kind.covered and not in_fours,
+                in_quads,
+                kind.covered and not in_quads,
                 self._program(
                     scene.environment,
                     kind,
                     behind=behind,
                     high=high,
-                    fours=in_fours,
-                    dark=cells.dark and kind.night,
+                    quads=in_quads,
+                    dark=tiles.dark and kind.night,
                 ),
                 self._detail_of(kind, scene.quality),
                 None if magnified else kind.level,
@@ -358,7 +362,7 @@ class EarthPass:
         return draws
 
     def _array_of(self, program: Program, values: int) -> tuple[moderngl.Buffer, moderngl.VertexArray]:
-        """Vertices of a program: middles of cells, and four by four the values at their corners."""
+        """Vertices of a program: middles of tiles, and four by four the values at their corners."""
         if program not in self._arrays:
             buffer = self._context.buffer(reserve=8, dynamic=True)
             names = [f"in_air_{k}" for k in range(values // 4)]
@@ -370,8 +374,8 @@ class EarthPass:
             self._arrays[program] = (buffer, array)
         return self._arrays[program]
 
-    def _detail_of(self, kind: CellKind, quality: str) -> moderngl.Texture:
-        """The detail with all its levels, or the one level that a smooth cell needs: the driver then has no choice.
+    def _detail_of(self, kind: TileKind, quality: str) -> moderngl.Texture:
+        """The detail with all its levels, or the one level that a smooth tile needs: the driver then has no choice.
 
         Half of a trilinear look-up's cost is its second level, which the eye of the default preset does not miss.
         """
@@ -379,7 +383,7 @@ class EarthPass:
         if kind.smooth and quality != "high":
             return self._details[min(max(round(level), 0), len(self._details) - 1)]
         if self._detail is None:
-            self._detail = levelled_texture(self._context, self._detail_levels)
+            self._detail = mipmapped_texture(self._context, self._detail_levels)
         two = quality == "high" or not self._thrifty
         smallest = self._context.LINEAR_MIPMAP_LINEAR if two else self._context.LINEAR_MIPMAP_NEAREST
         self._detail.filter = (smallest, self._context.LINEAR)
@@ -388,7 +392,7 @@ class EarthPass:
     def _high_valleys(self) -> moderngl.Texture:
         """The land's valleys: made or read, and uploaded, when `high` is first asked for."""
         if self._valleys is None:
-            self._valleys = self._mapped(levelled(valley_texture(), globe=False))
+            self._valleys = self._mapped(mipmap_chain(valley_texture(), globe=False))
             self._valleys.repeat_y = True
         return self._valleys
 
@@ -399,11 +403,11 @@ class EarthPass:
         if self._ice is None or self._ice[0] != day:
             if self._ice is not None:
                 past, self._ice = self._ice[1], None
-                release_levelled(past)
-            self._ice = (day, self._mapped(levelled(sea_ice(day), globe=True)))
+                release_mipmapped(past)
+            self._ice = (day, self._mapped(mipmap_chain(sea_ice(day), globe=True)))
         return {"t_ice": self._ice[1], "t_shoals": self._shoals}
 
-    def _textures(self, images: Images, air: AirPass) -> dict[str, moderngl.Texture]:
+    def _textures(self, images: FrameImages, air: AirPass) -> dict[str, moderngl.Texture]:
         textures = {
             "t_coverage": images.coverage,
             "t_radiance": images.radiance,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.edges_seen import REACH_PX, SeenEdges
-from simulator.render.gl.buffer_pool import SizeClasses
+from simulator.render.gl.buffer_pool import BufferPool
 from simulator.render.gl.context import release
 from simulator.render.gl.fences import draw_to
 from simulator.render.lattice import lattice_defines
@@ -99,8 +99,8 @@ class EdgePass:
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context, self._programs = context, programs
-        self._images = SizeClasses(lambda w, h: SlopeImage(context, w, h, exact=False))
-        self._exact_images = SizeClasses(lambda w, h: SlopeImage(context, w, h, exact=True))
+        self._images = BufferPool(lambda w, h: SlopeImage(context, w, h, exact=False))
+        self._exact_images = BufferPool(lambda w, h: SlopeImage(context, w, h, exact=True))
 
     def begin(
         self,

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from simulator.render.gl.buffer_pool import SizeClasses
+from simulator.render.gl.buffer_pool import BufferPool
 from simulator.render.gl.context import release
-from simulator.render.gl.depth_buffer import FloatDepth
+from simulator.render.gl.depth_buffer import DepthBuffer
 
 if TYPE_CHECKING:
     import moderngl
 
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.mesh import Mesh
-    from simulator.render.software.back_face_culling import FacingArray
+    from simulator.render.software.back_face_culling import CulledVertexArray
     from simulator.runtime.arrays import FloatArray
 
 
@@ -41,7 +41,7 @@ class SampleImages:
     def __init__(self, context: moderngl.Context, width: int, height: int, *, texels: bool = False) -> None:
         self._context = context
         self.surface = context.texture((width, height), 2, dtype="u4")
-        self._depth = FloatDepth(context, (width, height))
+        self._depth = DepthBuffer(context, (width, height))
         self.depth = self._depth.texture
         self.texels = [context.texture((width, height), 4, dtype="f2") for _ in range(2 * texels)]
         for texture in (self.surface, *self.texels):
@@ -84,7 +84,7 @@ class GBufferPass:
         self._context = context
         self._programs = programs
         most = KEPT_BYTES / (_PLAIN_BYTES + _TEXEL_BYTES * self.TEXELS)
-        self._images = SizeClasses(lambda w, h: SampleImages(context, w, h, texels=self.TEXELS), most)
+        self._images = BufferPool(lambda w, h: SampleImages(context, w, h, texels=self.TEXELS), most)
 
     def program(self, mesh: Mesh) -> Program:
         """The program for a mesh: closed shells show no back faces, few materials leave bits to the normal."""
@@ -96,7 +96,7 @@ class GBufferPass:
         return self._programs.get("target/gbuffer.vert", "target/gbuffer.frag", defines, self.SAMPLERS)
 
     def run(
-        self, mesh: Mesh, array: FacingArray, size: tuple[int, int], camera_m: FloatArray, *, cut: bool
+        self, mesh: Mesh, array: CulledVertexArray, size: tuple[int, int], camera_m: FloatArray, *, cut: bool
     ) -> SampleImages:
         """Draw the samples of one lattice window.
 

@@ -14,7 +14,7 @@ import numpy as np
 from simulator.render.gl.context import release
 from simulator.render.gl.fences import draw_to, flush
 from simulator.render.projection import PixelRect, clip_from_camera, window_from_pixel
-from simulator.render.software.back_face_culling import FacingArray
+from simulator.render.software.back_face_culling import CulledVertexArray
 from simulator.render.uniform_values import lens_values
 
 if TYPE_CHECKING:
@@ -53,8 +53,8 @@ class Surfaces:
 class _Arrays:
     """Vertex arrays of one uploaded target: for depth alone, and for all layers."""
 
-    depth: FacingArray
-    layers: FacingArray
+    depth: CulledVertexArray
+    layers: CulledVertexArray
     parts: moderngl.Buffer
 
 
@@ -107,8 +107,8 @@ class LabelPass:
             )
             parts = self._context.buffer(numbers[mesh.charts.origin][mesh.shown.sources].tobytes())
             self._arrays[target.sha256] = _Arrays(
-                FacingArray(self._context, mesh, self._programs[False].gl),
-                FacingArray(self._context, mesh, self._programs[True].gl, (parts, "1f", "in_part")),
+                CulledVertexArray(self._context, mesh, self._programs[False].gl),
+                CulledVertexArray(self._context, mesh, self._programs[True].gl, (parts, "1f", "in_part")),
                 parts,
             )
         return self._arrays[target.sha256]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from simulator.render.mesh import Mesh
     from simulator.render.passes.edges import EdgeBuffers
     from simulator.render.returned_light import ReturnedLight
-    from simulator.render.software.back_face_culling import FacingArray
+    from simulator.render.software.back_face_culling import CulledVertexArray
     from simulator.render.textures import Textures
     from simulator.targets.model import Target
 
@@ -23,15 +23,15 @@ MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others 
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A target on the GPU with a vertex array per program; ``is_even``, ``is_bent`` as `smooth_shading` says."""
+    """A target on the GPU with a vertex array per program; ``is_smooth``, ``is_curved`` as `smooth_shading` says."""
 
     mesh: Mesh
-    shadow: FacingArray
-    gbuffer: FacingArray
+    shadow: CulledVertexArray
+    gbuffer: CulledVertexArray
     edges: EdgeBuffers
     returned: ReturnedLight
-    is_even: bool
-    is_bent: bool
+    is_smooth: bool
+    is_curved: bool
     textures: Textures | None = None
 
     @cached_property

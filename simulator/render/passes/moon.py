@@ -20,7 +20,7 @@ from simulator.scene.illumination.moonlight import surface_phase
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.frame_images import Images
+    from simulator.render.frame_images import FrameImages
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.moonview import MoonView
     from simulator.runtime.arrays import ByteArray
@@ -89,7 +89,7 @@ class MoonPass:
 
     def run(
         self,
-        images: Images,
+        images: FrameImages,
         moon: MoonView,
         *,
         earth: bool,
@@ -122,7 +122,7 @@ class MoonPass:
                 **TABLE_DEFINES,
             },
             samplers,
-            hand=True,
+            flat_uniforms=True,
         )
         share = np.ones((256, 4), np.float32)
         if moon.shadow_share is not None:

@@ -12,7 +12,7 @@ from simulator.render.gl.programs import FULL_SCREEN
 from simulator.render.lattice import lattice_defines
 from simulator.render.passes.edges import edge_defines
 from simulator.render.passes.gbuffer import normal_bits
-from simulator.render.software.coverage_mask import CELL_PX
+from simulator.render.software.coverage_mask import TILE_PX
 from simulator.render.transfer import LARGEST_SLOPE
 from simulator.scene.illumination.lamp import Profile
 
@@ -38,13 +38,13 @@ class ShadePass:
 
     SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_open", "t_returned")
     TEXTURED = ("t_texel", "t_detail")
-    EVEN = tuple(name for name in SAMPLERS if name != "t_slope")
+    SMOOTH_SAMPLERS = tuple(name for name in SAMPLERS if name != "t_slope")
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context = context
         self._programs = programs
         self._arrays: dict[Program, moderngl.VertexArray] = {}
-        self._cells = context.buffer(reserve=8, dynamic=True)
+        self._tiles = context.buffer(reserve=8, dynamic=True)
 
     def program(
         self,
@@ -68,42 +68,42 @@ class ShadePass:
             **lattice_defines(lattice),
             **edge_defines(exact=exact),
             "MAX_SURFACES": MAX_SURFACES_EXACT if exact else most,
-            "CELL_PX": CELL_PX,
+            "TILE_PX": TILE_PX,
             **({} if lamp is None else {"LAMP": 1 + get_args(Profile).index(lamp.profile)}),
         }
         return self._programs.get(
-            "target/cells.vert",
+            "target/tiles.vert",
             "target/shade.frag",
             defines,
             self.SAMPLERS + self.TEXTURED * (mesh.uv is not None),
-            hand=True,
+            flat_uniforms=True,
         )
 
-    def even_program(
+    def smooth_program(
         self, lattice: Lattice, bands: int, mesh: Mesh, shadow_window: int, *, bent: bool
     ) -> Program:
-        """The program that looks at cells no edge comes near, of a mesh without textures.
+        """The program that looks at tiles no edge comes near, of a mesh without textures.
 
         Parameters
         ----------
-        bent : cells of bent faces may be interpolated too.
+        bent : tiles of bent faces may be interpolated too.
         """
         defines = {**_defines(bands, mesh, shadow_window), **lattice_defines(lattice)}
         if bent:
             defines["BENT"] = ""
         return self._programs.get(
             FULL_SCREEN,
-            "target/even.frag",
-            {**defines, "CELL_PX": CELL_PX},
-            (*self.EVEN, "t_cells"),
-            hand=True,
+            "target/smooth_corners.frag",
+            {**defines, "TILE_PX": TILE_PX},
+            (*self.SMOOTH_SAMPLERS, "t_tiles"),
+            flat_uniforms=True,
         )
 
     def run(
         self,
         framebuffer: moderngl.Framebuffer,
         rect: PixelRect,
-        cells_px: FloatArray,
+        tiles_px: FloatArray,
         program: Program,
         textures: dict[str, moderngl.Texture],
         *,
@@ -113,24 +113,24 @@ class ShadePass:
 
         Parameters
         ----------
-        cells_px : (K, 2) centres of the cells of those pixels.
+        tiles_px : (K, 2) centres of the tiles of those pixels.
         textures : by the names of the program's samplers.
-        ahead : draw the first cell alone, while other threads go on: a software driver compiles the program then.
+        ahead : draw the first tile alone, while other threads go on: a software driver compiles the program then.
         """
         draw_to(framebuffer)
-        # whole cells, beyond the image's edge too: a point is dropped when its middle is outside
-        width, height = (-(-side // CELL_PX) * CELL_PX for side in (rect.width, rect.height))
+        # whole tiles, beyond the image's edge too: a point is dropped when its middle is outside
+        width, height = (-(-side // TILE_PX) * TILE_PX for side in (rect.width, rect.height))
         window = (rect.x0, rect.y0, width, height)
         framebuffer.viewport = window
         self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
         program.bind_textures(**textures)
         if program not in self._arrays:
             self._arrays[program] = self._context.vertex_array(
-                program.gl, [(self._cells, "2f", "in_pixel")], mode=self._context.POINTS
+                program.gl, [(self._tiles, "2f", "in_pixel")], mode=self._context.POINTS
             )
-        cells = cells_px.astype(np.float32)
-        self._cells.orphan(cells.nbytes)
-        self._cells.write(cells)
+        tiles = tiles_px.astype(np.float32)
+        self._tiles.orphan(tiles.nbytes)
+        self._tiles.write(tiles)
         program.set("u_window", window)
         for name, image in (("u_texel", "t_surface"), ("u_slope_texel", "t_slope")):
             columns, rows = textures[image].size
@@ -138,7 +138,7 @@ class ShadePass:
         if ahead:
             draw_one_point(self._arrays[program])
         else:
-            self._arrays[program].render(vertices=len(cells))
+            self._arrays[program].render(vertices=len(tiles))
 
 
 def _defines(bands: int, mesh: Mesh, shadow_window: int) -> dict[str, object]:

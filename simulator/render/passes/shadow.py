@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.gl.depth_buffer import FloatDepth
+from simulator.render.gl.depth_buffer import DepthBuffer
 from simulator.render.light_view import light_matrix
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from simulator.render.gl.programs import ProgramLibrary
     from simulator.render.mesh import Mesh
-    from simulator.render.software.back_face_culling import FacingArray
+    from simulator.render.software.back_face_culling import CulledVertexArray
     from simulator.render.view import View
     from simulator.runtime.arrays import BoolArray, FloatArray
     from simulator.scene.state import Quality
@@ -82,7 +82,7 @@ class ShadowPass:
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary, size_px: int) -> None:
         self._context = context
         self.size_px = size_px
-        self._depth = FloatDepth(context, (size_px, size_px))
+        self._depth = DepthBuffer(context, (size_px, size_px))
         self.map = self._depth.texture
         self._framebuffer = context.framebuffer(depth_attachment=self.map)
         self.program = programs.get("target/shadow.vert", "target/shadow.frag", {})
@@ -100,7 +100,7 @@ class ShadowPass:
 
     def run(
         self,
-        array: FacingArray,
+        array: CulledVertexArray,
         view: View,
         light_from_target: FloatArray,
         without: BoolArray | None = None,

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from simulator.camera.model import Camera
     from simulator.render.earthview import EarthView
-    from simulator.render.frame_images import Images
+    from simulator.render.frame_images import FrameImages
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.moonview import MoonView
     from simulator.render.projection import PixelRect
@@ -68,7 +68,7 @@ class StarPass:
         self,
         scene: SceneState,
         view: View,
-        images: Images,
+        images: FrameImages,
         earth: EarthView | None,
         air: Atmosphere | None,
         moon: MoonView | None,
@@ -93,7 +93,7 @@ class StarPass:
         self._draw(pixels[near], radiance[near], images)
         return spread(pixels[~near], radiance[~near], images.size)
 
-    def _draw(self, pixels: FloatArray, radiance: FloatArray, images: Images) -> None:
+    def _draw(self, pixels: FloatArray, radiance: FloatArray, images: FrameImages) -> None:
         """Add points, times what the target leaves open of their pixels."""
         if not len(pixels):
             return

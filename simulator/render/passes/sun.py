@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.camera.model import Camera
-    from simulator.render.frame_images import Images
+    from simulator.render.frame_images import FrameImages
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
     from simulator.render.view import View
@@ -33,7 +33,7 @@ class SunPass:
 
     def run(
         self,
-        images: Images,
+        images: FrameImages,
         view: View,
         camera: Camera,
         *,

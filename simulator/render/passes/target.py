@@ -19,12 +19,12 @@ from simulator.render.passes.materials import material_values
 from simulator.render.passes.self_shadow import SelfShadow
 from simulator.render.passes.shade import ShadePass
 from simulator.render.passes.textured import TexturedGBufferPass
-from simulator.render.placement import CELL_REACH_PX, choose_lattice, find_cover, locate, outline_px
+from simulator.render.placement import TILE_REACH_PX, choose_lattice, locate, outline_px, target_tiles
 from simulator.render.projection import PixelRect, clip_from_camera
 from simulator.render.returned_light import ReturnedLight
-from simulator.render.software.back_face_culling import FacingArray
+from simulator.render.software.back_face_culling import CulledVertexArray
 from simulator.render.software.coverage_mask import whole
-from simulator.render.software.smooth_shading import EvenPass, is_bent, is_even, split_cells
+from simulator.render.software.smooth_shading import SmoothShadingPass, is_curved, is_smooth, split_tiles
 from simulator.render.textures import Textures
 from simulator.render.transfer import PATCH
 from simulator.render.uniform_values import lens_values
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     import moderngl
     from numpy.typing import ArrayLike
 
-    from simulator.render.frame_images import Images
+    from simulator.render.frame_images import FrameImages
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.gl.shared_blocks import Blocks
     from simulator.render.gl.timing import StageClock
@@ -55,19 +55,19 @@ class Sampled:
 
     Parameters
     ----------
-    rect : pixels that the target may cover. cells_px : (K, 2) centres of the cells of those.
+    rect : pixels that the target may cover. tiles_px : (K, 2) centres of the tiles of those.
     edged_px, edgeless_px : the same, those that edges come near and those that none does.
-    program, textures : of the shading. even_program : of the cells without edges. stamp : of the samples' image.
+    program, textures : of the shading. smooth_program : of the tiles without edges. stamp : of the samples' image.
     returned : light from other parts; that of the frame is worked out last, when what comes from Earth and Moon is
         known.
     """
 
     rect: PixelRect
-    cells_px: FloatArray
+    tiles_px: FloatArray
     edged_px: FloatArray
     edgeless_px: FloatArray
     program: Program
-    even_program: Program | None
+    smooth_program: Program | None
     textures: dict[str, moderngl.Texture]
     stamp: int
     returned: ReturnedLight
@@ -93,7 +93,7 @@ class TargetPasses:
         self._textured: TexturedGBufferPass | None = None  # made with the first mesh that has textures
         self._edges = EdgePass(context, programs)
         self._shade = ShadePass(context, programs)
-        self._even = EvenPass(context, programs)
+        self._smooth = SmoothShadingPass(context, programs)
         self._labels = LabelPass(context, programs, blocks)
         self._loaded = LoadedTargets(self._upload, self._labels.forget)
 
@@ -107,15 +107,15 @@ class TargetPasses:
         gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
         return Loaded(
             mesh,
-            FacingArray(context, mesh, self._shadow.program, whole=not self._thrifty),
+            CulledVertexArray(context, mesh, self._shadow.program, whole=not self._thrifty),
             # textures are bound by stretches of the index buffer
-            FacingArray(
+            CulledVertexArray(
                 context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None or not self._thrifty
             ),
             EdgeBuffers(context, mesh.edges, mesh),
             ReturnedLight(context, mesh, FINE_PATCH if fine else PATCH),
-            is_even(target),
-            is_bent(target),
+            is_smooth(target),
+            is_curved(target),
             textures,
         )
 
@@ -133,16 +133,16 @@ class TargetPasses:
         if place is None:
             return None
         bent = self._programs.lens  # edges are curves then, and not weighted
-        cells = find_cover(mesh, place) if self._thrifty else whole(place.rect)
-        if not len(cells):
+        tiles = target_tiles(mesh, place) if self._thrifty else whole(place.rect)
+        if not len(tiles):
             return None
         # nearly always the same lattice whoever draws: the whole rectangle, which a GPU is given, has more samples
-        extent = cells if self._thrifty else outline_px(place)
+        extent = tiles if self._thrifty else outline_px(place)
         pixel_m = place.pixel_m(camera)
         lattice = choose_lattice(
             scene.quality, place, extent, pixel_m, dense=bent or loaded.textures is not None
         )
-        size, origin = lattice.window(cells, CELL_REACH_PX)
+        size, origin = lattice.window(tiles, TILE_REACH_PX)
         lattice_clip = clip_from_camera(camera, *place.near_far_m, lattice.buffer_from_pixel(origin), size)
         if bent:
             self._blocks.lens.write(lens_values(camera, lattice_clip, place.camera_from_target))
@@ -174,22 +174,22 @@ class TargetPasses:
         edges = self._edges.begin(None if bent else loaded.edges, edge_view, exact=exact)
         slope = self._edges.run(edges, lattice)
         flush(self._context)
-        edged, edgeless, even = cells, cells[:0], None
+        edged, edgeless, even = tiles, tiles[:0], None
         bands = len(bands_of(scene.bands))
         if (
             self._thrifty
             and not exact
             and place.hull_px is not None
-            and loaded.is_even
+            and loaded.is_smooth
             and scene.lamp is None
         ):
-            edged, edgeless = split_cells(cells, loaded.edges.seen, edge_view)
+            edged, edgeless = split_tiles(tiles, loaded.edges.seen, edge_view)
             if len(edgeless):
-                even = self._shade.even_program(lattice, bands, mesh, choice.window, bent=loaded.is_bent)
+                even = self._shade.smooth_program(lattice, bands, mesh, choice.window, bent=loaded.is_curved)
         clock.lap("target.edges")
         return Sampled(
             place.rect,
-            cells,
+            tiles,
             edged,
             edgeless,
             self._shade.program(lattice, bands, mesh, choice.window, scene.lamp, exact=exact),
@@ -205,27 +205,27 @@ class TargetPasses:
             loaded.returned,
         )
 
-    def compile_ahead(self, sampled: Sampled, bands: Bands, images: Images) -> None:
+    def compile_ahead(self, sampled: Sampled, bands: Bands, images: FrameImages) -> None:
         """Have the driver compile the shading while light is baked; what it draws is to be cleared."""
         textures = sampled.textures | sampled.returned.stand_ins(bands)
-        cells, program = sampled.edged_px[:1], sampled.program
-        if len(cells):
-            self._shade.run(images.target_framebuffer, sampled.rect, cells, program, textures, ahead=True)
+        tiles, program = sampled.edged_px[:1], sampled.program
+        if len(tiles):
+            self._shade.run(images.target_framebuffer, sampled.rect, tiles, program, textures, ahead=True)
 
-    def shade(self, sampled: Sampled, view: View, bands: Bands, images: Images) -> None:
+    def shade(self, sampled: Sampled, view: View, bands: Bands, images: FrameImages) -> None:
         """Have the driver draw radiance and coverage into ``images``, in the light of ``view``."""
         light = sampled.returned.update(bands, view)
         textures = {**sampled.textures, "t_open": light.visibility, "t_returned": light.returned}
         sampled.program.set("u_stamp", sampled.stamp)
-        program, cells, even = sampled.even_program, sampled.edged_px, None
+        program, tiles, even = sampled.smooth_program, sampled.edged_px, None
         if program is not None:
             program.set("u_stamp", sampled.stamp)
-            looked_up = {name: textures[name] for name in self._shade.EVEN}
-            even = self._even.look(sampled.edgeless_px, program, looked_up, len(bands_of(bands)))
-            cells = np.concatenate([cells, even.others_px])
-        self._shade.run(images.target_framebuffer, sampled.rect, cells, sampled.program, textures)
+            looked_up = {name: textures[name] for name in self._shade.SMOOTH_SAMPLERS}
+            even = self._smooth.shade_corners(sampled.edgeless_px, program, looked_up, len(bands_of(bands)))
+            tiles = np.concatenate([tiles, even.others_px])
+        self._shade.run(images.target_framebuffer, sampled.rect, tiles, sampled.program, textures)
         if even is not None:
-            self._even.fill(even, sampled.rect, len(bands_of(bands)))
+            self._smooth.fill(even, sampled.rect, len(bands_of(bands)))
         flush(self._context)
 
     def begin_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:

@@ -19,7 +19,7 @@ GRAZING = 0.01
 turn a small one round."""
 
 
-class FacingArray:
+class CulledVertexArray:
     """A vertex array of a mesh that draws what can show: nothing behind large bodies; of closed shells what faces.
 
     Parameters
@@ -73,7 +73,7 @@ def facing(
 ) -> np.typing.NDArray[np.uint32]:
     """(K, 3) triangles of a mesh that may show from a place; where ``ordered`` those in the nearest boxes first.
 
-    Of closed shells those that face it, or hardly look away; parameters as in `FacingArray.render`.
+    Of closed shells those that face it, or hardly look away; parameters as in `CulledVertexArray.render`.
     """
     shown, boxes = mesh.shown, mesh.shown.boxes
     show = ~hidden(mesh.shells, boxes, place, mesh.radius_m)

@@ -1,4 +1,4 @@
-"""Which pixels the target may touch, in cells of 8 x 8: elsewhere no sample is gathered.
+"""Which pixels the target may touch, in tiles of 8 x 8: elsewhere no sample is gathered.
 
 The craft is the union of its parts and each part lies in its convex hull; the hulls' pictures, filled one over the
 other, hold the craft's closely: antennas and panels leave open what is between them.
@@ -16,29 +16,29 @@ if TYPE_CHECKING:
     from simulator.render.projection import PixelRect
     from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
-CELL_PX = 8
+TILE_PX = 8
 _MASK_PX = 2  # of the picture that the hulls are filled into
-_FOUR_BYTES = np.uint32  # a cell's row there
+_FOUR_BYTES = np.uint32  # a tile's row there
 _SHIFT = 4  # bits of a corner's fraction there
 _AROUND = np.ones((3, 3), np.uint8)
 _FARTHEST = 1 << 14  # OpenCV's corners must fit in whole numbers with the fraction's bits to spare
 
 
 def whole(rect: PixelRect) -> FloatArray:
-    """Centres (K, 2) [px] of all the cells of a rectangle that begins at whole cells."""
-    return _centers(np.ones((-(-rect.height // CELL_PX), -(-rect.width // CELL_PX)), bool), rect)
+    """Centres (K, 2) [px] of all the tiles of a rectangle that begins at whole tiles."""
+    return _centers(np.ones((-(-rect.height // TILE_PX), -(-rect.width // TILE_PX)), bool), rect)
 
 
-def hulls_cover(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> FloatArray:
-    """Centres (K, 2) [px] of the cells of a rectangle that some convex hulls touch, and a few more.
+def hull_tiles(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> FloatArray:
+    """Centres (K, 2) [px] of the tiles of a rectangle that some convex hulls touch, and a few more.
 
     Parameters
     ----------
-    rect : begins at whole cells. points_px : (2, K) projected points of all hulls, one hull after the other.
+    rect : begins at whole tiles. points_px : (2, K) projected points of all hulls, one hull after the other.
     parts : where the points of the second hull begin, of the third and so on.
     """
-    rows, columns = -(-rect.height // CELL_PX), -(-rect.width // CELL_PX)
-    step = CELL_PX // _MASK_PX
+    rows, columns = -(-rect.height // TILE_PX), -(-rect.width // TILE_PX)
+    step = TILE_PX // _MASK_PX
     # one more on each side: what ends there may touch a pixel inside
     mask = np.zeros((rows * step + 2, columns * step + 2), np.uint8)
     # mask pixel (1, 1) is the mean of image pixels x0 and x0 + 1
@@ -55,10 +55,10 @@ def hulls_cover(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> Floa
     return _centers(inner.view(_FOUR_BYTES) != 0, rect)
 
 
-def _centers(cells: BoolArray, rect: PixelRect) -> FloatArray:
-    row, column = np.nonzero(cells)
-    middle = (CELL_PX - 1) / 2
+def _centers(tiles: BoolArray, rect: PixelRect) -> FloatArray:
+    row, column = np.nonzero(tiles)
+    middle = (TILE_PX - 1) / 2
     centers = np.empty((len(row), 2))
-    centers[:, 0] = column * CELL_PX + (rect.x0 + middle)
-    centers[:, 1] = row * CELL_PX + (rect.y0 + middle)
+    centers[:, 0] = column * TILE_PX + (rect.x0 + middle)
+    centers[:, 1] = row * TILE_PX + (rect.y0 + middle)
     return centers

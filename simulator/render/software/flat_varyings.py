@@ -24,7 +24,7 @@ _WORD = re.compile(r"\w+")
 _MAIN = re.compile(r"^void main\(\)", re.MULTILINE)
 
 
-def hand_on(vertex: str, fragment: str, fields: Iterable[Field], slots: int) -> tuple[str, str]:
+def flat_varyings(vertex: str, fragment: str, fields: Iterable[Field], slots: int) -> tuple[str, str]:
     """Both shaders' texts, the fragment's uniforms made flat inputs that the vertex shader fills.
 
     Members of blocks come first, in the order of ``fields``, then plain uniforms. Those that find no slot left stay

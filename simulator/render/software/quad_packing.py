@@ -1,4 +1,4 @@
-"""Fours pass: what was drawn pixel by pixel joins what was drawn four to a texel. Reads the radiance; writes texels."""
+"""Quad packing: pixels drawn one by one join those drawn four to a texel. Reads the radiance; writes texels."""
 
 from __future__ import annotations
 
@@ -9,52 +9,52 @@ from simulator.render.gl.fences import draw_to
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.frame_images import Images
+    from simulator.render.frame_images import FrameImages
     from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.software.tiles import Cells
+    from simulator.render.software.tiles import ScreenTiles
     from simulator.runtime.arrays import Float32Array
 
 LEAST_SHARE = 0.4
 """Of the image that must gain: reading texels of four takes as long as a tenth of the Earth's pixels."""
 
 
-class FoursPass:
-    """Copies cells of the image that were drawn pixel by pixel to the texels of four."""
+class QuadPackingPass:
+    """Copies tiles of the image that were drawn pixel by pixel to the texels of four."""
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context, self._programs = context, programs
-        self._cells = context.buffer(reserve=8, dynamic=True)
+        self._tiles = context.buffer(reserve=8, dynamic=True)
         self._made: dict[int, tuple[Program, moderngl.VertexArray]] = {}  # by the number of bands
 
     def _of(self, bands: int) -> tuple[Program, moderngl.VertexArray]:
         if bands not in self._made:
             program = self._programs.get(
-                "common/cells.vert", "common/fours.frag", {"BANDS": bands}, ("t_image",)
+                "common/tiles.vert", "common/quads.frag", {"BANDS": bands}, ("t_image",)
             )
             array = self._context.vertex_array(
-                program.gl, [(self._cells, "2f", "in_pixel")], mode=self._context.POINTS
+                program.gl, [(self._tiles, "2f", "in_pixel")], mode=self._context.POINTS
             )
             self._made[bands] = program, array
         return self._made[bands]
 
-    def run(self, images: Images, cells: Cells, centers: Float32Array) -> None:
-        """Copy cells.
+    def run(self, images: FrameImages, tiles: ScreenTiles, centers: Float32Array) -> None:
+        """Copy tiles.
 
         Parameters
         ----------
-        centers : (K, 2) middles of some of ``cells``.
+        centers : (K, 2) middles of some of ``tiles``.
         """
         if not len(centers):
             return
-        width, height = cells.extent_px
-        framebuffer = images.fours_framebuffer
+        width, height = tiles.extent_px
+        framebuffer = images.quad_framebuffer
         draw_to(framebuffer)
         framebuffer.viewport = (0, 0, width // 2, height // 2)
         self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
         program, array = self._of(images.bands)
         program.bind_textures(t_image=images.radiance)
-        program.set("u_extent_px", cells.extent_px)
-        program.set("u_point_px", cells.size_px / 2)
-        self._cells.orphan(centers.nbytes)
-        self._cells.write(centers)
+        program.set("u_extent_px", tiles.extent_px)
+        program.set("u_point_px", tiles.size_px / 2)
+        self._tiles.orphan(centers.nbytes)
+        self._tiles.write(centers)
         array.render(vertices=len(centers))

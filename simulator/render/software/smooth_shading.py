@@ -1,7 +1,7 @@
-"""Even pass: cells that one flat face fills are shaded at their corners. Reads samples and shadows; writes radiance.
+"""Smooth shading: tiles that one flat face fills are shaded at corners. Reads samples and shadows; writes radiance.
 
-Close up most of a craft's pixels lie in such cells, and light changes so little from one pixel to the next that what
-is between the corners of a cell can be interpolated: shaders/target/even.frag says where.
+Close up most of a craft's pixels lie in such tiles, and light changes so little from one pixel to the next that what
+is between the corners of a tile can be interpolated: shaders/target/smooth_corners.frag says where.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.gl.buffer_pool import SizeClasses
+from simulator.render.gl.buffer_pool import BufferPool
 from simulator.render.gl.context import release
 from simulator.render.gl.fences import draw_to, flush
-from simulator.render.software.coverage_mask import CELL_PX
-from simulator.render.software.edge_free_tiles import crossed_cells
+from simulator.render.software.coverage_mask import TILE_PX
+from simulator.render.software.edge_free_tiles import crossed_tiles
 
 if TYPE_CHECKING:
     import moderngl
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.targets.model import Target
 
-LEAST_CELLS = 1000
+LEAST_TILES = 1000
 LEAST_PER_EDGE = 0.1
-"""Cells that the target touches over its mesh's edges: with fewer hardly a cell is without an edge."""
+"""Tiles that the target touches over its mesh's edges: with fewer hardly a tile is without an edge."""
 COLUMNS = 128
 MOST_CRINKLED = 0.3  # of a craft's surface
-LEAST_BENT = 0.1  # of a craft's surface, for cells of bent faces to be worth a look
+LEAST_BENT = 0.1  # of a craft's surface, for tiles of bent faces to be worth a look
 _BENT = 0.99985  # cosine of the angle, one degree, between a bent face's plane and its normals
-_NOTHING = -1.5  # below are cells that show nothing of the target, shaders/target/even.frag
+_NOTHING = -1.5  # below are tiles that show nothing of the target, shaders/target/smooth_corners.frag
 _NAMES = ("in_corners", "in_green", "in_blue")
 
 
-def is_even(target: Target) -> bool:
+def is_smooth(target: Target) -> bool:
     """Whether light changes slowly over most of a target's faces: on few do colour or normal differ by the pixel."""
     if any(any(material.textures) for material in target.materials):
         return False
@@ -50,7 +50,7 @@ def is_even(target: Target) -> bool:
     return area[True] <= MOST_CRINKLED * sum(area.values())
 
 
-def is_bent(target: Target) -> bool:
+def is_curved(target: Target) -> bool:
     """Whether much of a target's surface is round: its faces' normals differ from corner to corner."""
     whole = bent = 0.0
     for part in target.parts:
@@ -63,24 +63,24 @@ def is_bent(target: Target) -> bool:
     return bool(bent > LEAST_BENT * whole)
 
 
-def split_cells(cells_px: FloatArray, seen: SeenEdges, view: EdgeView) -> tuple[FloatArray, FloatArray]:
-    """Centres (K, 2) [px] of the cells that some edge comes near, and of those that none does: of a near craft only.
+def split_tiles(tiles_px: FloatArray, seen: SeenEdges, view: EdgeView) -> tuple[FloatArray, FloatArray]:
+    """Centres (K, 2) [px] of the tiles that some edge comes near, and of those that none does: of a near craft only.
 
     Parameters
     ----------
-    cells_px : (K, 2) of all. view : the whole mesh lies in front of its camera, and no lens bends it.
+    tiles_px : (K, 2) of all. view : the whole mesh lies in front of its camera, and no lens bends it.
     """
-    if len(cells_px) < max(LEAST_CELLS, LEAST_PER_EDGE * len(seen.edges.ends)):
-        return cells_px, cells_px[:0]
-    crossed = crossed_cells(seen.lines_px(view), view.rect)
-    column, row = ((cells_px - [view.rect.x0, view.rect.y0]).T // CELL_PX).astype(np.intp)
+    if len(tiles_px) < max(LEAST_TILES, LEAST_PER_EDGE * len(seen.edges.ends)):
+        return tiles_px, tiles_px[:0]
+    crossed = crossed_tiles(seen.lines_px(view), view.rect)
+    column, row = ((tiles_px - [view.rect.x0, view.rect.y0]).T // TILE_PX).astype(np.intp)
     near = crossed[row, column]
-    return cells_px[near], cells_px[~near]
+    return tiles_px[near], tiles_px[~near]
 
 
 @dataclass(frozen=True, eq=False)
-class EvenCells:
-    """Cells without edges, sorted by what they show; those that show nothing are left out.
+class SmoothTiles:
+    """Tiles without edges, sorted by what they show; those that show nothing are left out.
 
     Parameters
     ----------
@@ -94,52 +94,52 @@ class EvenCells:
 
 
 class CornerImage:
-    """The middles of cells, a cell to a texel in rows of `COLUMNS`, and their corners' radiance, an image to a band."""
+    """The middles of tiles, a tile to a texel in rows of `COLUMNS`, and their corners' radiance, an image to a band."""
 
     def __init__(self, context: moderngl.Context, width: int, height: int, bands: int) -> None:
         self._context = context
-        self.cells = context.texture((width, height), 2, dtype="f4")
+        self.tiles = context.texture((width, height), 2, dtype="f4")
         self.corners = [context.texture((width, height), 4, dtype="f4") for _ in range(bands)]
         self.framebuffer = context.framebuffer(self.corners)
 
     def release(self) -> None:
         """Free the images."""
-        release(self._context, self.framebuffer, self.cells, *self.corners)
+        release(self._context, self.framebuffer, self.tiles, *self.corners)
 
 
-class EvenPass:
-    """Shades the corners of cells, and fills in what may be interpolated."""
+class SmoothShadingPass:
+    """Shades the corners of tiles, and fills in what may be interpolated."""
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context, self._programs = context, programs
-        self._images: dict[int, SizeClasses[CornerImage]] = {}
+        self._images: dict[int, BufferPool[CornerImage]] = {}
         self._looks: dict[Program, moderngl.VertexArray] = {}
         self._fills: dict[int, moderngl.VertexArray] = {}
         self._values = context.buffer(reserve=8, dynamic=True)
 
-    def look(
-        self, cells_px: FloatArray, program: Program, textures: dict[str, moderngl.Texture], bands: int
-    ) -> EvenCells:
-        """Shade cells at their corners; waits for the driver.
+    def shade_corners(
+        self, tiles_px: FloatArray, program: Program, textures: dict[str, moderngl.Texture], bands: int
+    ) -> SmoothTiles:
+        """Shade tiles at their corners; waits for the driver.
 
         Parameters
         ----------
-        cells_px : (K, 2) centres of cells that no edge comes near. program : of `ShadePass.even_program`.
+        tiles_px : (K, 2) centres of tiles that no edge comes near. program : of `ShadePass.smooth_program`.
         textures : by the names of its samplers. bands : 1 or 3.
         """
-        rows = -(-len(cells_px) // COLUMNS)
+        rows = -(-len(tiles_px) // COLUMNS)
         if bands not in self._images:
-            self._images[bands] = SizeClasses(lambda w, h: CornerImage(self._context, w, h, bands))
+            self._images[bands] = BufferPool(lambda w, h: CornerImage(self._context, w, h, bands))
         image = self._images[bands].at_least(COLUMNS, rows)
         window = (0, 0, COLUMNS, rows)
         middles = np.empty((rows * COLUMNS, 2), np.float32)
-        middles[: len(cells_px)] = cells_px
-        middles[len(cells_px) :] = cells_px[-1]
-        image.cells.write(middles, viewport=window)
+        middles[: len(tiles_px)] = tiles_px
+        middles[len(tiles_px) :] = tiles_px[-1]
+        image.tiles.write(middles, viewport=window)
         draw_to(image.framebuffer)
         image.framebuffer.viewport = window
         self._context.enable_only(self._context.NOTHING)
-        program.bind_textures(**textures, t_cells=image.cells)
+        program.bind_textures(**textures, t_tiles=image.tiles)
         columns, lines = textures["t_surface"].size
         program.set("u_texel", (1 / columns, 1 / lines))
         if program not in self._looks:
@@ -148,22 +148,22 @@ class EvenPass:
         flush(self._context)
         read = [image.framebuffer.read(window, components=4, attachment=k, dtype="f4") for k in range(bands)]
         corners = np.concatenate([np.frombuffer(band, np.float32).reshape(-1, 4) for band in read], axis=1)
-        corners = corners[: len(cells_px)]
+        corners = corners[: len(tiles_px)]
         even = corners[:, 0] >= 0
         rest = ~even & (corners[:, 0] > _NOTHING)
-        return EvenCells(cells_px[even], corners[even], cells_px[rest])
+        return SmoothTiles(tiles_px[even], corners[even], tiles_px[rest])
 
-    def fill(self, cells: EvenCells, rect: PixelRect, bands: int) -> None:
-        """Draw the cells that may be interpolated into the framebuffer in use, whose viewport holds ``rect``."""
-        if not len(cells.centers_px):
+    def fill(self, tiles: SmoothTiles, rect: PixelRect, bands: int) -> None:
+        """Draw the tiles that may be interpolated into the framebuffer in use, whose viewport holds ``rect``."""
+        if not len(tiles.centers_px):
             return
         program = self._programs.get(
-            "target/even_fill.vert", "target/even_fill.frag", {"BANDS": bands, "CELL_PX": CELL_PX}
+            "target/smooth_fill.vert", "target/smooth_fill.frag", {"BANDS": bands, "TILE_PX": TILE_PX}
         )
-        columns, rows = (-(-side // CELL_PX) * CELL_PX for side in (rect.width, rect.height))
+        columns, rows = (-(-side // TILE_PX) * TILE_PX for side in (rect.width, rect.height))
         program.set("u_window", (rect.x0, rect.y0, columns, rows))
         self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
-        vertices = np.concatenate([cells.centers_px.astype(np.float32), cells.corners], axis=1)
+        vertices = np.concatenate([tiles.centers_px.astype(np.float32), tiles.corners], axis=1)
         self._values.orphan(vertices.nbytes)
         self._values.write(vertices)
         if bands not in self._fills:

@@ -1,7 +1,7 @@
-// Radiance at the corners of a cell of the image that no edge comes near, and whether all between them is interpolated.
+// Radiance at the corners of a tile of the image that no edge comes near, and whether all between them is interpolated.
 //
-// That holds where one face fills the cell, flat or slightly bent, the Sun lights all of it or nothing, and its middle
-// confirms it. Faces may cut through each other without an edge of the mesh there: a straight cut leaves some sample of a cell's corner pixels
+// That holds where one face fills the tile, flat or slightly bent, the Sun lights all of it or nothing, and its middle
+// confirms it. Faces may cut through each other without an edge of the mesh there: a straight cut leaves some sample of a tile's corner pixels
 // on the other side, so all of those are looked at.
 #include "common/rays.glsl"
 #include "target/lattice.glsl"
@@ -15,8 +15,8 @@
 uniform usampler2D t_surface;
 uniform sampler2D t_depth;
 uniform vec2 u_texel;    // one over the sizes of the samples' images
-uniform sampler2D t_cells;  // the cells' middles, image pixels
-// At the corners' pixels: upper left, upper right, lower left, lower right. First NOTHING where the cell shows nothing of the
+uniform sampler2D t_tiles;  // the tiles' middles, image pixels
+// At the corners' pixels: upper left, upper right, lower left, lower right. First NOTHING where the tile shows nothing of the
 // target, UNEVEN where its pixels must be shaded.
 layout(location = 0) out vec4 out_corners;
 #if BANDS == 3
@@ -26,19 +26,19 @@ layout(location = 2) out vec4 out_blue;
 const float NOTHING = -2.0, UNEVEN = -1.0;
 const int FLAT_STEPS = 2;                     // normals of a flat face differ by no more than the interpolation's rounding
 #ifdef BENT
-const int MOST_BENT = int(0.04 * CODE_SCALE); // steps by which normals may differ in a cell: 2.3 to 4.6 degrees
+const int MOST_BENT = int(0.04 * CODE_SCALE); // steps by which normals may differ in a tile: 2.3 to 4.6 degrees
 #else
-const int MOST_BENT = FLAT_STEPS; // a craft with few bent faces: the Sun on each corner of theirs costs all cells a fifth
+const int MOST_BENT = FLAT_STEPS; // a craft with few bent faces: the Sun on each corner of theirs costs all tiles a fifth
 #endif
 const float COPLANAR = 5e-5;                  // of the distance, by which the middle may lie off the corners' plane
 const float AS_INTERPOLATED = 1e-3;           // of the radiance, by which the middle may differ
 const float MOST_CONTRAST = 0.06;             // of the radiance, between corners: beside raised parts light from them bends
 const float STEP = 2e-6;                      // of the box's depth in the shadow map: its own rounding and ours
-const float MOST_TEXELS = 24.0;               // of the shadow map across a cell
-const float SPAN = float(CELL_PX - 1);
+const float MOST_TEXELS = 24.0;               // of the shadow map across a tile
+const float SPAN = float(TILE_PX - 1);
 
-// Pixel k of a cell: its corners, and one at its middle.
-ivec2 place_in_cell(int k) { return k == 4 ? ivec2(CELL_PX / 2) : ivec2(k & 1, k >> 1) * (CELL_PX - 1); }
+// Pixel k of a tile: its corners, and one at its middle.
+ivec2 place_in_tile(int k) { return k == 4 ? ivec2(TILE_PX / 2) : ivec2(k & 1, k >> 1) * (TILE_PX - 1); }
 vec4 only(int k) { return vec4(equal(ivec4(k), ivec4(0, 1, 2, 3))); }
 
 float between(vec4 corners, vec2 at) {
@@ -46,16 +46,16 @@ float between(vec4 corners, vec2 at) {
     return mix(mix(corners.x, corners.y, f.x), mix(corners.z, corners.w, f.x), f.y);
 }
 
-// Whether a band's middle, and its corners' range, let the cell be interpolated.
+// Whether a band's middle, and its corners' range, let the tile be interpolated.
 bool is_smooth(vec4 corners, float middle) {
     vec2 low = min(corners.xy, corners.zw), high = max(corners.xy, corners.zw);
-    float off = abs(between(corners, vec2(place_in_cell(4))) - middle);
+    float off = abs(between(corners, vec2(place_in_tile(4))) - middle);
     return off <= AS_INTERPOLATED * middle && max(high.x, high.y) - min(low.x, low.y) <= MOST_CONTRAST * middle;
 }
 
-// Share of the Sun that all of a flat cell sees, 0 or 1; negative where that is not the same everywhere, or not known.
+// Share of the Sun that all of a flat tile sees, 0 or 1; negative where that is not the same everywhere, or not known.
 // It is what `sun_visibility` gives where its window holds no blocker, or nothing else. p: the corners and the middle.
-// asked: without it the cell is uneven whatever the Sun does, and its texels are not looked at.
+// asked: without it the tile is uneven whatever the Sun does, and its texels are not looked at.
 float sun_on_all(vec3 p[5], vec3 n, bool asked) {
     float n_l = dot(n, u_sun_direction.xyz);
     if (n_l <= 0.0 || dot(u_sun_irradiance, vec4(1.0)) == 0.0) return 0.0;
@@ -109,14 +109,14 @@ bool may_glint(vec4 surface, vec3 n, vec3 p_m, float half_rad) {
 }
 
 void main() {
-    ivec2 first = ivec2(texelFetch(t_cells, ivec2(gl_FragCoord.xy), 0).xy - 0.5 * SPAN);
+    ivec2 first = ivec2(texelFetch(t_tiles, ivec2(gl_FragCoord.xy), 0).xy - 0.5 * SPAN);
     uint any = 0u, material = 0u, differs = 0u;
     bool full = true;
     ivec2 low = ivec2(CODE_MASK), high = ivec2(0);
     vec4 z = vec4(0.0);
     float z_middle = 0.0;
     for (int k = 0; k < 5; ++k) {
-        vec2 place = (vec2(pixel_index(first + place_in_cell(k))) + 0.5) * u_texel;
+        vec2 place = (vec2(pixel_index(first + place_in_tile(k))) + 0.5) * u_texel;
 #define LOOK(n, i, j) { uint g = surface_of(textureLod(t_surface, place + vec2(i, j) * u_texel, 0.0).xy); \
         any |= g; full = full && g != 0u; ivec2 c = normal_code(g); low = min(low, c); high = max(high, c); \
         if (k == 0 && n == 0) material = material_of(g); differs |= material_of(g) ^ material; }
@@ -128,15 +128,15 @@ void main() {
     vec2 offset = sample_offset(ivec2(0));
     vec3 p[5];
     p[0] = camera_ray(vec2(first) + offset) * z.x;
-    p[1] = camera_ray(vec2(first + place_in_cell(1)) + offset) * z.y;
-    p[2] = camera_ray(vec2(first + place_in_cell(2)) + offset) * z.z;
-    p[3] = camera_ray(vec2(first + place_in_cell(3)) + offset) * z.w;
-    p[4] = camera_ray(vec2(first + place_in_cell(4)) + offset) * z_middle;
+    p[1] = camera_ray(vec2(first + place_in_tile(1)) + offset) * z.y;
+    p[2] = camera_ray(vec2(first + place_in_tile(2)) + offset) * z.z;
+    p[3] = camera_ray(vec2(first + place_in_tile(3)) + offset) * z.w;
+    p[4] = camera_ray(vec2(first + place_in_tile(4)) + offset) * z_middle;
     vec4 base = u_material_color[material], surface = u_material_surface[material];
     ivec2 spread = high - low;
     int bent = max(spread.x, spread.y);
     bool even = full && differs == 0u && bent <= MOST_BENT;
-    even = even && abs(between(1.0 / z, vec2(place_in_cell(4))) * z_middle - 1.0) < COPLANAR;
+    even = even && abs(between(1.0 / z, vec2(place_in_tile(4))) * z_middle - 1.0) < COPLANAR;
     float wide = 0.5 * length(cross(normalize(p[0]), normalize(p[3]))) + 2.0 * float(bent) / CODE_SCALE;
     even = even && !may_glint(surface, n, p[4], wide);
 #ifdef CRINKLE
@@ -147,7 +147,7 @@ void main() {
     vec4 red = vec4(0.0), green = vec4(0.0), blue = vec4(0.0);
     color middle = color(0.0);
     for (int k = 0; k < 5; ++k) {
-        ivec2 at = first + place_in_cell(k);
+        ivec2 at = first + place_in_tile(k);
         uvec2 words = textureLod(t_surface, (vec2(pixel_index(at)) + 0.5) * u_texel, 0.0).xy;
         vec3 p_m = camera_ray(vec2(at) + offset) * (k == 4 ? z_middle : dot(z, only(k)));
 #ifdef BENT

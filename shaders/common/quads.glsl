@@ -1,16 +1,16 @@
 // Two by two pixels in one fragment: four values of one band in a texel, or three of three bands in three texels, in
 // the order in which the image's rows hold them.
 #if BANDS == 1
-layout(location = 0) out vec4 out_four;
-void send_four(float four[4]) { out_four = vec4(four[0], four[1], four[2], four[3]); }
+layout(location = 0) out vec4 out_quad;
+void send_quad(float quad[4]) { out_quad = vec4(quad[0], quad[1], quad[2], quad[3]); }
 #else
 layout(location = 0) out vec4 out_first;
 layout(location = 1) out vec4 out_middle;
 layout(location = 2) out vec4 out_last;
-void send_four(vec3 four[4]) {
-    out_first = vec4(four[0], four[1].x);
-    out_middle = vec4(four[1].yz, four[2].xy);
-    out_last = vec4(four[2].z, four[3]);
+void send_quad(vec3 quad[4]) {
+    out_first = vec4(quad[0], quad[1].x);
+    out_middle = vec4(quad[1].yz, quad[2].xy);
+    out_last = vec4(quad[2].z, quad[3]);
 }
 #endif
 

@@ -1,6 +1,6 @@
-// Radiance [W m-2 sr-1] of the target in a cell that it fills evenly: between those at the corners, see even.frag.
+// Radiance [W m-2 sr-1] of the target in a tile that it fills evenly: between those at the corners, see smooth_corners.frag.
 #include "common/bands.glsl"
-flat in vec4 v_corners; // at the pixels in the cell's corners, upper ones first
+flat in vec4 v_corners; // at the pixels in the tile's corners, upper ones first
 #if BANDS == 3
 flat in vec4 v_green, v_blue;
 #endif
@@ -8,7 +8,7 @@ flat in vec2 v_first_px;
 layout(location = 0) out vec4 out_radiance;
 layout(location = 1) out float out_coverage;
 void main() {
-    vec2 f = (gl_FragCoord.xy - 0.5 - v_first_px) / float(CELL_PX - 1);
+    vec2 f = (gl_FragCoord.xy - 0.5 - v_first_px) / float(TILE_PX - 1);
 #define BETWEEN(c) mix(mix(c.x, c.y, f.x), mix(c.z, c.w, f.x), f.y)
 #if BANDS == 3
     out_radiance = vec4(BETWEEN(v_corners), BETWEEN(v_green), BETWEEN(v_blue), 1.0);

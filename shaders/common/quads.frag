@@ -1,10 +1,10 @@
 // Two by two pixels of an image of one or three bands as one.
 #include "common/bands.glsl"
-#include "common/fours.glsl"
+#include "common/quads.glsl"
 uniform sampler2D t_image;
 void main() {
     FOUR_COLORS(t_image, value)
-    color four[4];
-    for (int k = 0; k < 4; ++k) four[k] = value[k];
-    send_four(four);
+    color quad[4];
+    for (int k = 0; k < 4; ++k) quad[k] = value[k];
+    send_quad(quad);
 }
