@@ -38,14 +38,14 @@ bench: $(STAMP) system
 	$(BIN)/flyaround bench
 
 validation: $(STAMP) system
-	$(BIN)/python -m simulator.validation.dynamics
-	$(BIN)/python -m simulator.validation.camera
-	$(BIN)/python -m simulator.validation.rendering
+	$(BIN)/python -m tools.validation.dynamics
+	$(BIN)/python -m tools.validation.camera
+	$(BIN)/python -m tools.validation.rendering
 
 docs: $(STAMP) system
-	$(BIN)/python docs/make_pictures.py
-	$(BIN)/python docs/make_gallery.py
-	$(BIN)/python docs/make_camera_pictures.py
+	$(BIN)/python -m tools.docs.pictures
+	$(BIN)/python -m tools.docs.gallery
+	$(BIN)/python -m tools.docs.camera_pictures
 
 schemas: $(STAMP)
 	$(BIN)/python -m flyaround.schemas docs/formats

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hil.board.svd import PoseResult
     from hil.evaluate.estimate import estimate
-    from simulator.camera.files import list_cameras, load_camera
-    from simulator.camera.model import Camera
-    from simulator.camera.sensor import Sensor
+    from simulator.camera.detector.sensor import Sensor
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.camera.lens.files import list_cameras, load_camera
     from simulator.dataset.capture import capture
     from simulator.dataset.check.verify import check_dataset
     from simulator.dataset.picture import render_scene, save_picture
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from simulator.scenario.load import list_scenarios, load_scenario
     from simulator.scenario.scenario import Scenario
     from simulator.scene.state import Environment, SceneState
-    from simulator.targets.glb import load_glb
-    from simulator.targets.glb_write import write_glb
+    from simulator.targets.glb.read import load_glb
+    from simulator.targets.glb.write import write_glb
     from simulator.targets.library import list_targets, load_target
     from simulator.targets.model import Target
     from simulator.world.frames.pose import Pose
@@ -77,7 +77,7 @@ __all__ = [
 
 # imported at first use: a program that only draws does not wait for what writes data sets
 _HOMES = {
-    "Camera": "simulator.camera.model",
+    "Camera": "simulator.camera.lens.camera_model",
     "Environment": "simulator.scene.state",
     "Frame": "simulator.frame",
     "Plan": "simulator.loop",
@@ -86,7 +86,7 @@ _HOMES = {
     "Renderer": "simulator.render.renderer",
     "Scenario": "simulator.scenario.scenario",
     "SceneState": "simulator.scene.state",
-    "Sensor": "simulator.camera.sensor",
+    "Sensor": "simulator.camera.detector.sensor",
     "Sink": "simulator.loop",
     "Target": "simulator.targets.model",
     "Truth": "simulator.labels.truth",
@@ -95,11 +95,11 @@ _HOMES = {
     "check_dataset": "simulator.dataset.check.verify",
     "draw_truth": "simulator.labels.overlay",
     "estimate": "hil.evaluate.estimate",
-    "list_cameras": "simulator.camera.files",
+    "list_cameras": "simulator.camera.lens.files",
     "list_scenarios": "simulator.scenario.load",
     "list_targets": "simulator.targets.library",
-    "load_camera": "simulator.camera.files",
-    "load_glb": "simulator.targets.glb",
+    "load_camera": "simulator.camera.lens.files",
+    "load_glb": "simulator.targets.glb.read",
     "load_scenario": "simulator.scenario.load",
     "load_target": "simulator.targets.library",
     "plan_flight": "simulator.loop",
@@ -109,7 +109,7 @@ _HOMES = {
     "save_picture": "simulator.dataset.picture",
     "scene_at": "simulator.dataset.poses",
     "take_frame": "simulator.frame",
-    "write_glb": "simulator.targets.glb_write",
+    "write_glb": "simulator.targets.glb.write",
 }
 
 

@@ -61,7 +61,7 @@ def _section(target: Target) -> str:
 
 INTRODUCTION = """# Targets
 
-Made by `python docs/make_targets.py`; do not edit. Left and middle: the craft with the Sun behind the camera and a
+Made by `python -m tools.docs.targets`; do not edit. Left and middle: the craft with the Sun behind the camera and a
 little light from the other side. Right: what can be seen of its wireframe (blue) and its keypoints (orange; those
 that the craft hides as rings).
 `flyaround targets --contact-sheet DIR` makes a larger page with all six sides, your own targets among them.
@@ -73,7 +73,7 @@ first look of seven of them, and its confidence was fitted on Tango. Of an added
 to be right and few or none to be accepted; [what a first look takes](svd.md#a-craft-of-your-own). Check the exposure
 too: `capture` says how much of the craft is burnt out, and proposes an exposure.
 
-`python -m simulator.validation.outline PICTURE --side=+y [--target NAME] [--outline FILE.json] [-o OUT.png]` holds a
+`python -m tools.validation.outline PICTURE --side=+y [--target NAME] [--outline FILE.json] [-o OUT.png]` holds a
 target against a picture of the real craft: it fits pose and focal length to the outline (polygons traced by hand, or
 what is brighter than `--threshold` before a black sky) and prints the overlap of the two filled outlines, area of both
 over area of either. Tango beside six public pictures 1200 pixels wide, the craft 700 wide in them: panel 0.985, bottom

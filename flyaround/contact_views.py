@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.camera.model import Camera
-from simulator.camera.sensor import Sensor
+from simulator.camera.detector.sensor import Sensor
+from simulator.camera.lens.camera_model import Camera
 from simulator.runtime.arrays import quat, vec3
 from simulator.scene.environments import NOTHING
 from simulator.scene.illumination.bands import sun_irradiance_w_m2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from simulator.camera.files import read_camera_file
+from simulator.camera.lens.files import read_camera_file
 from simulator.errors import UserError
 from simulator.loop import Plan, plan_flight
 from simulator.scenario.load import load_scenario

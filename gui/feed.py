@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from gui.look import Look
     from gui.session import Moment, Session
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.frame import Frame
     from simulator.scene.state import Quality, SceneState
 

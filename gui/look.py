@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from simulator.scene.state import Bands, Environment, Quality
 
 if TYPE_CHECKING:
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.scene.state import SceneState
 
 Detail = Literal["auto", "full", "half", "quarter"]

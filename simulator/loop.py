@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import msgspec
 import numpy as np
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.errors import UserError
 from simulator.frame import Frame, take_frame
 from simulator.imaging.auto_exposure import AutoExposure, ExposureTrack

@@ -15,21 +15,21 @@ from flyaround.progress import progress_bar
 from flyaround.terminal import say, terminal
 from hil.board.svd import CameraIntrinsics, make_estimator
 from hil.evaluate.worker import board_model
-from simulator.camera.files import load_camera
-from simulator.camera.presets import sensor_preset
+from simulator.camera.detector.presets import sensor_preset
+from simulator.camera.lens.files import load_camera
+from simulator.compare.comparison import compare_pictures
+from simulator.compare.figures import FIGURES
+from simulator.compare.likeness import FoundPose
+from simulator.compare.page import write_comparison
+from simulator.compare.references import read_references
 from simulator.render.renderer import Renderer
 from simulator.runtime.files import empty_folder
 from simulator.targets.library import load_target
-from simulator.validation.pictures.comparison import compare_pictures
-from simulator.validation.pictures.figures import FIGURES
-from simulator.validation.pictures.likeness import FoundPose
-from simulator.validation.pictures.page import write_comparison
-from simulator.validation.pictures.references import read_references
 from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
+    from simulator.compare.references import Reference
     from simulator.targets.model import Target
-    from simulator.validation.pictures.references import Reference
 
 
 def compare(

@@ -23,7 +23,7 @@ from hil.evaluate.grey import PLAIN, about_pictures
 from hil.evaluate.metrics import MethodMetrics
 from hil.evaluate.run import evaluate_dataset
 from hil.evaluate.worker import MethodChoice, board_model
-from simulator.camera.files import load_camera
+from simulator.camera.lens.files import load_camera
 from simulator.dataset.card import read_card
 from simulator.dataset.formats.native import read_png
 from simulator.errors import UserError

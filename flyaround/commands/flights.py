@@ -15,8 +15,8 @@ from rich.text import Text
 
 from flyaround.flown import load_flown
 from flyaround.terminal import say, terminal
-from simulator.camera.files import list_cameras, load_camera, read_camera_file
-from simulator.camera.files_foreign import FORMATS, written
+from simulator.camera.lens.files import list_cameras, load_camera, read_camera_file
+from simulator.camera.lens.files_foreign import FORMATS, written
 from simulator.dataset.contact_sheet import write_contact_sheets
 from simulator.errors import UserError
 from simulator.loop import plan_flight

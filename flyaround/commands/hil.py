@@ -28,7 +28,7 @@ from hil.host.truth_policy import truth_kept_home
 from simulator.errors import UserError
 from simulator.loop import plan_flight
 from simulator.runtime.files import empty_folder
-from simulator.targets.board_file import write_board_model
+from simulator.targets.board_model.write import write_board_model
 from simulator.targets.library import load_target
 
 # Seconds for a pose, and for a board to connect, where --timeout does not say.

@@ -14,12 +14,12 @@ from flyaround.progress import progress_bar
 from flyaround.terminal import say, terminal
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder
-from simulator.targets.board_file import write_board_model
-from simulator.targets.faces import MOST_TRIANGLES
-from simulator.targets.glb_write import write_glb
+from simulator.targets.board_model.outer_faces import MOST_TRIANGLES
+from simulator.targets.board_model.write import write_board_model
+from simulator.targets.glb.write import write_glb
 from simulator.targets.importing.add import ImportOptions, import_mesh
-from simulator.targets.importing.install import check_name, install, sheet_folder, user_targets
-from simulator.targets.importing.install import remove as remove_target
+from simulator.targets.installed import check_name, install, sheet_folder, user_targets
+from simulator.targets.installed import remove as remove_target
 from simulator.targets.library import built_in_targets, list_targets, load_target
 from simulator.targets.model import Target
 

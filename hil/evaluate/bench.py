@@ -20,7 +20,7 @@ from simulator.frame import take_frame
 from simulator.loop import Plan, plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
-from simulator.targets.board_file import write_board_model
+from simulator.targets.board_model.write import write_board_model
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -14,8 +14,8 @@ from hil.board.errors import BoardModelError
 from hil.board.svd import CameraIntrinsics, make_estimator
 from hil.evaluate.grey import grey
 from hil.evaluate.worker import MethodChoice, board_model
-from simulator.camera.files import load_camera
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
+from simulator.camera.lens.files import load_camera
 from simulator.dataset.formats.native import read_png
 from simulator.errors import UserError
 from simulator.targets.library import load_target

@@ -20,7 +20,7 @@ from hil.evaluate.grey import grey
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.errors import UserError
 from simulator.labels.truth import Truth, read_truth
-from simulator.targets.board_file import write_board_model
+from simulator.targets.board_model.write import write_board_model
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

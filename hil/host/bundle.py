@@ -14,7 +14,7 @@ import msgspec
 import hil
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
-from simulator.targets.board_file import board_record
+from simulator.targets.board_model.write import board_record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

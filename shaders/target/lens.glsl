@@ -1,4 +1,4 @@
-// The lens, forward. CPU twin: simulator/camera/lens.py; OpenCV's models and order of coefficients.
+// The lens, forward. CPU twin: simulator/camera/lens/distortion.py; OpenCV's models and order of coefficients.
 // u_lens_k: k1 k2 k3 k4; u_lens_m: k5 k6 p1 p2; u_lens_limits: radius of use, model (1 Brown-Conrady,
 // 2 Kannala-Brandt), focal length [px].
 

@@ -20,7 +20,7 @@ from simulator.targets.model import MassProperties, Material, Part, Target
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.scene.state import SceneState
 
 TRIANGLES = (20_000, 80_000, 320_000, 1_000_000)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.bench.labelled import labels_cost
-from simulator.camera.files import load_camera
+from simulator.camera.lens.files import load_camera
 from simulator.frame import take_frame
 from simulator.loop import plan_flight
 from simulator.render.reference_pass import ReferencePass

@@ -10,8 +10,8 @@ import time
 import numpy as np
 
 from simulator.bench.parts import PartCost, cost
-from simulator.camera.presets import list_sensor_presets, sensor_preset
-from simulator.camera.recipe_noise import begin_noise
+from simulator.camera.detector.image_noise import begin_noise
+from simulator.camera.detector.presets import list_sensor_presets, sensor_preset
 from simulator.imaging.image_formation import digitise, expose
 
 SHAPE = (1200, 1920)

@@ -13,9 +13,9 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from simulator.camera.model import Camera
-from simulator.camera.optics import Optics
-from simulator.camera.sensor import Detector, Sensor
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.sensor import Detector, Sensor
+from simulator.camera.lens.camera_model import Camera
 from simulator.errors import UserError
 from simulator.runtime.untrusted_files import read_regular
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.camera.sunlight import Curve
+    from simulator.camera.detector.sunlight import Curve
 
 _Share = Annotated[float, Meta(ge=0, le=1)]
 _Electrons = Annotated[float, Meta(ge=0, le=1e9)]
@@ -35,7 +35,7 @@ _CurvePoint = tuple[Annotated[float, Meta(ge=200, le=2000)], _Share]
 
 
 class DetectorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Keys of `[sensor.detector]`, each as in `simulator.camera.sensor.Detector`; what is left out stays.
+    """Keys of `[sensor.detector]`, each as in `simulator.camera.detector.sensor.Detector`; what is left out stays.
 
     ``quantum_efficiency_curve`` is a list of [wavelength in nm, electrons per photon], ascending; it takes the place of
     ``quantum_efficiency``.
@@ -81,7 +81,7 @@ class DetectorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
 
 
 class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Section `[optics]`: the lens besides its distortion, each key as in `simulator.camera.optics.Optics`.
+    """Section `[optics]`: the lens besides its distortion, each key as in `simulator.camera.detector.optics.Optics`.
 
     ``kernel_file`` names a measured PSF beside the scenario: a .npy, text with one row of numbers a line, or a grey
     picture (.png, .tif) with its black level taken off, which is divided by its sum. ``transmission_curve`` is a list

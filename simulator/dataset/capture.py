@@ -32,7 +32,7 @@ from simulator.runtime.files import empty_folder, write_atomic
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.dataset.drawers import CheckedFrame
     from simulator.render.gl.context import GlInfo
     from simulator.scene.state import SceneState

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.errors import UserError
 from simulator.runtime.untrusted_files import read_regular, refuse_deep
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector import white_balance
-from simulator.camera.recipe_noise import begin_noise
+from simulator.camera.detector.electrons import white_balance
+from simulator.camera.detector.image_noise import begin_noise
 from simulator.imaging.image_formation import Surroundings, digitise, expose
 from simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.camera.recipe_noise import RecipeNoise
-    from simulator.camera.sensor import Sensor
+    from simulator.camera.detector.image_noise import RecipeNoise
+    from simulator.camera.detector.sensor import Sensor
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.state import SceneState
 

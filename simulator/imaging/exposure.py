@@ -26,7 +26,7 @@ from simulator.world.frames.rotation import matrix_from_quat
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.passes.labels import Surfaces
     from simulator.render.rendered import Rendered
     from simulator.render.renderer import Renderer

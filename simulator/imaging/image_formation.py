@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.camera.detector import detect, detector_sigma, electrons_per_radiance
-from simulator.camera.optics import Optics
-from simulator.camera.psf import blur, defocus_px
-from simulator.camera.recipe_noise import arithmetic_of, draw_noise
-from simulator.camera.shading import veiling_glare, vignetting
+from simulator.camera.detector.electrons import detect, detector_sigma, electrons_per_radiance
+from simulator.camera.detector.image_noise import arithmetic_of, draw_noise
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.psf import blur, defocus_px
+from simulator.camera.detector.shading import veiling_glare, vignetting
 from simulator.runtime.threads import pieces_of, share_out, threads
 
 if TYPE_CHECKING:
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from simulator.camera.model import Camera
-    from simulator.camera.recipe_noise import RecipeNoise
-    from simulator.camera.sensor import Sensor
+    from simulator.camera.detector.image_noise import RecipeNoise
+    from simulator.camera.detector.sensor import Sensor
+    from simulator.camera.lens.camera_model import Camera
     from simulator.runtime.arrays import Float32Array, FloatArray
 
 _PERFECT_LENS = Optics()

@@ -13,7 +13,7 @@ from simulator.labels.wireframe import bent
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.labels.wireframe import EdgeView
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.state import SceneState

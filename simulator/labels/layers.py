@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.camera.sensor import noiseless
+from simulator.camera.detector.sensor import noiseless
 from simulator.imaging.develop import digitise_scene
 from simulator.imaging.exposure import surfaces
 from simulator.labels.boxes import craft_window
@@ -19,7 +19,7 @@ from simulator.world.frames.pose import Pose
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.labels.request import LabelRequest
     from simulator.labels.truth import Box, FlowLabel
     from simulator.render.passes.labels import Surfaces

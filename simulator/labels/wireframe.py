@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.model import Distortion
+from simulator.camera.lens.camera_model import Distortion
 from simulator.labels.projected_mesh import seen_from_camera
 from simulator.labels.visibility import SURFACE_TOLERANCE_M
 from simulator.runtime.memory import kept_with
 
 if TYPE_CHECKING:
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.labels.visibility import Mesh
     from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
     from simulator.targets.model import Edge, Target

@@ -13,7 +13,7 @@ from simulator.render.projection import PixelRect, directions
 from simulator.render.view import EQUATOR_M, POLE_M
 
 if TYPE_CHECKING:
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.view import View
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.illumination.atmosphere import Atmosphere

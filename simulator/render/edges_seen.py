@@ -11,7 +11,7 @@ from simulator.render.edge_pairs import distances_beside
 from simulator.render.occluders import BOX, Boxes, hidden
 
 if TYPE_CHECKING:
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.mesh import Mesh
     from simulator.render.mesh_edges import MeshEdges
     from simulator.render.projection import PixelRect

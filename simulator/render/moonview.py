@@ -16,7 +16,7 @@ from simulator.world.frames.rotation import matrix_from_quat
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
 

@@ -12,7 +12,7 @@ from simulator.render.projection import PixelRect, lens_bounds_px
 from simulator.render.software.coverage_mask import TILE_PX, hull_tiles, whole
 
 if TYPE_CHECKING:
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.mesh import Mesh
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Quality

@@ -12,7 +12,7 @@ from simulator.scene.illumination.atmosphere import SUN_ANGULAR_RADIUS_RAD
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.earthview import EarthView
     from simulator.render.moonview import MoonView
     from simulator.render.view import View

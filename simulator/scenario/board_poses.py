@@ -12,7 +12,7 @@ from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.runtime.arrays import FloatArray
     from simulator.targets.model import Target
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import msgspec
 
-from simulator.camera.check import optics_problem, response_problem, sensor_problem
-from simulator.camera.files import CameraFile, read_camera_file
+from simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
+from simulator.camera.lens.files import CameraFile, read_camera_file
 from simulator.errors import UserError, near_names
 from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_dotted
 from simulator.runtime.validation_errors import explain

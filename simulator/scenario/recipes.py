@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.camera.files import load_camera
-from simulator.camera.model import Camera
-from simulator.camera.presets import sensor_preset
+from simulator.camera.detector.presets import sensor_preset
+from simulator.camera.lens.camera_model import Camera
+from simulator.camera.lens.files import load_camera
 from simulator.errors import UserError
 from simulator.runtime.arrays import FloatArray, quat, vec3
 from simulator.scenario.board_poses import board_pose

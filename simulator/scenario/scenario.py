@@ -8,14 +8,14 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from simulator.camera.files import CameraFile, read_camera_file
-from simulator.camera.intrinsics import CONSISTENT
-from simulator.camera.model import Camera
-from simulator.camera.optics import Optics
-from simulator.camera.presets import sensor_preset
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.presets import sensor_preset
+from simulator.camera.detector.sensor import Sensor
+from simulator.camera.detector.shutter import Shutter
+from simulator.camera.lens.camera_model import Camera
+from simulator.camera.lens.files import CameraFile, read_camera_file
+from simulator.camera.lens.intrinsics import CONSISTENT
 from simulator.camera.sections import OpticsSection, read_part, read_sensor
-from simulator.camera.sensor import Sensor
-from simulator.camera.shutter import Shutter
 from simulator.errors import UserError
 from simulator.imaging.auto_exposure import AutoExposure
 from simulator.scenario.motion import (

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.optics import Optics
-from simulator.camera.shutter import Shutter
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.shutter import Shutter
 from simulator.runtime.arrays import Vec3, quat, vec3
 from simulator.scene.state import Bands, Environment, Quality, SceneState, TargetRef
 from simulator.world.frames.rotation import matrix_from_quat, quat_multiply
 
 if TYPE_CHECKING:
-    from simulator.camera.model import Camera
-    from simulator.camera.sensor import Sensor
+    from simulator.camera.detector.sensor import Sensor
+    from simulator.camera.lens.camera_model import Camera
     from simulator.scene.illumination.lamp import Lamp
     from simulator.world.flight.state import WorldState
 

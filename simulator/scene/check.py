@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.check import optics_problem, response_problem, sensor_problem
-from simulator.camera.model import camera_problem
+from simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
+from simulator.camera.lens.camera_model import camera_problem
 from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from simulator.camera.model import Camera
-from simulator.camera.optics import Optics
-from simulator.camera.sensor import Sensor
-from simulator.camera.shutter import Shutter
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.sensor import Sensor
+from simulator.camera.detector.shutter import Shutter
+from simulator.camera.lens.camera_model import Camera
 from simulator.runtime.arrays import Quat, Vec3, vec3
 from simulator.scene.illumination.lamp import Lamp
 from simulator.world.ephemeris.bodies import BodyName

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.presets import sensor_preset
+from simulator.camera.detector.presets import sensor_preset
 from simulator.runtime.arrays import quat, vec3
 from simulator.scene.state import Bands, Environment, Quality, SceneState
 from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
@@ -17,7 +17,7 @@ from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import TargetRef
 

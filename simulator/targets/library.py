@@ -19,8 +19,8 @@ from simulator.errors import UserError, near_names
 from simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
 from simulator.runtime.prebuilt import shipped_bytes
 from simulator.targets.detail import DETAILS, Detail, level_name, split_level
-from simulator.targets.glb import load_glb, target_from
-from simulator.targets.importing.install import user_file, user_targets
+from simulator.targets.glb.read import load_glb, target_from
+from simulator.targets.installed import user_file, user_targets
 
 if TYPE_CHECKING:
     from simulator.targets.model import Target
@@ -46,8 +46,8 @@ class TargetEntry:
 
 
 ENTRIES = (
-    TargetEntry(name="tango", module="simulator.targets.tango", function="build_tango"),
-    TargetEntry(name="tango-mli", module="simulator.targets.tango", function="build_tango_mli"),
+    TargetEntry(name="tango", module="simulator.targets.tango.build", function="build_tango"),
+    TargetEntry(name="tango-mli", module="simulator.targets.tango.build", function="build_tango_mli"),
     TargetEntry(name="dragon", module="simulator.targets.craft.dragon.crew", function="build_dragon"),
     TargetEntry(
         name="dragon-cargo", module="simulator.targets.craft.dragon.cargo", function="build_dragon_cargo"
@@ -188,7 +188,7 @@ def _sound(data: bytes | None, name: str, path: Path) -> Target | None:
 
 def _built(entry: TargetEntry, detail: Detail, name: str) -> bytes:
     """The target file of a target that is built now."""
-    from simulator.targets.glb_write import glb_bytes  # noqa: PLC0415 - slow to import, needed here alone
+    from simulator.targets.glb.write import glb_bytes  # noqa: PLC0415 - slow to import, needed here alone
 
     built: Target = getattr(importlib.import_module(entry.module), entry.function)(detail)
     # the hash does not cover the name: builders need not know how levels are called

@@ -13,8 +13,8 @@ from flyaround.__main__ import run
 from hil.board.svd import BoardModel as BoardView
 from simulator.dataset.check.verify import check_dataset
 from simulator.errors import UserError
-from simulator.targets.board_file import write_board_model
-from simulator.targets.glb_write import write_glb
+from simulator.targets.board_model.write import write_board_model
+from simulator.targets.glb.write import write_glb
 from simulator.targets.library import list_targets, load_target
 
 SCENARIO = """

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
-from simulator.camera.sensor import Sensor
+from simulator.camera.detector.sensor import Sensor
+from simulator.camera.lens.camera_model import Camera
 from simulator.runtime.arrays import quat, vec3
 from simulator.scene import environments
 from simulator.scene.state import SceneState, TargetRef

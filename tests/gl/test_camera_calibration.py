@@ -9,11 +9,11 @@ import pytest
 from simulator.scenario.recipes import plan_recipe
 from simulator.scene.environments import NOTHING
 from simulator.targets.library import load_target
-from simulator.validation.camera import MTF_GOAL
-from simulator.validation.camera_calibration import LENSES, calibrate
-from simulator.validation.camera_mtf import CASES, compare, drawn_edge
-from simulator.validation.stage import square_camera, stage
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from tools.validation.camera.calibration import LENSES, calibrate
+from tools.validation.camera.mtf import CASES, compare, drawn_edge
+from tools.validation.camera.report import MTF_GOAL
+from tools.validation.stage import square_camera, stage
 
 pytestmark = pytest.mark.gl
 

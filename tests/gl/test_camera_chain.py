@@ -5,8 +5,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.files_native import DistortionSection
-from simulator.camera.intrinsics import LensFile
+from simulator.camera.lens.files_native import DistortionSection
+from simulator.camera.lens.intrinsics import LensFile
 from simulator.camera.sections import DetectorSection
 from simulator.dataset.capture import capture
 from simulator.dataset.check.verify import check_dataset

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flyaround.cli import app
-from simulator.camera.files import load_camera
+from simulator.camera.lens.files import load_camera
 from simulator.dataset.capture import capture
 from simulator.dataset.check import redraw as check_picture
 from simulator.dataset.check import verify as check_module

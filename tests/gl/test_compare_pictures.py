@@ -11,23 +11,16 @@ import pytest
 from typer.testing import CliRunner
 
 from flyaround.cli import app
-from simulator.camera.files import load_camera
+from simulator.camera.lens.files import load_camera
+from simulator.compare.comparison import Pair, compare_pictures
+from simulator.compare.figures import binary_edges, edge_threshold, look_at, moved_dn, noise_dn, sobel
+from simulator.compare.page import write_comparison
+from simulator.compare.references import fitted, read_references, read_speed_labels
 from simulator.dataset.picture import save_picture
 from simulator.errors import UserError
 from simulator.frame import take_frame
 from simulator.scenario.recipes import plan_recipe
 from simulator.targets.library import load_target
-from simulator.validation.pictures.comparison import Pair, compare_pictures
-from simulator.validation.pictures.figures import (
-    binary_edges,
-    edge_threshold,
-    look_at,
-    moved_dn,
-    noise_dn,
-    sobel,
-)
-from simulator.validation.pictures.page import write_comparison
-from simulator.validation.pictures.references import fitted, read_references, read_speed_labels
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -21,7 +21,7 @@ from simulator.frame import take_frame
 from simulator.labels.truth import read_truth, truth_json_schema
 from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
-from simulator.validation.label_faults import spoil
+from tools.validation.labels.faults import spoil
 
 pytestmark = pytest.mark.gl
 

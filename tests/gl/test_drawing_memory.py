@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.dataset.draw import draw_labelled
 from simulator.loop import plan_flight
 from simulator.runtime.process import RenderProcess

@@ -15,9 +15,9 @@ from simulator.labels.truth import KeypointState
 from simulator.loop import plan_flight
 from simulator.runtime.arrays import vec3
 from simulator.scenario.load import load_scenario
-from simulator.validation.labels import dataset_card
 from simulator.world.ephemeris.eclipse import sun_fraction_past_both
 from simulator.world.frames.rotation import matrix_from_quat
+from tools.validation.labels.report import dataset_card
 
 pytestmark = pytest.mark.gl
 

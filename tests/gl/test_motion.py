@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.camera.shutter import Shutter
+from simulator.camera.detector.shutter import Shutter
 from simulator.dataset.capture import capture
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.contact_sheet import smaller

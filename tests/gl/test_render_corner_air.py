@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.render import renderer as renderer_module
 from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES
 from simulator.render.passes.air import AirPass

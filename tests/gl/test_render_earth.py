@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 import simulator.render.passes.earth as passes
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.render.gl.mipmaps import gl_library, mipmapped_texture
 from simulator.render.maps import COAST, decode_map
 from simulator.render.sea_ice import EXTENT_NORTH, EXTENT_SOUTH, HEIGHT, WIDTH, extent_m2, near_ice, sea_ice

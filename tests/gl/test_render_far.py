@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.targets.model import Material
-from simulator.validation.stage import bare_target, flat_plate, square_camera, stage
+from tools.validation.stage import bare_target, flat_plate, square_camera, stage
 
 pytestmark = pytest.mark.gl
 

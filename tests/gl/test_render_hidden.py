@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.lens import Distortion
+from simulator.camera.lens.distortion import Distortion
 from simulator.dataset.check.geometry import OUTLINE_TOLERANCE_PX, doubtful_pixels
 from simulator.frame import take_frame
 from simulator.runtime.arrays import vec3

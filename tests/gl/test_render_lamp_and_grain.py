@@ -10,7 +10,8 @@ from simulator.labels.visibility import Mesh
 from simulator.render.skylight import uniform_light
 from simulator.scene.illumination.lamp import Lamp
 from simulator.targets.library import load_target
-from simulator.validation import rendering_brushed, rendering_lamp
+from tools.validation.rendering import brushed as rendering_brushed
+from tools.validation.rendering import lamp as rendering_lamp
 
 pytestmark = pytest.mark.gl
 

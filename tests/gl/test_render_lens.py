@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.camera.lens import Distortion
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
+from simulator.camera.lens.distortion import Distortion
 from simulator.render.gl.lens_rays import ray_table
 from simulator.render.gl.tessellation import outputs
 from simulator.world.frames.rotation import matrix_from_quat

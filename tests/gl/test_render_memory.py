@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from simulator.camera.model import Distortion
+from simulator.camera.lens.camera_model import Distortion
 from simulator.dataset.contact_sheet import smaller
 from simulator.frame import take_frame
 from simulator.render.gl.context import create_context

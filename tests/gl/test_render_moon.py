@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.scene.illumination.moonlight import disc_phase, lommel_seeliger_disc
 from simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.render import cache
 from simulator.render.earthview import earth_view
 from simulator.render.gl.programs import ProgramLibrary, read_source

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from simulator.bench.scenes import bench_scenes
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.render import renderer as renderer_module
 from simulator.render.cache import cached_array
 from simulator.render.earthview import earth_view

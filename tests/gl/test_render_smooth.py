@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.runtime.arrays import quat, vec3
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above

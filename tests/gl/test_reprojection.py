@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.camera.files import load_camera
-from simulator.camera.presets import sensor_preset
+from simulator.camera.detector.presets import sensor_preset
+from simulator.camera.lens.files import load_camera
 from simulator.dataset.picture import save_picture
 from simulator.frame import take_frame
 from simulator.targets.model import Keypoint, Material

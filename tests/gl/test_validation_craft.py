@@ -3,7 +3,8 @@
 import pytest
 
 from simulator.errors import UserError
-from simulator.validation import mitsuba_craft, rendering_craft
+from tools.validation.rendering import craft as rendering_craft
+from tools.validation.rendering import path_traced as mitsuba_craft
 
 pytestmark = pytest.mark.gl
 

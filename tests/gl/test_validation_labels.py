@@ -5,9 +5,9 @@ from functools import cache
 import pytest
 
 from simulator.frame import take_frame
-from simulator.validation.label_faults import SPOILERS, spoil
-from simulator.validation.label_frames import cached_target, random_frame
-from simulator.validation.labels import _check, check_one, dataset_card, newest, page, summary
+from tools.validation.labels.faults import SPOILERS, spoil
+from tools.validation.labels.frames import cached_target, random_frame
+from tools.validation.labels.report import _check, check_one, dataset_card, newest, page, summary
 
 pytestmark = pytest.mark.gl
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from simulator.validation import rendering_sky
+from tools.validation.rendering import sky as rendering_sky
 
 pytestmark = pytest.mark.gl
 

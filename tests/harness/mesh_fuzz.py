@@ -19,7 +19,7 @@ import trimesh
 from peak_memory import peak_bytes
 
 from simulator.errors import UserError
-from simulator.targets.glb import load_glb
+from simulator.targets.glb.read import load_glb
 from simulator.targets.importing.add import ImportOptions, read_surface
 
 MOST_BYTES = 1 << 30

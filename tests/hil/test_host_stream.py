@@ -21,7 +21,7 @@ from simulator.frame import pixel_hash
 from simulator.labels.truth import truth_to_json
 from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
-from simulator.targets.board_file import write_board_model
+from simulator.targets.board_model.write import write_board_model
 
 pytestmark = pytest.mark.gl
 

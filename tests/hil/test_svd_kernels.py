@@ -32,7 +32,7 @@ from hil.board.svd.propose.learned.network_input import Gaze, look
 from hil.board.svd.propose.learned.view_subspaces import HARMONICS, _circle
 from hil.board.svd.refine.parallel import _middle
 from hil.evaluate.metrics import compose, summarise
-from simulator.targets.board_file import board_record
+from simulator.targets.board_model.write import board_record
 from simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)

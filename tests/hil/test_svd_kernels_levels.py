@@ -19,7 +19,7 @@ from hil.board.svd.native import backend as library
 from hil.board.svd.native.photometric import normal_equations as step
 from hil.board.svd.refine import motion_images as motion
 from hil.board.svd.refine import photometric
-from simulator.targets.board_file import board_record
+from simulator.targets.board_model.write import board_record
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:

@@ -13,7 +13,9 @@ import pytest
 from simulator.render.cache import cached_array, name_of
 from simulator.runtime import cache
 from simulator.runtime.cache import DamagedError, cache_folder, map_checked, read_checked, store_checked
-from simulator.targets import board_faces, board_file, library
+from simulator.targets import library
+from simulator.targets.board_model import faces as board_faces
+from simulator.targets.board_model import write as board_file
 from simulator.targets.library import load_target
 
 CONTENTS = bytes(range(256)) * 20

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.detector import detect, electrons_per_radiance, mosaic
-from simulator.camera.optics import Optics
-from simulator.camera.readout import bloom
-from simulator.camera.sensor import Detector, Sensor, noiseless
+from simulator.camera.detector.electrons import detect, electrons_per_radiance, mosaic
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.readout import bloom
+from simulator.camera.detector.sensor import Detector, Sensor, noiseless
 from simulator.imaging.image_formation import digitise, noise_sigma
 
 QUIET = Detector(full_well_e=20_000.0, gain_e_per_dn=5.0, black_level_dn=64.0, read_noise_e=0.0)

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from simulator.camera.presets import sensor_preset
+from simulator.camera.detector.presets import sensor_preset
 from simulator.imaging.image_formation import digitise, expose, noise_sigma
 
 

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from simulator.camera.deviates import add_normal, bit_source, for_each_band, normal_tables, uniform_factors
+from simulator.camera.detector.deviates import (
+    add_normal,
+    bit_source,
+    for_each_band,
+    normal_tables,
+    uniform_factors,
+)
 
 
 def _normal(count, *, seed=1, sigma=1.0, dtype=np.float32):

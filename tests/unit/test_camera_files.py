@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 import yaml
 
-from simulator.camera.check import optics_problem, sensor_problem
-from simulator.camera.files import parse_camera, read_camera_file
-from simulator.camera.files_foreign import FORMATS, written
-from simulator.camera.files_native import CameraFile, DistortionSection
-from simulator.camera.optics import Optics
-from simulator.camera.presets import sensor_preset
+from simulator.camera.detector.limits import optics_problem, sensor_problem
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.presets import sensor_preset
+from simulator.camera.lens.files import parse_camera, read_camera_file
+from simulator.camera.lens.files_foreign import FORMATS, written
+from simulator.camera.lens.files_native import CameraFile, DistortionSection
 from simulator.camera.sections import OpticsSection
 from simulator.errors import UserError
 from simulator.scenario.load import load_scenario

@@ -4,13 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.camera import psf
-from simulator.camera.model import Camera
-from simulator.camera.optics import Optics
-from simulator.camera.psf import blur, optics_mtf, psf_kernel, psf_pyramid, used_mtf
-from simulator.camera.pyramid import fit_pyramid
-from simulator.camera.sensor import Sensor
-from simulator.camera.shading import veiling_glare
+from simulator.camera.detector.electrons import psf
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.psf import blur, optics_mtf, psf_kernel, psf_pyramid, used_mtf
+from simulator.camera.detector.psf_pyramid import fit_pyramid
+from simulator.camera.detector.sensor import Sensor
+from simulator.camera.detector.shading import veiling_glare
+from simulator.camera.lens.camera_model import Camera
 from simulator.imaging.image_formation import expose
 
 

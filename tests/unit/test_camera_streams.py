@@ -6,10 +6,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from simulator.camera import particles, readout
-from simulator.camera.detector import detect
-from simulator.camera.deviates import NOISE_BANDS, bit_source
-from simulator.camera.sensor import Detector, Sensor
+from simulator.camera.detector.deviates import NOISE_BANDS, bit_source
+from simulator.camera.detector.electrons import detect, particles, readout
+from simulator.camera.detector.sensor import Detector, Sensor
 from simulator.imaging.image_formation import digitise
 
 SIDE = 192

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scenario_text import GOOD, write
 
-from simulator.camera.detector import detect, electrons_per_radiance, white_balance
-from simulator.camera.optics import Optics
-from simulator.camera.presets import sensor_preset
+from simulator.camera.detector.electrons import detect, electrons_per_radiance, white_balance
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.presets import sensor_preset
+from simulator.camera.detector.sensor import Detector, Sensor, noiseless
 from simulator.camera.sections import DetectorSection
-from simulator.camera.sensor import Detector, Sensor, noiseless
 from simulator.errors import UserError
 from simulator.imaging.image_formation import expose
 from simulator.scenario.load import load_scenario

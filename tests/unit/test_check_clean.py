@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.camera.sensor import Detector, Sensor, noiseless
+from simulator.camera.detector.sensor import Detector, Sensor, noiseless
 from simulator.dataset.check.clean_twin import check_clean
 from simulator.imaging.image_formation import digitise
 

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.camera.detector import detect, white_balance
-from simulator.camera.optics import Optics
-from simulator.camera.sensor import Detector, Sensor
+from simulator.camera.detector.electrons import detect, white_balance
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.sensor import Detector, Sensor
 from simulator.dataset.check.clean_twin import balance_factors
 from simulator.dataset.check.redraw import check_same_picture
 from simulator.scene.illumination.bands import sunlight_balance

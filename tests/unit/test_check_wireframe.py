@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from simulator.camera.files import load_camera
+from simulator.camera.lens.files import load_camera
 from simulator.dataset.check.wireframe import check_wireframe
 from simulator.labels.truth import WireLabel
 from simulator.labels.visibility import mesh_of

@@ -7,7 +7,7 @@ from dataclasses import MISSING, fields
 import msgspec
 import pytest
 
-from simulator.camera.optics import Optics
+from simulator.camera.detector.optics import Optics
 from simulator.camera.sections import OpticsSection
 from simulator.scenario import motion as scenario_motion
 from simulator.scenario import picture as scenario_picture

@@ -14,9 +14,9 @@ import pytest
 from mutations import changed_json, changed_text
 
 from hil.board.svd import CameraIntrinsics
-from simulator.camera import files_foreign
-from simulator.camera.files import list_cameras, parse_camera, read_camera_file
-from simulator.camera.files_foreign import FORMATS, written
+from simulator.camera.lens.distortion import files_foreign
+from simulator.camera.lens.files import list_cameras, parse_camera, read_camera_file
+from simulator.camera.lens.files_foreign import FORMATS, written
 from simulator.dataset import card as cards
 from simulator.dataset.card import CardTarget, DatasetCard, card_to_json, describe_machine, read_card
 from simulator.dataset.poses import read_poses
@@ -158,7 +158,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from peak_memory import peak_bytes
-from simulator.camera.files import load_camera
+from simulator.camera.lens.files import load_camera
 from simulator.dataset.card import read_card
 from simulator.errors import UserError
 from simulator.labels.truth import read_truth

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.imaging.image_formation import noise_sigma
 from simulator.labels.feasible import wireframe_step_share
 from simulator.labels.keypoints import _radiometric_state

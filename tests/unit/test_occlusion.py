@@ -9,7 +9,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simulator.camera.files import load_camera
+from simulator.camera.lens.files import load_camera
 from simulator.labels.visibility import Mesh, hidden_from_direction, occluded_from_camera
 from simulator.labels.wireframe import view_edges
 from simulator.targets.library import load_target

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from simulator.targets.library import load_target
-from simulator.validation.outline import SIDES, fit_outline, main
+from tools.validation.outline import SIDES, fit_outline, main
 
 if TYPE_CHECKING:
     from pathlib import Path

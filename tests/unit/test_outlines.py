@@ -18,16 +18,16 @@ from hil.board.svd.model.round_bodies import is_round, with_outlines
 from hil.board.svd.model.target_model import WireEdge
 from hil.board.svd.propose.templates import SHAPE_SAMPLES, TURNS, ViewTable, look_at, sphere_directions
 from simulator.runtime.arrays import FloatArray
-from simulator.targets.assembly import Piece
-from simulator.targets.board_file import packed, write_board_model
+from simulator.targets.board_model.contours import outlines_of
+from simulator.targets.board_model.write import packed, write_board_model
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.mass import Lump
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box, lathe
 from simulator.targets.craft.assemble import assemble_lumped
 from simulator.targets.craft.finishes import WHITE_PAINT
 from simulator.targets.library import load_target
-from simulator.targets.mass import Lump
 from simulator.targets.model import Target
-from simulator.targets.outlines import outlines_of
 
 
 def body(mesh: Mesh) -> Target:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.presets import sensor_preset
-from simulator.camera.recipe_noise import LEAST_AHEAD, begin_noise
+from simulator.camera.detector.image_noise import LEAST_AHEAD, begin_noise
+from simulator.camera.detector.presets import sensor_preset
 from simulator.imaging.image_formation import digitise
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.render.earthview import earth_view
 from simulator.render.projection import directions
 from simulator.render.software.tiles import earth_tiles

@@ -9,8 +9,8 @@ from simulator.render.edge_pairs import distances_beside
 from simulator.render.edges_seen import EdgeView, SeenEdges
 from simulator.render.mesh_edges import find_edges
 from simulator.render.projection import PixelRect
-from simulator.validation.stage import square_camera
 from tests.harness.boxes import closed_box
+from tools.validation.stage import square_camera
 
 GAP_M, THICK_M = 2e-3, 2.3e-3
 

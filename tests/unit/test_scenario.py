@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from scenario_text import GOOD, write
 
-from simulator.camera.files import list_cameras, load_camera
-from simulator.camera.presets import list_sensor_presets, sensor_preset
+from simulator.camera.detector.presets import list_sensor_presets, sensor_preset
+from simulator.camera.lens.files import list_cameras, load_camera
 from simulator.errors import UserError
 from simulator.scenario.flight import fly, frame_times
 from simulator.scenario.load import list_scenarios, load_scenario, scenario_json_schema

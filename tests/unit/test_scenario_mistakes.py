@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from scenario_text import GOOD, write
 
-from simulator.camera.files import load_camera
+from simulator.camera.lens.files import load_camera
 from simulator.errors import UserError, near_names
 from simulator.scenario.load import load_scenario
 

@@ -14,7 +14,7 @@ from simulator.render.geometry import _PACKED, _unpacked
 from simulator.render.stored import _described
 from simulator.runtime import prebuilt as shipped
 from simulator.targets import library
-from simulator.targets.glb import load_glb
+from simulator.targets.glb.read import load_glb
 
 
 @pytest.fixture

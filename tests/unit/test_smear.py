@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.imaging.exposure import GAUSS_PX, INSTANT_PX, _add_times, _behind_px, instants_of
 from simulator.imaging.motion_blur import smear, smear_kernels
 from simulator.runtime.arrays import quat, vec3

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
-from simulator.camera.presets import sensor_preset
+from simulator.camera.detector.presets import sensor_preset
+from simulator.camera.lens.camera_model import Camera
 from simulator.render.catalogue import _catalogue, star_irradiance_w_m2, stars
 from simulator.render.passes.stars import stars_in_view
 from simulator.render.star_colours import (

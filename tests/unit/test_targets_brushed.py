@@ -5,11 +5,11 @@ import pygltflib as gl
 import pytest
 
 from simulator.errors import UserError
-from simulator.targets.check import check_grain
-from simulator.targets.glb import load_glb
-from simulator.targets.glb_write import write_glb
+from simulator.targets.check_target import check_grain
+from simulator.targets.glb.read import load_glb
+from simulator.targets.glb.write import write_glb
 from simulator.targets.importing.add import ImportOptions, import_mesh
-from simulator.targets.importing.grain import common_grain
+from simulator.targets.importing.read.brushed import common_grain
 from simulator.targets.library import load_target
 from simulator.targets.model import Material
 

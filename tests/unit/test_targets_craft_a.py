@@ -23,8 +23,8 @@ from simulator.targets.craft.dragon.crew import build_dragon, dragon_pieces
 from simulator.targets.craft.level import Detail, Level
 from simulator.targets.craft.soyuz.soyuz_ms import build_soyuz_ms
 from simulator.targets.craft.tianzhou.tianzhou import build_tianzhou
-from simulator.targets.glb import load_glb
-from simulator.targets.glb_write import write_glb
+from simulator.targets.glb.read import load_glb
+from simulator.targets.glb.write import write_glb
 from simulator.targets.library import list_targets
 from simulator.targets.model import Part, Target
 from simulator.targets.records import BoardModel

@@ -17,11 +17,11 @@ from simulator.errors import UserError
 from simulator.runtime.arrays import FloatArray
 from simulator.targets.convert import board_model
 from simulator.targets.detail import DETAILS, facets, level_name, split_level
-from simulator.targets.glb import load_glb
-from simulator.targets.glb_write import write_glb
+from simulator.targets.glb.read import load_glb
+from simulator.targets.glb.write import write_glb
 from simulator.targets.library import ENTRIES, load_target
 from simulator.targets.model import Part, Target
-from simulator.targets.tango import build_tango
+from simulator.targets.tango.build import build_tango
 
 
 @dataclass(frozen=True, kw_only=True)

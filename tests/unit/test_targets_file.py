@@ -18,14 +18,14 @@ import pytest
 import trimesh
 
 from simulator.errors import UserError
-from simulator.targets.board_file import write_board_model
+from simulator.targets.board_model.write import write_board_model
 from simulator.targets.craft.charuco import build_calibration_board
-from simulator.targets.glb import load_glb
-from simulator.targets.glb_write import write_glb
+from simulator.targets.glb.read import load_glb
+from simulator.targets.glb.write import write_glb
 from simulator.targets.library import list_targets, load_target
 from simulator.targets.model import MassProperties, Target
 from simulator.targets.records import board_json_schema, target_json_schema
-from simulator.targets.tango import build_tango, build_tango_mli
+from simulator.targets.tango.build import build_tango, build_tango_mli
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import trimesh
 
 from simulator.errors import UserError
 from simulator.targets.importing.add import ImportOptions, read_surface
-from simulator.targets.importing.draco import DRACO, decoded
-from simulator.targets.importing.read import read_mesh
+from simulator.targets.importing.read.draco import DRACO, decoded
+from simulator.targets.importing.read.mesh_file import read_mesh
 
 BALL = trimesh.creation.icosphere(2, 1.0)
 UV = (BALL.vertices[:, :2] * 0.5 + 0.5).astype(float)

@@ -9,7 +9,7 @@ import trimesh
 
 from simulator.errors import UserError
 from simulator.targets.importing.add import ImportOptions, read_surface
-from simulator.targets.importing.coincident import coincident_pairs
+from simulator.targets.importing.repair.coincident_faces import coincident_pairs
 
 KEEP = ImportOptions(keep_holes=True, up="z")
 FILL = ImportOptions(fill_holes=True, up="z")

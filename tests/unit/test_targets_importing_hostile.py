@@ -18,8 +18,8 @@ from mesh_fuzz import damaged
 
 from flyaround.__main__ import run
 from simulator.errors import UserError
-from simulator.targets.glb import load_glb
-from simulator.targets.glb_write import write_glb
+from simulator.targets.glb.read import load_glb
+from simulator.targets.glb.write import write_glb
 from simulator.targets.importing.add import ImportOptions, read_surface
 from simulator.targets.library import load_target
 

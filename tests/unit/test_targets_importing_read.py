@@ -9,8 +9,8 @@ import pytest
 import trimesh
 
 from simulator.errors import UserError
-from simulator.targets.importing.place import check_count, check_numbers, place_model
-from simulator.targets.importing.read import read_mesh
+from simulator.targets.importing.read.mesh_file import read_mesh
+from simulator.targets.importing.repair.placement import check_count, check_numbers, place_model
 
 CUBE = trimesh.creation.box((2.0, 1.0, 0.5))
 

@@ -9,10 +9,10 @@ import trimesh
 from PIL import Image
 
 from simulator.errors import UserError
-from simulator.targets.glb import load_glb
-from simulator.targets.glb_write import write_glb
+from simulator.targets.glb.read import load_glb
+from simulator.targets.glb.write import write_glb
 from simulator.targets.importing.add import ImportOptions, import_mesh
-from simulator.targets.importing.texture import decode_image
+from simulator.targets.importing.read.textures import decode_image
 
 SIZE = 64
 ROWS, COLUMNS = np.mgrid[0:SIZE, 0:SIZE] * (255.0 / (SIZE - 1))

@@ -7,15 +7,15 @@ import pytest
 import trimesh
 
 from simulator.targets.builders.creased import copies, creased
+from simulator.targets.builders.labels import plate_edges, rim_edges
+from simulator.targets.builders.mass import mass_properties
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.builders.solids import box
 from simulator.targets.builders.wing import Wing, wing_cells, wing_panels, wing_ribs, wing_yoke
 from simulator.targets.builders.wrapped import Revolved, pad, sector, tiled
-from simulator.targets.craft.labels import plate_edges, rim_edges
 from simulator.targets.craft.level import Level
 from simulator.targets.craft.parts import bell, dish
 from simulator.targets.craft.round_mass import Tube
-from simulator.targets.mass import mass_properties
 
 CYLINDER = Revolved.of([(2.0, -3.0), (2.0, 3.0)])
 CONE = Revolved.of([(2.0, 0.0), (1.0, 2.0)])

@@ -8,7 +8,7 @@ import trimesh
 
 from simulator.runtime.arrays import FloatArray
 from simulator.targets.model import Part, Target
-from simulator.targets.tango import build_tango, build_tango_mli
+from simulator.targets.tango.build import build_tango, build_tango_mli
 
 # Keypoints of the SPEED data set as published with its pose estimation baselines [m]
 SPEED = {

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.presets import sensor_preset
-from simulator.validation.camera import COLOUR_GOAL, GOALS, MTF_GOAL, OTHER_GOAL
-from simulator.validation.camera_counts import electron_chance, reading_chance
-from simulator.validation.camera_mtf import CASES, compare
-from simulator.validation.camera_sensor import WAYS, evened, measure, measure_colours, photon_transfer
+from simulator.camera.detector.presets import sensor_preset
+from tools.validation.camera.counts import electron_chance, reading_chance
+from tools.validation.camera.emva1288 import WAYS, evened, measure, measure_colours, photon_transfer
+from tools.validation.camera.mtf import CASES, compare
+from tools.validation.camera.report import COLOUR_GOAL, GOALS, MTF_GOAL, OTHER_GOAL
 
 
 def test_photon_transfer_gives_the_data_sheet_s_gain_and_read_noise():

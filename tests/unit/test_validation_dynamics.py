@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from simulator.errors import UserError
-from simulator.validation.dynamics import main, measure
-from simulator.validation.dynamics_independent import against_astropy, against_sgp4
-from simulator.validation.dynamics_physics import axisymmetric_errors
+from tools.validation.dynamics.independent import against_astropy, against_sgp4
+from tools.validation.dynamics.physics import axisymmetric_errors
+from tools.validation.dynamics.report import main, measure
 
 ROOT = Path(__file__).parents[2]
 

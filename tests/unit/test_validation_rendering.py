@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from simulator.validation import rendering
-from simulator.validation.rows import Row
+from tools.validation.rendering import report as rendering
+from tools.validation.rows import Row
 
 
 def test_a_missed_goal_shows(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.camera.files import load_camera
+from simulator.camera.lens.files import load_camera
 from simulator.labels.visibility import Mesh
 from simulator.labels.wireframe import view_edges
 from simulator.targets.library import load_target

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.model import Camera
-from simulator.camera.sensor import Sensor
+from simulator.camera.detector.sensor import Sensor
+from simulator.camera.lens.camera_model import Camera
 from simulator.scene.build import build_scene
 from simulator.scene.state import SceneState, TargetRef
 from simulator.world.attitude.pointing import Pointing

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.evaluate.worker import board_model
-from simulator.camera.model import Camera
-from simulator.camera.presets import sensor_preset
+from simulator.camera.detector.presets import sensor_preset
+from simulator.camera.lens.camera_model import Camera
 from simulator.imaging.develop import expose_scene
 from simulator.imaging.exposure import integrate, surfaces
 from simulator.render.renderer import Renderer

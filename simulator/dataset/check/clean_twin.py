@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector import white_balance
+from simulator.camera.detector.electrons import white_balance
 from simulator.imaging.image_formation import noise_sigma
 from simulator.scene.illumination.bands import sunlight_balance
 

@@ -13,7 +13,7 @@ from simulator.labels.visibility import mesh_of
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
 
 if TYPE_CHECKING:
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.dataset.card import DatasetCard
     from simulator.labels.truth import Truth
     from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 
-from simulator.camera.model import Camera
+from simulator.camera.lens.camera_model import Camera
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.labels.truth import read_truth
 from simulator.runtime.files import write_atomic, write_json

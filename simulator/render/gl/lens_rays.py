@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.runtime.arrays import Float32Array
 
 KEPT = 64

@@ -20,7 +20,7 @@ from simulator.render.uniform_values import lens_values
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.gl.shared_blocks import Blocks
     from simulator.render.mesh import Mesh

@@ -19,7 +19,7 @@ from simulator.render.passes.shadow import (
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.gl.programs import ProgramLibrary
     from simulator.render.gl.shared_blocks import Blocks
     from simulator.render.passes.loaded import Loaded

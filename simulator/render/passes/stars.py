@@ -21,7 +21,7 @@ from simulator.world.constants import LIGHT_M_S
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.earthview import EarthView
     from simulator.render.frame_images import FrameImages
     from simulator.render.gl.programs import Program, ProgramLibrary

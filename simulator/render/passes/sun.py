@@ -12,7 +12,7 @@ from simulator.render.passes.air import TABLE_DEFINES
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.frame_images import FrameImages
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect

@@ -16,7 +16,7 @@ from simulator.render.software.coverage_mask import TILE_PX
 from simulator.render.view import EQUATOR_M
 
 if TYPE_CHECKING:
-    from simulator.camera.model import Camera
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.earthview import EarthView
     from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 

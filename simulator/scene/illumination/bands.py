@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.sunlight import MONO_BAND_NM, RGB_BANDS_NM, sun_irradiance_between_w_m2
+from simulator.camera.detector.sunlight import MONO_BAND_NM, RGB_BANDS_NM, sun_irradiance_between_w_m2
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray

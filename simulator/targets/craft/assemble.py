@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from simulator.runtime.arrays import Quat, Vec3
-from simulator.targets.assembly import Piece, part_of
+from simulator.targets.builders.assembly import Piece, part_of
+from simulator.targets.builders.labels import named_keypoints, welded
+from simulator.targets.builders.mass import Lump, mass_properties
 from simulator.targets.builders.mesh import Mesh, merge
-from simulator.targets.check import check_target
+from simulator.targets.check_target import check_target
 from simulator.targets.convert import content_sha256
-from simulator.targets.craft.labels import named_keypoints, welded
-from simulator.targets.mass import Lump, mass_properties
 from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Picture, Target
 
 if TYPE_CHECKING:

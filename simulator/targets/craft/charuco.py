@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from simulator.runtime.arrays import BoolArray, FloatArray
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.two_tone import two_tone_png
 from simulator.targets.craft.chessboard import (

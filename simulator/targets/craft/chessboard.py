@@ -14,7 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from simulator.runtime.arrays import FloatArray, Vec3
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.mass import Lump
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.prism import prism, rectangle
 from simulator.targets.builders.solids import box
@@ -22,9 +23,8 @@ from simulator.targets.craft.assemble import assemble_lumped
 from simulator.targets.craft.finishes import BARE_ALUMINIUM
 from simulator.targets.craft.wire import face_edges
 from simulator.targets.detail import Detail
-from simulator.targets.mass import Lump
 from simulator.targets.model import Edge, Material, Picture, Target
-from simulator.targets.tango_labels import box_edges
+from simulator.targets.tango.labels import box_edges
 
 COLUMNS, ROWS = 11, 8
 SQUARE_M = 0.040

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge, unit
 from simulator.targets.builders.solids import bar, cone, lathe, rod
 from simulator.targets.detail import Detail, facets

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from simulator.targets.assembly import Piece
+    from simulator.targets.builders.assembly import Piece
     from simulator.targets.builders.mesh import Mesh
 
 X: Vec3 = (1.0, 0.0, 0.0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulator.runtime.arrays import FloatArray
-from simulator.targets.mass import Lump
+from simulator.targets.builders.mass import Lump
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulator.runtime.arrays import Vec3, vec3
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.labels import box_edges, moved_edges
+from simulator.targets.builders.mass import Lump
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.wing import (
     Wing,
@@ -17,9 +19,7 @@ from simulator.targets.builders.wing import (
     wing_ribs,
     wing_yoke,
 )
-from simulator.targets.craft.labels import box_edges, moved_edges
 from simulator.targets.craft.level import Level
-from simulator.targets.mass import Lump
 from simulator.targets.model import Edge
 
 AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.cells import cell_grid, clipped_rectangle
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.prism import rectangle

@@ -8,37 +8,43 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.targets.check import check_target
+from simulator.targets.check_target import check_target
 from simulator.targets.convert import content_sha256
-from simulator.targets.glb import holds_target, load_glb
-from simulator.targets.importing.coincident import coincidence_lines
-from simulator.targets.importing.decimate import decimate, deviation
-from simulator.targets.importing.holes import cap_solids
-from simulator.targets.importing.keypoints import propose_keypoints
-from simulator.targets.importing.place import bounds, check_count, check_numbers, check_parts, place_model
-from simulator.targets.importing.raw import unique_names
-from simulator.targets.importing.read import read_mesh
-from simulator.targets.importing.repair import (
+from simulator.targets.glb.read import holds_target, load_glb
+from simulator.targets.importing.propose.keypoints import propose_keypoints
+from simulator.targets.importing.propose.mass import mass_properties_of
+from simulator.targets.importing.propose.occluders import propose_occluders
+from simulator.targets.importing.propose.wireframe import propose_wireframe
+from simulator.targets.importing.read.mesh_file import read_mesh
+from simulator.targets.importing.read.raw_model import unique_names
+from simulator.targets.importing.read.textures import bake_textures
+from simulator.targets.importing.repair.cleanup import (
     Tally,
     check_surface,
     oriented,
     welded_body,
     without_slivers,
 )
-from simulator.targets.importing.shading import file_normals, normals_fit, parts_of, smooth_normals
-from simulator.targets.importing.stand_in import propose_occluders
-from simulator.targets.importing.surfaces import plain_where_unwrapped, used_materials
-from simulator.targets.importing.texture import bake_textures
-from simulator.targets.importing.weight import mass_properties_of
-from simulator.targets.importing.wireframe import propose_wireframe
+from simulator.targets.importing.repair.coincident_faces import coincidence_lines
+from simulator.targets.importing.repair.decimate import decimate, deviation
+from simulator.targets.importing.repair.holes import cap_solids
+from simulator.targets.importing.repair.materials import plain_where_unwrapped, used_materials
+from simulator.targets.importing.repair.normals import file_normals, normals_fit, parts_of, smooth_normals
+from simulator.targets.importing.repair.placement import (
+    bounds,
+    check_count,
+    check_numbers,
+    check_parts,
+    place_model,
+)
 from simulator.targets.model import Target
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from simulator.runtime.arrays import FloatArray
-    from simulator.targets.importing.raw import RawModel
-    from simulator.targets.importing.topology import Body
+    from simulator.targets.importing.read.raw_model import RawModel
+    from simulator.targets.importing.repair.topology import Body
     from simulator.targets.model import Material, Part
 
 

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from simulator.runtime.arrays import FloatArray
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import prism
 from simulator.targets.builders.solids import box, lathe, rod, truss

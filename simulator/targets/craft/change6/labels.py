@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 
 from simulator.runtime.arrays import Vec3, vec3
+from simulator.targets.builders.mass import Lump
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.builders.prism import prism
 from simulator.targets.builders.solids import cone
@@ -33,7 +34,6 @@ from simulator.targets.craft.change6.dimensions import (
 from simulator.targets.craft.hardware import sphere
 from simulator.targets.craft.place import both_sides
 from simulator.targets.craft.wire import prism_edges, rim_point, ring_edges
-from simulator.targets.mass import Lump
 from simulator.targets.model import Edge
 
 

@@ -12,7 +12,8 @@ import itertools
 
 import numpy as np
 
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.mass import Lump
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import rectangle
 from simulator.targets.builders.solids import box, cone
@@ -38,7 +39,6 @@ from simulator.targets.craft.cubesat.wings import Wings
 from simulator.targets.craft.hardware import star_tracker, thruster
 from simulator.targets.craft.wire import prism_edges, rim_point, ring_edges
 from simulator.targets.detail import Detail, facets
-from simulator.targets.mass import Lump
 from simulator.targets.model import Edge, Target
 
 WINGS = Wings(

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulator.runtime.arrays import Vec3
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box
 from simulator.targets.craft.hardware import socket_screws
 from simulator.targets.detail import Detail
 from simulator.targets.model import Edge
-from simulator.targets.tango_labels import box_edges
+from simulator.targets.tango.labels import box_edges
 
 RAIL_M = 0.0085
 RAIL_EDGE_M = 0.0009

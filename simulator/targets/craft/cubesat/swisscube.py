@@ -9,7 +9,8 @@ this model's own. A craft of this size has about 7,000 triangles to show.
 from __future__ import annotations
 
 from simulator.runtime.arrays import Vec3
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.mass import Lump
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box, rod
 from simulator.targets.craft.assemble import assemble_lumped
@@ -35,7 +36,6 @@ from simulator.targets.craft.cubesat.structure import (
 from simulator.targets.craft.hardware import socket_screws
 from simulator.targets.craft.wire import axis_edge
 from simulator.targets.detail import Detail, facets
-from simulator.targets.mass import Lump
 from simulator.targets.model import Target
 
 UHF_M, VHF_M = 0.180, 0.610

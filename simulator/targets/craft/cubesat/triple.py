@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from simulator.runtime.arrays import Vec3
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.mass import Lump
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import circle, rectangle
 from simulator.targets.builders.prism import prism as plate
@@ -39,7 +40,6 @@ from simulator.targets.craft.cubesat.wings import Wings
 from simulator.targets.craft.hardware import star_tracker
 from simulator.targets.craft.wire import axis_edge, rim_point, ring_edges
 from simulator.targets.detail import Detail, facets
-from simulator.targets.mass import Lump
 from simulator.targets.model import Edge, Target
 
 WINGS = Wings(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from simulator.runtime.arrays import Vec3
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.mass import Lump
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.builders.prism import rectangle
 from simulator.targets.builders.solids import box
@@ -13,7 +14,6 @@ from simulator.targets.craft.cubesat.fittings import WING_M, wing, wing_width_m
 from simulator.targets.craft.place import placed_pieces
 from simulator.targets.craft.wire import prism_edges
 from simulator.targets.detail import Detail
-from simulator.targets.mass import Lump
 from simulator.targets.model import Edge
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.labels import RIM_SEGMENTS, polar, turn_z
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.prism import prism
 from simulator.targets.builders.solids import bar, box, cone, rod
@@ -30,7 +31,6 @@ from simulator.targets.craft.dragon.cargo_shape import (
     TRUNK_RADIUS_M,
     WINGS,
 )
-from simulator.targets.craft.labels import RIM_SEGMENTS, polar, turn_z
 from simulator.targets.craft.level import Level
 from simulator.targets.craft.parts import bell, hoop, revolve, seams, window
 

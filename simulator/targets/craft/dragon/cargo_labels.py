@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from simulator.targets.builders.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
+from simulator.targets.builders.mass import mass_properties
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box
 from simulator.targets.craft.dragon.cargo_shape import (
@@ -22,10 +24,8 @@ from simulator.targets.craft.dragon.cargo_shape import (
     TRUNK_RADIUS_M,
     WINGS,
 )
-from simulator.targets.craft.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
 from simulator.targets.craft.parts import revolve
 from simulator.targets.craft.round_mass import Tube
-from simulator.targets.mass import mass_properties
 from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 
 

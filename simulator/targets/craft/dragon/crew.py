@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
 from simulator.targets.craft.assemble import assemble
 from simulator.targets.craft.dragon.crew_capsule import build_capsule
 from simulator.targets.craft.dragon.crew_labels import (

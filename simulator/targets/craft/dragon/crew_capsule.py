@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.runtime.arrays import FloatArray
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.labels import RIM_SEGMENTS
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box
 from simulator.targets.builders.wrapped import pad
@@ -26,7 +27,6 @@ from simulator.targets.craft.dragon.crew_shape import (
     WINDOW_AZIMUTHS_DEG,
     WINDOW_Z_M,
 )
-from simulator.targets.craft.labels import RIM_SEGMENTS
 from simulator.targets.craft.level import Level
 from simulator.targets.craft.parts import bell, hoop, revolve, seams, window
 

@@ -5,6 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from simulator.runtime.arrays import vec3
+from simulator.targets.builders.labels import (
+    QUARTERS,
+    moved_edges,
+    named_keypoints,
+    plate_edges,
+    polar,
+    rim_edges,
+    turn_z,
+    welded,
+)
+from simulator.targets.builders.mass import Lump, mass_properties
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box
 from simulator.targets.craft.dragon.crew_nose import nose_cone
@@ -30,20 +41,9 @@ from simulator.targets.craft.dragon.crew_shape import (
     nose_rotation,
 )
 from simulator.targets.craft.dragon.crew_trunk import fin_mesh
-from simulator.targets.craft.labels import (
-    QUARTERS,
-    moved_edges,
-    named_keypoints,
-    plate_edges,
-    polar,
-    rim_edges,
-    turn_z,
-    welded,
-)
 from simulator.targets.craft.level import Level
 from simulator.targets.craft.parts import revolve
 from simulator.targets.craft.round_mass import Tube
-from simulator.targets.mass import Lump, mass_properties
 from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 
 SLOPE = (float(np.cos(WALL_RAD)), float(np.sin(WALL_RAD)))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.labels import RIM_SEGMENTS, polar, turn_z
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.prism import prism
 from simulator.targets.builders.solids import bar, box, rod
@@ -18,7 +19,6 @@ from simulator.targets.craft.dragon.crew_shape import (
     nose_point,
     nose_rotation,
 )
-from simulator.targets.craft.labels import RIM_SEGMENTS, polar, turn_z
 from simulator.targets.craft.level import Level
 from simulator.targets.craft.parts import bell, revolve
 

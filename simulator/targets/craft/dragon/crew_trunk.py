@@ -6,8 +6,9 @@ import itertools
 
 import numpy as np
 
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.cells import clipped_rectangle
+from simulator.targets.builders.labels import RIM_SEGMENTS, turn_z
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.prism import prism
 from simulator.targets.builders.wrapped import sector, tiled
@@ -21,7 +22,6 @@ from simulator.targets.craft.dragon.crew_shape import (
     TRUNK_LOW_M,
     TRUNK_RADIUS_M,
 )
-from simulator.targets.craft.labels import RIM_SEGMENTS, turn_z
 from simulator.targets.craft.level import Level
 from simulator.targets.craft.parts import revolve
 

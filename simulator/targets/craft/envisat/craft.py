@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simulator.runtime.arrays import Vec3
+from simulator.targets.builders.mass import Lump
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.builders.prism import rectangle
 from simulator.targets.builders.solids import box, cone
@@ -49,9 +50,8 @@ from simulator.targets.craft.finishes import FINISHES
 from simulator.targets.craft.place import placed, placed_point
 from simulator.targets.craft.wire import axis_edge, prism_edges, rim_point, ring_edges
 from simulator.targets.detail import Detail
-from simulator.targets.mass import Lump
 from simulator.targets.model import Edge, Material, Target
-from simulator.targets.tango_labels import CORNERS, box_edges
+from simulator.targets.tango.labels import CORNERS, box_edges
 
 TILE = Material(name="asar-tile", base_color=(0.62, 0.60, 0.55), roughness=0.55)
 NOTES = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box, rod
 from simulator.targets.craft.envisat.dimensions import (

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from simulator.targets.builders.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
+from simulator.targets.builders.mass import mass_properties
 from simulator.targets.builders.mesh import merge
-from simulator.targets.craft.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
 from simulator.targets.craft.parts import revolve
 from simulator.targets.craft.round_mass import Tube
 from simulator.targets.craft.soyuz.fittings import MAST_TIP_M
@@ -25,7 +26,6 @@ from simulator.targets.craft.soyuz.shape import (
     SKIRT_RADIUS_M,
     WINGS,
 )
-from simulator.targets.mass import mass_properties
 from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 
 

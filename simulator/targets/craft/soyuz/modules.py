@@ -6,11 +6,11 @@ import itertools
 
 import numpy as np
 
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.labels import RIM_SEGMENTS, polar
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import truss
 from simulator.targets.builders.wrapped import Revolved, sector
-from simulator.targets.craft.labels import RIM_SEGMENTS, polar
 from simulator.targets.craft.level import Level
 from simulator.targets.craft.parts import bell, hoop, revolve, seams, window
 from simulator.targets.craft.soyuz.shape import (

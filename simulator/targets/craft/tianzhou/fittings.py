@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulator.targets.assembly import Piece
+from simulator.targets.builders.assembly import Piece
+from simulator.targets.builders.labels import polar
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import bar, box, lathe, rod
-from simulator.targets.craft.labels import polar
 from simulator.targets.craft.level import Level
 from simulator.targets.craft.parts import dish
 from simulator.targets.craft.tianzhou.shape import (

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from simulator.targets.builders.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
+from simulator.targets.builders.mass import mass_properties
 from simulator.targets.builders.mesh import merge
-from simulator.targets.craft.labels import QUARTERS, named_keypoints, polar, rim_edges, welded
 from simulator.targets.craft.parts import revolve
 from simulator.targets.craft.round_mass import Tube
 from simulator.targets.craft.tianzhou.shape import (
@@ -20,7 +21,6 @@ from simulator.targets.craft.tianzhou.shape import (
     PORT_RADIUS_M,
     WINGS,
 )
-from simulator.targets.mass import mass_properties
 from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 
 

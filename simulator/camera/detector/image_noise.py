@@ -1,0 +1,136 @@
+"""Noise of a recipe on a 0..1 image: fields of their own, so that they can be drawn before the picture is there.
+
+They depend on (seed, frame, size, recipe) alone. They are a few long calls that leave Python's lock alone, so that a
+thread draws it while the renderer's first commands keep one processor busy.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from simulator.camera.detector.deviates import bit_source, normal_tables, random_bytes, uniform_factors
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from simulator.camera.detector.sensor import Sensor
+    from simulator.runtime.arrays import ByteArray, Float32Array
+
+MIN_SHIFT = 4
+"""Fewer steps than 16 a digital number are not fine enough: then the arithmetic is in floating point."""
+LEAST_AHEAD = 1 << 17
+"""Values of a field that is worth a thread: waking one takes as long as to draw a smaller one."""
+_ADDITIVE_KEY, _SPECKLE_KEY = 0, 1
+_STRIP_VALUES = 1 << 17  # OpenCV shares out what has twice as many
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """How digital numbers are counted on their way: in steps of an int16, or in floating point.
+
+    Parameters
+    ----------
+    full_dn : largest digital number. steps_per_dn : 1 in floating point. sigma_dn : of the additive noise.
+    """
+
+    full_dn: int
+    steps_per_dn: int
+    sigma_dn: float
+
+    @property
+    def fixed_point(self) -> bool:
+        """Whether the steps are whole numbers."""
+        return self.steps_per_dn > 1
+
+    @property
+    def dtype(self) -> np.dtype[np.int16] | np.dtype[np.float32]:
+        """Of the values."""
+        return np.dtype(np.int16) if self.fixed_point else np.dtype(np.float32)
+
+    @property
+    def shift(self) -> int:
+        """Steps of one digital number, as a power of two."""
+        return self.steps_per_dn.bit_length() - 1
+
+
+def arithmetic_of(sensor: Sensor) -> Arithmetic:
+    """As many steps per digital number as sixteen bits hold with 4.3 sigma to spare."""
+    full = 2**sensor.bits - 1
+    sigma_dn = full * float(np.sqrt(sensor.gaussian_variance))
+    brightest = full * (1 + np.sqrt(3 * sensor.speckle_variance)) + 4.3 * sigma_dn + 1
+    shift = int(np.log2(32767 / brightest))
+    return Arithmetic(full, 2**shift if shift >= MIN_SHIFT else 1, sigma_dn)
+
+
+@dataclass(frozen=True, eq=False)
+class RecipeNoise:
+    """The random part of one picture.
+
+    Parameters
+    ----------
+    steps : (H, W times bands) noise plus half a digital number, for what cuts the fraction off; of a recipe without
+        additive noise (1, 1), the half alone.
+    factors : (H, W times bands) of the speckle, ``None`` without.
+    """
+
+    steps: NDArray[Any]
+    factors: Float32Array | None
+
+
+def begin_noise(
+    shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int
+) -> Callable[[], RecipeNoise]:
+    """Have a frame's noise drawn by another thread; the result, called once, waits for it.
+
+    Parameters
+    ----------
+    shape : (H, W) or (H, W, bands) of the picture.
+    """
+    if sensor.detector is not None or int(np.prod(shape)) < LEAST_AHEAD:
+        return lambda: draw_noise(shape, sensor, seed, frame_index)
+    return _thread(os.getpid()).submit(draw_noise, shape, sensor, seed, frame_index).result
+
+
+@lru_cache(maxsize=1)
+def _thread(_process: int) -> ThreadPoolExecutor:
+    """One thread that waits for work. A forked process needs its own."""
+    return ThreadPoolExecutor(1, thread_name_prefix="flyaround-noise")
+
+
+def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int) -> RecipeNoise:
+    """The noise of one picture, of a recipe and not of a detector in electrons."""
+    size = shape[0], int(np.prod(shape[1:]))
+    factors = None
+    if sensor.speckle_variance > 0:
+        half_width = float(np.sqrt(3 * sensor.speckle_variance))
+        factors = uniform_factors(size, half_width, bit_source(seed, frame_index, _SPECKLE_KEY))
+    arithmetic = arithmetic_of(sensor)
+    half = 0.5 * arithmetic.steps_per_dn
+    if sensor.gaussian_variance <= 0:
+        return RecipeNoise(np.full((1, 1), half, arithmetic.dtype), factors)
+    first, second = normal_tables(arithmetic.sigma_dn * arithmetic.steps_per_dn, arithmetic.dtype)
+    drawn = random_bytes(bit_source(seed, frame_index, _ADDITIVE_KEY), (2, *size))
+    return RecipeNoise(_looked_up(drawn, first + first.dtype.type(half), second), factors)
+
+
+def _looked_up(drawn: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+    """Sums of two tables' entries for bytes (2, rows, columns); in strips that OpenCV keeps to this thread.
+
+    Its pool of threads spins while it waits, and takes the processors from the driver, which is drawing.
+    """
+    steps = np.empty(drawn.shape[1:], first.dtype)
+    rows = max(_STRIP_VALUES // max(drawn.shape[2], 1), 1)
+    for top in range(0, len(steps), rows):
+        strip = slice(top, top + rows)
+        cv2.LUT(drawn[0, strip], first, dst=steps[strip])
+        steps[strip] += cv2.LUT(drawn[1, strip], second)
+    return steps

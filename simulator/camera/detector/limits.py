@@ -1,0 +1,168 @@
+"""Whether a sensor and its optics can be: every number finite and within what it means."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.camera.detector.sunlight import along, limits_nm
+
+if TYPE_CHECKING:
+    from simulator.camera.detector.optics import Optics
+    from simulator.camera.detector.sensor import Detector, Sensor
+    from simulator.camera.detector.sunlight import Curve
+
+LARGEST_KERNEL = 63
+KERNEL_SUM_ERROR = 1e-3
+LARGEST_DARK_E_S = 1e9
+
+# field: smallest and largest value
+_OPTICS = {
+    "f_number": (0.5, 64.0),
+    "transmission": (1e-6, 1.0),
+    "wavelength_m": (200e-9, 2000e-9),
+    "psf_sigma_px": (0.0, 10.0),
+    "focus_distance_m": (0.0, 1e6),
+    "mechanical_vignetting": (0.0, 10.0),
+    "rim_radius": (0.1, 10.0),
+    "veiling_glare_sr": (0.0, 1.0),
+    "glare_limit_deg": (0.0, 180.0),
+}
+_DETECTOR = {
+    "full_well_e": (1.0, 1e9),
+    "gain_e_per_dn": (1e-4, 1e6),
+    "black_level_dn": (0.0, 60_000.0),
+    "read_noise_e": (0.0, 1e5),
+    "row_noise_e": (0.0, 1e5),
+    "column_noise_e": (0.0, 1e5),
+    "dark_current_e_s": (0.0, 1e9),
+    "dark_reference_c": (-273.0, 200.0),
+    "dark_doubling_c": (1.0, 100.0),
+    "temperature_c": (-273.0, 200.0),
+    "dsnu_e": (0.0, 1e6),
+    "dark_nonuniformity": (0.0, 1.0),
+    "prnu": (0.0, 0.5),
+    "hot_pixel_share": (0.0, 1.0),
+    "hot_pixel_e_s": (0.0, 1e9),
+    "dead_pixel_share": (0.0, 1.0),
+    "blooming": (0.0, 1.0),
+    "cosmic_rays_cm2_s": (0.0, 1e6),
+    "layer_m": (1e-7, 1e-3),
+    "binning": (1, 16),
+    "roi_x0_px": (0, 65_535),
+    "roi_y0_px": (0, 65_535),
+    "serial": (0, 2**31 - 1),
+}
+
+
+def optics_problem(optics: Optics) -> str | None:
+    """What is wrong with the optics: field, value and what is allowed; None when nothing is."""
+    problem = _out_of_range(optics, _OPTICS, "optics") or _curve_problem(
+        optics.transmission_curve, "optics.transmission_curve"
+    )
+    if problem is not None or optics.psf != "kernel":
+        return problem
+    if len({len(row) for row in optics.kernel}) != 1:
+        return "optics.kernel is empty or has rows of different lengths, allowed: a table of numbers"
+    kernel = np.array(optics.kernel, float)
+    if (
+        kernel.size == 0
+        or kernel.shape[0] % 2 == 0
+        or kernel.shape[1] % 2 == 0
+        or max(kernel.shape) > LARGEST_KERNEL
+    ):
+        return (
+            f"optics.kernel is {kernel.shape[0]} x {kernel.shape[-1]}, allowed: odd numbers of rows and columns up to "
+            f"{LARGEST_KERNEL}, so that there is a middle"
+        )
+    if not np.isfinite(kernel).all() or kernel.min() < 0:
+        return "optics.kernel has a value that is negative or not finite: light is neither"
+    if abs(kernel.sum() - 1) > KERNEL_SUM_ERROR:
+        return f"optics.kernel sums to {kernel.sum():.6g}, allowed: 1 within {KERNEL_SUM_ERROR:g}; divide it by its sum"
+    return None
+
+
+def sensor_problem(sensor: Sensor) -> str | None:
+    """What is wrong with the sensor: field, value and what is allowed; None when nothing is."""
+    ranges = {
+        "full_scale_j_m2_sr": (1e-12, 1e6),
+        "blur_sigma_px": (0.0, 10.0),
+        "speckle_variance": (0.0, 1.0),
+        "gaussian_variance": (0.0, 1.0),
+        "bits": (8, 16),
+        "pixel_pitch_x_m": (1e-7, 1e-3),
+        "pixel_pitch_y_m": (1e-7, 1e-3),
+    }
+    problem = _out_of_range(sensor, ranges, "sensor")
+    if problem is not None or sensor.detector is None:
+        return problem
+    d = sensor.detector
+    problem = _out_of_range(d, _DETECTOR, "sensor.detector")
+    if problem is not None:
+        return problem
+    if len(d.quantum_efficiency) not in {1, 3} or not all(0 < q <= 1 for q in d.quantum_efficiency):
+        return (
+            f"sensor.detector.quantum_efficiency is {list(d.quantum_efficiency)}, allowed: one number above 0 and up "
+            "to 1, or three for red, green and blue"
+        )
+    problem = _curve_problem(d.quantum_efficiency_curve, "sensor.detector.quantum_efficiency_curve")
+    if problem is not None:
+        return problem
+    try:
+        heated = d.dark_e_s
+    except OverflowError:
+        heated = float("inf")
+    if heated > LARGEST_DARK_E_S:
+        return (
+            f"sensor.detector.dark_current_e_s is {heated:.3g} at {d.temperature_c:g} deg C, doubling every "
+            f"{d.dark_doubling_c:g} K; allowed: up to {LARGEST_DARK_E_S:g} at the temperature given"
+        )
+    if d.black_level_dn >= 2**sensor.bits - 1:
+        return (
+            f"sensor.detector.black_level_dn is {d.black_level_dn:g}, allowed: less than the full scale of "
+            f"{2**sensor.bits - 1} at {sensor.bits} bits"
+        )
+    return None
+
+
+def response_problem(sensor: Sensor, optics: Optics, bands: int) -> str | None:
+    """Which of one or three bands the detector and the glass leave without any light; None when there is none."""
+    d = sensor.detector
+    if d is None:
+        return None
+    for low, high in limits_nm(bands):
+        wavelength_nm = np.arange(low, high) + 0.5
+        response = along(d.quantum_efficiency_curve, wavelength_nm, 1.0)
+        if not (response * along(optics.transmission_curve, wavelength_nm, 1.0)).any():
+            return (
+                "sensor.detector.quantum_efficiency_curve and optics.transmission_curve leave no light between "
+                f"{low:g} and {high:g} nm, allowed: some in every band of the picture"
+            )
+    return None
+
+
+def _curve_problem(curve: Curve, name: str) -> str | None:
+    if not curve:
+        return None
+    table = np.array(curve, float)
+    if len(table) < 2 or not (np.diff(table[:, 0]) > 0).all():
+        return f"{name} has {len(table)} points, allowed: two or more, their wavelengths ascending"
+    low, high = _OPTICS["wavelength_m"]
+    if not ((table[:, 0] >= low) & (table[:, 0] <= high)).all():
+        return f"{name} has a wavelength outside {low * 1e9:g} to {high * 1e9:g} nm"
+    if not ((table[:, 1] >= 0) & (table[:, 1] <= 1)).all():
+        return f"{name} has a share outside 0 to 1"
+    return None
+
+
+def _out_of_range(
+    what: Optics | Detector | Sensor, ranges: dict[str, tuple[float, float]], name: str
+) -> str | None:
+    present = {f.name for f in fields(what)}
+    for key, (low, high) in ranges.items():
+        value = getattr(what, key)
+        if key in present and not low <= value <= high:  # NaN fails too
+            return f"{name}.{key} is {value:g}, allowed: {low:g} to {high:g}"
+    return None

@@ -1,0 +1,74 @@
+"""What the lens does to the light besides bending it: aperture, transmission, vignetting, blur, glare."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from simulator.camera.detector.sensor import Sensor
+    from simulator.camera.lens.camera_model import Camera
+
+PsfKind = Literal["none", "gaussian", "airy", "kernel"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Optics:
+    """The lens. The defaults are a perfect one: what blur there is comes from the sensor's recipe.
+
+    Parameters
+    ----------
+    f_number : focal length over the diameter of the aperture.
+    transmission : share of the light that the glass lets through.
+    transmission_curve : a filter before it, (wavelength [m], share) in ascending order, straight between and nothing
+        beyond; empty for none. ``transmission`` comes on top.
+    wavelength_m : at which light is diffracted; the middle of the band. It has no part in the amount of light.
+    psf : ``none``; ``gaussian`` of ``psf_sigma_px``; ``airy`` diffraction of the f-number, widened by
+        ``psf_sigma_px`` of aberrations; ``kernel`` as measured. The sensor recipe's own blur comes on top.
+    psf_sigma_px : standard deviation of the Gaussian part [px].
+    kernel : measured PSF, odd number of rows and columns, one value per pixel; its sum is one.
+    focus_distance_m : what is in focus; 0 means infinity. Where ``defocus`` is on, the picture is blurred by the disc
+        that belongs to the target's distance.
+    natural_vignetting : share that reaches a pixel falls as cos^4 of the angle from the axis.
+    mechanical_vignetting : shift of the rear rim's shadow across the aperture, in aperture radii at 45 degrees from
+        the axis; 0 for none. ``rim_radius`` is that rim's radius in aperture radii.
+    veiling_glare_sr : light of the Sun scattered into the picture, radiance over irradiance at one degree from the
+        Sun [sr-1]; it falls with the square of the angle. 0 for none.
+    glare_limit_deg : Sun's angle from the boresight beyond which the baffle keeps it out.
+    """
+
+    f_number: float = 4.0
+    transmission: float = 1.0
+    transmission_curve: tuple[tuple[float, float], ...] = ()
+    wavelength_m: float = 550e-9
+    psf: PsfKind = "none"
+    psf_sigma_px: float = 0.0
+    kernel: tuple[tuple[float, ...], ...] = ()
+    defocus: bool = False
+    focus_distance_m: float = 0.0
+    natural_vignetting: bool = False
+    mechanical_vignetting: float = 0.0
+    rim_radius: float = 1.2
+    veiling_glare_sr: float = 0.0
+    glare_limit_deg: float = 60.0
+
+    def focal_length_m(self, camera: Camera, sensor: Sensor) -> float:
+        """Focal length from the intrinsics and the pixel's pitch [m]."""
+        return camera.fx_px * sensor.pixel_pitch_x_m
+
+    def defocus_diameter_px(self, camera: Camera, sensor: Sensor, distance_m: float) -> float:
+        """Diameter of the blur disc of a point at a distance [px].
+
+        The lens of focal length f and aperture D = f / N, focused at s, puts a point at d out of focus by
+        D f |d - s| / (d (s - f)); for s at infinity D f / d.
+        """
+        if not self.defocus:
+            return 0.0
+        f = self.focal_length_m(camera, sensor)
+        aperture = f / self.f_number
+        if self.focus_distance_m <= 0:
+            disc = aperture * f / distance_m
+        else:
+            s = self.focus_distance_m
+            disc = aperture * f * abs(distance_m - s) / (distance_m * (s - f))
+        return float(disc / sensor.pixel_pitch_x_m)

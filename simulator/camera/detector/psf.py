@@ -1,0 +1,310 @@
+"""The point spread function as the kernel of a convolution on the image's pixels.
+
+The renderer gives each pixel the mean over its area, so the kernel is that of the optics alone. It is made in the
+frequency domain: up to the image's Nyquist frequency its transfer function is the optics', whatever the width.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from scipy.optimize import nnls
+from scipy.special import j1
+
+from simulator.camera.detector.psf_pyramid import Pyramid, fit_kernel, fit_pyramid
+from simulator.runtime.threads import pieces_of, share_out
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.camera.detector.optics import Optics
+    from simulator.camera.detector.sensor import Sensor
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.runtime.arrays import Float32Array, FloatArray
+
+_GRID = 128  # frequencies per axis; kernels reach half as far
+_KEPT_ENERGY = 0.999
+_NARROW_PX2 = 0.8
+_PYRAMID_ERROR = 0.02
+_KERNEL_ERROR, _SMALL_KERNEL = 0.01, 9
+_WIDEST_DISC_PX = 2.0
+_SEEN = 0.45  # cycles per pixel; at Nyquist itself every kernel without negative taps is off
+_CHECKED = np.linspace(0, 0.5, 26)
+LARGEST_KERNEL = 63
+_ONE_THREAD_VALUES = 1 << 19  # so few OpenCV does not share out
+_PIECE_VALUES = 1 << 18  # stay in a processor's cache
+_WORTH_TWO = 3 << 19
+
+
+def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
+    """Transfer function of a clear round aperture without aberrations.
+
+    Parameters
+    ----------
+    frequency, cutoff : in the same unit; the cutoff is 1 / (wavelength x f-number).
+
+    References
+    ----------
+    Goodman (2005), Introduction to Fourier optics, eq. 6-31.
+    """
+    v = np.clip(np.abs(frequency) / cutoff, 0, 1)
+    return np.asarray(2 / np.pi * (np.arccos(v) - v * np.sqrt(1 - v * v)))
+
+
+def disc_mtf(frequency: FloatArray, diameter: float) -> FloatArray:
+    """Transfer function of an even blur disc (defocus in geometrical optics)."""
+    x = np.pi * np.abs(frequency) * diameter
+    return np.asarray(np.where(x < 1e-6, 1.0, 2 * j1(np.maximum(x, 1e-6)) / np.maximum(x, 1e-6)))
+
+
+def optics_mtf(
+    frequency_x: FloatArray, frequency_y: FloatArray, optics: Optics, sensor: Sensor, disc_px: float = 0.0
+) -> FloatArray:
+    """Transfer function of the optics without a measured kernel; frequencies in cycles per pixel.
+
+    Parameters
+    ----------
+    disc_px : diameter of the blur disc of defocus, in pixels across; the disc is round on the detector.
+    """
+    f = np.hypot(frequency_x, frequency_y)
+    out = np.exp(-2 * (np.pi * f) ** 2 * gaussian_variance_px2(optics, sensor))
+    on_detector = np.hypot(frequency_x, frequency_y * (sensor.pixel_pitch_x_m / sensor.pixel_pitch_y_m))
+    if optics.psf == "airy":
+        per_m = np.hypot(frequency_x / sensor.pixel_pitch_x_m, frequency_y / sensor.pixel_pitch_y_m)
+        out = out * diffraction_mtf(per_m, 1 / (optics.wavelength_m * optics.f_number))
+    return np.asarray(out * disc_mtf(on_detector, disc_px))
+
+
+def gaussian_variance_px2(optics: Optics, sensor: Sensor) -> float:
+    """Variance of the Gaussian parts of the blur [px2]: the recipe's and the optics'."""
+    own = optics.psf_sigma_px if optics.psf in {"gaussian", "airy"} else 0.0
+    return sensor.blur_sigma_px**2 + own**2
+
+
+@lru_cache(maxsize=64)
+def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | None:
+    """(n, n) kernel whose sum is one, or None where a Gaussian alone (or nothing) will do.
+
+    Parameters
+    ----------
+    disc_px : diameter of the blur disc of defocus, rounded by the caller so that kernels are used again.
+    """
+    if optics.psf != "airy" and disc_px <= 0:
+        return np.array(optics.kernel) if optics.psf == "kernel" else None
+    f = np.fft.fftfreq(_GRID)
+    fx, fy = np.meshgrid(f, f)
+    kernel = np.fft.fftshift(np.fft.ifft2(optics_mtf(fx, fy, optics, sensor, disc_px)).real)
+    # a cut-off at Nyquist rings; light is never negative, and a disc has a rim
+    kernel = np.maximum(kernel, 0)
+    if optics.psf != "airy":
+        x, y = np.meshgrid(*[np.arange(_GRID) - _GRID // 2] * 2)
+        beyond = np.hypot(x, y * (sensor.pixel_pitch_y_m / sensor.pixel_pitch_x_m)) - disc_px / 2
+        kernel[beyond > 1 + 4 * np.sqrt(gaussian_variance_px2(optics, sensor))] = 0
+    kernel /= kernel.sum()
+    middle = _GRID // 2
+    for reach in range(1, LARGEST_KERNEL // 2 + 1):
+        part = kernel[middle - reach : middle + reach + 1, middle - reach : middle + reach + 1]
+        if part.sum() >= _KEPT_ENERGY:
+            break
+    else:
+        # wings that go on are let fade in a circle: round the Sun's disc a square's edge would show
+        at = np.arange(-reach, reach + 1) / (reach + 0.5)
+        part = part * (0.5 + 0.5 * np.cos(np.pi * np.clip(np.hypot(at, at[:, None]) * 2 - 1, 0, 1)))
+    part = part / part.sum()
+    if optics.psf == "kernel":
+        part = _joined(part, np.array(optics.kernel))
+    return np.asarray(part)
+
+
+@lru_cache(maxsize=64)
+def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | None:
+    """Diffraction as a pyramid: a quarter of the kernel's cost; None where it is too coarse, as for a wide disc's rim.
+
+    It is used where its transfer function is within `_PYRAMID_ERROR` of the optics', or not further off than the
+    kernel's own, up to `_SEEN`.
+    """
+    if disc_px > _WIDEST_DISC_PX or (optics.psf not in {"airy", "kernel"} and disc_px <= 0):
+        return None
+    if optics.psf == "kernel":
+        return _kernel_pyramid(optics, sensor, disc_px)
+    per_px = optics.wavelength_m * optics.f_number / sensor.pixel_pitch_x_m
+    found = fit_pyramid(
+        lambda fx, fy: optics_mtf(fx, fy, optics, sensor, disc_px),
+        round_=sensor.pixel_pitch_x_m == sensor.pixel_pitch_y_m,
+        # mean intensity of the rings: the light beyond r is 2 per_px / (pi^2 r)
+        wing_px=per_px / np.pi**3 if optics.psf == "airy" and disc_px <= 0 else 0.0,
+    )
+    fx, fy = np.meshgrid(_CHECKED, _CHECKED)
+    ideal = optics_mtf(fx, fy, optics, sensor, disc_px)
+    seen = np.hypot(fx, fy) <= _SEEN
+    error = float(np.abs(found.transfer(fx, fy) - ideal)[seen].max())
+    if error > _PYRAMID_ERROR:
+        kernel = psf_kernel(optics, sensor, disc_px)
+        if kernel is not None and error > np.abs(kernel_transfer(kernel, fx, fy) - ideal)[seen].max():
+            return None
+    return found
+
+
+def _kernel_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | None:
+    """A measured kernel as a pyramid, where that is cheaper and within `_KERNEL_ERROR` at every frequency."""
+    kernel = psf_kernel(optics, sensor, disc_px)
+    if kernel is None or max(kernel.shape) <= _SMALL_KERNEL:
+        return None
+    found = fit_kernel(kernel)
+    fx, fy = np.meshgrid(_CHECKED, np.concatenate([-_CHECKED[:0:-1], _CHECKED]))
+    error = np.abs(found.transfer(fx, fy) - kernel_transfer(kernel, fx, fy)).max()
+    return found if error <= _KERNEL_ERROR else None
+
+
+def kernel_transfer(
+    kernel: FloatArray, frequency_x: FloatArray, frequency_y: FloatArray
+) -> NDArray[np.complex128]:
+    """Transfer function of a kernel."""
+    rows, columns = (np.arange(n) - n // 2 for n in kernel.shape)
+    wave_x = np.exp(-2j * np.pi * frequency_x[..., None] * columns)
+    wave_y = np.exp(-2j * np.pi * frequency_y[..., None] * rows)
+    return np.asarray(np.einsum("...i,ij,...j->...", wave_y, kernel, wave_x))
+
+
+def used_mtf(
+    frequency_x: FloatArray, frequency_y: FloatArray, optics: Optics, sensor: Sensor, disc_px: float = 0.0
+) -> FloatArray:
+    """Transfer function of the blur as it is carried out; `optics_mtf` is that of the optics."""
+    pyramid, kernel = psf_pyramid(optics, sensor, disc_px), psf_kernel(optics, sensor, disc_px)
+    out = np.ones(np.shape(frequency_x), complex)
+    if pyramid is not None:
+        out = pyramid.transfer(frequency_x, frequency_y)
+    elif kernel is not None:
+        out = kernel_transfer(kernel, frequency_x, frequency_y)
+    sigma = _gaussian_on_top_px(optics, sensor, disc_px)
+    if sigma > 0:
+        taps = gaussian_taps(sigma)[None].astype(float)
+        zero = np.zeros(np.shape(frequency_x))
+        out = out * kernel_transfer(taps, frequency_x, zero) * kernel_transfer(taps, frequency_y, zero)
+    return np.asarray(np.abs(out))
+
+
+def _gaussian_on_top_px(optics: Optics, sensor: Sensor, disc_px: float) -> float:
+    """Standard deviation of the Gaussian that is not in the kernel [px]."""
+    inside = optics.psf == "airy" or disc_px > 0
+    return 0.0 if inside else float(np.sqrt(gaussian_variance_px2(optics, sensor)))
+
+
+@lru_cache(maxsize=64)
+def gaussian_taps(sigma_px: float) -> Float32Array:
+    """(2 n + 1,) taps along one axis, n three sigma, as in the public recipe's 7 taps for one pixel.
+
+    A narrow Gaussian taken at whole pixels would be another: its taps are those without negative ones whose transfer
+    function is nearest.
+    """
+    reach = max(int(np.ceil(3 * sigma_px)), 1)
+    if sigma_px**2 >= _NARROW_PX2:
+        return np.asarray(cv2.getGaussianKernel(2 * reach + 1, sigma_px, cv2.CV_32F)[:, 0], np.float32)
+    waves = np.cos(2 * np.pi * np.outer(_CHECKED, np.arange(reach + 1)))
+    wanted = np.exp(-2 * (np.pi * _CHECKED * sigma_px) ** 2)
+    half, _ = nnls(waves, wanted)
+    taps = np.concatenate([half[:0:-1] / 2, half[:1], half[1:] / 2])
+    return np.asarray(taps / taps.sum(), np.float32)
+
+
+def _joined(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Convolution of two kernels at full size."""
+    shape = [n + m - 1 for n, m in zip(a.shape, b.shape, strict=True)]
+    return np.asarray(np.fft.irfft2(np.fft.rfft2(a, shape) * np.fft.rfft2(b, shape), shape))
+
+
+def blur(
+    image: Float32Array, optics: Optics, sensor: Sensor, disc_px: float, gain: float | Float32Array
+) -> Float32Array:
+    """The image through the point spread function, times ``gain`` (one a band); its border is repeated outwards."""
+    pyramid = psf_pyramid(optics, sensor, disc_px)
+    kernel = psf_kernel(optics, sensor, disc_px)
+    sigma = _gaussian_on_top_px(optics, sensor, disc_px)
+    if isinstance(gain, np.ndarray):
+        if pyramid is None and kernel is None and sigma > 0:
+            return gaussian_blur(image, sigma, gain)
+        image, gain = scaled(image, gain), 1.0
+    if pyramid is not None:
+        image, gain = pyramid.blur(image, gain), 1.0
+    elif kernel is not None:
+        # OpenCV's filter2D correlates: the kernel is turned round
+        taps = np.ascontiguousarray(kernel[::-1, ::-1] * gain, np.float32)
+        image = np.asarray(cv2.filter2D(image, cv2.CV_32F, taps, borderType=cv2.BORDER_REPLICATE))
+        gain = 1.0
+    if sigma > 0:
+        return gaussian_blur(image, sigma, gain)
+    return image if gain == 1.0 else np.asarray(image * np.float32(gain), np.float32)
+
+
+def scaled(image: Float32Array, gain: Float32Array) -> Float32Array:
+    """Rows (K, W, n) of a picture, each band times its gain (n,): whole pixels, as numpy is slow on three at a time."""
+    by_value = np.tile(gain, image.shape[1])
+    return np.asarray(image.reshape(len(image), -1) * by_value, np.float32).reshape(image.shape)
+
+
+def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Array) -> Float32Array:
+    """A Gaussian blur times ``gain``, in pieces of rows, so that OpenCV leaves its threads alone.
+
+    They spin for two milliseconds after it, while the driver is to draw the next frame. A picture of more than a
+    megapixel is shared out between two threads of Python; beside one, another draws the noise.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, n). gain : a number, or (n,) one a band, by which the picture is multiplied first.
+    """
+    taps = gaussian_taps(sigma_px)
+    if isinstance(gain, np.ndarray):
+        return _blurred_in_pieces(image, taps, taps, np.tile(gain, image.shape[1]))
+    down = (taps * np.float32(gain)).astype(np.float32)
+    if image.size >= _WORTH_TWO:
+        return _blurred_in_pieces(image, taps, down, None)
+    reach = len(taps) // 2
+    rows = max(_ONE_THREAD_VALUES // max(image[0].size, 1), len(taps))
+    out = np.empty(image.shape, np.float32)
+    for first in range(0, len(image), rows):
+        # rows at a cut come out wrong, as if the picture ended there: those above are kept, those below made again
+        above, end = max(first - reach, 0), min(first + rows + reach, len(image))
+        kept = out[above:first].copy()
+        cv2.sepFilter2D(
+            image[above:end], cv2.CV_32F, taps, down, dst=out[above:end], borderType=cv2.BORDER_REPLICATE
+        )
+        out[above:first] = kept
+    return out
+
+
+def _blurred_in_pieces(
+    image: Float32Array, across: Float32Array, down: Float32Array, by_value: Float32Array | None
+) -> Float32Array:
+    """`gaussian_blur` by taps along rows and columns, shared out; by_value: (W n,) factors of a row, if any."""
+    reach, height = len(across) // 2, len(image)
+    pieces = pieces_of(height, image.size // _PIECE_VALUES)
+    shape = (max(end - first for first, end in pieces) + 2 * reach, *image.shape[1:])
+    scratch: list[Float32Array] = []  # kept from piece to piece: new memory takes longer than the work on it
+    out = np.empty(image.shape, np.float32)
+
+    def blur_rows(first: int, end: int) -> None:
+        above, below = max(first - reach, 0), min(end + reach, height)
+        try:
+            both = scratch.pop()
+        except IndexError:
+            both = np.empty((2, *shape), np.float32)
+        made, piece = both[0, : below - above], image[above:below]
+        if by_value is not None:
+            lit = both[1, : below - above]
+            np.multiply(piece.reshape(len(piece), -1), by_value, out=lit.reshape(len(lit), -1))
+            piece = lit
+        cv2.sepFilter2D(piece, cv2.CV_32F, across, down, dst=made, borderType=cv2.BORDER_REPLICATE)
+        out[first:end] = made[first - above : end - above]
+        scratch.append(both)
+
+    share_out(pieces, blur_rows)
+    return out
+
+
+def defocus_px(camera: Camera, optics: Optics, sensor: Sensor, distance_m: float) -> float:
+    """Diameter of the blur disc at a distance, to a twentieth of a pixel; less than half a pixel is none [px]."""
+    disc = optics.defocus_diameter_px(camera, sensor, distance_m)
+    return 0.0 if disc < 0.5 else round(disc * 20) / 20

@@ -1,0 +1,120 @@
+"""What reaches a pixel of the light of its direction (vignetting), and what light strays there (veiling glare)."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from simulator.camera.detector.optics import Optics
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.runtime.arrays import Float32Array, FloatArray
+
+_STEP_PX = 16
+_NEAR_PX = 128
+_CORE_DEG = 0.3  # nearer to the Sun than its own disc the glare is part of the picture of the disc
+
+
+@lru_cache(maxsize=4)
+def vignetting(camera: Camera, optics: Optics) -> Float32Array | None:
+    """(H, W) share of the light that reaches each pixel, or None for all of it.
+
+    cos^4 of the angle from the axis; and the aperture as a unit disc, part of which a rear rim (a disc of
+    ``rim_radius``) hides when it is seen from an angle: their centres are ``mechanical_vignetting`` x tan(angle) apart.
+    """
+    if not optics.natural_vignetting and optics.mechanical_vignetting <= 0:
+        return None
+    rays = _coarse_rays(camera)
+    cosine = rays[..., 2]
+    share = np.ones(cosine.shape)
+    if optics.natural_vignetting:
+        share *= cosine**4
+    if optics.mechanical_vignetting > 0:
+        shift = optics.mechanical_vignetting * np.sqrt(1 - cosine**2) / cosine
+        share *= common_area(shift, 1.0, optics.rim_radius) / common_area(np.zeros(1), 1.0, optics.rim_radius)
+    return _fine(camera, share)
+
+
+def common_area(distance: FloatArray, a: float, b: float) -> FloatArray:
+    """Area that two discs of radii ``a`` and ``b`` share."""
+    d = np.clip(distance, abs(a - b) + 1e-12, a + b - 1e-12)
+    at_a = np.arccos(np.clip((d * d + a * a - b * b) / (2 * d * a), -1, 1))
+    at_b = np.arccos(np.clip((d * d + b * b - a * a) / (2 * d * b), -1, 1))
+    lens = a * a * (at_a - np.sin(2 * at_a) / 2) + b * b * (at_b - np.sin(2 * at_b) / 2)
+    whole = np.pi * min(a, b) ** 2
+    return np.asarray(np.where(distance <= abs(a - b), whole, np.where(distance >= a + b, 0.0, lens)))
+
+
+def veiling_glare(
+    camera: Camera, optics: Optics, sun_direction: FloatArray, sun_irradiance_w_m2: FloatArray
+) -> Float32Array | None:
+    """(H, W) or (H, W, n) radiance that the Sun scatters into the picture [W m-2 sr-1], or None.
+
+    Parameters
+    ----------
+    sun_direction : unit vector, camera frame. sun_irradiance_w_m2 : per band; what is hidden of the Sun taken off.
+
+    References
+    ----------
+    Vos (1984), Disability glare: the law of the inverse square of the angle (Stiles-Holladay), here for a lens.
+    """
+    off_axis = np.rad2deg(np.arccos(np.clip(sun_direction[2], -1, 1)))
+    if (
+        optics.veiling_glare_sr <= 0
+        or off_axis > optics.glare_limit_deg
+        or not np.any(sun_irradiance_w_m2 > 0)
+    ):
+        return None
+    # the square of the angle is smooth everywhere; what falls with it is not, near the Sun
+    field = _fine(camera, _square_deg2(_coarse_rays(camera), sun_direction))
+    patch = _around(camera, sun_direction)
+    if patch is not None:
+        # single precision on the grid is not enough for the smallest angles
+        y, x = np.meshgrid(*(np.arange(s.start, s.stop) for s in patch), indexing="ij")
+        field[patch] = _square_deg2(camera.rays(np.stack([x, y], axis=-1)), sun_direction)
+    field = np.asarray(optics.veiling_glare_sr / np.maximum(field, np.float32(_CORE_DEG**2)), np.float32)
+    irradiance = np.asarray(sun_irradiance_w_m2, np.float32)
+    return field * irradiance[0] if irradiance.size == 1 else field[..., None] * irradiance
+
+
+def _square_deg2(rays: FloatArray, sun_direction: FloatArray) -> FloatArray:
+    """Square of the angle from the Sun [deg2]."""
+    return np.asarray(np.rad2deg(np.arccos(np.clip(rays @ sun_direction, -1, 1))) ** 2)
+
+
+def _around(camera: Camera, direction: FloatArray) -> tuple[slice, slice] | None:
+    """Rows and columns of the image near a direction; None where there are none."""
+    if direction[2] <= 0:
+        return None
+    x, y = camera.project(direction)
+    if not np.isfinite([x, y]).all():
+        return None
+    rows = slice(max(int(y) - _NEAR_PX, 0), min(int(y) + _NEAR_PX, camera.height_px))
+    columns = slice(max(int(x) - _NEAR_PX, 0), min(int(x) + _NEAR_PX, camera.width_px))
+    return (rows, columns) if rows.start < rows.stop and columns.start < columns.stop else None
+
+
+def _coarse_rays(camera: Camera) -> FloatArray:
+    """Rays of a grid of points from corner to corner of the image."""
+    columns, rows = (-(-n // _STEP_PX) + 1 for n in (camera.width_px, camera.height_px))
+    x, y = np.meshgrid(
+        np.linspace(0, camera.width_px - 1, columns), np.linspace(0, camera.height_px - 1, rows)
+    )
+    return camera.rays(np.stack([x, y], axis=-1))
+
+
+def _fine(camera: Camera, coarse: FloatArray) -> Float32Array:
+    """The grid's values at every pixel, by cubic splines."""
+    down, across = _weights(coarse.shape[0], camera.height_px), _weights(coarse.shape[1], camera.width_px)
+    return np.asarray(down @ (coarse.astype(np.float32) @ across.T), np.float32)
+
+
+@lru_cache(maxsize=8)
+def _weights(nodes: int, count: int) -> Float32Array:
+    """(count, nodes) share of each node of an even grid in points between its ends."""
+    from scipy.interpolate import make_interp_spline  # noqa: PLC0415 - slow to import, and few cameras shade
+
+    spline = make_interp_spline(np.linspace(0, 1, nodes), np.eye(nodes), k=min(3, nodes - 1))
+    return np.asarray(spline(np.linspace(0, 1, count)), np.float32)

@@ -1,0 +1,84 @@
+"""Sunlight in the camera's bands, and electrons per joule of it: spectrum, glass and quantum efficiency."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.camera.detector.optics import Optics
+    from simulator.camera.detector.sensor import Detector
+    from simulator.runtime.arrays import FloatArray
+
+PLANCK_J_S, LIGHT_M_S = 6.62607015e-34, 299_792_458.0
+
+MONO_BAND_NM = (450.0, 750.0)
+"""Limits of the panchromatic band."""
+RGB_BANDS_NM = ((600.0, 700.0), (500.0, 600.0), (400.0, 500.0))
+"""Limits of red, green and blue: thirds of 400 to 700 nm."""
+
+Curve = tuple[tuple[float, float], ...]
+"""A share by wavelength: (wavelength [m], share), straight between its points and nothing beyond its ends."""
+
+# Extraterrestrial solar spectral irradiance at 1 au, mean of each 50 nm interval from 400 nm [W m-2 nm-1].
+# ASTM G173-03 (2012), Reference solar spectral irradiances, column "etr".
+_SPECTRUM_START_NM, _SPECTRUM_STEP_NM = 400.0, 50.0
+_SPECTRUM_W_M2_NM = np.array([1.734, 1.994, 1.872, 1.823, 1.677, 1.502, 1.343])
+
+
+def limits_nm(bands: int) -> tuple[tuple[float, float], ...]:
+    """Lower and upper limit of each of one or three bands [nm]."""
+    return (MONO_BAND_NM,) if bands == 1 else RGB_BANDS_NM
+
+
+def sun_irradiance_between_w_m2(low_nm: float, high_nm: float) -> float:
+    """Solar irradiance between two wavelengths of 400 to 750 nm at 1 au, normal incidence [W m-2]."""
+    edges = _SPECTRUM_START_NM + _SPECTRUM_STEP_NM * np.arange(len(_SPECTRUM_W_M2_NM) + 1)
+    overlap = np.clip(np.minimum(edges[1:], high_nm) - np.maximum(edges[:-1], low_nm), 0, None)
+    return float(overlap @ _SPECTRUM_W_M2_NM)
+
+
+def electrons_per_joule(detector: Detector, optics: Optics, bands: int) -> FloatArray:
+    """Electrons per joule of sunlight before the lens, for each band (n,) [e J-1].
+
+    The integral over the band of spectral irradiance, transmission, quantum efficiency and wavelength, over h c times
+    that of spectral irradiance. Light of another colour is counted with the Sun's photons.
+    """
+    return np.array(
+        _electrons_per_joule(
+            detector.quantum_efficiency,
+            detector.quantum_efficiency_curve,
+            optics.transmission,
+            optics.transmission_curve,
+            bands,
+        )
+    )
+
+
+@lru_cache(maxsize=32)
+def _electrons_per_joule(
+    efficiency: tuple[float, ...], efficiency_curve: Curve, share: float, share_curve: Curve, bands: int
+) -> tuple[float, ...]:
+    limits = limits_nm(bands)
+    each = [float(np.mean(efficiency))] if bands == 1 else np.resize(np.array(efficiency), bands)
+    out = []
+    for (low_nm, high_nm), number in zip(limits, each, strict=True):
+        wavelength_nm = np.arange(low_nm, high_nm) + 0.5
+        spectrum = _SPECTRUM_W_M2_NM[((wavelength_nm - _SPECTRUM_START_NM) // _SPECTRUM_STEP_NM).astype(int)]
+        response = along(efficiency_curve, wavelength_nm, number)
+        through = share * along(share_curve, wavelength_nm, 1.0)
+        photons = spectrum * wavelength_nm * 1e-9 / (PLANCK_J_S * LIGHT_M_S)
+        out.append(float(photons @ (response * through) / spectrum.sum()))
+    return tuple(out)
+
+
+def along(curve: Sequence[tuple[float, float]], wavelength_nm: FloatArray, otherwise: float) -> FloatArray:
+    """A curve at wavelengths (K,), nothing beyond its ends; ``otherwise`` where there is no curve."""
+    if not curve:
+        return np.full(len(wavelength_nm), otherwise)
+    at_m, share = np.array(curve).T
+    return np.asarray(np.interp(wavelength_nm * 1e-9, at_m, share, left=0.0, right=0.0))

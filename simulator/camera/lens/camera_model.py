@@ -1,0 +1,182 @@
+"""A camera's geometry: intrinsics and lens, projection and its inverse in OpenCV's conventions.
+
+x right, y down, z forward; pixel (0, 0) is the centre of the top-left pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.camera.lens.distortion import (
+    COEFFICIENT_COUNTS,
+    Distortion,
+    DistortionModel,
+    LensDomain,
+    jacobian,
+    lens_domain,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from simulator.runtime.arrays import FloatArray
+
+__all__ = ["Camera", "Distortion", "DistortionModel"]
+
+_NO_DISTORTION = Distortion()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """Intrinsics of one camera; this object as JSON is the CAMERA.json of the command line."""
+
+    width_px: int
+    height_px: int
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    distortion: Distortion = _NO_DISTORTION
+
+    @property
+    def K(self) -> FloatArray:
+        """(3, 3) matrix of intrinsics, for ``cv2.projectPoints``."""
+        return np.array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0, 0, 1.0]])
+
+    @property
+    def domain(self) -> LensDomain:
+        """The lens over this image."""
+        return _domain(self)
+
+    def project(self, points_camera_m: ArrayLike) -> FloatArray:
+        """Pixel positions of points in the camera frame; NaN for points behind the camera.
+
+        What the image shows is projected as OpenCV does; what lies further out than the lens is used stays outside.
+
+        Parameters
+        ----------
+        points_camera_m : (..., 3) [m].
+
+        Returns
+        -------
+        (..., 2) pixel coordinates.
+        """
+        p = np.asarray(points_camera_m, float)
+        z = np.where(p[..., 2] > 1e-9, p[..., 2], np.nan)
+        xy = p[..., :2] / z[..., None]
+        if not self.distortion.is_none:
+            xy = self.domain.distort(xy)
+        return xy * (self.fx_px, self.fy_px) + (self.cx_px, self.cy_px)
+
+    def unproject(self, pixels_px: ArrayLike) -> FloatArray:
+        """Undistorted rays (x / z, y / z) of pixel positions; NaN where the lens does not see.
+
+        Parameters
+        ----------
+        pixels_px : (..., 2) pixel coordinates, at most a few per cent outside the image.
+
+        Returns
+        -------
+        (..., 2) normalised coordinates: the ray is (x, y, 1).
+        """
+        image_xy = (np.asarray(pixels_px, float) - (self.cx_px, self.cy_px)) / (self.fx_px, self.fy_px)
+        return image_xy if self.distortion.is_none else self.domain.undistort(image_xy)
+
+    def rays(self, pixels_px: ArrayLike) -> FloatArray:
+        """Unit vectors (..., 3) in the camera frame through pixel positions (..., 2)."""
+        xy = self.unproject(pixels_px)
+        ray = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
+        return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True))
+
+    def pixel_solid_angle_sr(self, pixels_px: ArrayLike) -> FloatArray:
+        """Solid angle (...) of one pixel at pixel positions (..., 2) [sr]."""
+        xy = self.unproject(pixels_px)
+        area = 1 / (self.fx_px * self.fy_px * (1 + (xy**2).sum(axis=-1)) ** 1.5)
+        if self.distortion.is_none:
+            return np.asarray(area)
+        return np.asarray(area / np.linalg.det(jacobian(self.distortion, xy)))
+
+    def border(self, count: int = 33, margin_px: float = 0.0) -> FloatArray:
+        """Pixel positions (4 count, 2) around the image's edge, corners included, ``margin_px`` further out."""
+        x = np.linspace(-0.5 - margin_px, self.width_px - 0.5 + margin_px, count)
+        y = np.linspace(-0.5 - margin_px, self.height_px - 0.5 + margin_px, count)
+        return np.concatenate(
+            [
+                np.stack([x, np.full(count, y[0])], -1),
+                np.stack([x, np.full(count, y[-1])], -1),
+                np.stack([np.full(count, x[0]), y], -1),
+                np.stack([np.full(count, x[-1]), y], -1),
+            ]
+        )
+
+    def half_angle_rad(self) -> float:
+        """Largest angle from the boresight that the image shows [rad]."""
+        return _half_angle_rad(self)
+
+    def pixel_angle_rad(self) -> float:
+        """Largest angle that one pixel of the image spans [rad]; at a pinhole's principal point 1 / f."""
+        if self.distortion.is_none:
+            return 1 / min(self.fx_px, self.fy_px)
+        return _pixel_angle_rad(self)
+
+    def contains(self, pixels_px: ArrayLike) -> np.typing.NDArray[np.bool_]:
+        """Whether pixel positions lie on the image (its edges are at -0.5 and size - 0.5)."""
+        p = np.asarray(pixels_px, float)
+        with np.errstate(invalid="ignore"):
+            inside = (
+                (p[..., 0] >= -0.5)
+                & (p[..., 0] < self.width_px - 0.5)
+                & (p[..., 1] >= -0.5)
+                & (p[..., 1] < self.height_px - 0.5)
+            )
+        return np.asarray(inside)
+
+
+@lru_cache(maxsize=256)
+def _half_angle_rad(camera: Camera) -> float:
+    return float(np.arccos(camera.rays(camera.border())[:, 2].min()))
+
+
+@lru_cache(maxsize=64)
+def _pixel_angle_rad(camera: Camera) -> float:
+    x = np.linspace(-0.5, camera.width_px - 0.5, 17)
+    y = np.linspace(-0.5, camera.height_px - 0.5, 17)
+    at = np.stack(np.meshgrid(x, y), axis=-1)
+    ray = camera.rays(at)
+    steps = (np.linalg.norm(camera.rays(at + step) - ray, axis=-1) for step in ((1.0, 0.0), (0.0, 1.0)))
+    return float(max(step.max() for step in steps))
+
+
+@lru_cache(maxsize=256)
+def _domain(camera: Camera) -> LensDomain:
+    # two pixels beyond the edge: rays are interpolated there
+    # a window beyond the edges of an image may reach further than its lens does
+    return lens_domain(camera.distortion, _border_xy(camera), strict=False)
+
+
+def _border_xy(camera: Camera) -> FloatArray:
+    with np.errstate(over="ignore"):  # of a focal length next to nothing
+        return (camera.border(margin_px=2.0) - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
+
+
+def camera_problem(camera: Camera) -> str | None:
+    """What is wrong with a camera's lens: field, value and what is allowed; None when it can be used."""
+    distortion = camera.distortion
+    allowed = COEFFICIENT_COUNTS[distortion.model]
+    if len(distortion.coefficients) not in allowed:
+        counts = " or ".join(str(n) for n in allowed)
+        return (
+            f"distortion.coefficients has {len(distortion.coefficients)} numbers, "
+            f"model {distortion.model} takes {counts}"
+        )
+    if not np.isfinite(distortion.coefficients).all():
+        return f"distortion.coefficients is {list(distortion.coefficients)}, finite numbers are needed"
+    try:
+        lens_domain(distortion, _border_xy(camera))
+    except ValueError as error:
+        return f"{'fx_px' if distortion.is_none else 'distortion.coefficients'}: {error}"
+    return None

@@ -1,0 +1,63 @@
+"""CAMERA.json as a typed file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from simulator.camera.lens.camera_model import Camera, Distortion, camera_problem
+from simulator.errors import UserError
+
+_Size = Annotated[int, Meta(ge=16, le=16384)]
+_Focal = Annotated[float, Meta(gt=0, le=1e7)]
+_Pitch = Annotated[float, Meta(ge=0.1, le=1000)]
+_Centre = Annotated[float, Meta(ge=-1e5, le=1e5)]
+
+
+class DistortionSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Lens distortion: OpenCV's models, coefficients in OpenCV's order."""
+
+    model: Literal["none", "brown_conrady", "kannala_brandt"] = "none"
+    coefficients: tuple[float, ...] = ()
+
+
+class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The camera object of CAMERA.json; pixel (0, 0) is the centre of the top-left pixel.
+
+    ``pixel_pitch_um``, across and down, is the sensor's where the scenario does not say another.
+    """
+
+    width_px: _Size
+    height_px: _Size
+    fx_px: _Focal
+    fy_px: _Focal
+    cx_px: _Centre
+    cy_px: _Centre
+    distortion: DistortionSection = DistortionSection()
+    pixel_pitch_um: tuple[_Pitch, _Pitch] | None = None
+    name: str = ""
+    notes: str = ""
+
+    def camera(self, where: str) -> Camera:
+        """The camera model.
+
+        Raises
+        ------
+        UserError
+            If the lens cannot be, for example folds back inside the image; ``where`` names the file.
+        """
+        camera = Camera(
+            width_px=self.width_px,
+            height_px=self.height_px,
+            fx_px=self.fx_px,
+            fy_px=self.fy_px,
+            cx_px=self.cx_px,
+            cy_px=self.cy_px,
+            distortion=Distortion(self.distortion.model, self.distortion.coefficients),
+        )
+        problem = camera_problem(camera)
+        if problem is not None:
+            raise UserError(f"{where}: key {problem}")
+        return camera

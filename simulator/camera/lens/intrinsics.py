@@ -1,0 +1,127 @@
+"""Intrinsics from what a data sheet says: focal length, pixel pitch, sensor size, aperture angle."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from simulator.camera.lens.files_native import CameraFile, DistortionSection
+from simulator.errors import UserError
+
+CONSISTENT = 2e-3
+"""Relative difference up to which two ways to the same number agree: data sheets are rounded."""
+_Positive = Annotated[float, Meta(gt=0, le=1e6)]
+# a list, not a tuple: msgspec 0.22 corrupts memory on a union of a number and a fixed tuple
+_Pair = _Positive | Annotated[list[_Positive], Meta(min_length=2, max_length=2)]
+
+
+class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A camera by its data sheet: any of the four quantities that fix the rest.
+
+    For d the pitch, N the number of pixels and f the focal length: sensor size s = d N, aperture angle
+    alpha = 2 atan(d N / 2 f), focal length in pixels f / d; each across and down, where two numbers are given.
+    """
+
+    width_px: Annotated[int, Meta(ge=16, le=16384)]
+    height_px: Annotated[int, Meta(ge=16, le=16384)]
+    focal_length_mm: Annotated[float, Meta(gt=0, le=1e5)] | None = None
+    pixel_pitch_um: _Pair | None = None
+    sensor_size_mm: _Pair | None = None
+    aperture_angle_deg: _Pair | None = None
+    cx_px: Annotated[float, Meta(ge=-1e5, le=1e5)] | None = None
+    cy_px: Annotated[float, Meta(ge=-1e5, le=1e5)] | None = None
+    distortion: DistortionSection = DistortionSection()
+    name: str = ""
+    notes: str = ""
+
+    def solved(self, where: str) -> CameraFile:
+        """The camera in pixels; without a principal point it is the image's middle.
+
+        Raises
+        ------
+        UserError
+            If too little is given, or what is given disagrees.
+        """
+        pitch = _two(self.pixel_pitch_um, both=True)
+        size, angle = (_two(v, both=False) for v in (self.sensor_size_mm, self.aperture_angle_deg))
+        fx = self._focal_px(where, self.width_px, pitch[0], size[0], angle[0])
+        fy = self._focal_px(where, self.height_px, pitch[1], size[1], angle[1])
+        if fx is None:
+            raise UserError(
+                f"{where}: the intrinsics are not fixed: give focal_length_mm with pixel_pitch_um or sensor_size_mm, "
+                "or aperture_angle_deg"
+            )
+        pixel_um = self._pitch_um(pitch, size, fx, fy)
+        if fy is None:
+            # one lens before both axes: oblong pixels make the focal length in pixels differ
+            fy = fx if pixel_um is None else fx * pixel_um[0] / pixel_um[1]
+        elif pixel_um is not None:
+            _agree(where, "the focal length [mm]", fx * pixel_um[0] * 1e-3, fy * pixel_um[1] * 1e-3)
+        return CameraFile(
+            width_px=self.width_px,
+            height_px=self.height_px,
+            fx_px=fx,
+            fy_px=fy,
+            cx_px=(self.width_px - 1) / 2 if self.cx_px is None else self.cx_px,
+            cy_px=(self.height_px - 1) / 2 if self.cy_px is None else self.cy_px,
+            distortion=self.distortion,
+            pixel_pitch_um=pixel_um,
+            name=self.name,
+            notes=self.notes,
+        )
+
+    def _pitch_um(
+        self,
+        pitch: tuple[float | None, float | None],
+        size: tuple[float | None, float | None],
+        fx: float,
+        fy: float | None,
+    ) -> tuple[float, float] | None:
+        """Pixel pitch across and down where the file fixes it, directly, by the detector's size or the focal length."""
+        across, down = (
+            d if d is not None or s is None else s / count * 1e3
+            for d, s, count in zip(pitch, size, (self.width_px, self.height_px), strict=True)
+        )
+        if self.focal_length_mm is not None:
+            across = across or self.focal_length_mm * 1e3 / fx
+            down = down or (self.focal_length_mm * 1e3 / fy if fy is not None else across)
+        return None if across is None else (across, down or across)
+
+    def _focal_px(
+        self, where: str, count: int, pitch_um: float | None, size_mm: float | None, angle_deg: float | None
+    ) -> float | None:
+        """Focal length over the pitch along one axis."""
+        by_size = None if size_mm is None else size_mm / count * 1e3
+        d_um = _agree(where, "the pixel pitch [um]", pitch_um, by_size)
+        by_length = None
+        if self.focal_length_mm is not None and d_um is not None:
+            by_length = self.focal_length_mm * 1e3 / d_um
+        by_angle = None
+        if angle_deg is not None:
+            if angle_deg >= 180:
+                raise UserError(f"{where}: key aperture_angle_deg is {angle_deg:g}, allowed: less than 180")
+            by_angle = count / (2 * float(np.tan(np.radians(angle_deg) / 2)))
+        return _agree(where, "the focal length in pixels", by_length, by_angle)
+
+
+def _two(value: float | list[float] | None, *, both: bool) -> tuple[float | None, float | None]:
+    """Across and down; one number is both, or the one across."""
+    if value is None:
+        return None, None
+    if isinstance(value, list):
+        return value[0], value[1]
+    return value, value if both else None
+
+
+def _agree(where: str, what: str, first: float | None, second: float | None) -> float | None:
+    """The number that two ways lead to, or the only one."""
+    if first is None or second is None:
+        return second if first is None else first
+    if abs(first / second - 1) > CONSISTENT:
+        raise UserError(
+            f"{where}: {what} is {first:.6g} by one pair of keys and {second:.6g} by another; leave one out"
+        )
+    return first

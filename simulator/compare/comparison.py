@@ -1,0 +1,162 @@
+"""Our pictures beside a folder of reference pictures: draws the like views, takes the figures of both, sums them up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.compare.figures import GRADIENT_LARGEST_DN, binary_edges, edge_threshold, look_at, moved_dn
+from simulator.compare.likeness import FoundPose, exposed_like, find_like
+from simulator.imaging.develop import digitise_scene, expose_scene
+from simulator.scene.environments import ENVIRONMENTS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from simulator.compare.figures import Look
+    from simulator.compare.references import Reference
+    from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import ByteArray
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+    PoseFinder = Callable[[Reference], FoundPose | None]
+
+AIRS = {"100 km": ENVIRONMENTS["full"], "25 km": ENVIRONMENTS["thesis"], "none": ENVIRONMENTS["airless"]}
+"""The atmospheres whose binary edges are compared: ours, the thesis's, none."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pair:
+    """A reference and our picture of the like view.
+
+    Parameters
+    ----------
+    edges : binary edges of our picture by atmosphere, all at one threshold; one entry before space.
+    histogram_moved_dn, gradient_moved_dn : earth mover's distances of the histograms [DN, DN per pixel].
+    likeness : correlation over the craft's box; None without a common pose.
+    """
+
+    reference: Reference
+    scene: SceneState
+    image: ByteArray
+    theirs: Look
+    ours: Look
+    edges: dict[str, NDArray[np.bool_]]
+    histogram_moved_dn: float
+    gradient_moved_dn: float
+    same_view: bool
+    likeness: float | None
+
+    def document(self) -> dict[str, Any]:
+        """The figures as a JSON-able object."""
+        return {
+            "picture": self.reference.path.name,
+            "same_view": self.same_view,
+            "likeness": None if self.likeness is None else round(self.likeness, 4),
+            "reference": self.theirs.document(),
+            "ours": self.ours.document(),
+            "histogram_moved_dn": round(self.histogram_moved_dn, 3),
+            "gradient_moved_dn": round(self.gradient_moved_dn, 4),
+            "edges_by_atmosphere": {name: round(float(e.mean()), 5) for name, e in self.edges.items()},
+        }
+
+
+def compare_pictures(
+    renderer: Renderer,
+    references: Sequence[Reference],
+    target: Target,
+    find_pose: PoseFinder,
+    *,
+    sensor: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Pair]:
+    """Draw and measure the counterpart of every reference.
+
+    Parameters
+    ----------
+    find_pose : pose of the craft in a picture without a record: an estimator.
+    sensor : preset of our pictures, instead of one as noisy as the reference.
+    """
+    pairs = []
+    for k, reference in enumerate(references):
+        found = find_pose(reference) if reference.pose is None else FoundPose(reference.pose, sure=True)
+        like = find_like(renderer, reference, target, found, sensor=sensor)
+        radiance = renderer.render(like.scene, target).radiance
+        scene = exposed_like(like.scene, radiance, reference.image)
+        image = _picture(scene, radiance)
+        theirs, ours = look_at(reference.image), look_at(image)
+        pairs.append(
+            Pair(
+                reference=reference,
+                scene=scene,
+                image=image,
+                theirs=theirs,
+                ours=ours,
+                edges=edges_by_atmosphere(renderer, scene, target, image),
+                histogram_moved_dn=moved_dn(theirs.histogram, ours.histogram, 256.0),
+                gradient_moved_dn=moved_dn(
+                    theirs.gradient_histogram, ours.gradient_histogram, GRADIENT_LARGEST_DN
+                ),
+                same_view=like.same_view,
+                likeness=like.likeness,
+            )
+        )
+        if progress is not None:
+            progress(k + 1, len(references))
+    return pairs
+
+
+def edges_by_atmosphere(
+    renderer: Renderer, scene: SceneState, target: Target, image: ByteArray
+) -> dict[str, NDArray[np.bool_]]:
+    """Binary edges of the scene under each of `AIRS`, same exposure, noise and threshold; before space of one only.
+
+    Parameters
+    ----------
+    image : the scene's picture under its own air; the threshold is its.
+    """
+    threshold = edge_threshold(image)
+    if look_at(image).space:
+        return {"100 km": binary_edges(image, threshold)}
+    edges = {}
+    for name, air in AIRS.items():
+        aired = replace(scene, environment=air)
+        edges[name] = binary_edges(_picture(aired, renderer.render(aired, target).radiance), threshold)
+    return edges
+
+
+def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
+    """Medians by background, references and ours: what differs."""
+    result: dict[str, Any] = {}
+    for space, name in ((True, "space"), (False, "earth")):
+        chosen = [p for p in pairs if p.theirs.space == space]
+        if not chosen:
+            continue
+        rows = {
+            side: [
+                {k: v for k, v in getattr(p, look).document().items() if not isinstance(v, str)}
+                for p in chosen
+            ]
+            for side, look in (("reference", "theirs"), ("ours", "ours"))
+        }
+        result[name] = {
+            "pictures": len(chosen),
+            "same_view": sum(p.same_view for p in chosen),
+            **{
+                side: {k: round(float(np.median([r[k] for r in documents])), 5) for k in documents[0]}
+                for side, documents in rows.items()
+            },
+            "histogram_moved_dn": round(float(np.median([p.histogram_moved_dn for p in chosen])), 3),
+            "gradient_moved_dn": round(float(np.median([p.gradient_moved_dn for p in chosen])), 4),
+        }
+    return result
+
+
+def _picture(scene: SceneState, radiance: NDArray[np.float32]) -> ByteArray:
+    signal = expose_scene(scene, radiance)
+    return np.asarray(digitise_scene(scene, signal) >> (scene.sensor.bits - 8), np.uint8)

@@ -1,0 +1,150 @@
+"""Our picture of the same kind of view as a reference.
+
+Candidates are samples of the evaluation recipes, drawn small; the nearest by histogram and, where a pose is at hand, by
+the look of the craft is drawn at full size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.camera.detector.presets import sensor_preset
+from simulator.compare.figures import look_at, moved_dn, noise_dn
+from simulator.compare.references import fitted
+from simulator.dataset.poses import scene_with_pose
+from simulator.imaging.develop import expose_scene
+from simulator.labels.boxes import amodal_box
+from simulator.scenario.recipes import plan_recipe
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.camera.detector.sensor import Sensor
+    from simulator.compare.references import Reference
+    from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import ByteArray, Float32Array
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+    from simulator.world.frames.pose import Pose
+
+SMALL_PX = 240  # width of a candidate
+CANDIDATES = 24
+RECIPES = {True: "eval-black", False: "eval-earth"}  # by whether the background is space
+HISTOGRAM_DN = 32.0  # a histogram moved by this weighs as much as a craft that looks nothing like it
+BRIGHT_PERCENT = 99.0  # this percentile is exposed to the reference's
+CLIPPED_DN = 250.0  # where that is clipped it tells no more than this
+OTHER_VIEW = 0.5  # likeness that an uncertain pose must reach to win over another view
+SHORTEST_S, LONGEST_S = 1e-6, 10.0
+
+
+@dataclass(frozen=True)
+class FoundPose:
+    """Camera from target in a reference; not ``sure``: it must win over other views by its looks."""
+
+    pose: Pose
+    sure: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Like:
+    """Our counterpart of a reference.
+
+    Parameters
+    ----------
+    scene : at the reference's size and in its exposure. same_view : whether the reference's pose is in it.
+    likeness : correlation of the two pictures over the craft's box, small and blurred; None without a pose.
+    """
+
+    scene: SceneState
+    same_view: bool
+    likeness: float | None
+
+
+def find_like(
+    renderer: Renderer,
+    reference: Reference,
+    target: Target,
+    found: FoundPose | None,
+    *,
+    sensor: str | None = None,
+    seed: int = 0,
+) -> Like:
+    """The candidate nearest to a reference.
+
+    Parameters
+    ----------
+    found : pose of the craft; attitude and place are the candidates' own without.
+    sensor : preset instead of one that is as noisy as the reference.
+    """
+    space = look_at(reference.image).space
+    plan = plan_recipe(RECIPES[space], CANDIDATES, seed=seed, quality="draft")
+    small_camera = fitted(
+        reference.camera, SMALL_PX, round(SMALL_PX * reference.camera.height_px / reference.camera.width_px)
+    )
+    plan = replace(plan, camera=small_camera, target=target)
+    size = small_camera.width_px, small_camera.height_px
+    wanted = np.asarray(cv2.resize(reference.image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    ranked: list[tuple[float, SceneState, float | None]] = []
+    for k in range(CANDIDATES):
+        sample = plan.scene(k)
+        for pose in _poses(found):
+            scene = sample if pose is None else scene_with_pose(sample, target, pose, k)
+            radiance = renderer.render(scene, target).radiance
+            scene = exposed_like(scene, radiance, reference.image)
+            drawn = np.clip(expose_scene(scene, radiance) * 255, 0, 255).astype(np.uint8)
+            apart = moved_dn(_histogram(drawn), _histogram(wanted), 256) / HISTOGRAM_DN
+            likeness = None if pose is None else _likeness(scene, target, drawn, wanted)
+            score = apart + 1 - (OTHER_VIEW if likeness is None else likeness)
+            ranked.append((score, scene, likeness))
+    _, scene, likeness = min(ranked, key=lambda r: r[0])
+    scene = replace(
+        scene,
+        camera=reference.camera,
+        quality="default",
+        sensor=as_noisy(reference.image) if sensor is None else sensor_preset(sensor),
+    )
+    return Like(scene, likeness is not None, likeness)
+
+
+def as_noisy(image: ByteArray) -> Sensor:
+    """SPEED's sensor with the Gaussian noise that a picture has."""
+    return replace(sensor_preset("speed"), gaussian_variance=(noise_dn(image) / 255) ** 2)
+
+
+def _poses(found: FoundPose | None) -> tuple[Pose | None, ...]:
+    if found is None:
+        return (None,)
+    return (found.pose,) if found.sure else (found.pose, None)
+
+
+def exposed_like(scene: SceneState, radiance: Float32Array, image: ByteArray) -> SceneState:
+    """The scene with the exposure that brings its bright end to the picture's, above its black level."""
+    black, bright = np.percentile(image, (1.0, BRIGHT_PERCENT))
+    wanted = (min(float(bright), CLIPPED_DN) - min(float(black), 64.0)) / 255
+    ours = float(np.percentile(expose_scene(replace(scene, exposure_s=1.0), radiance), BRIGHT_PERCENT))
+    if ours <= 0 or wanted <= 0:
+        return scene
+    return replace(scene, exposure_s=float(np.clip(wanted / ours, SHORTEST_S, LONGEST_S)))
+
+
+def _histogram(image: ByteArray) -> NDArray[np.float64]:
+    return np.bincount(image.ravel(), minlength=256) / image.size
+
+
+def _likeness(scene: SceneState, target: Target, ours: ByteArray, theirs: ByteArray) -> float:
+    box = amodal_box(scene, target)
+    if box is None:
+        return 0.0
+    x0, y0 = (max(int(v) - 3, 0) for v in box[:2])
+    x1, y1 = (int(np.ceil(v)) + 3 for v in box[2:])
+    cut = [
+        cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)[y0:y1, x0:x1].ravel()
+        for image in (ours, theirs)
+    ]
+    if cut[0].size < 16 or min(c.std() for c in cut) < 1e-3:
+        return 0.0
+    return float(np.corrcoef(cut[0], cut[1])[0, 1])

@@ -1,0 +1,127 @@
+"""A folder of pictures to compare with, and the poses that are known of them: our records, or SPEED's label lists."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.labels.truth import read_truth
+from simulator.world.frames.pose import Pose
+
+if TYPE_CHECKING:
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.runtime.arrays import ByteArray
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+SKIPPED = (
+    ".mask.png",
+    ".amodal.png",
+    ".parts.png",
+    ".normals.png",
+    ".clean.png",
+)  # label layers of our data sets
+LARGEST_PX = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """One picture of others.
+
+    Parameters
+    ----------
+    path : its file. image : (H, W) uint8, shrunk to at most 2048 pixels a side.
+    camera : the camera that is assumed to have taken it, at that size.
+    pose : camera from target, where a record tells it.
+    """
+
+    path: Path
+    image: ByteArray
+    camera: Camera
+    pose: Pose | None
+
+
+def read_references(folder: Path, camera: Camera, count: int, labels: Path | None = None) -> list[Reference]:
+    """Up to ``count`` pictures of a folder, evenly over its sorted names.
+
+    Parameters
+    ----------
+    camera : taken to have made them: its focal length is scaled to each picture's width, its principal point moves
+        with the middle of the picture. A truth record beside a picture (same name, .json) tells camera and pose.
+    labels : list of ``filename q_vbs2tango r_Vo2To_vbs_true``, as SPEED and SPEED+ have it.
+
+    Raises
+    ------
+    UserError
+        If the folder or the list cannot be read, or the folder has no picture.
+    """
+    if not folder.is_dir():
+        raise UserError(f"there is no folder {folder}; name the folder of pictures with --reference")
+    paths = sorted(
+        p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.endswith(SKIPPED)
+    )
+    if not paths:
+        raise UserError(f"folder {folder} has no picture; allowed are files in {', '.join(SUFFIXES)}")
+    if len(paths) > count:
+        paths = [paths[k] for k in np.unique(np.linspace(0, len(paths) - 1, count).astype(int))]
+    poses = {} if labels is None else read_speed_labels(labels)
+    return [_read(path, camera, poses.get(path.name)) for path in paths]
+
+
+def _read(path: Path, camera: Camera, pose: Pose | None) -> Reference:
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if image is None:
+        raise UserError(f"{path} is not a picture that OpenCV reads; take it out of the folder or convert it")
+    record = path.with_suffix(".json")
+    if pose is None and record.is_file():
+        truth = read_truth(record)
+        camera = truth.camera
+        pose = Pose("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
+    shrink = min(LARGEST_PX / max(image.shape), 1.0)
+    if shrink < 1:
+        image = cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
+    return Reference(path, np.asarray(image, np.uint8), fitted(camera, image.shape[1], image.shape[0]), pose)
+
+
+def fitted(camera: Camera, width_px: int, height_px: int) -> Camera:
+    """A camera at another image size: the same horizontal field, the principal point as far from the middle."""
+    s = width_px / camera.width_px
+    return replace(
+        camera,
+        width_px=width_px,
+        height_px=height_px,
+        fx_px=camera.fx_px * s,
+        fy_px=camera.fy_px * s,
+        cx_px=(width_px - 1) / 2 + s * (camera.cx_px - (camera.width_px - 1) / 2),
+        cy_px=(height_px - 1) / 2 + s * (camera.cy_px - (camera.height_px - 1) / 2),
+    )
+
+
+def read_speed_labels(path: Path) -> dict[str, Pose]:
+    """Poses by file name of a SPEED or SPEED+ list; ``q_vbs2tango`` is q_camera_from_target, scalar first.
+
+    Raises
+    ------
+    UserError
+        If the file is not such a list.
+    """
+    try:
+        rows = json.loads(path.read_text(encoding="utf-8"))
+        poses = {}
+        for row in rows:
+            q = (
+                row["q_vbs2tango"] if "q_vbs2tango" in row else row["q_vbs2tango_true"]
+            )  # SPEED+ writes the second
+            t = np.asarray(row["r_Vo2To_vbs_true"], float)
+            poses[str(row["filename"])] = Pose.of("camera", "target", np.asarray(q, float), t)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UserError(
+            f"cannot read labels {path} ({type(error).__name__}: {error}); "
+            "give SPEED's list of filename, q_vbs2tango, r_Vo2To_vbs_true"
+        ) from error
+    return poses

@@ -1,0 +1,167 @@
+"""What a target must satisfy before it is drawn, labelled or propagated."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.targets.glb.textures import check_picture, mime_of
+from simulator.targets.triangles import distance_to_triangles
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Part, Target
+
+KEYPOINT_REACH = 0.02
+"""Share of the craft's size by which a keypoint may lie off its surface: fillets and coarse levels do."""
+SMALLEST_AREA_M2 = 1e-14
+"""Twice this is a square of 0.1 micrometre: no modeller means such a triangle."""
+
+
+def check_target(target: Target, where: str) -> None:
+    """Refuse a target that cannot be drawn, labelled or propagated.
+
+    Raises
+    ------
+    UserError
+        Naming what is wrong, where, and what to do.
+    """
+    for part in target.parts:
+        check_part(part, where)
+    check_grain(target.materials, where)
+    check_textures(target, where)
+    check_labels(target.keypoints, target.wireframe, target.occluders, where)
+    check_mass(target.mass, where)
+
+
+def check_part(part: Part, where: str) -> None:
+    """Vertices finite, indices in range, unit normals, no triangle without area or wound inside out."""
+    place = f"{where}, part {part.name!r}"
+    p, n, t = part.positions_m.astype(float), part.normals.astype(float), part.triangles
+    finite = np.isfinite(p).all(axis=1)
+    if not finite.all():
+        raise UserError(f"{place}: vertex {int(np.argmin(finite))} is not finite; repair the mesh")
+    if len(n) != len(p):
+        raise UserError(f"{place}: {len(p)} vertices but {len(n)} normals; export it with normals")
+    if len(t) == 0:
+        raise UserError(f"{place}: no triangles; remove the part or export it again")
+    if t.min() < 0 or t.max() >= len(p):
+        raise UserError(f"{place}: a triangle uses vertex {int(t.max())} of {len(p)}; export it again")
+    # the negated test also refuses normals that are not numbers
+    if not (np.abs(np.linalg.norm(n, axis=1) - 1) < 1e-3).all():
+        raise UserError(f"{place}: normals are not unit vectors; export the model with normals")
+    face = np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]])
+    area = np.linalg.norm(face, axis=1)
+    if (area < SMALLEST_AREA_M2).any():
+        raise UserError(
+            f"{place}: triangle {int(np.argmin(area))} has no area; remove degenerate triangles from the mesh"
+        )
+    if ((face * n[t].sum(axis=1)).sum(axis=1) <= 0).any():
+        raise UserError(
+            f"{place}: some triangles are wound against their normals (inside out); flip those faces or "
+            "recompute the normals"
+        )
+
+
+def check_keypoints_on_mesh(target: Target, where: str) -> None:
+    """Every keypoint lies on the mesh, to a fiftieth of the craft: elsewhere its visibility means nothing.
+
+    Not asked of coarse levels, which keep labels and leave small parts out.
+    """
+    if not target.keypoints or not target.parts:
+        return
+    corners = np.concatenate([p.positions_m[p.triangles] for p in target.parts])
+    # columns apart: comparing contiguous rows is several times faster
+    low, high = (np.ascontiguousarray(f(corners, axis=1).T) for f in (np.min, np.max))
+    reach = KEYPOINT_REACH * float((high.max(axis=1) - low.min(axis=1)).max())
+    for k in target.keypoints:
+        p = np.asarray(k.position_m, float)
+        near = np.ones(len(corners), bool)
+        for axis in range(3):
+            near &= (low[axis] <= p[axis] + reach) & (high[axis] >= p[axis] - reach)
+        some = corners[near].astype(float)
+        if len(some) == 0 or distance_to_triangles(np.tile(p, (len(some), 1)), some).min() > reach:
+            at = ", ".join(f"{x:.3f}" for x in p)
+            raise UserError(
+                f"{where}: keypoint {k.name!r} at ({at}) m is off the mesh by more than {reach:.3g} m; put it on "
+                "the surface, in metres in the model frame"
+            )
+
+
+def check_grain(materials: Sequence[Material], where: str) -> None:
+    """A brushed metal has a direction."""
+    for m in materials:
+        length = float(np.linalg.norm(m.grain))
+        if m.anisotropy > 0 and not (np.isfinite(length) and length > 0):
+            raise UserError(
+                f"{where}: material {m.name!r} is brushed (anisotropy {m.anisotropy:g}) in no direction; give its grain"
+            )
+
+
+def check_textures(target: Target, where: str) -> None:
+    """Every texture that a material names is there as PNG or JPEG, and parts that use it have coordinates."""
+    held = {p.name: p.data for p in target.pictures}
+    for name, data in held.items():
+        if not mime_of(data):
+            raise UserError(f"{where}: texture {name!r} is neither PNG nor JPEG; convert it to PNG")
+        check_picture(data, f"{where}: texture {name!r}")
+    textured = set()
+    for m in target.materials:
+        for name in filter(None, m.textures):
+            textured.add(m.name)
+            if name not in held:
+                raise UserError(
+                    f"{where}: material {m.name!r} names the texture {name!r}, which is missing; embed it in the file"
+                )
+    for part in target.parts:
+        if part.uv is None:
+            if part.material in textured:
+                raise UserError(
+                    f"{where}, part {part.name!r}: its material has a texture and the part no texture "
+                    "coordinates; unwrap it, or take the texture off"
+                )
+        elif part.uv.shape != (len(part.positions_m), 2) or not np.isfinite(part.uv).all():
+            raise UserError(
+                f"{where}, part {part.name!r}: texture coordinates are not two finite numbers for each vertex; "
+                "unwrap it again"
+            )
+
+
+def check_labels(
+    keypoints: Sequence[Keypoint], wireframe: Sequence[Edge], occluders: Occluders, where: str
+) -> None:
+    """Names unique, numbers finite, edges of some length, occluders within their vertices."""
+    for kind, names in (("keypoint", [k.name for k in keypoints]), ("edge", [e.name for e in wireframe])):
+        twice = next((n for k, n in enumerate(names) if n in names[:k]), None)
+        if twice is not None:
+            raise UserError(f"{where}: two {kind}s are called {twice!r}; give each its own name")
+    for k in keypoints:
+        if not np.isfinite(k.position_m).all():
+            raise UserError(f"{where}: keypoint {k.name!r} is not finite; correct its position")
+    for e in wireframe:
+        length = np.linalg.norm(np.subtract(e.b_m, e.a_m))
+        if not np.isfinite(length) or length <= 0:
+            raise UserError(f"{where}: edge {e.name!r} has no length or is not finite; correct its ends")
+    used = occluders.triangles
+    missing = used.size and (used.min() < 0 or used.max() >= len(occluders.vertices_m))
+    if not np.isfinite(occluders.vertices_m).all() or missing:
+        raise UserError(f"{where}: occluders have a vertex that is not finite or is missing; correct them")
+
+
+def check_mass(mass: MassProperties, where: str) -> None:
+    """Mass positive; inertia symmetric, positive definite, and within the triangle inequality."""
+    I = np.asarray(mass.inertia_kg_m2)
+    if not (np.isfinite(mass.mass_kg) and mass.mass_kg > 0 and np.isfinite(mass.com_m).all()):
+        raise UserError(f"{where}: mass must be positive and centre of mass finite; correct them")
+    if not np.isfinite(I).all() or not np.allclose(I, I.T, rtol=1e-9, atol=0):
+        raise UserError(f"{where}: the inertia matrix is not symmetric; correct inertia_kg_m2")
+    moments = np.linalg.eigvalsh(I)
+    # no body's largest principal moment exceeds the sum of the others
+    if moments[0] <= 0 or moments[2] > moments[0] + moments[1] + 1e-9 * moments[2]:
+        raise UserError(
+            f"{where}: no body has principal moments {', '.join(f'{m:.4g}' for m in moments)} kg m2 (each is "
+            "positive and at most the sum of the others); correct inertia_kg_m2"
+        )

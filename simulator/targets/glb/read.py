@@ -1,0 +1,229 @@
+"""Target files: a Target read from binary glTF 2.0, to the same bits that `glb_write` wrote.
+
+Mesh data are in the model frame: the rotation of the root node, which is for viewers, is ignored.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import read_regular
+from simulator.targets.check_target import check_keypoints_on_mesh, check_target
+from simulator.targets.convert import (
+    content_sha256,
+    frames_of,
+    keypoints_of,
+    mass_of,
+    occluders_of,
+    wireframe_of,
+)
+from simulator.targets.detail import split_level
+from simulator.targets.glb.bounded_json import parse_json
+from simulator.targets.glb.textures import pictures_of, texture_name
+from simulator.targets.model import Material, Part, Picture, Target
+from simulator.targets.records import TargetRecord
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+CLEARCOAT, ANISOTROPY = "KHR_materials_clearcoat", "KHR_materials_anisotropy"
+TYPES = {5126: "<f4", 5125: "<u4", 5123: "<u2", 5121: "u1"}  # glTF 2.0 specification, section 3.6.2.2
+LARGEST_FILE_BYTES = 2 << 30
+BROKEN = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError)
+"""What a document that breaks glTF's rules raises where it is read."""
+
+
+def load_glb(path: str | Path) -> Target:
+    """Read a target file.
+
+    Raises
+    ------
+    UserError
+        If it is not one, is damaged, or does not match its own hash.
+    """
+    path = Path(path)
+    try:
+        data = read_regular(path, LARGEST_FILE_BYTES)
+    except OSError as error:
+        raise UserError(f"cannot read target {path}: {error.strerror}; check the path") from error
+    return target_from(data, path)
+
+
+def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
+    """The target of a target file's contents.
+
+    Parameters
+    ----------
+    path : what sentences call it. checked : it was found sound when it was written; its hash says whether it is still
+        what was written.
+
+    Raises
+    ------
+    UserError
+        As `load_glb`.
+    """
+    document, blob = read_chunks(data, path)
+    record = _record(document, path)
+    try:
+        pictures = pictures_of(document, blob)
+        materials = tuple(_material(document, m, record, pictures) for m in document.get("materials", []))
+        parts = tuple(_parts(document, blob, materials, path))
+        target = Target(
+            name=record.name,
+            title=record.title,
+            sha256=record.sha256,
+            materials=materials,
+            parts=parts,
+            keypoints=keypoints_of(record),
+            wireframe=wireframe_of(record),
+            mass=mass_of(record),
+            frames=frames_of(record),
+            symmetry=record.symmetry_wxyz,
+            notes=record.notes,
+            occluders=occluders_of(record),
+            pictures=pictures,
+        )
+    except BROKEN as error:
+        raise UserError(
+            f"{path} breaks the rules of glTF 2.0 ({type(error).__name__}: {error}); export it again"
+        ) from error
+    if not checked:
+        check_target(target, str(path))
+        if split_level(record.name)[1] == "full":
+            check_keypoints_on_mesh(target, str(path))
+    digest = content_sha256(materials, parts, target.keypoints, target.wireframe, target.occluders, pictures)
+    if digest != record.sha256:
+        raise UserError(
+            f"{path} does not match its own hash (says {record.sha256[:12]}, is {digest[:12]}): it was "
+            "changed after export; export it again"
+        )
+    return target
+
+
+def holds_target(path: Path) -> bool:
+    """Whether a GLB file says that it is a target file, sound or not."""
+    try:
+        document, _ = read_chunks(read_regular(path, LARGEST_FILE_BYTES), path)
+    except (OSError, UserError):
+        return False
+    return _extras(document) is not None
+
+
+def read_chunks(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
+    """The JSON and the binary chunk of a GLB file (glTF 2.0 specification, section 4.4)."""
+    if data[:4] != b"glTF":
+        raise UserError(f"{path} is not a binary glTF file (.glb); export the model as one")
+    if len(data) < 20:
+        raise UserError(f"{path} is cut short ({len(data)} bytes); copy or export it again")
+    version, length = struct.unpack_from("<II", data, 4)
+    if version != 2:
+        raise UserError(f"{path} is glTF version {version}; export it as version 2")
+    if len(data) < length:
+        raise UserError(f"{path} is cut short ({len(data)} of {length} bytes); copy or export it again")
+    chunks: dict[bytes, bytes] = {}
+    at = 12
+    while at + 8 <= length:
+        size, kind = struct.unpack_from("<I4s", data, at)
+        if at + 8 + size > length:
+            raise UserError(f"{path} has a chunk that runs past its end; copy or export it again")
+        chunks.setdefault(kind, data[at + 8 : at + 8 + size])
+        at += 8 + size
+    try:
+        document = parse_json(chunks[b"JSON"])
+    except KeyError as error:
+        raise UserError(f"{path} has no JSON chunk; copy or export it again") from error
+    except ValueError as error:
+        raise UserError(f"{path} has no readable JSON chunk ({error}); copy or export it again") from error
+    if not isinstance(document, dict):
+        raise UserError(f"{path} holds JSON that is not a glTF document; export it again")
+    return document, chunks.get(b"BIN\0", b"")
+
+
+def _record(document: dict[str, Any], path: Path) -> TargetRecord:
+    extras = _extras(document)
+    if extras is None:
+        raise UserError(
+            f"{path} is a plain glTF model: its scene has no `flyaround` extras with keypoints and "
+            "wireframe; make a target file as in docs/formats/target.md"
+        )
+    try:
+        return msgspec.convert(extras, TargetRecord)
+    except msgspec.ValidationError as error:
+        raise UserError(f"{path}, `flyaround` extras: {error}; see docs/formats/target.md") from error
+
+
+def _extras(document: dict[str, Any]) -> object:
+    """What a target file keeps in its scene, unchecked; None in a plain model."""
+    scenes = document.get("scenes")
+    first = scenes[0] if isinstance(scenes, list) and scenes else None
+    extras = first.get("extras") if isinstance(first, dict) else None
+    return extras.get("flyaround") if isinstance(extras, dict) else None
+
+
+def _material(
+    document: dict[str, Any], m: dict[str, Any], record: TargetRecord, pictures: tuple[Picture, ...]
+) -> Material:
+    pbr = m.get("pbrMetallicRoughness", {})
+    r, g, b = (float(c) for c in pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])
+    coat = m.get("extensions", {}).get(CLEARCOAT, {})
+    brushed = float(m.get("extensions", {}).get(ANISOTROPY, {}).get("anisotropyStrength", 0.0))
+    # glTF's own defaults, where a file leaves a factor out
+    return Material(
+        name=m["name"],
+        base_color=(r, g, b),
+        metallic=float(pbr.get("metallicFactor", 1.0)),
+        roughness=float(pbr.get("roughnessFactor", 1.0)),
+        clearcoat=float(coat.get("clearcoatFactor", 0.0)),
+        clearcoat_roughness=float(coat.get("clearcoatRoughnessFactor", Material.clearcoat_roughness)),
+        crinkle=record.crinkle.get(m["name"], 0.0),
+        anisotropy=brushed,
+        grain=record.grain.get(m["name"], Material.grain),
+        turned=m["name"] in record.turned,
+        base_color_texture=texture_name(document, pbr.get("baseColorTexture"), pictures),
+        metallic_roughness_texture=texture_name(document, pbr.get("metallicRoughnessTexture"), pictures),
+        normal_texture=texture_name(document, m.get("normalTexture"), pictures),
+    )
+
+
+def _parts(document: dict[str, Any], blob: bytes, materials: tuple[Material, ...], path: Path) -> list[Part]:
+    parts = []
+    for node in document["nodes"]:
+        if "mesh" not in node:
+            continue
+        mesh = document["meshes"][node["mesh"]]
+        (primitive,) = mesh["primitives"]
+        attributes = primitive["attributes"]
+        if "NORMAL" not in attributes:
+            raise UserError(f"{path}, part {node['name']!r}: no normals; export the model with normals")
+        uv = None
+        if "TEXCOORD_0" in attributes:
+            uv = _array(document, blob, attributes["TEXCOORD_0"], 2).astype(np.float32)
+        parts.append(
+            Part(
+                name=node["name"],
+                material=materials[primitive["material"]].name,
+                positions_m=_array(document, blob, attributes["POSITION"], 3).astype(np.float32),
+                normals=_array(document, blob, attributes["NORMAL"], 3).astype(np.float32),
+                triangles=_array(document, blob, primitive["indices"], 1).astype(np.int64).reshape(-1, 3),
+                uv=uv,
+            )
+        )
+    if not parts:
+        raise UserError(f"{path} holds no mesh; export the model again")
+    return parts
+
+
+def _array(document: dict[str, Any], blob: bytes, number: int, width: int) -> NDArray[Any]:
+    accessor = document["accessors"][number]
+    view = document["bufferViews"][accessor["bufferView"]]
+    start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    dtype = np.dtype(TYPES[accessor["componentType"]])
+    if view.get("byteStride", width * dtype.itemsize) != width * dtype.itemsize:
+        raise ValueError("interleaved vertex data are not read")
+    return np.frombuffer(blob, dtype, accessor["count"] * width, start).reshape(-1, width)

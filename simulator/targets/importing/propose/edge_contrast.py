@@ -1,0 +1,142 @@
+"""How well a stretch of an edge shows in pictures: small shaded pictures from many sides, drawn on the CPU.
+
+A crease that a modeller drew may be invisible: a groove finer than a pixel, two faces alike in the light, an edge
+behind another body. So every candidate is looked at: the step of brightness across it, a little to either side,
+wherever it is in view.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.runtime.arrays import Float32Array, FloatArray
+from simulator.targets.importing.propose.surface_points import SurfacePoints, surface_points
+from simulator.targets.importing.repair.topology import Body
+from simulator.targets.sphere import sphere_directions
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.targets.model import Material
+
+VIEWS = sphere_directions(40)
+SIZE_PX = 256
+POINTS = 450_000
+ASIDE_PX = 2.5
+"""Where brightness is compared [pixels of 256]: as an estimator does that sees the craft 100 to 200 pixels large."""
+SKIN = 0.012
+"""Share of the craft by which a point of an edge may lie behind the picture's surface and still count as seen."""
+LIGHTS = ((0.0, 0.0), (50.0, 30.0), (50.0, 150.0), (50.0, 270.0))
+"""Angles [deg] of the Sun from the line of sight and round it: ahead, and three times from a side."""
+AMBIENT = 0.02
+
+
+def contrast_of(
+    bodies: list[Body],
+    materials: Sequence[Material],
+    a_m: FloatArray,
+    b_m: FloatArray,
+    skin_m: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Mean step of brightness (K,) across stretches where they are seen, and how often they are (K,).
+
+    The step is relative to the brightness of the craft's brightest surface, 0..1; how often is the share of views and
+    of places along the stretch in which nothing hides it.
+
+    Parameters
+    ----------
+    a_m, b_m : (K, 3) ends. skin_m : (K,) how far below the surface each stretch lies, as a rod's axis does.
+    """
+    surface = surface_points(bodies, POINTS)
+    albedo = np.array([float(np.mean(m.base_color)) for m in materials])[surface.material]
+    low, high = surface.points_m.min(axis=0), surface.points_m.max(axis=0)
+    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    places = np.stack([a_m + s * (b_m - a_m) for s in (0.2, 0.5, 0.8)], axis=1) - center
+    step, seen = np.zeros(places.shape[:2]), np.zeros(places.shape[:2])
+    for direction in VIEWS:
+        axes = _axes(direction)
+        depth, light = _picture(surface, albedo, center, radius, axes)
+        at = places @ axes.T
+        xy = _pixels(at[..., :2], radius)
+        along = np.stack([(b_m - a_m) @ axes[0], (b_m - a_m) @ axes[1]], axis=1)
+        length = np.linalg.norm(along, axis=1)
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(length[:, None], 1e-12)
+        row, column = np.rint(xy).astype(int)[..., 1], np.rint(xy).astype(int)[..., 0]
+        visible = (at[..., 2] >= depth[row, column] - SKIN * 2 * radius - skin_m[:, None]) & (
+            length > 0.02 * radius
+        )[:, None]
+        sides = []
+        for sign in (-1.0, 1.0):
+            beside = np.rint(xy + sign * ASIDE_PX * across[:, None]).astype(int)
+            sides.append(light[:, beside[..., 1], beside[..., 0]])
+        # the best of the lights: a Sun that shows the edge will come
+        best = np.abs(sides[0] - sides[1]).mean(axis=0)
+        step += np.where(visible, best, 0.0)
+        seen += visible
+    return (step.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)), seen.mean(axis=1) / len(VIEWS)
+
+
+def _axes(direction: FloatArray) -> FloatArray:
+    """(3, 3) rows: right, up, and towards the camera."""
+    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    x = np.cross(helper, direction)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(direction, x), direction])
+
+
+def _pixels(xy: FloatArray | Float32Array, radius: float) -> FloatArray:
+    """Places in the picture, its border kept free for looking aside."""
+    return np.asarray((xy / radius * 0.94 + 1) * (SIZE_PX - 1) / 2)
+
+
+def _picture(
+    surface: SurfacePoints, albedo: FloatArray, center: FloatArray, radius: float, axes: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Nearest surface to the camera (H, W), -inf outside, and its brightness under each of the lights (L, H, W)."""
+    # single precision: only places in a small picture are asked for
+    at = (surface.points_m - center).astype(np.float32) @ axes.T.astype(np.float32)
+    x, y = np.rint(_pixels(at[:, :2], radius)).astype(np.int32).T
+    cell = y * SIZE_PX + x
+    height = at[:, 2].astype(float)
+    nearest = np.full(SIZE_PX * SIZE_PX, -np.inf)
+    np.maximum.at(nearest, cell, height)
+    depth = nearest.reshape(SIZE_PX, SIZE_PX)
+    # points leave some cells empty: these take what most of their neighbours have
+    filled = _closed(depth)
+    winner = np.full(SIZE_PX * SIZE_PX, -1, np.int64)
+    front = height >= nearest[cell]
+    index = np.flatnonzero(front)
+    winner[cell[index]] = index
+    winner = _spread(winner.reshape(SIZE_PX, SIZE_PX), np.isfinite(filled))
+    normal = surface.normals[winner] @ axes.T
+    light = []
+    for lean, turn in np.deg2rad(LIGHTS):
+        sun = np.array([np.sin(lean) * np.cos(turn), np.sin(lean) * np.sin(turn), np.cos(lean)])
+        shade = albedo[winner] * (np.maximum(normal @ sun, 0.0) + AMBIENT)
+        # single points are grainy: the mean of nine
+        light.append(cv2.blur(np.where(winner >= 0, shade, 0.0), (3, 3)))
+    # outlines are steps to black: as strong as the surface is bright
+    return filled, np.asarray(light, float) / max(float(albedo.max()), 1e-6)
+
+
+def _closed(depth: FloatArray) -> FloatArray:
+    """Empty cells with at least five full neighbours get the nearest of them."""
+    padded = np.pad(depth, 1, constant_values=-np.inf)
+    near = np.stack(
+        [padded[1 + i : 1 + i + SIZE_PX, 1 + j : 1 + j + SIZE_PX] for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    )
+    full = np.isfinite(near).sum(axis=0)
+    return np.where(np.isfinite(depth) | (full < 5), depth, near.max(axis=0))
+
+
+def _spread(winner: np.ndarray, filled: np.ndarray) -> np.ndarray:
+    """Cells that are filled and have no point of their own take a neighbour's."""
+    out = winner.copy()
+    padded = np.pad(winner, 1, constant_values=-1)
+    for i, j in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)):
+        other = padded[1 + i : 1 + i + SIZE_PX, 1 + j : 1 + j + SIZE_PX]
+        out = np.where((out < 0) & filled, other, out)
+    return out

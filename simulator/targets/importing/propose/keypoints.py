@@ -1,0 +1,108 @@
+"""Keypoints proposed from the shape: sharp corners and extremities, spread by farthest-point sampling."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from simulator.runtime.arrays import FloatArray, vec3
+from simulator.targets.importing.propose.seen import DIRECTIONS, times_seen
+from simulator.targets.importing.propose.wireframe import crease_edges
+from simulator.targets.importing.repair.topology import Body, apart, edge_table, used_vertices
+from simulator.targets.model import Keypoint
+
+WANTED = 16
+MOST_CANDIDATES = 4000
+FEWEST_VIEWS = 3
+CLOSEST = 0.02
+"""Share of the craft: nearer points would be one to an estimator."""
+TURN_COS = float(np.cos(np.deg2rad(25.0)))
+
+
+def propose_keypoints(bodies: list[Body], extent: float) -> tuple[Keypoint, ...]:
+    """Up to sixteen vertices of the mesh: corners where creases meet or end, and the tips of its hull.
+
+    The first is the one farthest from the middle, each next the one farthest from those before it; what is seen
+    from more sides counts more, corners count a quarter more than round rims, and what sticks out (the hull of
+    the craft) two fifths more. The same mesh always gives the same points.
+    """
+    points, is_corner = _candidates(bodies)
+    if not len(points):
+        return ()
+    # rounding, then order, so that equal distances are settled by place and not by the file's order
+    order = np.lexsort(np.round(points / (1e-6 * extent)).T)
+    points, is_corner = points[order], is_corner[order]
+    seen = times_seen(bodies, points)
+    visible = seen >= FEWEST_VIEWS
+    if visible.sum() >= WANTED:
+        points, is_corner, seen = points[visible], is_corner[visible], seen[visible]
+    weight = (
+        np.where(is_corner, 1.25, 1.0)
+        * np.where(_on_hull(points), 1.4, 1.0)
+        * (0.3 + seen / len(DIRECTIONS)) ** 1.5
+    )
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    distance = np.linalg.norm(points - centre, axis=1)
+    chosen: list[int] = []
+    while len(chosen) < min(WANTED, len(points)):
+        k = int(np.argmax(np.round(distance * weight / extent, 6)))
+        if chosen and distance[k] < CLOSEST * extent:
+            break
+        gap = np.linalg.norm(points - points[k], axis=1)
+        distance = gap if not chosen else np.minimum(distance, gap)
+        chosen.append(k)
+    return tuple(
+        Keypoint(name=f"{'corner' if is_corner[k] else 'tip'}_{number + 1:02d}", position_m=vec3(points[k]))
+        for number, k in enumerate(chosen)
+    )
+
+
+def _candidates(bodies: list[Body]) -> tuple[FloatArray, np.ndarray]:
+    pieces = [apart(b) for b in bodies]
+    corners = [b.positions_m[_corner_vertices(b)] for b in pieces]
+    used = [b.positions_m[used_vertices(b.triangles, len(b.positions_m))] for b in bodies]
+    hulls = [_tips(points) for points in used]
+    whole = _tips(np.concatenate(used))
+    sharp, round_ = np.concatenate(corners), np.concatenate([*hulls, whole])
+    points = np.concatenate([sharp, round_])
+    is_corner = np.arange(len(points)) < len(sharp)
+    _, first = np.unique(points, axis=0, return_index=True)
+    first = np.sort(first)
+    if len(first) > MOST_CANDIDATES:
+        first = first[:: len(first) // MOST_CANDIDATES + 1]
+    return points[first], is_corner[first]
+
+
+def _corner_vertices(body: Body) -> np.ndarray:
+    """Vertices where three or more creases meet, or two at a real bend."""
+    ends, _, _ = crease_edges(body, edge_table(body.triangles))
+    if not len(ends):
+        return np.zeros(0, np.int64)
+    degree = np.bincount(ends.ravel(), minlength=len(body.positions_m))
+    direction = body.positions_m[ends[:, 1]] - body.positions_m[ends[:, 0]]
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    total = np.zeros_like(body.positions_m)
+    np.add.at(total, ends[:, 0], direction)
+    np.add.at(total, ends[:, 1], -direction)
+    # two unit vectors away from a vertex at an angle: their sum is 2 cos(angle / 2) long
+    bend = np.linalg.norm(total, axis=1) > np.sqrt(2 * (1 - TURN_COS))
+    return np.flatnonzero((degree >= 3) | (degree == 1) | ((degree == 2) & bend))
+
+
+def _tips(points: FloatArray) -> FloatArray:
+    """Vertices of the convex hull, or all points of a flat shape's outline box."""
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except (QhullError, ValueError):
+        far = [int(f(points[:, k])) for k in range(3) for f in (np.argmin, np.argmax)]
+        return points[np.unique(far)]
+
+
+def _on_hull(points: FloatArray) -> np.ndarray:
+    """(K,) vertices of the hull of all points."""
+    out = np.zeros(len(points), bool)
+    try:
+        out[ConvexHull(points).vertices] = True
+    except (QhullError, ValueError):
+        out[:] = True
+    return out

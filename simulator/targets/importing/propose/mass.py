@@ -1,0 +1,74 @@
+"""Mass properties of a mesh: a uniform solid of stated density or mass, or a shell where it has no volume."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simulator.runtime.arrays import FloatArray, vec3
+from simulator.targets.importing.repair.topology import Body
+from simulator.targets.model import MassProperties
+
+DENSITY_KG_M3 = 250.0
+"""Whole spacecraft weigh 150 to 1300 kg per cubic metre of body (Envisat 190, a CubeSat up to 1330)."""
+SHELL_KG_M2 = 10.0
+HOLLOW = 1e-3
+"""Below this volume over area to the 3/2 a mesh is sheets, not bodies (a sphere has 0.094)."""
+
+
+def mass_properties_of(
+    bodies: list[Body], mass_kg: float | None, density_kg_m3: float | None
+) -> tuple[MassProperties, str]:
+    """Mass, centre of mass and inertia, and one line on how they were found.
+
+    Volume integrals over the tetrahedra between the origin and each face (Tonon 2004); of sheets, the surface.
+    """
+    corners = np.concatenate([b.positions_m[b.triangles] for b in bodies])
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    origin = corners.mean(axis=(0, 1))
+    c = corners - origin
+    volume = np.einsum("ij,ij->i", c[:, 0], np.cross(c[:, 1], c[:, 2])) / 6
+    total_m3 = float(volume.sum())
+    if total_m3 > HOLLOW * float(area.sum()) ** 1.5:
+        found = _moments(c, volume, apex=True)
+        if found is not None:
+            mass = mass_kg or total_m3 * (density_kg_m3 or DENSITY_KG_M3)
+            how = f"{total_m3:.4g} m3" + (
+                ""
+                if mass_kg
+                else f" at {density_kg_m3 or DENSITY_KG_M3:g} kg/m3 (--density or --mass to say better)"
+            )
+            return _scaled(found, origin, mass, total_m3), f"mass {mass:.4g} kg: {how}"
+    found = _moments(c, area, apex=False)
+    mass = mass_kg or float(area.sum()) * SHELL_KG_M2
+    how = f"a shell of {float(area.sum()):.4g} m2" + (
+        "" if mass_kg else f" at {SHELL_KG_M2:g} kg/m2 (--mass to say better)"
+    )
+    if found is None:
+        raise ArithmeticError("a surface with area has moments")
+    return _scaled(found, origin, mass, float(area.sum())), f"mass {mass:.4g} kg: {how}"
+
+
+def _moments(c: FloatArray, weight: FloatArray, *, apex: bool) -> tuple[FloatArray, FloatArray] | None:
+    """Centre and second moments about it of simplices with corners (F, 3, 3), and the origin if ``apex``."""
+    total = weight.sum()
+    corners, n = c.sum(axis=1), 4 if apex else 3
+    centre = (weight[:, None] * corners).sum(axis=0) / n / total
+    # second moments of a uniform simplex with n corners: (sum x x' + S S') w / (n (n + 1))
+    second = np.einsum("f,fki,fkj->ij", weight, c, c) + np.einsum("f,fi,fj->ij", weight, corners, corners)
+    second = second / (n * (n + 1)) - total * np.outer(centre, centre)
+    return (
+        (centre, second) if np.linalg.eigvalsh(second).min() > -1e-12 * np.trace(second) > -np.inf else None
+    )
+
+
+def _scaled(
+    found: tuple[FloatArray, FloatArray], origin: FloatArray, mass: float, total: float
+) -> MassProperties:
+    centre, second = found
+    second = second * (mass / total)
+    # a flat sheet has no thickness: a little keeps the inertia a body's
+    second = second + 1e-9 * np.trace(second) * np.eye(3)
+    inertia = np.trace(second) * np.eye(3) - second
+    inertia = (inertia + inertia.T) / 2
+    rows = (vec3(inertia[0]), vec3(inertia[1]), vec3(inertia[2]))
+    return MassProperties(mass_kg=float(mass), com_m=vec3(origin + centre), inertia_kg_m2=rows)

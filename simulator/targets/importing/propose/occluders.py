@@ -1,0 +1,218 @@
+"""Coarse closed bodies that stand for the craft in visibility tests and as its silhouette: few convex hulls.
+
+Each connected piece is one hull; a piece that fills its hull badly is cut in two where the hulls of the halves are
+smallest, the worst first. What matters is the outline: to an estimator light beside it is a sign of a wrong pose.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from simulator.runtime.arrays import FloatArray, IntArray
+from simulator.targets.importing.propose.surface_points import surface_points
+from simulator.targets.importing.repair.topology import Body
+from simulator.targets.model import Occluders
+from simulator.targets.sphere import sphere_directions
+
+POINTS = 120_000
+HULL_POINTS = 1500
+"""Points that a hull is tried with while cuts are searched."""
+MOST_PIECES = 40
+MOST_TRIANGLES = 600
+SMALLEST = 0.0015
+"""Share of the craft's mean silhouette below which a piece is left out."""
+SETTLED = 0.01
+"""Share of the craft's mean silhouette by which a piece's hull may be too large."""
+CUTS = (0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85)
+SIDE_PX = 48
+VIEWS = sphere_directions(14)[:7]
+FACETS = (64, 40, 26, 14, 10)
+"""Directions in which a hull's corners are sought: as many as the budget of triangles allows."""
+INSET = 0.99
+"""Occluders are drawn in a little, so that they do not hide the edges on their own surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Leaf:
+    """A set of surface points with the mean silhouette of its hull [m2], and how much of that is not its own."""
+
+    points: FloatArray
+    shadow: float
+    excess: float
+
+
+def propose_occluders(bodies: list[Body], extent: float) -> Occluders:
+    """Convex bodies of together at most some 600 triangles whose outline is nearly the craft's."""
+    surface = surface_points(bodies, POINTS)
+    order = np.argsort(surface.piece, kind="stable")
+    ends = np.searchsorted(surface.piece[order], np.arange(surface.pieces + 1))
+    whole = _shadow(surface.points_m)
+    leaves = [
+        leaf
+        for a, b in itertools.pairwise(ends.tolist())
+        if (leaf := _leaf(surface.points_m[order[a:b]], extent, SMALLEST * whole)) is not None
+    ]
+    leaves = _not_inside(sorted(leaves, key=lambda x: -x.shadow), extent)[: 2 * MOST_PIECES]
+    total = sum(x.shadow for x in leaves)
+    while leaves and len(leaves) < MOST_PIECES:
+        worst = max(leaves, key=lambda x: x.excess)
+        if worst.excess < SETTLED * total:
+            break
+        leaves.remove(worst)
+        halves = _cut(worst, extent)
+        leaves += halves if len(halves) == 2 else [_Leaf(worst.points, worst.shadow, 0.0)]
+    leaves = sorted(leaves, key=lambda x: -x.shadow)[:MOST_PIECES]
+    return _joined(leaves)
+
+
+def _joined(leaves: list[_Leaf]) -> Occluders:
+    """The hulls with as many facets as the budget allows, the same fineness for all."""
+    for fineness in FACETS:
+        directions = sphere_directions(fineness)
+        hulls = [h for leaf in leaves if (h := _hull(_extremes(leaf.points, directions))) is not None]
+        if sum(len(h.simplices) for h in hulls) <= MOST_TRIANGLES:
+            break
+    vertices: list[FloatArray] = []
+    triangles: list[IntArray] = []
+    count = 0
+    for hull in hulls:
+        v, t = _outward(hull)
+        if count + len(t) > MOST_TRIANGLES:
+            continue
+        middle = (v.min(axis=0) + v.max(axis=0)) / 2
+        triangles.append(t + sum(len(x) for x in vertices))
+        vertices.append(middle + INSET * (v - middle))
+        count += len(t)
+    if not vertices:
+        return Occluders()
+    return Occluders(vertices_m=np.concatenate(vertices), triangles=np.concatenate(triangles))
+
+
+def _extremes(points: FloatArray, directions: FloatArray) -> FloatArray:
+    """The points that reach farthest in each direction, and in those of the axes' corners: a box keeps its own."""
+    corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    size = np.maximum(np.ptp(points, axis=0), 1e-9)
+    # seen in the box's own proportions: a plate's corners are as far apart as a cube's
+    reach = (points / size) @ np.concatenate([corners, directions]).T
+    return points[np.unique(np.argmax(reach, axis=0))]
+
+
+def _leaf(points: FloatArray, extent: float, smallest: float = 0.0) -> _Leaf | None:
+    """A set of points with its hull's silhouette; sheets are given a little thickness; None for lines and specks."""
+    if len(points) < 4:
+        return None
+    hull = _hull(points)
+    if hull is None:
+        low, high = points.min(axis=0), points.max(axis=0)
+        if np.sort(high - low)[1] < 1e-3 * extent:
+            return None
+        points = _thickened(points, 2e-3 * extent)
+        hull = _hull(points)
+        if hull is None:
+            return None
+    # Cauchy: the mean silhouette of a convex body is a quarter of its surface
+    shadow = float(hull.area) / 4
+    if shadow <= smallest:
+        return None
+    return _Leaf(points, shadow, shadow * (1 - _filled_share(points, hull)))
+
+
+def _thickened(points: FloatArray, thickness: float) -> FloatArray:
+    """A flat sheet's points on both sides of it."""
+    normal = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2]
+    return np.concatenate([points + normal * thickness / 2, points - normal * thickness / 2])
+
+
+def _filled_share(points: FloatArray, hull: ConvexHull) -> float:
+    """How much of its hull's silhouette a set of points fills, in the mean over some views."""
+    own = all_of = 0
+    for view in VIEWS:
+        helper = np.eye(3)[int(np.argmin(np.abs(view)))]
+        x = np.cross(helper, view)
+        axes = np.stack([x / np.linalg.norm(x), np.cross(view, x / np.linalg.norm(x))])
+        at = points @ axes.T
+        low, size = at.min(axis=0), max(float(np.ptp(at, axis=0).max()), 1e-12)
+        # so coarse that the points leave no gaps
+        side = int(np.clip(np.sqrt(len(points)) / 3, 4, SIDE_PX))
+        cells = np.unique(np.minimum(((at - low) / size * side).astype(int), side - 1) @ (side, 1))
+        grid = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), -1).reshape(-1, 2)
+        outline = _hull(at[hull.vertices])
+        if outline is None:
+            continue
+        places = low + (grid + 0.5) / side * size
+        within = (places @ outline.equations[:, :2].T + outline.equations[:, 2] <= 0.5 * size / side).all(
+            axis=1
+        )
+        own += np.isin(grid[within] @ (side, 1), cells).sum()
+        all_of += within.sum()
+    return float(own / max(all_of, 1))
+
+
+def _cut(leaf: _Leaf, extent: float) -> list[_Leaf]:
+    """The leaf in two, by the plane across an axis for which both hulls together are smallest."""
+    p = leaf.points
+    step = max(1, len(p) // HULL_POINTS)
+    few = p[::step]
+    best, choice = np.inf, (0, 0.0)
+    low, high = p.min(axis=0), p.max(axis=0)
+    for axis in range(3):
+        for share in CUTS:
+            level = low[axis] + share * (high[axis] - low[axis])
+            area = 0.0
+            for side in (few[few[:, axis] <= level], few[few[:, axis] > level]):
+                hull = _hull(side)
+                area += np.inf if hull is None else float(hull.area)
+            if area < best:
+                best, choice = area, (axis, level)
+    if not np.isfinite(best) or best / 4 > leaf.shadow * 1.3:
+        return []
+    axis, level = choice
+    halves = [_leaf(p[p[:, axis] <= level], extent), _leaf(p[p[:, axis] > level], extent)]
+    return [h for h in halves if h is not None]
+
+
+def _not_inside(leaves: list[_Leaf], extent: float) -> list[_Leaf]:
+    """Without those that lie within the hull of a larger one: cells on a panel, fittings on a plate."""
+    kept: list[_Leaf] = []
+    planes: list[FloatArray] = []
+    for leaf in leaves:
+        few = leaf.points[:: max(1, len(leaf.points) // 60)]
+        inside = any(
+            ((few @ e[:, :3].T + e[:, 3]).max(axis=1) < 0.008 * extent).mean() > 0.97 for e in planes
+        )
+        if inside:
+            continue
+        kept.append(leaf)
+        hull = _hull(leaf.points)
+        # only what fills its hull swallows others
+        if hull is not None and leaf.excess < 0.15 * leaf.shadow:
+            planes.append(hull.equations)
+    return kept
+
+
+def _shadow(points: FloatArray) -> float:
+    hull = _hull(points)
+    return 0.0 if hull is None else float(hull.area) / 4
+
+
+def _hull(points: FloatArray) -> ConvexHull | None:
+    """The convex hull, or None where the points lie in a plane or on a line."""
+    if len(points) <= points.shape[1]:
+        return None
+    try:
+        return ConvexHull(points)
+    except (QhullError, ValueError):
+        return None
+
+
+def _outward(hull: ConvexHull) -> tuple[FloatArray, IntArray]:
+    used, index = np.unique(hull.simplices, return_inverse=True)
+    v, t = np.asarray(hull.points[used]), index.reshape(-1, 3)
+    n = np.cross(v[t[:, 1]] - v[t[:, 0]], v[t[:, 2]] - v[t[:, 0]])
+    wrong = np.einsum("ij,ij->i", n, hull.equations[:, :3]) < 0
+    t[wrong] = t[wrong][:, ::-1]
+    return v, t.astype(np.int64)

@@ -1,0 +1,84 @@
+"""Slender round pieces of a mesh: antennas, struts, booms, drawn as an axis with a radius."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from simulator.runtime.arrays import BoolArray, FloatArray, vec3
+from simulator.targets.importing.repair.topology import Body, edge_table, face_bodies
+from simulator.targets.model import Edge
+
+SLENDER = 5.0
+"""Length over radius from which a round piece is a rod."""
+ROUND = 0.25
+"""Spread of its surface's distance from the axis over the mean: tapered and faceted rods pass, bars do not."""
+THICKEST, SHORTEST = 0.05, 0.03
+"""Shares of the craft: a rod's radius at most, and its length at least."""
+FEWEST_FACES = 12
+
+
+def rods_of(body: Body, extent: float) -> list[Edge]:
+    """The connected pieces that are rods."""
+    count, label = face_bodies(body.triangles, edge_table(body.triangles))
+    order = np.argsort(label, kind="stable")
+    ends = np.searchsorted(label[order], np.arange(count + 1))
+    found = []
+    for first, last in itertools.pairwise(ends.tolist()):
+        if last - first >= FEWEST_FACES:
+            rod = _rod(body.positions_m[body.triangles[order[first:last]]], extent)
+            if rod is not None:
+                found.append(rod)
+    return found
+
+
+def _rod(corners: FloatArray, extent: float) -> Edge | None:
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    middle = corners.mean(axis=1)
+    weight = area / area.sum()
+    center = weight @ middle
+    spread = (middle - center) * np.sqrt(weight)[:, None]
+    axis = np.linalg.svd(spread, full_matrices=False)[2][0]
+    points = corners.reshape(-1, 3) - center
+    along = points @ axis
+    length = float(np.ptp(along))
+    # caps lie across the axis and say nothing of the radius
+    normal = (
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        / np.maximum(area, 1e-300)[:, None]
+    )
+    side = np.abs(normal @ axis) < 0.5
+    if not side.any() or weight[side].sum() < 0.6:
+        return None
+    away = points - along[:, None] * axis
+    distance = np.linalg.norm(away, axis=1).reshape(-1, 3)[side].mean(axis=1)
+    share = weight[side] / weight[side].sum()
+    radius = float(share @ distance)
+    if length < SLENDER * radius or length < SHORTEST * extent or radius > THICKEST * extent:
+        return None
+    if np.sqrt(share @ (distance - radius) ** 2) > ROUND * radius:
+        return None
+    # round: its sides look every way about the axis, which a flat bar's do not
+    turned = np.einsum("ij,ik,i->jk", normal[side], normal[side], share)
+    moments = np.linalg.eigvalsh(turned)
+    if moments[1] < 0.35 * moments[2]:
+        return None
+    a, b = center + along.min() * axis, center + along.max() * axis
+    return Edge(name="rod", a_m=vec3(a), b_m=vec3(b), radius_m=radius)
+
+
+def along_rods(rods: list[Edge], a_m: FloatArray, b_m: FloatArray) -> BoolArray:
+    """(K,) which stretches run along a rod's surface: the rod's own outline stands for them."""
+    covered = np.zeros(len(a_m), bool)
+    for rod in rods:
+        start = np.asarray(rod.a_m)
+        chord = np.asarray(rod.b_m) - start
+        length = float(np.linalg.norm(chord))
+        on = np.ones(len(a_m), bool)
+        for p in (a_m, b_m):
+            along = (p - start) @ chord / length
+            away = np.linalg.norm(p - start - along[:, None] * chord / length, axis=1)
+            on &= (away < 1.6 * rod.radius_m) & (along > -rod.radius_m) & (along < length + rod.radius_m)
+        covered |= on
+    return covered

@@ -1,0 +1,307 @@
+"""A wireframe proposed from creases: sharp and open edges chained into straight stretches.
+
+Stretches carry the mean normals of the faces on their two sides. Those that show in pictures are kept, the best first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.runtime.arrays import BoolArray, FloatArray, IntArray, Vec3, vec3
+from simulator.targets.importing.propose.edge_contrast import contrast_of
+from simulator.targets.importing.propose.rods import along_rods, rods_of
+from simulator.targets.importing.repair.topology import Body, EdgeTable, apart, edge_table
+from simulator.targets.model import Edge
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.targets.model import Material
+
+CREASE_COS = float(np.cos(np.deg2rad(30.0)))
+BEND_COS = float(np.cos(np.deg2rad(35.0)))
+"""A chain goes on through a vertex where it bends by less: rims of twelve or more sides are followed."""
+STRAIGHT = 0.004
+SHORTEST = 0.03
+"""Shares of the craft: how far a stretch may leave its straight line, and how long it must be."""
+BEVEL = 0.006
+"""Share of the craft within which parallel edges are one."""
+FEWEST_EDGES, MOST_EDGES = 40, 100
+MOST_LOOKED_AT = 600
+FEWEST_SEEN = 0.04
+"""Share of the views and of its length in which an edge must be seen."""
+FAINTEST = 0.1
+"""Mean step of brightness across an edge, over the brightest surface's, below which it is no edge to a camera."""
+ENOUGH = 0.97
+"""Share of all that shows (length times contrast times how often it is seen) after which further edges add clutter."""
+GAP = 0.06
+"""Share of the craft by which stretches on one line may be apart to become one: fittings interrupt a plate's edge."""
+PARALLEL = float(np.cos(np.deg2rad(1.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    a: FloatArray
+    b: FloatArray
+    normals: FloatArray  # (1 or 2, 3)
+
+
+def propose_wireframe(
+    bodies: list[Body], extent: float, materials: Sequence[Material]
+) -> tuple[tuple[Edge, ...], int]:
+    """Edges by how well they show, the best first, and how many more there were than are kept.
+
+    What counts is length times contrast times how often an edge is in view; slender round pieces become rods.
+    """
+    rods = [r for b in bodies for r in rods_of(b, extent)]
+    stretches = [s for b in bodies for s in _stretches(apart(b), extent)]
+    stretches = [s for s in stretches if np.linalg.norm(s.b - s.a) >= SHORTEST * extent]
+    if stretches:
+        covered = along_rods(rods, np.array([s.a for s in stretches]), np.array([s.b for s in stretches]))
+        stretches = [s for s, c in zip(stretches, covered, strict=True) if not c]
+    # the longest first; rounded, so that equal lengths keep the order of the file
+    stretches.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
+    stretches = _one_line(_distinct(stretches[: 2 * MOST_LOOKED_AT], extent), extent)[:MOST_LOOKED_AT]
+    ends = np.array([(s.a, s.b) for s in stretches] + [(r.a_m, r.b_m) for r in rods]).reshape(-1, 2, 3)
+    if not len(ends):
+        return (), 0
+    skin = np.array([0.0] * len(stretches) + [r.radius_m for r in rods])
+    step, seen = contrast_of(bodies, materials, ends[:, 0], ends[:, 1], skin)
+    # a rod's axis is not where its brightness changes: both its sides stand against what is behind
+    step = np.where(skin > 0, np.maximum(step, 0.3), step)
+    shows = np.round(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * step * seen / extent, 6)
+    good = np.flatnonzero((seen >= FEWEST_SEEN) & (step >= FAINTEST))
+    good = good[np.argsort(-shows[good], kind="stable")]
+    share = np.cumsum(shows[good]) / max(float(shows[good].sum()), 1e-12)
+    count = int(np.clip(np.searchsorted(share, ENOUGH) + 1, FEWEST_EDGES, MOST_EDGES))
+    edges = []
+    for number, k in enumerate(good[:count], start=1):
+        name = f"edge_{number:03d}"
+        if k >= len(stretches):
+            edges.append(replace(rods[k - len(stretches)], name=name))
+        else:
+            s = stretches[k]
+            edges.append(Edge(name=name, a_m=vec3(s.a), b_m=vec3(s.b), normals=_both_sides(s.normals)))
+    return tuple(edges), max(len(good) - count, 0)
+
+
+def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
+    """Stretches on one line with a small gap between them, and the same faces beside them, as one."""
+    out: list[_Stretch] = []
+    a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
+    for s in stretches:
+        n = len(out)
+        twin = next(
+            (
+                int(k)
+                for k in np.flatnonzero(_in_line(a[:n], b[:n], s, extent))
+                if _same_sides(out[int(k)].normals, s.normals)
+            ),
+            None,
+        )
+        if twin is None:
+            a[n], b[n] = s.a, s.b
+            out.append(s)
+            continue
+        t = out[twin]
+        ends = np.array([t.a, t.b, s.a, s.b])
+        along = (ends - t.a) @ (t.b - t.a)
+        # the longer one's faces stand for both
+        merged = _Stretch(ends[int(np.argmin(along))], ends[int(np.argmax(along))], t.normals)
+        out[twin], a[twin], b[twin] = merged, merged.a, merged.b
+    return out
+
+
+def _in_line(a: FloatArray, b: FloatArray, s: _Stretch, extent: float) -> BoolArray:
+    """(K,) which of the stretches from ``a`` to ``b`` (K, 3) ``s`` continues, but for a small gap."""
+    chord, other = b - a, s.b - s.a
+    length = np.linalg.norm(chord, axis=1)
+    direction = chord / length[:, None]
+    parallel = np.abs(direction @ other) > PARALLEL * np.linalg.norm(other)
+    offset = np.stack([s.a - a, s.b - a], axis=1)
+    along = np.einsum("kij,kj->ki", offset, direction)
+    aside = np.linalg.norm(offset - along[..., None] * direction[:, None], axis=2).max(axis=1)
+    gap = np.maximum(along.min(axis=1) - length, -along.max(axis=1))
+    return np.asarray(parallel & (aside < STRAIGHT * extent) & (gap < GAP * extent))
+
+
+def _same_sides(one: FloatArray, other: FloatArray) -> bool:
+    alike = one @ other.T > BEND_COS
+    return bool(alike.any(axis=1).all() or alike.any(axis=0).all())
+
+
+def _both_sides(normals: FloatArray) -> tuple[Vec3, ...]:
+    """Normals of the two faces; a sheet's rim is seen from either side."""
+    rows = [vec3(n / np.linalg.norm(n)) for n in normals]
+    return tuple(rows) if len(rows) == 2 else (rows[0], vec3(-np.asarray(rows[0])))
+
+
+def crease_edges(body: Body, table: EdgeTable) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Sharp and open edges: ends (C, 2), normal left of the edge and right of it (C, 3), NaN where no face is."""
+    unit = body.face_vectors
+    unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
+    start, face = body.triangles.ravel(), np.arange(body.triangles.size) // 3
+    h, k = table.pairs.T
+    sharp = np.einsum("ij,ij->i", unit[face[h]], unit[face[k]]) < CREASE_COS
+    ends = table.ends[table.pair_edge[sharp]]
+    h, k = h[sharp], k[sharp]
+    # the half-edge that runs from the lower vertex has its face on the left
+    forward = start[h] == ends[:, 0]
+    left = np.where(forward[:, None], unit[face[h]], unit[face[k]])
+    right = np.where(forward[:, None], unit[face[k]], unit[face[h]])
+    rim = table.ends[table.open]
+    rim_face = unit[face[table.first[table.open]]]
+    blank = np.full_like(rim_face, np.nan)
+    return np.concatenate([ends, rim]), np.concatenate([left, rim_face]), np.concatenate([right, blank])
+
+
+def _stretches(body: Body, extent: float) -> list[_Stretch]:
+    ends, left, right = crease_edges(body, edge_table(body.triangles))
+    if not len(ends):
+        return []
+    p = body.positions_m
+    follow = _followers(p, ends, left, right)
+    done = np.zeros(len(ends), bool)
+    out: list[_Stretch] = []
+    # chains that have an end first, so that only true rings are begun anywhere
+    order = [k for k in range(len(ends)) if follow[k, 0] < 0 or follow[k, 1] < 0]
+    for seed in [*order, *range(len(ends))]:
+        if done[seed]:
+            continue
+        side = 1 if follow[seed, 0] < 0 or follow[seed, 1] >= 0 else 0
+        chain = _walk(seed, side, ends, follow, done)
+        out += _split(chain, p, ends, (left, right), STRAIGHT * extent)
+    return out
+
+
+def _followers(p: FloatArray, ends: IntArray, left: FloatArray, right: FloatArray) -> IntArray:
+    """(C, 2) the edge that continues each edge at its two ends, -1 where none does: the straightest, mutually."""
+    direction = p[ends[:, 1]] - p[ends[:, 0]]
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    at: dict[int, list[tuple[int, int]]] = {}
+    for k, (a, b) in enumerate(ends.tolist()):
+        at.setdefault(a, []).append((k, 0))
+        at.setdefault(b, []).append((k, 1))
+    follow = np.full((len(ends), 2), -1)
+    for here in at.values():
+        pairs = []
+        for i, (e, s) in enumerate(here):
+            for f, r in here[i + 1 :]:
+                # away from the vertex: opposite directions make a straight line
+                away = direction[e] * (1 - 2 * s), direction[f] * (1 - 2 * r)
+                cosine = -float(away[0] @ away[1])
+                if cosine > BEND_COS and _same_faces(e, s, f, r, left, right):
+                    pairs.append((-round(cosine, 6), e, s, f, r))
+        taken: set[int] = set()
+        for _, e, s, f, r in sorted(pairs):
+            if e not in taken and f not in taken:
+                follow[e, s], follow[f, r] = f, e
+                taken |= {e, f}
+    return follow
+
+
+def _same_faces(e: int, s: int, f: int, r: int, left: FloatArray, right: FloatArray) -> bool:
+    """Whether the faces beside two edges at one vertex look nearly alike."""
+    one, other = (left[f], right[f]) if s != r else (right[f], left[f])
+    for a, b in ((left[e], one), (right[e], other)):
+        if np.isnan(a[0]) != np.isnan(b[0]):
+            return False
+        if not np.isnan(a[0]) and float(a @ b) < BEND_COS:
+            return False
+    return True
+
+
+def _walk(seed: int, side: int, ends: IntArray, follow: IntArray, done: np.ndarray) -> list[tuple[int, bool]]:
+    """Edges of a chain in order, each with whether it is run from its second end to its first."""
+    chain, edge, out = [], seed, side
+    while edge >= 0 and not done[edge]:
+        done[edge] = True
+        chain.append((edge, out == 0))
+        vertex = ends[edge, out]
+        edge_next = int(follow[edge, out])
+        if edge_next >= 0:
+            out = 1 if ends[edge_next, 0] == vertex else 0
+        edge = edge_next
+    return chain
+
+
+def _split(
+    chain: list[tuple[int, bool]],
+    p: FloatArray,
+    ends: IntArray,
+    sides: tuple[FloatArray, FloatArray],
+    tolerance: float,
+) -> list[_Stretch]:
+    """Straight stretches of a chain: cut at the farthest point until all are near (Douglas and Peucker 1973)."""
+    first, backwards = chain[0]
+    vertices = [int(ends[first, 1 if backwards else 0])]
+    vertices += [int(ends[k, 0 if back else 1]) for k, back in chain]
+    line = p[vertices]
+    out, todo = [], [(0, len(chain))]
+    while todo:
+        i, j = todo.pop()
+        chord = line[j] - line[i]
+        length = float(np.linalg.norm(chord))
+        offset = line[i : j + 1] - line[i]
+        # a closed ring has no chord: cut it at its farthest point
+        along = np.clip(offset @ chord / length**2, 0, 1) if length > tolerance else np.zeros(len(offset))
+        away = np.linalg.norm(offset - along[:, None] * chord, axis=1)
+        worst = int(np.argmax(away))
+        if away[worst] > tolerance and 0 < worst < j - i:
+            todo += [(i + worst, j), (i, i + worst)]
+        elif length > 0:
+            out.append(_Stretch(line[i], line[j], _mean_normals(chain[i:j], p, ends, sides)))
+    return out
+
+
+def _mean_normals(
+    chain: list[tuple[int, bool]], p: FloatArray, ends: IntArray, sides: tuple[FloatArray, FloatArray]
+) -> FloatArray:
+    """(1 or 2, 3) normals beside a stretch, its longer edges counting more."""
+    total = np.zeros((2, 3))
+    for k, backwards in chain:
+        length = float(np.linalg.norm(p[ends[k, 1]] - p[ends[k, 0]]))
+        for row, side in enumerate(sides[::-1] if backwards else sides):
+            total[row] += length * np.nan_to_num(side[k])
+    kept = total[np.linalg.norm(total, axis=1) > 0]
+    return kept / np.linalg.norm(kept, axis=1, keepdims=True)
+
+
+def _distinct(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
+    """The longest of those that run side by side within a bevel's width; it takes over the outermost normals.
+
+    Bodies that touch have their common edges twice; a bevelled edge is two lines that no camera tells apart.
+    """
+    kept: list[_Stretch] = []
+    a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
+    for s in stretches:
+        n = len(kept)
+        twins = np.flatnonzero(_beside(a[:n], b[:n], s, BEVEL * extent))
+        if len(twins) == 0:
+            a[n], b[n] = s.a, s.b
+            kept.append(s)
+        else:
+            t = kept[int(twins[0])]
+            kept[int(twins[0])] = _Stretch(t.a, t.b, _widest(np.concatenate([t.normals, s.normals])))
+    return kept
+
+
+def _beside(a: FloatArray, b: FloatArray, s: _Stretch, reach: float) -> BoolArray:
+    """(K,) whether both ends of ``s`` lie within ``reach`` of the stretches from ``a`` to ``b`` (K, 3)."""
+    chord = b - a
+    length2 = np.einsum("ij,ij->i", chord, chord)
+    near = np.ones(len(a), bool)
+    for end in (s.a, s.b):
+        along = np.clip(np.einsum("ij,ij->i", end - a, chord) / length2, 0.0, 1.0)
+        near &= np.linalg.norm(end - a - along[:, None] * chord, axis=1) <= reach
+    return near
+
+
+def _widest(normals: FloatArray) -> FloatArray:
+    """The two of some normals that look apart the most."""
+    cosines = normals @ normals.T
+    i, j = np.unravel_index(int(np.argmin(cosines)), cosines.shape)
+    return normals[[i, j]] if i != j else normals[:1]

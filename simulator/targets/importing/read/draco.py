@@ -1,0 +1,151 @@
+"""Geometry that KHR_draco_mesh_compression packed, unpacked into plain accessors of the document."""
+
+from __future__ import annotations
+
+import io
+import os
+import subprocess
+import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+DRACO = "KHR_draco_mesh_compression"
+DEADLINE_S = 120.0
+MOST_RESULT_BYTES = 128 << 20  # held up to four times while it is unpacked
+COMPONENT_OF = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
+TYPE_OF = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+
+
+def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> list[bytes]:
+    """The buffers with what was packed, appended; the document's primitives then refer to it, in place.
+
+    Primitives that hold the same geometry unpacked as well are left as they are.
+
+    Raises
+    ------
+    UserError
+        If a stream cannot be decoded.
+    ValueError, LookupError, TypeError, AttributeError
+        Where the document breaks the rules of glTF or of the extension.
+    """
+    primitives = [
+        p
+        for mesh in document.get("meshes", [])
+        for p in mesh["primitives"]
+        if DRACO in p.get("extensions", {}) and not _is_plain(document, p)
+    ]
+    if not primitives:
+        return buffers
+    views = list(dict.fromkeys(int(p["extensions"][DRACO]["bufferView"]) for p in primitives))
+    arrays = decoded(path, [_stream(document, buffers, view) for view in views])
+    added = _Added(document, len(buffers))
+    for p in primitives:
+        extension = p["extensions"][DRACO]
+        stream = views.index(int(extension["bufferView"]))
+        accessors = document["accessors"]
+        for name, number in extension["attributes"].items():
+            was = accessors[p["attributes"][name]] if name in p["attributes"] else {}
+            kept = {"normalized": True} if was.get("normalized") else {}
+            p["attributes"][name] = added.accessor(f"{stream}_{int(number)}", arrays, kept)
+        p["indices"] = added.accessor(f"faces_{stream}", arrays, {})
+        p["mode"] = 4
+        del p["extensions"][DRACO]
+    return [*buffers, added.data()]
+
+
+class _Added:
+    """One more buffer, with the views and accessors on it."""
+
+    def __init__(self, document: dict[str, Any], buffer: int) -> None:
+        self._document, self._buffer = document, buffer
+        self._blocks: list[bytes] = []
+        self._length = 0
+        self._known: dict[tuple[str, bool], int] = {}
+
+    def accessor(self, key: str, arrays: dict[str, NDArray[Any]], more: dict[str, Any]) -> int:
+        """The number of an accessor of an array; faces become one row of indices."""
+        if (key, bool(more)) in self._known:
+            return self._known[key, bool(more)]
+        array = arrays[key].reshape(-1, 1) if key.startswith("faces") else arrays[key]
+        array = np.ascontiguousarray(array.reshape(len(array), -1))
+        data = array.tobytes()
+        self._document["bufferViews"].append(
+            {"buffer": self._buffer, "byteOffset": self._length, "byteLength": len(data)}
+        )
+        self._document["accessors"].append(
+            {
+                "bufferView": len(self._document["bufferViews"]) - 1,
+                "componentType": COMPONENT_OF[array.dtype.char if array.dtype.char != "L" else "I"],
+                "count": len(array),
+                "type": TYPE_OF[array.shape[1]],
+                **more,
+            }
+        )
+        self._blocks.append(data)
+        self._length += len(data)
+        self._known[key, bool(more)] = len(self._document["accessors"]) - 1
+        return self._known[key, bool(more)]
+
+    def data(self) -> bytes:
+        """All arrays, one after the other."""
+        return b"".join(self._blocks)
+
+
+def _is_plain(document: dict[str, Any], primitive: dict[str, Any]) -> bool:
+    """Whether the geometry is there unpacked, for readers without the extension."""
+    numbers = [
+        primitive["attributes"]["POSITION"],
+        *([primitive["indices"]] if "indices" in primitive else []),
+    ]
+    return all("bufferView" in document["accessors"][k] for k in numbers)
+
+
+def _stream(document: dict[str, Any], buffers: list[bytes], number: int) -> bytes:
+    view = document["bufferViews"][number]
+    start = int(view.get("byteOffset", 0))
+    data = buffers[view["buffer"]][start : start + int(view["byteLength"])]
+    if start < 0 or len(data) != view["byteLength"]:
+        raise ValueError("a packed mesh runs past the end of its buffer")
+    return data
+
+
+def decoded(path: Path, streams: list[bytes], most_bytes: int = MOST_RESULT_BYTES) -> dict[str, NDArray[Any]]:
+    """Arrays by stream and attribute: as `draco_process` names them.
+
+    Parameters
+    ----------
+    most_bytes : of all arrays together: a stream of a few bytes may ask for any size.
+
+    Raises
+    ------
+    UserError
+        If a stream cannot be decoded, or has more than ``most_bytes``.
+    """
+    command = [sys.executable, "-P", "-m", "simulator.targets.importing.read.draco_process", str(most_bytes)]
+    packed = b"".join(len(s).to_bytes(8, "little") + s for s in streams)
+    # threads of a matrix library would take the memory that is bounded there
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    try:
+        done = subprocess.run(
+            command, input=packed, capture_output=True, timeout=DEADLINE_S, check=False, env=environment
+        )
+    except subprocess.TimeoutExpired as error:
+        raise UserError(
+            f"{path}: Draco's decoder found no end within {DEADLINE_S:g} s; export the model without compression"
+        ) from error
+    if done.returncode != 0:
+        said = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        why = said[-1] if done.returncode == 1 and said else f"the decoder ended with {done.returncode}"
+        raise UserError(
+            f"{path} is packed with Draco and cannot be unpacked: {why}; export it without mesh compression"
+        )
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
+        return {name: archive[name] for name in archive.files}

@@ -1,0 +1,79 @@
+"""Where a glTF scene puts its meshes: the node tree walked once, and weighed before anything is read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simulator.targets.importing.read.gltf_geometry import node_matrix
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
+
+MOST_ROWS = 4_000_000
+"""Vertices and corners of all placed meshes, unless the file itself holds more: a mesh placed often takes as often."""
+
+Placed = tuple[str, int, "FloatArray"]
+"""Name, mesh number, and (4, 4) scene from mesh."""
+
+
+def placed_meshes(document: dict[str, Any], notes: list[str]) -> list[Placed]:
+    """The meshes of the scene that is shown, each where it stands, in the order of the tree.
+
+    Raises
+    ------
+    ValueError, LookupError, TypeError, AttributeError
+        Where the document breaks glTF's rules: a node has one parent at most.
+    """
+    nodes, found = document.get("nodes", []), list[Placed]()
+    waiting = [(int(k), np.eye(4)) for k in reversed(_roots(document, notes))]
+    seen: set[int] = set()
+    while waiting:
+        number, parent = waiting.pop()
+        if number in seen:
+            raise ValueError(f"node {number} is reached twice: nodes form no tree")
+        seen.add(number)
+        node = nodes[number]
+        matrix = parent @ node_matrix(node)
+        if "mesh" in node:
+            mesh = document["meshes"][node["mesh"]]
+            found.append((str(node.get("name") or mesh.get("name") or ""), int(node["mesh"]), matrix))
+        waiting += [(int(child), matrix) for child in reversed(node.get("children", []))]
+    return found
+
+
+def check_weight(document: dict[str, Any], placed: list[Placed], n_bytes: int) -> None:
+    """Refuse meshes that are placed far more often than the file has bytes, before any is read.
+
+    Parameters
+    ----------
+    n_bytes : of the file's buffers: a row takes one at least.
+
+    Raises
+    ------
+    ValueError, LookupError, TypeError, AttributeError
+        If they have far more rows than the file holds, or the document breaks glTF's rules.
+    """
+    accessors = document.get("accessors", [])
+    rows: dict[int, int] = {}
+    for mesh in {number for _, number, _ in placed}:
+        rows[mesh] = 0
+        for primitive in document["meshes"][mesh]["primitives"]:
+            vertices = int(accessors[primitive["attributes"]["POSITION"]]["count"])
+            indices = int(accessors[primitive["indices"]]["count"]) if "indices" in primitive else vertices
+            rows[mesh] += vertices + indices
+    total = sum(rows[number] for _, number, _ in placed)
+    if total > max(MOST_ROWS, n_bytes):
+        raise ValueError(f"its nodes place {total:,} vertices and indices, far more than it holds")
+
+
+def _roots(document: dict[str, Any], notes: list[str]) -> list[int]:
+    scenes = document.get("scenes", [])
+    if scenes:
+        if len(scenes) > 1:
+            notes.append(f"{len(scenes)} scenes in the file: only the first shown one is read")
+        return list(scenes[document.get("scene", 0)].get("nodes", []))
+    nodes = document.get("nodes", [])
+    children = {c for n in nodes for c in n.get("children", [])}
+    return [k for k in range(len(nodes)) if k not in children]

@@ -1,0 +1,92 @@
+"""Reading .glb .gltf .obj .stl into raw parts: by what the file holds, which must be what its ending says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import read_regular
+from simulator.targets.glb.read import LARGEST_FILE_BYTES
+from simulator.targets.importing.read.gltf import read_gltf
+from simulator.targets.importing.read.obj import read_obj
+from simulator.targets.importing.read.stl import is_binary_stl, read_stl
+from simulator.targets.importing.read.textures import bake_colours
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.targets.importing.read.raw_model import RawModel
+
+ENDINGS = ("glb", "gltf", "obj", "stl")
+OTHERS = {
+    b"ply": "a PLY mesh",
+    b"PK": "a ZIP archive (3MF, USDZ or packed files)",
+    b"\x89PN": "a PNG image",
+    b"\xff\xd8": "a JPEG image",
+    b"Kayd": "a binary FBX model",
+    b"BLEN": "a Blender scene",
+    b"ISO-": "a STEP model",
+    b"<": "XML (COLLADA, X3D or a web page)",
+}
+
+
+def read_mesh(path: Path) -> RawModel:
+    """Read a mesh file as it is, colours of vertices gathered into a few materials.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read, is not what its ending says, or names files that are missing.
+    """
+    kind = path.suffix.lower().lstrip(".")
+    if kind not in ENDINGS:
+        raise UserError(
+            f"{path}: meshes of kind {path.suffix or 'without ending'} are not read; export it as .glb"
+        )
+    try:
+        data = read_regular(path, LARGEST_FILE_BYTES)
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}; check the path") from error
+    if not data.strip():
+        raise UserError(f"{path} is empty; export the model again")
+    found = kind_of(data)
+    if found != kind:
+        what = f"a .{found} file" if found in ENDINGS else found or "no mesh that is known"
+        hint = (
+            f"rename it to {path.with_suffix('.' + found).name}" if found in ENDINGS else "export it as .glb"
+        )
+        raise UserError(f"{path} ends in .{kind} but holds {what}; {hint}")
+    match kind:
+        case "glb" | "gltf":
+            model = read_gltf(path, data)
+        case "obj":
+            model = read_obj(path, data)
+        case _:
+            model = read_stl(path, data)
+    model.parts = [p for p in model.parts if len(p.triangles)]
+    if not model.parts:
+        raise UserError(f"{path} holds no triangles; export the model as a mesh, not as points or curves")
+    bake_colours(model)
+    return model
+
+
+def kind_of(data: bytes) -> str:
+    """The ending that a file's content deserves, or a few words on what it is, or nothing."""
+    if data[:4] == b"glTF":
+        return "glb"
+    if is_binary_stl(data):
+        return "stl"
+    head = data[:4096].lstrip()
+    if head[:5].lower() == b"solid" and head[5:6] in b" \t\r\n":
+        return "stl"
+    if head[:1] == b"{":
+        return "gltf"
+    for magic, what in OTHERS.items():
+        if head.startswith(magic):
+            return what
+    lines = [line.split(None, 1)[0] for line in data[:65536].splitlines()[:-1] or [data] if line.strip()]
+    words = {b"v", b"vn", b"vt", b"f", b"o", b"g", b"mtllib", b"usemtl", b"s", b"vp", b"l"}
+    real = [w for w in lines if not w.startswith(b"#")]
+    if not real or sum(w in words for w in real) > len(real) // 2:
+        return "obj"
+    return ""

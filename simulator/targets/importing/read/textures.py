@@ -1,0 +1,210 @@
+"""Textures of users' meshes: taken as they are, or baked to a few plain colours where faces cannot carry them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.runtime.arrays import vec3
+from simulator.targets.glb.textures import check_picture, mime_of, picture_size
+from simulator.targets.importing.read.raw_model import unique_names
+from simulator.targets.model import Material, Picture
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import ByteArray, FloatArray, IntArray
+    from simulator.targets.importing.read.raw_model import RawModel
+
+LARGEST_PX = 4096
+MOST_PIXELS_OF_ALL = 512 << 20
+"""Of all pictures of a model: thirty of 4096 on a side."""
+LARGEST_PICTURE_BYTES, MOST_BYTES_OF_ALL = 256 << 20, 512 << 20
+MOST_PICTURES = 1000
+MOST_COLOURS = 6
+SAME_COLOUR = 0.04
+"""Root mean square distance in linear RGB within which faces count as of one colour."""
+BARYCENTRIC = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], float)
+
+
+def decode_image(data: bytes) -> ByteArray | None:
+    """(H, W, 3) sRGB image, or None when it is none that OpenCV reads."""
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        return None
+    return None if image is None else np.ascontiguousarray(image[..., ::-1])
+
+
+def linear_from_srgb(value: FloatArray) -> FloatArray:
+    """Linear light from sRGB, both 0..1 (IEC 61966-2-1)."""
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+
+
+@dataclass(eq=False)
+class PictureReader:
+    """Pictures of one model made what target files hold, PNG or JPEG and not too large.
+
+    Parameters
+    ----------
+    owner : the file that names them. notes : what had to be done, a line each. count, pixels, n_bytes : of all pictures
+        so far.
+    """
+
+    owner: Path
+    notes: list[str] = field(default_factory=list)
+    count: int = 0
+    pixels: int = 0
+    n_bytes: int = 0
+
+    def read(self, name: str, data: bytes) -> Picture:
+        """A picture under a name.
+
+        Raises
+        ------
+        UserError
+            If it cannot be read, or it or all together have too many pixels; found before it is decoded.
+        """
+        where = f"{self.owner}: texture {name[:80]!r}"
+        check_picture(data, where)
+        width, height = picture_size(data) or (0, 0)
+        self.count += 1
+        self.pixels += width * height
+        self.n_bytes += len(data)
+        if self.pixels > MOST_PIXELS_OF_ALL or self.n_bytes > MOST_BYTES_OF_ALL or self.count > MOST_PICTURES:
+            raise UserError(
+                f"{self.owner}: its textures are more than {MOST_PICTURES}, or have together more than "
+                f"{MOST_PIXELS_OF_ALL >> 20} million pixels or {MOST_BYTES_OF_ALL >> 20} MB; make them fewer or smaller"
+            )
+        image = decode_image(data)
+        if image is None:
+            raise UserError(f"{where} is not a picture that can be read; convert it to PNG")
+        if max(image.shape[:2]) > LARGEST_PX:
+            before = f"{image.shape[1]} x {image.shape[0]}"
+            factor = LARGEST_PX / max(image.shape[:2])
+            size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
+            image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+            self.notes.append(f"texture {name!r} reduced from {before} to {size[0]} x {size[1]}")
+        elif mime_of(data):
+            return Picture(name=name, data=data)
+        written = cv2.imencode(".png", image[..., ::-1])[1]
+        return Picture(name=name, data=np.asarray(written).tobytes())
+
+
+def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
+    """(F, 3) linear colour of each face: the mean of four samples of the texture on it.
+
+    Parameters
+    ----------
+    corner_uv : (F, 3, 2), origin at the image's top left as in glTF; repeats outside 0..1.
+    """
+    height, width = image.shape[:2]
+    weights = BARYCENTRIC / BARYCENTRIC.sum(axis=1, keepdims=True)
+    at = np.einsum("sk,fkc->fsc", weights, np.nan_to_num(corner_uv)) % 1.0
+    x = np.minimum((at[..., 0] * width).astype(int), width - 1)
+    y = np.minimum((at[..., 1] * height).astype(int), height - 1)
+    return np.asarray(linear_from_srgb(image[y, x] / 255.0).mean(axis=1))
+
+
+def bake_textures(model: RawModel) -> None:
+    """Turn base-colour textures into colours of faces: for meshes whose faces will not keep their places."""
+    for part in model.parts:
+        if part.corner_uv is None:
+            continue
+        colour = part.face_colour
+        if colour is None:
+            colour = np.full((len(part.triangles), 3), np.nan)
+        for number in np.unique(part.face_material):
+            material = model.materials[int(number)]
+            faces = np.flatnonzero(
+                (part.face_material == number) & ~np.isnan(part.corner_uv).any(axis=(1, 2))
+            )
+            if material.base_color_texture and len(faces):
+                image = decode_image(model.pictures[material.base_color_texture].data)
+                if image is not None:
+                    colour[faces] = face_colours(image, part.corner_uv[faces]) * material.base_color
+        part.face_colour, part.corner_uv = (None if np.isnan(colour).all() else colour), None
+    model.materials = [without_textures(m) for m in model.materials]
+    bake_colours(model)
+
+
+def without_textures(material: Material) -> Material:
+    """The material's factors alone."""
+    return replace(material, base_color_texture="", metallic_roughness_texture="", normal_texture="")
+
+
+def mean_colour(picture: Picture) -> FloatArray:
+    """(3,) mean linear colour of a texture."""
+    image = decode_image(picture.data)
+    if image is None:
+        return np.ones(3)
+    return np.asarray(linear_from_srgb(image / 255.0).mean(axis=(0, 1)))
+
+
+def bake_colours(model: RawModel) -> None:
+    """Give faces that have a colour of their own a material of that colour, a few for each one of the file's."""
+    coloured = [p for p in model.parts if p.face_colour is not None]
+    if not coloured:
+        return
+    before = len(model.materials)
+    for number in range(before):
+        picks = [(p, np.flatnonzero((p.face_material == number) & ~np.isnan(p.face_colour[:, 0])))
+                 for p in coloured if p.face_colour is not None]  # fmt: skip
+        picks = [(p, f) for p, f in picks if len(f)]
+        if not picks:
+            continue
+        colours = np.concatenate([p.face_colour[f] for p, f in picks if p.face_colour is not None])
+        centres, label = group_colours(colours)
+        base = model.materials[number]
+        first = len(model.materials)
+        for k, centre in enumerate(centres):
+            rgb = vec3(np.clip(centre, 0.0, 1.0))
+            model.materials.append(replace(base, name=f"{base.name}-{k + 1}", base_color=rgb))
+        start = 0
+        for p, f in picks:
+            p.face_material[f] = first + label[start : start + len(f)]
+            start += len(f)
+        model.notes.append(
+            f"material {base.name!r}: its texture or its vertices' colours became {len(centres)} plain "
+            f"colour{'s' * (len(centres) > 1)}; detail finer than a face is lost"
+        )
+    names = unique_names((m.name for m in model.materials), "material")
+    model.materials = [replace(m, name=n) for m, n in zip(model.materials, names, strict=True)]
+
+
+def group_colours(colours: FloatArray) -> tuple[FloatArray, IntArray]:
+    """As few colours as stand for all within SAME_COLOUR, at most MOST_COLOURS; seeded, so repeatable."""
+    distinct, inverse = np.unique(np.round(colours, 3), axis=0, return_inverse=True)
+    if len(distinct) == 1:
+        return distinct, inverse.ravel()
+    sample = colours if len(colours) <= 20_000 else colours[:: len(colours) // 20_000 + 1]
+    centres, label = sample, np.zeros(len(colours), np.int64)
+    for k in range(1, MOST_COLOURS + 1):
+        centres = _lloyd(sample, _spread(sample, k))
+        label = np.argmin(((colours[:, None] - centres) ** 2).sum(axis=2), axis=1)
+        if float(np.sqrt(((colours - centres[label]) ** 2).sum(axis=1).mean())) <= SAME_COLOUR:
+            break
+    used, label = np.unique(label, return_inverse=True)
+    return centres[used], label.ravel()
+
+
+def _lloyd(points: FloatArray, centres: FloatArray) -> FloatArray:
+    """The centres moved to the means of the points nearest to them, ten times."""
+    for _ in range(10):
+        label = np.argmin(((points[:, None] - centres) ** 2).sum(axis=2), axis=1)
+        kept = [points[label == k].mean(axis=0) for k in range(len(centres)) if (label == k).any()]
+        centres = np.array(kept)
+    return centres
+
+
+def _spread(points: FloatArray, k: int) -> FloatArray:
+    """K of the points, each far from those before it: a start that no chance has a part in."""
+    chosen = [int(np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
+    distance = ((points - points[chosen[0]]) ** 2).sum(axis=1)
+    for _ in range(k - 1):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
+    return points[chosen]

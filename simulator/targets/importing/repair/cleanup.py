@@ -1,0 +1,225 @@
+"""What is safe to repair: duplicate vertices, faces without area, winding; what is not is refused by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.targets.importing.repair.topology import Body, components, edge_table, used_vertices, weld
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from simulator.targets.importing.read.raw_model import RawPart
+    from simulator.targets.importing.repair.topology import EdgeTable
+
+THINNEST = 3e-7
+"""Height of a face, as a share of the craft, below which float32 cannot say which way it looks."""
+ALMOST_CLOSED = 0.02
+"""Share of open edges up to which the volume still tells inside from outside."""
+
+
+@dataclass
+class Tally:
+    """How much was repaired, over all parts."""
+
+    merged: int = 0
+    zero_area: int = 0
+    twice: int = 0
+    turned: int = 0
+    filled: int = 0
+    left_open: int = 0
+    parts_turned: list[str] = field(default_factory=list)
+
+    def lines(self) -> list[str]:
+        """One line for each kind of repair that was made."""
+        out = []
+        if self.merged:
+            out.append(f"merged {self.merged:,} duplicate vertices")
+        if self.zero_area:
+            out.append(f"dropped {self.zero_area:,} faces without area")
+        if self.twice:
+            out.append(f"dropped {self.twice:,} faces that were there twice")
+        if self.filled:
+            out.append(f"filled {self.filled:,} holes with flat fans")
+        if self.left_open:
+            out.append(
+                f"left {self.left_open:,} openings as they are: capped they would leave no solid, or caps that lie on "
+                "other faces"
+            )
+        if self.turned:
+            names = ", ".join(repr(n) for n in self.parts_turned[:4]) + ", ..." * (len(self.parts_turned) > 4)
+            out.append(f"turned {self.turned:,} faces to look outwards (part {names})")
+        return out
+
+
+def welded_body(part: RawPart, low: FloatArray, extent: float, tally: Tally) -> Body:
+    """The part with each place once, without faces that have no area or come twice."""
+    used = used_vertices(part.triangles, len(part.positions_m))
+    places, index = weld(part.positions_m[used], low, extent)
+    tally.merged += len(used) - len(places)
+    number = np.empty(len(part.positions_m), np.int64)
+    number[used] = index
+    triangles = number[part.triangles]
+    normals = None if part.normals is None else part.normals[part.triangles]
+    body = Body(
+        name=part.name,
+        # as the target file will hold them
+        positions_m=places.astype(np.float32).astype(float),
+        triangles=triangles,
+        face_material=part.face_material,
+        corner_normals=normals,
+        corner_uv=part.corner_uv,
+    )
+    return without_slivers(body, extent, tally)
+
+
+def without_slivers(body: Body, extent: float, tally: Tally) -> Body:
+    """Drop faces thinner than float32 can tell, and second copies of a face in either winding."""
+    p = body.positions_m[body.triangles]
+    longest = np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2).max(axis=1)
+    twice_area = np.linalg.norm(body.face_vectors, axis=1)
+    thin = twice_area <= np.maximum(THINNEST * extent * longest, 2e-14)
+    tally.zero_area += int(thin.sum())
+    body = body.kept(~thin)
+    again = _copies(body.triangles)
+    tally.twice += int(again.sum())
+    return body.kept(~again)
+
+
+def _copies(triangles: IntArray) -> BoolArray:
+    """Faces with the corners of an earlier face in the same turn; in the other turn it is a sheet's back, and stays."""
+    # begin each face at its lowest corner: the turn is kept
+    start = np.argmin(triangles, axis=1)
+    rows = np.arange(len(triangles))
+    a, b, c = (triangles[rows, (start + k) % 3] for k in range(3))
+    _, edge = np.unique(a * (int(triangles.max(initial=0)) + 1) + b, return_inverse=True)
+    key = edge.ravel() * (int(triangles.max(initial=0)) + 1) + c
+    order = np.argsort(key, kind="stable")
+    again = np.zeros(len(triangles), bool)
+    again[order[1:]] = np.diff(key[order]) == 0
+    return again
+
+
+def oriented(body: Body, where: str, tally: Tally, *, lenient: bool) -> Body:
+    """Wind every connected piece consistently and outwards.
+
+    Closed pieces by their volume; open ones by the file's normals where it has some, else as most of their area is.
+
+    Raises
+    ------
+    UserError
+        If a piece is one-sided (unless ``lenient``).
+    """
+    table = edge_table(body.triangles)
+    count = len(body.triangles)
+    faces = table.pairs // 3
+    start = body.triangles.ravel()
+    # two faces of one edge agree when they run along it in opposite directions
+    clash = (start[table.pairs[:, 0]] == start[table.pairs[:, 1]]).astype(np.int64)
+    links = np.concatenate(
+        [np.stack([2 * faces[:, 0] + s, 2 * faces[:, 1] + (s ^ clash)], axis=1) for s in (0, 1)]
+    )
+    _, label = components(links, 2 * count)
+    as_is, turned = label[0::2], label[1::2]
+    one_sided = as_is == turned
+    if one_sided.any() and not lenient:
+        raise UserError(
+            f"{where}: {int(one_sided.sum())} faces form a one-sided surface (the first is face "
+            f"{int(np.argmax(one_sided))}); cut it in the modelling tool, or add "
+            "--keep-non-manifold to take it as it is"
+        )
+    flip = (as_is > turned) & ~one_sided
+    _, piece = np.unique(np.minimum(as_is, turned), return_inverse=True)
+    piece = piece.ravel()
+    flip ^= _look_inwards(body, table, piece, flip)[piece] & ~one_sided
+    if flip.any():
+        tally.turned += int(flip.sum())
+        tally.parts_turned.append(body.name)
+    triangles = body.triangles.copy()
+    triangles[flip] = triangles[flip][:, ::-1]
+    normals = body.corner_normals
+    if normals is not None:
+        normals = normals.copy()
+        normals[flip] = normals[flip][:, ::-1]
+    uv = body.corner_uv
+    if uv is not None:
+        uv = uv.copy()
+        uv[flip] = uv[flip][:, ::-1]
+    return replace(body, triangles=triangles, corner_normals=normals, corner_uv=uv)
+
+
+def _look_inwards(body: Body, table: EdgeTable, piece: IntArray, flip: BoolArray) -> BoolArray:
+    """Whether each piece, wound consistently by ``flip``, still has to be turned as a whole."""
+    n = int(piece.max(initial=-1)) + 1
+    sign = np.where(flip, -1.0, 1.0)
+    p = body.positions_m[body.triangles]
+    sums = np.stack([np.bincount(piece, p[..., k].mean(axis=1), n) for k in range(3)], axis=1)
+    centre = sums / np.bincount(piece, minlength=n)[:, None]
+    p = p - centre[piece][:, None]
+    volume = np.bincount(piece, sign * np.einsum("ij,ij->i", p[:, 0], np.cross(p[:, 1], p[:, 2])) / 6, n)
+    area_vector = body.face_vectors * sign[:, None]
+    area = np.linalg.norm(area_vector, axis=1)
+    total = np.bincount(piece, area, n) / 2
+    edge_piece = piece[table.first // 3]
+    share_open = np.bincount(edge_piece, table.open, n) / np.maximum(np.bincount(edge_piece, minlength=n), 1)
+    # a closed sphere has V = 0.094 A^1.5; a double sheet none
+    solid = (share_open <= ALMOST_CLOSED) & (np.abs(volume) > 1e-4 * total**1.5)
+    vote = np.bincount(piece, area * sign, n)
+    if body.corner_normals is not None:
+        agree = np.sign(np.einsum("ij,ij->i", area_vector, np.nan_to_num(body.corner_normals).sum(axis=1)))
+        by_normals = np.bincount(piece, area * agree, n)
+        vote = np.where(by_normals != 0, by_normals, vote)
+    return np.asarray(np.where(solid, volume, vote) < 0)
+
+
+def check_surface(
+    body: Body, where: str, *, keep_holes: bool, keep_non_manifold: bool, tried_to_fill: bool = False
+) -> tuple[int, int, int]:
+    """Holes and edges of three faces: refused by name unless they are to be kept.
+
+    Returns
+    -------
+    Holes, open edges and non-manifold edges that are kept.
+
+    Raises
+    ------
+    UserError
+        Naming part, counts, the first place, and the options.
+    """
+    table = edge_table(body.triangles)
+    bad = table.non_manifold
+    if bad.any() and not keep_non_manifold:
+        first = int(np.argmax(bad))
+        raise UserError(
+            f"{where}: {int(bad.sum())} edges belong to three or more faces (the first at "
+            f"{_place(body, table.ends[first])}, face {int(table.first[first]) // 3}); separate the surfaces in the "
+            "modelling tool, or add --keep-non-manifold"
+        )
+    ends = table.ends[table.open]
+    if not len(ends):
+        return 0, 0, int(bad.sum())
+    _, compact = np.unique(ends, return_inverse=True)
+    compact = compact.reshape(-1, 2)
+    holes, _ = components(compact, int(compact.max()) + 1)
+    if not keep_holes:
+        first = int(np.argmax(table.open))
+        raise UserError(
+            f"{where}: {holes} hole{'s' * (holes > 1)} with {len(ends)} open edges (the first at "
+            f"{_place(body, table.ends[first])}, face {int(table.first[first]) // 3}); close them in the modelling "
+            "tool, or "
+            + (
+                "add --keep-holes too, for capped they would leave no solid, or caps that lie on other faces"
+                if tried_to_fill
+                else "add --keep-holes to take open surfaces as sheets seen from both sides, or --fill-holes to cap "
+                "what then is a solid"
+            )
+        )
+    return holes, len(ends), int(bad.sum())
+
+
+def _place(body: Body, ends: IntArray) -> str:
+    middle = body.positions_m[ends].mean(axis=0)
+    return "(" + ", ".join(f"{x:.3f}" for x in middle) + ") m"

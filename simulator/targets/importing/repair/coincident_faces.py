@@ -1,0 +1,231 @@
+"""Faces that lie in one plane and overlap: two surfaces at one depth, of which a picture shows now this, now that.
+
+Planes are grouped, boxes compared within a group, and what is left is tested exactly: two triangles of one plane
+overlap unless one of their six edges separates them (the separating axis theorem).
+
+References
+----------
+Ericson (2005), Real-Time Collision Detection, 5.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from simulator.targets.importing.repair.topology import components, edge_table, face_bodies
+from simulator.targets.plane_grid import PlaneGrid
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from simulator.targets.importing.repair.topology import Body
+
+NEAREST = 1e-5
+"""Of the craft: nearer surfaces share depths at ten times its size, for depth is kept in 24 bits of a float."""
+TURN_RAD = 2e-3
+FEW = 24
+"""Of so few faces in a plane each is compared with each."""
+MOST_PAIRS = 20_000_000
+CHUNK = 200_000
+
+
+class TooMany(Exception):  # noqa: N818 - no fault, but an end to the search
+    """More faces lie in one plane than can be compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Triangles of all bodies, and what tells whether two that coincide can both be seen.
+
+    Parameters
+    ----------
+    corners_m : (F, 3, 3). outward : (F, 3) unit normals, of closed pieces outwards. closed : (F,) of a closed piece.
+    body, piece, material : (F,) numbers.
+    """
+
+    corners_m: FloatArray
+    outward: FloatArray
+    closed: BoolArray
+    body: IntArray
+    piece: IntArray
+    material: IntArray
+
+    @staticmethod
+    def of(bodies: list[Body]) -> Faces:
+        """All faces of bodies that have some."""
+        corners, closed, body, piece, outward = [], [], [], [], []
+        count = 0
+        for k, b in enumerate(bodies):
+            table = edge_table(b.triangles)
+            n, of_face = face_bodies(b.triangles, table)
+            leaky = np.zeros(n, bool)
+            leaky[of_face[table.first[table.open] // 3]] = True
+            p = b.positions_m[b.triangles]
+            volume = np.bincount(of_face, six_volumes(p - p[0, 0]), n)
+            normal = b.face_vectors / np.maximum(np.linalg.norm(b.face_vectors, axis=1, keepdims=True), 1e-30)
+            corners.append(p)
+            closed.append(~leaky[of_face])
+            outward.append(np.where(leaky[of_face] | (volume[of_face] >= 0), 1.0, -1.0)[:, None] * normal)
+            body.append(np.full(len(p), k))
+            piece.append(of_face + count)
+            count += n
+        return Faces(
+            corners_m=np.concatenate(corners),
+            outward=np.concatenate(outward),
+            closed=np.concatenate(closed),
+            body=np.concatenate(body),
+            piece=np.concatenate(piece),
+            material=np.concatenate([b.face_material for b in bodies]),
+        )
+
+    def fighting(self, pairs: IntArray) -> IntArray:
+        """Those of some pairs of coincident faces that can be seen at once.
+
+        Of two closed bodies that touch, the faces look at each other and neither is seen; a sheet is seen from both
+        sides. Two faces of one material of one body look the same.
+        """
+        a, b = pairs.T
+        same_way = np.einsum("ij,ij->i", self.outward[a], self.outward[b]) > 0
+        alike = (self.body[a] == self.body[b]) & (self.material[a] == self.material[b])
+        return pairs[(same_way | ~(self.closed[a] & self.closed[b])) & ~alike]
+
+
+def six_volumes(corners: FloatArray) -> FloatArray:
+    """(F,) six times the signed volume between each triangle (F, 3, 3) and the origin."""
+    return np.asarray(np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])))
+
+
+def coincident_pairs(
+    corners_m: FloatArray, extent_m: float, within_m: FloatArray | None = None, asked: BoolArray | None = None
+) -> IntArray | None:
+    """(K, 2) faces that lie in one plane and overlap; None where there are too many to compare.
+
+    Parameters
+    ----------
+    corners_m : (F, 3, 3). extent_m : of the craft. within_m : (F,) how far apart the two may lie, the larger of both
+        counts; `NEAREST` of the craft by default. asked : (F,) one of the two is of these.
+    """
+    nearest = NEAREST * extent_m
+    within = np.full(len(corners_m), nearest) if within_m is None else within_m
+    normal = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    unit = normal / np.maximum(area, 1e-30)[:, None]
+    group = _plane_groups(corners_m, unit, float(within.max(initial=nearest)))
+    found = [np.zeros((0, 2), np.int64)]
+    total = 0
+    try:
+        for pairs in _candidates(corners_m, unit, group, float(within.max(initial=nearest)), asked):
+            some = pairs if asked is None else pairs[asked[pairs].any(axis=1)]
+            total += len(some)
+            if total > MOST_PAIRS:
+                return None
+            for start in range(0, len(some), CHUNK):
+                few = some[start : start + CHUNK]
+                few = np.where((area[few[:, 0]] < area[few[:, 1]])[:, None], few[:, ::-1], few)
+                apart = within[few].max(axis=1)
+                found.append(few[_overlap(corners_m, unit, few, apart, 2 * nearest)])
+    except TooMany:
+        return None
+    return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
+
+
+def _plane_groups(corners: FloatArray, unit: FloatArray, within_m: float) -> IntArray:
+    """(F,) the group of planes, nearly one, that each face lies in, whichever way it looks."""
+    middle = (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2
+    # scaled so that one radius holds for turn and distance
+    distance = ((corners.mean(axis=1) - middle) * unit).sum(axis=1) * (TURN_RAD / within_m)
+    planes = np.column_stack([unit, distance])
+    fine = np.round(planes / (TURN_RAD / 8)).astype(np.int64)
+    key = fine @ np.array([1, 1_000_003, 7_368_787, 2_147_483_647], np.int64)
+    _, first, of_plane = np.unique(key, return_index=True, return_inverse=True)
+    distinct = planes[first]
+    tree = cKDTree(np.concatenate([distinct, -distinct]))
+    links = tree.query_pairs(1.5 * TURN_RAD, output_type="ndarray") % len(distinct)
+    _, label = components(links.reshape(-1, 2), len(distinct))
+    return label[of_plane.ravel()]
+
+
+def _candidates(
+    corners: FloatArray, unit: FloatArray, group: IntArray, within_m: float, asked: BoolArray | None
+) -> Iterator[IntArray]:
+    """Pairs (K, 2) of faces of one group whose boxes meet, some at a time."""
+    order = np.argsort(group, kind="stable")
+    begin = np.flatnonzero(np.diff(group[order], prepend=-1))
+    size = np.diff(np.append(begin, len(order)))
+    if asked is not None:
+        wanted = np.add.reduceat(asked[order].astype(np.int64), begin) > 0
+        begin, size = begin[wanted], size[wanted]
+    low, high = corners.min(axis=1) - within_m, corners.max(axis=1) + within_m
+    few = (size > 1) & (size <= FEW)
+    n = size[few]
+    # the places of all faces of small groups, and how many of its group follow each
+    ends = np.cumsum(n)
+    place = np.arange(n.sum()) + np.repeat(begin[few] - ends + n, n)
+    left = np.repeat(begin[few] + n, n) - place - 1
+    a = np.repeat(place, left)
+    b = a + 1 + np.arange(len(a)) - np.repeat(np.cumsum(left) - left, left)
+    yield _meeting(np.stack([order[a], order[b]], axis=1), low, high)
+    for start, count in zip(begin[size > FEW], size[size > FEW], strict=True):
+        faces = order[start : start + count]
+        flat = [k for k in range(3) if k != int(np.argmax(np.abs(unit[faces[0]])))]
+        grid = PlaneGrid.over(np.concatenate([low[faces][:, flat].T, high[faces][:, flat].T]))
+        listed = np.diff(grid.first)
+        if float((listed.astype(float) ** 2).sum()) > 2 * MOST_PAIRS:
+            raise TooMany
+        for f, m in zip(grid.first[:-1][listed > 1], listed[listed > 1], strict=True):
+            members = faces[grid.listed[f : f + m]]
+            i, j = np.triu_indices(m, 1)
+            yield _meeting(np.stack([members[i], members[j]], axis=1), low, high)
+
+
+def _meeting(pairs: IntArray, low: FloatArray, high: FloatArray) -> IntArray:
+    a, b = pairs.T
+    return pairs[((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)]
+
+
+def _overlap(
+    corners: FloatArray, unit: FloatArray, pairs: IntArray, within_m: FloatArray, least_m: float
+) -> BoolArray:
+    """(K,) whether the second of each pair lies in the plane of the first and overlaps it by more than ``least_m``."""
+    a, b = pairs.T
+    n = unit[a]
+    parallel = np.abs(np.einsum("ij,ij->i", n, unit[b])) > 1 - TURN_RAD**2 / 2
+    A, B = corners[a], corners[b]
+    off = np.abs(np.einsum("kij,kj->ki", B - A[:, :1], n)).max(axis=1, initial=0.0)
+    overlap = parallel & (off <= within_m)
+    for first in (A, B):
+        for k in range(3):
+            axis = np.cross(n, first[:, (k + 1) % 3] - first[:, k])
+            axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-30)
+            on_a, on_b = (np.einsum("kij,kj->ki", T - A[:, :1], axis) for T in (A, B))
+            depth = np.minimum(on_a.max(axis=1), on_b.max(axis=1)) - np.maximum(
+                on_a.min(axis=1), on_b.min(axis=1)
+            )
+            overlap &= depth > least_m
+    return np.asarray(overlap)
+
+
+def coincidence_lines(bodies: list[Body], extent_m: float) -> list[str]:
+    """A line for the user on faces that will flicker against each other; none where there are none."""
+    faces = Faces.of(bodies)
+    pairs = coincident_pairs(faces.corners_m, extent_m)
+    if pairs is None:
+        return ["too many faces lie in one plane to look for those that coincide: look at the contact sheet"]
+    pairs = faces.fighting(pairs)
+    if not len(pairs):
+        return []
+    first = pairs[0]
+    names = sorted({bodies[int(faces.body[k])].name for k in first})
+    where = f"parts {names[0]!r} and {names[1]!r}" if len(names) > 1 else f"part {names[0]!r}"
+    x, y, z = faces.corners_m[min(first, key=lambda k: float(np.ptp(faces.corners_m[k])))].mean(axis=0)
+    line = (
+        f"{len(pairs):,} pairs of faces lie in one plane and overlap (the first of {where} at "
+        f"({x:.3f}, {y:.3f}, {z:.3f}) m): pictures and labels show now one, now the other; move one of the two in "
+        "the modelling tool, or leave it out"
+    )
+    return [line]

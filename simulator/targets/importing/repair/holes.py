@@ -1,0 +1,183 @@
+"""Openings of a surface: capped where that leaves a solid, and left open where it would not.
+
+A piece is capped as a whole or not at all: its openings are simple rings, what they close encloses a volume, and no
+cap lies on other faces. The windows and cells of a frame stay open: their glass is another part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.targets.importing.repair.coincident_faces import NEAREST, Faces, coincident_pairs, six_volumes
+from simulator.targets.importing.repair.topology import edge_table, face_bodies
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray, IntArray
+    from simulator.targets.importing.repair.topology import Body
+
+THIN = 1e-4
+"""Volume over area to the 3/2 below which a closed surface is a double sheet; a sphere has 0.094."""
+BEFORE_GLASS = 0.01
+"""Of an opening's width: nearer than this to its cap another part's face is what fills it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Capped:
+    """Bodies after their openings were looked at: ``filled`` openings were capped, ``left`` were not."""
+
+    bodies: list[Body]
+    filled: int
+    left: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Cap:
+    """A fan over one opening: the corners of its faces, and which body, piece and material it belongs to."""
+
+    body: int
+    piece: int
+    loop: IntArray
+    material: int
+    corners_m: FloatArray
+    width_m: float
+
+
+def cap_solids(bodies: list[Body], extent_m: float) -> Capped:
+    """The bodies with the openings of those pieces capped that become solids."""
+    found = Faces.of(bodies)
+    caps: list[_Cap] = []
+    openings = 0
+    count = 0
+    for number, body in enumerate(bodies):
+        table = edge_table(body.triangles)
+        n, piece = face_bodies(body.triangles, table)
+        loops, whole = _rings(body, piece)
+        openings += len(loops) + int((~np.array(list(whole.values()), bool)).sum())
+        mine = [_cap(body, number, piece[owner], count, loop, owner) for loop, owner in loops]
+        caps += [c for c in mine if whole[c.piece - count]]
+        count += n
+    solid = _solid_pieces(found, caps)
+    caps = [c for c in caps if c.piece in solid]
+    clash = _clashing(found, caps, extent_m)
+    caps = [c for c in caps if c.piece not in clash]
+    out = [_with_caps(b, [c for c in caps if c.body == k]) for k, b in enumerate(bodies)]
+    return Capped(out, len(caps), openings - len(caps))
+
+
+def _rings(body: Body, piece: IntArray) -> tuple[list[tuple[IntArray, int]], dict[int, bool]]:
+    """Simple rings of open edges with a face of each, and of each open piece whether its edges are such rings."""
+    table = edge_table(body.triangles)
+    half = table.first[table.open]
+    start = body.triangles.ravel()[half]
+    end = np.roll(body.triangles, -1, axis=1).ravel()[half]
+    whole = dict.fromkeys(np.unique(piece[half // 3]).tolist(), True)
+    for k in np.unique(piece[table.first[table.non_manifold] // 3]).tolist():
+        whole[k] = False
+    follow = dict(zip(start.tolist(), end.tolist(), strict=True))
+    owner = dict(zip(start.tolist(), (half // 3).tolist(), strict=True))
+    if len(follow) < len(start):  # rings that meet in a corner
+        corner, times = np.unique(start, return_counts=True)
+        for k in np.unique(piece[(half // 3)[np.isin(start, corner[times > 1])]]).tolist():
+            whole[k] = False
+    loops = []
+    while follow:
+        ring = [next(iter(follow))]
+        while ring[-1] in follow:
+            ring.append(follow.pop(ring[-1]))
+        if ring[-1] != ring[0] or len(ring) < 4:
+            whole[int(piece[owner[ring[0]]])] = False
+        else:
+            loops.append((np.array(ring[:-1]), owner[ring[0]]))
+    return loops, whole
+
+
+def _cap(body: Body, number: int, piece: int, first_piece: int, loop: IntArray, owner: int) -> _Cap:
+    """A fan about the ring's middle, wound against the ring: as the faces beyond it would be."""
+    outline = body.positions_m[loop]
+    middle = outline.mean(axis=0).astype(np.float32).astype(float)
+    if len(loop) == 3:
+        corners = outline[::-1][None]
+    else:
+        corners = np.stack(
+            [np.roll(outline, -1, axis=0), outline, np.broadcast_to(middle, outline.shape)], axis=1
+        )
+    width = float(np.linalg.norm(np.ptp(outline, axis=0)))
+    return _Cap(number, int(piece) + first_piece, loop, int(body.face_material[owner]), corners, width)
+
+
+def _solid_pieces(faces: Faces, caps: list[_Cap]) -> set[int]:
+    """The pieces that enclose a volume with their caps."""
+    if not caps:
+        return set()
+    n = int(faces.piece.max()) + 1
+    corners = np.concatenate([faces.corners_m, *(c.corners_m for c in caps)])
+    piece = np.concatenate([faces.piece, *(np.full(len(c.corners_m), c.piece) for c in caps)])
+    centre = corners.mean(axis=(0, 1))
+    volume = np.abs(np.bincount(piece, six_volumes(corners - centre), n)) / 6
+    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.bincount(piece, np.linalg.norm(vectors, axis=1), n) / 2
+    return {c.piece for c in caps if volume[c.piece] > THIN * area[c.piece] ** 1.5}
+
+
+def _clashing(faces: Faces, caps: list[_Cap], extent_m: float) -> set[int]:
+    """The pieces a cap of which lies on another face, or just before or behind one of another piece."""
+    if not caps:
+        return set()
+    n = len(faces.corners_m)
+    lengths = [len(c.corners_m) for c in caps]
+    corners = np.concatenate([faces.corners_m, *(c.corners_m for c in caps)])
+    piece = np.concatenate([faces.piece, np.repeat([c.piece for c in caps], lengths)])
+    ring = np.concatenate([np.full(n, -1), np.repeat(np.arange(len(caps)), lengths)])
+    width = np.concatenate([np.zeros(n), np.repeat([c.width_m for c in caps], lengths)])
+    within = np.maximum(NEAREST * extent_m, BEFORE_GLASS * width)
+    pairs = coincident_pairs(corners, extent_m, within, ring >= 0)
+    if pairs is None:  # too many to tell: left open
+        return {c.piece for c in caps}
+    a, b = pairs.T
+    pairs = pairs[ring[a] != ring[b]]
+    a, b = pairs.T
+    # bodies that become solids and touch look at each other, and neither face is seen
+    to_be_closed = np.isin(piece, list({c.piece for c in caps})) | np.append(
+        faces.closed, np.ones(sum(lengths), bool)
+    )
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outward = normal * _outward_sign(corners, piece)[:, None]
+    same_way = np.einsum("ij,ij->i", outward[a], outward[b]) > 0
+    seen = (piece[a] == piece[b]) | same_way | ~(to_be_closed[a] & to_be_closed[b])
+    return {int(piece[k]) for pair in pairs[seen] for k in pair if ring[k] >= 0}
+
+
+def _outward_sign(corners: FloatArray, piece: IntArray) -> FloatArray:
+    """(F,) -1 where the piece of a face is wound inside out, else 1."""
+    centre = corners.mean(axis=(0, 1))
+    volume = np.bincount(piece, six_volumes(corners - centre))
+    return np.where(volume < 0, -1.0, 1.0)[piece]
+
+
+def _with_caps(body: Body, caps: list[_Cap]) -> Body:
+    if not caps:
+        return body
+    points, faces, materials = [body.positions_m], [body.triangles], [body.face_material]
+    count = len(body.positions_m)
+    for c in caps:
+        if len(c.loop) == 3:
+            new = c.loop[::-1][None]
+        else:
+            points.append(c.corners_m[:1, 2])
+            new = np.stack([np.roll(c.loop, -1), c.loop, np.full(len(c.loop), count)], axis=1)
+            count += 1
+        faces.append(new)
+        materials.append(np.full(len(new), c.material))
+    added = sum(map(len, faces[1:]))
+    uv = body.corner_uv
+    return replace(
+        body,
+        positions_m=np.concatenate(points),
+        triangles=np.concatenate(faces),
+        face_material=np.concatenate(materials),
+        corner_normals=None,  # new faces have no normals of the file
+        corner_uv=None if uv is None else np.concatenate([uv, np.full((added, 3, 2), np.nan)]),
+    )

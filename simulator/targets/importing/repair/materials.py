@@ -1,0 +1,73 @@
+"""Materials of an imported craft: only those in use, at most as many as can be drawn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.runtime.arrays import vec3
+from simulator.targets.importing.read.textures import mean_colour, without_textures
+from simulator.targets.importing.repair.topology import Body
+from simulator.targets.model import Material
+
+if TYPE_CHECKING:
+    from simulator.targets.model import Picture
+
+MOST_MATERIALS = 250
+"""The renderer keeps a material's number in eight bits."""
+
+
+def used_materials(bodies: list[Body], materials: list[Material]) -> tuple[list[Material], list[str]]:
+    """Materials in use, renumbered in the bodies; beyond the limit the rarest become their nearest in colour."""
+    area = np.zeros(len(materials))
+    for b in bodies:
+        area += np.bincount(b.face_material, np.linalg.norm(b.face_vectors, axis=1), minlength=len(materials))
+    used = np.flatnonzero(area > 0)
+    kept = np.sort(used[np.argsort(-area[used], kind="stable")[:MOST_MATERIALS]])
+    look = np.array([(*m.base_color, m.metallic, m.roughness) for m in materials])
+    into = np.zeros(len(materials), np.int64)
+    for k in used:
+        into[k] = (
+            int(np.argmin(((look[kept] - look[k]) ** 2).sum(axis=1)))
+            if k not in kept
+            else int(np.searchsorted(kept, k))
+        )
+    for b in bodies:
+        b.face_material = into[b.face_material]
+    lost = len(used) - len(kept)
+    notes = [f"{lost} materials of the least area became their nearest in colour"] if lost > 0 else []
+    return [materials[int(k)] for k in kept], notes
+
+
+def plain_where_unwrapped(
+    bodies: list[Body], materials: list[Material], pictures: dict[str, Picture]
+) -> tuple[list[Material], list[str]]:
+    """Give faces without texture coordinates a plain material of their texture's mean colour."""
+    out, notes = list(materials), []
+    users: dict[int, list[Body]] = {}
+    for b in bodies:
+        for k in np.unique(b.face_material):
+            users.setdefault(int(k), []).append(b)
+    for number, material in enumerate(materials):
+        if number not in users or not any(material.textures):
+            continue
+        bare = []
+        for b in users[number]:
+            mine = b.face_material == number
+            bare.append(mine if b.corner_uv is None else mine & ~np.isfinite(b.corner_uv).all(axis=(1, 2)))
+        count = sum(int(x.sum()) for x in bare)
+        if not count:
+            continue
+        rgb = np.asarray(material.base_color)
+        if material.base_color_texture:
+            rgb = rgb * mean_colour(pictures[material.base_color_texture])
+        for b, faces in zip(users[number], bare, strict=True):
+            b.face_material = np.where(faces, len(out), b.face_material)
+        plain = replace(without_textures(material), name=f"{material.name}-plain", base_color=vec3(rgb))
+        out.append(plain)
+        notes.append(
+            f"{count:,} faces of material {material.name!r} have no texture coordinates: given its mean colour"
+        )
+    return out, notes

@@ -1,0 +1,120 @@
+"""Normals at the corners: the file's where they fit the faces, else computed with creases; split into parts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.targets.builders.solids import CREASE_RAD
+from simulator.targets.importing.repair.topology import components, edge_table
+from simulator.targets.model import Part
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.runtime.arrays import BoolArray, FloatArray
+    from simulator.targets.importing.repair.topology import Body
+    from simulator.targets.model import Material
+
+BEST_COSINE = 0.1
+"""A corner's normal must look the way its face does at least by this much; smooth rims stay above it."""
+
+
+def normals_fit(body: Body) -> bool:
+    """Whether the file's normals can be used: there, finite, not zero, and on the faces' own side."""
+    n = body.corner_normals
+    if n is None or not np.isfinite(n).all():
+        return False
+    length = np.linalg.norm(n, axis=2)
+    if (length < 1e-6).any():
+        return False
+    face = body.face_vectors
+    face = face / np.linalg.norm(face, axis=1, keepdims=True)
+    return bool((np.einsum("fkj,fj->fk", n / length[..., None], face) > BEST_COSINE).mean() > 0.999)
+
+
+def smooth_normals(body: Body) -> FloatArray:
+    """(F, 3, 3) unit normals: faces that meet at less than the crease angle are smoothed into each other.
+
+    Weights are the angles at the corner (Thuermer and Wuethrich 1998).
+    """
+    face = body.face_vectors
+    unit = face / np.linalg.norm(face, axis=1, keepdims=True)
+    table = edge_table(body.triangles)
+    f, g = (table.pairs // 3).T
+    smooth = np.einsum("ij,ij->i", unit[f], unit[g]) > np.cos(CREASE_RAD)
+    h, k = table.pairs[smooth].T
+    start = body.triangles.ravel()
+    after = 3 * (np.arange(len(start)) // 3) + (np.arange(len(start)) + 1) % 3
+    same = start[h] == start[k]
+    # corners at one end of the edge, then at the other
+    links = np.concatenate([
+        np.stack([h, np.where(same, k, after[k])], axis=1),
+        np.stack([after[h], np.where(same, after[k], k)], axis=1),
+    ])  # fmt: skip
+    count, group = components(links, len(start))
+    p = body.positions_m[body.triangles]
+    forward, backward = np.roll(p, -1, axis=1) - p, np.roll(p, 1, axis=1) - p
+    cosine = np.einsum("fkj,fkj->fk", forward, backward)
+    cosine /= np.linalg.norm(forward, axis=2) * np.linalg.norm(backward, axis=2)
+    weighted = np.arccos(np.clip(cosine, -1, 1))[..., None] * unit[:, None]
+    flat = weighted.reshape(-1, 3)
+    total = np.stack([np.bincount(group, flat[:, k], count) for k in range(3)], axis=1)[group].reshape(
+        -1, 3, 3
+    )
+    length = np.linalg.norm(total, axis=2, keepdims=True)
+    normals = np.where(length > 1e-9, total / np.maximum(length, 1e-12), unit[:, None])
+    return _flat_where_wrong(normals, unit)
+
+
+def file_normals(body: Body) -> FloatArray:
+    """(F, 3, 3) the file's normals at unit length, flat on the few faces they do not fit."""
+    n = body.corner_normals
+    if n is None:
+        return smooth_normals(body)
+    face = body.face_vectors
+    unit = face / np.linalg.norm(face, axis=1, keepdims=True)
+    return _flat_where_wrong(n / np.linalg.norm(n, axis=2, keepdims=True), unit)
+
+
+def _flat_where_wrong(normals: FloatArray, unit: FloatArray) -> FloatArray:
+    wrong: BoolArray = (np.einsum("fkj,fj->fk", normals, unit) <= BEST_COSINE).any(axis=1)
+    out = normals.copy()
+    out[wrong] = unit[wrong][:, None]
+    return out
+
+
+def parts_of(body: Body, normals: FloatArray, materials: Sequence[Material]) -> list[Part]:
+    """One part per material of the body, corners with equal place and normal shared."""
+    out = []
+    used = np.unique(body.face_material)
+    for k in used:
+        faces = body.face_material == k
+        place = body.triangles[faces].ravel()
+        n = normals[faces].reshape(-1, 3).astype(np.float32)
+        # normals on a grid of 1e-4, finer than a shade of grey
+        step = np.rint(n * 1e4).astype(np.int64) + 20_000
+        key = (step[:, 0] * 50_000 + step[:, 1]) * 50_000 + step[:, 2]
+        uv = None
+        if body.corner_uv is not None and any(materials[int(k)].textures):
+            uv = body.corner_uv[faces].reshape(-1, 2).astype(np.float32)
+            key = np.unique(np.column_stack([key, uv.view(np.int32)]), axis=0, return_inverse=True)[1].ravel()
+        order = np.lexsort((key, place))
+        new = np.concatenate([[True], (np.diff(place[order]) != 0) | (np.diff(key[order]) != 0)])
+        index = np.empty(len(order), np.int64)
+        index[order] = np.cumsum(new) - 1
+        first = order[new]
+        unit = n[first] / np.linalg.norm(n[first], axis=1, keepdims=True)
+        material = materials[int(k)].name
+        out.append(
+            Part(
+                name=body.name if len(used) == 1 else f"{body.name}.{material}",
+                material=material,
+                positions_m=body.positions_m[place[first]].astype(np.float32),
+                normals=unit.astype(np.float32),
+                triangles=index.reshape(-1, 3),
+                uv=None if uv is None else uv[first],
+            )
+        )
+    return out

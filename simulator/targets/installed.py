@@ -1,0 +1,109 @@
+"""The user's own targets: target files in the user's data folder, found by name beside the built-in ones."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import platformdirs
+
+from simulator.errors import UserError, write_error
+from simulator.targets.glb.read import load_glb
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.targets.model import Target
+
+NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,62}")
+
+
+def user_folder() -> Path:
+    """Where a user's targets are kept: ``FLYAROUND_DATA_DIR`` or the user's data folder."""
+    chosen = os.environ.get("FLYAROUND_DATA_DIR")
+    return (Path(chosen) if chosen else platformdirs.user_data_path("flyaround", False)) / "targets"
+
+
+def user_targets() -> tuple[str, ...]:
+    """Names of the user's targets, sorted."""
+    folder = user_folder()
+    return tuple(sorted(p.stem for p in folder.glob("*.glb"))) if folder.is_dir() else ()
+
+
+def user_file(name: str) -> Path:
+    """Path of the user's target called ``name``, whether it is there or not."""
+    return user_folder() / f"{name}.glb"
+
+
+def sheet_folder(name: str) -> Path:
+    """Where the contact sheet of the user's target called ``name`` goes."""
+    return user_folder() / f"{name}-sheet"
+
+
+def check_name(name: str, built_in: Sequence[str], *, replace: bool) -> None:
+    """Refuse a name that is taken or cannot be a file's.
+
+    Raises
+    ------
+    UserError
+        Saying which names can be had.
+    """
+    if not NAME.fullmatch(name):
+        raise UserError(
+            f"target name {name!r} cannot be used; name it with --name in small letters, digits, '-', '_' and '.'"
+        )
+    if name in built_in:
+        raise UserError(f"{name!r} is a built-in target; choose another name with --name")
+    if user_file(name).exists() and not replace:
+        raise UserError(
+            f"a target called {name!r} is already in {user_folder()}; add --replace, or choose another name with --name"
+        )
+
+
+def install(target: Target) -> Path:
+    """Write the target file into the user's data folder and read it back; returns its path.
+
+    Raises
+    ------
+    UserError
+        If the folder cannot be written.
+    """
+    from simulator.targets.glb.write import write_glb  # noqa: PLC0415 - slow to import, needed here alone
+
+    path = user_file(target.name)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise write_error(
+            path.parent, error, "set FLYAROUND_DATA_DIR to a folder you may write to"
+        ) from error
+    write_glb(target, path)
+    load_glb(path)
+    return path
+
+
+def remove(name: str, built_in: Sequence[str]) -> Path:
+    """Delete a user's target; returns the path it had.
+
+    Raises
+    ------
+    UserError
+        If it is built in, or there is none of that name.
+    """
+    if name in built_in:
+        raise UserError(
+            f"{name!r} is a built-in target and stays; only targets that were added can be removed"
+        )
+    path = user_file(name)
+    if not NAME.fullmatch(name) or not path.is_file():
+        known = ", ".join(user_targets()) or "none"
+        raise UserError(f"no target called {name!r} in {user_folder()}; added there: {known}")
+    try:
+        path.unlink()
+        shutil.rmtree(sheet_folder(name), ignore_errors=True)
+    except OSError as error:
+        raise UserError(f"cannot remove {path}: {error.strerror}; check its permissions") from error
+    return path

@@ -1,0 +1,109 @@
+"""Tango, the target of the PRISMA mission and of the SPEED benchmarks, built from numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from simulator.runtime.arrays import Quat
+from simulator.targets.builders.assembly import Piece, part_of
+from simulator.targets.check_target import check_target
+from simulator.targets.convert import content_sha256
+from simulator.targets.detail import Detail
+from simulator.targets.model import Material, Target
+from simulator.targets.tango.antennas import build_antennas
+from simulator.targets.tango.body import build_body
+from simulator.targets.tango.brackets import build_brackets
+from simulator.targets.tango.fittings import build_fittings
+from simulator.targets.tango.instruments import build_instruments
+from simulator.targets.tango.labels import build_keypoints, build_occluders, build_wireframe
+from simulator.targets.tango.mass import build_mass
+from simulator.targets.tango.materials import MATERIALS, MLI
+from simulator.targets.tango.panel import build_panel
+
+NOTES = (
+    "SPEED frame: origin on the bottom plate, z out of the solar panel. Keypoints are the published labels "
+    "of the SPEED data set; sizes of fittings were measured from public pictures; the mass distribution is "
+    "an estimate."
+)
+HALF = 0.5**0.5
+SYMMETRY: tuple[Quat, ...] = ((HALF, 0.0, 0.0, HALF), (0.0, 0.0, 0.0, 1.0), (HALF, 0.0, 0.0, -HALF))
+"""Quarter turns about z: the nearly square panel and body look alike but for offset and antennas."""
+
+
+SMALL = frozenset(
+    (
+        "side_bolts",
+        "rod_bolts",
+        "plate_bolts",
+        "side_marks",
+        "connector_sockets",
+        "side_box_windows",
+        "bottom_covers",
+    )
+)
+"""Parts under a centimetre that carry no label: left out at medium and low detail."""
+FINE = frozenset(
+    (
+        "antenna_collars", "corner_trusses", "plate_pins", "bottom_instrument_caps", "spike_bases", "spike_plates",
+        "connector_windows", "plate_standoffs", "bar_posts", "bar_apertures", "rod_clips", "side_brackets",
+    )
+)  # fmt: skip
+"""Parts of a few centimetres that carry no label: left out at low detail besides."""
+
+
+def build_tango(detail: Detail = "full") -> Target:
+    """Tango with painted plates, as in SPEED's synthetic pictures."""
+    return _assemble("tango", "Tango (PRISMA), SPEED frame, painted sides", _pieces(detail), MATERIALS)
+
+
+def build_tango_mli(detail: Detail = "full") -> Target:
+    """Tango with multi-layer insulation on the sides of its body."""
+    wrapped = [
+        replace(p, material="mli") if p.name.startswith(("body_side_sheet", "body_cover")) else p
+        for p in _pieces(detail)
+    ]
+    return _assemble(
+        "tango-mli",
+        "Tango (PRISMA), SPEED frame, body sides in golden insulation",
+        wrapped,
+        (*MATERIALS, MLI),
+    )
+
+
+def _pieces(detail: Detail) -> list[Piece]:
+    left_out = {"full": frozenset[str](), "medium": SMALL, "low": SMALL | FINE}[detail]
+    pieces = [
+        *build_panel(detail),
+        *build_body(),
+        *build_antennas(detail),
+        *build_brackets(detail),
+        *build_instruments(detail),
+        *build_fittings(detail),
+    ]
+    return [p for p in pieces if p.name not in left_out]
+
+
+def _assemble(name: str, title: str, pieces: list[Piece], materials: tuple[Material, ...]) -> Target:
+    parts = tuple(part_of(p) for p in pieces)
+    used = {p.material for p in parts}
+    materials = tuple(m for m in materials if m.name in used)
+    keypoints, wireframe, occluders = build_keypoints(), build_wireframe(), build_occluders()
+    target = Target(
+        name=name,
+        title=title,
+        sha256=content_sha256(materials, parts, keypoints, wireframe, occluders),
+        materials=materials,
+        parts=parts,
+        keypoints=keypoints,
+        wireframe=wireframe,
+        mass=build_mass(),
+        frames={
+            "panel": ((0.0, 0.0, 0.3215), (0.0, 0.0, 1.0)),
+            "bottom": ((0.0, 0.02, 0.0), (0.0, 0.0, -1.0)),
+        },
+        symmetry=SYMMETRY,
+        notes=NOTES,
+        occluders=occluders,
+    )
+    check_target(target, f"target {name}")
+    return target

@@ -1,0 +1,1 @@
+"""Programs run from a checkout, not in the wheel. They may import everything; only tests import them."""

@@ -1,0 +1,278 @@
+"""Make docs/gallery.md and its pictures with our own software: python -m tools.docs.gallery."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+import flyaround as fa
+from simulator.camera.lens.camera_model import Camera
+from simulator.dataset.poses import scene_with_pose
+from simulator.runtime.arrays import quat, vec3
+from simulator.scene.illumination.bands import sunlight_balance
+from simulator.scene.state import Environment, TargetRef
+from simulator.scene.viewpoint import place_itrs_m, scene_above
+from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
+from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from simulator.world.frames.pose import Pose
+from simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_from_matrix,
+    quat_from_rotvec,
+    quat_normalize,
+)
+from simulator.world.time.instant import Instant
+
+DOCS = Path(__file__).parents[2] / "docs"
+SIZE = (1120, 700)
+JPEG = 82
+LARGEST_BYTES = 100_000
+Picture = Callable[[fa.Renderer], np.ndarray]
+
+
+def camera(field_deg: float, size: tuple[int, int] = SIZE) -> Camera:
+    """A pinhole of a horizontal field of view."""
+    f = size[0] / 2 / np.tan(np.radians(field_deg) / 2)
+    return Camera(
+        width_px=size[0],
+        height_px=size[1],
+        fx_px=f,
+        fy_px=f,
+        cx_px=size[0] / 2 - 0.5,
+        cy_px=size[1] / 2 - 0.5,
+    )
+
+
+def above(
+    epoch: str,
+    place: tuple[float, float, float],
+    field_deg: float,
+    size: tuple[int, int] = SIZE,
+    **more: Any,  # noqa: ANN401 - handed on
+) -> fa.SceneState:
+    """A scene without spacecraft."""
+    ref = TargetRef(name="tango", sha256=fa.load_target("tango").sha256)
+    return scene_above(epoch, place, camera=camera(field_deg, size), target=ref, quality="high", **more)
+
+
+def radiance(renderer: fa.Renderer, scene: fa.SceneState, target: str = "tango") -> np.ndarray:
+    """RGB in units in which sunlit white is grey."""
+    return renderer.render(scene, fa.load_target(target)).radiance * sunlight_balance("rgb")
+
+
+def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndarray:
+    """An sRGB picture as cameras develop it: paler, a shoulder from four fifths on, a toe, a little grain.
+
+    Parameters
+    ----------
+    contrast : share of the curve that is steep in the middle.
+    """
+    y = light * (0.8 / brightest)
+    y = np.where(y < 0.8, y, 0.8 + 0.2 * (1 - np.exp(-(y - 0.8) / 0.2)))
+    y = np.clip(0.9 * y + 0.1 * y.mean(axis=2, keepdims=True), 0, 1)
+    v = np.where(y < 0.0031308, 12.92 * y, 1.055 * y ** (1 / 2.4) - 0.055)
+    v += contrast * (v * v * (3 - 2 * v) - v)
+    grain = np.random.default_rng(7).standard_normal(v.shape) * 1.1
+    return np.asarray(np.clip(v * 255 + 0.5 + grain, 0, 255), np.uint8)
+
+
+def exposed(light: np.ndarray, share: float, stops: float = 0.0) -> np.ndarray:
+    """A picture whose given share lies below the shoulder, or some stops brighter."""
+    return film(light, float(np.quantile(light[light > 0], share)) * 2.0**-stops)
+
+
+def glare(light: np.ndarray) -> np.ndarray:
+    """A good lens at full aperture: a core of 0.7 pixels, and a twentieth of the light in ever wider halos."""
+    shares = {0.7: 0.95, 4.0: 0.03, 16.0: 0.014, 64.0: 0.006}
+    return np.asarray(sum(w * cv2.GaussianBlur(light, (0, 0), s) for s, w in shares.items()))
+
+
+def noon(renderer: fa.Renderer) -> np.ndarray:
+    """Over Egypt."""
+    scene = above("2026-03-20T09:30:00Z", (27.0, 34.0, 420.0), 60.0, azimuth_deg=340.0, off_nadir_deg=42.0)
+    return exposed(radiance(renderer, scene), 0.98, -0.4)
+
+
+def terminator(renderer: fa.Renderer) -> np.ndarray:
+    """The Sun sets over the North Atlantic."""
+    scene = above("2026-03-20T19:41:00Z", (48.0, -35.0, 420.0), 55.0, azimuth_deg=265.0, off_nadir_deg=61.0)
+    return exposed(radiance(renderer, scene), 0.995, 0.9)
+
+
+def night(renderer: fa.Renderer) -> np.ndarray:
+    """Italy and the Alps, the Moon high and full."""
+    scene = above("2026-11-24T22:30:00Z", (42.0, 6.0, 420.0), 60.0, azimuth_deg=60.0, off_nadir_deg=56.0)
+    return film(glare(radiance(renderer, scene)), 0.0011)
+
+
+def glint(renderer: fa.Renderer) -> np.ndarray:
+    """The Aegean."""
+    scene = above("2026-06-20T15:10:00Z", (37.5, 29.0, 420.0), 55.0, azimuth_deg=275.0, off_nadir_deg=56.0)
+    return exposed(radiance(renderer, scene), 0.97)
+
+
+def shallows(renderer: fa.Renderer) -> np.ndarray:
+    """The Great Bahama Bank."""
+    scene = above("2026-04-10T16:00:00Z", (22.3, -78.3, 420.0), 60.0, azimuth_deg=20.0, off_nadir_deg=30.0)
+    return exposed(radiance(renderer, scene), 0.985)
+
+
+def limb(renderer: fa.Renderer) -> np.ndarray:
+    """A long lens at the horizon."""
+    scene = above("2026-06-20T15:00:00Z", (10.0, -30.0, 420.0), 7.0, azimuth_deg=300.0, off_nadir_deg=69.4)
+    return exposed(radiance(renderer, scene), 0.95, -0.4)
+
+
+def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
+    """Tango before the limb in the last half minute of sunlight."""
+    epoch, latitude, height_km = "2026-03-20T12:00:00Z", 10.0, 420.0
+    now = Instant.from_utc(epoch)
+    sun = matrix_from_quat(q_itrs_from_eci(now)) @ sun_eci_m(now.tt1, now.tt2).reshape(3)
+    # where the Sun's ray passes 16 km above the ground; in the afternoon, so that it sets in the west
+    dip = -np.arccos((6371.0 + 16.0) / (6371.0 + height_km))
+    longitudes = np.arange(60.0, 150.0, 0.02)
+    heights = np.array(
+        [
+            np.arcsin(place_itrs_m(latitude, float(x), height_km)[1][2] @ sun / np.linalg.norm(sun))
+            for x in longitudes
+        ]
+    )
+    longitude = float(longitudes[np.argmin(np.abs(heights - dip))])
+    target = fa.load_target("tango")
+    scene = above(epoch, (latitude, longitude, height_km), 40.0, azimuth_deg=292.0, off_nadir_deg=73.0)
+    turn = quat_normalize(quat_from_rotvec(np.array([2.3, 0.5, 0.4])))
+    scene = scene_with_pose(scene, target, Pose.of("camera", "target", turn, np.array([-0.7, 0.25, 5.6])), 0)
+    light = radiance(renderer, scene)
+    white = float(np.quantile(light, 0.985))
+    # the Sun's disc is a hundred thousand times as bright as the limb; the lens spreads what the wells can hold of it
+    well = 2000 * white / np.maximum(light.max(axis=2, keepdims=True), 2000 * white)
+    return film(glare(light * well), white)
+
+
+def moonrise(renderer: fa.Renderer) -> np.ndarray:
+    """The Moon over the limb of the day."""
+    epoch = "2026-03-30T16:00:00Z"
+    now = Instant.from_utc(epoch)
+    moon = matrix_from_quat(q_itrs_from_eci(now)) @ moon_eci_m(now.tt1, now.tt2).reshape(3)
+    best, place = 9.0, (0.0, 0.0, 420.0)
+    # where it stands a little above the horizon, 19.8 degrees below the level
+    for longitude in np.arange(-180.0, 180.0, 0.25):
+        r, enu = place_itrs_m(15.0, float(longitude), 420.0)
+        to_moon = (moon - r) / np.linalg.norm(moon - r)
+        height = np.degrees(np.arcsin(enu[2] @ to_moon))
+        rising = enu[0] @ to_moon > 0  # in the afternoon, before it is full
+        if rising and abs(height + 19.15) < best:
+            best, place = abs(height + 19.15), (15.0, float(longitude), 420.0)
+    return exposed(radiance(renderer, above(epoch, place, 2.2, look_at="moon")), 0.97)
+
+
+def stars(renderer: fa.Renderer) -> np.ndarray:
+    """Orion from the night side."""
+    scene = above("2026-11-15T20:20:00Z", (8.0, -4.0, 420.0), 45.0, azimuth_deg=94.0, off_nadir_deg=88.0)
+    return film(glare(radiance(renderer, scene)), 1.5e-4, contrast=0.0)
+
+
+def ice(renderer: fa.Renderer) -> np.ndarray:
+    """The North Atlantic in March."""
+    scene = above("2026-03-20T12:00:00Z", (56.0, -20.0, 30000.0), 24.0)
+    return exposed(radiance(renderer, scene), 0.98)
+
+
+def seasons(renderer: fa.Renderer) -> np.ndarray:
+    """Europe at noon in January, April, July and October."""
+    tiles = []
+    half = (SIZE[0] // 2, SIZE[1] // 2)
+    for month in ("01", "04", "07", "10"):
+        world = Environment(clouds=False)
+        scene = above(f"2026-{month}-15T11:00:00Z", (49.0, 14.0, 2500.0), 42.0, half, environment=world)
+        tiles.append(exposed(radiance(renderer, scene), 0.985, -0.9))
+    return np.vstack([np.hstack(tiles[:2]), np.hstack(tiles[2:])])
+
+
+def earthrise(renderer: fa.Renderer) -> np.ndarray:
+    """From 110 km above the Moon."""
+    epoch = "2026-12-13T12:00:00Z"
+    now = Instant.from_utc(epoch)
+    moon = moon_eci_m(now.tt1, now.tt2).reshape(3)
+    scene = above(epoch, (0.0, 0.0, 400.0), 20.0)
+    to_earth = -moon / np.linalg.norm(moon)
+    sun = np.asarray(scene.r_sun_eci_m) / np.linalg.norm(scene.r_sun_eci_m)
+    side = np.cross(to_earth, np.cross(sun, to_earth))
+    side = -np.cross(to_earth, np.array([0.0, 0.0, 1.0])) if np.linalg.norm(side) < 0.1 else side
+    up = side / np.linalg.norm(side)
+    # up is towards the Sun's side; the Earth stands 3 degrees above the Moon's horizon, 19.9 below the level
+    up = up - (up @ to_earth) * to_earth
+    up /= np.linalg.norm(up)
+    # where the Sun is low, so that the craters have shadows
+    turn = np.radians(72.0)
+    up = np.cos(turn) * up + np.sin(turn) * np.cross(to_earth, up)
+    tilt = np.radians(-16.5)
+    zenith = np.cos(tilt) * up + np.sin(tilt) * to_earth
+    r = moon + 1_847_400.0 * zenith
+    level = to_earth - (to_earth @ zenith) * zenith
+    level /= np.linalg.norm(level)
+    look = np.cos(np.radians(19.0)) * level - np.sin(np.radians(19.0)) * zenith
+    x = np.cross(look, zenith)
+    x /= np.linalg.norm(x)
+    R = np.stack([x, np.cross(look, x), look])
+    scene = replace(
+        scene,
+        r_camera_eci_m=vec3(r),
+        r_target_eci_m=vec3(r - 1000 * look),
+        q_camera_from_eci_wxyz=quat(quat_from_matrix(R)),
+        central_body="moon",
+    )
+    return exposed(radiance(renderer, scene), 0.997)
+
+
+PICTURES: tuple[tuple[str, Picture, str], ...] = (
+    ("noon", noon, "Noon over Egypt: the Nile, Sinai and the Red Sea from 420 km, 20 March"),
+    ("terminator", terminator, "The Sun's glint and the clouds near the terminator, North Atlantic"),
+    ("night", night, "City lights of Italy, clouds over the Alps in the light of the full Moon"),
+    ("glint", glint, "Sun glint on the Aegean, an afternoon in June"),
+    ("shallows", shallows, "The Great Bahama Bank: white sand under a few metres of water"),
+    ("limb", limb, "Layers of the limb through a long lens: clouds, haze, blue air, the dark"),
+    ("eclipse-entry", eclipse_entry, "Tango before the limb in the last half minute of sunlight"),
+    ("moon", moonrise, "The Moon over the limb"),
+    ("stars", stars, "Orion rises: stars in calibrated flux and colour, moved to the date"),
+    ("seasons", seasons, "Central Europe without clouds: January, April, July, October"),
+    ("ice", ice, "Clouds, snow and the sea's ice of March from 30,000 km"),
+    ("earthrise", earthrise, "The Earth from 110 km above the Moon"),
+)
+
+
+def write_jpeg(path: Path, rgb: np.ndarray) -> None:
+    """Write a picture as well as so many bytes allow."""
+    image = np.ascontiguousarray(rgb[..., ::-1])
+    for quality in (JPEG, 70, 55, 40):
+        data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+        if len(data) <= LARGEST_BYTES:
+            break
+    path.write_bytes(data)
+
+
+def main(names: list[str] | None = None) -> None:
+    """Draw, write and describe every picture, or those that are named."""
+    folder = DOCS / "images" / "gallery"
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = [
+        "# Gallery",
+        "",
+        "Made by `python -m tools.docs.gallery`: radiance in physical units, one tone curve and grain, preset `high`.",
+    ]
+    with fa.Renderer() as renderer:
+        for name, picture, caption in PICTURES:
+            path = folder / f"{name}.jpg"
+            if not names or name in names:
+                write_jpeg(path, picture(renderer))
+            lines += ["", f"## {caption}", "", f"![{caption}](images/gallery/{name}.jpg)"]
+    (DOCS / "gallery.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    import sys
+
+    main(sys.argv[1:])

@@ -1,0 +1,118 @@
+"""Measures the modulation transfer function from a slanted edge, computed or rendered, after ISO 12233."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.psf import optics_mtf, used_mtf
+from simulator.camera.detector.sensor import Sensor
+from simulator.imaging.image_formation import expose
+from simulator.targets.model import Material
+from tools.validation.stage import bare_target, flat_plate, square_camera, stage
+
+if TYPE_CHECKING:
+    from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import FloatArray
+    from simulator.scene.state import Quality
+
+SIZE = 256
+SLANT = np.tan(np.radians(5.0))
+BINS = 8
+FREQUENCIES = np.arange(0.05, 0.46, 0.05)
+_BLANK = Sensor(preset="mtf", full_scale_j_m2_sr=1.0, blur_sigma_px=0.0)
+CASES: dict[str, tuple[Sensor, Optics]] = {
+    "speed: Gaussian, 1 px": (replace(_BLANK, blur_sigma_px=1.0), Optics()),
+    "Gaussian, 0.75 px": (_BLANK, Optics(psf="gaussian", psf_sigma_px=0.75)),
+    "Airy f/8 on 3.45 um, 0.45 px of aberrations": (
+        replace(_BLANK, pixel_pitch_x_m=3.45e-6, pixel_pitch_y_m=3.45e-6),
+        Optics(psf="airy", f_number=8.0, psf_sigma_px=0.45),
+    ),
+    "measured kernel, 3 x 3": (
+        _BLANK,
+        Optics(psf="kernel", kernel=((0.05, 0.10, 0.05), (0.10, 0.40, 0.10), (0.05, 0.10, 0.05))),
+    ),
+}
+
+
+def edge() -> FloatArray:
+    """A bright half plane whose edge is 5 degrees off the columns: each pixel holds the share that it covers."""
+    fine = 64
+    y = np.arange(SIZE)[:, None] + ((np.arange(fine) + 0.5) / fine - 0.5)
+    position = SIZE / 2 + SLANT * (y - SIZE / 2)  # (H, fine): where the edge crosses each fine row
+    x = np.arange(SIZE)
+    return np.clip(x[None, :, None] + 0.5 - position[:, None, :], 0, 1).mean(axis=2)
+
+
+def drawn_edge(renderer: Renderer, quality: Quality = "high") -> FloatArray:
+    """The same half plane as the renderer draws it: a sunlit plate that covers the image from there to the right."""
+    z_m, focal_px = 10.0, 2.0 * SIZE
+    far = SIZE * z_m / focal_px
+    plate = flat_plate("plate", (0.0, far), (-far, far), 0.0)
+    target = bare_target([plate], [Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)])
+    # pixel (SIZE / 2, SIZE / 2) is half a pixel off the axis
+    middle = 0.5 * z_m / focal_px
+    turn = -np.arctan(SLANT)
+    scene = stage(
+        target, square_camera(SIZE, focal_px), (middle, middle, z_m), (0.0, 0.0, turn), quality=quality
+    )
+    return np.asarray(renderer.render(scene, target).radiance, float)
+
+
+def measured_mtf(image: FloatArray, frequency: FloatArray) -> FloatArray:
+    """MTF across a nearly upright edge at frequencies [cycles per pixel]; the pixel's own is in it.
+
+    The edge is found in the picture: a straight line through each row's centroid of slope.
+
+    References
+    ----------
+    ISO 12233:2017, Electronic still picture imaging: resolution and spatial frequency responses, annex C.
+    """
+    height, width = image.shape
+    slope = np.abs(np.diff(image, axis=1))
+    place = np.arange(width - 1) + 0.5
+    start = np.median((slope @ place) / slope.sum(axis=1))
+    rows = np.arange(16, height - 16)
+    line = np.array([0.0, start])
+    for _ in range(3):
+        # what is far from the edge is left out of the centroid
+        near = np.abs(place - np.polyval(line, rows)[:, None]) < (height * SLANT if line[0] == 0 else 12)
+        weight = slope[rows] * near
+        line = np.polyfit(rows, (weight @ place) / weight.sum(axis=1), 1)
+    y, x = np.mgrid[:height, :width]
+    distance = (x - np.polyval(line, y)) / np.hypot(1, line[0])
+    inside = (np.abs(distance) < width / 4) & (y >= rows[0]) & (y <= rows[-1])
+    index = np.floor(distance[inside] * BINS).astype(int)
+    index -= index.min()
+    count = np.bincount(index)
+    spread = np.bincount(index, image[inside]) / np.maximum(count, 1)
+    spike = np.diff(spread[count > 0])
+    spike *= np.hanning(len(spike) + 2)[1:-1]
+    at = (np.arange(len(spike)) - np.argmax(np.abs(spike))) / BINS
+    transfer = np.abs(np.exp(-2j * np.pi * np.outer(frequency, at)) @ spike)
+    # what the bins and their difference take off
+    transfer /= np.abs(spike.sum()) * np.sinc(frequency / BINS) ** 2
+    return np.asarray(transfer)
+
+
+def compare(case: str, picture: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """MTF measured, MTF of the optics times the pixel, and MTF of the blur carried out times the pixel.
+
+    Parameters
+    ----------
+    picture : of the edge; without it, the one that is computed.
+    """
+    sensor, optics = CASES[case]
+    sharp = edge() if picture is None else picture
+    image = expose((sharp / sharp.max()).astype(np.float32), sensor, 1.0, 1.0, optics)
+    found = measured_mtf(image.astype(float), FREQUENCIES)
+    # across the edge: nearly along x
+    angle = np.arctan(SLANT)
+    fx, fy = FREQUENCIES * np.cos(angle), -FREQUENCIES * np.sin(angle)
+    pixel = np.sinc(fx) * np.sinc(fy)
+    used = used_mtf(fx, fy, optics, sensor)
+    ideal = used if optics.psf == "kernel" else optics_mtf(fx, fy, optics, sensor)
+    return found, ideal * pixel, used * pixel

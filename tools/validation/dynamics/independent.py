@@ -1,0 +1,182 @@
+"""The world against independent programs, whose raw outputs and generators lie in ``tests/reference``."""
+
+from __future__ import annotations
+
+import csv
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+import erfa
+import numpy as np
+from sgp4.api import Satrec
+
+from simulator.errors import UserError
+from simulator.world.constants import DAY_S
+from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
+from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
+from simulator.world.messages.tle import R_eci_from_teme, state_from_tle
+from simulator.world.orbit.forces import Forces, FullForces
+from simulator.world.orbit.moon_forces import MoonForces
+from simulator.world.orbit.propagation import propagate
+from simulator.world.orbit.spherical_harmonics import egm96
+from simulator.world.time.instant import Instant
+from tools.validation.rows import Row, arcsec, need, read_table
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.runtime.arrays import FloatArray
+
+EARTH_EPOCH = "2025-03-21T06:00:00Z"
+MOON_EPOCH = "2024-06-06T05:00:00Z"
+EARTH_ORBIT_S, MOON_ORBIT_S = 6_100.0, 7_700.0
+"""A revolution and a little, to the next row of the reference."""
+
+
+def independent(reference: Path) -> list[Row]:
+    """All rows against other programs.
+
+    Raises
+    ------
+    UserError
+        If the reference outputs are not there.
+    """
+    return [
+        *against_basilisk(reference),
+        *against_skyfield(reference),
+        against_astropy(reference),
+        *against_sgp4(),
+    ]
+
+
+def against_basilisk(reference: Path) -> list[Row]:
+    """A day of two craft 10 m apart: about the Earth (600 km, EGM96 20x20, Sun, Moon) and about the Moon (200 km)."""
+    rows = []
+    epoch = Instant.from_utc(EARTH_EPOCH)
+    earth = FullForces(sky=SkyTable.of(epoch, DAY_S), harmonics=egm96(20), sun=True, moon=True)
+    start = np.array([0.0, -1049.0, 7485.0]), np.array([0.0, -0.013, 0.002])
+    table = read_table(reference / "basilisk.csv")
+    rows += _day(table, earth, start, EARTH_ORBIT_S, "at 600 km, EGM96 20x20 + Sun + Moon")
+    epoch = Instant.from_utc(MOON_EPOCH)
+    moon = MoonForces(epoch=epoch, sky=SkyTable.of(epoch, DAY_S), sun=True)
+    start = np.array([0.0, -1160.0, 1090.0]), np.array([0.0, -0.005, 0.002])
+    table = read_table(reference / "basilisk_moon.csv")
+    return rows + _day(table, moon, start, MOON_ORBIT_S, "200 km above the Moon, Earth + Sun")
+
+
+def _day(
+    table: FloatArray, forces: Forces, velocities: tuple[FloatArray, FloatArray], orbit_s: float, where: str
+) -> list[Row]:
+    track = propagate(
+        table[0, 1:4], velocities[0], DAY_S, forces, (table[0, 4:7] - table[0, 1:4], velocities[1])
+    )
+    inertial = [float(np.linalg.norm(track(row[0])[0] - row[1:4])) for row in table]
+    apart = [float(np.linalg.norm(track.relative(row[0])[0] - (row[4:7] - row[1:4]))) for row in table]
+    orbit = int(np.searchsorted(table[:, 0], orbit_s))
+    against = "Basilisk 2.12.1 (RK4, 1 s)"
+    return [
+        Row(what=f"position over a day {where}", against=against, unit="m", goal=1.0, measured=max(inertial)),
+        Row(
+            what=f"relative position over an orbit {where}",
+            against=against,
+            unit="m",
+            goal=1e-3,
+            measured=max(apart[:orbit]),
+        ),
+        Row(
+            what=f"relative position over a day {where}",
+            against=against,
+            unit="m",
+            goal=1e-2,
+            measured=max(apart),
+        ),
+    ]
+
+
+def against_skyfield(reference: Path) -> list[Row]:
+    """Apparent Sun and Moon 2000 to 2050, and the Earth's orientation where UT1 is measured."""
+    table = read_table(reference / "skyfield.csv")
+    jd = table[:, 0]
+    turned = []
+    for row in table[jd < 2460000.0]:
+        t = Instant(float(row[0]), 0.0)
+        ours = R_itrs_from_eci(t, polar_motion=False)
+        turned.append(arcsec(ours, row[8:].reshape(3, 3)).max())
+    name = "Skyfield 1.55, DE421"
+    sun = float(arcsec(sun_eci_m(jd, 0 * jd), table[:, 2:5]).max())
+    moon = float(arcsec(moon_eci_m(jd, 0 * jd), table[:, 5:8]).max())
+    return [
+        Row(what="apparent Sun, 2000-2050", against=name, unit="arcsec", goal=1.0, measured=sun),
+        Row(what="apparent Moon, 2000-2050", against=name, unit="arcsec", goal=15.0, measured=moon),
+        Row(
+            what="GCRS to ITRS with UT1, without polar motion",
+            against="Skyfield 1.55",
+            unit="arcsec",
+            goal=0.1,
+            measured=float(max(turned)),
+        ),
+    ]
+
+
+def against_astropy(reference: Path) -> Row:
+    """GCRS to ITRS, polar motion and UT1 included, from the same table."""
+    path = reference / "astropy.csv"
+    need(path)
+    worst = 0.0
+    with path.open(newline="") as file:
+        for epoch, *values in list(csv.reader(file))[1:]:
+            theirs = np.array(values, float).reshape(3, 3)
+            worst = max(worst, float(arcsec(R_itrs_from_eci(Instant.from_utc(epoch)), theirs).max()))
+    return Row(
+        what="GCRS to ITRS, 1973-2026", against="astropy 8.0.2", unit="arcsec", goal=1e-6, measured=worst
+    )
+
+
+def against_sgp4() -> list[Row]:
+    """TLE: Vallado's verification cases, which the package ``sgp4`` ships, up to 30 days from their epochs."""
+    folder = files("sgp4")
+    lines = [
+        line[:69]
+        for line in folder.joinpath("SGP4-VER.TLE").read_text().splitlines()
+        if line[:2] in {"1 ", "2 "}
+    ]
+    published = _published(folder.joinpath("tcppver.out").read_text())
+    position, velocity, count = 0.0, 0.0, 0
+    for line1, line2 in zip(lines[::2], lines[1::2], strict=True):
+        satellite = Satrec.twoline2rv(line1, line2)
+        for minutes, *state in published.get(int(line1[2:7]), ()):
+            days = satellite.jdsatepochF + minutes / 1440
+            try:
+                epoch = _instant_of_utc(satellite.jdsatepoch, days)
+                r, v = state_from_tle(line1, line2, epoch)
+            except UserError:
+                # a few cases are there to fail: decayed, or further than a month from the epoch
+                continue
+            R = R_eci_from_teme(epoch)
+            position = max(position, float(np.linalg.norm(R.T @ r - np.array(state[:3]) * 1e3)))
+            velocity = max(velocity, float(np.linalg.norm(R.T @ v - np.array(state[3:6]) * 1e3)))
+            count += 1
+    against = f"Vallado et al. (2006), {count} states"
+    return [
+        Row(what="TLE by SGP4, position", against=against, unit="m", goal=0.1, measured=position),
+        Row(what="TLE by SGP4, velocity", against=against, unit="m/s", goal=1e-4, measured=velocity),
+    ]
+
+
+def _instant_of_utc(utc1: float, utc2: float) -> Instant:
+    tt1, tt2 = erfa.taitt(*erfa.utctai(utc1, utc2))
+    return Instant(float(tt1), float(tt2))
+
+
+def _published(text: str) -> dict[int, list[list[float]]]:
+    """Minutes, position [km] and velocity [km s-1] by satellite."""
+    states: dict[int, list[list[float]]] = {}
+    current: list[list[float]] = []
+    for line in text.splitlines():
+        words = line.split()
+        if words[1:] == ["xx"]:
+            current = states.setdefault(int(words[0]), [])
+        elif len(words) >= 7:
+            current.append([float(w) for w in words[:7]])
+    return states

@@ -1,0 +1,284 @@
+"""Random frames over all targets, cameras and lighting, each label checked: how many are wrong.
+
+    python -m tools.validation.labels -n 1000 --seed 1 --results results.jsonl
+
+Frame k depends on (seed, k) alone. Two processes draw and check; the results file grows by a line a frame, and a run
+that is started again goes on where it stopped. Every tenth frame is checked from its files, the others as drawn; of one
+in five a label is spoilt on purpose where the craft is large enough to tell, and must be caught. After a mend,
+``--again`` takes the frames that were wrong once more; the page names the commits that the results come from.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from simulator.dataset.card import CardMachine, CardTarget, DatasetCard, describe_machine
+from simulator.dataset.check.verify import check_frame
+from simulator.dataset.formats.native import frame_paths, read_layer, read_png, write_frame
+from simulator.frame import Frame, take_frame
+from simulator.labels.truth import read_truth
+from simulator.render.renderer import Renderer
+from simulator.runtime.files import write_atomic
+from tools.validation.labels.faults import SPOILERS, spoil
+from tools.validation.labels.frames import cached_target, random_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+PAGE = Path("docs/validation/labels.md")
+RESULTS = Path("out/label_results.jsonl")
+FROM_FILES_EVERY = 10
+SPOILT_EVERY = 5
+
+
+def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
+    """Draw frame k, check it, and say what was found."""
+    scene, request = random_frame(seed, k)
+    target = cached_target(scene.target.name)
+    start = time.process_time()
+    frame = take_frame(renderer, scene, target, labels=request)
+    drawn = time.process_time()
+    card = dataset_card(renderer, frame, seed)
+    if k % FROM_FILES_EVERY == 0:
+        with tempfile.TemporaryDirectory() as place:
+            frame = _through_files(Path(place), frame)
+    faults = _check(k, frame, card)
+    result: dict[str, Any] = {
+        "k": k,
+        "target": scene.target.name,
+        "lens": scene.camera.distortion.model,
+        "shutter": scene.shutter.kind,
+        "labels": 0 if frame.truth is None else len(frame.truth.keypoints) + len(frame.truth.layers) + 7,
+        "pixels": 0 if frame.mask is None else int(np.count_nonzero(frame.mask)),
+        "draw_ms": round(1e3 * (drawn - start), 1),
+        "check_ms": round(1e3 * (time.process_time() - drawn), 1),
+        "faults": faults,
+    }
+    if k % SPOILT_EVERY == 0 and not faults:
+        kinds, first = list(SPOILERS), k // SPOILT_EVERY % len(SPOILERS)
+        for kind in kinds[first:] + kinds[:first]:
+            spoilt = spoil(kind, frame)
+            if spoilt is not None:
+                result |= {"spoilt": kind, "caught": bool(_check(k, spoilt, card))}
+                break
+    return result
+
+
+def _check(k: int, frame: Frame, card: DatasetCard) -> list[str]:
+    if frame.truth is None or frame.mask is None:
+        raise RuntimeError("a frame to check needs its labels")
+    target = cached_target(frame.scene.target.name)
+    return check_frame(k, frame.truth, frame.image, frame.mask, card, target, frame.layers)
+
+
+def _through_files(folder: Path, frame: Frame) -> Frame:
+    """The frame as a reader finds it on the disk."""
+    (folder / "images").mkdir()
+    k = frame.scene.frame_index
+    write_frame(folder, k, frame)
+    paths = frame_paths(folder, k)
+    truth = read_truth(paths.truth)
+    layers = {name: read_layer(folder / "images", f"{k:06d}", name) for name in truth.layer_sha256}
+    return Frame(
+        truth.scene,
+        read_png(paths.image),
+        frame.radiance,
+        truth,
+        np.asarray(read_png(paths.mask), np.uint8),
+        None,
+        layers,
+    )
+
+
+def dataset_card(renderer: Renderer, frame: Frame, seed: int) -> DatasetCard:
+    """The card that a data set of such frames would have."""
+    target, info = cached_target(frame.scene.target.name), renderer.info
+    return DatasetCard(
+        scenario_name="random frames",
+        scenario={},
+        seed=seed,
+        n_frames=frame.scene.frame_index + 1,
+        every_s=None,
+        complete=True,
+        formats=("native",),
+        camera=frame.scene.camera,
+        target=CardTarget(
+            name=target.name,
+            sha256=target.sha256,
+            parts=tuple(part.name for part in target.parts),
+            keypoints={p.name: p.position_m for p in target.keypoints},
+        ),
+        machine=_machine(info.vendor, info.renderer, info.version),
+    )
+
+
+@cache
+def _machine(vendor: str, renderer: str, version: str) -> CardMachine:
+    return describe_machine(vendor, renderer, version)
+
+
+def _work(seed: int, wanted: list[int], results: multiprocessing.Queue[dict[str, Any]]) -> None:
+    with Renderer() as renderer:
+        for k in wanted:
+            try:
+                results.put(check_one(renderer, seed, k))
+            except Exception as error:  # noqa: BLE001 - a frame that fails is a finding, and the others go on
+                results.put({"k": k, "faults": [f"{type(error).__name__}: {error}"]})
+
+
+def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
+    """Results of frames as they come.
+
+    Raises
+    ------
+    RuntimeError
+        If a process died before its frames were done.
+    """
+    # pictures this small are drawn fastest by the process itself, without threads to wait for
+    os.environ.setdefault("LP_NUM_THREADS", "0")
+    context = multiprocessing.get_context("spawn")
+    results: multiprocessing.Queue[dict[str, Any]] = context.Queue()
+    processes = [
+        context.Process(target=_work, args=(seed, wanted[w::workers], results), daemon=True)
+        for w in range(workers)
+    ]
+    for process in processes:
+        process.start()
+    left = len(wanted)
+    while left:
+        try:
+            yield results.get(timeout=10)
+            left -= 1
+        except queue.Empty:
+            if any(process.exitcode for process in processes):
+                raise RuntimeError(f"a drawing process died with {left} frames to go") from None
+    for process in processes:
+        process.join()
+
+
+def _commit() -> str:
+    """The commit of this checkout, with a + where files differ from it."""
+    try:
+        run_git = partial(
+            subprocess.run, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
+        )
+        head = run_git(["git", "rev-parse", "--short=7", "HEAD"]).stdout.strip()
+        changed = run_git(["git", "status", "--porcelain", "--untracked-files=no"]).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return head + ("+" if changed else "")
+
+
+def newest(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The last result of each frame, with ``mended`` where an earlier one was wrong."""
+    by_frame: dict[int, dict[str, Any]] = {}
+    for line in lines:
+        before = by_frame.get(line["k"])
+        mended = before is not None and (bool(before["faults"]) or before.get("mended", False))
+        by_frame[line["k"]] = line | ({"mended": True} if mended else {})
+    return list(by_frame.values())
+
+
+def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
+    """What all results say together."""
+    wrong = [line for line in lines if line["faults"]]
+    spoilt = [line for line in lines if "spoilt" in line]
+    drawn = [line for line in lines if "draw_ms" in line]
+    return {
+        "frames": len(lines),
+        "labels": sum(line.get("labels", 0) for line in lines),
+        "wrong_frames": len(wrong),
+        "spoilt": len(spoilt),
+        "spoilt_and_missed": Counter(line["spoilt"] for line in spoilt if not line["caught"]),
+        "draw_ms": float(np.median([line["draw_ms"] for line in drawn])) if drawn else None,
+        "check_ms": float(np.median([line["check_ms"] for line in drawn])) if drawn else None,
+        "targets": Counter(line["target"] for line in drawn),
+        "lenses": Counter(line["lens"] for line in drawn),
+        "shutters": Counter(line["shutter"] for line in drawn),
+        "commits": Counter(line.get("commit", "unknown") for line in lines),
+        "mended": sorted(line["k"] for line in lines if line.get("mended") and not line["faults"]),
+        "first_faults": [{"k": line["k"], "faults": line["faults"]} for line in wrong[:20]],
+    }
+
+
+def page(found: dict[str, Any], seed: int) -> str:
+    """The summary as a page."""
+    command = f"python -m tools.validation.labels -n {found['frames']} --seed {seed} --page"
+    spoilt, missed = found["spoilt"], sum(found["spoilt_and_missed"].values())
+    lines = [
+        "# Labels of random frames",
+        "",
+        f"Made by `{command}`: frames of every target, lens, detector,",
+        "light and motion, of 48 to 160 pixels, most at a target's lowest level of detail.",
+        "",
+        "| | |",
+        "|---|---|",
+        f"| frames | {found['frames']} |",
+        f"| labels | {found['labels']} |",
+        f"| frames with a wrong label | {found['wrong_frames']} |",
+        f"| labels spoilt on purpose, and missed | {spoilt}, {missed} |",
+        f"| frames wrong at first, right after a mend | {', '.join(map(str, found['mended'])) or 'none'} |",
+        f"| frames by commit | {_counts(found['commits'])} |",
+        f"| processor time of a frame (median) | {found['draw_ms']:.0f} ms |",
+        f"| processor time of its check (median) | {found['check_ms']:.0f} ms |",
+        f"| lenses | {_counts(found['lenses'])} |",
+        f"| shutters | {_counts(found['shutters'])} |",
+        f"| targets | {_counts(found['targets'])} |",
+    ]
+    lines += [f"| frame {w['k']} | {'; '.join(w['faults'])} |" for w in found["first_faults"]]
+    return "\n".join(lines) + "\n"
+
+
+def _counts(counter: dict[str, int]) -> str:
+    return ", ".join(f"{name} {n}" for name, n in sorted(counter.items()))
+
+
+def main() -> int:
+    """Run from the command line; the exit code is 1 when a label is wrong or a spoilt one passes."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("-n", type=int, default=200, help="frames")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--results", type=Path, default=RESULTS, help=f"one line a frame ({RESULTS})")
+    parser.add_argument("--page", action="store_true", help=f"write {PAGE} from the results that there are")
+    parser.add_argument("--again", action="store_true", help="take frames that were wrong once more")
+    options = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the processes end with this one
+    lines: list[dict[str, Any]] = []
+    if options.results.is_file():
+        lines = [json.loads(line) for line in options.results.read_text().splitlines()]
+    known = {line["k"] for line in newest(lines) if not (options.again and line["faults"])}
+    wanted = [k for k in range(options.n) if k not in known]
+    commit = _commit()
+    options.results.parent.mkdir(parents=True, exist_ok=True)
+    with options.results.open("a") as file:
+        for found_now in run(options.seed, wanted, min(max(1, options.workers), len(wanted))):
+            result = found_now | {"commit": commit}
+            lines.append(result)
+            file.write(json.dumps(result) + "\n")
+            file.flush()
+            if result["faults"]:
+                print(f"frame {result['k']}: {'; '.join(result['faults'])}", flush=True)
+    found = summary([line for line in newest(lines) if line["k"] < options.n])
+    if options.page:
+        write_atomic(PAGE, page(found, options.seed).encode())
+    print(msgspec.json.format(msgspec.json.encode(found), indent=1).decode())
+    return 1 if found["wrong_frames"] or found["spoilt_and_missed"] else 0

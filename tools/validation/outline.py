@@ -1,0 +1,298 @@
+"""A target's outline against a picture of the real craft: ``python -m tools.validation.outline PICTURE --side=+x``.
+
+Pose and focal length are fitted to the picture's outline, and what is left is the model's fault: the overlap of the two
+filled outlines (area of both over area of either) and the distance from one to the other. The picture's outline comes
+from a JSON file of polygons traced by hand (``--outline``), or from its brightness where the sky behind is black.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import itertools
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+
+from simulator.errors import UserError
+from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import ByteArray, FloatArray
+    from simulator.targets.model import Target
+
+SIDES = {
+    "+x": ((0, 1, 0), (0, 0, -1), (-1, 0, 0)),
+    "-x": ((0, -1, 0), (0, 0, -1), (1, 0, 0)),
+    "+y": ((-1, 0, 0), (0, 0, -1), (0, -1, 0)),
+    "-y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    "+z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
+    "-z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+}
+"""Camera axes (right, down, forward) in the target's, to start from: upright as Tango's public pictures are."""
+TILTS_RAD = tuple(itertools.product((-0.06, 0.0, 0.06), repeat=2))
+START_RANGES = (6.0,)
+"""First guesses of the range in widths of the craft."""
+STEP = np.array([0.015, 0.015, 0.005, 0.003, 0.003, 0.05, 0.005])
+"""Steps of the derivatives: turns [rad], shifts in widths of the craft, log range at the same size, log size."""
+ROBUST_PX = (12.0, 4.0, 1.5)
+"""Distances beyond this hardly pull: what the model lacks must not bend the fit. Wide first, to reach it at all."""
+POINTS = 500
+POLISH = 200
+"""Evaluations of the overlap itself at the end."""
+FILL_SHIFT = 4
+BLUR_PX = 1.2
+LEAST_AREA_PX = 40
+"""Of a picture with black sky: blur before the threshold, and the smallest bright piece that is craft."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """Overlap [1], median and 95th percentile of the distance between outlines [px], pose and focal length [px]."""
+
+    overlap: float
+    median_px: float
+    p95_px: float
+    R_camera_from_target: FloatArray
+    t_camera_from_target_m: FloatArray
+    focal_px: float
+    reference: ByteArray
+    model: ByteArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    positions_m: FloatArray
+    triangles: FloatArray
+
+
+def fit_outline(reference: ByteArray, target: Target, side: str, coarse: Target | None = None) -> Fit:
+    """Fit pose and focal length of a pinhole with its axis in the picture's middle; measure what is left.
+
+    Parameters
+    ----------
+    reference : (H, W) the craft's filled outline, nonzero inside.
+    side : the axis that the camera looks from, to start from. coarse : fewer triangles to fit with.
+
+    Raises
+    ------
+    UserError
+        If the outline is empty.
+    """
+    reference = filled(np.asarray(reference > 0, np.uint8))
+    if not reference.any():
+        raise UserError("the picture's outline is empty: trace it (--outline) or lower --threshold")
+    mesh, first = _mesh(target), _mesh(coarse or target)
+    wide, middle, narrow = ROBUST_PX
+    starts = [
+        _start(reference, first, side, at) + np.r_[tilt, np.zeros(5)]
+        for at in START_RANGES
+        for tilt in TILTS_RAD
+    ]
+    tried = [_descend(reference, first, side, x, 7, 4, wide) for x in starts]
+    tried = sorted(tried, key=lambda x: _lost(reference, first, side, x, 4))[:4]
+    tried = [_descend(reference, first, side, x, 10, 2, middle) for x in tried]
+    x = min(tried, key=lambda x: _lost(reference, first, side, x, 2))
+    x = _descend(reference, first, side, x, 8, 1, narrow)
+    simplex = np.vstack([x, x + np.diag(STEP)])
+    found = minimize(
+        functools.partial(_lost_at, reference, first, side),
+        x,
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "maxfev": POLISH},
+    )
+    x = np.asarray(found.x)
+    model = _drawn(reference.shape, mesh, side, x, 1)
+    R, t_m, focal = _pose(mesh, side, x)
+    left = np.abs(_distances(reference, mesh, side, x, 1))
+    return Fit(
+        overlap=float((reference & model).sum() / (reference | model).sum()),
+        median_px=float(np.median(left)),
+        p95_px=float(np.percentile(left, 95)),
+        R_camera_from_target=R,
+        t_camera_from_target_m=t_m,
+        focal_px=focal,
+        reference=reference,
+        model=model,
+    )
+
+
+def filled(mask: ByteArray) -> ByteArray:
+    """The mask without holes: a hand traces the outside."""
+    outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    out = np.zeros_like(mask)
+    cv2.drawContours(out, outlines, -1, 1, cv2.FILLED)
+    return out
+
+
+def _mesh(target: Target) -> _Mesh:
+    offsets = np.cumsum([0, *(len(p.positions_m) for p in target.parts)])
+    return _Mesh(
+        np.concatenate([p.positions_m for p in target.parts]).astype(float),
+        np.concatenate([p.triangles + o for p, o in zip(target.parts, offsets[:-1], strict=True)]),
+    )
+
+
+def _width_m(mesh: _Mesh) -> float:
+    return float(np.ptp(mesh.positions_m, axis=0).max())
+
+
+def _start(reference: ByteArray, mesh: _Mesh, side: str, range_widths: float) -> FloatArray:
+    """Looking straight at the side from a few widths away, as large and as placed as the outline."""
+    seen = mesh.positions_m @ np.array(SIDES[side], float).T / _width_m(mesh)
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    v, u = np.nonzero(reference)
+    scale_px = float(np.ptp(u) / np.ptp(seen[:, 0]))
+    h, w = reference.shape
+    at = (np.array([u.min() + u.max(), v.min() + v.max()]) - (w - 1, h - 1)) / 2 / scale_px
+    return np.r_[0, 0, 0, at - middle[:2], np.log(range_widths), np.log(scale_px)]
+
+
+def _pose(mesh: _Mesh, side: str, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Rotation, translation [m] and focal length [px] of the parameters: x[6] is the log of the size on the picture."""
+    R = Rotation.from_rotvec(x[:3]).as_matrix() @ np.array(SIDES[side], float)
+    return R, np.array([x[3], x[4], np.exp(x[5])]) * _width_m(mesh), float(np.exp(x[5] + x[6]))
+
+
+def _drawn(shape: tuple[int, ...], mesh: _Mesh, side: str, x: FloatArray, shrink: int) -> ByteArray:
+    """The model's filled outline on a picture ``shrink`` times smaller."""
+    R, t_m, focal = _pose(mesh, side, x)
+    seen = mesh.positions_m @ R.T + t_m
+    middle = (np.array(shape[::-1]) - 1) / 2
+    uv = (seen[:, :2] / np.maximum(seen[:, 2:], 1e-3) * focal + middle + 0.5) / shrink - 0.5
+    image = np.zeros((shape[0] // shrink, shape[1] // shrink), np.uint8)
+    corners = np.rint(np.clip(uv, -1e4, 1e4) * 2**FILL_SHIFT).astype(np.int32)[mesh.triangles]
+    # half the triangles look at the camera and cover all that the others do
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    for triangle in corners[a[:, 0] * b[:, 1] < a[:, 1] * b[:, 0]]:
+        cv2.fillConvexPoly(image, triangle, 1, cv2.LINE_8, FILL_SHIFT)
+    return filled(image)
+
+
+def _distances(reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, shrink: int) -> FloatArray:
+    """Distance of points of the reference's outline to the model's [px of the picture], signed: positive inside."""
+    outlines, _ = cv2.findContours(reference, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    points = np.concatenate([o[:, 0] for o in outlines]).astype(float)
+    points = points[np.linspace(0, len(points) - 1, POINTS).astype(int)]
+    model = _drawn(reference.shape, mesh, side, x, shrink)
+    signed = cv2.distanceTransform(model, cv2.DIST_L2, 5) - cv2.distanceTransform(1 - model, cv2.DIST_L2, 5)
+    at = ((points + 0.5) / shrink - 0.5).astype(np.float32)
+    signed = np.where(signed > 0, signed - 0.5, signed + 0.5).astype(np.float32)
+    values = cv2.remap(
+        signed, at[None, :, 0], at[None, :, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )[0]
+    # the reference's contour runs through its outermost pixels: their centres lie half a pixel inside
+    return np.asarray(values.astype(float) * shrink - 0.5)
+
+
+def _lost(reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, shrink: int) -> float:
+    """One minus the overlap, on a picture ``shrink`` times smaller."""
+    model = _drawn(reference.shape, mesh, side, x, shrink)
+    small = cv2.resize(255 * reference, model.shape[::-1], interpolation=cv2.INTER_AREA) > 127
+    return 1 - float((small & (model > 0)).sum() / max((small | (model > 0)).sum(), 1))
+
+
+def _lost_at(reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray) -> float:
+    return _lost(reference, mesh, side, x, 1)
+
+
+def _misfit(r: FloatArray, robust_px: float) -> float:
+    return float(np.log1p((r / robust_px) ** 2).sum())
+
+
+def _descend(
+    reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, steps: int, shrink: int, robust_px: float
+) -> FloatArray:
+    """Gauss-Newton on the distances, weighted so that what the model lacks does not pull (Cauchy)."""
+    damping = 1e-2
+    r = _distances(reference, mesh, side, x, shrink)
+    for _ in range(steps):
+        ahead = [_distances(reference, mesh, side, x + d, shrink) for d in np.diag(STEP)]
+        back = [_distances(reference, mesh, side, x - d, shrink) for d in np.diag(STEP)]
+        J = (np.array(ahead) - np.array(back)).T / 2
+        w = 1 / (1 + (r / robust_px) ** 2)
+        A = J.T @ (J * w[:, None])
+        y = np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-6), -J.T @ (w * r))
+        new = x + y * STEP
+        after = _distances(reference, mesh, side, new, shrink)
+        if _misfit(after, robust_px) < _misfit(r, robust_px):
+            x, r, damping = new, after, damping / 3
+        else:
+            damping *= 6
+    return x
+
+
+def read_picture(path: Path, outline: Path | None, threshold_dn: float) -> tuple[ByteArray, ByteArray]:
+    """A picture (H, W) and its craft's filled outline.
+
+    Raises
+    ------
+    UserError
+        If a file cannot be read.
+    """
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if image is None:
+        raise UserError(f"cannot read picture {path}: give a JPEG or PNG file")
+    grey = np.asarray(image, np.uint8)
+    mask = np.zeros_like(grey)
+    if outline is None:
+        _, bright = cv2.threshold(cv2.GaussianBlur(grey, (0, 0), BLUR_PX), threshold_dn, 1, cv2.THRESH_BINARY)
+        found, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        pieces = [c for c in found if cv2.contourArea(c) >= LEAST_AREA_PX]
+        cv2.drawContours(mask, pieces, -1, 1, cv2.FILLED)
+        return grey, np.asarray(mask, np.uint8)
+    try:
+        polygons = [np.array(p, float).reshape(-1, 2) for p in json.loads(outline.read_text())]
+    except (OSError, ValueError, TypeError) as error:
+        raise UserError(
+            f"cannot read outline {outline}: give a JSON list of polygons [[[x, y], ...], ...] in pixels"
+        ) from error
+    for polygon in polygons:
+        cv2.fillPoly(mask, [np.rint(polygon).astype(np.int32)], 1)
+    return grey, np.asarray(mask, np.uint8)
+
+
+def overlay(image: ByteArray, fit: Fit) -> ByteArray:
+    """The picture (BGR) with its outline in yellow and the model's in red."""
+    canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    for mask, colour in ((fit.reference, (0, 255, 255)), (fit.model, (0, 0, 255))):
+        found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(canvas, found, -1, colour, 1)
+    return np.asarray(canvas, np.uint8)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Fit one picture, print what was found, write the overlay; 2 for a user's mistake."""
+    parser = argparse.ArgumentParser(prog="python -m tools.validation.outline", description=__doc__)
+    parser.add_argument("picture", type=Path)
+    parser.add_argument("--side", choices=SIDES, default="+z", help="axis that the camera looks from")
+    parser.add_argument("--target", default="tango")
+    parser.add_argument("--outline", type=Path, help="JSON list of polygons in pixels, traced by hand")
+    parser.add_argument("--threshold", type=float, default=30.0, help="brighter than this is craft [DN]")
+    parser.add_argument("-o", "--overlay", type=Path, help="picture with both outlines")
+    given = parser.parse_args(argv)
+    try:
+        image, reference = read_picture(given.picture, given.outline, given.threshold)
+        fit = fit_outline(reference, load_target(given.target), given.side, load_target(given.target, "low"))
+    except UserError as error:
+        sys.stdout.write(f"{error}\n")
+        return 2
+    sys.stdout.write(
+        f"{given.picture.name}: overlap {fit.overlap:.3f}, outlines {fit.median_px:.2f} px apart (median), "
+        f"{fit.p95_px:.1f} px (95th percentile); focal length {fit.focal_px:.0f} px, "
+        f"range {fit.t_camera_from_target_m[2]:.2f} m\n"
+    )
+    if given.overlay:
+        cv2.imwrite(str(given.overlay), overlay(image, fit))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

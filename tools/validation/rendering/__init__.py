@@ -1,0 +1,1 @@
+"""Pictures against integrals, published figures and a path tracer: `python -m tools.validation.rendering`."""

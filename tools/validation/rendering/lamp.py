@@ -1,0 +1,61 @@
+"""Row of the rendering page about the chaser's lamp: the light of every beam on a matt plate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, get_args
+
+import numpy as np
+
+from simulator.scene.illumination.lamp import Lamp, Profile
+from simulator.targets.model import Material
+from tools.validation.rows import Row
+from tools.validation.stage import bare_target, flat_plate, square_camera, stage
+
+if TYPE_CHECKING:
+    from simulator.render.renderer import Renderer
+
+
+def rows(renderer: Renderer) -> list[Row]:
+    """Largest error of the irradiance on a slanted Lambert plate, of the highest, over beams and an offset lamp."""
+    # a metal without light would be black: base colour alone, no specular part, is roughness 1 less its gloss
+    matt = Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)
+    black = replace(matt, base_color=(0.0, 0.0, 0.0))
+    plate = flat_plate("plate", (-1.5, 1.5), (-1.5, 1.5), 0.0)
+    camera, worst = square_camera(96, 240.0), 0.0
+    for profile in get_args(Profile):
+        lamp = Lamp(power_w=5.0, half_angle_deg=8.0, profile=profile, offset_m=(0.4, -0.2, 0.1))
+        images = []
+        for material in (matt, black):
+            target = bare_target([plate], [material])
+            scene = stage(target, camera, (0, 0, 4.0), (0.3, 0.4, 0.0), sunlit=False)
+            images.append(np.asarray(renderer.render(replace(scene, lamp=lamp), target).radiance, float))
+        n = scene.camera_from_target.R @ np.array([0, 0, -1.0])
+        y, x = np.mgrid[: camera.height_px, : camera.width_px]
+        rays = np.stack(
+            [(x - camera.cx_px) / camera.fx_px, (y - camera.cy_px) / camera.fy_px, np.ones_like(x)], axis=-1
+        )
+        places = rays * (n[2] * 4.0 / (rays @ n))[..., None]
+        normals = np.broadcast_to(n, places.shape)
+        exact = lamp.irradiance_w_m2(places.reshape(-1, 3), normals.reshape(-1, 3), "mono").reshape(x.shape)
+        # gloss of the two is alike, so that the difference is the diffuse part, less what Fresnel took
+        half = (places / -np.linalg.norm(places, axis=-1, keepdims=True)) + _unit(
+            np.asarray(lamp.offset_m) - places
+        )
+        v_h = (_unit(half) * _unit(-places)).sum(axis=-1)
+        fresnel = 0.04 + 0.96 * (1 - v_h) ** 5
+        falling = (images[0] - images[1]) * np.pi / (0.5 * (1 - fresnel))
+        worst = max(worst, float(np.abs(falling - exact).max() / exact.max()))
+    return [
+        Row(
+            what="Irradiance of the chaser's lamp on a slanted plate, every beam",
+            against="inverse square, cosine and beam",
+            unit="1",
+            goal=0.01,
+            measured=worst,
+        )
+    ]
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))

@@ -1,0 +1,70 @@
+"""A smooth ball in sunlight as the renderer draws it, with what an integral of its radiance needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.skylight import spiral
+from simulator.render.view import SUN_RADIUS_M
+from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
+from tools.validation.stage import ball, bare_target, square_camera, stage
+
+if TYPE_CHECKING:
+    from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import Float32Array, FloatArray
+    from simulator.scene.state import Quality
+    from simulator.targets.model import Material
+
+_RADIUS_M, _RANGE_M = 0.5, 5.0
+_LIT, _FACING = 0.06, 0.15  # cosines: nearer to the terminator and the limb facets and shadow texels decide
+
+
+@dataclass(frozen=True, eq=False)
+class LitBall:
+    """Pixels of the ball's lit face, camera frame.
+
+    Parameters
+    ----------
+    normals, views : (K, 3) unit vectors, outwards and towards the camera.
+    sun : (D, 3) directions to points of the Sun's disc, of equal weight.
+    irradiance_w_m2 : of sunlight, across its direction.
+    radiance : (K,) as drawn [W m-2 sr-1].
+    """
+
+    normals: FloatArray
+    views: FloatArray
+    sun: FloatArray
+    irradiance_w_m2: float
+    radiance: Float32Array
+
+
+def draw_lit_ball(
+    renderer: Renderer, material: Material, size_px: int, points_of_sun: int, *, quality: Quality = "default"
+) -> LitBall:
+    """A ball of one material, ``size_px`` a side of the picture."""
+    target, camera = bare_target([ball(_RADIUS_M)], [material]), square_camera(size_px, 3.75 * size_px)
+    scene = stage(target, camera, (0, 0, _RANGE_M), sun_camera=(0.5, -0.3, -0.8), quality=quality)
+    seen = renderer.render(scene, target, labels=True)
+    y, x = np.nonzero(np.asarray(seen.coverage) > 0.999)
+    rays = np.stack(
+        [(x - camera.cx_px) / camera.fx_px, (y - camera.cy_px) / camera.fy_px, np.ones(len(x))], axis=1
+    )
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    along = rays[:, 2] * _RANGE_M
+    hit = rays * (along - np.sqrt(np.clip(_RADIUS_M**2 - (_RANGE_M**2 - along**2), 0, None)))[:, None]
+    n = (hit - (0, 0, _RANGE_M)) / _RADIUS_M
+    towards = np.asarray(scene.sun_direction_camera)
+    side = np.cross(towards, [0, 1.0, 0])
+    side /= np.linalg.norm(side)
+    cap = spiral(points_of_sun, float(np.cos(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M)))
+    chosen = (n @ towards > _LIT) & (-(n * rays).sum(axis=1) > _FACING)
+    return LitBall(
+        normals=n[chosen],
+        views=-rays[chosen],
+        sun=cap @ np.stack([side, np.cross(towards, side), towards]),
+        irradiance_w_m2=float(sun_irradiance_w_m2("mono", float(np.linalg.norm(scene.r_sun_eci_m)))[0]),
+        radiance=seen.radiance[y, x][chosen],
+    )

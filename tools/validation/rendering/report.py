@@ -1,0 +1,77 @@
+"""The picture's radiometry, measured: ``python -m tools.validation.rendering`` writes the table.
+
+Each module of ``PARTS`` gives rows by its function ``rows(renderer)``.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from simulator.errors import UserError
+from simulator.render.renderer import Renderer
+from simulator.runtime.files import write_atomic
+from tools.validation.rendering import (
+    craft as rendering_craft,
+)
+from tools.validation.rendering import (
+    earth as rendering_earth,
+)
+from tools.validation.rendering import (
+    sky as rendering_sky,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tools.validation.rows import Row
+
+PAGE = Path("docs/validation/rendering.md")
+Part = tuple[str, "Callable[[Renderer], list[Row]]", str]
+PARTS: tuple[Part, ...] = (
+    ("Earth, air, Moon, Sun and stars", rendering_earth.rows, rendering_earth.NOTES),
+    ("Limb, star, penumbra, moonlight", rendering_sky.rows, rendering_sky.NOTES),
+    ("The spacecraft", rendering_craft.rows, rendering_craft.NOTES),
+)
+
+
+def page(tables: list[tuple[str, list[Row], str]], driver: str) -> str:
+    """The tables as a page."""
+    lines = [
+        "# Radiance of the picture",
+        "",
+        f"Made by `python -m tools.validation.rendering` with {driver}; goals are upper bounds.",
+    ]
+    for title, rows, notes in tables:
+        lines += [
+            "",
+            f"## {title}",
+            "",
+            "| quantity | against | goal | measured | |",
+            "|---|---|---|---|---|",
+        ]
+        for row in rows:
+            unit = "" if row.unit == "1" else f" {row.unit}"
+            lines.append(
+                f"| {row.what} | {row.against} | {row.goal:g}{unit} | {row.measured:.2g}{unit} | {row.verdict} |"
+            )
+        lines += ["", notes.strip()]
+    return "\n".join(lines) + "\n"
+
+
+def main(arguments: list[str] | None = None, say: Callable[[str], None] = print) -> int:
+    """Measure, print and write the page; 0 when every goal that is asked for is met."""
+    parser = argparse.ArgumentParser(description="Measure the radiance of the picture.")
+    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")
+    options = parser.parse_args(arguments)
+    try:
+        with Renderer() as renderer:
+            tables = [(title, rows(renderer), notes) for title, rows, notes in PARTS]
+            text = page(tables, renderer.info.renderer)
+    except UserError as error:
+        say(f"rendering: {error}")
+        return 2
+    write_atomic(options.output, text.encode())
+    say(text)
+    return 0 if all(row.passed for _, rows, _ in tables for row in rows) else 1
