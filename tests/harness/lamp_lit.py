@@ -6,9 +6,10 @@ import numpy as np
 
 from hil.board.svd import CameraIntrinsics
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.hypotheses.hypothesis import Craft, Frame
 from hil.board.svd.model.face_gains import blurred
-from hil.board.svd.model.rasteriser import Canvas, draw_faces
+from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.refine.parallel import faces_of
 
 FINE, SIGMA = 3, 3.0
@@ -20,7 +21,7 @@ def lamp_lit(
     """The craft at a pose before empty space, each material of a shade of its own."""
     faces, R, (h, w) = faces_of(craft), quat.matrix(q), (camera.height_px, camera.width_px)
     plain = Canvas(np.zeros((h, w), np.float32), 2.0, 0.0, 0.0, 1.0, FINE)
-    seen = draw_faces(faces, faces.order(-R.T @ t), camera, R, t, plain)
+    seen = draw_faces(faces, order_faces(faces, -R.T @ t), camera, R, t, plain)
     lit = np.array([60.0, 200.0, 140.0])[faces.material % 3] * np.clip(
         faces.normals @ (R.T @ to_lamp), 0.1, 1
     )

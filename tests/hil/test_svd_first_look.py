@@ -12,7 +12,8 @@ from scipy.signal import correlate
 
 from hil.board.svd import BoardModel, CameraIntrinsics
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.model.rasteriser import Canvas, draw_faces
+from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.propose import learned as look_folder
 from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
 from hil.board.svd.propose.learned.learned_proposal import FirstLook, Glance, net_for, worth_asking
@@ -34,7 +35,7 @@ def faces_seen(model: BoardModel, q: np.ndarray, centre: np.ndarray) -> np.ndarr
     R = quat.matrix(q)
     t = centre - R @ model.centre_m
     canvas = Canvas(np.zeros((300, 480), np.float32), 1.0, 0.0, 0.0, 1.0, 1)
-    return draw_faces(model.faces, model.faces.order(-R.T @ t), CAMERA, R, t, canvas)
+    return draw_faces(model.faces, order_faces(model.faces, -R.T @ t), CAMERA, R, t, canvas)
 
 
 @pytest.mark.parametrize(("side", "stride"), [(5, 2), (3, 2), (3, 1)])
@@ -178,9 +179,7 @@ def test_only_the_model_it_was_trained_for_gets_a_network(tango: BoardModel) -> 
     assert net_for(replace(tango, wireframe=edges)) is None
 
 
-@pytest.mark.parametrize(
-    "path", sorted((Path(look_folder.__path__[0]) / "weights").glob("*.npz")), ids=lambda p: p.stem
-)
+@pytest.mark.parametrize("path", sorted(Path(look_folder.__path__[0]).glob("*.npz")), ids=lambda p: p.stem)
 def test_every_network_that_is_shipped_is_of_its_craft_as_it_is_now(path: Path) -> None:
     model = board_model(load_target(path.stem))
     net = net_for(model)
@@ -226,13 +225,14 @@ def test_what_the_network_says_of_a_pose_is_that_of_the_attitudes_near_it(tango:
 @pytest.mark.gl
 @pytest.mark.parametrize(("recipe", "least"), [("eval-black", 10), ("eval-earth", 8)])
 def test_the_true_pose_is_mostly_among_the_proposed_ones(tango: BoardModel, recipe: str, least: int) -> None:
+    from simulator.labels.frame import take_frame
+    from simulator.recipe import plan_recipe
+
     from hil.board.svd.image.edge_field import shrink
     from hil.board.svd.image.noise import noise_sigma
     from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
     from hil.board.svd.propose.regions import REDUCTION, propose_regions
-    from simulator.frame import take_frame
     from simulator.render.renderer import Renderer
-    from simulator.scenario.recipes import plan_recipe
 
     plan = plan_recipe(recipe, 40, seed=6301)
     c = plan.camera

@@ -20,10 +20,10 @@ from hil.board.svd import BoardModel, CameraIntrinsics, PoseEstimator
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.hypotheses.hypothesis import Candidate
 from hil.board.svd.model import rasteriser as shade
-from hil.board.svd.model.edge_samples import sample_edges
 from hil.board.svd.model.face_gains import shade as shaded
+from hil.board.svd.model.rasteriser import _ordered, order_faces
 from hil.board.svd.model.shadow_map import Sunlight, SunTable
-from hil.board.svd.model.visibility import _visible_samples, occluders, visible_samples
+from hil.board.svd.model.visibility import _visible_samples, occluders, sample_edges, visible_samples
 from hil.board.svd.native import backend as library
 from hil.board.svd.native.learned.attitude_likelihood import likelihood
 from hil.board.svd.propose.learned.attitude_basis import even_attitudes, turning_bumps
@@ -136,7 +136,7 @@ def test_the_bundle_carries_the_sources(tmp_path: Path) -> None:
 
     write_bundle(tmp_path / "board.pyz", [])
     names = zipfile.ZipFile(tmp_path / "board.pyz").namelist()
-    assert {f"hil/board/svd/native/{name}" for name in library.SOURCES} <= set(names)
+    assert {f"hil/board/svd/kernels/{name}" for name in library.SOURCES} <= set(names)
 
 
 @needs_compiler
@@ -163,8 +163,8 @@ def test_faces_are_ordered_and_drawn_as_by_numpy(tango: BoardModel) -> None:
     empty = shade.Canvas(np.zeros((64, 80), np.float32), 1.0, 10.0, 5.0, 2.2, 3, tall=1.02)
     for k in range(40):
         R, t = some_pose(tango, rng)
-        order = faces._order(-R.T @ t)
-        np.testing.assert_array_equal(faces.order(-R.T @ t), order)
+        order = _ordered(faces, -R.T @ t)
+        np.testing.assert_array_equal(order_faces(faces, -R.T @ t), order)
         canvas = replace(empty, exact=bool(k % 2))
         p = (CAMERA.pixels(faces.corners[order] @ R.T + t) - (10.0, 5.0) + 0.5) * canvas.scale - 0.5
         seen = shade.draw_faces(faces, order, CAMERA, R, t, canvas)
@@ -188,7 +188,7 @@ def test_the_suns_pictures_and_shadows_are_numpys(
     canvas = shade.Canvas(np.zeros((100, 120), np.float32), 1.0, 10.0, 5.0, 1.6, 2, tall=1.02)
     poses = [some_pose(tango, rng) for _ in range(8)]
     suns = rng.normal(size=(8, 3))
-    seen = [shade.draw_faces(faces, faces.order(-R.T @ t), CAMERA, R, t, canvas) for R, t in poses]
+    seen = [shade.draw_faces(faces, order_faces(faces, -R.T @ t), CAMERA, R, t, canvas) for R, t in poses]
 
     def drawn() -> list[tuple[Sunlight, np.ndarray]]:
         of = [Sunlight.of(faces, d, 96) for d in suns]
@@ -219,7 +219,7 @@ def test_the_sun_is_sought_as_by_numpy(tango: BoardModel, choose: pytest.MonkeyP
         # bytes number few groups, two of them many
         R, t = some_pose(tango, rng)
         canvas = replace(empty)
-        seen = shade.draw_faces(grouped, grouped.order(-R.T @ t), CAMERA, R, t, canvas)
+        seen = shade.draw_faces(grouped, order_faces(grouped, -R.T @ t), CAMERA, R, t, canvas)
         shading, some = shaded(grouped, seen, canvas), np.arange(3, 60, 2)
         costs = [table._costs(grouped, shading, canvas, CAMERA, R, t, some, pixels)]
         found = [table.find(grouped, shading, canvas, CAMERA, R, t, 4, pixels)]
@@ -289,7 +289,7 @@ def test_wider_instructions_change_no_bit(
 
     def answers() -> list[bytes]:
         library._loaded.cache_clear()
-        seen = shade.draw_faces(faces, faces.order(-R.T @ t), CAMERA, R, t, canvas)
+        seen = shade.draw_faces(faces, order_faces(faces, -R.T @ t), CAMERA, R, t, canvas)
         sun = Sunlight.of(faces, np.array([0.3, 0.4, 0.8]), 96)
         dark = sun.shadows(faces, seen, canvas, CAMERA, R, t)
         samples, native = sample_edges(tango, 0.02), library.library()
@@ -312,7 +312,7 @@ def test_poses_that_are_none_draw_nothing_and_harm_nothing(tango: BoardModel) ->
     sun = Sunlight.of(faces, np.array([0.2, 0.3, 0.9]), 64)
     for place in ([np.nan] * 3, [0, 0, np.inf], [0, 0, -5.0], [1e30, 0, 1.0], [0, 0, 0]):
         R, t = np.eye(3), np.array(place, float)
-        some = faces.order(-t)
+        some = order_faces(faces, -t)
         seen = shade.draw_faces(faces, np.arange(len(faces.corners)), CAMERA, R, t, canvas)
         assert len(some) <= len(faces.corners)
         assert seen.min() >= 0

@@ -12,8 +12,9 @@ import pytest
 
 from hil.board.svd import BoardModel, CameraIntrinsics
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.model import face_gains as levels
-from hil.board.svd.model.rasteriser import Canvas, draw_faces
+from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.native import backend as library
 from hil.board.svd.native.photometric import normal_equations as step
@@ -23,7 +24,7 @@ from simulator.targets.board_model.write import board_record
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:
-    from hil.board.svd.model.rasteriser import Faces
+    from hil.board.svd.geometry.faces import Faces
 
 pytestmark = pytest.mark.usefixtures("native_kernels")
 
@@ -58,7 +59,7 @@ def scene(
     # taller pixels, and a side that no register is filled from to the end
     blank = Canvas(np.zeros((77, 101), np.float32), 2.0, 8.0, 3.0, 1.8, fine, tall=1.01, exact=bool(k % 2))
     R, there = quat.matrix(q), t * (1 + 0.01 * rng.normal(size=3))
-    seen = draw_faces(faces, faces.order(-R.T @ there), CAMERA, R, there, blank)
+    seen = draw_faces(faces, order_faces(faces, -R.T @ there), CAMERA, R, there, blank)
     light = np.concatenate([[0.0], rng.uniform(0, 290, len(faces.corners))]).astype(np.float32)
     light[1:] = light[1 + faces.group]
     behind = (
@@ -76,7 +77,7 @@ def test_brightness_and_score_are_numpys(craft: BoardModel, choose: pytest.Monke
     for k in range(12):
         faces, canvas, q, t, sun = scene(craft, rng, k, fine=2 + k // 10)
         R = quat.matrix(q)
-        seen = draw_faces(faces, faces.order(-R.T @ t), CAMERA, R, t, canvas)
+        seen = draw_faces(faces, order_faces(faces, -R.T @ t), CAMERA, R, t, canvas)
         dark = None if sun is None else sun.shadows(faces, seen, canvas, CAMERA, R, t)
         cases.append((faces, seen, canvas, dark))
         shading = levels.shade(*cases[-1])

@@ -10,13 +10,14 @@ import pytest
 
 from hil.board.svd import CameraIntrinsics
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.faces import Faces
+from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.response import Response
 from hil.board.svd.geometry.vectors import length
 from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate, Craft, Frame
 from hil.board.svd.image.edge_field import edge_field
-from hil.board.svd.image.response import Response
 from hil.board.svd.model.face_gains import _boxes
 from hil.board.svd.model.image_patch import craft_box, make_canvas
-from hil.board.svd.model.rasteriser import Canvas, Faces
 from hil.board.svd.propose.learned.network import convolve
 from hil.board.svd.propose.regions import Region
 from hil.board.svd.refine.edges import limit_one_step, limit_step

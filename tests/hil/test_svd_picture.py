@@ -17,14 +17,16 @@ from scipy.optimize import brentq
 from hil.board.svd import BoardModelError, CameraIntrinsics
 from hil.board.svd.decide.confidence import Evidence, confidence, decide
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.camera import undistorted_rays
+from hil.board.svd.geometry.faces import Faces
+from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.response import Response
 from hil.board.svd.hypotheses.hypothesis import Frame
 from hil.board.svd.image.noise import clipped_noise
-from hil.board.svd.image.response import Response
 from hil.board.svd.model.face_gains import blurred, coverage, shade
 from hil.board.svd.model.image_patch import make_canvas, straightened
-from hil.board.svd.model.rasteriser import Canvas, Faces, draw_faces, fill_faces
+from hil.board.svd.model.rasteriser import draw_faces, fill_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight, SunTable, rays_to_faces
-from hil.board.svd.propose.pnp import undistorted_rays
 from hil.board.svd.refine.motion_images import motion_images
 from hil.board.svd.refine.parallel import Left
 from hil.board.svd.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
@@ -91,7 +93,7 @@ def picture(faces: Faces, q: np.ndarray, t: np.ndarray, noise: float, seed: int 
     """Faces lit from one side, blurred as optics do, with noise."""
     R = quat.matrix(q)
     plain = canvas(np.zeros((160, 200), np.float32))
-    seen = draw_faces(faces, faces.order(-R.T @ t), CAMERA, R, t, plain)
+    seen = draw_faces(faces, order_faces(faces, -R.T @ t), CAMERA, R, t, plain)
     albedo = np.array([60.0, 200.0, 140.0])[faces.material]
     lit = albedo * np.clip(faces.normals @ (R.T @ [0.5, -0.4, -0.77]), 0.08, 1)
     fine = np.concatenate([[0.0], lit])[seen].astype(np.float32)
@@ -111,7 +113,7 @@ def test_faces_hide_each_other_as_rays_say(faces: Faces, seed: int) -> None:
     q = quat.normalise(rng.normal(size=4))
     R = quat.matrix(q)
     seen = draw_faces(
-        faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, canvas(np.zeros((160, 200), np.float32))
+        faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, canvas(np.zeros((160, 200), np.float32))
     )
     y, x = rng.integers(1, 479, 1500), rng.integers(1, 599, 1500)
     truth = nearest_face(faces, R, T_M, np.column_stack([(x + 0.5) / 3 - 0.5, (y + 0.5) / 3 - 0.5]))
@@ -137,7 +139,7 @@ def test_order_is_that_of_a_walk_through_the_tree(faces: Faces) -> None:
         of[members] = node
     rng = np.random.default_rng(2)
     for C in rng.normal(size=(8, 3)) * 3:
-        order, place = faces.order(C), np.argsort(walk(0, C))
+        order, place = order_faces(faces, C), np.argsort(walk(0, C))
         assert sorted(order) == sorted(np.flatnonzero(faces.normals @ C > faces.offset))
         assert np.all(np.diff(place[of[order]]) >= 0)
 
@@ -146,7 +148,7 @@ def test_order_is_that_of_a_walk_through_the_tree(faces: Faces) -> None:
 def test_coverage_is_the_share_of_each_pixel(faces: Faces, blur: float) -> None:
     R = quat.matrix(quat.normalise(np.array([0.7, 0.3, -0.5, 0.2])))
     c = canvas(np.full((160, 200), 50, np.float32))
-    s = shade(faces, draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c), c)
+    s = shade(faces, draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c), c)
     rows = np.arange(5, 160 * 200, 3)
     got = np.zeros((9, len(rows)), np.float32)
     n = coverage(s, c, 8, blur, rows, got)
@@ -164,7 +166,7 @@ def test_derivative_is_what_a_small_motion_does(faces: Faces) -> None:
     q = quat.normalise(np.array([0.7, 0.3, -0.5, 0.2]))
     R = quat.matrix(q)
     c = canvas(picture(faces, q, T_M, 0.0))
-    s = shade(faces, draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c), c)
+    s = shade(faces, draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c), c)
     D = motion_images(s, faces, c, CAMERA, R, T_M)
     for k, step in ((0, 0.02), (1, 0.02), (2, 0.02), (3, 0.01), (5, 0.15)):
         move = np.zeros(6)
@@ -173,7 +175,7 @@ def test_derivative_is_what_a_small_motion_does(faces: Faces) -> None:
         for sign in (1.0, -1.0):
             q2 = quat.normalise(quat.multiply(quat.from_rotvec(sign * move[:3]), q))
             R2, t2 = quat.matrix(q2), T_M + sign * move[3:]
-            seen = draw_faces(faces, faces.order(-R2.T @ t2), CAMERA, R2, t2, c)
+            seen = draw_faces(faces, order_faces(faces, -R2.T @ t2), CAMERA, R2, t2, c)
             drawn = np.concatenate([[s.level[0]], s.level[1 + faces.group]])[seen]
             moved.append(blurred(drawn.reshape(160, 3, 200, 3).mean(axis=(1, 3)).astype(np.float32), 2.0))
         change = (moved[0] - moved[1]) / (2 * step)
@@ -186,7 +188,7 @@ def test_derivative_is_what_a_small_motion_does(faces: Faces) -> None:
 def test_the_derivative_lies_where_the_border_is(faces: Faces, box: tuple[int, int]) -> None:
     # a square of one face, its sides on and between the sides of the canvas's pixels
     seen = np.zeros((80, 100), np.int32)
-    seen[box[0] : box[1], box[0] : box[1]] = 1 + faces.order(-T_M)[-1]
+    seen[box[0] : box[1], box[0] : box[1]] = 1 + order_faces(faces, -T_M)[-1]
     gray = np.where(seen.reshape(40, 2, 50, 2).mean(axis=(1, 3)) > 0, 90.0, 10.0).astype(np.float32)
     c = Canvas(gray, 1.0, 75.0, 60.0, 1.0, 2)
     D = motion_images(shade(faces, seen, c), faces, c, CAMERA, np.eye(3), T_M)
@@ -216,7 +218,7 @@ def test_alignment_comes_back_and_the_true_pose_scores_best(
 def test_shadows_fall_where_rays_to_the_sun_are_stopped(faces: Faces) -> None:
     R = FROM_THE_SIDE
     c = canvas(np.zeros((160, 200), np.float32))
-    seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c)
+    seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
     sun = Sunlight.of(faces, OVER_THE_PANEL)
     dark = sun.shadows(faces, seen, c, CAMERA, R, T_M)
     face, u, v, z = rays_to_faces(faces, seen, np.flatnonzero(seen), c, CAMERA, R, T_M)
@@ -242,7 +244,7 @@ def in_the_sun(faces: Faces) -> tuple[Canvas, np.ndarray]:
     """The craft in sunlight with the shadows that it casts on itself, and the Sun's direction."""
     R, level = FROM_THE_SIDE, np.array([60.0, 200.0, 140.0])[faces.material]
     c = canvas(np.zeros((160, 200), np.float32))
-    seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c)
+    seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
     sun = Sunlight.of(faces, OVER_THE_PANEL)
     light = np.concatenate([[0.0], np.where(faces.normals @ sun.direction > 0, level, 10.0)])[seen]
     light = np.where(sun.shadows(faces, seen, c, CAMERA, R, T_M), 10.0, light).astype(np.float32)
@@ -256,7 +258,7 @@ def test_the_sun_is_found_by_the_shadows_it_casts(
 ) -> None:
     c, sun = in_the_sun
     R = FROM_THE_SIDE
-    seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c)
+    seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
     table = SunTable.of(faces)
     found = table.directions[table.find(faces, shade(faces, seen, c), c, CAMERA, R, T_M, 3)]
     assert np.degrees(np.arccos(found[0] @ sun)) < 20.0
@@ -267,7 +269,7 @@ def test_a_sun_painted_once_casts_the_same_shadows(
     faces: Faces, in_the_sun: tuple[Canvas, np.ndarray]
 ) -> None:
     c, R = in_the_sun[0], FROM_THE_SIDE
-    seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, c)
+    seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
     table = SunTable.of(faces, 12)
     casting = 0
     for k in range(12):
@@ -344,7 +346,7 @@ def test_a_region_of_any_shape_keeps_the_size_of_what_it_shows() -> None:
 def test_likeness_tells_the_craft_from_clutter_beside_it(faces: Faces) -> None:
     q = quat.from_matrix(FROM_THE_SIDE)
     empty = canvas(np.zeros((160, 200), np.float32), 1.0)
-    seen = draw_faces(faces, faces.order(-FROM_THE_SIDE.T @ T_M), CAMERA, FROM_THE_SIDE, T_M, empty)
+    seen = draw_faces(faces, order_faces(faces, -FROM_THE_SIDE.T @ T_M), CAMERA, FROM_THE_SIDE, T_M, empty)
     level = np.concatenate([[20.0], 60.0 + 30.0 * (np.arange(faces.groups) % 6)])[
         np.concatenate([[0], faces.group + 1])
     ]

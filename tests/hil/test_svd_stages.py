@@ -14,7 +14,9 @@ from hil.board.errors import BoardModelError
 from hil.board.svd.debug.stage_pictures import write_stage_pictures
 from hil.board.svd.decide.confidence import Evidence, confidence, decide
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
 from hil.board.svd.geometry.vectors import cross
+from hil.board.svd.geometry.wireframe import jacobian, project
 from hil.board.svd.hypotheses.hypothesis import PoseResult, Trace
 from hil.board.svd.image.edge_field import edge_field, gradient_noise
 from hil.board.svd.image.line_segments import cleaned_stream
@@ -25,9 +27,8 @@ from hil.board.svd.image.weak_gradients import (
     exponential_threshold,
     marginal_interval,
 )
-from hil.board.svd.model.edge_samples import jacobian, project, sample_edges
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
-from hil.board.svd.model.visibility import hidden, occluders, visible_samples
+from hil.board.svd.model.target_model import BoardModel
+from hil.board.svd.model.visibility import hidden, occluders, sample_edges, visible_samples
 from hil.board.svd.propose.perceptual_groups import (
     Lines,
     antennas,
@@ -36,7 +37,7 @@ from hil.board.svd.propose.perceptual_groups import (
     parallel_pairs,
     proximity_pairs,
 )
-from hil.board.svd.propose.pnp import plane_poses, solve_points, undistorted_rays
+from hil.board.svd.propose.pnp import plane_poses, solve_points
 from hil.board.svd.propose.regions import propose_regions, straight_windows
 from hil.board.svd.propose.templates import build_views, sphere_directions
 from hil.board.svd.refine.edges import align_to_field

@@ -7,11 +7,12 @@ import pytest
 
 from hil.board.svd import CameraIntrinsics, PoseEstimator
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.hypotheses.hypothesis import Craft, Frame
 from hil.board.svd.image.edge_field import shrink
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.model.face_gains import blurred
-from hil.board.svd.model.rasteriser import Canvas, draw_faces
+from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.propose.learned.learned_proposal import Glance
 from hil.board.svd.propose.learned.network_input import Gaze
@@ -37,7 +38,7 @@ def frame_of(craft: Craft, q: np.ndarray, sun: np.ndarray) -> Frame:
     faces, R, fine = craft.model.faces, quat.matrix(q), 3
     assert faces is not None
     plain = Canvas(np.zeros((300, 480), np.float32), SIGMA, 0.0, 0.0, 1.0, fine)
-    seen = draw_faces(faces, faces.order(-R.T @ T_M), CAMERA, R, T_M, plain)
+    seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, plain)
     s = R.T @ sun
     light = np.array([120.0, 230.0, 160.0])[faces.material % 3] * np.clip(faces.normals @ s, 0, 1)
     drawn = np.concatenate([[0.0], light])[seen].astype(np.float32)

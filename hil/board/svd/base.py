@@ -7,8 +7,9 @@ from typing import Any, Optional, Tuple, Union
 import numpy as np
 
 from hil.board.svd.decide.confidence import ACCEPT_AT, Evidence, confidence, decide
+from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.hypotheses.hypothesis import Alternative, Frame, PoseResult, Trace
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.native.backend import library
 from hil.board.svd.refine.edges import FineFit
 from hil.board.svd.refine.photometric import PhotoFit

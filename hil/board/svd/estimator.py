@@ -19,11 +19,12 @@ from hil.board.svd.decide.selection import (
     check_leaning,
     choose_by_picture,
 )
+from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.hypotheses.hypothesis import UNASKED, Alternative, Candidate, Craft, Frame, PoseResult
 from hil.board.svd.image.edge_field import edge_field, shrink
 from hil.board.svd.image.noise import noise_sigma, whole_median
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.propose.edge_search import search_region
 from hil.board.svd.propose.learned.learned_proposal import FirstLook, Glance
 from hil.board.svd.propose.multi_scale import align_wide

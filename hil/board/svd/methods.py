@@ -8,7 +8,8 @@ from typing import Optional, Sequence
 from hil.board.errors import BoardModelError
 from hil.board.svd.base import Estimator
 from hil.board.svd.estimator import PoseEstimator
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.published.published_estimator import FaithfulEstimator
 from hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS, SVD_2018, SVD_THESIS
 from hil.board.svd.tracking.tracking_estimator import TrackingEstimator

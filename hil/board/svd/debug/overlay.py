@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.model.visibility import hidden, occluders
 
 Array = np.ndarray

@@ -9,7 +9,8 @@ import numpy as np
 
 from hil.board.svd.debug.overlay import draw_wireframe, grey, label
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.propose.learned.learned_proposal import Glance
 from hil.board.svd.propose.learned.network import FILLED
 from hil.board.svd.propose.learned.network_input import look, seen_through

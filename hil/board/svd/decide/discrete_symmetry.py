@@ -8,11 +8,11 @@ from typing import Callable, List, Optional, Tuple
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD, alternatives
 from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred
 from hil.board.svd.model.image_patch import craft_box, make_canvas
-from hil.board.svd.model.rasteriser import Canvas
 from hil.board.svd.refine.final import Choice, End, conclude, finish, same_end
 from hil.board.svd.refine.parallel import Ranked, faces_of
 from hil.board.svd.refine.photometric import PhotoFit

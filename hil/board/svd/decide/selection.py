@@ -8,10 +8,10 @@ import numpy as np
 
 from hil.board.svd.decide.confidence import least_margin
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD
 from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame
 from hil.board.svd.model.image_patch import Box, craft_box, make_canvas, pinhole_box
-from hil.board.svd.model.rasteriser import Canvas
 from hil.board.svd.propose.edge_search import MARGIN, twins
 from hil.board.svd.refine.final import Choice, End, conclude, finish
 from hil.board.svd.refine.parallel import (

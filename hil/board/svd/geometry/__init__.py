@@ -1,1 +1,4 @@
-"""Rotations, vectors and the camera: no picture, no target, nothing compiled."""
+"""Plain data and mathematics that all rooms and the native part share: rotations, camera, faces, wireframe, patch.
+
+Nothing here searches, draws or calls compiled code.
+"""

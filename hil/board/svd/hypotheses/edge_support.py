@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, Projection, project
 from hil.board.svd.image.edge_field import EdgeField
-from hil.board.svd.model.edge_samples import EdgeSamples, Projection, project
 from hil.board.svd.model.silhouette import inward_sign, silhouette
-from hil.board.svd.model.target_model import CameraIntrinsics
-from hil.board.svd.model.visibility import Occluders, visible_samples
+from hil.board.svd.model.visibility import visible_samples
 from hil.board.svd.propose.templates import ViewTable
 
 Array = np.ndarray

@@ -10,15 +10,16 @@ from typing import Any, Dict, Optional, Tuple
 import numpy as np
 
 from hil.board.svd.decide.confidence import Evidence
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.geometry.faces import ROUND_STEPS
+from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
 from hil.board.svd.hypotheses.edge_support import Support
 from hil.board.svd.image.edge_field import EdgeField
 from hil.board.svd.image.noise import clipped_noise
-from hil.board.svd.model.edge_samples import EdgeSamples, sample_edges
-from hil.board.svd.model.rasteriser import ROUND_STEPS
 from hil.board.svd.model.round_bodies import is_round, with_outlines
 from hil.board.svd.model.shadow_map import SunTable
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
-from hil.board.svd.model.visibility import Occluders, occluders
+from hil.board.svd.model.target_model import BoardModel
+from hil.board.svd.model.visibility import occluders, sample_edges
 from hil.board.svd.propose.perceptual_groups import Chains, model_triads
 from hil.board.svd.propose.regions import Region
 from hil.board.svd.propose.templates import ViewTable, build_views

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import reduce
 from typing import Optional, Tuple
 
 import cv2
 import numpy as np
 
-from hil.board.svd.model.rasteriser import Canvas, Faces
+from hil.board.svd.geometry.faces import Faces
+from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.native.backend import library
 from hil.board.svd.native.photometric import face_gains as native_levels
 from hil.board.svd.native.photometric.image_formation import BLURS_PX, reach
@@ -33,37 +34,6 @@ LITTLE = 2e-4
 
 # Brightness of a saturated face above the scale, in scales, that is tried.
 OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
-
-
-@dataclass(frozen=True, eq=False)
-class Shading:
-    """The drawn craft with the brightness that the picture gives it.
-
-    Parameters
-    ----------
-    seen : (H, W) face + 1 per drawn pixel. group : (H, W) brightness group + 1; where shadows are cast, groups
-        that are seen are numbered anew, and those in shadow follow those in light.
-    level : (G + 1,) brightness of each group, the background first.
-    picture : (h, w) what it looks like on the canvas, not blurred.
-    centre : (h, w) group at a pixel's middle. area : (G + 1,) pixels well inside each group.
-    behind : (h, w) what the background differs from its level by; None where it is empty space.
-    """
-
-    seen: Array
-    group: Array
-    level: Array
-    picture: Array
-    centre: Array
-    area: Array
-    behind: Optional[Array]
-
-    def brightness(self, group: Array, cell: Array) -> Array:
-        """(N,) of groups (N,) at canvas pixels ``cell`` (N,), flat indices."""
-        level = self.level.take(group, mode="clip")
-        if self.behind is not None:
-            empty = np.flatnonzero(group == 0)
-            level[empty] += self.behind.ravel().take(cell.take(empty))
-        return np.asarray(level)
 
 
 def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = None) -> Shading:

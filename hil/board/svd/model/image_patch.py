@@ -8,11 +8,10 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
+from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.hypotheses.hypothesis import Craft, Frame
 from hil.board.svd.image.edge_field import shrink
-from hil.board.svd.model.rasteriser import Canvas
-from hil.board.svd.model.target_model import CameraIntrinsics
-from hil.board.svd.propose.pnp import undistorted_rays
 
 Array = np.ndarray
 Box = Tuple[int, int, int, int]

@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
+from hil.board.svd.geometry.faces import Faces
+from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.geometry.vectors import cross, length
-from hil.board.svd.model.face_gains import Shading
-from hil.board.svd.model.rasteriser import Canvas, Faces, fill_faces
+from hil.board.svd.model.rasteriser import fill_faces, order_faces
 from hil.board.svd.native.backend import library
 from hil.board.svd.native.raster import shadow_map as kernel
 
 if TYPE_CHECKING:
-    from hil.board.svd.model.target_model import CameraIntrinsics
+    from hil.board.svd.geometry.camera import CameraIntrinsics
 
 Array = np.ndarray
 
@@ -71,16 +73,16 @@ class Sunlight:
         native = library()
         if native is None:
             return Sunlight._of(faces, s, axes, n)
-        order, frame = faces.order(s * 1e6), np.vstack([axes, s])
-        p, origin, pitch = kernel.polygons(native, faces.packed, order, frame, n)
+        order, frame = order_faces(faces, s * 1e6), np.vstack([axes, s])
+        p, origin, pitch = kernel.polygons(native, faces, order, frame, n)
         seen = fill_faces(p, order, (n, n), 0.5)
-        height = kernel.heights(native, faces.packed, frame, origin, pitch, seen)
+        height = kernel.heights(native, faces, frame, origin, pitch, seen)
         return Sunlight(s, axes, origin, pitch, height, seen)
 
     @staticmethod
     def _of(faces: Faces, s: Array, axes: Array, n: int) -> Sunlight:
         """The same by numpy: direction (3,) and the picture's axes (2, 3)."""
-        order = faces.order(s * 1e6)
+        order = order_faces(faces, s * 1e6)
         p = faces.corners[order] @ axes.T
         low, high = p.min(axis=(0, 1)), p.max(axis=(0, 1))
         pitch = float((high - low).max() / (n - 4))
@@ -100,7 +102,9 @@ class Sunlight:
     @cached_property
     def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
         """The picture as the kernels take it, and what keeps its arrays alive."""
-        return kernel.packed_sun(self)
+        return kernel.packed_sun(
+            np.vstack([self.axes, self.direction]), self.origin, self.pitch_m, self.height, self.seen
+        )
 
     def shadows(
         self, faces: Faces, seen: Array, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
@@ -113,7 +117,7 @@ class Sunlight:
         """
         native = library()
         if native is not None:
-            return kernel.shadows(native, faces.packed, self, seen, canvas, camera, R, t)
+            return kernel.shadows(native, faces, self.packed[0], seen, canvas, camera, R, t)
         return self._shadows(faces, seen, canvas, camera, R, t)
 
     def _shadows(
@@ -248,7 +252,7 @@ class SunTable:
     @cached_property
     def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
         """The table as the kernels take it, and what keeps its arrays alive."""
-        return kernel.packed_table(self)
+        return kernel.packed_table(self.frames, self.origin, self.pitch_m, self.height)
 
     def sunlight(self, faces: Faces, k: int, n: int) -> Sunlight:
         """The craft painted ``n`` pixels wide from direction ``k``, once for all pictures."""

@@ -7,8 +7,8 @@ from typing import Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.model.target_model import CameraIntrinsics
-from hil.board.svd.model.visibility import Occluders
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.geometry.wireframe import Occluders
 
 Array = np.ndarray
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Dict, Optional, Tuple, Union
@@ -12,8 +12,8 @@ import numpy as np
 
 from hil.board.errors import BoardModelError
 from hil.board.files import read_bounded
+from hil.board.svd.geometry.faces import Faces
 from hil.board.svd.model.occluding_contours import Outlines
-from hil.board.svd.model.rasteriser import Faces
 
 Array = np.ndarray
 
@@ -154,94 +154,3 @@ def _points(value: Any) -> Array:  # noqa: ANN401 - parsed JSON
     if not np.all(np.isfinite(points)):
         raise ValueError("coordinates must be finite")
     return points
-
-
-@dataclass(frozen=True)
-class CameraIntrinsics:
-    """Intrinsics; pixel (0, 0) is the centre of the top-left pixel.
-
-    Parameters
-    ----------
-    distortion_model : ``none``, ``brown_conrady`` or ``kannala_brandt``.
-    distortion : coefficients in OpenCV's order.
-    """
-
-    width_px: int
-    height_px: int
-    fx_px: float
-    fy_px: float
-    cx_px: float
-    cy_px: float
-    distortion_model: str = "none"
-    distortion: Tuple[float, ...] = field(default_factory=tuple)
-
-    def __post_init__(self) -> None:
-        numbers = [self.fx_px, self.fy_px, self.cx_px, self.cy_px, *self.distortion]
-        if not np.all(np.isfinite(numbers)) or self.fx_px <= 0 or self.fy_px <= 0:
-            raise BoardModelError("camera: focal lengths must be positive and every number finite")
-        if self.width_px < 1 or self.height_px < 1:
-            raise BoardModelError("camera: width and height must be at least one pixel")
-        if self.distortion_model not in ("none", "brown_conrady", "kannala_brandt"):
-            raise BoardModelError(f"camera: unknown distortion model {self.distortion_model!r}")
-
-    @staticmethod
-    def from_dict(data: Dict[str, Any]) -> CameraIntrinsics:
-        """A camera from the project's camera JSON object.
-
-        Raises
-        ------
-        BoardModelError
-            If a field is missing or unusable.
-        """
-        try:
-            distortion = data.get("distortion") or {}
-            return CameraIntrinsics(
-                int(data["width_px"]),
-                int(data["height_px"]),
-                float(data["fx_px"]),
-                float(data["fy_px"]),
-                float(data["cx_px"]),
-                float(data["cy_px"]),
-                str(distortion.get("model", "none")),
-                tuple(float(c) for c in distortion.get("coefficients", ())),
-            )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            if isinstance(error, BoardModelError):
-                raise
-            raise BoardModelError(f"camera has a bad field: {error!r}") from error
-
-    @property
-    def distorted(self) -> bool:
-        """Whether the lens bends straight lines."""
-        return self.distortion_model != "none" and any(self.distortion)
-
-    @cached_property
-    def pinhole(self) -> CameraIntrinsics:
-        """The same camera with a lens that does not bend."""
-        return replace(self, distortion_model="none", distortion=())
-
-    def distort(self, x: Array, y: Array) -> Tuple[Array, Array]:
-        """Normalised coordinates after the lens, OpenCV's two models."""
-        if self.distortion_model == "none" or not self.distortion:
-            return x, y
-        k = np.zeros(8)
-        k[: len(self.distortion[:8])] = self.distortion[:8]
-        r2 = x * x + y * y
-        if self.distortion_model == "brown_conrady":
-            radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
-            return (
-                x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x),
-                y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y,
-            )
-        r = np.sqrt(r2)
-        theta = np.arctan(r)
-        t2 = theta * theta
-        bent = theta * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))))
-        scale = np.where(r > 1e-9, bent / np.maximum(r, 1e-9), 1.0)
-        return x * scale, y * scale
-
-    def pixels(self, points_camera_m: Array) -> Array:
-        """(..., 2) pixels of points (..., 3) in the camera frame; depth is kept away from zero."""
-        z = np.maximum(points_camera_m[..., 2], 1e-3)
-        x, y = self.distort(points_camera_m[..., 0] / z, points_camera_m[..., 1] / z)
-        return np.stack([self.fx_px * x + self.cx_px, self.fy_px * y + self.cy_px], axis=-1)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Tuple
+from typing import Tuple
 
 import numpy as np
 
 from hil.board.svd.geometry.vectors import cross
-from hil.board.svd.model.edge_samples import EdgeSamples
+from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.native.backend import library
 from hil.board.svd.native.raster import visibility as kernel
@@ -20,19 +18,35 @@ Array = np.ndarray
 SKIN_M = 0.006
 
 
-@dataclass(frozen=True, eq=False)
-class Occluders:
-    """Triangles prepared for rays from one point: first vertex, two edges, their cross product."""
-
-    v0: Array
-    e1: Array
-    e2: Array
-    n: Array
-
-    @cached_property
-    def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
-        """The triangles as the kernels take them, and what keeps their arrays alive."""
-        return kernel.packed_occluders(self)
+def sample_edges(model: BoardModel, spacing_m: float) -> EdgeSamples:
+    """Samples of every edge, ``spacing_m`` apart, at least one on each."""
+    points, tangents, radius, normals, faces, edge = [], [], [], [], [], []
+    for k, e in enumerate(model.wireframe):
+        d = e.b_m - e.a_m
+        length = float(np.linalg.norm(d))
+        if length < 1e-6:
+            continue
+        n = max(1, round(length / spacing_m))
+        s = (np.arange(n) + 0.5) / n
+        N = np.zeros((2, 3))
+        given = e.normals[:2]
+        if len(given):
+            N[: len(given)] = given / np.maximum(np.linalg.norm(given, axis=1, keepdims=True), 1e-9)
+        for side in (-1.0, 1.0) if e.radius_m > 0 else (0.0,):
+            points.append(e.a_m + s[:, None] * d)
+            tangents.append(np.repeat(d[None] / length, n, axis=0))
+            radius.append(np.full(n, side * e.radius_m))
+            normals.append(np.repeat(N[None], n, axis=0))
+            faces.append(np.full(n, len(given)))
+            edge.append(np.full(n, k))
+    return EdgeSamples(
+        np.concatenate(points),
+        np.concatenate(tangents),
+        np.concatenate(radius),
+        np.concatenate(normals),
+        np.concatenate(faces),
+        np.concatenate(edge),
+    )
 
 
 def occluders(model: BoardModel) -> Occluders:

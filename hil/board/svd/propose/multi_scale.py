@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate, Craft, Frame
 from hil.board.svd.model.image_patch import make_canvas, pinhole_box
-from hil.board.svd.model.rasteriser import Canvas
 from hil.board.svd.propose.learned.learned_proposal import FirstLook, Glance
 from hil.board.svd.propose.learned.network_input import Gaze
 from hil.board.svd.propose.regions import REDUCTION

@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.model.target_model import CameraIntrinsics
 
 Array = np.ndarray
 
@@ -147,15 +146,3 @@ def from_rotvecs(turns: Sequence[Array], shifts: Sequence[Array]) -> Tuple[Array
     v, t = np.array(turns).reshape(-1, 3), np.array(shifts).reshape(-1, 3)
     ok = np.isfinite(v).all(axis=1) & np.isfinite(t).all(axis=1)
     return quat.normalise(quat.from_rotvec(v[ok])), t[ok]
-
-
-def undistorted_rays(camera: CameraIntrinsics, pixels: Array) -> Array:
-    """(N, 2) undistorted points at z = 1 of pixels (N, 2): points are undistorted, never the picture."""
-    p = np.asarray(pixels, float).reshape(-1, 2)
-    x0 = (p[:, 0] - camera.cx_px) / camera.fx_px
-    y0 = (p[:, 1] - camera.cy_px) / camera.fy_px
-    x, y = x0.copy(), y0.copy()
-    for _ in range(8 if camera.distortion else 0):
-        xd, yd = camera.distort(x, y)
-        x, y = x + (x0 - xd), y + (y0 - yd)
-    return np.stack([x, y], axis=-1)

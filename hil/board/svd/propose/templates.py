@@ -12,10 +12,11 @@ from typing import Tuple
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, project
 from hil.board.svd.image.edge_field import CHANNELS, EdgeField
-from hil.board.svd.model.edge_samples import EdgeSamples, project
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
-from hil.board.svd.model.visibility import Occluders, visible_samples
+from hil.board.svd.model.target_model import BoardModel
+from hil.board.svd.model.visibility import visible_samples
 from hil.board.svd.propose.regions import Region
 
 Array = np.ndarray

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.propose.regions import Region
 from hil.board.svd.refine.edges import apply_step, gauss_newton_step, parameter_scale
 

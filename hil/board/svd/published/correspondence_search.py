@@ -6,8 +6,8 @@ from typing import Any, Iterator, List, Tuple
 
 import numpy as np
 
-from hil.board.svd.model.target_model import CameraIntrinsics
-from hil.board.svd.propose.pnp import from_rotvecs, point_solver, undistorted_rays
+from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
+from hil.board.svd.propose.pnp import from_rotvecs, point_solver
 from hil.board.svd.propose.three_points import three_point_poses
 from hil.board.svd.published.point_groups import Figures
 from hil.board.svd.published.settings import FaithfulConfig

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
-from hil.board.svd.propose.pnp import undistorted_rays
+from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
+from hil.board.svd.model.target_model import BoardModel
 
 Array = np.ndarray
 

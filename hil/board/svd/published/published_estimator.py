@@ -8,13 +8,14 @@ import numpy as np
 
 from hil.board.svd.base import Estimator
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.hypotheses.ambiguity import alternatives, differs
 from hil.board.svd.hypotheses.edge_support import quick_cost, support
 from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame, PoseResult
 from hil.board.svd.image.edge_field import edge_field, shrink
 from hil.board.svd.image.noise import noise_sigma
 from hil.board.svd.image.weak_gradients import WeakGradientElimination, eliminate_weak_gradients
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.propose.edge_search import FINE_PX, MARGIN
 from hil.board.svd.propose.regions import REDUCTION, Region, propose_regions
 from hil.board.svd.published.corners import (

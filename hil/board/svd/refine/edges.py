@@ -10,11 +10,10 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, jacobian, project
 from hil.board.svd.image.edge_field import EdgeField
-from hil.board.svd.model.edge_samples import EdgeSamples, jacobian, project
 from hil.board.svd.model.silhouette import inward_sign, silhouette
-from hil.board.svd.model.target_model import CameraIntrinsics
-from hil.board.svd.model.visibility import Occluders
 from hil.board.svd.propose.templates import ViewTable
 from hil.board.svd.refine.robust import geman_mcclure, tukey
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from hil.board.svd.decide.confidence import Evidence
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.hypotheses.ambiguity import alternatives, differs, largest_sigma
 from hil.board.svd.hypotheses.edge_support import support
 from hil.board.svd.hypotheses.hypothesis import Alternative, Candidate, Craft, Frame
-from hil.board.svd.model.face_gains import Shading
 from hil.board.svd.model.image_patch import craft_box, make_canvas
-from hil.board.svd.model.rasteriser import Canvas
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.refine.parallel import Ranked, faces_of, led
 from hil.board.svd.refine.photometric import (

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.board.svd.model.face_gains import Shading
-from hil.board.svd.model.rasteriser import Canvas, Faces
-from hil.board.svd.model.target_model import CameraIntrinsics
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.geometry.faces import Faces
+from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.native.backend import library
 from hil.board.svd.native.photometric import normal_equations as step
 

@@ -9,9 +9,11 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.faces import Faces
+from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.hypotheses.hypothesis import Candidate, Craft
-from hil.board.svd.model.face_gains import Shading
-from hil.board.svd.model.rasteriser import Canvas, Faces, draw_faces
+from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.native.backend import library
 from hil.board.svd.native.raster import shadow_map as kernel
@@ -233,7 +235,7 @@ def laid_over(craft: Craft, canvas: Canvas, twins: List[Candidate], held: Candid
 def _middle(craft: Craft, canvas: Canvas, c: Candidate) -> Array:
     """(2,) middle of what a pose covers of the canvas [picture px]; NaN where that is nothing."""
     faces, R = faces_of(craft), quat.matrix(c.q)
-    seen = draw_faces(faces, faces.order(-R.T @ c.t), craft.camera.pinhole, R, c.t, canvas)
+    seen = draw_faces(faces, order_faces(faces, -R.T @ c.t), craft.camera.pinhole, R, c.t, canvas)
     native = library()
     if native is not None:
         return kernel.middle(native, seen) / canvas.scale

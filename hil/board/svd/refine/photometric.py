@@ -9,10 +9,13 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.model.face_gains import OPTICS_PX, Shading, blurred, coverage, shade
-from hil.board.svd.model.rasteriser import Canvas, Faces, draw_faces
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.geometry.faces import Faces
+from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.shading import Shading
+from hil.board.svd.model.face_gains import OPTICS_PX, blurred, coverage, shade
+from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
-from hil.board.svd.model.target_model import CameraIntrinsics
 from hil.board.svd.native.backend import library
 from hil.board.svd.native.photometric import face_gains as native_levels
 from hil.board.svd.native.photometric import normal_equations as native_step
@@ -100,7 +103,7 @@ def photo_draw(
 ) -> Shading:
     """The craft drawn at a pose, as bright as the picture says; parameters as in ``photo_align``."""
     R = quat.matrix(q)
-    seen = draw_faces(faces, faces.order(-R.T @ t), camera, R, t, canvas)
+    seen = draw_faces(faces, order_faces(faces, -R.T @ t), camera, R, t, canvas)
     return photo_shade(seen, q, t, faces, canvas, camera, sun)
 
 

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Optional
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.model.face_gains import Shading
+from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.refine.photometric import explained, photo_draw, photo_shade
 
 if TYPE_CHECKING:
+    from hil.board.svd.geometry.faces import Faces
+    from hil.board.svd.geometry.image_patch import Canvas
     from hil.board.svd.hypotheses.hypothesis import Craft
-    from hil.board.svd.model.rasteriser import Canvas, Faces
 
 Array = np.ndarray
 

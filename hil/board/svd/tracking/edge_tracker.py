@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.vectors import cross
-from hil.board.svd.model.edge_samples import EdgeSamples, jacobian, project
-from hil.board.svd.model.target_model import CameraIntrinsics
-from hil.board.svd.model.visibility import Occluders, visible_samples
+from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, jacobian, project
+from hil.board.svd.model.visibility import visible_samples
 from hil.board.svd.refine.edges import gauss_newton_step, parameter_scale
 from hil.board.svd.refine.robust import tukey
 

@@ -8,10 +8,10 @@ from typing import Optional, Tuple
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.hypotheses.hypothesis import Craft, Frame
-from hil.board.svd.model.face_gains import Shading
 from hil.board.svd.model.image_patch import craft_box, make_canvas
-from hil.board.svd.model.rasteriser import Canvas
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.refine.parallel import faces_of
 from hil.board.svd.refine.photometric import PhotoFit, explained, photo_draw, photo_shade, photo_step

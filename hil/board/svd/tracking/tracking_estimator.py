@@ -10,10 +10,11 @@ import numpy as np
 from hil.board.svd.base import Estimator
 from hil.board.svd.estimator import PoseEstimator
 from hil.board.svd.geometry import quaternion as quat
+from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.hypotheses.ambiguity import largest_sigma
 from hil.board.svd.hypotheses.hypothesis import Frame, PoseResult, Trace
 from hil.board.svd.image.noise import noise_sigma
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.tracking.edge_tracker import TrackFit, track_edges
 from hil.board.svd.tracking.photometric_tracker import find_sun, look
 from hil.board.svd.tracking.pose_filter import TrackState, first_state, innovation, predict, update

@@ -12,7 +12,8 @@ from hil.board.svd.native.photometric.image_formation import Held, gauss
 from hil.board.svd.native.photometric.image_formation import shown as shown_by
 
 if TYPE_CHECKING:
-    from hil.board.svd.model.rasteriser import Canvas, Faces
+    from hil.board.svd.geometry.faces import Faces
+    from hil.board.svd.geometry.image_patch import Canvas
 
 Array = np.ndarray
 

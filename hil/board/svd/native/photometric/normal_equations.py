@@ -11,9 +11,10 @@ from hil.board.svd.native.backend import address, begins, laid
 from hil.board.svd.native.photometric.image_formation import Held, gauss, shown
 
 if TYPE_CHECKING:
-    from hil.board.svd.model.face_gains import Shading
-    from hil.board.svd.model.rasteriser import Canvas, Faces
-    from hil.board.svd.model.target_model import CameraIntrinsics
+    from hil.board.svd.geometry.camera import CameraIntrinsics
+    from hil.board.svd.geometry.faces import Faces
+    from hil.board.svd.geometry.image_patch import Canvas
+    from hil.board.svd.geometry.shading import Shading
 
 Array = np.ndarray
 

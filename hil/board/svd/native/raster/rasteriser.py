@@ -11,8 +11,9 @@ import numpy as np
 from hil.board.svd.native.backend import address, begins, laid
 
 if TYPE_CHECKING:
-    from hil.board.svd.model.rasteriser import Canvas, Faces
-    from hil.board.svd.model.target_model import CameraIntrinsics
+    from hil.board.svd.geometry.camera import CameraIntrinsics
+    from hil.board.svd.geometry.faces import Faces
+    from hil.board.svd.geometry.image_patch import Canvas
 
 Array = np.ndarray
 
@@ -46,7 +47,7 @@ def view(camera: CameraIntrinsics, canvas: Canvas) -> ctypes.Structure:
 
 
 @dataclass(frozen=True, eq=False)
-class Packed:
+class PackedFaces:
     """Faces as the kernels take them: made once for each craft.
 
     Parameters
@@ -59,17 +60,27 @@ class Packed:
     members: int
 
     @staticmethod
-    def of(faces: Faces, middles: Array) -> Packed:
-        """The faces, with the mean (T, 3) of each one's corners."""
+    def of(faces: Faces) -> PackedFaces:
+        """The faces, kept for the next call."""
+        held = faces.kept.get("packed")
+        if held is None:
+            held = faces.kept["packed"] = PackedFaces._of(faces)
+        return held
+
+    @staticmethod
+    def _of(faces: Faces) -> PackedFaces:
         number = [len(m) for m in faces.members]
         arrays = (
-            *(laid(a, "float64") for a in (faces.corners, faces.normals, faces.offset, middles, faces.plane)),
+            *(
+                laid(a, "float64")
+                for a in (faces.corners, faces.normals, faces.offset, faces.middles, faces.plane)
+            ),
             _one_parent(faces.children),
             laid(np.concatenate([[0], np.cumsum(number)]), "int64"),
             laid(np.concatenate(faces.members), "int64"),
         )
         at = [a.__array_interface__["data"][0] for a in arrays]
-        return Packed(arrays, _Faces(*at, len(faces.corners), len(faces.children)), int(sum(number)))
+        return PackedFaces(arrays, _Faces(*at, len(faces.corners), len(faces.children)), int(sum(number)))
 
 
 def _one_parent(children: Array) -> Array:
@@ -84,8 +95,9 @@ def _one_parent(children: Array) -> Array:
     return out
 
 
-def order(library: ctypes.CDLL, packed: Packed, C_m: Array) -> Array:
-    """As ``Faces.order``."""
+def order(library: ctypes.CDLL, faces: Faces, C_m: Array) -> Array:
+    """As ``rasteriser.order_faces``."""
+    packed = PackedFaces.of(faces)
     C, out = laid(C_m, "float64"), np.empty(packed.members, np.int64)
     run = library.fly_order
     run.restype = ctypes.c_int64
@@ -101,7 +113,7 @@ def order(library: ctypes.CDLL, packed: Packed, C_m: Array) -> Array:
 
 def draw_faces(
     library: ctypes.CDLL,
-    packed: Packed,
+    faces: Faces,
     some: Array,
     camera: CameraIntrinsics,
     R: Array,
@@ -114,7 +126,7 @@ def draw_faces(
     seen, some = np.zeros((h, w), np.int32), laid(some, "int64")
     R, t = laid(R, "float64"), laid(t, "float64")
     library.fly_draw_faces(
-        ctypes.byref(packed.pointers),
+        ctypes.byref(PackedFaces.of(faces).pointers),
         ctypes.c_void_p(address(some, "int64")),
         ctypes.c_int64(len(some)),
         ctypes.c_void_p(address(R, "float64", (3, 3))),

@@ -1,4 +1,4 @@
-"""Shadow map of the target, cast shadows, and the search for the Sun, in C."""
+"""The Sun's pictures, shadows and search by the C kernels: sun.c."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any, Optional, Tuple
 import numpy as np
 
 from hil.board.svd.native.backend import address, laid
-from hil.board.svd.native.raster.rasteriser import view
+from hil.board.svd.native.raster.rasteriser import PackedFaces, view
 
 if TYPE_CHECKING:
-    from hil.board.svd.model.face_gains import Shading
-    from hil.board.svd.model.rasteriser import Canvas, Faces
-    from hil.board.svd.model.shadow_map import Sunlight, SunTable
-    from hil.board.svd.model.target_model import CameraIntrinsics
-    from hil.board.svd.native.raster.rasteriser import Packed
+    from hil.board.svd.geometry.camera import CameraIntrinsics
+    from hil.board.svd.geometry.faces import Faces
+    from hil.board.svd.geometry.image_patch import Canvas
+    from hil.board.svd.geometry.shading import Shading
 
 Array = np.ndarray
 
@@ -54,7 +53,7 @@ class _LookedAt(ctypes.Structure):
 
 
 def polygons(
-    library: ctypes.CDLL, packed: Packed, order: Array, frame: Array, n: int
+    library: ctypes.CDLL, faces: Faces, order: Array, frame: Array, n: int
 ) -> Tuple[Array, Array, float]:
     """Faces ``order`` on the Sun's picture: (P, 4, 2) polygons [px], its origin (2,) and pitch [m].
 
@@ -64,7 +63,7 @@ def polygons(
     """
     p, out = np.empty((len(order), 4, 2)), np.empty(3)
     library.fly_sun_polygons(
-        ctypes.byref(packed.pointers),
+        ctypes.byref(PackedFaces.of(faces).pointers),
         ctypes.c_void_p(address(order, "int64")),
         ctypes.c_int64(len(order)),
         ctypes.c_void_p(address(frame, "float64", (3, 3))),
@@ -76,12 +75,12 @@ def polygons(
 
 
 def heights(
-    library: ctypes.CDLL, packed: Packed, frame: Array, origin: Array, pitch_m: float, seen: Array
+    library: ctypes.CDLL, faces: Faces, frame: Array, origin: Array, pitch_m: float, seen: Array
 ) -> Array:
     """(n, n) float32 heights [m] of what the Sun sees (n, n) int32."""
     at, out = np.array([*origin, pitch_m]), np.empty(seen.shape, np.float32)
     failed = library.fly_sun_heights(
-        ctypes.byref(packed.pointers),
+        ctypes.byref(PackedFaces.of(faces).pointers),
         ctypes.c_void_p(address(frame, "float64", (3, 3))),
         ctypes.c_void_p(address(at, "float64", (3,))),
         ctypes.c_void_p(address(seen, "int32", (len(seen), len(seen)))),
@@ -94,8 +93,8 @@ def heights(
 
 def shadows(
     library: ctypes.CDLL,
-    packed: Packed,
-    sun: Sunlight,
+    faces: Faces,
+    sun: Any,  # noqa: ANN401 - of packed_sun
     seen: Array,
     canvas: Canvas,
     camera: CameraIntrinsics,
@@ -105,8 +104,8 @@ def shadows(
     """As ``Sunlight.shadows``."""
     R, t, dark = laid(R, "float64"), laid(t, "float64"), np.zeros(seen.shape, bool)
     failed = library.fly_shadows(
-        ctypes.byref(packed.pointers),
-        ctypes.byref(sun.packed[0]),
+        ctypes.byref(PackedFaces.of(faces).pointers),
+        ctypes.byref(sun),
         ctypes.byref(view(camera, canvas)),
         ctypes.c_void_p(address(R, "float64", (3, 3))),
         ctypes.c_void_p(address(t, "float64", (3,))),
@@ -119,32 +118,41 @@ def shadows(
     return dark
 
 
-def packed_sun(sun: Sunlight) -> Tuple[Any, Tuple[Array, ...]]:
-    """The Sun's picture as the kernels take it, and what keeps its arrays alive."""
-    n = len(sun.height)
-    frame, at = np.vstack([sun.axes, sun.direction]), np.array([*sun.origin, sun.pitch_m])
-    kind = "uint16" if sun.seen.dtype == np.uint16 else "int32"
+def packed_sun(
+    frame: Array, origin: Array, pitch_m: float, height: Array, seen: Array
+) -> Tuple[Any, Tuple[Array, ...]]:
+    """A shadow map as the kernels take it, and what keeps its arrays alive.
+
+    Parameters
+    ----------
+    frame : (3, 3) axes of the map and the direction to the Sun. origin, pitch_m, height, seen : as of ``Sunlight``.
+    """
+    n = len(height)
+    at = np.array([*origin, pitch_m])
+    kind = "uint16" if seen.dtype == np.uint16 else "int32"
     held = _Sun(
         address(frame, "float64", (3, 3)),
         address(at, "float64", (3,)),
-        address(sun.height, "float32", (n, n)),
-        address(sun.seen, kind, (n, n)),
+        address(height, "float32", (n, n)),
+        address(seen, kind, (n, n)),
         n,
-        sun.seen.itemsize,
+        seen.itemsize,
     )
-    return held, (frame, at, sun.height, sun.seen)
+    return held, (frame, at, height, seen)
 
 
-def packed_table(table: SunTable) -> Tuple[Any, Tuple[Array, ...]]:
-    """The table as the kernels take it, and what keeps its arrays alive."""
+def packed_table(
+    frames: Array, origin: Array, pitch_m: Array, height: Array
+) -> Tuple[Any, Tuple[Array, ...]]:
+    """Shadow maps as the kernels take them, and what keeps their arrays alive; the arrays are those of ``SunTable``."""
     arrays = (
-        laid(table.frames, "float64"),
-        laid(table.origin, "float64"),
-        laid(table.pitch_m, "float64"),
-        laid(table.height, "float32"),
+        laid(frames, "float64"),
+        laid(origin, "float64"),
+        laid(pitch_m, "float64"),
+        laid(height, "float32"),
     )
     at = [a.__array_interface__["data"][0] for a in arrays]
-    return _Table(*at, len(table.directions), table.height.shape[1]), arrays
+    return _Table(*at, len(height), height.shape[1]), arrays
 
 
 def costs(
@@ -192,7 +200,7 @@ def costs(
     run = library.fly_sun_costs
     run.restype = ctypes.c_int64
     points = run(
-        ctypes.byref(faces.packed.pointers),
+        ctypes.byref(PackedFaces.of(faces).pointers),
         ctypes.byref(table),
         ctypes.byref(picture),
         ctypes.byref(view(camera, canvas)),

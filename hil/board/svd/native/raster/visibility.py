@@ -10,8 +10,7 @@ import numpy as np
 from hil.board.svd.native.backend import address, laid
 
 if TYPE_CHECKING:
-    from hil.board.svd.model.edge_samples import EdgeSamples
-    from hil.board.svd.model.visibility import Occluders
+    from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
 
 Array = np.ndarray
 
@@ -35,7 +34,14 @@ class _Occluders(ctypes.Structure):
 
 
 def packed_samples(samples: EdgeSamples) -> Tuple[Any, Tuple[Array, ...]]:
-    """The samples as the kernels take them, and what keeps their arrays alive."""
+    """The samples as the kernels take them, and what keeps their arrays alive; kept for the next call."""
+    if "packed" not in samples.kept:
+        samples.kept["packed"] = _packed_samples(samples)
+    held: Tuple[Any, Tuple[Array, ...]] = samples.kept["packed"]
+    return held
+
+
+def _packed_samples(samples: EdgeSamples) -> Tuple[Any, Tuple[Array, ...]]:
     given = (samples.points_m, samples.tangents, samples.radius_m, samples.normals)
     arrays = (*(laid(a, "float64") for a in given), laid(samples.faces, "int64"))
     n = len(samples)
@@ -45,7 +51,14 @@ def packed_samples(samples: EdgeSamples) -> Tuple[Any, Tuple[Array, ...]]:
 
 
 def packed_occluders(occ: Occluders) -> Tuple[Any, Tuple[Array, ...]]:
-    """The triangles as the kernels take them, and what keeps their arrays alive."""
+    """The triangles as the kernels take them, and what keeps their arrays alive; kept for the next call."""
+    if "packed" not in occ.kept:
+        occ.kept["packed"] = _packed_occluders(occ)
+    held: Tuple[Any, Tuple[Array, ...]] = occ.kept["packed"]
+    return held
+
+
+def _packed_occluders(occ: Occluders) -> Tuple[Any, Tuple[Array, ...]]:
     arrays = tuple(laid(a, "float64") for a in (occ.v0, occ.e1, occ.e2, occ.n))
     n = len(occ.v0)
     return _Occluders(*(address(a, "float64", (n, 3)) for a in arrays), n), arrays
@@ -58,8 +71,8 @@ def visible_samples(
     C = laid(C_m, "float64")
     visible, outline = np.empty(len(samples), bool), np.empty(len(samples), bool)
     failed = library.fly_visible(
-        ctypes.byref(samples.packed[0]),
-        ctypes.byref(occ.packed[0]),
+        ctypes.byref(packed_samples(samples)[0]),
+        ctypes.byref(packed_occluders(occ)[0]),
         ctypes.c_void_p(address(C, "float64", (3,))),
         ctypes.c_void_p(address(visible, "bool")),
         ctypes.c_void_p(address(outline, "bool")),

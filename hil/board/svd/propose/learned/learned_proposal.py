@@ -20,7 +20,8 @@ from typing import List, Optional, Sequence, Tuple
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.propose.learned.network import Net
 from hil.board.svd.propose.learned.network_input import Gaze, look
 from hil.board.svd.propose.learned.view_subspaces import QUARTERS, Subspaces
@@ -99,7 +100,7 @@ def read_net(name: str) -> Optional[Net]:
         return None
     try:
         # a bundle is a zip file: its members are read through the importer
-        data = pkgutil.get_data("hil.board.svd.propose.learned", f"weights/{name}.npz")
+        data = pkgutil.get_data("hil.board.svd.propose.learned", f"{name}.npz")
         return None if data is None else Net.read(io.BytesIO(data))
     except (OSError, ValueError, KeyError):
         return None

@@ -8,9 +8,9 @@ from typing import Optional, Sequence
 import cv2
 import numpy as np
 
+from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.vectors import length
 from hil.board.svd.image.edge_field import area_mean
-from hil.board.svd.model.target_model import CameraIntrinsics
 from hil.board.svd.native.backend import library
 from hil.board.svd.native.images.area_average import readable
 from hil.board.svd.native.learned import network_input as kernel

@@ -20,8 +20,11 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.model.rasteriser import Canvas, Faces, draw_faces
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.geometry.faces import Faces
+from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.model.rasteriser import draw_faces, order_faces
+from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.native.backend import library
 from hil.board.svd.native.learned import attitude_likelihood as kernel
 from hil.board.svd.propose.learned.attitude_basis import harmonics, quartered, turning_bumps
@@ -93,7 +96,7 @@ class Subspaces:
         of_group = np.concatenate([[0], faces.group + 1])
         for v in range(VIEWS):
             C = model.centre_m + distance * directions[v]
-            group = of_group[draw_faces(faces, faces.order(C), camera, R[v], -R[v] @ C, canvas)]
+            group = of_group[draw_faces(faces, order_faces(faces, C), camera, R[v], -R[v] @ C, canvas)]
             count = np.bincount(group.ravel(), minlength=2)[1:]
             shapes = [np.ones((n, n), np.float32)]
             for g in np.argsort(-count)[:SHAPES]:

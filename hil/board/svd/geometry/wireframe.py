@@ -1,16 +1,15 @@
-"""Points along the wireframe: where the model says an edge of the picture could be."""
+"""Points along the wireframe, where an edge of the image could be, the mesh that hides them, and their projection."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Tuple
+from typing import Any, Dict, Tuple
 
 import numpy as np
 
+from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.vectors import cross
-from hil.board.svd.model.target_model import BoardModel, CameraIntrinsics
-from hil.board.svd.native.raster.visibility import packed_samples
 
 Array = np.ndarray
 
@@ -39,9 +38,9 @@ class EdgeSamples:
         return len(self.points_m)
 
     @cached_property
-    def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
-        """The samples as the kernels take them, and what keeps their arrays alive."""
-        return packed_samples(self)
+    def kept(self) -> Dict[str, Any]:
+        """What a backend made of the samples, for its next call."""
+        return {}
 
     def outline(self, idx: Array, C_m: Array) -> Tuple[Array, Array]:
         """Positions (B, M, 3) of samples ``idx`` (B, M) seen from camera centres (B, 3), and tangents.
@@ -56,35 +55,19 @@ class EdgeSamples:
         return X, T
 
 
-def sample_edges(model: BoardModel, spacing_m: float) -> EdgeSamples:
-    """Samples of every edge, ``spacing_m`` apart, at least one on each."""
-    points, tangents, radius, normals, faces, edge = [], [], [], [], [], []
-    for k, e in enumerate(model.wireframe):
-        d = e.b_m - e.a_m
-        length = float(np.linalg.norm(d))
-        if length < 1e-6:
-            continue
-        n = max(1, round(length / spacing_m))
-        s = (np.arange(n) + 0.5) / n
-        N = np.zeros((2, 3))
-        given = e.normals[:2]
-        if len(given):
-            N[: len(given)] = given / np.maximum(np.linalg.norm(given, axis=1, keepdims=True), 1e-9)
-        for side in (-1.0, 1.0) if e.radius_m > 0 else (0.0,):
-            points.append(e.a_m + s[:, None] * d)
-            tangents.append(np.repeat(d[None] / length, n, axis=0))
-            radius.append(np.full(n, side * e.radius_m))
-            normals.append(np.repeat(N[None], n, axis=0))
-            faces.append(np.full(n, len(given)))
-            edge.append(np.full(n, k))
-    return EdgeSamples(
-        np.concatenate(points),
-        np.concatenate(tangents),
-        np.concatenate(radius),
-        np.concatenate(normals),
-        np.concatenate(faces),
-        np.concatenate(edge),
-    )
+@dataclass(frozen=True, eq=False)
+class Occluders:
+    """Triangles prepared for rays from one point: first vertex, two edges, their cross product."""
+
+    v0: Array
+    e1: Array
+    e2: Array
+    n: Array
+
+    @cached_property
+    def kept(self) -> Dict[str, Any]:
+        """What a backend made of the triangles, for its next call."""
+        return {}
 
 
 @dataclass(frozen=True, eq=False)
