@@ -179,7 +179,9 @@ def test_only_the_model_it_was_trained_for_gets_a_network(tango: BoardModel) -> 
     assert net_for(replace(tango, wireframe=edges)) is None
 
 
-@pytest.mark.parametrize("path", sorted(Path(look_folder.__path__[0]).glob("*.npz")), ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path", sorted((Path(look_folder.__path__[0]) / "weights").glob("*.npz")), ids=lambda p: p.stem
+)
 def test_every_network_that_is_shipped_is_of_its_craft_as_it_is_now(path: Path) -> None:
     model = board_model(load_target(path.stem))
     net = net_for(model)

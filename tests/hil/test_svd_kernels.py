@@ -136,7 +136,7 @@ def test_the_bundle_carries_the_sources(tmp_path: Path) -> None:
 
     write_bundle(tmp_path / "board.pyz", [])
     names = zipfile.ZipFile(tmp_path / "board.pyz").namelist()
-    assert {f"hil/board/svd/kernels/{name}" for name in library.SOURCES} <= set(names)
+    assert {f"hil/board/svd/native/{name}" for name in library.SOURCES} <= set(names)
 
 
 @needs_compiler

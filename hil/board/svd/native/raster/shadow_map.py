@@ -1,4 +1,4 @@
-"""The Sun's pictures, shadows and search by the C kernels: sun.c."""
+"""Shadow map of the target, cast shadows, and the search for the Sun, in C."""
 
 from __future__ import annotations
 

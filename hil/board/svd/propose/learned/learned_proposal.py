@@ -100,7 +100,7 @@ def read_net(name: str) -> Optional[Net]:
         return None
     try:
         # a bundle is a zip file: its members are read through the importer
-        data = pkgutil.get_data("hil.board.svd.propose.learned", f"{name}.npz")
+        data = pkgutil.get_data("hil.board.svd.propose.learned", f"weights/{name}.npz")
         return None if data is None else Net.read(io.BytesIO(data))
     except (OSError, ValueError, KeyError):
         return None
