@@ -1,0 +1,154 @@
+"""A frame as a graph of passes: each declares what it reads and writes, and their order is checked before they run.
+
+After filament's ``fg`` and O'Donnell (2017), FrameGraph: Extensible Rendering Architecture in Frostbite, GDC. Theirs
+also allocates textures and drops passes that nobody reads; here passes are few, keep their textures, and are dropped
+where what they read is missing from the frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic, TypeVar, cast
+
+from simulator.render.gl.fences import flush
+from simulator.render.gl.timing import StageClock
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    import moderngl
+
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+
+
+class FrameGraphError(RuntimeError):
+    """A pass reads what no pass before it writes, or touches what it did not declare."""
+
+
+@dataclass(frozen=True)
+class Resource(Generic[T_co]):
+    """A name for what passes hand on to each other: a texture, a view, a list of tiles. It carries its type."""
+
+    name: str
+
+
+class FrameResources:
+    """What has been given to a frame's passes, or written by them, so far."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, object] = {}
+
+    def __contains__(self, resource: Resource[T]) -> bool:
+        return resource.name in self._values
+
+    def __getitem__(self, resource: Resource[T]) -> T:
+        """The resource's value; `KeyError` if it was never written."""
+        return cast("T", self._values[resource.name])
+
+    def __setitem__(self, resource: Resource[T], value: T | None) -> None:
+        self._values[resource.name] = value
+
+    def find(self, resource: Resource[T]) -> T | None:
+        """The resource's value, or `None` if it is missing from this frame."""
+        return cast("T | None", self._values.get(resource.name))
+
+
+class PassResources:
+    """A frame's resources as one pass may use them: reading and writing what it declared."""
+
+    def __init__(self, resources: FrameResources, of: Pass) -> None:
+        self._resources, self._pass = resources, of
+
+    def __getitem__(self, resource: Resource[T]) -> T:
+        """A resource that the pass declared among its ``reads``."""
+        if resource not in self._pass.reads:
+            raise FrameGraphError(f"pass {self._pass.name} reads {resource.name}, which it did not declare")
+        return self._resources[resource]
+
+    def find(self, resource: Resource[T]) -> T | None:
+        """A resource that the pass declared among its ``optional`` ones, or `None` if the frame has none."""
+        if resource not in self._pass.optional:
+            raise FrameGraphError(f"pass {self._pass.name} reads {resource.name}, which it did not declare")
+        return self._resources.find(resource)
+
+    def __setitem__(self, resource: Resource[T], value: T | None) -> None:
+        if resource not in self._pass.writes:
+            raise FrameGraphError(f"pass {self._pass.name} writes {resource.name}, which it did not declare")
+        self._resources[resource] = value
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One step of a frame.
+
+    Parameters
+    ----------
+    name : also its key in the frame's timings.
+    run : does it, with the resources that it declared.
+    reads : what it needs; where the frame lacks one of them the pass is left out. optional : what it uses if present.
+    writes : what it makes or draws into.
+    submits : the driver is told to begin as soon as the pass has run. A software driver's threads draw then, while the
+        next pass is worked out.
+    """
+
+    name: str
+    run: Callable[[PassResources], None]
+    reads: tuple[Resource[object], ...] = ()
+    writes: tuple[Resource[object], ...] = ()
+    optional: tuple[Resource[object], ...] = ()
+    submits: bool = False
+
+
+class FrameGraph:
+    """Passes in the order in which they run.
+
+    Parameters
+    ----------
+    given : resources that are there before the first pass.
+
+    Raises
+    ------
+    FrameGraphError
+        If a pass reads what is neither given nor written by a pass before it.
+    """
+
+    def __init__(self, passes: Iterable[Pass], given: Iterable[Resource[object]] = ()) -> None:
+        self._passes = tuple(passes)
+        known = set(given)
+        for one in self._passes:
+            missing = [resource.name for resource in (*one.reads, *one.optional) if resource not in known]
+            if missing:
+                raise FrameGraphError(
+                    f"pass {one.name} reads {', '.join(missing)}, which no pass before it writes"
+                )
+            known.update(one.writes)
+
+    def __iter__(self) -> Iterator[Pass]:
+        return iter(self._passes)
+
+    def run(
+        self, context: moderngl.Context, resources: FrameResources, *, timed: bool = False
+    ) -> dict[str, float]:
+        """Run the passes that have all they read.
+
+        Parameters
+        ----------
+        timed : wait for the driver after each pass, so that its time is its own.
+
+        Returns
+        -------
+        Milliseconds per pass that ran, by name.
+        """
+        clock = StageClock(context, finish=timed)
+        for one in self._passes:
+            if any(resources.find(resource) is None for resource in one.reads):
+                for resource in one.writes:
+                    if resource not in resources:
+                        resources[resource] = None
+                continue
+            one.run(PassResources(resources, one))
+            if one.submits:
+                flush(context)
+            clock.lap(one.name)
+        return clock.stage_ms
