@@ -10,7 +10,7 @@ import sys
 from rich.text import Text
 
 from flyaround.cli import app
-from flyaround.terminal import terminal
+from flyaround.commands.terminal import terminal
 from hil.board.errors import BoardModelError
 from hil.link.errors import LinkError
 from simulator.errors import UserError, machine_sentence

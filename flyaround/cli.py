@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 from rich.logging import RichHandler
 
-from flyaround.commands.lazily import LazyCommands
-from flyaround.terminal import terminal
+from flyaround.commands.lazy import LazyCommands
+from flyaround.commands.terminal import terminal
 
 app = typer.Typer(
     name="flyaround",

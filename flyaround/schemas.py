@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.evaluate.metrics import metrics_json_schema
-from hil.host.summary import summary_schema
+from hil.host.ledger.summary import summary_schema
 from simulator.dataset.card import card_json_schema
 from simulator.labels.truth import truth_json_schema
 from simulator.runtime.files import write_atomic

@@ -12,13 +12,13 @@ import cv2
 from gui import style
 from gui.feed import Feed, PictureSource
 from gui.keys import Action
-from gui.look import Look, Options
-from gui.overlay import View
 from gui.panels import SidePanel, draw_help
-from gui.readout import read_out
 from gui.recorder import Recorder
 from gui.session import Session
 from gui.source import RenderedPictures
+from gui.telemetry import read_out
+from gui.view_settings import Look, Options
+from gui.viewport import View
 from gui.window import Window, import_parts
 from simulator.dataset.picture import save_picture
 from simulator.errors import UserError
@@ -50,7 +50,7 @@ class Request:
     size : of the window. seed : instead of the scenario's. device_index : EGL device of the render process.
     seconds : close by itself after this long, counted from the first picture.
     screenshot : picture of the whole window at the end.
-    overlays : names of `gui.look.Overlays` to switch on.
+    overlays : names of `gui.view_settings.Overlays` to switch on.
     record : folder for the flight as it was flown and the scenario that replays it.
     """
 

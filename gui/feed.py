@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Protocol
 
-from gui.detail import DetailControl
-from gui.look import apply_look
-from gui.readout import Readout, read_out
+from gui.adaptive_resolution import DetailControl
+from gui.telemetry import Readout, read_out
+from gui.view_settings import apply_look
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from gui.look import Look
     from gui.session import Moment, Session
+    from gui.view_settings import Look
     from simulator.camera.lens.camera_model import Camera
     from simulator.frame import Frame
     from simulator.scene.state import Quality, SceneState

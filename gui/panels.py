@@ -10,13 +10,13 @@ import numpy as np
 
 from gui import style
 from gui.keys import BINDINGS
-from gui.look import DETAILS, LAYERS, OVERLAYS
 from gui.session import RATES
+from gui.view_settings import DETAILS, LAYERS, OVERLAYS
 
 if TYPE_CHECKING:
     from gui.feed import Feed
-    from gui.look import Options, Overlays
     from gui.session import Session
+    from gui.view_settings import Options, Overlays
     from gui.window import Window
 
 PANEL_WIDTH = 330.0

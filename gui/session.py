@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gui import steering
+from gui import manual_control as steering
 from gui.keys import STEERING, THRUST, Action
 from gui.recorder import Recorder
 from simulator.loop import plan_flight

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from flyaround.flown import load_flown
+from flyaround.commands.scenario_argument import load_flown
 from simulator.errors import UserError
 
 

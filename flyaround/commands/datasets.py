@@ -7,13 +7,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 from rich.text import Text
 
 from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
-from flyaround.plans import choose_plan
-from flyaround.progress import progress_bar
-from flyaround.terminal import say
+from flyaround.commands.progress import progress_bar
+from flyaround.commands.terminal import say
+from simulator.camera.lens.files import read_camera_file
 from simulator.dataset.capture import FORMATS, parse_formats
 from simulator.dataset.capture import capture as capture_plan
 from simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
@@ -21,7 +22,12 @@ from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.clipping import ClippingSummary
 from simulator.errors import UserError
 from simulator.labels.request import parse_labels
-from simulator.scene.state import Bands
+from simulator.loop import Plan, plan_flight
+from simulator.scenario.load import load_scenario
+from simulator.scenario.picture import environment_section
+from simulator.scenario.recipes import RecipePlan, list_recipes, plan_recipe
+from simulator.scene.environments import environment_preset
+from simulator.scene.state import Bands, Quality
 
 
 def capture(
@@ -59,7 +65,7 @@ def capture(
         raise UserError("capture takes -n or --every, not both; leave one out")
     names = parse_formats(formats)
     bands: Bands | None = "rgb" if rgb else None
-    plan = choose_plan(
+    plan = _choose_plan(
         scenario,
         n=n or 20,
         every_s=every_s,
@@ -167,3 +173,41 @@ def check(
             say(f"the same images are drawn again with --redraw-seed {report.redraw_seed}")
     if report.faults:
         raise typer.Exit(1)
+
+
+def _choose_plan(
+    name: str,
+    *,
+    n: int,
+    every_s: float | None,
+    seed: int | None,
+    bands: Bands | None,
+    quality: Quality | None,
+    camera: str | None = None,
+    environment: str | None = None,
+) -> Plan | RecipePlan:
+    """The plan of a recipe's name, else of a scenario.
+
+    Parameters
+    ----------
+    camera : name or file of a camera to use instead of the plan's own. environment : name of one, likewise.
+
+    Raises
+    ------
+    UserError
+        If there is no such scenario or recipe, or ``every_s`` is asked of a recipe.
+    """
+    if name in list_recipes():
+        if every_s is not None:
+            raise UserError(f"recipe {name} has no time, so --every means nothing; use -n")
+        layers = None if environment is None else environment_preset(environment)
+        return plan_recipe(
+            name, n, seed=seed, bands=bands, quality=quality, camera=camera, environment=layers
+        )
+    count = None if every_s is not None else n
+    scenario = load_scenario(name)
+    if camera is not None:
+        scenario = msgspec.structs.replace(scenario, camera=read_camera_file(camera))
+    if environment is not None:
+        scenario = msgspec.structs.replace(scenario, environment=environment_section(environment))
+    return plan_flight(scenario, n=count, every_s=every_s, seed=seed, bands=bands, quality=quality)

@@ -13,11 +13,11 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from flyaround.flown import load_flown
-from flyaround.terminal import say, terminal
+from flyaround.commands.scenario_argument import load_flown
+from flyaround.commands.terminal import say, terminal
 from simulator.camera.lens.files import list_cameras, load_camera, read_camera_file
 from simulator.camera.lens.files_foreign import FORMATS, written
-from simulator.dataset.contact_sheet import write_contact_sheets
+from simulator.contact_sheets.scenario_sheet import write_contact_sheets
 from simulator.errors import UserError
 from simulator.loop import plan_flight
 from simulator.runtime.files import empty_folder, write_atomic

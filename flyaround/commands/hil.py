@@ -11,20 +11,20 @@ import msgspec
 import typer
 
 from flyaround.commands.estimation import check_method
-from flyaround.commands.hil_words import listening_text, summary_text
-from flyaround.flown import load_flown
-from flyaround.progress import progress_bar
-from flyaround.terminal import say
+from flyaround.commands.hil_text import listening_text, summary_text
+from flyaround.commands.progress import progress_bar
+from flyaround.commands.scenario_argument import load_flown
+from flyaround.commands.terminal import say
 from hil.board.agent import run_board
 from hil.board.svd import METHODS
 from hil.host.bundle import write_bundle
-from hil.host.exchange import LinkConfig
-from hil.host.ledger import LedgerRow
-from hil.host.report import write_report
+from hil.host.ledger.frames_csv import LedgerRow
+from hil.host.ledger.report import write_report
+from hil.host.ledger.summary import LedgerSummary
+from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import RunConfig, run_host
 from hil.host.stream import check_streamable, stream_frames
-from hil.host.summary import LedgerSummary
-from hil.host.truth_policy import truth_kept_home
+from hil.host.truth.policy import truth_kept_home
 from simulator.errors import UserError
 from simulator.loop import plan_flight
 from simulator.runtime.files import empty_folder

@@ -14,9 +14,9 @@ import typer
 from rich.table import Table
 
 from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
-from flyaround.flown import load_flown
-from flyaround.progress import progress_bar
-from flyaround.terminal import say, terminal
+from flyaround.commands.progress import progress_bar
+from flyaround.commands.scenario_argument import load_flown
+from flyaround.commands.terminal import say, terminal
 from simulator.dataset.poses import read_poses
 from simulator.errors import UserError
 from simulator.labels.request import LabelRequest, parse_labels

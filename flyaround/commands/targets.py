@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from flyaround.contact_page import write_contact_sheet
-from flyaround.progress import progress_bar
-from flyaround.terminal import say, terminal
+from flyaround.commands.progress import progress_bar
+from flyaround.commands.terminal import say, terminal
+from simulator.contact_sheets.targets_page import write_contact_sheet
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder
 from simulator.targets.board_model.outer_faces import MOST_TRIANGLES
@@ -58,7 +58,7 @@ def overview(
             made = write_contact_sheet(rows, folder, page=page, progress=progress)
         say(f"{made}", stderr=as_json)
     if docs is not None:
-        from flyaround.contact_docs import write_docs  # noqa: PLC0415 - the page alone needs it
+        from simulator.contact_sheets.targets_docs import write_docs  # noqa: PLC0415 - the page alone needs it
 
         built_in = [t for t in rows if t.name in built_in_targets()]
         with progress_bar("docs", quiet=as_json) as progress:

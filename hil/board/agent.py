@@ -16,8 +16,8 @@ from typing import Any, Callable, Dict, Iterable, List, Optional, Protocol, Tupl
 from hil.board.errors import KernelError
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake
-from hil.link.images import FrameAssembler, Image, check_terms, supported_encodings
-from hil.link.messages import (
+from hil.link.packets.images import FrameAssembler, Image, check_terms, supported_encodings
+from hil.link.packets.messages import (
     NO_FRAME,
     Bye,
     Credit,
@@ -31,9 +31,9 @@ from hil.link.messages import (
     PoseMessage,
     TimeSyncRequest,
 )
-from hil.link.packets import PacketType
+from hil.link.packets.packet import PacketType
 from hil.link.session import Link, greet_host
-from hil.link.transport import connect
+from hil.link.transports.url import connect
 
 logger = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from hil.evaluate.decision import reliability, trade_off
-from hil.plots import DIM, INK, figure_with_axes
+from simulator.reports.plots import DIM, INK, figure_with_axes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hil.host.ledger import LedgerRow, pose_errors
+from hil.host.ledger.frames_csv import LedgerRow, pose_errors
 
 if TYPE_CHECKING:
-    from hil.host.exchange import FrameResult
+    from hil.host.link_process.ipc import FrameResult
     from hil.host.run import HostFrame
 
 

@@ -13,12 +13,8 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from hil.host.exchange import FrameResult, LinkConfig
-from hil.host.ledger import LedgerRow, LedgerWriter
-from hil.host.rows import ledger_row
-from hil.host.server import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, HostLink
-from hil.host.signals import signals_held
-from hil.host.summary import (
+from hil.host.ledger.frames_csv import LedgerRow, LedgerWriter
+from hil.host.ledger.summary import (
     RUN_JSON,
     SUMMARY_JSON,
     Board,
@@ -27,8 +23,12 @@ from hil.host.summary import (
     RunTerms,
     summarise,
 )
-from hil.host.truth_policy import truth_kept_home, with_truth_endpoint
-from hil.link.messages import HelloAck, Mode, TruthPolicy
+from hil.host.link_process.host_link import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, HostLink
+from hil.host.link_process.ipc import FrameResult, LinkConfig
+from hil.host.rows import ledger_row
+from hil.host.signals import signals_held
+from hil.host.truth.policy import truth_kept_home, with_truth_endpoint
+from hil.link.packets.messages import HelloAck, Mode, TruthPolicy
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
 

@@ -11,7 +11,7 @@ import time
 from collections import deque
 from typing import Deque, Optional, Tuple
 
-from hil.link.messages import TimeSyncReply, TimeSyncRequest
+from hil.link.packets.messages import TimeSyncReply, TimeSyncRequest
 
 
 def now_ns() -> int:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import AbstractSet, FrozenSet, Optional
 
 from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake, VersionMismatch
-from hil.link.messages import (
+from hil.link.packets.messages import (
     Bye,
     Encoding,
     ErrorCode,
@@ -21,8 +21,8 @@ from hil.link.messages import (
     TruthPolicy,
     decode_message,
 )
-from hil.link.packets import Packet, PacketType
-from hil.link.transport import Transport
+from hil.link.packets.packet import Packet, PacketType
+from hil.link.transports.base import Transport
 
 # what each side may hear, by the state of its session; the payload of anything else is not looked at
 HOST_BEFORE_HELLO: FrozenSet[PacketType] = frozenset({PacketType.HELLO})

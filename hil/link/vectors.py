@@ -11,9 +11,9 @@ import sys
 from enum import IntEnum
 from typing import Any, Dict, List, Tuple
 
-from hil.link import cobs
-from hil.link.framing import PREFIX
-from hil.link.messages import (
+from hil.link.framing import cobs
+from hil.link.framing.length_prefix import PREFIX
+from hil.link.packets.messages import (
     Bye,
     Credit,
     Encoding,
@@ -31,7 +31,7 @@ from hil.link.messages import (
     TruthMessage,
     TruthPolicy,
 )
-from hil.link.packets import PROTOCOL_VERSION, Packet, encode_packet
+from hil.link.packets.packet import PROTOCOL_VERSION, Packet, encode_packet
 
 SESSION_ID = 0x0123456789ABCDEF
 

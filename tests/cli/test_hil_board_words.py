@@ -9,9 +9,9 @@ from hil_loop import CAMERA, Instant
 from flyaround.__main__ import run
 from flyaround.commands import hil as command
 from hil.board.agent import run_board
-from hil.link.messages import Bye, Hello, HelloAck
+from hil.link.packets.messages import Bye, Hello, HelloAck
 from hil.link.session import Link
-from hil.link.tcp import TcpListener
+from hil.link.transports.tcp import TcpListener
 
 
 def test_a_goodbye_in_brackets_is_printed_as_it_came(monkeypatch, capsys):

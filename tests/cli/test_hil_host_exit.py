@@ -15,11 +15,11 @@ from hil_loop import Instant
 
 from flyaround.__main__ import run
 from hil.board.agent import run_board
-from hil.host.ledger import read_ledger
+from hil.host.ledger.frames_csv import read_ledger
 from hil.link.clock import answer_time_sync, now_ns
-from hil.link.messages import FrameHeader, Hello, TimeSyncRequest
+from hil.link.packets.messages import FrameHeader, Hello, TimeSyncRequest
 from hil.link.session import Link, greet_host
-from hil.link.transport import connect
+from hil.link.transports.url import connect
 
 pytestmark = pytest.mark.gl
 

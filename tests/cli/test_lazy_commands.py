@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import flyaround
 from flyaround.cli import app
-from flyaround.commands.lazily import COMMANDS, GROUPS
+from flyaround.commands.lazy import COMMANDS, GROUPS
 
 
 def test_help_names_every_command_and_each_is_there() -> None:

@@ -13,13 +13,12 @@ import typer
 from typer.main import get_command, get_group
 from typer.testing import CliRunner
 
-from flyaround import doctor
 from flyaround.cli import app
-from flyaround.commands import machine
-from flyaround.commands.lazily import COMMANDS, GROUPS
-from flyaround.terminal import say
+from flyaround.commands import doctor
+from flyaround.commands.lazy import COMMANDS, GROUPS
+from flyaround.commands.terminal import say
 
-FLYAROUND = Path(doctor.__file__).parent
+FLYAROUND = Path(doctor.__file__).parents[1]
 
 
 def _as_written(name: str) -> Any:
@@ -58,7 +57,7 @@ def test_units_are_seen_in_the_help_of_a_mesh() -> None:
 
 def test_doctor_says_which_extra_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor.importlib.util, "find_spec", lambda _name: None)
-    monkeypatch.setattr(machine, "examine", lambda: tuple(doctor._optional()))
+    monkeypatch.setattr(doctor, "examine", lambda: tuple(doctor._optional()))
     page = CliRunner().invoke(app, ["doctor"], env={"COLUMNS": "80"}).output
     assert "- window (glfw): pip install 'flyaround[gui]'\n" in page
 
@@ -70,7 +69,7 @@ def test_a_sentence_is_printed_to_the_letter(capsys: pytest.CaptureFixture[str])
 
 
 def test_no_other_way_to_the_terminal_reads_mark_up() -> None:
-    """Rich's own consoles interpret brackets; everything goes by `flyaround.terminal`."""
+    """Rich's own consoles interpret brackets; everything goes by `flyaround.commands.terminal`."""
     for path in FLYAROUND.rglob("*.py"):
         if path.name == "terminal.py":
             continue

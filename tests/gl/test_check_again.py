@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from flyaround.cli import app
 from simulator.camera.lens.files import load_camera
+from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.dataset.capture import capture
 from simulator.dataset.check import redraw as check_picture
 from simulator.dataset.check import verify as check_module
@@ -21,7 +22,6 @@ from simulator.dataset.check.geometry import in_lens
 from simulator.dataset.check.keypoint_states import check_amodal_box, check_states, triangles_of
 from simulator.dataset.check.redraw import EXACT, check_same_picture, sample
 from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.contact_sheet import smaller
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.errors import UserError
 from simulator.frame import pixel_hash, take_frame

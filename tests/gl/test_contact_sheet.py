@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.dataset.contact_sheet import contact_sheet, smaller, write_contact_sheets
+from simulator.contact_sheets.scenario_sheet import contact_sheet, smaller, write_contact_sheets
 from simulator.dataset.formats.native import read_png
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario

@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.dataset.capture import capture
 from simulator.dataset.card import card_json_schema
 from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.contact_sheet import smaller
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.dataset.picture import render_scene, save_picture
 from simulator.errors import UserError

@@ -10,7 +10,7 @@ import pytest
 from mutations import changed_json
 from peak_memory import peak_bytes
 
-from simulator.dataset.contact_sheet import smaller
+from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.errors import UserError
 from simulator.frame import take_frame
 from simulator.labels.truth import read_truth

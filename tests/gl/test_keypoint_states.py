@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.dataset.check.verify import check_frame
-from simulator.dataset.contact_sheet import smaller
 from simulator.frame import take_frame
 from simulator.labels.request import LabelRequest
 from simulator.labels.truth import KeypointState

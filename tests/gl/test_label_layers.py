@@ -9,10 +9,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.dataset.capture import capture
 from simulator.dataset.card import read_card
 from simulator.dataset.check.verify import check_dataset, check_frame
-from simulator.dataset.contact_sheet import smaller
 from simulator.dataset.formats.native import frame_paths, layer_path, read_layer, read_png
 from simulator.dataset.picture import render_scene, save_picture
 from simulator.labels.layers import layer_hash

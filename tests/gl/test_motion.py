@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from simulator.camera.detector.shutter import Shutter
+from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.dataset.capture import capture
 from simulator.dataset.check.verify import check_dataset
-from simulator.dataset.contact_sheet import smaller
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.dataset.picture import render_scene
 from simulator.imaging.exposure import (

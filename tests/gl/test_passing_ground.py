@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.dataset.contact_sheet import smaller
+from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.imaging import exposure
 from simulator.imaging.develop import expose_scene
 from simulator.imaging.exposure import drawings_of_ground, image_motion_px, integrate

@@ -24,7 +24,7 @@ def watched(path):
     read.append(str(path))
     return check(path)
 cache.map_checked = arrays.map_checked = watched
-from simulator.dataset.contact_sheet import smaller
+from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from simulator.bench import start
-from simulator.dataset.contact_sheet import smaller
+from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.loop import plan_flight
 from simulator.render.earth_maps import begin_earth_maps
 from simulator.render.passes.earth import EarthPass

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from simulator.camera.lens.camera_model import Distortion
-from simulator.dataset.contact_sheet import smaller
+from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.frame import take_frame
 from simulator.render.gl.context import create_context
 from simulator.render.passes.loaded import MOST_LOADED

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flyaround.cli import app
-from simulator.dataset.contact_sheet import smaller
+from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl

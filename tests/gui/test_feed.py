@@ -7,11 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from gui.detail import DIVISORS
+from gui.adaptive_resolution import DIVISORS
 from gui.feed import Feed, PicturesLostError
-from gui.look import Look
-from gui.overlay import shown_passes
 from gui.session import Session
+from gui.view_settings import Look
+from gui.viewport import shown_passes
 from simulator.frame import Frame
 from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState

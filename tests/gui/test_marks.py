@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gui.look import Overlays
-from gui.marks import AXIS_M, Marker
 from gui.session import Session
+from gui.truth_overlay import AXIS_M, Marker
+from gui.view_settings import Overlays
 from simulator.labels.keypoints import label_keypoints
 from simulator.labels.visibility import Mesh
 from simulator.scenario.load import load_scenario

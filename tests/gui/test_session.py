@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from gui.keys import BINDINGS, THRUST, TURN, Action
-from gui.look import Look, apply_look, reduced_camera
-from gui.overlay import Letterbox
-from gui.readout import read_out
+from gui.manual_control import ACCELERATION_M_S2, BRAKE_M_S2, COARSE_GAIN, RATE_RAD_S, SLEW_RAD_S2
 from gui.recorder import Recorder
 from gui.session import FRAME_STEP_S, RATES, STEP_S, Session
-from gui.steering import ACCELERATION_M_S2, BRAKE_M_S2, COARSE_GAIN, RATE_RAD_S, SLEW_RAD_S2
+from gui.telemetry import read_out
+from gui.view_settings import Look, apply_look, reduced_camera
+from gui.viewport import Letterbox
 from simulator.errors import UserError
 from simulator.loop import plan_flight
 from simulator.scenario import motion as sm

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from hil.board.agent import run_board
-from hil.host.exchange import LinkConfig
+from hil.host.ledger.summary import LedgerSummary
+from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import HostFrame, RunConfig, run_host
-from hil.host.summary import LedgerSummary
 from hil.link.errors import LinkError
-from hil.link.packets import PacketType, decode_packet
+from hil.link.packets.packet import PacketType, decode_packet
 
 CAMERA = {"width_px": 64, "height_px": 48, "fx_px": 100.0, "fy_px": 100.0, "cx_px": 31.5, "cy_px": 23.5}
 MARK = "truth-must-not-leak"

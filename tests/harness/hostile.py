@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import zstandard
 
-from hil.link.framing import PREFIX
-from hil.link.messages import Encoding, FrameChunk, FrameHeader
-from hil.link.packets import (
+from hil.link.framing.length_prefix import PREFIX
+from hil.link.packets.messages import Encoding, FrameChunk, FrameHeader
+from hil.link.packets.packet import (
     HEADER,
     MAGIC,
     OVERHEAD_BYTES,

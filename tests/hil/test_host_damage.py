@@ -12,13 +12,13 @@ import pytest
 from hil_loop import CAMERA, Instant, Loop, Proxy, adds_up, board, flip_first, frames, refused
 
 from hil.board.agent import run_board
-from hil.host.ledger import read_ledger
-from hil.host.summary import LedgerSummary
+from hil.host.ledger.frames_csv import read_ledger
+from hil.host.ledger.summary import LedgerSummary
 from hil.link.clock import answer_time_sync, now_ns
-from hil.link.messages import Bye, FrameChunk, FrameHeader, Hello, PoseMessage, TimeSyncRequest
-from hil.link.packets import PacketType, decode_packet
+from hil.link.packets.messages import Bye, FrameChunk, FrameHeader, Hello, PoseMessage, TimeSyncRequest
+from hil.link.packets.packet import PacketType, decode_packet
 from hil.link.session import Link, greet_host
-from hil.link.transport import connect
+from hil.link.transports.url import connect
 
 
 @pytest.mark.parametrize("kind", [PacketType.FRAME_CHUNK, PacketType.FRAME_HEADER])
@@ -151,8 +151,8 @@ def test_the_host_goes_away_without_a_goodbye():
             )
         )
         thread.start()
-        from hil.link.messages import HelloAck
-        from hil.link.tcp import TcpTransport
+        from hil.link.packets.messages import HelloAck
+        from hil.link.transports.tcp import TcpTransport
 
         sock, _ = server.accept()
         link = Link(TcpTransport(sock, "board"), 5)

@@ -12,14 +12,15 @@ from contextlib import contextmanager
 import pytest
 from hil_loop import Loop, adds_up, board, frames
 
-from hil.host import pending, truth_endpoint
-from hil.host.pending import MAX_PENDING, PendingLinks
-from hil.host.truth_endpoint import MAX_CLIENTS, TruthEndpoint
-from hil.host.truth_logger import TruthLogger
+from hil.host.link_process import pending
+from hil.host.link_process.pending import MAX_PENDING, PendingLinks
+from hil.host.truth import endpoint as truth_endpoint
+from hil.host.truth.endpoint import MAX_CLIENTS, TruthEndpoint
+from hil.host.truth.logger import TruthLogger
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.errors import LinkClosed
-from hil.link.framing import LengthFraming
-from hil.link.messages import (
+from hil.link.framing.length_prefix import LengthFraming
+from hil.link.packets.messages import (
     Bye,
     ErrorCode,
     ErrorMessage,
@@ -30,10 +31,10 @@ from hil.link.messages import (
     TimeSyncRequest,
     TruthMessage,
 )
-from hil.link.packets import Packet, PacketType
+from hil.link.packets.packet import Packet, PacketType
 from hil.link.session import Link, greet_host
-from hil.link.tcp import TcpListener, TcpTransport, connect_tcp
-from hil.link.transport import connect, parse_url
+from hil.link.transports.tcp import TcpListener, TcpTransport, connect_tcp
+from hil.link.transports.url import connect, parse_url
 
 TRUTH = {"note": "x" * 50_000}
 

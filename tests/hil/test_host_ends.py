@@ -16,8 +16,8 @@ import pytest
 from hil_loop import BOARD, Instant, Loop, board, frames
 
 from hil.board.agent import run_board
-from hil.host.exchange import LinkConfig
-from hil.host.ledger import read_ledger
+from hil.host.ledger.frames_csv import read_ledger
+from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import RunConfig, run_host
 from hil.host.signals import signals_held
 from simulator.errors import UserError
@@ -32,7 +32,7 @@ import resource, sys, time
 from pathlib import Path
 sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
 from hil_loop import frames
-from hil.host.exchange import LinkConfig
+from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import RunConfig, run_host
 from simulator.errors import UserError
 log, most_rows = Path(sys.argv[1]), int(sys.argv[2])
@@ -120,7 +120,7 @@ def test_a_full_disk_is_one_sentence_and_the_rows_so_far_are_whole(tmp_path):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 def test_a_disk_that_is_full_from_the_start_leaves_no_ledger(tmp_path, monkeypatch):
-    from hil.host.ledger import LedgerWriter
+    from hil.host.ledger.frames_csv import LedgerWriter
 
     plain = Path.open
     monkeypatch.setattr(Path, "open", lambda _, __, **more: plain(Path("/dev/full"), "wb", **more))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from hil.host.exchange import FrameJob
-from hil.host.flights import Flights
-from hil.link.messages import PoseMessage
+from hil.host.link_process.in_flight import Flights
+from hil.host.link_process.ipc import FrameJob
+from hil.link.packets.messages import PoseMessage
 
 SENT_NS = 5_000_000_000
 TIMEOUT_NS = 2_000_000_000

@@ -13,12 +13,12 @@ import msgspec
 import pytest
 from hil_loop import Loop, board, frames, refused
 
-from hil.host.exchange import BoardDown, BoardUp, FrameJob, FrameSlots, LinkConfig
-from hil.host.ledger import read_ledger
-from hil.host.link_process import LinkServer
-from hil.host.server import HostLink
-from hil.host.summary import LedgerSummary
-from hil.link.messages import ErrorCode, ErrorMessage, HelloAck
+from hil.host.ledger.frames_csv import read_ledger
+from hil.host.ledger.summary import LedgerSummary
+from hil.host.link_process.host_link import HostLink
+from hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, FrameSlots, LinkConfig
+from hil.host.link_process.process import LinkServer
+from hil.link.packets.messages import ErrorCode, ErrorMessage, HelloAck
 from simulator.errors import UserError
 
 

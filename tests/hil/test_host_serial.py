@@ -9,7 +9,7 @@ import pytest
 from serial_line import null_modem
 
 from hil.board.agent import run_board
-from hil.host.exchange import LinkConfig
+from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import HostFrame, RunConfig, run_host
 
 

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from hil.host.exchange import LinkConfig
+from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import HostFrame, RunConfig, run_host
 from hil.host.stream import stream_frames
 from simulator.dataset.draw import draw_labelled
@@ -30,10 +30,10 @@ BOARD = """
 import hashlib, json, sys
 from hil.board.agent import svd_factory
 from hil.link.clock import answer_time_sync, now_ns
-from hil.link.images import FrameAssembler, supported_encodings
-from hil.link.messages import Bye, FrameChunk, FrameHeader, Hello, PoseMessage, TimeSyncRequest
+from hil.link.packets.images import FrameAssembler, supported_encodings
+from hil.link.packets.messages import Bye, FrameChunk, FrameHeader, Hello, PoseMessage, TimeSyncRequest
 from hil.link.session import Link, greet_host
-from hil.link.transport import connect
+from hil.link.transports.url import connect
 make, name, digest = svd_factory(sys.argv[1], "svd")
 for line in sys.stdin:
     link = Link(connect(line.strip(), 60.0))

@@ -15,12 +15,13 @@ from hil_loop import CAMERA, Instant
 from hostile import Hostile, line
 
 from hil.board.agent import run_board
-from hil.link import cobs
 from hil.link.clock import answer_time_sync, now_ns
 from hil.link.errors import LinkClosed, LinkError, PacketError
-from hil.link.framing import PREFIX, CobsFraming, LengthFraming
-from hil.link.images import chunks
-from hil.link.messages import (
+from hil.link.framing import cobs
+from hil.link.framing.cobs import CobsFraming
+from hil.link.framing.length_prefix import PREFIX, LengthFraming
+from hil.link.packets.images import chunks
+from hil.link.packets.messages import (
     Bye,
     Encoding,
     FrameHeader,
@@ -31,10 +32,10 @@ from hil.link.messages import (
     TruthPolicy,
     decode_message,
 )
-from hil.link.packets import PacketType
+from hil.link.packets.packet import PacketType
 from hil.link.session import Link, greet_host
-from hil.link.tcp import TcpListener, connect_tcp
-from hil.link.transport import connect, parse_url
+from hil.link.transports.tcp import TcpListener, connect_tcp
+from hil.link.transports.url import connect, parse_url
 
 ROOT = Path(__file__).parents[2]
 # the issue's bound is 1 GB a process; a host with numpy and scipy takes some 150 MB, a board without OpenCV 50
@@ -46,7 +47,7 @@ HOST = """
 import resource, sys, threading
 sys.path.insert(0, "tests/harness")
 from hil_loop import frames
-from hil.host.exchange import LinkConfig
+from hil.host.link_process.ipc import LinkConfig
 from hil.host.run import RunConfig, run_host
 from simulator.errors import UserError
 finish = threading.Event()

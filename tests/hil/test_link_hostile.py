@@ -18,9 +18,14 @@ from hil_loop import Instant
 
 from hil.board.agent import run_board
 from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake
-from hil.link.fields import MAX_CAMERA_JSON_BYTES, MAX_JSON_DEPTH, MAX_TRUTH_JSON_BYTES, unpack_json
-from hil.link.images import MAX_FRAME_BYTES, FrameAssembler, check_terms, supported_encodings
-from hil.link.messages import (
+from hil.link.packets.fields import (
+    MAX_CAMERA_JSON_BYTES,
+    MAX_JSON_DEPTH,
+    MAX_TRUTH_JSON_BYTES,
+    unpack_json,
+)
+from hil.link.packets.images import MAX_FRAME_BYTES, FrameAssembler, check_terms, supported_encodings
+from hil.link.packets.messages import (
     Bye,
     Encoding,
     ErrorCode,
@@ -34,10 +39,10 @@ from hil.link.messages import (
     TruthPolicy,
     decode_message,
 )
-from hil.link.packets import Packet, PacketType
+from hil.link.packets.packet import Packet, PacketType
 from hil.link.session import HOST_BEFORE_HELLO, HOST_IN_SESSION, MAX_LEFT_OUT, Link, greet_host
-from hil.link.tcp import TcpListener, TcpTransport
-from hil.link.transport import virtual_pair
+from hil.link.transports.in_process import virtual_pair
+from hil.link.transports.tcp import TcpListener, TcpTransport
 
 DEEP = b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"
 TERMS = HelloAck({"width_px": 64, "height_px": 48}, 64, 48)

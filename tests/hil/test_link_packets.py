@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from hil.link.errors import PacketError, VersionMismatch
-from hil.link.messages import (
+from hil.link.packets.messages import (
     Bye,
     Credit,
     Encoding,
@@ -30,7 +30,7 @@ from hil.link.messages import (
     TruthPolicy,
     decode_message,
 )
-from hil.link.packets import MAX_PAYLOAD_BYTES, Packet, PacketType, decode_packet, encode_packet
+from hil.link.packets.packet import MAX_PAYLOAD_BYTES, Packet, PacketType, decode_packet, encode_packet
 from hil.link.vectors import EXAMPLES, vectors
 
 ROOT = Path(__file__).parents[2]

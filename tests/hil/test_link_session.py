@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from hil.link.clock import ClockFilter
 from hil.link.errors import LinkError, PacketError
-from hil.link.images import (
+from hil.link.packets.images import (
     FrameAssembler,
     chunk_count,
     chunks,
@@ -20,10 +20,10 @@ from hil.link.images import (
     encode_image,
     supported_encodings,
 )
-from hil.link.messages import Bye, Encoding, ErrorCode, FrameHeader, Hello, HelloAck
-from hil.link.packets import Packet, PacketType
+from hil.link.packets.messages import Bye, Encoding, ErrorCode, FrameHeader, Hello, HelloAck
+from hil.link.packets.packet import Packet, PacketType
 from hil.link.session import Link, answer_hello, greet_host, refuse
-from hil.link.transport import virtual_pair
+from hil.link.transports.in_process import virtual_pair
 
 CAMERA = {"width_px": 64, "height_px": 48}
 TERMS = HelloAck(CAMERA, 64, 48, window=4, target_name="tango", target_sha256="ab" * 32)

@@ -13,11 +13,12 @@ import pytest
 from serial_line import null_modem
 
 from hil.link.errors import LinkClosed, LinkError, PacketError
-from hil.link.messages import Bye, FrameChunk, decode_message
-from hil.link.packets import Packet, PacketType
-from hil.link.serial_port import SerialTransport
-from hil.link.tcp import TcpTransport
-from hil.link.transport import connect, listen, parse_url, virtual_pair
+from hil.link.packets.messages import Bye, FrameChunk, decode_message
+from hil.link.packets.packet import Packet, PacketType
+from hil.link.transports.in_process import virtual_pair
+from hil.link.transports.serial_port import SerialTransport
+from hil.link.transports.tcp import TcpTransport
+from hil.link.transports.url import connect, listen, parse_url
 
 
 def packet(k: int, data: bytes = b"") -> Packet:

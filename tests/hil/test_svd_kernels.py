@@ -95,7 +95,7 @@ def test_who_asks_is_told_what_runs(
     choose: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from flyaround.__main__ import run
-    from flyaround.doctor import _kernels
+    from flyaround.commands.doctor import _kernels
     from hil.board.__main__ import main
 
     choose.setenv("FLYAROUND_KERNELS", "numpy")

@@ -90,7 +90,7 @@ def test_limits_the_wrong_way_round_are_refused():
 def test_the_picture_has_the_level_that_was_asked_for(renderer):
     from dataclasses import replace
 
-    from simulator.dataset.contact_sheet import smaller
+    from simulator.contact_sheets.scenario_sheet import smaller
     from simulator.frame import take_frame
 
     for name in ("tango-limb", "tango-flyaround"):

@@ -90,7 +90,7 @@ def test_every_bug_in_files_of_each_kind_can_be_planted_and_read() -> None:
     names = files(ROOT)
     assert not set(LEFT_OUT) & set(names)
     assert all((ROOT / name).exists() for name in LEFT_OUT)
-    for name in ("simulator/world/frames/lvlh.py", "hil/link/cobs.py", "shaders/sky/sun.frag"):
+    for name in ("simulator/world/frames/lvlh.py", "hil/link/framing/cobs.py", "shaders/sky/sun.frag"):
         assert name in names
         source = (ROOT / name).read_text(encoding="utf-8")
         module = python_bugs if name.endswith(".py") else shader_bugs

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 import flyaround as fa
-from flyaround.demo_page import with_inset
+from hil.demo.page import with_inset
 from tools.docs.gallery import exposed, radiance, write_jpeg
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"

@@ -22,10 +22,10 @@ LEFT_OUT = {
     "hil/evaluate/plots.py": "how a plot looks",
     "tools/studies/paired_tables.py": "how a page looks",
     "hil/evaluate/gallery.py": "how a page looks",
-    "hil/host/report_plots.py": "how a plot looks",
+    "hil/host/ledger/plots.py": "how a plot looks",
     "tools/train/learned_proposal.py": "training, never run by the fast suite",
     "tools/train/saliency.py": "training, never run by the fast suite",
-    "simulator/dataset/contact_sheet.py": "how a page looks",
+    "simulator/contact_sheets/scenario_sheet.py": "how a page looks",
     "shaders/bench/reference.frag": "measures time; its picture says nothing",
 }
 """Files without a right and a wrong that a fast test could tell, and why."""

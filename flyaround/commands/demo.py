@@ -1,0 +1,31 @@
+"""demo: the whole chain in one command, and one page of it."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flyaround.commands.progress import progress_bar
+from flyaround.commands.terminal import say
+from hil.demo.demo import run_demo
+
+
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the page.")] = Path("out/demo"),
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an earlier demo in that folder.")
+    ] = False,
+) -> None:
+    """Fly, capture and check 20 images, run 30 frames through a board process, and make a page of it."""
+    page = run_demo(
+        output,
+        board_command=(sys.executable, "-P", "-m", "flyaround", "hil", "board"),
+        overwrite=overwrite,
+        say=partial(say, stderr=True),
+        progress_bar=progress_bar,
+    )
+    say(f"open {page}")

@@ -1,0 +1,123 @@
+"""doctor: what this machine has of OpenGL, compilers and optional parts, and how to get the rest."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import platform
+import shutil
+import sys
+from dataclasses import asdict, dataclass
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from flyaround.commands.terminal import say, terminal
+from hil.board.errors import BoardModelError
+from hil.board.svd.native.backend import kernels
+from simulator.errors import UserError
+from simulator.render.cache import cache_bytes
+from simulator.render.first_hits import embree_is_here
+from simulator.render.renderer import Renderer
+from simulator.runtime.cache import cache_folder
+
+
+def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
+    """What OpenGL, GPU and optional parts this machine has, and how to get the rest."""
+    findings = examine()
+    if as_json:
+        typer.echo(json.dumps([asdict(f) for f in findings], indent=1))
+    else:
+        table = Table("part", "state")
+        for f in findings:
+            table.add_row(f.part, Text(f.found, "green" if f.ok else "red"))
+        terminal().print(table)
+        # below the table and not in it: a command stays in one piece, to be copied
+        for f in findings:
+            if f.advice:
+                say(f"- {f.part}: {f.advice}")
+    if not all(f.ok or not f.required for f in findings):
+        raise typer.Exit(1)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the report."""
+
+    part: str
+    ok: bool
+    required: bool
+    found: str
+    advice: str
+
+
+def examine() -> tuple[Finding, ...]:
+    """Look at Python, OpenGL, the screen and the optional parts."""
+    return (_python(), _opengl(), _rays(), _kernels(), _cache(), _screen(), *_optional())
+
+
+def _python() -> Finding:
+    version = platform.python_version()
+    return Finding("Python", sys.version_info >= (3, 11), True, f"{version}, numpy {np.__version__}", "")
+
+
+def _opengl() -> Finding:
+    try:
+        with Renderer() as renderer:
+            info = renderer.info
+    except UserError as error:
+        return Finding("OpenGL by EGL", False, True, "none", str(error))
+    kind = "software" if info.is_software else "hardware"
+    return Finding("OpenGL by EGL", True, True, f"{info.renderer}, {info.version} ({kind})", "")
+
+
+def _rays() -> Finding:
+    there = embree_is_here()
+    found = "Embree" if there else "a grid in numpy"
+    advice = "the first picture of a new target takes a minute longer, once: pip install embreex"
+    return Finding("rays for baked light", there, False, found, "" if there else advice)
+
+
+def _kernels() -> Finding:
+    part = "estimator's kernels"
+    try:
+        found = kernels()
+    except BoardModelError as error:
+        return Finding(part, False, False, "none", str(error))
+    native = found == "native"
+    advice = (
+        "the estimator takes about twice as long in numpy: apt-get install gcc, or name a C compiler in CC"
+    )
+    return Finding(part, native, False, found, "" if native else advice)
+
+
+def _cache() -> Finding:
+    found = f"{cache_folder()}, {cache_bytes() / 1e6:.0f} MB"
+    return Finding("cache", True, False, found, "")
+
+
+def _screen() -> Finding:
+    display = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
+    advice = "only the window needs one: start under X or Wayland, or use xvfb-run"
+    return Finding("screen", bool(display), False, display or "none", "" if display else advice)
+
+
+def _optional() -> list[Finding]:
+    rows = []
+    for module, part, advice in (
+        ("glfw", "window (glfw)", "pip install 'flyaround[gui]'"),
+        ("imgui_bundle", "panels (imgui-bundle)", "pip install 'flyaround[gui]'"),
+        ("serial", "serial lines (pyserial)", "pip install pyserial"),
+        ("zstandard", "compression (zstandard)", "pip install zstandard"),
+    ):
+        there = importlib.util.find_spec(module) is not None
+        rows.append(Finding(part, there, False, "there" if there else "missing", "" if there else advice))
+    for program, use in (("Xvfb", "tests of the window"), ("gcc", "the C decoder test")):
+        there = shutil.which(program) is not None
+        advice = "" if there else f"needed for {use} only: apt-get install {program.lower()}"
+        rows.append(Finding(program, there, False, "there" if there else "missing", advice))
+    return rows

@@ -1,0 +1,142 @@
+"""What the truth overlay shows, in picture pixels: keypoints and how they are seen, box, axes, wireframe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from simulator.labels.boxes import amodal_box
+from simulator.labels.visibility import Mesh, hidden_from_direction, occluded_from_camera
+from simulator.world.frames.rotation import rotation_angle_rad
+
+if TYPE_CHECKING:
+    from gui.view_settings import Overlays
+    from simulator.runtime.arrays import BoolArray, FloatArray
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+Seen = Literal["visible", "shadowed", "hidden"]
+Pixel = tuple[float, float]
+Segment = tuple[Pixel, Pixel]
+AXIS_M = 0.5
+"""Length of the drawn target axes."""
+NEAR_M = 0.05
+ECLIPSED_BELOW = 0.02
+CHANGED_RAD = float(np.radians(2.0))
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Everything drawn over one picture; empty where the operator did not ask.
+
+    Parameters
+    ----------
+    keypoints : pixel, how it is seen, name.
+    box : x0 y0 x1 y1 of the whole target at pixel edges.
+    axes : origin and tip of the target's x, y, z.
+    wireframe : edges that have a face towards the camera.
+    """
+
+    keypoints: tuple[tuple[Pixel, Seen, str], ...] = ()
+    box: tuple[float, float, float, float] | None = None
+    axes: tuple[Segment, ...] = ()
+    wireframe: tuple[Segment, ...] = ()
+
+
+class Marker:
+    """Makes the marks of picture after picture.
+
+    Where a keypoint is follows every picture; whether the craft hides it is a question to the whole mesh
+    (50 ms), so it is asked again only when the view has changed by two degrees, or when an exact answer is
+    wanted.
+
+    Parameters
+    ----------
+    target : the model.
+    """
+
+    def __init__(self, target: Target) -> None:
+        self._target = target
+        self._mesh = Mesh.of(target)
+        self._points_m = np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
+        self._asked: SceneState | None = None
+        self._seen: tuple[Seen, ...] = ()
+
+    def marks(self, scene: SceneState, overlays: Overlays, *, exact: bool = False) -> Marks:
+        """The marks of a picture.
+
+        Parameters
+        ----------
+        scene : that was drawn. overlays : what is asked for.
+        exact : whether visibility must be of this very moment.
+        """
+        return Marks(
+            keypoints=self._keypoints(scene, exact=exact) if overlays.keypoints else (),
+            box=amodal_box(scene, self._target) if overlays.box else None,
+            axes=_axes(scene) if overlays.axes else (),
+            wireframe=_wireframe(scene, self._target) if overlays.wireframe else (),
+        )
+
+    def _keypoints(self, scene: SceneState, *, exact: bool) -> tuple[tuple[Pixel, Seen, str], ...]:
+        in_camera = scene.camera_from_target.apply(self._points_m)
+        pixels = scene.camera.project(in_camera)
+        shown = (in_camera[:, 2] > NEAR_M) & scene.camera.contains(pixels)
+        if self._asked is None or (scene != self._asked if exact else _view_changed(scene, self._asked)):
+            self._asked, self._seen = scene, self._ask(scene, in_camera[:, 2] > NEAR_M)
+        return tuple(
+            (_pixel(pixels[k]), self._seen[k], self._target.keypoints[k].name) for k in np.flatnonzero(shown)
+        )
+
+    def _ask(self, scene: SceneState, front: BoolArray) -> tuple[Seen, ...]:
+        """Geometry alone: the labels' radiometric states need a noise-free signal, not at hand here."""
+        pose = scene.camera_from_target
+        occluded = np.ones(len(self._points_m), bool)
+        occluded[front] = occluded_from_camera(self._mesh, self._points_m[front], pose)
+        dark = np.ones(len(self._points_m), bool)
+        if scene.sun_visible_fraction >= ECLIPSED_BELOW:
+            to_sun = pose.R.T @ np.asarray(scene.sun_direction_camera)
+            dark = hidden_from_direction(self._mesh, self._points_m, to_sun)
+        return tuple(
+            "hidden" if hidden else "shadowed" if unlit else "visible"
+            for hidden, unlit in zip(occluded, dark, strict=True)
+        )
+
+
+def _view_changed(a: SceneState, b: SceneState) -> bool:
+    turned = rotation_angle_rad(a.q_camera_from_target_wxyz, b.q_camera_from_target_wxyz)
+    t_a, t_b = np.array(a.t_camera_from_target_m), np.array(b.t_camera_from_target_m)
+    moved = float(np.linalg.norm(t_a - t_b)) / max(float(np.linalg.norm(t_a)), 1e-3)
+    sun = float(np.linalg.norm(np.subtract(a.sun_direction_camera, b.sun_direction_camera)))
+    eclipsed = (a.sun_visible_fraction < ECLIPSED_BELOW) != (b.sun_visible_fraction < ECLIPSED_BELOW)
+    return eclipsed or max(turned, moved, sun) > CHANGED_RAD
+
+
+def _axes(scene: SceneState) -> tuple[Segment, ...]:
+    ends = scene.camera_from_target.apply(np.vstack([np.zeros(3), AXIS_M * np.eye(3)]))
+    if ends[:, 2].min() < NEAR_M:
+        return ()
+    pixels = scene.camera.project(ends)
+    return tuple((_pixel(pixels[0]), _pixel(pixels[k])) for k in (1, 2, 3))
+
+
+def _wireframe(scene: SceneState, target: Target) -> tuple[Segment, ...]:
+    pose = scene.camera_from_target
+    ends = np.array([(e.a_m, e.b_m) for e in target.wireframe], float).reshape(-1, 2, 3)
+    eye = pose.inverse().t_m
+    in_camera = pose.apply(ends)
+    pixels = scene.camera.project(in_camera)
+    segments = []
+    for k, edge in enumerate(target.wireframe):
+        if in_camera[k, :, 2].min() < NEAR_M:
+            continue
+        towards = np.asarray(eye) - ends[k].mean(axis=0)
+        if edge.normals and max(float(np.dot(n, towards)) for n in edge.normals) <= 0:
+            continue
+        segments.append((_pixel(pixels[k, 0]), _pixel(pixels[k, 1])))
+    return tuple(segments)
+
+
+def _pixel(p: FloatArray) -> Pixel:
+    return (float(p[0]), float(p[1]))

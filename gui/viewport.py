@@ -1,0 +1,284 @@
+"""The view: the newest picture, letterboxed, with marks, crosshair and figures drawn over it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gui import style
+from gui.truth_overlay import Marker, Marks, Pixel, Seen
+
+if TYPE_CHECKING:
+    from gui.feed import Feed, Picture
+    from gui.session import Session
+    from gui.view_settings import Options
+    from gui.window import Window
+    from simulator.targets.model import Target
+
+SEEN_COLORS: dict[Seen, style.Rgba] = {"visible": style.GOOD, "shadowed": style.WARN, "hidden": style.BAD}
+
+
+@dataclass(frozen=True)
+class Letterbox:
+    """Where a picture lies on the screen.
+
+    Parameters
+    ----------
+    x, y : screen position of the picture's top-left edge. scale : screen units per pixel of the picture.
+    """
+
+    x: float
+    y: float
+    width: float
+    height: float
+    scale: float
+
+    @staticmethod
+    def fit(image: tuple[int, int], place: tuple[float, float, float, float]) -> Letterbox:
+        """The largest centred rectangle of the image's aspect inside ``place`` (x, y, width, height)."""
+        x, y, width, height = place
+        scale = min(width / image[0], height / image[1])
+        w, h = image[0] * scale, image[1] * scale
+        return Letterbox(x + (width - w) / 2, y + (height - h) / 2, w, h, scale)
+
+    def at(self, pixel: Pixel) -> Pixel:
+        """Screen position of a point of the picture; pixel (0, 0) is the centre of the first one."""
+        return (self.x + (pixel[0] + 0.5) * self.scale, self.y + (pixel[1] + 0.5) * self.scale)
+
+
+class View:
+    """Draws the picture and what is laid over it; keeps the marks of the picture that is up."""
+
+    def __init__(self, window: Window, target: Target) -> None:
+        self._window = window
+        self._imgui = window.imgui
+        self._target = target
+        self._marker = Marker(target)
+        self._marks = Marks()
+        self._marks_of: tuple[object, ...] = ()
+
+    def draw(
+        self, place: tuple[float, float, float, float], session: Session, feed: Feed, options: Options
+    ) -> None:
+        """Draw into ``place`` (x, y, width, height on the screen)."""
+        imgui = self._imgui
+        draw = imgui.get_background_draw_list()
+        picture = feed.newest
+        if picture is None:
+            self._centred(draw, place, "starting the renderer ...")
+            return
+        image = picture.frame.image
+        box = Letterbox.fit((image.shape[1], image.shape[0]), place)
+        texture = self._window.show_picture(picture, image, picture.frame.scene.sensor.bits)
+        draw.add_image(
+            texture, imgui.ImVec2(box.x, box.y), imgui.ImVec2(box.x + box.width, box.y + box.height)
+        )
+        draw.push_clip_rect(
+            imgui.ImVec2(box.x, box.y), imgui.ImVec2(box.x + box.width, box.y + box.height), True
+        )
+        self._draw_marks(draw, box, picture, options, paused=session.paused)
+        if options.overlays.crosshair:
+            self._crosshair(draw, box, picture)
+        draw.pop_clip_rect()
+        if options.overlays.hud:
+            self._hud(draw, place, session, feed, picture)
+        if options.overlays.times:
+            self._times(draw, place, feed)
+
+    def _draw_marks(
+        self,
+        draw: Any,  # noqa: ANN401
+        box: Letterbox,
+        picture: Picture,
+        options: Options,
+        *,
+        paused: bool,
+    ) -> None:
+        on = options.overlays
+        key = (picture, paused, on.keypoints, on.box, on.axes, on.wireframe)
+        if key != self._marks_of:
+            self._marks_of = key
+            self._marks = self._marker.marks(picture.frame.scene, on, exact=paused)
+        marks, color, vec = self._marks, self._color, self._vec
+        for a, b in marks.wireframe:
+            draw.add_line(vec(box.at(a)), vec(box.at(b)), color((*style.ACCENT[:3], 0.75)), 1.2)
+        if marks.box is not None:
+            x0, y0, x1, y1 = marks.box
+            draw.add_rect(vec(box.at((x0, y0))), vec(box.at((x1, y1))), color((*style.WARN[:3], 0.9)))
+            self._text(
+                draw, (box.at((x0, y0))[0], box.at((x0, y0))[1] - self._line), self._target.name, style.WARN
+            )
+        for (a, b), axis, name in zip(marks.axes, style.AXIS_COLORS, "xyz", strict=False):
+            draw.add_line(vec(box.at(a)), vec(box.at(b)), color(axis), 2.2)
+            self._text(draw, (box.at(b)[0] + 4, box.at(b)[1] - self._line / 2), name, axis)
+        for pixel, seen, name in marks.keypoints:
+            p = vec(box.at(pixel))
+            c = color(SEEN_COLORS[seen])
+            if seen == "hidden":
+                draw.add_circle(p, 4.0, c, 12, 1.3)
+            else:
+                draw.add_circle_filled(p, 4.0, c, 12)
+                draw.add_circle(p, 4.6, color((0, 0, 0, 0.7)), 12, 1.2)
+            if on.names and seen != "hidden":
+                self._text(draw, (p.x + 7, p.y - self._line / 2), name, SEEN_COLORS[seen])
+
+    def _crosshair(self, draw: Any, box: Letterbox, picture: Picture) -> None:  # noqa: ANN401
+        camera = picture.frame.scene.camera
+        cx, cy = box.at((camera.cx_px, camera.cy_px))
+        c = self._color((*style.ACCENT[:3], 0.65))
+        gap, arm = 9.0, 26.0
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            draw.add_line(
+                self._vec((cx + gap * dx, cy + gap * dy)), self._vec((cx + arm * dx, cy + arm * dy)), c, 1.2
+            )
+        # a ring every five degrees of field angle, from the lens itself
+        for degrees in (5, 10, 15):
+            radius = np.tan(np.radians(degrees)) * camera.fx_px * box.scale
+            if radius < 0.7 * box.height:
+                draw.add_circle(self._vec((cx, cy)), radius, self._color((*style.ACCENT[:3], 0.16)), 72, 1.0)
+                self._text(
+                    draw, (cx + radius + 3, cy + 1), f"{degrees}°", (*style.ACCENT[:3], 0.4), shadow=False
+                )
+
+    def _hud(
+        self,
+        draw: Any,  # noqa: ANN401
+        place: tuple[float, float, float, float],
+        session: Session,
+        feed: Feed,
+        picture: Picture,
+    ) -> None:
+        imgui = self._imgui
+        x, y, width, height = place
+        r = picture.readout
+        imgui.push_font(self._window.figure_font, 0.0)
+        line = self._line
+        rate = float(np.linalg.norm(r.relative_rate_deg_s))
+        left = (
+            ("UTC", f"{r.epoch_utc.replace('T', ' ')[:23].rstrip('Z')}", style.INK),
+            ("T+", f"{_clock(r.t_s)}   x{session.rate:g}", style.WARN if session.paused else style.INK),
+        )
+        bottom = (
+            ("RANGE", f"{r.range_m:10.3f} m", style.ACCENT),
+            ("CLOSING", f"{r.closing_m_s:+10.4f} m/s", style.INK),
+            ("ACROSS", f"{r.lateral_m_s:10.4f} m/s", style.INK),
+            ("RATE", f"{rate:10.3f} deg/s", style.INK),
+        )
+        lit = style.GOOD if r.sun_visible_fraction > 0 else style.BAD
+        right = (
+            ("RADIAL", f"{r.position_lvlh_m[0]:+10.3f} m", style.INK),
+            ("ALONG", f"{r.position_lvlh_m[1]:+10.3f} m", style.INK),
+            ("CROSS", f"{r.position_lvlh_m[2]:+10.3f} m", style.INK),
+            ("PHASE", f"{r.phase_deg:10.1f} deg", style.INK),
+            ("SUN", f"{100 * r.sun_visible_fraction:10.0f} %", lit),
+        )
+        self._column(draw, (x + 16, y + 14), left)
+        self._column(draw, (x + 16, y + height - 14 - line * len(bottom)), bottom)
+        column = imgui.calc_text_size("CLOSING +99999.999 deg").x
+        self._column(draw, (x + width - 16 - column, y + height - 14 - line * len(right)), right)
+        badge, color = _badge(session)
+        image = picture.frame.image
+        speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
+        if not session.paused:
+            speed = f"{feed.frames_s:.1f} fps  {speed}"
+        widest = max(imgui.calc_text_size(badge).x, imgui.calc_text_size(speed).x)
+        self._plate(draw, (x + width - 16 - widest, y + 14), widest, 2)
+        self._text(draw, (x + width - 16 - imgui.calc_text_size(badge).x, y + 14), badge, color)
+        self._text(draw, (x + width - 16 - imgui.calc_text_size(speed).x, y + 14 + line), speed, style.QUIET)
+        hint = "F1 keys"
+        size = imgui.calc_text_size(hint).x
+        self._plate(draw, (x + (width - size) / 2, y + height - 14 - line), size, 1)
+        self._text(draw, (x + (width - size) / 2, y + height - 14 - line), hint, style.QUIET)
+        imgui.pop_font()
+
+    def _times(self, draw: Any, place: tuple[float, float, float, float], feed: Feed) -> None:  # noqa: ANN401
+        """Each pass's time with a bar as long as its share of the picture's."""
+        imgui = self._imgui
+        imgui.push_font(self._window.figure_font, 0.0)
+        rows = shown_passes(feed.pass_ms)
+        total = sum(ms for _, ms in rows)
+        rows = (*rows, ("picture", total)) if rows else (("timing the passes ...", 0.0),)
+        step, number = (imgui.calc_text_size(t).x for t in ("target geometry  ", "9999.9 ms "))
+        bar = 7.0 * self._line
+        x, y = place[0] + 16, place[1] + 14 + 3 * self._line
+        self._plate(draw, (x, y), step + number + bar, len(rows))
+        for k, (name, ms) in enumerate(rows):
+            at = y + k * self._line
+            self._text(draw, (x, at), name, style.QUIET)
+            if total <= 0:
+                continue
+            self._text(draw, (x + step, at), f"{ms:6.1f} ms", style.INK)
+            left, top = x + step + number, at + 0.25 * self._line
+            color = style.WARN if name == "picture" else style.ACCENT
+            draw.add_rect_filled(
+                self._vec((left, top)),
+                self._vec((left + max(bar * ms / total, 1.0), top + 0.45 * self._line)),
+                self._color((*color[:3], 0.85)),
+            )
+        imgui.pop_font()
+
+    def _column(self, draw: Any, at: Pixel, rows: tuple[tuple[str, str, style.Rgba], ...]) -> None:  # noqa: ANN401
+        x, y = at
+        step = self._imgui.calc_text_size("CLOSING ").x
+        self._plate(
+            draw, at, step + max(self._imgui.calc_text_size(value).x for _, value, _ in rows), len(rows)
+        )
+        for k, (name, value, color) in enumerate(rows):
+            self._text(draw, (x, y + k * self._line), name, style.QUIET)
+            self._text(draw, (x + step, y + k * self._line), value, color)
+
+    def _plate(self, draw: Any, at: Pixel, width: float, lines: int) -> None:  # noqa: ANN401
+        """A dark ground under figures, which must be read over a sunlit cloud deck too."""
+        corner = (at[0] + width + 8, at[1] + lines * self._line + 3)
+        draw.add_rect_filled(
+            self._vec((at[0] - 8, at[1] - 6)), self._vec(corner), self._color((*style.GROUND[:3], 0.62)), 4.0
+        )
+
+    @property
+    def _line(self) -> float:
+        return float(self._imgui.get_text_line_height_with_spacing())
+
+    def _text(self, draw: Any, at: Pixel, text: str, color: style.Rgba, *, shadow: bool = True) -> None:  # noqa: ANN401
+        if shadow:
+            draw.add_text(self._vec((at[0] + 1, at[1] + 1)), self._color((0.0, 0.0, 0.0, 0.85)), text)
+        draw.add_text(self._vec(at), self._color(color), text)
+
+    def _centred(self, draw: Any, place: tuple[float, float, float, float], text: str) -> None:  # noqa: ANN401
+        size = self._imgui.calc_text_size(text)
+        at = (place[0] + (place[2] - size.x) / 2, place[1] + (place[3] - size.y) / 2)
+        self._text(draw, at, text, style.QUIET)
+
+    def _vec(self, p: Pixel) -> Any:  # noqa: ANN401
+        return self._imgui.ImVec2(p[0], p[1])
+
+    def _color(self, rgba: style.Rgba) -> int:
+        return int(self._imgui.color_convert_float4_to_u32(self._imgui.ImVec4(*rgba)))
+
+
+def shown_passes(stage_ms: dict[str, float]) -> tuple[tuple[str, float], ...]:
+    """Names for people and times [ms] of the passes that took any, in the order they run; without the sums."""
+    passes = [(name.removeprefix("render."), ms) for name, ms in stage_ms.items() if "." in name]
+    if not passes:
+        return ()
+    rest = stage_ms.get("render", 0.0) - sum(ms for _, ms in passes)
+    rows = [*passes, ("other", rest), ("sensor", stage_ms.get("sensor", 0.0))]
+    return tuple((name.replace(".", " "), ms) for name, ms in rows if ms >= 0.05)
+
+
+def _clock(t_s: float) -> str:
+    minutes, seconds = divmod(t_s, 60.0)
+    hours, minutes = divmod(int(minutes), 60)
+    return f"{hours:02d}:{minutes:02d}:{seconds:04.1f}"
+
+
+def _badge(session: Session) -> tuple[str, style.Rgba]:
+    if session.mode == "guidance":
+        badge, color = "GUIDANCE", style.ACCENT
+    else:
+        attitude = "TRACK" if session.tracking else "RATE"
+        badge, color = f"STEER / {attitude}{' / BRAKE' if session.braking else ''}", style.WARN
+        if session.guarded:
+            badge, color = f"{badge} / KEEP OUT", style.BAD
+    return (f"PAUSED  {badge}" if session.paused else badge), color

@@ -1,0 +1,1 @@
+"""Times the link and the estimator; `flyaround bench` composes these with the simulator's own bench."""

@@ -1,0 +1,91 @@
+"""What the link costs: frames of noise to a board on this machine that answers at once."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from hil.board.agent import run_board
+from hil.host.link_process.ipc import LinkConfig
+from hil.host.run import HostFrame, RunConfig, run_host
+from simulator.bench.parts import PartCost, cost
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.host.link_process.ipc import Compression
+
+SIZES_PX = ((1024, 1024), (1920, 1200))
+
+
+class _Answer:
+    """An estimator that takes no time, and its own result."""
+
+    accepted = True
+    reason = ""
+    q_camera_from_target_wxyz = (1.0, 0.0, 0.0, 0.0)
+    t_camera_from_target_m = (0.0, 0.0, 10.0)
+    confidence = 1.0
+
+    def __init__(self, _camera: dict[str, Any]) -> None:
+        self.stages_ms: dict[str, float] = {}
+
+    def estimate(self, _image: object) -> Self:
+        return self
+
+
+def _frames(width_px: int, height_px: int, n_frames: int) -> Iterator[HostFrame]:
+    # noise is the worst case of a compressor and what a real sensor sends
+    image = np.random.default_rng(1).normal(60, 8, (height_px, width_px)).clip(0, 255).astype(np.uint8)
+    for k in range(n_frames):
+        yield HostFrame(
+            frame_id=k,
+            epoch_utc="2026-01-01T00:00:00Z",
+            t_s=0.1 * k,
+            exposure_s=0.01,
+            image=image,
+            camera={"width_px": width_px, "height_px": height_px},
+            truth={},
+            render_ms=0.0,
+        )
+
+
+def link_latency_ms(
+    width_px: int, height_px: int, *, n_frames: int, compression: Compression = "raw"
+) -> list[float]:
+    """End-to-end latency of each frame over loopback TCP, lockstep, with an instant estimator [ms]."""
+    boards: list[threading.Thread] = []
+
+    def start_board(url: str, _truth_url: str | None) -> None:
+        boards.append(
+            threading.Thread(target=run_board, args=(url,), kwargs={"make_estimator": _Answer}, daemon=True)
+        )
+        boards[0].start()
+
+    laps_ms: list[float] = []
+    link = LinkConfig(
+        url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=10.0, compression=compression
+    )
+    run_host(
+        _frames(width_px, height_px, n_frames),
+        RunConfig(link=link),
+        on_listening=start_board,
+        on_row=lambda row: laps_ms.append(row.e2e_ms or 0.0),
+    )
+    boards[0].join(5.0)
+    return laps_ms
+
+
+def bench_link(n_frames: int = 60) -> tuple[PartCost, ...]:
+    """Frame out to pose in, by image size and compression; the first frames warm up and are left out."""
+    compressions: tuple[Compression, ...] = ("raw", "zstd")
+    return tuple(
+        cost(
+            f"link tcp {width}x{height} {compression}",
+            link_latency_ms(width, height, n_frames=n_frames + 5, compression=compression)[5:],
+        )
+        for width, height in SIZES_PX
+        for compression in compressions
+    )

@@ -1,0 +1,186 @@
+"""The demo: fly, capture, check, close the loop with a board process, and make a page of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from hil.demo.page import DemoResults, write_page
+from hil.host.ledger.report import write_report
+from hil.host.link_process.ipc import LinkConfig
+from hil.host.run import HostFrame, RunConfig, run_host
+from hil.host.stream import stream_frames
+from hil.host.truth.logger import TruthLogger
+from simulator.dataset.capture import capture
+from simulator.dataset.check.verify import check_dataset
+from simulator.errors import UserError
+from simulator.loop import plan_flight
+from simulator.runtime.files import empty_folder, write_json
+from simulator.scenario.load import load_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from contextlib import AbstractContextManager
+
+    from hil.host.ledger.frames_csv import LedgerRow
+    from hil.host.ledger.summary import LedgerSummary
+    from simulator.loop import Plan
+
+    ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
+
+SCENARIO = "tango-flyaround"
+N_IMAGES = 20
+N_LOOP_FRAMES = 30
+MARK = "demo.json"
+BOARD_EXIT_S = 20.0
+
+
+def run_demo(
+    folder: Path,
+    *,
+    board_command: Sequence[str],
+    overwrite: bool,
+    say: Callable[[str], None],
+    progress_bar: ProgressBar,
+) -> Path:
+    """Run the whole chain into a folder; returns the page.
+
+    Parameters
+    ----------
+    board_command : starts a board; URL and target are appended.
+    overwrite : replace the folder if it holds an earlier demo, and nothing but one.
+    say : takes a line for the person who waits.
+    progress_bar : opens a bar of that name; yields ``update(done, total)``.
+
+    Raises
+    ------
+    UserError
+        If the folder is in use, or labels or the ledger do not add up.
+    """
+    started = time.monotonic()
+    if overwrite and (folder / MARK).is_file():
+        shutil.rmtree(folder)
+    empty_folder(folder, advice="replace an earlier demo with --overwrite")
+    write_json(folder / MARK, {"scenario": SCENARIO, "complete": False})
+    scenario = load_scenario(SCENARIO)
+    plan = plan_flight(scenario, n=N_IMAGES)
+    say(f"{scenario.title}: {scenario.duration_s:.0f} s of simulated time")
+    with progress_bar("capture 20 images") as progress:
+        captured = capture(plan, folder / "dataset", formats=("native", "speed"), progress=progress)
+    with progress_bar("check every label") as progress:
+        checked = check_dataset(folder / "dataset", progress)
+    if checked.faults or captured.quarantined:
+        first = checked.faults[0].what if checked.faults else captured.quarantined[0][1]
+        raise UserError(
+            f"the demo's labels in {folder / 'dataset'} disagree: {first}; run flyaround check there"
+        )
+
+    loop = _run_loop(plan_flight(scenario, n=N_LOOP_FRAMES), folder / "hil", board_command, progress_bar)
+    write_report(folder / "hil")
+    page = write_page(
+        DemoResults(
+            folder=folder,
+            plan=plan,
+            captured=captured,
+            checked=checked,
+            summary=loop.summary,
+            rows=loop.rows,
+            loop_frames=loop.frames,
+            truth_records=loop.truth_records,
+            run_s=time.monotonic() - started,
+        )
+    )
+    write_json(
+        folder / MARK,
+        {
+            "scenario": SCENARIO,
+            "complete": True,
+            "run_s": round(time.monotonic() - started, 1),
+            "images": checked.n_frames,
+            "labels": checked.n_labels,
+            "truth_records": loop.truth_records,
+            "ledger": json.loads(msgspec.json.encode(loop.summary)),
+        },
+    )
+    return page
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """What the loop with the board gave."""
+
+    summary: LedgerSummary
+    rows: tuple[LedgerRow, ...]
+    frames: dict[int, HostFrame]
+    truth_records: int
+
+
+def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_bar: ProgressBar) -> Loop:
+    """Thirty frames to a board in its own process, truth to a logger on its own endpoint."""
+    folder.mkdir()
+    port = _free_port_pair()
+    url, truth_url = f"tcp://127.0.0.1:{port}", f"tcp://127.0.0.1:{port + 1}"
+    rows: list[LedgerRow] = []
+    frames: dict[int, HostFrame] = {}
+    command = [*board_command, url, "--target", plan.target.name]
+    config = RunConfig(
+        link=LinkConfig(url=url, truth_url=truth_url, mode="lockstep", truth="separate", timeout_s=60.0),
+        log_dir=folder,
+        target_name=plan.target.name,
+        target_sha256=plan.target.sha256,
+    )
+    log_path = folder / "board.log"
+    with log_path.open("wb") as log, progress_bar("30 frames to the board") as progress:
+        # one thread, as on a board: BLAS threads on its small matrices only fight the renderer
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+        board = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=environment)
+        logger = TruthLogger(truth_url, folder / "truth.jsonl")
+        logger.start()
+
+        def remembered() -> Iterator[HostFrame]:
+            for frame in stream_frames(plan):
+                frames[frame.frame_id] = frame
+                yield frame
+
+        def on_row(row: LedgerRow) -> None:
+            rows.append(row)
+            progress(len(rows), plan.n_frames)
+
+        try:
+            summary = run_host(remembered(), config, on_row=on_row)
+            board.wait(timeout=BOARD_EXIT_S)
+        finally:
+            board.kill()
+            board.wait()
+            received = logger.stop()
+    if len(rows) != plan.n_frames:
+        raise UserError(
+            f"the ledger in {folder} has {len(rows)} rows for {plan.n_frames} frames; see {log_path}"
+        )
+    return Loop(summary, tuple(rows), frames, received)
+
+
+def _free_port_pair() -> int:
+    """A port that is free now together with the one above it (truth's endpoint)."""
+    for _ in range(50):
+        with socket.socket() as a:
+            a.bind(("127.0.0.1", 0))
+            port = int(a.getsockname()[1])
+            if port >= 65535:
+                continue
+            with socket.socket() as b:
+                try:
+                    b.bind(("127.0.0.1", port + 1))
+                except OSError:
+                    continue
+                return port
+    raise UserError("no two neighbouring TCP ports are free on 127.0.0.1; close some programs and try again")

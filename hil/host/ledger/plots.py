@@ -1,0 +1,234 @@
+"""The plots of a ledger: latency, jitter, outcomes, stages, pose errors."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from hil.host.ledger.frames_csv import ACCEPTED, DECLINED
+from simulator.reports.plots import DIM, INK, figure_with_axes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+
+    from hil.host.ledger.frames_csv import LedgerRow
+
+HEIGHT = 3.6  # inches
+BLUE, GREEN, RED, ORANGE = "#2f6fb0", "#2f9e62", "#c8453b", "#e08a1e"
+STAGES = (
+    "#274c77",
+    "#3f78a8",
+    "#5fa8d3",
+    "#8fcbe8",
+    "#8ab17d",
+    "#b5c99a",
+    "#e9c46a",
+    "#f4a261",
+    "#e76f51",
+    "#9d4edd",
+)
+
+
+WRONG = "accepted, wrong"
+
+# the kinds of answers in the order of legends, each with its marker
+MARKERS = {ACCEPTED: "o", WRONG: "X", DECLINED: "x"}
+
+
+def outcome_colour(outcome: str) -> str:
+    """Green accepted, orange declined, red what is accepted and wrong or dropped: the same on every plot."""
+    return {ACCEPTED: GREEN, DECLINED: ORANGE}.get(outcome, RED)
+
+
+def kind_of(row: LedgerRow) -> str:
+    """The row's outcome; an accepted pose that the truth contradicts is a kind of its own."""
+    return WRONG if row.outcome == ACCEPTED and row.wrong else row.outcome
+
+
+def _title(ax: Axes, text: str) -> None:
+    ax.set_title(text, loc="left", fontsize=11, color=INK, fontweight="bold")
+
+
+def plot_latency(rows: Sequence[LedgerRow], deadline_ms: float | None) -> Figure | None:
+    """Histogram and cumulative share of the end-to-end latency."""
+    e2e = np.sort([row.e2e_ms for row in rows if row.e2e_ms is not None])
+    if not len(e2e):
+        return None
+    figure, (left, right) = figure_with_axes(1, 2, HEIGHT)
+    # bins over the bulk; the few beyond it are named, not squeezed into the last bin unseen
+    top = float(np.percentile(e2e, 99.5)) if len(e2e) > 40 else float(e2e[-1])
+    beyond = int(np.sum(e2e > top))
+    left.hist(e2e[e2e <= top], bins=min(40, max(8, len(e2e) // 4)), color=BLUE, edgecolor="white", lw=0.4)
+    left.set(xlabel="end-to-end [ms]", ylabel="frames")
+    left.yaxis.set_major_locator(MaxNLocator(integer=True))
+    _title(left, "Latency" + (f" ({beyond} beyond, up to {e2e[-1]:.3g} ms)" if beyond else ""))
+    right.step(e2e, np.arange(1, len(e2e) + 1) / len(e2e), where="post", color=BLUE, lw=2)
+    right.set(xlabel="end-to-end [ms]", ylabel="share of answered frames", ylim=(0, 1.02))
+    if e2e[-1] > 20 * e2e[0]:
+        right.set_xscale("log")
+    for q, colour in ((50, GREEN), (90, ORANGE), (99, RED)):
+        value = float(np.percentile(e2e, q))
+        right.axvline(value, color=colour, ls="--", lw=1.2, label=f"p{q}  {value:.4g} ms")
+    if deadline_ms is not None:
+        right.axvline(deadline_ms, color=INK, lw=1.2, label=f"deadline  {deadline_ms:.3g} ms")
+    right.legend(fontsize=9, loc="lower right", frameon=False)
+    _title(right, "Cumulative")
+    return figure
+
+
+def plot_timeline(rows: Sequence[LedgerRow], deadline_ms: float | None) -> Figure | None:
+    """Latency frame by frame, with drops marked where they happened."""
+    answered = [row for row in rows if row.e2e_ms is not None]
+    dropped = [row for row in rows if row.e2e_ms is None]
+    if not rows:
+        return None
+    figure, (ax,) = figure_with_axes(1, 1, 3.2)
+    for kind in MARKERS:
+        chosen = [row for row in answered if kind_of(row) == kind]
+        if chosen:
+            ax.plot(
+                [row.frame_id for row in chosen],
+                [row.e2e_ms or 0.0 for row in chosen],
+                "o",
+                ms=3.5,
+                color=outcome_colour(kind),
+                label=kind,
+            )
+    for k, row in enumerate(dropped):
+        ax.axvline(row.frame_id, color=RED, lw=1, alpha=0.5, label="dropped" if k == 0 else None)
+    if deadline_ms is not None:
+        ax.axhline(deadline_ms, color=INK, lw=1.2, ls="--", label=f"deadline {deadline_ms:.3g} ms")
+    ax.set(xlabel="frame", ylabel="end-to-end [ms]")
+    ax.set_ylim(bottom=0)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.legend(fontsize=9, frameon=False, ncols=4, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.1)
+    _title(ax, "Timeline")
+    return figure
+
+
+def plot_jitter(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+    """How unevenly answers come: change of latency from frame to frame, and lateness of sending."""
+    e2e = np.array([row.e2e_ms for row in rows if row.e2e_ms is not None])
+    lag = np.array([row.send_lag_ms for row in rows if row.send_lag_ms is not None])
+    if len(e2e) < 2:
+        return None
+    figure, axes = figure_with_axes(1, 2 if len(lag) else 1, 3.2)
+    change = np.diff(e2e)
+    span = max(float(np.percentile(np.abs(change), 99)), 1e-3)
+    axes[0].hist(change.clip(-span, span), bins=41, color=BLUE, edgecolor="white", lw=0.4)
+    axes[0].set(xlabel="change of latency from one answer to the next [ms]", ylabel="answers")
+    axes[0].yaxis.set_major_locator(MaxNLocator(integer=True))
+    _title(axes[0], f"Jitter: rms {np.sqrt(np.mean(change**2)):.3g} ms")
+    if len(lag):
+        axes[1].plot(np.sort(lag), np.arange(1, len(lag) + 1) / len(lag), color=BLUE, lw=2)
+        axes[1].set(xlabel="sent later than due [ms]", ylabel="share of sent frames", ylim=(0, 1.02))
+        axes[1].set_xscale("symlog", linthresh=0.01)
+        axes[1].set_xlim(left=0)
+        _title(axes[1], f"Pacing: p50 {np.percentile(lag, 50):.3g}, p99 {np.percentile(lag, 99):.3g} ms")
+    return figure
+
+
+def plot_outcomes(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+    """Frames by outcome and cause."""
+    if not rows:
+        return None
+    counts = Counter(kind_of(row) for row in rows)
+    names = sorted(counts, key=lambda name: (name not in MARKERS, name))
+    figure, (ax,) = figure_with_axes(1, 1, 0.9 + 0.42 * len(names))
+    values = [counts[name] for name in names]
+    ax.barh(names, values, color=[outcome_colour(name) for name in names], height=0.62)
+    for k, value in enumerate(values):
+        ax.text(value, k, f"  {value}  ({value / len(rows):.1%})", va="center", fontsize=9, color=INK)
+    ax.invert_yaxis()
+    ax.set_xlim(0, 1.15 * max(values))
+    ax.set_xlabel("frames")
+    ax.grid(visible=False, axis="y")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    _title(ax, "Outcomes")
+    return figure
+
+
+def plot_stages(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+    """Where the time of an answered frame goes: link out, waiting, each board stage, link back."""
+    answered = [row for row in rows if row.e2e_ms is not None]
+    names = list(dict.fromkeys(name for row in answered for name in row.stages_ms))
+    parts: list[tuple[str, list[float]]] = [
+        ("link out", [max(0.0, row.uplink_ms) for row in answered if row.uplink_ms is not None]),
+        ("board waits", [row.board_wait_ms for row in answered if row.board_wait_ms is not None]),
+        *((name, [row.stages_ms.get(name, 0.0) for row in answered]) for name in names),
+        ("link back", [max(0.0, row.downlink_ms) for row in answered if row.downlink_ms is not None]),
+    ]
+    parts = [(name, values) for name, values in parts if values]
+    if not parts:
+        return None
+    figure, (ax,) = figure_with_axes(1, 1, 1.0 + 0.34 * len(parts))
+    for k, (name, values) in enumerate(parts):
+        p50, p99 = np.percentile(values, [50, 99])
+        colour = DIM if name in ("link out", "board waits", "link back") else STAGES[k % len(STAGES)]
+        ax.barh(k, p50, color=colour, height=0.62)
+        ax.plot([p50, p99], [k, k], color=INK, lw=1)
+        ax.plot(p99, k, "|", color=INK, ms=9)
+        ax.text(p99, k, f"  {p50:.3g} / {p99:.3g}", va="center", fontsize=9, color=INK)
+    ax.set_yticks(range(len(parts)), [name for name, _ in parts])
+    ax.invert_yaxis()
+    ax.grid(visible=False, axis="y")
+    ax.set_xlim(0, 1.18 * max(float(np.percentile(values, 99)) for _, values in parts))
+    ax.set_xlabel("p50 (bar) and p99 (tick) [ms]")
+    _title(ax, "Where the time goes")
+    return figure
+
+
+def plot_errors(rows: Sequence[LedgerRow], _deadline_ms: float | None) -> Figure | None:
+    """Pose errors over simulated time: accepted, accepted though wrong, and declined apart."""
+    known = [row for row in rows if row.E_T_m is not None and row.E_R_deg is not None]
+    if not known:
+        return None
+    figure, axes = figure_with_axes(1, 2, HEIGHT)
+    for ax, name, unit in ((axes[0], "E_T_m", "m"), (axes[1], "E_R_deg", "deg")):
+        floor = 1e-4 if name == "E_T_m" else 1e-3
+        for kind, marker in MARKERS.items():
+            chosen = [row for row in known if kind_of(row) == kind]
+            if chosen:
+                ax.semilogy(
+                    [row.t_s for row in chosen],
+                    [max(getattr(row, name), floor) for row in chosen],
+                    marker,
+                    ms=4.5,
+                    color=outcome_colour(kind),
+                    label=f"{kind} ({len(chosen)})",
+                )
+        ax.set(xlabel="simulated time [s]", ylabel=f"{name[:3]} [{unit}]")
+        accepted = [getattr(row, name) for row in known if row.outcome == ACCEPTED]
+        _title(
+            ax, f"Median of accepted: {np.median(accepted):.3g} {unit}" if accepted else "No pose accepted"
+        )
+        ax.legend(fontsize=9, frameon=False)
+    return figure
+
+
+PLOTS: dict[str, Callable[[Sequence[LedgerRow], float | None], Figure | None]] = {
+    "latency": plot_latency,
+    "timeline": plot_timeline,
+    "jitter": plot_jitter,
+    "outcomes": plot_outcomes,
+    "stages": plot_stages,
+    "errors": plot_errors,
+}
+
+
+def draw_plots(rows: Sequence[LedgerRow], deadline_ms: float | None, folder: Path) -> list[str]:
+    """Draw what the rows have data for; returns the names, in the order of the report."""
+    drawn = []
+    for name, plot in PLOTS.items():
+        figure = plot(rows, deadline_ms)
+        if figure is not None:
+            figure.savefig(folder / f"{name}.png", dpi=130)
+            drawn.append(name)
+    return drawn

@@ -1,0 +1,221 @@
+"""The ledger's summary: counts that add up, latency percentiles, pose errors; summary.json."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections import Counter
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+
+from hil.host.ledger.frames_csv import ACCEPTED, DECLINED, DROPPED
+from hil.link.packets.packet import PROTOCOL_VERSION
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.host.ledger.frames_csv import LedgerRow
+
+SUMMARY_JSON = "summary.json"
+RUN_JSON = "run.json"
+Count = Annotated[int, msgspec.Meta(ge=0)]
+
+
+class StageTimes(msgspec.Struct, frozen=True, kw_only=True):
+    """One stage of the board's estimator over the answered frames."""
+
+    name: str
+    p50_ms: float
+    p99_ms: float
+    max_ms: float
+
+
+class Board(msgspec.Struct, frozen=True, kw_only=True):
+    """The board that answered last."""
+
+    name: str
+    model: str
+    method: str
+    encoding: str
+    window: int
+
+
+class Machine(msgspec.Struct, frozen=True, kw_only=True):
+    """The host's machine."""
+
+    system: str
+    processor: str
+    cpus: int
+    python: str
+
+
+class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
+    """The link's own counts; ``protocol_mistakes`` are intact packets that the protocol does not allow."""
+
+    packets_sent: Count = 0
+    packets_received: Count = 0
+    packets_corrupt: Count = 0
+    protocol_mistakes: Count = 0
+    sequence_gaps: Count = 0
+    sessions: Count = 0
+    late_poses: Count = 0
+    clock_round_trip_ms: float | None = None
+
+
+class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
+    """What a run was told, written when its ledger begins: all that is known of one that was killed."""
+
+    schema: Literal["flyaround.run"] = "flyaround.run"
+    version: Literal[1] = 1
+    started_utc: str
+    mode: Literal["lockstep", "realtime"]
+    truth: Literal["off", "separate", "inline"]
+    url: str
+    timeout_s: float
+    deadline_ms: float | None = None
+
+
+class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """What a run came to; ``sent = accepted + declined + dropped_total`` always holds.
+
+    Percentiles are over answered frames, medians of errors over accepted ones. A deadline miss is an
+    answered frame with ``e2e_ms > deadline_ms``; drops are counted apart. ``accepted_wrong`` of the
+    ``accepted_known`` accepted poses whose truth is known are beyond 5 deg or 5 % of the range.
+    ``killed`` and an ``unknown`` truth stand in no file: a report of a run without a summary says them.
+    """
+
+    schema: Literal["flyaround.ledger_summary"] = "flyaround.ledger_summary"
+    version: Literal[1] = 1
+    protocol_version: int = PROTOCOL_VERSION
+    started_utc: str
+    ended: Literal["completed", "board_lost", "no_board", "interrupted", "failed", "killed"]
+    board_gone: str = ""
+    mode: Literal["lockstep", "realtime"]
+    truth: Literal["off", "separate", "inline", "unknown"]
+    url: str
+    timeout_s: float
+    sent: Count
+    accepted: Count
+    declined: Count
+    dropped: dict[str, Count]
+    dropped_total: Count
+    accepted_known: Count | None = None
+    accepted_wrong: Count | None = None
+    e2e_ms_p50: float | None = None
+    e2e_ms_p90: float | None = None
+    e2e_ms_p99: float | None = None
+    e2e_ms_max: float | None = None
+    send_lag_ms_p50: float | None = None
+    send_lag_ms_p99: float | None = None
+    board_total_ms_p50: float | None = None
+    board_total_ms_p99: float | None = None
+    render_ms_p50: float | None = None
+    stages: list[StageTimes] = []
+    deadline_ms: float | None = None
+    deadline_misses: Count | None = None
+    median_E_T_m: float | None = None
+    median_E_R_deg: float | None = None
+    board: Board | None = None
+    link: LinkTotals = LinkTotals()
+    machine: Machine
+
+
+def this_machine() -> Machine:
+    """What the figures were measured on."""
+    return Machine(
+        system=f"{platform.system()} {platform.release()} {platform.machine()}",
+        processor=_processor(),
+        cpus=os.cpu_count() or 1,
+        python=platform.python_version(),
+    )
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:  # noqa: PTH123 - not a project file
+            for line in file:
+                if line.startswith("model name"):
+                    return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or "unknown"
+
+
+def percentile(values: Sequence[float], q: float) -> float | None:
+    """Percentile ``q`` by linear interpolation, None of nothing."""
+    return float(np.percentile(np.asarray(values), q)) if len(values) else None
+
+
+def stage_times(rows: Sequence[LedgerRow]) -> list[StageTimes]:
+    """Distribution of each board stage, in the order in which stages first appear."""
+    by_stage: dict[str, list[float]] = {}
+    for row in rows:
+        for name, ms in row.stages_ms.items():
+            by_stage.setdefault(name, []).append(ms)
+    return [
+        StageTimes(
+            name=name,
+            p50_ms=float(np.percentile(ms, 50)),
+            p99_ms=float(np.percentile(ms, 99)),
+            max_ms=max(ms),
+        )
+        for name, ms in by_stage.items()
+    ]
+
+
+def summarise(rows: Sequence[LedgerRow], **run: Any) -> LedgerSummary:  # noqa: ANN401 - fields of the summary
+    """The summary of a run's rows.
+
+    Parameters
+    ----------
+    run : the fields of ``LedgerSummary`` that rows do not tell: started_utc, ended, mode, truth, url, ...
+
+    Raises
+    ------
+    AssertionError
+        If the counts do not add up: a frame was lost from the books.
+    """
+    outcomes = Counter(row.outcome for row in rows)
+    dropped = {
+        name.removeprefix(DROPPED): n for name, n in sorted(outcomes.items()) if name.startswith(DROPPED)
+    }
+    dropped_total = sum(dropped.values())
+    if len(rows) != outcomes[ACCEPTED] + outcomes[DECLINED] + dropped_total:
+        raise AssertionError(f"the ledger does not add up: {dict(outcomes)} of {len(rows)} frames")
+    e2e = [row.e2e_ms for row in rows if row.e2e_ms is not None]
+    lag = [row.send_lag_ms for row in rows if row.send_lag_ms is not None]
+    board = [row.board_total_ms for row in rows if row.board_total_ms is not None]
+    render = [row.render_ms for row in rows if row.render_ms is not None]
+    accepted = [row for row in rows if row.outcome == ACCEPTED]
+    deadline_ms = run.get("deadline_ms")
+    return LedgerSummary(
+        sent=len(rows),
+        accepted=outcomes[ACCEPTED],
+        declined=outcomes[DECLINED],
+        dropped=dropped,
+        dropped_total=dropped_total,
+        accepted_known=sum(row.wrong is not None for row in accepted),
+        accepted_wrong=sum(row.wrong is True for row in accepted),
+        e2e_ms_p50=percentile(e2e, 50),
+        e2e_ms_p90=percentile(e2e, 90),
+        e2e_ms_p99=percentile(e2e, 99),
+        e2e_ms_max=percentile(e2e, 100),
+        send_lag_ms_p50=percentile(lag, 50),
+        send_lag_ms_p99=percentile(lag, 99),
+        board_total_ms_p50=percentile(board, 50),
+        board_total_ms_p99=percentile(board, 99),
+        render_ms_p50=percentile(render, 50),
+        stages=stage_times(rows),
+        deadline_misses=None if deadline_ms is None else sum(ms > deadline_ms for ms in e2e),
+        median_E_T_m=percentile([r.E_T_m for r in accepted if r.E_T_m is not None], 50),
+        median_E_R_deg=percentile([r.E_R_deg for r in accepted if r.E_R_deg is not None], 50),
+        machine=this_machine(),
+        **run,
+    )
+
+
+def summary_schema() -> dict[str, Any]:
+    """JSON Schema of summary.json."""
+    return msgspec.json.schema(LedgerSummary)

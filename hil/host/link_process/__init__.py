@@ -1,0 +1,1 @@
+"""The link in a process of its own: sockets, timestamps, what became of each frame. The renderer never runs here."""

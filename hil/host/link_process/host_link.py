@@ -1,0 +1,247 @@
+"""The run's handle on the link process: hand over frames, get back what became of them."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections import deque
+from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from hil.host.link_process.ipc import (
+    BoardDown,
+    BoardGreeted,
+    BoardUp,
+    Close,
+    Closed,
+    Failed,
+    FrameJob,
+    FrameResult,
+    FrameSlots,
+    LinkConfig,
+    LinkCounts,
+    Listening,
+    SlotFree,
+    Terms,
+)
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+    from hil.link.packets.messages import HelloAck
+
+logger = logging.getLogger(__name__)
+
+START_TIMEOUT_S = 60.0
+CLOSE_TIMEOUT_S = 15.0
+# for the last word of a link process that is told to end, or of one whose run is broken off
+QUICK_TIMEOUT_S = 2.0
+# a board that said HELLO has this long to make its estimator; the link process waits no longer either
+READY_TIMEOUT_S = 65.0
+
+ENDED = "the link process ended unexpectedly: what was logged so far is intact; run again with -v"
+
+
+class HostLink:
+    """Starts the link process and talks to it; a context manager.
+
+    Raises
+    ------
+    UserError
+        If a port is in use or the URL is bad.
+    """
+
+    def __init__(self, config: LinkConfig) -> None:
+        ours, theirs = socket.socketpair()
+        self._fd = FrameSlots.open_file()
+        # -P: no folder named hil in the working directory is taken for ours
+        command = [
+            sys.executable,
+            "-P",
+            "-m",
+            "hil.host.link_process.process",
+            str(theirs.fileno()),
+            str(self._fd),
+        ]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+        self._process = subprocess.Popen(command, pass_fds=(theirs.fileno(), self._fd), env=environment)
+        theirs.close()
+        self._pipe = Connection(ours.detach())
+        self._slots: FrameSlots | None = None
+        self._free: list[int] = []
+        self._results: deque[FrameResult] = deque()
+        self._listening: Listening | None = None
+        self.board: BoardUp | None = None
+        self.last_board: BoardUp | None = None
+        self.down_reason = ""
+        self.down_since_s = time.monotonic()
+        self._greeted_s: float | None = None
+        self.counts = LinkCounts()
+        self.closed = False
+        try:
+            self._tell(config)
+            deadline = time.monotonic() + START_TIMEOUT_S
+            while self._listening is None and time.monotonic() < deadline:
+                self.pump(0.2)
+            if self._listening is None:
+                raise UserError(f"the link process did not open {config.url}: run again with -v to see why")
+        except BaseException:
+            self._kill()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def url(self) -> str:
+        """Where boards connect, with the port that was given."""
+        return self._listening.url if self._listening else ""
+
+    @property
+    def truth_url(self) -> str | None:
+        """Where truth loggers connect."""
+        return self._listening.truth_url if self._listening else None
+
+    def open(self, ack: HelloAck, n_slots: int, slot_bytes: int) -> None:
+        """Let boards in, on these terms."""
+        os.ftruncate(self._fd, n_slots * slot_bytes)
+        self._slots = FrameSlots(self._fd, n_slots, slot_bytes)
+        self._free = list(range(n_slots))
+        self._tell(Terms(ack, n_slots, slot_bytes))
+
+    @property
+    def has_room(self) -> bool:
+        """Whether ``submit`` would find a free slot."""
+        return bool(self._free)
+
+    def submit(
+        self,
+        image: NDArray[np.generic],
+        *,
+        frame_id: int,
+        epoch_utc: str,
+        t_s: float,
+        exposure_s: float,
+        bits: int,
+        due_ns: int | None,
+        truth: dict[str, Any] | None,
+    ) -> None:
+        """Hand over a frame; there must be room."""
+        if self._slots is None or not self._free:
+            raise RuntimeError("a frame was submitted without terms or without room")
+        slot = self._free.pop()
+        rows, columns = image.shape
+        self._slots.view(slot, (rows, columns), image.dtype.str)[...] = image
+        self._tell(
+            FrameJob(
+                slot,
+                frame_id,
+                (rows, columns),
+                image.dtype.str,
+                bits,
+                epoch_utc,
+                t_s,
+                exposure_s,
+                due_ns,
+                truth,
+            )
+        )
+
+    def pump(self, timeout_s: float) -> None:
+        """Take what the link process has to say, waiting up to ``timeout_s`` for the first word."""
+        try:
+            while self._pipe.poll(timeout_s):
+                self._take(self._pipe.recv())
+                timeout_s = 0.0
+        except (EOFError, OSError) as error:
+            self.closed = True
+            raise UserError(ENDED) from error
+
+    def results(self) -> list[FrameResult]:
+        """Outcomes since the last call."""
+        taken = list(self._results)
+        self._results.clear()
+        return taken
+
+    def wait_for_board(self, timeout_s: float) -> bool:
+        """Whether a board is ready; one has to come within ``timeout_s``, its estimator may take longer."""
+        deadline = time.monotonic() + timeout_s
+        while self.board is None:
+            until = deadline if self._greeted_s is None else max(deadline, self._greeted_s + READY_TIMEOUT_S)
+            left = until - time.monotonic()
+            if left <= 0:
+                return False
+            self.pump(min(left, 0.5))
+        return True
+
+    def close(self, reason: str = "the run is over", timeout_s: float = CLOSE_TIMEOUT_S) -> None:
+        """Say goodbye to the board, with the reason, and end the process; kill it after ``timeout_s``."""
+        try:
+            if not self.closed:
+                with contextlib.suppress(UserError, OSError):
+                    self._tell(Close(reason))
+                    deadline = time.monotonic() + timeout_s
+                    while not self.closed and time.monotonic() < deadline:
+                        self.pump(0.2)
+        finally:
+            self._kill()
+
+    def _tell(self, message: object) -> None:
+        try:
+            self._pipe.send(message)
+        except OSError as error:
+            self.closed = True
+            raise UserError(ENDED) from error
+
+    def _kill(self) -> None:
+        ended, self.closed = self.closed, True
+        try:
+            # one that has said its last word is about to end; another hangs on a line that takes nothing
+            self._process.wait(timeout=QUICK_TIMEOUT_S if ended else 0.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._pipe.close()
+        with contextlib.suppress(OSError):
+            os.close(self._fd)
+
+    def _take(self, event: object) -> None:
+        if isinstance(event, FrameResult):
+            self._results.append(event)
+        elif isinstance(event, SlotFree):
+            self._free.append(event.slot)
+        elif isinstance(event, BoardGreeted):
+            self._greeted_s = time.monotonic()
+        elif isinstance(event, BoardUp):
+            self.board = self.last_board = event
+            logger.info("board connected from %s: %s, method %s", event.peer, event.board, event.method)
+        elif isinstance(event, BoardDown):
+            if self.board is None and self._greeted_s is None and self.last_board is not None:
+                # some other connection: the board is gone since it left, and for its own reason
+                logger.warning("a connection was closed: %s", event.reason)
+                return
+            self.board = self._greeted_s = None
+            self.down_reason = event.reason
+            self.down_since_s = time.monotonic()
+            logger.warning("board gone: %s", event.reason)
+        elif isinstance(event, Listening):
+            self._listening = event
+        elif isinstance(event, Closed):
+            self.counts = event.counts
+            self.closed = True
+        elif isinstance(event, Failed):
+            self.closed = True
+            raise UserError(event.sentence)

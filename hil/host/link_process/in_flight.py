@@ -1,0 +1,158 @@
+"""The frames that were sent: which have no outcome yet, and which use up the board's credit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hil.host.link_process.ipc import FrameResult
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.host.link_process.ipc import FrameJob
+    from hil.link.packets.messages import PoseMessage
+
+
+@dataclass
+class Flight:
+    """A frame that was sent and has no outcome yet; clock times in ns of the host."""
+
+    job: FrameJob
+    send_start_ns: int
+    send_end_ns: int
+    deadline_ns: int
+    damage_seen: bool = False
+
+
+class Flights:
+    """Each frame sent gets one outcome: a pose, or a drop with its cause.
+
+    Parameters
+    ----------
+    report : callable
+        Takes the `FrameResult` of each frame, once.
+    timeout_s : float
+        A frame without a pose this long after its sending began is dropped.
+    """
+
+    def __init__(self, report: Callable[[FrameResult], None], timeout_s: float) -> None:
+        self._report = report
+        self._timeout_s = timeout_s
+        self._flying: dict[int, Flight] = {}
+        self._held: list[int] = []
+        self.misses = 0
+        """Frames that ran out of time, or of credit for such frames, since the board last spoke of one."""
+
+    @property
+    def none_in_flight(self) -> bool:
+        """Whether every frame that was sent has its outcome, so that what is still held was given up."""
+        return not self._flying
+
+    @property
+    def held(self) -> int:
+        """Frames at the board, answered or not, that use up credit."""
+        return len(self._held)
+
+    @property
+    def first_deadline_ns(self) -> int | None:
+        """When the next frame runs out of time; None without one in flight."""
+        return min((flight.deadline_ns for flight in self._flying.values()), default=None)
+
+    def start(self, job: FrameJob, at_ns: int) -> Flight:
+        """A frame whose sending begins now."""
+        flight = Flight(job, at_ns, at_ns, at_ns + int(self._timeout_s * 1e9))
+        self._flying[job.frame_id] = flight
+        self._held.append(job.frame_id)
+        return flight
+
+    def overdue(self, at_ns: int) -> int:
+        """How many frames run out of time at ``at_ns`` without a sign of damage on the line."""
+        return sum(at_ns >= f.deadline_ns and not f.damage_seen for f in self._flying.values())
+
+    def answer(self, pose: PoseMessage, at_ns: int, clock_offset_ns: int | None) -> bool:
+        """Report a pose that came at ``at_ns``; False when its frame had an outcome already."""
+        flight = self._flying.pop(pose.frame_id, None)
+        self.misses = 0  # late or not, it works
+        if flight is not None:
+            self._report(
+                FrameResult(
+                    pose.frame_id,
+                    "accepted" if pose.accepted else "declined",
+                    pose.reason,
+                    flight.job.due_ns,
+                    flight.send_start_ns,
+                    flight.send_end_ns,
+                    at_ns,
+                    pose,
+                    clock_offset_ns,
+                )
+            )
+        self.release(pose.frame_id)
+        return flight is not None
+
+    def release(self, frame_id: int) -> None:
+        """Frames up to this one are no longer at the board; those without an answer never get one."""
+        self.misses = 0
+        self._held = [held for held in self._held if held > frame_id]
+        for passed in [f for f in self._flying if f <= frame_id]:
+            if self._flying[passed].damage_seen:
+                self._drop(passed, "corrupt", "frame or pose was damaged on the line")
+            else:
+                self._drop(passed, "skipped", "the board released the frame without an answer")
+
+    def note_damage(self) -> None:
+        """A damaged packet was seen: it may have belonged to any frame in flight."""
+        for flight in self._flying.values():
+            flight.damage_seen = True
+
+    def damaged(self, frame_id: int, reason: str, cause: str = "corrupt") -> bool:
+        """Report that the board cannot use this frame, and release it alone; False when it is not in flight."""
+        self.misses = 0  # late or not, it speaks of it
+        flying = frame_id in self._flying
+        if flying:
+            self._drop(frame_id, cause, reason)
+        if frame_id in self._held:
+            self._held.remove(frame_id)
+        return flying
+
+    def refuse(self, frame_id: int, reason: str) -> bool:
+        """Report that the board's answer to this frame cannot be used; False when it is not in flight."""
+        flying = frame_id in self._flying
+        self.misses = 0  # wrongly or not, it answers
+        if flying:
+            self._drop(frame_id, "protocol", reason)
+        if frame_id in self._held:
+            self.release(frame_id)
+        return flying
+
+    def expire(self, at_ns: int) -> None:
+        """Drop the frames whose time is over."""
+        for frame_id, flight in list(self._flying.items()):
+            if at_ns < flight.deadline_ns:
+                continue
+            cause, why = ("corrupt", "; damaged packets were seen") if flight.damage_seen else ("timeout", "")
+            self.misses += not flight.damage_seen
+            self._drop(frame_id, cause, f"no pose within {self._timeout_s:g} s{why}")
+            if flight.damage_seen and frame_id in self._held:
+                self._held.remove(frame_id)  # it may never have reached the board
+
+    def lose(self, reason: str) -> None:
+        """The board went away, or began anew, with all that it had."""
+        for frame_id in list(self._flying):
+            self._drop(frame_id, "disconnected", reason)
+        self._held = []
+        self.misses = 0
+
+    def _drop(self, frame_id: int, cause: str, reason: str) -> None:
+        flight = self._flying.pop(frame_id)
+        self._report(
+            FrameResult(
+                frame_id,
+                f"dropped:{cause}",
+                reason,
+                flight.job.due_ns,
+                flight.send_start_ns,
+                flight.send_end_ns,
+            )
+        )

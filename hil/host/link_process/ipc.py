@@ -1,0 +1,193 @@
+"""What the run and the link process say to each other, and the memory that carries the pixels."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import tempfile
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.link.packets.messages import HelloAck, PoseMessage
+
+Compression = Literal["auto", "raw", "zstd"]
+TruthWhere = Literal["off", "separate", "inline"]
+RunMode = Literal["lockstep", "realtime"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkConfig:
+    """How the link process listens; fixed for a run.
+
+    Parameters
+    ----------
+    url : where the board connects; port 0 takes a free one.
+    mode, truth : whether frames wait for poses; where the truth goes.
+    timeout_s : how long a frame waits for its pose, and the run for a board that went away.
+    truth_url : where truth loggers connect; None for no such endpoint.
+    max_misses : frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
+    """
+
+    url: str
+    mode: RunMode
+    truth: TruthWhere
+    timeout_s: float
+    truth_url: str | None = None
+    compression: Compression = "auto"
+    max_misses: int = 3
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What the first frame settled: the handshake's terms and the size of a slot."""
+
+    ack: HelloAck
+    n_slots: int
+    slot_bytes: int
+
+
+@dataclass(frozen=True)
+class FrameJob:
+    """A frame to send; its pixels lie in ``slot``.
+
+    Parameters
+    ----------
+    due_ns : when to send, on the monotonic clock that all processes of this machine share; None for now.
+    truth : what goes to the truth endpoint or, inline, to the board; None for nothing.
+    """
+
+    slot: int
+    frame_id: int
+    shape: tuple[int, int]
+    dtype: str
+    bits: int
+    epoch_utc: str
+    t_s: float
+    exposure_s: float
+    due_ns: int | None
+    truth: dict[str, Any] | None
+
+
+@dataclass(frozen=True)
+class Close:
+    """End the session: say goodbye to board and loggers."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Listening:
+    """The ports are open, here."""
+
+    url: str
+    truth_url: str | None
+
+
+@dataclass(frozen=True)
+class Failed:
+    """The link process cannot work; one sentence for the user."""
+
+    sentence: str
+
+
+@dataclass(frozen=True)
+class BoardGreeted:
+    """A board said HELLO and was let in; its estimator may not be ready yet."""
+
+
+@dataclass(frozen=True)
+class BoardUp:
+    """A board shook hands and is ready."""
+
+    peer: str
+    board: str
+    model_name: str
+    method: str
+    encoding: str
+    window: int
+
+
+@dataclass(frozen=True)
+class BoardDown:
+    """The board left, or was refused."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class SlotFree:
+    """The pixels of a slot are no longer needed."""
+
+    slot: int
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """What became of a frame; times are the link process's monotonic clock [ns].
+
+    Parameters
+    ----------
+    outcome : accepted, declined or dropped:CAUSE.
+    clock_offset_ns : board's clock minus the host's, None while unknown.
+    """
+
+    frame_id: int
+    outcome: str
+    reason: str
+    due_ns: int | None = None
+    send_start_ns: int | None = None
+    send_end_ns: int | None = None
+    received_ns: int | None = None
+    pose: PoseMessage | None = None
+    clock_offset_ns: int | None = None
+
+
+@dataclass(frozen=True)
+class LinkCounts:
+    """The link's own counts over a run; ``protocol_mistakes`` are intact packets that the protocol does not allow."""
+
+    packets_sent: int = 0
+    packets_received: int = 0
+    packets_corrupt: int = 0
+    protocol_mistakes: int = 0
+    sequence_gaps: int = 0
+    sessions: int = 0
+    late_poses: int = 0
+    clock_round_trip_ns: int | None = None
+
+
+@dataclass(frozen=True)
+class Closed:
+    """The link process's last word."""
+
+    counts: LinkCounts
+
+
+class FrameSlots:
+    """Pixels in memory that two processes share, in ``n_slots`` slots: the bound of the queue.
+
+    An anonymous file carries it; nothing is left behind when a process dies.
+    """
+
+    def __init__(self, fd: int, n_slots: int, slot_bytes: int) -> None:
+        self._slot_bytes = slot_bytes
+        self._map = mmap.mmap(fd, n_slots * slot_bytes)
+
+    @staticmethod
+    def open_file() -> int:
+        """A descriptor of an empty anonymous file, to be passed on and then sized."""
+        if hasattr(os, "memfd_create"):
+            return os.memfd_create("flyaround-frames")
+        with tempfile.TemporaryFile() as file:  # macOS
+            return os.dup(file.fileno())
+
+    def view(self, slot: int, shape: tuple[int, int], dtype: str) -> NDArray[np.generic]:
+        """The slot as an image that shares its memory."""
+        count = shape[0] * shape[1]
+        offset = slot * self._slot_bytes
+        return np.frombuffer(self._map, np.dtype(dtype), count, offset).reshape(shape)

@@ -1,0 +1,110 @@
+"""Connections that have not said HELLO: a few at once, and none for long."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from hil.link.clock import now_ns
+from hil.link.errors import LinkClosed, PacketError, ProtocolMistake, VersionMismatch
+from hil.link.packets.messages import ErrorCode, Hello
+from hil.link.session import HOST_BEFORE_HELLO, Link, refuse
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
+    from hil.link.transports.base import Transport
+
+HELLO_WAIT_NS = 10_000_000_000
+# a board and its restarts are one or two; beyond, who was silent longest makes room: a board speaks at once
+MAX_PENDING = 8
+# packets that are no HELLO before a connection is given up
+MAX_OTHERS = 64
+
+
+class PendingLinks:
+    """Whoever connected, until one of them says HELLO: a silent connection keeps no board out.
+
+    Parameters
+    ----------
+    gone : told why each one left that became no session.
+    """
+
+    def __init__(self, gone: Callable[[str], None]) -> None:
+        self._gone = gone
+        self._links: list[tuple[Link, int]] = []  # with the time by which HELLO is due
+
+    def __len__(self) -> int:
+        return len(self._links)
+
+    @property
+    def transports(self) -> list[Any]:
+        """What to wait on."""
+        return [link.transport for link, _ in self._links]
+
+    @property
+    def first_deadline_ns(self) -> int | None:
+        """When the first of them runs out of time; None where there is none."""
+        return min((deadline for _, deadline in self._links), default=None)
+
+    def add(self, transport: Transport) -> None:
+        """Take in a connection; where too many wait, the oldest is turned away."""
+        if len(self._links) >= MAX_PENDING:
+            self._refuse(
+                self._links[0][0], ErrorCode.BUSY, "it said nothing, and others came: say HELLO at once"
+            )
+        self._links.append((Link(transport, accepts=HOST_BEFORE_HELLO), now_ns() + HELLO_WAIT_NS))
+
+    def hear(self, ready: Collection[Any]) -> tuple[Link, Hello] | None:
+        """The first of those ``ready`` that says HELLO, with it; it is pending no more."""
+        for link, _ in list(self._links):
+            if link.transport in ready and (hello := self._hello(link)) is not None:
+                self._remove(link)
+                return link, hello
+        return None
+
+    def expire(self, at_ns: int) -> None:
+        """Close those whose time is over."""
+        for link, deadline in list(self._links):
+            if at_ns >= deadline:
+                self._drop(link, "it said nothing that the link protocol knows")
+
+    def turn_away(self, sentence: str) -> None:
+        """Close all of them, with a sentence."""
+        for link, _ in self._links:
+            refuse(link, ErrorCode.BUSY, sentence)
+        self._links = []
+
+    def _hello(self, link: Link) -> Hello | None:
+        for _ in range(MAX_OTHERS):
+            try:
+                message = link.recv(0.0)
+            except VersionMismatch as error:
+                self._refuse(link, ErrorCode.VERSION, str(error))
+                return None
+            except ProtocolMistake as mistake:
+                self._refuse(link, ErrorCode.FORMAT, str(mistake))
+                return None
+            except PacketError:
+                continue
+            except LinkClosed as error:
+                self._drop(link, str(error))
+                return None
+            if isinstance(message, Hello):
+                return message
+            if message is None and not link.gave_way:
+                return None
+        self._drop(link, "it said nothing that the link protocol knows")
+        return None
+
+    def _refuse(self, link: Link, code: ErrorCode, sentence: str) -> None:
+        self._remove(link)
+        refuse(link, code, sentence)
+        self._gone(sentence)
+
+    def _drop(self, link: Link, reason: str) -> None:
+        self._remove(link)
+        link.transport.close()
+        self._gone(reason)
+
+    def _remove(self, link: Link) -> None:
+        self._links = [pair for pair in self._links if pair[0] is not link]

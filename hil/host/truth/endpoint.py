@@ -1,0 +1,180 @@
+"""Ground truth on an endpoint of its own: a few loggers, none of which can slow the run."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+from typing import Any
+
+from hil.link.clock import now_ns
+from hil.link.errors import LinkError
+from hil.link.framing.length_prefix import LengthFraming
+from hil.link.packets.messages import Bye, ErrorCode, ErrorMessage, Message, TruthMessage
+from hil.link.packets.packet import MAGIC, Packet
+from hil.link.transports.tcp import TcpListener, keep_alive
+from hil.link.transports.url import parse_url
+
+MAX_CLIENTS = 16
+# a logger that lags this far behind is cut off, and so is one that has not caught up for this long
+MAX_BACKLOG_BYTES = 8 << 20
+MAX_LAG_NS = 10_000_000_000
+# the goodbye and what is queued, to all loggers together
+CLOSE_S = 2.0
+
+
+class _Client:
+    def __init__(self, sock: socket.socket) -> None:
+        self.sock = sock
+        self.backlog = bytearray()
+        self.lagging_since_ns: int | None = None
+        self.sequence = 0
+        self.heard = b""  # the end of what it said
+        self.said_all = False  # its end of the line is closed: it left, or only listens
+
+    def send(self) -> None:
+        """What the line takes now.
+
+        Raises
+        ------
+        OSError
+            If it left.
+        """
+        try:
+            while self.backlog:
+                del self.backlog[: self.sock.send(self.backlog)]
+        except BlockingIOError:
+            if self.lagging_since_ns is None:
+                self.lagging_since_ns = now_ns()
+        else:
+            self.lagging_since_ns = None
+
+    def is_board(self) -> bool:
+        """Whether it has sent a packet: loggers only listen.
+
+        Raises
+        ------
+        OSError
+            If it left.
+        """
+        try:
+            data = self.sock.recv(4096)
+        except BlockingIOError:
+            return False
+        self.said_all = self.said_all or not data
+        found = MAGIC in self.heard + data
+        self.heard = (self.heard + data)[-len(MAGIC) + 1 :]
+        return found
+
+
+class TruthEndpoint:
+    """Listens on TCP and sends TRUTH packets to whoever connected before them.
+
+    At most ``MAX_CLIENTS`` loggers; more are turned away with a sentence. One that left, or that lags by
+    ``MAX_BACKLOG_BYTES`` or ``MAX_LAG_NS``, is dropped.
+
+    Parameters
+    ----------
+    url : where loggers connect. board_url : where boards do, for one that knocks here.
+    """
+
+    def __init__(self, url: str, board_url: str) -> None:
+        scheme, host, port = parse_url(url)
+        if scheme != "tcp":
+            raise LinkError(f"the truth endpoint {url!r} must be a TCP address: write tcp://127.0.0.1:5601")
+        self._listener = TcpListener(host, port)
+        self.url = self._listener.url
+        self._board_url = board_url
+        self._framing = LengthFraming()
+        self._clients: list[_Client] = []
+
+    def fileno(self) -> int:
+        """The listening socket's."""
+        return self._listener.fileno()
+
+    def accept(self) -> None:
+        """Take in a logger that is knocking, or turn it away where there is no room."""
+        sock = self._listener.accept_socket(0.0)
+        if sock is None:
+            return
+        sock.setblocking(False)
+        client = _Client(sock)
+        with contextlib.suppress(OSError):  # it left already; sending will show it
+            keep_alive(sock)
+        self._make_room()
+        full = len(self._clients) >= MAX_CLIENTS
+        self._clients.append(client)
+        if full:
+            self._refuse(
+                client, ErrorCode.BUSY, f"{MAX_CLIENTS} loggers are connected already: stop one first"
+            )
+
+    def publish(self, frame_id: int, truth: dict[str, Any]) -> None:
+        """Queue a frame's truth for every logger and send what the lines take."""
+        self._queue(TruthMessage(frame_id, truth))
+
+    @property
+    def lagging(self) -> bool:
+        """Whether something is still to be sent."""
+        return any(client.backlog for client in self._clients)
+
+    def flush(self) -> None:
+        """Send what the lines take now; boards, and loggers that left or lag too far, are dropped."""
+        for client in list(self._clients):
+            try:
+                if client.is_board():
+                    sentence = (
+                        f"this port gives ground truth to loggers: connect the board to {self._board_url}"
+                    )
+                    self._refuse(client, ErrorCode.OTHER, sentence)
+                    continue
+                client.send()
+            except OSError:
+                self._drop(client)
+                continue
+            since_ns = client.lagging_since_ns
+            if since_ns is not None and (
+                len(client.backlog) > MAX_BACKLOG_BYTES or now_ns() - since_ns >= MAX_LAG_NS
+            ):
+                self._drop(client)
+
+    def close(self, reason: str | None = "the run is over") -> None:
+        """Say goodbye when there is a ``reason``, deliver what is queued within ``CLOSE_S``, close."""
+        if reason is not None:
+            self._queue(Bye(reason))
+        deadline = time.monotonic() + CLOSE_S
+        while self.lagging and time.monotonic() < deadline:
+            time.sleep(0.005)
+            self.flush()
+        for client in list(self._clients):
+            self._drop(client)
+        self._listener.close()
+
+    def _queue(self, message: Message) -> None:
+        for client in self._clients:
+            self._append(client, message)
+        self.flush()
+
+    def _append(self, client: _Client, message: Message) -> None:
+        packet = Packet(message.TYPE, message.encode(), session_id=0, sequence=client.sequence)
+        client.backlog += self._framing.encode(packet)
+        client.sequence += 1
+
+    def _make_room(self) -> None:
+        """Where it is full, drop those that closed their end: most have left, though nothing sent has shown it yet."""
+        if len(self._clients) >= MAX_CLIENTS:
+            self.flush()
+            for client in [client for client in self._clients if client.said_all]:
+                self._drop(client)
+
+    def _refuse(self, client: _Client, code: ErrorCode, sentence: str) -> None:
+        """Turn it away with a sentence; an estimator is never handed the truth."""
+        client.backlog.clear()
+        self._append(client, ErrorMessage(code, sentence))
+        with contextlib.suppress(OSError):
+            client.sock.send(client.backlog)
+        self._drop(client)
+
+    def _drop(self, client: _Client) -> None:
+        self._clients.remove(client)
+        client.sock.close()

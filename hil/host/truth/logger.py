@@ -1,0 +1,90 @@
+"""A client of the truth endpoint that saves what it hears as JSON lines."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+import time
+from pathlib import Path
+
+from hil.link.errors import LinkClosed, LinkError, PacketError
+from hil.link.packets.messages import Bye, ErrorMessage, TruthMessage, decode_message
+from hil.link.transports.tcp import TcpTransport, connect_tcp
+from hil.link.transports.url import parse_url
+from simulator.errors import UserError
+
+logger = logging.getLogger(__name__)
+
+
+class TruthLogger:
+    """Listens in a thread until the host says goodbye or ``stop`` is called.
+
+    Each line of the file is ``{"frame_id": ..., "truth": {...}}``.
+
+    Parameters
+    ----------
+    url : the truth endpoint; it may open later than ``start``.
+    path : the JSONL file, overwritten.
+    """
+
+    def __init__(self, url: str, path: Path) -> None:
+        try:
+            _, self._host, self._port = parse_url(url)
+        except LinkError as error:
+            raise UserError(str(error)) from error
+        self._path = path
+        self._stop = threading.Event()
+        self._connected = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="truth logger", daemon=True)
+        self._received = 0
+
+    def start(self) -> None:
+        """Begin to listen."""
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        self._path.write_text("", encoding="utf-8")
+        self._thread.start()
+
+    def wait_connected(self, timeout_s: float) -> bool:
+        """Whether the endpoint was reached within ``timeout_s``."""
+        return self._connected.wait(timeout_s)
+
+    def stop(self, linger_s: float = 2.0) -> int:
+        """Stop once the host has said goodbye, or after ``linger_s``; how many truths were saved."""
+        if self._connected.is_set():
+            self._thread.join(linger_s)
+        self._stop.set()
+        self._thread.join(5.0)
+        return self._received
+
+    def _run(self) -> None:
+        transport: TcpTransport | None = None
+        while transport is None and not self._stop.is_set():
+            try:
+                transport = connect_tcp(self._host, self._port, 0.0)
+            except LinkError:
+                time.sleep(0.05)
+        if transport is None:
+            return
+        self._connected.set()
+        try:
+            with self._path.open("a", encoding="utf-8") as file:
+                while not self._stop.is_set():
+                    try:
+                        packet = transport.recv_packet(0.2)
+                        message = None if packet is None else decode_message(packet)
+                    except PacketError:
+                        continue
+                    except LinkClosed:
+                        return
+                    if isinstance(message, Bye):
+                        return
+                    if isinstance(message, ErrorMessage):  # the endpoint has as many loggers as it takes
+                        logger.warning("no truth is logged: %s", message.text)
+                        return
+                    if isinstance(message, TruthMessage):
+                        file.write(json.dumps({"frame_id": message.frame_id, "truth": message.truth}) + "\n")
+                        file.flush()
+                        self._received += 1
+        finally:
+            transport.close()

@@ -1,0 +1,115 @@
+"""Consistent Overhead Byte Stuffing: packets as bytes without a zero, so that zero can delimit them on a serial line.
+
+Reference: Cheshire and Baker (1999), Consistent Overhead Byte Stuffing, IEEE/ACM Trans. Networking 7(2).
+"""
+
+from __future__ import annotations
+
+from typing import Optional
+
+from hil.link.errors import PacketError
+from hil.link.packets.packet import MAX_PACKET_BYTES, Packet, decode_packet, encode_packet
+
+try:  # C speed where the package is; a board does without
+    from cobs.cobs import DecodeError
+    from cobs.cobs import decode as fast_decode
+    from cobs.cobs import encode as fast_encode
+
+    HAS_FAST_COBS = True
+except ImportError:
+    HAS_FAST_COBS = False
+
+# the longest COBS frame of the longest packet
+_MAX_COBS_BYTES = MAX_PACKET_BYTES + MAX_PACKET_BYTES // 254 + 2
+
+
+def encode(data: bytes) -> bytes:
+    """``data`` stuffed: no zero byte in it, at most one byte in 254 longer (and one more)."""
+    out = bytearray()
+    runs = data.split(b"\0")
+    last = len(runs) - 1
+    for k, run in enumerate(runs):
+        start, size = 0, len(run)
+        while size - start >= 254:
+            out.append(0xFF)
+            out += run[start : start + 254]
+            start += 254
+        # a full block says "no zero follows"; at the very end there is none to announce
+        if k < last or start < size or size == 0:
+            out.append(size - start + 1)
+            out += run[start:]
+    return bytes(out)
+
+
+def decode(data: bytes) -> bytes:
+    """The bytes that were stuffed.
+
+    Raises
+    ------
+    PacketError
+        If ``data`` holds a zero or ends inside a block.
+    """
+    if not data or 0 in data:
+        raise PacketError("a COBS frame is empty or holds a zero byte: the line damaged it")
+    out = bytearray()
+    i, n = 0, len(data)
+    while i < n:
+        code = data[i]
+        end = i + code
+        if end > n:
+            raise PacketError("a COBS frame ends inside a block: the line lost some bytes")
+        out += data[i + 1 : end]
+        i = end
+        if code < 0xFF and i < n:
+            out.append(0)
+    return bytes(out)
+
+
+class CobsFraming:
+    """COBS with a zero byte after (and before the first of) each packet, for serial lines."""
+
+    def __init__(self, *, pure: bool = False) -> None:
+        self._buffer = bytearray()
+        self._searched = 0  # bytes of it that hold no zero: looked at once, however few come at a time
+        self._fast = HAS_FAST_COBS and not pure
+
+    def encode(self, packet: Packet) -> bytes:
+        """Bytes for the line; the leading zero ends whatever garbage went before."""
+        data = encode_packet(packet)
+        stuffed = fast_encode(data) if self._fast else encode(data)
+        return b"\0" + stuffed + b"\0"
+
+    def feed(self, data: bytes) -> None:
+        """Take bytes from the line, however they were cut."""
+        self._buffer += data
+
+    def next_packet(self) -> Optional[Packet]:
+        """The next whole packet, or None until more bytes come.
+
+        Raises
+        ------
+        PacketError
+            Once per damaged frame; call again for what follows it.
+        """
+        while True:
+            end = self._buffer.find(0, self._searched)
+            if end < 0:
+                self._searched = len(self._buffer)
+                if self._searched > _MAX_COBS_BYTES:
+                    self._buffer.clear()
+                    self._searched = 0
+                    raise PacketError("a serial frame has no end: the other side is not a flyaround link")
+                return None
+            self._searched = 0
+            frame = bytes(memoryview(self._buffer)[:end])
+            del self._buffer[: end + 1]
+            if frame:
+                return decode_packet(self._unstuff(frame))
+
+    def _unstuff(self, frame: bytes) -> bytes:
+        if not self._fast:
+            return decode(frame)
+        try:
+            return bytes(fast_decode(frame))
+        except DecodeError as error:
+            raise PacketError(f"a COBS frame is damaged: {error}") from error

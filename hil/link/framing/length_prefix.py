@@ -1,0 +1,108 @@
+"""Length-prefixed packets out of a stream of bytes, and how the stream is found again after damage."""
+
+from __future__ import annotations
+
+import struct
+from typing import Optional
+
+from hil.link.errors import PacketError, ProtocolMistake, VersionMismatch
+from hil.link.packets.packet import (
+    HEADER,
+    MAGIC,
+    MAX_PACKET_BYTES,
+    OVERHEAD_BYTES,
+    Packet,
+    decode_packet,
+    encode_packet,
+)
+
+PREFIX = struct.Struct("<I")
+_PAYLOAD_LENGTH = struct.Struct("<I")
+_PAYLOAD_LENGTH_AT = HEADER.size - _PAYLOAD_LENGTH.size
+
+
+class LengthFraming:
+    """A u32 length before each packet (TCP).
+
+    The prefix repeats what the packet's header says. Where the two disagree, or a CRC fails, the
+    decoder looks for the next place where prefix, magic and header length fit together.
+
+    A packet whose CRC failed is looked through for others, for its length may be what is damaged. Bytes that
+    pretend to be packets inside packets would be read again for each, so each byte that came pays for
+    ``REREAD`` bytes of failed packets; beyond that a failed packet is dropped whole.
+    """
+
+    REREAD = 2
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self._in_garbage = False
+        self._failed_until = 0  # bytes of the buffer that belong to packets whose failure was told
+        self._credit = self.REREAD * MAX_PACKET_BYTES  # bytes of failed packets that may be read again
+
+    def encode(self, packet: Packet) -> bytes:
+        """Bytes for the line."""
+        data = encode_packet(packet)
+        return PREFIX.pack(len(data)) + data
+
+    def feed(self, data: bytes) -> None:
+        """Take bytes from the line, however they were cut."""
+        self._buffer += data
+        self._credit = min(self._credit + self.REREAD * len(data), self.REREAD * MAX_PACKET_BYTES)
+
+    def next_packet(self) -> Optional[Packet]:
+        """The next whole packet, or None until more bytes come.
+
+        Raises
+        ------
+        PacketError
+            Once per stretch of damage, and for each packet that failed; call again for what follows it.
+        """
+        buffer, at = self._buffer, 0
+        try:
+            while len(buffer) - at >= PREFIX.size + HEADER.size:
+                length = self._claimed_length(at)
+                begin, end = at + PREFIX.size, at + PREFIX.size + length
+                trouble: Optional[PacketError] = None
+                if length:
+                    if len(buffer) < end:
+                        return None
+                    try:
+                        packet = decode_packet(bytes(memoryview(buffer)[begin:end]))
+                    except (VersionMismatch, ProtocolMistake):
+                        at, self._in_garbage = end, False  # intact: nothing is to be looked for inside
+                        raise
+                    except PacketError as error:
+                        trouble = error if at >= self._failed_until else None
+                        self._failed_until = max(end, self._failed_until)
+                    else:
+                        at, self._in_garbage = end, False
+                        return packet
+                at = self._next_candidate(at, length)
+                if trouble is None and not self._in_garbage:
+                    trouble = PacketError("bytes between packets were dropped: the line is out of step")
+                self._in_garbage = True
+                if trouble is not None:
+                    raise trouble
+            return None
+        finally:
+            del buffer[:at]
+            self._failed_until = max(0, self._failed_until - at)
+
+    def _claimed_length(self, at: int) -> int:
+        """Bytes of the packet whose prefix may be at ``at``; 0 where prefix, magic and header do not agree."""
+        begin = at + PREFIX.size
+        if not self._buffer.startswith(MAGIC, begin):
+            return 0
+        length = int(PREFIX.unpack_from(self._buffer, at)[0])
+        payload = _PAYLOAD_LENGTH.unpack_from(self._buffer, begin + _PAYLOAD_LENGTH_AT)[0]
+        return length if length == payload + OVERHEAD_BYTES and length <= MAX_PACKET_BYTES else 0
+
+    def _next_candidate(self, at: int, failed: int) -> int:
+        """Where the next prefix may be; inside the ``failed`` bytes of a packet only while credit lasts."""
+        inside = failed <= self._credit
+        if inside:
+            self._credit -= failed
+        magic = self._buffer.find(MAGIC, at + PREFIX.size + (1 if inside else failed))
+        # keep what may be a prefix and the start of a magic
+        return magic - PREFIX.size if magic >= 0 else max(at + 1, len(self._buffer) - PREFIX.size - 3)

@@ -1,0 +1,137 @@
+"""Fields of payloads: fixed layouts, enumerations, text, hashes and JSON, as a C struct can hold them."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING, Any, Dict, Tuple, Type, TypeVar
+
+from hil.link.errors import PacketError
+from hil.link.packets.packet import PROTOCOL_VERSION
+
+if TYPE_CHECKING:
+    import struct
+    from enum import IntEnum
+
+E = TypeVar("E", bound="IntEnum")
+
+HASH_BYTES = 32
+
+# what a receiver takes: a camera is a few hundred bytes of JSON, a truth record some ten thousand
+MAX_CAMERA_JSON_BYTES = 1 << 16
+MAX_TRUTH_JSON_BYTES = 1 << 20
+# objects and arrays inside each other; a truth record has six
+MAX_JSON_DEPTH = 32
+
+# a string, even one without an end, or a bracket; no input makes it look at a byte twice
+_STRING_OR_BRACKET = re.compile(rb'"[^"\\]*(?:\\.?[^"\\]*)*(?:"|\Z)|[\[\]{}]', re.DOTALL)
+# line ends would break a ledger's rows, escape sequences do things to a terminal
+_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+
+
+def pack_text(text: str, size: int) -> bytes:
+    """UTF-8, cut at a character's edge to ``size`` bytes; struct pads it with zeros."""
+    return text.encode("utf-8", "replace")[:size].decode("utf-8", "ignore").encode("utf-8")
+
+
+def unpack_text(data: bytes) -> str:
+    """Text up to the first zero, control characters as spaces.
+
+    Raises
+    ------
+    PacketError
+        If it is not UTF-8.
+    """
+    try:
+        return _CONTROL.sub(" ", data.split(b"\0", 1)[0].decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise PacketError("a text field is not UTF-8") from error
+
+
+def pack_hash(digest: str) -> bytes:
+    """SHA-256 in hexadecimal as 32 bytes; an empty string (unknown) as zeros."""
+    if not digest:
+        return bytes(HASH_BYTES)
+    try:
+        data = bytes.fromhex(digest)
+    except ValueError as error:
+        raise PacketError(f"a model hash must be hexadecimal, got {digest!r}") from error
+    if len(data) != HASH_BYTES:
+        raise PacketError(f"a model hash must be {2 * HASH_BYTES} hexadecimal digits, got {len(digest)}")
+    return data
+
+
+def unpack_hash(data: bytes) -> str:
+    """Hexadecimal digits, or an empty string for zeros."""
+    return data.hex() if any(data) else ""
+
+
+def pack_json(value: Dict[str, Any]) -> bytes:
+    """Compact UTF-8 JSON; NaN has no place in it.
+
+    Raises
+    ------
+    PacketError
+        If ``value`` is not JSON.
+    """
+    try:
+        return json.dumps(value, separators=(",", ":"), sort_keys=True, allow_nan=False).encode("utf-8")
+    except (TypeError, ValueError) as error:
+        raise PacketError(f"a JSON payload cannot be written: {error}") from error
+
+
+def unpack_json(data: bytes, most_bytes: int) -> Dict[str, Any]:
+    """A JSON object; size and depth are looked at before anything is read.
+
+    Parameters
+    ----------
+    most_bytes : longer ones are refused, and so are ones nested deeper than ``MAX_JSON_DEPTH``.
+
+    Raises
+    ------
+    PacketError
+        If the bytes are something else.
+    """
+    if len(data) > most_bytes:
+        raise PacketError(f"a JSON payload of {len(data)} bytes is refused: at most {most_bytes} are read")
+    if _deeper_than(data, MAX_JSON_DEPTH):
+        raise PacketError(f"a JSON payload nested deeper than {MAX_JSON_DEPTH} levels is refused")
+    try:
+        value = json.loads(data.decode("utf-8"), parse_constant=_no_constant)
+    except ValueError as error:
+        raise PacketError(f"a JSON payload cannot be read: {error}") from error
+    if not isinstance(value, dict):
+        raise PacketError("a JSON payload is not an object")
+    return value
+
+
+def _deeper_than(data: bytes, most: int) -> bool:
+    depth = 0
+    for match in _STRING_OR_BRACKET.finditer(data):
+        token = match.group()
+        if token in (b"[", b"{"):
+            depth += 1
+            if depth > most:
+                return True
+        elif token in (b"]", b"}"):
+            depth -= 1
+    return False
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(f"{name} is not a JSON number")
+
+
+def unpack_fixed(layout: struct.Struct, data: bytes, name: str, *, tail: bool = False) -> Tuple[Any, ...]:
+    """Unpack, with the payload's length checked first."""
+    if len(data) < layout.size or (not tail and len(data) != layout.size):
+        raise PacketError(f"a {name} payload has {len(data)} bytes, expected {layout.size}")
+    return layout.unpack_from(data)
+
+
+def known_value(kind: Type[E], value: int, name: str) -> E:
+    """The enumeration's member; PacketError for a value of a later protocol."""
+    try:
+        return kind(value)
+    except ValueError as error:
+        raise PacketError(f"{name} {value} is unknown to link protocol {PROTOCOL_VERSION}") from error

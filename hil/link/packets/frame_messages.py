@@ -1,0 +1,268 @@
+"""Messages about one frame: pixels out, pose and credit back, truth beside."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Dict, Optional, Sequence, Tuple
+
+from hil.link.errors import PacketError
+from hil.link.packets.enums import Encoding
+from hil.link.packets.fields import (
+    MAX_TRUTH_JSON_BYTES,
+    known_value,
+    pack_json,
+    pack_text,
+    unpack_fixed,
+    unpack_json,
+    unpack_text,
+)
+from hil.link.packets.packet import PacketType
+
+MAX_STAGES = 64
+
+# how far the length of a quaternion may be from 1: single precision and four printed digits pass, a scaled one does not
+QUATERNION_TOLERANCE = 1e-3
+# further off than the Moon, and longer than a week: squares and sums of what is smaller stay finite
+MAX_POSITION_M = 1e9
+MAX_STAGE_MS = 1e9
+
+Quat = Tuple[float, float, float, float]
+Vec3 = Tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class FrameHeader:
+    """A frame is about to come as ``chunk_count`` chunks of ``total_bytes`` together.
+
+    Parameters
+    ----------
+    epoch_utc : mid-exposure, ISO 8601, at most 40 characters.
+    t_s : seconds from the scenario's start, mid-exposure.
+    host_send_ns : the host's monotonic clock when it began to send.
+    """
+
+    TYPE: ClassVar[PacketType] = PacketType.FRAME_HEADER
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IHHBBHIIddQ40s")
+
+    frame_id: int
+    width_px: int
+    height_px: int
+    bits: int
+    encoding: Encoding
+    total_bytes: int
+    chunk_count: int
+    exposure_s: float
+    t_s: float
+    host_send_ns: int
+    epoch_utc: str
+
+    def encode(self) -> bytes:
+        """Payload bytes."""
+        return self.LAYOUT.pack(
+            self.frame_id,
+            self.width_px,
+            self.height_px,
+            self.bits,
+            self.encoding,
+            0,
+            self.total_bytes,
+            self.chunk_count,
+            self.exposure_s,
+            self.t_s,
+            self.host_send_ns,
+            pack_text(self.epoch_utc, 40),
+        )
+
+    @classmethod
+    def decode(cls, data: bytes) -> FrameHeader:
+        """Payload from bytes."""
+        frame_id, width, height, bits, encoding, _, total, count, exposure, t_s, sent, epoch = unpack_fixed(
+            cls.LAYOUT, data, "FRAME_HEADER"
+        )
+        encoding = known_value(Encoding, encoding, "image encoding")
+        if not math.isfinite(exposure) or not math.isfinite(t_s):
+            raise PacketError(f"frame {frame_id}: a FRAME_HEADER holds times that are not finite")
+        return cls(
+            frame_id, width, height, bits, encoding, total, count, exposure, t_s, sent, unpack_text(epoch)
+        )
+
+
+@dataclass(frozen=True)
+class FrameChunk:
+    """Bytes ``offset`` and on of a frame's encoded image."""
+
+    TYPE: ClassVar[PacketType] = PacketType.FRAME_CHUNK
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IIII")
+
+    frame_id: int
+    index: int
+    offset: int
+    data: bytes
+
+    def encode(self) -> bytes:
+        """Payload bytes."""
+        return self.LAYOUT.pack(self.frame_id, self.index, self.offset, len(self.data)) + self.data
+
+    @classmethod
+    def decode(cls, data: bytes) -> FrameChunk:
+        """Payload from bytes."""
+        frame_id, index, offset, size = unpack_fixed(cls.LAYOUT, data, "FRAME_CHUNK", tail=True)
+        if len(data) - cls.LAYOUT.size != size:
+            raise PacketError(f"a FRAME_CHUNK has {len(data) - cls.LAYOUT.size} bytes, expected {size}")
+        return cls(frame_id, index, offset, data[cls.LAYOUT.size :])
+
+
+@dataclass(frozen=True)
+class PoseMessage:
+    """Board to host: the answer to one frame.
+
+    Parameters
+    ----------
+    q_camera_from_target_wxyz, t_camera_from_target_m : the best pose, None when there is none;
+        a declined frame may carry one. The quaternion is of length 1 within ``QUATERNION_TOLERANCE``.
+    confidence : 0 to 1, the board's own estimate that the pose is right; 0 where it has none.
+    receive_ns, start_ns, end_ns : board's monotonic clock: frame complete, estimator begins, ends.
+    stages_ms : name (at most 24 bytes) and duration of each stage, in order.
+    """
+
+    TYPE: ClassVar[PacketType] = PacketType.POSE
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IBBHd4d3dQQQHH")
+    STAGE: ClassVar[struct.Struct] = struct.Struct("<24sd")
+
+    frame_id: int
+    accepted: bool
+    reason: str = ""
+    q_camera_from_target_wxyz: Optional[Quat] = None
+    t_camera_from_target_m: Optional[Vec3] = None
+    confidence: float = 0.0
+    stages_ms: Tuple[Tuple[str, float], ...] = ()
+    receive_ns: int = 0
+    start_ns: int = 0
+    end_ns: int = 0
+
+    def encode(self) -> bytes:
+        """Payload bytes."""
+        has_pose = self.q_camera_from_target_wxyz is not None and self.t_camera_from_target_m is not None
+        numbers = (
+            (*self.q_camera_from_target_wxyz, *self.t_camera_from_target_m)  # type: ignore[misc]
+            if has_pose
+            else (0.0,) * 7
+        )
+        if not all(math.isfinite(x) for x in numbers) or (self.accepted and not has_pose):
+            raise PacketError(f"frame {self.frame_id}: an accepted pose must be there and finite")
+        reason = pack_text(self.reason, 400)
+        stages = self.stages_ms[:MAX_STAGES]
+        _check_pose(self.frame_id, numbers, self.confidence, [ms for _, ms in stages], has_pose=has_pose)
+        fixed = self.LAYOUT.pack(
+            self.frame_id,
+            self.accepted,
+            has_pose,
+            len(stages),
+            self.confidence,
+            *numbers,
+            self.receive_ns,
+            self.start_ns,
+            self.end_ns,
+            len(reason),
+            0,
+        )
+        rows = (self.STAGE.pack(pack_text(name, 24), ms) for name, ms in stages)
+        return b"".join((fixed, *rows, reason))
+
+    @classmethod
+    def decode(cls, data: bytes) -> PoseMessage:
+        """Payload from bytes."""
+        values = unpack_fixed(cls.LAYOUT, data, "POSE", tail=True)
+        frame_id, accepted, has_pose, stage_count, confidence = values[:5]
+        numbers, (receive_ns, start_ns, end_ns, reason_bytes, _) = values[5:12], values[12:]
+        at = cls.LAYOUT.size + stage_count * cls.STAGE.size
+        if stage_count > MAX_STAGES or len(data) != at + reason_bytes:
+            raise PacketError(f"a POSE payload of {len(data)} bytes does not fit its own counts")
+        if accepted > 1 or has_pose > 1 or (accepted and not has_pose):
+            raise PacketError(f"frame {frame_id}: a POSE contradicts itself")
+        stages = tuple(
+            (unpack_text(name), float(ms)) for name, ms in cls.STAGE.iter_unpack(data[cls.LAYOUT.size : at])
+        )
+        _check_pose(frame_id, numbers, confidence, [ms for _, ms in stages], has_pose=bool(has_pose))
+        return cls(
+            frame_id,
+            bool(accepted),
+            unpack_text(data[at:]),
+            numbers[:4] if has_pose else None,
+            numbers[4:] if has_pose else None,
+            confidence,
+            stages,
+            receive_ns,
+            start_ns,
+            end_ns,
+        )
+
+
+def _check_pose(
+    frame_id: int, numbers: Sequence[float], confidence: float, stages_ms: Sequence[float], *, has_pose: bool
+) -> None:
+    """Raise PacketError for what no estimator means: it is neither scored nor mended."""
+    if not all(math.isfinite(x) for x in (*numbers, confidence, *stages_ms)):
+        raise PacketError(f"frame {frame_id}: a POSE holds numbers that are not finite")
+    length = math.hypot(*numbers[:4])
+    if has_pose and abs(length - 1.0) > QUATERNION_TOLERANCE:
+        raise PacketError(
+            f"frame {frame_id}: the quaternion of a POSE has length {length:.6g}: make it 1"
+            f" (within {QUATERNION_TOLERANCE:g})"
+        )
+    if any(abs(x) > MAX_POSITION_M for x in numbers[4:]):
+        raise PacketError(
+            f"frame {frame_id}: the position of a POSE is beyond {MAX_POSITION_M:g} m: send metres"
+        )
+    if not 0.0 <= confidence <= 1.0:
+        raise PacketError(f"frame {frame_id}: the confidence of a POSE is {confidence:g}: it must be 0 to 1")
+    if any(not 0.0 <= ms <= MAX_STAGE_MS for ms in stages_ms):
+        raise PacketError(
+            f"frame {frame_id}: a stage of a POSE took less than nothing, or over {MAX_STAGE_MS:g} ms"
+        )
+
+
+@dataclass(frozen=True)
+class Credit:
+    """Board to host: frames up to ``frame_id`` are no longer held; ``window`` may be under way."""
+
+    TYPE: ClassVar[PacketType] = PacketType.CREDIT
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IHH")
+
+    frame_id: int
+    window: int
+
+    def encode(self) -> bytes:
+        """Payload bytes."""
+        return self.LAYOUT.pack(self.frame_id, self.window, 0)
+
+    @classmethod
+    def decode(cls, data: bytes) -> Credit:
+        """Payload from bytes."""
+        return cls(*unpack_fixed(cls.LAYOUT, data, "CREDIT")[:2])
+
+
+@dataclass(frozen=True)
+class TruthMessage:
+    """Host to loggers (or, inline, to the board): the frame's ground truth."""
+
+    TYPE: ClassVar[PacketType] = PacketType.TRUTH
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<II")
+
+    frame_id: int
+    truth: Dict[str, Any] = field(default_factory=dict)
+
+    def encode(self) -> bytes:
+        """Payload bytes."""
+        data = pack_json(self.truth)
+        return self.LAYOUT.pack(self.frame_id, len(data)) + data
+
+    @classmethod
+    def decode(cls, data: bytes) -> TruthMessage:
+        """Payload from bytes."""
+        frame_id, size = unpack_fixed(cls.LAYOUT, data, "TRUTH", tail=True)
+        if len(data) - cls.LAYOUT.size != size:
+            raise PacketError(f"a TRUTH payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")
+        return cls(frame_id, unpack_json(data[cls.LAYOUT.size :], MAX_TRUTH_JSON_BYTES))

@@ -1,0 +1,262 @@
+"""A frame as packets: pixels encoded, cut into chunks, put together again."""
+
+from __future__ import annotations
+
+from typing import Any, Iterator, List, Optional, Tuple, Union
+
+import numpy as np
+
+from hil.link.errors import LinkError, PacketError, ProtocolMistake
+from hil.link.packets.messages import Encoding, FrameChunk, FrameHeader, HelloAck
+
+try:
+    import zstandard
+except ImportError:
+    zstandard = None  # type: ignore[assignment]
+
+Image = np.ndarray  # (H, W) uint8, or uint16 little-endian
+
+# 16 bits, 8192 x 8192: no larger image is taken, whatever a host proposes
+MAX_FRAME_BYTES = 1 << 27
+
+
+def image_bytes(width_px: int, height_px: int, bits: int) -> int:
+    """Size of an image before it is encoded: one byte a pixel up to 8 bits, two above."""
+    return width_px * height_px * (1 if bits <= 8 else 2)
+
+
+def check_terms(terms: HelloAck, encodings: int) -> None:
+    """Look at what a host proposes before anything is built for it.
+
+    Parameters
+    ----------
+    encodings : what this side offered, ``1 << Encoding``.
+
+    Raises
+    ------
+    LinkError
+        If its images have no size or too large a one, are not what its camera gives, or cannot be decoded here.
+    """
+    size = f"{terms.width_px} x {terms.height_px} px of {terms.bits} bits"
+    total = image_bytes(terms.width_px, terms.height_px, terms.bits)
+    if total == 0 or not 1 <= terms.bits <= 16:
+        raise LinkError(f"images of {size} cannot be sent: use one channel of 1 to 16 bits")
+    if total > MAX_FRAME_BYTES:
+        raise LinkError(
+            f"images of {size} are too large for this board: at most {MAX_FRAME_BYTES >> 20} MiB each"
+        )
+    for name, value in (("width_px", terms.width_px), ("height_px", terms.height_px)):
+        if terms.camera.get(name, value) != value:
+            raise LinkError(
+                f"images of {size} do not fit the camera, whose {name} is {terms.camera[name]!r:.40}"
+            )
+    if not encodings & (1 << terms.encoding):
+        raise LinkError(f"images come as {terms.encoding.name.lower()}, which this board did not offer")
+
+
+def check_header(header: FrameHeader, terms: HelloAck) -> None:
+    """Whether a frame is what the handshake settled.
+
+    Raises
+    ------
+    ProtocolMistake
+        If its size, depth, encoding or number of chunks is another, or more bytes are announced than its
+        pixels can take up.
+    """
+    pixels = image_bytes(terms.width_px, terms.height_px, terms.bits)
+    shape = (header.width_px, header.height_px)
+    if shape != (terms.width_px, terms.height_px) or image_bytes(*shape, header.bits) != pixels:
+        wanted = f"{terms.width_px} x {terms.height_px} px of {terms.bits} bits"
+        said = f"{shape[0]} x {shape[1]} px of {header.bits} bits"
+        raise ProtocolMistake(f"frame {header.frame_id} has {said}, agreed were {wanted}", header.frame_id)
+    if header.encoding not in (terms.encoding, Encoding.RAW):
+        raise ProtocolMistake(f"frame {header.frame_id} has an encoding that was not agreed", header.frame_id)
+    # zstd cannot make noise larger than this
+    most = pixels if header.encoding == Encoding.RAW else pixels + pixels // 128 + 1024
+    if not 0 < header.total_bytes <= most:
+        raise ProtocolMistake(
+            f"frame {header.frame_id} announces {header.total_bytes} bytes where its pixels take at most {most}",
+            header.frame_id,
+        )
+
+
+def supported_encodings() -> int:
+    """Bit mask of what this machine can decode, ``1 << Encoding``."""
+    return (1 << Encoding.RAW) | ((1 << Encoding.ZSTD) if zstandard is not None else 0)
+
+
+def encode_image(image: Image, encoding: Encoding) -> bytes:
+    """Pixels as bytes for the line, row by row, 16-bit ones little-endian."""
+    raw = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder("<")).tobytes()
+    if encoding == Encoding.RAW:
+        return raw
+    if zstandard is None:
+        raise PacketError("zstd was negotiated, but the package zstandard is not installed")
+    return bytes(zstandard.ZstdCompressor(level=1).compress(raw))
+
+
+def decode_image(data: Union[bytes, bytearray], header: FrameHeader) -> Image:
+    """(H, W) image, read-only, from the bytes of its chunks.
+
+    Raises
+    ------
+    PacketError
+        If the bytes do not make an image of the size that the header says.
+    """
+    dtype = np.dtype("u1") if header.bits <= 8 else np.dtype("<u2")
+    expected = image_bytes(header.width_px, header.height_px, header.bits)
+    if expected > MAX_FRAME_BYTES:
+        raise PacketError(f"frame {header.frame_id}: an image of {expected} bytes is refused")
+    raw: Any = data
+    if header.encoding == Encoding.ZSTD:
+        if zstandard is None:
+            raise PacketError("zstd was negotiated, but the package zstandard is not installed")
+        try:
+            # the size is checked before anything is allocated
+            if zstandard.frame_content_size(bytes(data[:32])) != expected:
+                raise PacketError(f"frame {header.frame_id}: the compressed image has an unexpected size")
+            raw = zstandard.ZstdDecompressor().decompress(data)
+        except zstandard.ZstdError as error:
+            raise PacketError(f"frame {header.frame_id}: the compressed image is damaged") from error
+    if len(raw) != expected:
+        raise PacketError(f"frame {header.frame_id}: {len(raw)} bytes of image, expected {expected}")
+    image = np.frombuffer(raw, dtype=dtype).reshape(header.height_px, header.width_px)
+    image.flags.writeable = False
+    return image
+
+
+def chunks(frame_id: int, data: bytes, chunk_bytes: int) -> Iterator[FrameChunk]:
+    """The image's bytes cut into chunks."""
+    for index, offset in enumerate(range(0, len(data), chunk_bytes)):
+        yield FrameChunk(frame_id, index, offset, data[offset : offset + chunk_bytes])
+
+
+def chunk_count(total_bytes: int, chunk_bytes: int) -> int:
+    """How many chunks ``chunks`` yields."""
+    return -(-total_bytes // chunk_bytes)
+
+
+class FrameAssembler:
+    """Header and chunks back to a frame; knows which frame was lost when something is missing.
+
+    ``header`` and ``chunk`` return what became complete, ``lost`` which frames never will.
+
+    Parameters
+    ----------
+    terms : what the handshake settled; frames of another size or kind are refused before memory is taken for
+        them. None takes any within ``MAX_FRAME_BYTES``.
+    """
+
+    def __init__(self, terms: Optional[HelloAck] = None) -> None:
+        self._terms = terms
+        self._header: Optional[FrameHeader] = None
+        self._data = bytearray()
+        self._seen = bytearray()  # one for each chunk that came
+        self._missing = 0  # chunks that have not come
+        self._chunk_bytes = 0  # of all but the last; 0 until the first has come
+        self._last_lost: Optional[int] = None
+        self._lost: List[int] = []
+
+    @property
+    def frame_id(self) -> Optional[int]:
+        """The frame that is being put together."""
+        return self._header.frame_id if self._header else None
+
+    def header(self, header: FrameHeader) -> None:
+        """A new frame begins; one that was not complete is lost."""
+        self.abandon()
+        self._last_lost = header.frame_id  # a refused header is told by its exception, its chunks say no more
+        self._check(header)
+        self._last_lost = None
+        self._header = header
+        self._data = bytearray(header.total_bytes)
+        self._seen = bytearray(header.chunk_count)
+        self._missing, self._chunk_bytes = header.chunk_count, 0
+
+    def chunk(self, chunk: FrameChunk) -> Optional[Tuple[FrameHeader, Image]]:
+        """Take a chunk; the frame, when this was its last missing one.
+
+        Raises
+        ------
+        ProtocolMistake
+            If the chunk does not lie where its index says, or is not as long as the others: one after another they
+            have to cover the frame. The frame is given up.
+        PacketError
+            If the frame is whole and is no image.
+        """
+        header = self._header
+        if header is None or chunk.frame_id != header.frame_id:
+            self._lose(chunk.frame_id)  # its header never came
+            return None
+        if not self._fits(chunk, header):
+            # told by its exception: what still comes of this frame says no more
+            self._last_lost, self._header, self._data = header.frame_id, None, bytearray()
+            raise ProtocolMistake(
+                f"frame {header.frame_id}: chunk {chunk.index} of {header.chunk_count} has {len(chunk.data)} bytes at"
+                f" {chunk.offset}, with which the chunks do not cover {header.total_bytes} bytes",
+                header.frame_id,
+            )
+        self._data[chunk.offset : chunk.offset + len(chunk.data)] = chunk.data
+        if not self._seen[chunk.index]:
+            self._seen[chunk.index] = 1
+            self._missing -= 1
+        if self._missing:
+            return None
+        data, self._header, self._data = self._data, None, bytearray()
+        try:
+            return header, decode_image(data, header)
+        except PacketError:
+            self._lose(header.frame_id)
+            raise
+
+    def _fits(self, chunk: FrameChunk, header: FrameHeader) -> bool:
+        last = header.chunk_count - 1
+        if chunk.index > last:
+            return False
+        if not self._chunk_bytes:
+            # the last one alone may be shorter, and tells by where it lies how long the others are
+            at_end = chunk.offset // last if last else header.total_bytes
+            self._chunk_bytes = len(chunk.data) if chunk.index < last else at_end
+        size = self._chunk_bytes
+        start = chunk.index * size
+        # a wrong length of the others would leave the last one nothing, or too much
+        rest = header.total_bytes - last * size
+        return (
+            0 < rest <= size
+            and chunk.offset == start
+            and len(chunk.data) == (size if chunk.index < last else rest)
+        )
+
+    def abandon(self) -> None:
+        """Give up the frame in work: a part of it was damaged."""
+        if self._header is not None:
+            self._lose(self._header.frame_id)
+            self._header, self._data = None, bytearray()
+
+    @property
+    def has_lost(self) -> bool:
+        """Whether ``lost`` has something to name."""
+        return bool(self._lost)
+
+    def lost(self) -> List[int]:
+        """Frames lost since the last call, each named once."""
+        lost, self._lost = self._lost, []
+        return lost
+
+    def _check(self, header: FrameHeader) -> None:
+        if self._terms is not None:
+            check_header(header, self._terms)
+        elif not 0 < header.total_bytes <= MAX_FRAME_BYTES:
+            raise PacketError(f"frame {header.frame_id}: a frame of {header.total_bytes} bytes is refused")
+        # each chunk brings a byte at least
+        if not 0 < header.chunk_count <= header.total_bytes:
+            raise ProtocolMistake(
+                f"frame {header.frame_id} announces {header.chunk_count} chunks for {header.total_bytes} bytes",
+                header.frame_id,
+            )
+
+    def _lose(self, frame_id: int) -> None:
+        # every chunk of a frame without header comes by here: name it once
+        if frame_id != self._last_lost:
+            self._last_lost = frame_id
+            self._lost.append(frame_id)

@@ -1,0 +1,82 @@
+"""What payloads say: one frozen dataclass per packet type, with its struct layout beside it."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, Dict, Optional, Union, get_args
+
+from hil.link.errors import PacketError, ProtocolMistake
+from hil.link.packets.enums import NO_FRAME, Encoding, ErrorCode, Mode, TruthPolicy
+from hil.link.packets.frame_messages import Credit, FrameChunk, FrameHeader, PoseMessage, TruthMessage
+from hil.link.packets.packet import Packet, PacketType
+from hil.link.packets.session_messages import (
+    Bye,
+    ErrorMessage,
+    Hello,
+    HelloAck,
+    TimeSyncReply,
+    TimeSyncRequest,
+)
+
+__all__ = [
+    "NO_FRAME",
+    "Bye",
+    "Credit",
+    "Encoding",
+    "ErrorCode",
+    "ErrorMessage",
+    "FrameChunk",
+    "FrameHeader",
+    "Hello",
+    "HelloAck",
+    "Message",
+    "Mode",
+    "PoseMessage",
+    "TimeSyncReply",
+    "TimeSyncRequest",
+    "TruthMessage",
+    "TruthPolicy",
+    "decode_message",
+]
+
+Message = Union[
+    Hello,
+    HelloAck,
+    TimeSyncRequest,
+    TimeSyncReply,
+    FrameHeader,
+    FrameChunk,
+    PoseMessage,
+    Credit,
+    TruthMessage,
+    Bye,
+    ErrorMessage,
+]
+
+_BY_TYPE: Dict[PacketType, Any] = {kind.TYPE: kind for kind in get_args(Message)}
+
+
+# payloads about one frame begin with its id
+_ABOUT_A_FRAME = (PacketType.FRAME_HEADER, PacketType.FRAME_CHUNK, PacketType.POSE)
+_FRAME_ID = struct.Struct("<I")
+
+
+def decode_message(packet: Packet) -> Message:
+    """The message in a packet.
+
+    Raises
+    ------
+    ProtocolMistake
+        If the payload is not what its type says. The packet's CRC was right, so that its sender wrote it so.
+    """
+    try:
+        message: Message = _BY_TYPE[packet.type].decode(packet.payload)
+    except PacketError as error:
+        raise ProtocolMistake(str(error), _frame_id(packet)) from error
+    return message
+
+
+def _frame_id(packet: Packet) -> Optional[int]:
+    if packet.type not in _ABOUT_A_FRAME or len(packet.payload) < _FRAME_ID.size:
+        return None
+    return int(_FRAME_ID.unpack_from(packet.payload)[0])

@@ -1,0 +1,120 @@
+"""One packet: a fixed little-endian header, a payload, and a CRC-32 over both."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+from enum import IntEnum
+
+from hil.link.errors import PacketError, ProtocolMistake, VersionMismatch
+
+MAGIC = b"FLYA"
+PROTOCOL_VERSION = 1
+
+# magic, version, type, flags (zero), session id, sequence, payload length
+HEADER = struct.Struct("<4sHBBQII")
+CRC = struct.Struct("<I")
+OVERHEAD_BYTES = HEADER.size + CRC.size
+
+# a damaged length may not make a receiver wait for, or allocate, more than this
+MAX_PAYLOAD_BYTES = 1 << 22
+MAX_PACKET_BYTES = MAX_PAYLOAD_BYTES + OVERHEAD_BYTES
+
+
+class PacketType(IntEnum):
+    """What the payload is; see ``hil.link.packets.messages``."""
+
+    HELLO = 1
+    HELLO_ACK = 2
+    TIME_SYNC_REQUEST = 3
+    TIME_SYNC_REPLY = 4
+    FRAME_HEADER = 5
+    FRAME_CHUNK = 6
+    POSE = 7
+    CREDIT = 8
+    TRUTH = 9
+    BYE = 10
+    ERROR = 11
+
+
+@dataclass(frozen=True)
+class Packet:
+    """A packet as it travels, payload still bytes.
+
+    Parameters
+    ----------
+    type : what the payload is.
+    payload : its bytes.
+    session_id : chosen by the host; 0 before the handshake is complete.
+    sequence : counts the sender's packets, modulo 2**32.
+    version : protocol version of the sender.
+    """
+
+    type: PacketType
+    payload: bytes
+    session_id: int = 0
+    sequence: int = 0
+    version: int = PROTOCOL_VERSION
+
+
+def encode_packet(packet: Packet) -> bytes:
+    """The packet's bytes, header to CRC.
+
+    Raises
+    ------
+    PacketError
+        If the payload is longer than ``MAX_PAYLOAD_BYTES``.
+    """
+    if len(packet.payload) > MAX_PAYLOAD_BYTES:
+        raise PacketError(
+            f"a {packet.type.name} payload of {len(packet.payload)} bytes exceeds the link's limit of"
+            f" {MAX_PAYLOAD_BYTES}: send it in smaller chunks"
+        )
+    header = HEADER.pack(
+        MAGIC,
+        packet.version,
+        packet.type,
+        0,
+        packet.session_id,
+        packet.sequence & 0xFFFFFFFF,
+        len(packet.payload),
+    )
+    crc = zlib.crc32(packet.payload, zlib.crc32(header))
+    return b"".join((header, packet.payload, CRC.pack(crc)))
+
+
+def decode_packet(data: bytes) -> Packet:
+    """The packet in ``data``, which holds it and nothing else.
+
+    The CRC is checked before anything else is believed, the version after it: header layout and CRC
+    are the same in every version of the protocol, so that a mismatch can be told from damage.
+
+    Raises
+    ------
+    PacketError
+        If the bytes are damaged, cut short or too long.
+    VersionMismatch
+        If they are an intact packet of another protocol version.
+    ProtocolMistake
+        If they are an intact packet of a type that this version does not know.
+    """
+    if len(data) < OVERHEAD_BYTES:
+        raise PacketError(f"{len(data)} bytes are too short for a packet: the line lost some")
+    magic, version, kind, _flags, session_id, sequence, length = HEADER.unpack_from(data)
+    if magic != MAGIC or length != len(data) - OVERHEAD_BYTES:
+        raise PacketError(f"{len(data)} bytes do not form a packet: the line is out of step")
+    view = memoryview(data)
+    (crc,) = CRC.unpack_from(data, len(data) - CRC.size)
+    if zlib.crc32(view[: -CRC.size]) != crc:
+        raise PacketError(f"a packet of {len(data)} bytes failed its CRC-32: the line damaged it")
+    if version != PROTOCOL_VERSION:
+        raise VersionMismatch(
+            f"the other side speaks link protocol {version} and this one {PROTOCOL_VERSION}:"
+            " install the same version of flyaround on host and board"
+        )
+    try:
+        packet_type = PacketType(kind)
+    except ValueError as error:
+        raise ProtocolMistake(f"packet type {kind} is unknown to link protocol {PROTOCOL_VERSION}") from error
+    return Packet(packet_type, bytes(view[HEADER.size : -CRC.size]), session_id, sequence, version)

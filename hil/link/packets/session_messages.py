@@ -1,0 +1,225 @@
+"""Messages that open, time and close a session."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Any, ClassVar, Dict
+
+from hil.link.errors import PacketError
+from hil.link.packets.enums import NO_FRAME, Encoding, ErrorCode, Mode, TruthPolicy
+from hil.link.packets.fields import (
+    MAX_CAMERA_JSON_BYTES,
+    known_value,
+    pack_hash,
+    pack_json,
+    pack_text,
+    unpack_fixed,
+    unpack_hash,
+    unpack_json,
+    unpack_text,
+)
+from hil.link.packets.packet import PROTOCOL_VERSION, PacketType
+
+
+@dataclass(frozen=True)
+class Hello:
+    """Board to host, first: what the board is and can do.
+
+    Parameters
+    ----------
+    encodings : bit mask, ``1 << Encoding``.
+    window : how many frames the board can hold, the one in work included.
+    model_name, model_sha256 : the target model it carries; an empty hash is not checked.
+    method, board : the estimator, and a free text that names the board.
+    """
+
+    TYPE: ClassVar[PacketType] = PacketType.HELLO
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHHH64s32s32s64s")
+
+    encodings: int = 1
+    window: int = 1
+    model_name: str = ""
+    model_sha256: str = ""
+    method: str = ""
+    board: str = ""
+
+    def encode(self) -> bytes:
+        """Payload bytes."""
+        return self.LAYOUT.pack(
+            PROTOCOL_VERSION,
+            self.encodings,
+            self.window,
+            0,
+            pack_text(self.model_name, 64),
+            pack_hash(self.model_sha256),
+            pack_text(self.method, 32),
+            pack_text(self.board, 64),
+        )
+
+    @classmethod
+    def decode(cls, data: bytes) -> Hello:
+        """Payload from bytes."""
+        _, encodings, window, _, name, digest, method, board = unpack_fixed(cls.LAYOUT, data, "HELLO")
+        return cls(
+            encodings, window, unpack_text(name), unpack_hash(digest), unpack_text(method), unpack_text(board)
+        )
+
+
+@dataclass(frozen=True)
+class HelloAck:
+    """Host to board: the terms of the session; its packet carries the session id.
+
+    Parameters
+    ----------
+    camera : the project's camera JSON object (CAMERA.json).
+    width_px, height_px, bits : image format, one channel.
+    encoding : the compression chosen from what the board offered.
+    window : frames that may be on their way or in work at once (credits).
+    target_name, target_sha256 : what the host flies; an empty hash is not checked.
+    """
+
+    TYPE: ClassVar[PacketType] = PacketType.HELLO_ACK
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHBBBBHHI64s32sI")
+
+    camera: Dict[str, Any]
+    width_px: int
+    height_px: int
+    bits: int = 8
+    encoding: Encoding = Encoding.RAW
+    mode: Mode = Mode.LOCKSTEP
+    truth: TruthPolicy = TruthPolicy.OFF
+    window: int = 1
+    chunk_bytes: int = 1 << 18
+    target_name: str = ""
+    target_sha256: str = ""
+
+    def encode(self) -> bytes:
+        """Payload bytes."""
+        camera = pack_json(self.camera)
+        fixed = self.LAYOUT.pack(
+            self.width_px,
+            self.height_px,
+            self.bits,
+            self.encoding,
+            self.mode,
+            self.truth,
+            self.window,
+            0,
+            self.chunk_bytes,
+            pack_text(self.target_name, 64),
+            pack_hash(self.target_sha256),
+            len(camera),
+        )
+        return fixed + camera
+
+    @classmethod
+    def decode(cls, data: bytes) -> HelloAck:
+        """Payload from bytes."""
+        width, height, bits, encoding, mode, truth, window, _, chunk, name, digest, size = unpack_fixed(
+            cls.LAYOUT, data, "HELLO_ACK", tail=True
+        )
+        camera = data[cls.LAYOUT.size :]
+        if len(camera) != size:
+            raise PacketError(f"a HELLO_ACK carries {len(camera)} bytes of camera, expected {size}")
+        return cls(
+            unpack_json(camera, MAX_CAMERA_JSON_BYTES),
+            width,
+            height,
+            bits,
+            known_value(Encoding, encoding, "image encoding"),
+            known_value(Mode, mode, "mode"),
+            known_value(TruthPolicy, truth, "truth policy"),
+            window,
+            chunk,
+            unpack_text(name),
+            unpack_hash(digest),
+        )
+
+
+@dataclass(frozen=True)
+class TimeSyncRequest:
+    """Asker's monotonic clock when it asked [ns]."""
+
+    TYPE: ClassVar[PacketType] = PacketType.TIME_SYNC_REQUEST
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Q")
+
+    asked_ns: int
+
+    def encode(self) -> bytes:
+        """Payload bytes."""
+        return self.LAYOUT.pack(self.asked_ns)
+
+    @classmethod
+    def decode(cls, data: bytes) -> TimeSyncRequest:
+        """Payload from bytes."""
+        return cls(*unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REQUEST"))
+
+
+@dataclass(frozen=True)
+class TimeSyncReply:
+    """The asker's time back, and the answerer's clock on receiving and on sending [ns]."""
+
+    TYPE: ClassVar[PacketType] = PacketType.TIME_SYNC_REPLY
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<QQQ")
+
+    asked_ns: int
+    received_ns: int
+    sent_ns: int
+
+    def encode(self) -> bytes:
+        """Payload bytes."""
+        return self.LAYOUT.pack(self.asked_ns, self.received_ns, self.sent_ns)
+
+    @classmethod
+    def decode(cls, data: bytes) -> TimeSyncReply:
+        """Payload from bytes."""
+        return cls(*unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY"))
+
+
+@dataclass(frozen=True)
+class Bye:
+    """The session is over; the sender closes the line after it."""
+
+    TYPE: ClassVar[PacketType] = PacketType.BYE
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HH")
+
+    reason: str = ""
+
+    def encode(self) -> bytes:
+        """Payload bytes."""
+        text = pack_text(self.reason, 400)
+        return self.LAYOUT.pack(len(text), 0) + text
+
+    @classmethod
+    def decode(cls, data: bytes) -> Bye:
+        """Payload from bytes."""
+        size, _ = unpack_fixed(cls.LAYOUT, data, "BYE", tail=True)
+        if len(data) - cls.LAYOUT.size != size:
+            raise PacketError(f"a BYE payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")
+        return cls(unpack_text(data[cls.LAYOUT.size :]))
+
+
+@dataclass(frozen=True)
+class ErrorMessage:
+    """What went wrong, about which frame (``NO_FRAME`` when none), as a sentence."""
+
+    TYPE: ClassVar[PacketType] = PacketType.ERROR
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHI")
+
+    code: ErrorCode
+    text: str
+    frame_id: int = NO_FRAME
+
+    def encode(self) -> bytes:
+        """Payload bytes."""
+        text = pack_text(self.text, 400)
+        return self.LAYOUT.pack(self.code, len(text), self.frame_id) + text
+
+    @classmethod
+    def decode(cls, data: bytes) -> ErrorMessage:
+        """Payload from bytes."""
+        code, size, frame_id = unpack_fixed(cls.LAYOUT, data, "ERROR", tail=True)
+        if len(data) - cls.LAYOUT.size != size:
+            raise PacketError(f"an ERROR payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")
+        return cls(known_value(ErrorCode, code, "error code"), unpack_text(data[cls.LAYOUT.size :]), frame_id)

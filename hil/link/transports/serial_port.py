@@ -1,0 +1,102 @@
+"""A serial line: COBS frames, small chunks; needs pyserial."""
+
+from __future__ import annotations
+
+import select
+from typing import Optional
+
+from hil.link.errors import LinkClosed, LinkError
+from hil.link.framing.cobs import CobsFraming
+from hil.link.transports.base import StreamTransport
+
+try:
+    import serial
+except ImportError:
+    serial = None  # type: ignore[assignment]
+
+
+class SerialTransport(StreamTransport):
+    """One serial port at one baud rate, 8N1.
+
+    A serial line has no connection, so the other side's leaving shows only as silence or as BYE.
+    """
+
+    # a damaged byte costs one chunk; 20 bytes of overhead in 2048 are 1.4 %
+    chunk_bytes = 2048
+
+    def __init__(self, device: str, baud: int) -> None:
+        super().__init__(f"serial://{device}?baud={baud}", CobsFraming())
+        if serial is None:
+            raise LinkError("a serial link needs pyserial, which is not installed: pip install pyserial")
+        try:
+            self._port = serial.Serial(device, baud, timeout=0.0, write_timeout=10.0, exclusive=True)
+        except (OSError, ValueError) as error:  # SerialException is an OSError
+            raise LinkError(
+                f"serial port {device} at {baud} baud cannot be opened ({error}):"
+                " check the name, the rights (group dialout) and that the adapter knows this rate"
+            ) from error
+
+    def fileno(self) -> int:
+        """The port's."""
+        return int(self._port.fileno())
+
+    def close(self) -> None:
+        """Give the port back."""
+        if not self._closed:
+            self._closed = True
+            self._port.close()
+
+    def _write(self, data: bytes) -> None:
+        try:
+            self._port.write(data)
+        except (OSError, TypeError) as error:  # pyserial: TypeError when closed by another thread
+            raise LinkClosed(f"{self.name} cannot be written ({error}): is it still plugged in?") from error
+
+    def _read(self, timeout_s: float) -> bytes:
+        try:
+            waiting = self._port.in_waiting
+            if waiting:
+                return bytes(self._port.read(waiting))
+            if timeout_s <= 0:
+                return b""
+            self._port.timeout = timeout_s
+            return bytes(self._port.read(1))
+        except (OSError, TypeError) as error:
+            raise LinkClosed(f"{self.name} cannot be read ({error}): is it still plugged in?") from error
+
+
+class _SharedPort:
+    """The listener's port as one session sees it: closing the session keeps the port open."""
+
+    def __init__(self, port: SerialTransport) -> None:
+        self._port = port
+        self.name = port.name
+        self.chunk_bytes = port.chunk_bytes
+        self.send_packet = port.send_packet
+        self.recv_packet = port.recv_packet
+        self.fileno = port.fileno
+
+    def close(self) -> None:
+        """Leave the port to the next session."""
+
+
+class SerialListener:
+    """Waits for the first byte on a serial port."""
+
+    def __init__(self, device: str, baud: int) -> None:
+        self._port = SerialTransport(device, baud)
+        self.url = self._port.name
+
+    def accept(self, timeout_s: float) -> Optional[_SharedPort]:
+        """The line, once something has been said on it; None after ``timeout_s``."""
+        poller = select.poll()
+        poller.register(self._port.fileno(), select.POLLIN)
+        return _SharedPort(self._port) if poller.poll(timeout_s * 1e3) else None
+
+    def fileno(self) -> int:
+        """The port's."""
+        return self._port.fileno()
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._port.close()

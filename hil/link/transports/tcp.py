@@ -1,0 +1,213 @@
+"""TCP: length-prefixed packets, no delay, deadlines on both directions."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import select
+import socket
+import time
+from typing import Optional
+
+from hil.link.errors import LinkClosed, LinkError
+from hil.link.framing.length_prefix import LengthFraming
+from hil.link.transports.base import StreamTransport
+
+# a peer that takes no byte for this long is gone
+SEND_STALL_S = 10.0
+# and so is one that takes longer for a packet: slower than a modem, it only holds the sender
+SEND_PACKET_S = 60.0
+# a peer whose machine vanished is noticed after about half a minute of silence
+KEEPALIVE_S = (("TCP_KEEPIDLE", 15), ("TCP_KEEPINTVL", 5), ("TCP_KEEPCNT", 3))
+# nobody can be let in while files, or the memory for them, run out; this pause keeps the processor free for the rest
+EXHAUSTED_PAUSE_S = 0.01
+
+
+EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+
+
+def _wait(sock: socket.socket, event: int, timeout_s: float) -> bool:
+    poller = select.poll()
+    poller.register(sock, event)
+    return bool(poller.poll(timeout_s * 1e3))
+
+
+def keep_alive(sock: socket.socket) -> None:
+    """Let the system find out whether the other side still exists; OSError where the connection is gone already."""
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in KEEPALIVE_S:
+        if hasattr(socket, name):  # TCP_KEEPIDLE has another name on macOS
+            sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
+class TcpTransport(StreamTransport):
+    """One TCP connection."""
+
+    def __init__(
+        self,
+        sock: socket.socket,
+        name: str,
+        send_stall_s: float = SEND_STALL_S,
+        send_packet_s: float = SEND_PACKET_S,
+    ) -> None:
+        super().__init__(name, LengthFraming())
+        sock.setblocking(False)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        keep_alive(sock)
+        self._sock = sock
+        self._send_stall_s, self._send_packet_s = send_stall_s, send_packet_s
+
+    def fileno(self) -> int:
+        """The socket's."""
+        return self._sock.fileno()
+
+    def close(self) -> None:
+        """Shut the connection; a second call does nothing."""
+        if not self._closed:
+            self._closed = True
+            with contextlib.suppress(OSError):  # the other side may have been faster
+                self._sock.shutdown(socket.SHUT_RDWR)
+            self._sock.close()
+
+    def _write(self, data: bytes) -> None:
+        view = memoryview(data)
+        deadline = time.monotonic() + self._send_packet_s
+        try:
+            while view:
+                try:
+                    view = view[self._sock.send(view) :]
+                except BlockingIOError:
+                    if not _wait(self._sock, select.POLLOUT, self._send_stall_s):
+                        raise LinkClosed(
+                            f"{self.name} took no byte for {self._send_stall_s:g} s:"
+                            " it hangs or the network is cut"
+                        ) from None
+                    if time.monotonic() > deadline:
+                        raise LinkClosed(
+                            f"{self.name} took {len(data)} bytes in more than {self._send_packet_s:g} s:"
+                            " it hangs or the network is too slow"
+                        ) from None
+        except OSError as error:
+            raise LinkClosed(f"{self.name} went away while it was sent to ({error.strerror})") from error
+
+    def _read(self, timeout_s: float) -> bytes:
+        try:
+            try:
+                data = self._sock.recv(1 << 20)
+            except BlockingIOError:
+                if timeout_s <= 0 or not _wait(self._sock, select.POLLIN, timeout_s):
+                    return b""
+                data = self._sock.recv(1 << 20)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise LinkClosed(f"{self.name} went away ({error.strerror})") from error
+        if not data:
+            raise LinkClosed(f"{self.name} closed the connection")
+        return data
+
+
+def connect_tcp(host: str, port: int, timeout_s: float) -> TcpTransport:
+    """Connect, retrying while nobody listens yet.
+
+    Raises
+    ------
+    LinkError
+        If nobody listens before ``timeout_s`` has passed.
+    """
+    deadline = time.monotonic() + timeout_s
+    while True:
+        left = deadline - time.monotonic()
+        try:
+            sock = socket.create_connection((host, port), timeout=max(0.1, left))
+        except socket.gaierror as error:
+            raise LinkError(
+                f"host name {host!r} is unknown: check the link URL tcp://{host}:{port}"
+            ) from error
+        except OSError as error:
+            if left <= 0:
+                reason = error.strerror or "no answer"
+                raise LinkError(
+                    f"nobody listens on tcp://{host}:{port} ({reason}, tried for {timeout_s:g} s):"
+                    " start the other side first, or check host and port"
+                ) from error
+            time.sleep(min(0.1, max(0.0, left)))
+        else:
+            return TcpTransport(sock, f"tcp://{host}:{port}")
+
+
+class TcpListener:
+    """A listening socket."""
+
+    def __init__(self, host: str, port: int) -> None:
+        sock = None
+        try:
+            family, kind, proto, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+            sock = socket.socket(family, kind, proto)
+            # a port in TIME_WAIT after the last run is free; one that somebody listens on is not
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            sock.bind(address)
+            sock.listen(64)  # a shorter queue makes a board wait seconds behind a burst of others
+            self._spare: Optional[int] = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
+        except OSError as error:
+            if sock is not None:
+                sock.close()
+            if error.errno == errno.EADDRINUSE:
+                raise LinkError(
+                    f"port {port} on {host} is in use by another program:"
+                    " stop it, or choose another port in the link URL"
+                ) from error
+            raise LinkError(
+                f"cannot listen on tcp://{host}:{port} ({error.strerror}): choose another address or port"
+            ) from error
+        sock.setblocking(False)
+        self._sock = sock
+        bound = sock.getsockname()[1]
+        self.url = f"tcp://[{host}]:{bound}" if ":" in host else f"tcp://{host}:{bound}"
+
+    def accept_socket(self, timeout_s: float) -> Optional[socket.socket]:
+        """The bare connection of whoever came; None after ``timeout_s``, or where nobody can be let in now."""
+        try:
+            return self._sock.accept()[0] if _wait(self._sock, select.POLLIN, timeout_s) else None
+        except (BlockingIOError, ConnectionError):
+            return None  # it came and went
+        except OSError as error:
+            if error.errno not in EXHAUSTED:
+                return None  # the network's trouble with that one connection, as accept(2) has it
+            self._turn_away()
+            return None
+
+    def _turn_away(self) -> None:
+        """Close whoever waits, with the file that was kept for this: left waiting, it would be told of for ever."""
+        if self._spare is not None:
+            os.close(self._spare)
+            self._spare = None
+        with contextlib.suppress(OSError):
+            self._sock.accept()[0].close()
+        with contextlib.suppress(OSError):
+            self._spare = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
+        time.sleep(EXHAUSTED_PAUSE_S)
+
+    def accept(self, timeout_s: float) -> Optional[TcpTransport]:
+        """A line to whoever came, None after ``timeout_s``."""
+        sock = self.accept_socket(timeout_s)
+        if sock is None:
+            return None
+        try:
+            peer = sock.getpeername()
+            return TcpTransport(sock, f"tcp://{peer[0]}:{peer[1]}")
+        except OSError:  # it left again
+            sock.close()
+            return None
+
+    def fileno(self) -> int:
+        """The socket's."""
+        return self._sock.fileno()
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._sock.close()
+        if self._spare is not None:
+            os.close(self._spare)
+            self._spare = None
