@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-slow test-portable test-mutants test-starts lint bench validation docs schemas format system clean
+.PHONY: demo test test-slow test-portable test-mutants test-starts lint bench validation docs docs-site schemas format system clean
 
 demo: $(STAMP) system
 	$(BIN)/flyaround demo -o out/demo --overwrite
@@ -46,6 +46,11 @@ docs: $(STAMP) system
 	$(BIN)/python -m tools.docs.pictures
 	$(BIN)/python -m tools.docs.gallery
 	$(BIN)/python -m tools.docs.camera_pictures
+
+# The documents as a site, every link checked: out/site/index.html.
+docs-site: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 schemas: $(STAMP)
 	$(BIN)/python -m flyaround.schemas docs/formats
