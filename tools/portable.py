@@ -32,8 +32,8 @@ on = [name for name in {NAMES!r} if features[name]]
 assert not on, f"NumPy still uses {on}"
 """
 KERNELS = """
-from hil.board.svd.native.backend import kernels
-assert kernels().startswith({NAME!r}), kernels()
+from hil.board.svd.native.backend import describe_backend
+assert describe_backend().startswith({NAME!r}), describe_backend()
 """
 THREADS = """
 import numpy, scipy.linalg, threadpoolctl

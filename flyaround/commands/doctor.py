@@ -18,7 +18,7 @@ from rich.text import Text
 
 from flyaround.commands.terminal import say, terminal
 from hil.board.errors import BoardModelError
-from hil.board.svd.native.backend import kernels
+from hil.board.svd.native.backend import describe_backend
 from simulator.errors import UserError
 from simulator.render.cache import cache_bytes
 from simulator.render.first_hits import embree_is_here
@@ -85,7 +85,7 @@ def _rays() -> Finding:
 def _kernels() -> Finding:
     part = "estimator's kernels"
     try:
-        found = kernels()
+        found = describe_backend()
     except BoardModelError as error:
         return Finding(part, False, False, "none", str(error))
     native = found == "native"

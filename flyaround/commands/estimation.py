@@ -16,7 +16,7 @@ from hil.board.errors import BoardModelError
 from hil.board.svd import METHODS, BoardModel, CameraIntrinsics, make_estimator
 from hil.board.svd.debug.stage_pictures import write_stage_pictures
 from hil.board.svd.methods import PUBLISHED
-from hil.board.svd.native.backend import kernels
+from hil.board.svd.native.backend import describe_backend
 from hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS
 from hil.evaluate.estimate import checked_picture
 from hil.evaluate.grey import PLAIN, about_pictures
@@ -106,7 +106,7 @@ def estimate(
                 "t_camera_from_target_m": None if t is None else [float(x) for x in t],
                 "confidence": float(result.confidence),
                 "method": result.method,
-                "kernels": kernels(),
+                "kernels": describe_backend(),
                 "stages_ms": {k: float(v) for k, v in result.stages_ms.items()},
                 "counts": {k: int(v) for k, v in result.counts.items()},
                 "covariance": None if result.covariance is None else result.covariance.tolist(),

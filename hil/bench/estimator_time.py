@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from hil.board.svd.native.backend import CHOICE
+from hil.board.svd.native.backend import BACKEND_VARIABLE
 from simulator.bench.parts import PartCost, cost
 from simulator.frame import take_frame
 from simulator.loop import Plan, plan_flight
@@ -36,7 +36,7 @@ BOARD = """
 import json, sys
 import cv2, numpy as np
 from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
-from hil.board.svd.native.backend import kernels
+from hil.board.svd.native.backend import describe_backend
 cv2.setNumThreads(1)
 folder, every_s = sys.argv[1], float(sys.argv[2])
 model = BoardModel.read(folder + "/model.json")
@@ -54,7 +54,7 @@ try:  # getrusage would count what the parent held
     peak = int(status["VmHWM"].split()[0]) / 1024
 except OSError:
     peak = None
-print(json.dumps({"single": single, "tracked": tracked, "peak_mb": peak, "kernels": kernels()}))
+print(json.dumps({"single": single, "tracked": tracked, "peak_mb": peak, "kernels": describe_backend()}))
 """
 
 
@@ -80,7 +80,7 @@ def _in_a_process(folder: Path, choice: str | None) -> tuple[PartCost, ...]:
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     answer = subprocess.run(
         [sys.executable, "-c", BOARD, str(folder), str(EVERY_S)],
-        env=environment | ({CHOICE: choice} if choice else {}),
+        env=environment | ({BACKEND_VARIABLE: choice} if choice else {}),
         stdout=subprocess.PIPE,
         check=True,
         text=True,

@@ -123,11 +123,11 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
         CameraIntrinsics,
         make_estimator,
     )
-    from hil.board.svd.native.backend import kernels  # noqa: PLC0415 - the same
+    from hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - the same
 
     try:
         # built and loaded before a host is met
-        logger.info("kernels of the estimator: %s", kernels())
+        logger.info("kernels of the estimator: %s", describe_backend())
     except KernelError as error:
         raise LinkError(str(error)) from error
     if method not in METHODS:
@@ -194,9 +194,9 @@ def run_board(
         if model_path is None:
             raise LinkError("the board needs a model file: name one with --model")
         make_estimator, model_name, model_sha256 = svd_factory(model_path, method)
-        from hil.board.svd.native.backend import kernels  # noqa: PLC0415 - needs OpenCV
+        from hil.board.svd.native.backend import describe_backend  # noqa: PLC0415 - needs OpenCV
 
-        runs_on = f", kernels {kernels().split()[0]}"
+        runs_on = f", kernels {describe_backend().split()[0]}"
     hello = Hello(
         encodings=supported_encodings(),
         window=window,

@@ -13,7 +13,7 @@ import msgspec
 
 from hil.board.errors import BoardModelError
 from hil.board.svd import BoardModel
-from hil.board.svd.native.backend import kernels
+from hil.board.svd.native.backend import describe_backend
 from hil.evaluate.frames import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
 from hil.evaluate.grey import about_pictures
 from hil.evaluate.metrics import MethodMetrics, Metrics, compose, summarise
@@ -104,7 +104,7 @@ def evaluate_dataset(
     kind, colour = _pictures(folder, done)
     metrics = compose(
         [method_metrics(label, [r for r in done if r.method == label]) for label in labels],
-        kernels(),
+        describe_backend(),
         kind,
         grey_from_colour=colour,
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import cv2
 import pytest
 
-from hil.board.svd.native import backend as library
+from hil.board.svd.native import backend
 from hil.board.svd.propose.learned.view_subspaces import Subspaces
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
@@ -32,10 +32,10 @@ def one_thread() -> Iterator[None]:
 @pytest.fixture
 def choose(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
     """The environment, by which kernels are chosen anew in this test and in the next."""
-    library._loaded.cache_clear()
+    backend._loaded.cache_clear()
     yield monkeypatch
     monkeypatch.undo()
-    library._loaded.cache_clear()
+    backend._loaded.cache_clear()
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def native_kernels(choose: pytest.MonkeyPatch) -> None:
     """The C kernels or a failure, never numpy beside itself; skips where there is no compiler."""
     if shutil.which(os.environ.get("CC", "") or "cc") is None:
         pytest.skip("no C compiler here")
-    choose.setenv(library.CHOICE, "native")
+    choose.setenv(backend.BACKEND_VARIABLE, "native")
 
 
 @pytest.fixture(scope="session")

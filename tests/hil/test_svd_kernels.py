@@ -24,7 +24,7 @@ from hil.board.svd.model.face_gains import shade as shaded
 from hil.board.svd.model.rasteriser import _ordered, order_faces
 from hil.board.svd.model.shadow_map import Sunlight, SunTable
 from hil.board.svd.model.visibility import _visible_samples, occluders, sample_edges, visible_samples
-from hil.board.svd.native import backend as library
+from hil.board.svd.native import arrays, backend, compiler
 from hil.board.svd.native.learned.attitude_likelihood import likelihood
 from hil.board.svd.propose.learned.attitude_basis import even_attitudes, turning_bumps
 from hil.board.svd.propose.learned.learned_proposal import net_for
@@ -55,12 +55,12 @@ def some_pose(model: BoardModel, rng: np.random.Generator) -> tuple[np.ndarray, 
 def test_kernels_are_compiled_once_and_kept(choose: pytest.MonkeyPatch, tmp_path: Path) -> None:
     choose.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
     choose.setenv("FLYAROUND_KERNELS", "native")
-    assert library.kernels() == "native"
+    assert backend.describe_backend() == "native"
     made = list((tmp_path / "kernels").iterdir())
     assert [p.suffix for p in made] == [".so"]
     when = made[0].stat().st_mtime_ns
-    library._loaded.cache_clear()
-    assert library.library() is not None
+    backend._loaded.cache_clear()
+    assert backend.native_library() is not None
     assert made[0].stat().st_mtime_ns == when
 
 
@@ -68,14 +68,14 @@ def test_without_a_compiler_numpy_works_and_says_why(choose: pytest.MonkeyPatch,
     choose.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
     choose.delenv("FLYAROUND_KERNELS", raising=False)
     choose.setenv("CC", "no-such-compiler")
-    assert library.library() is None
-    assert library.kernels().startswith("numpy (no C compiler was found")
+    assert backend.native_library() is None
+    assert backend.describe_backend().startswith("numpy (no C compiler was found")
     choose.setenv("CC", "false")
-    library._loaded.cache_clear()
-    assert "false fails" in library.kernels()
+    backend._loaded.cache_clear()
+    assert "false fails" in backend.describe_backend()
     choose.setenv("FLYAROUND_KERNELS", "numpy")
-    library._loaded.cache_clear()
-    assert library.kernels() == "numpy (FLYAROUND_KERNELS asks for it)"
+    backend._loaded.cache_clear()
+    assert backend.describe_backend() == "numpy (FLYAROUND_KERNELS asks for it)"
 
 
 def test_kernels_that_cannot_be_had_are_refused_in_one_sentence(
@@ -99,9 +99,12 @@ def test_who_asks_is_told_what_runs(
     from hil.board.__main__ import main
 
     choose.setenv("FLYAROUND_KERNELS", "numpy")
-    assert compose([summarise([])], library.kernels()).kernels == "numpy (FLYAROUND_KERNELS asks for it)"
+    assert (
+        compose([summarise([])], backend.describe_backend()).kernels
+        == "numpy (FLYAROUND_KERNELS asks for it)"
+    )
     assert not _kernels().ok
-    library._loaded.cache_clear()
+    backend._loaded.cache_clear()
     choose.setenv("FLYAROUND_KERNELS", "slow")
     assert "choose one of" in _kernels().advice
     pinhole = {key: value for key, value in vars(CAMERA).items() if not key.startswith("distortion")}
@@ -116,19 +119,18 @@ def test_who_asks_is_told_what_runs(
 
 def test_an_array_of_another_kind_is_refused() -> None:
     with pytest.raises(ValueError, match="float32"):
-        library.address(np.zeros((2, 3)), "float32")
+        arrays.checked_pointer(np.zeros((2, 3)), "float32")
     kept = np.arange(6.0)
     kept.flags.writeable = False
-    assert (
-        library.address(kept, "float64") == library.address(kept.reshape(2, 3), "float64") == kept.ctypes.data
-    )
+    assert arrays.checked_pointer(kept, "float64") == kept.ctypes.data
+    assert arrays.checked_pointer(kept.reshape(2, 3), "float64") == kept.ctypes.data
     fresh = np.zeros((3, 2))
-    assert library.address(fresh, "float64", (3, 2)) == fresh.ctypes.data
-    assert library.address(np.zeros((0, 3)), "float64", (0, 3)) >= 0
+    assert arrays.checked_pointer(fresh, "float64", (3, 2)) == fresh.ctypes.data
+    assert arrays.checked_pointer(np.zeros((0, 3)), "float64", (0, 3)) >= 0
     with pytest.raises(ValueError, match="float64"):
-        library.address(np.zeros((4, 6))[:, ::2], "float64")
+        arrays.checked_pointer(np.zeros((4, 6))[:, ::2], "float64")
     with pytest.raises(ValueError, match="float64"):
-        library.address(np.zeros((2, 3)), "float64", (3, 2))
+        arrays.checked_pointer(np.zeros((2, 3)), "float64", (3, 2))
 
 
 def test_the_bundle_carries_the_sources(tmp_path: Path) -> None:
@@ -136,7 +138,7 @@ def test_the_bundle_carries_the_sources(tmp_path: Path) -> None:
 
     write_bundle(tmp_path / "board.pyz", [])
     names = zipfile.ZipFile(tmp_path / "board.pyz").namelist()
-    assert {f"hil/board/svd/native/{name}" for name in library.SOURCES} <= set(names)
+    assert {f"hil/board/svd/native/{name}" for name in compiler.SOURCES} <= set(names)
 
 
 @needs_compiler
@@ -176,7 +178,7 @@ def test_faces_are_ordered_and_drawn_as_by_numpy(tango: BoardModel) -> None:
 def by_numpy(choose: pytest.MonkeyPatch) -> None:
     """From here on numpy does everything."""
     choose.setenv("FLYAROUND_KERNELS", "numpy")
-    library._loaded.cache_clear()
+    backend._loaded.cache_clear()
 
 
 @needs_compiler
@@ -228,7 +230,7 @@ def test_the_sun_is_sought_as_by_numpy(tango: BoardModel, choose: pytest.MonkeyP
         found.append(table.find(grouped, shading, canvas, CAMERA, R, t, 4, pixels))
         every = table._costs(grouped, shading, canvas, CAMERA, R, t, np.arange(60), pixels)
         choose.delenv("FLYAROUND_KERNELS")
-        library._loaded.cache_clear()
+        backend._loaded.cache_clear()
         np.testing.assert_allclose(costs[0], costs[1], rtol=1e-5)
         # of directions that leave as much either may be named
         left = [every[by] for by in found]
@@ -275,7 +277,7 @@ def test_what_hides_the_wireframe_is_numpys(tango: BoardModel, radius_m: float) 
 def test_wider_instructions_change_no_bit(
     tango: BoardModel, choose: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    if not library._wide():
+    if not compiler._simd_flags():
         pytest.skip("this processor has none")
     choose.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
     faces, (R, t) = tango.faces, some_pose(tango, np.random.default_rng(11))
@@ -288,11 +290,11 @@ def test_wider_instructions_change_no_bit(
     canvas = shade.Canvas(np.zeros((100, 120), np.float32), 1.0, 10.0, 5.0, 1.6, 2, tall=1.02)
 
     def answers() -> list[bytes]:
-        library._loaded.cache_clear()
+        backend._loaded.cache_clear()
         seen = shade.draw_faces(faces, order_faces(faces, -R.T @ t), CAMERA, R, t, canvas)
         sun = Sunlight.of(faces, np.array([0.3, 0.4, 0.8]), 96)
         dark = sun.shadows(faces, seen, canvas, CAMERA, R, t)
-        samples, native = sample_edges(tango, 0.02), library.library()
+        samples, native = sample_edges(tango, 0.02), backend.native_library()
         visible, _ = visible_samples(samples, occluders(tango), -R.T @ t)
         assert native is not None
         likely = likelihood(native, bumps, said, HARMONICS, _circle())
@@ -300,7 +302,7 @@ def test_wider_instructions_change_no_bit(
         return [a.tobytes() for a in (seen, sun.height, dark, visible, likely, looks, *net(looks))]
 
     wide = answers()
-    choose.setattr(library, "_wide", lambda: ())
+    choose.setattr(compiler, "_simd_flags", lambda: ())
     assert answers() == wide
     assert len(list((tmp_path / "kernels").iterdir())) == 2
 
@@ -348,7 +350,7 @@ def test_no_kernel_reads_or_writes_beside_its_arrays(tmp_path: Path) -> None:
         "LD_PRELOAD": " ".join(name.strip() for name in runtime),
         "ASAN_OPTIONS": "detect_leaks=0",
     }
-    asked = "from hil.board.svd.native.backend import kernels; print(kernels())"
+    asked = "from hil.board.svd.native.backend import describe_backend; print(describe_backend())"
     told = subprocess.run(
         [sys.executable, "-c", asked], env=environment, capture_output=True, text=True, check=True
     )

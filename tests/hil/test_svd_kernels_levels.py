@@ -16,7 +16,7 @@ from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.model import face_gains as levels
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
-from hil.board.svd.native import backend as library
+from hil.board.svd.native import backend
 from hil.board.svd.native.photometric import normal_equations as step
 from hil.board.svd.refine import motion_images as motion
 from hil.board.svd.refine import photometric
@@ -45,7 +45,7 @@ def tango() -> BoardModel:
 
 def numpy_from_here(patch: pytest.MonkeyPatch) -> None:
     patch.setenv("FLYAROUND_KERNELS", "numpy")
-    library._loaded.cache_clear()
+    backend._loaded.cache_clear()
 
 
 def scene(
@@ -142,7 +142,7 @@ def test_derivatives_and_steps_are_numpys(craft: BoardModel, choose: pytest.Monk
 
 def test_poses_and_pictures_that_are_none_harm_nothing(craft: BoardModel) -> None:
     faces, canvas, *_ = scene(craft, np.random.default_rng(3), 0)
-    native = library.library()
+    native = backend.native_library()
     assert native is not None
     for shape in ((77, 101), (1, 40), (40, 1), (2, 2)):
         small = replace(canvas, gray=np.full(shape, np.nan, np.float32), plain=np.zeros(shape, np.float32))

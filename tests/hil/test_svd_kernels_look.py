@@ -13,7 +13,7 @@ from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.image.edge_field import area_mean
 from hil.board.svd.image.line_segments import lsd_stream
 from hil.board.svd.image.noise import noise_sigma
-from hil.board.svd.native import backend as library
+from hil.board.svd.native import backend
 from hil.board.svd.native.images.area_average import shrunk
 from hil.board.svd.native.learned import attitude_likelihood as kernel
 from hil.board.svd.native.learned.convolution import Layers, convolutions
@@ -32,14 +32,14 @@ CAMERA = CameraIntrinsics(480, 300, 750.0, 740.0, 239.5, 149.5)
 
 
 def native() -> CDLL:
-    handle = library.library()
+    handle = backend.native_library()
     assert handle is not None
     return handle
 
 
 def numpy_from_here(patch: pytest.MonkeyPatch) -> None:
     patch.setenv("FLYAROUND_KERNELS", "numpy")
-    library._loaded.cache_clear()
+    backend._loaded.cache_clear()
 
 
 def clouds(rng: np.random.Generator) -> np.ndarray:

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.board.svd.native import backend as library
-from hil.board.svd.native import library_cache
+from hil.board.svd.native import backend, compiler, library_cache
 
 STEM = "kernels-0"
 MARKED = """
@@ -149,8 +148,8 @@ def test_where_nothing_can_be_kept_kernels_are_compiled_and_used_all_the_same(ch
     """A cache that is a file, and one that is a symbolic link."""
     small = (tmp_path / "small.c", "int one(void) { return 1; }\n")
     small[0].write_text(small[1])
-    monkeypatch.setattr(library, "SOURCES", ("small.c",))
-    monkeypatch.setattr(library.pkgutil, "get_data", lambda *_: small[1].encode())
+    monkeypatch.setattr(compiler, "SOURCES", ("small.c",))
+    monkeypatch.setattr(compiler.pkgutil, "get_data", lambda *_: small[1].encode())
     choose.setenv("FLYAROUND_KERNELS", "native")
     (tmp_path / "file").write_text("")
     (tmp_path / "away").mkdir()
@@ -158,8 +157,8 @@ def test_where_nothing_can_be_kept_kernels_are_compiled_and_used_all_the_same(ch
     (tmp_path / "link" / "kernels").symlink_to(tmp_path / "away")
     for cache in ("file", "link"):
         choose.setenv("FLYAROUND_CACHE_DIR", str(tmp_path / cache))
-        library._loaded.cache_clear()
-        handle = library.library()
+        backend._loaded.cache_clear()
+        handle = backend.native_library()
         assert handle is not None
         assert handle.one() == 1
     assert not list((tmp_path / "away").iterdir())

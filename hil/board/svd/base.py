@@ -10,7 +10,7 @@ from hil.board.svd.decide.confidence import ACCEPT_AT, Evidence, confidence, dec
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.hypotheses.hypothesis import Alternative, Frame, PoseResult, Trace
 from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.native.backend import library
+from hil.board.svd.native.backend import native_library
 from hil.board.svd.refine.edges import FineFit
 from hil.board.svd.refine.photometric import PhotoFit
 
@@ -38,7 +38,7 @@ class Estimator:
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
         # built and loaded here, not while a frame waits
-        library()
+        native_library()
         self.model, self.camera = model, camera
 
     def estimate(

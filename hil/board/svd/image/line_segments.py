@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.native.backend import library
+from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.images.line_segments import segments as native_segments
 
 Array = np.ndarray
@@ -52,7 +52,7 @@ def lsd_stream(image: Array, shortest_px: float) -> Array:
     if high <= low:
         return np.zeros((0, 4))
     scaled = np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
-    native = library()
+    native = native_library()
     segments = _lsd(scaled) if native is None else native_segments(native, _reduced(scaled), LEAST) / REDUCED
     return segments[np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]) >= shortest_px]
 

@@ -6,7 +6,7 @@ from typing import Tuple
 
 import numpy as np
 
-from hil.board.svd.native.backend import library
+from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.images.area_average import readable
 from hil.board.svd.native.images.noise import masked
 
@@ -35,7 +35,7 @@ def noise_sigma(image: Array, full_scale: float) -> float:
     step = max(1, min(image.shape) // 400)
     if min(image.shape) < 3:
         return 0.0
-    native = library()
+    native = native_library()
     if native is not None and image.dtype == np.uint8 and readable(image):
         middle, inside, bright = masked(native, image, step, full_scale)
     else:

@@ -11,7 +11,7 @@ import numpy as np
 from hil.board.svd.geometry.faces import Faces
 from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.native.backend import library
+from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.photometric import face_gains as native_levels
 from hil.board.svd.native.photometric.image_formation import BLURS_PX, reach
 
@@ -45,7 +45,7 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     """
     h, w = canvas.gray.shape
     textured = canvas.textured
-    native = library()
+    native = native_library()
     made = native and native_levels.shade(native, faces, seen, canvas, dark, empty=textured)
     group, level, picture, centre, area, core, empty, ground = made or _shaded(faces, seen, canvas, dark)
     bright = (area >= 60) & (level > 0.97 * canvas.full)

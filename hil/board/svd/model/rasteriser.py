@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 from hil.board.svd.geometry.faces import Faces
 from hil.board.svd.geometry.image_patch import Canvas
-from hil.board.svd.native.backend import library
+from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.raster import rasteriser as paint
 
 Array = np.ndarray
@@ -32,7 +32,7 @@ NARROW_PX = 1.2
 
 def order_faces(faces: Faces, C_m: Array) -> Array:
     """Faces that look at the camera centre ``C_m`` (3,), the farthest first."""
-    native = library()
+    native = native_library()
     return _ordered(faces, C_m) if native is None else paint.order(native, faces, C_m)
 
 
@@ -63,7 +63,7 @@ def draw_faces(
     ----------
     order : faces to draw, the farthest first. least_px : smaller ones are left to their neighbours [drawn px^2].
     """
-    native = library()
+    native = native_library()
     if native is not None and not camera.distorted:
         return paint.draw_faces(native, faces, order, camera, R, t, canvas, least_px)
     h, w = canvas.gray.shape
@@ -81,7 +81,7 @@ def fill_faces(
     ----------
     exact : whether those narrower than a pixel get their true area.
     """
-    native = library()
+    native = native_library()
     if native is not None:
         return paint.fill_faces(native, p, order, shape, least_px, exact=exact)
     return _filled(p, order, shape, least_px, exact=exact)

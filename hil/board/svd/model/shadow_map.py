@@ -13,7 +13,7 @@ from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.geometry.vectors import cross, length
 from hil.board.svd.model.rasteriser import fill_faces, order_faces
-from hil.board.svd.native.backend import library
+from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.raster import shadow_map as kernel
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Sunlight:
         e1 = cross(s, AXES[int(np.argmin(np.abs(s)))])
         e1 = e1 / length(e1)
         axes = np.stack([e1, cross(s, e1)])
-        native = library()
+        native = native_library()
         if native is None:
             return Sunlight._of(faces, s, axes, n)
         order, frame = order_faces(faces, s * 1e6), np.vstack([axes, s])
@@ -115,7 +115,7 @@ class Sunlight:
         ----------
         seen : drawn at the pose ``R``, ``t`` by ``draw_faces``. camera : a pinhole.
         """
-        native = library()
+        native = native_library()
         if native is not None:
             return kernel.shadows(native, faces, self.packed[0], seen, canvas, camera, R, t)
         return self._shadows(faces, seen, canvas, camera, R, t)
@@ -228,7 +228,7 @@ class SunTable:
         if "darkest" not in canvas.kept:
             canvas.kept["darkest"] = float(np.min(canvas.gray))
         darkest = canvas.kept["darkest"]
-        native = library()
+        native = native_library()
         if native is not None:
             table, _ = self.packed
             return kernel.costs(

@@ -9,7 +9,7 @@ import numpy as np
 from hil.board.svd.geometry.vectors import cross
 from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
 from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.native.backend import library
+from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.raster import visibility as kernel
 
 Array = np.ndarray
@@ -98,7 +98,7 @@ def facing(samples: EdgeSamples, C_m: Array, X_m: Array) -> Tuple[Array, Array]:
 
 def visible_samples(samples: EdgeSamples, occ: Occluders, C_m: Array) -> Tuple[Array, Array]:
     """(S,) visible and (S,) outline flags from camera centre ``C_m`` (3,), target frame."""
-    native = library()
+    native = native_library()
     if native is not None:
         return kernel.visible_samples(native, samples, occ, C_m)
     return _visible_samples(samples, occ, C_m)

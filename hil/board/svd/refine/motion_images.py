@@ -8,7 +8,7 @@ from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.faces import Faces
 from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.native.backend import library
+from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.photometric import normal_equations as step
 
 Array = np.ndarray
@@ -25,7 +25,7 @@ def motion_images(
     ----------
     camera : a pinhole (see ``Canvas.rays``).
     """
-    native = library()
+    native = native_library()
     if native is not None and shading.group.dtype == np.uint8:
         return step.motion_images(native, shading, faces, canvas, camera, R, t)
     return _motion_images(shading, faces, canvas, camera, R, t)

@@ -15,7 +15,7 @@ from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.hypotheses.hypothesis import Candidate, Craft
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
-from hil.board.svd.native.backend import library
+from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.raster import shadow_map as kernel
 from hil.board.svd.refine.photometric import PhotoFit, explained, photo_draw, photo_step
 from hil.board.svd.refine.shadows import shadowed
@@ -236,7 +236,7 @@ def _middle(craft: Craft, canvas: Canvas, c: Candidate) -> Array:
     """(2,) middle of what a pose covers of the canvas [picture px]; NaN where that is nothing."""
     faces, R = faces_of(craft), quat.matrix(c.q)
     seen = draw_faces(faces, order_faces(faces, -R.T @ c.t), craft.camera.pinhole, R, c.t, canvas)
-    native = library()
+    native = native_library()
     if native is not None:
         return kernel.middle(native, seen) / canvas.scale
     rows, columns = np.nonzero(seen)

@@ -16,7 +16,7 @@ from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred, coverage, shade
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
-from hil.board.svd.native.backend import library
+from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.photometric import face_gains as native_levels
 from hil.board.svd.native.photometric import normal_equations as native_step
 from hil.board.svd.refine.edges import limit_one_step, parameter_scale
@@ -140,7 +140,7 @@ def photo_step(
     """
     R, t = quat.matrix(fit.q), fit.t
     noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
-    native = library()
+    native = native_library()
     if native is not None and shading.group.dtype == np.uint8:
         blurs = OPTICS_PX / canvas.factor, blur, float(np.hypot(blur, OPTICS_PX / canvas.factor))
         slack = (FLOOR_PX + SLACK * blur) ** 2
@@ -280,7 +280,7 @@ def explained(shading: Shading, canvas: Canvas) -> float:
         none = (canvas.blurred(SCORE_BLUR_PX) - canvas.background) / noise
         canvas.kept["none"] = noise, none, _bounded(none)
     noise, none, least = canvas.kept["none"]
-    native = library()
+    native = native_library()
     if native is None or shading.group.dtype != np.uint8:
         return 1.0 - _left(shading, canvas, noise, none) / max(least, 1e-9)
     if "told" not in canvas.kept:

@@ -6,7 +6,7 @@ import ctypes
 
 import numpy as np
 
-from hil.board.svd.native.backend import address, laid
+from hil.board.svd.native.arrays import checked_pointer, contiguous
 
 Array = np.ndarray
 
@@ -18,7 +18,7 @@ def segments(library: ctypes.CDLL, picture: Array, least: float) -> Array:
     ----------
     picture : (H, W) of bytes; none are found in a single row or column. least : gradient that counts [1 / px].
     """
-    given = laid(picture, "uint8")
+    given = contiguous(picture, "uint8")
     h, w = given.shape
     if min(h, w) < 2:
         return np.zeros((0, 4))
@@ -27,12 +27,12 @@ def segments(library: ctypes.CDLL, picture: Array, least: float) -> Array:
     run = library.fly_segments
     run.restype = ctypes.c_int64
     found = run(
-        ctypes.c_void_p(address(given, "uint8")),
+        ctypes.c_void_p(checked_pointer(given, "uint8")),
         ctypes.c_int64(h),
         ctypes.c_int64(w),
         ctypes.c_double(least),
         ctypes.c_int64(len(out)),
-        ctypes.c_void_p(address(out, "float64")),
+        ctypes.c_void_p(checked_pointer(out, "float64")),
     )
     if found < 0:
         raise MemoryError("no memory to find segments")

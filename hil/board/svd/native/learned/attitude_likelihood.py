@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Tuple
+from typing import Any, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.backend import address, laid
+from hil.board.svd.native.arrays import checked_pointer, contiguous
 from hil.board.svd.native.learned.convolution import whole_numbers
 
 Array = np.ndarray
@@ -29,21 +29,27 @@ def likelihood(library: ctypes.CDLL, bumps: Array, said: Array, harmonics: Array
     if n % 8:
         raise ValueError(f"a kernel takes rows of a multiple of 8, not {n}")
     out, at = np.empty(views * turns, np.float32), ctypes.c_void_p
-    given = laid(said, "float32"), laid(harmonics, "float32"), laid(circle, "float32")
+    given = contiguous(said, "float32"), contiguous(harmonics, "float32"), contiguous(circle, "float32")
     shapes = (4, n), (HARMONICS + 1,), (turns, 2)
     run = library.fly_likelihood
     run.restype = ctypes.c_int64
     failed = run(
-        at(address(bumps, "float32", (3, views, n))),
-        *(at(address(a, "float32", shape)) for a, shape in zip(given, shapes)),  # noqa: B905 - 3.9
+        at(checked_pointer(bumps, "float32", (3, views, n))),
+        *(at(checked_pointer(a, "float32", shape)) for a, shape in zip(given, shapes)),  # noqa: B905 - 3.9
         ctypes.c_int64(views),
         ctypes.c_int64(turns),
         ctypes.c_int64(n),
-        at(address(out, "float32")),
+        at(checked_pointer(out, "float32")),
     )
     if failed:
         raise MemoryError("no memory for the likelihood of attitudes")
     return out
+
+
+def likelihoods(library: ctypes.CDLL, views: Any, said: Array) -> Array:  # noqa: ANN401 - ViewSubspaces
+    """As ``view_subspaces._likelihoods``: (N, V * TURNS)."""
+    harmonics, circle, *_ = views.tables
+    return np.stack([likelihood(library, views.bumps, c, harmonics, circle) for c in said])
 
 
 def packed(basis: Array) -> Tuple[Array, Array]:
@@ -53,6 +59,19 @@ def packed(basis: Array) -> Tuple[Array, Array]:
     rows[..., :SIDE] = basis.reshape(views, shapes, SIDE, SIDE)
     whole, worth = whole_numbers(rows.reshape(views, shapes, -1))
     return whole, worth.astype(np.float32)
+
+
+def explained_shares(
+    library: ctypes.CDLL,
+    views: Any,  # noqa: ANN401 - ViewSubspaces
+    picture: Array,
+    view: Array,
+    turn: Array,
+    taken: Array,
+) -> Tuple[Array, Array]:
+    """As ``view_subspaces._explained_shares``."""
+    _, circle, sizes, blur = views.tables
+    return explained(library, picture, (view, turn), circle, sizes, blur, views.packed, views.window, taken)
 
 
 def explained(
@@ -82,27 +101,27 @@ def explained(
     order = np.argsort(turn, kind="stable")
     m = SIDE + SHIFTS - 1
     given = (
-        (laid(picture, "float32"), "float32", (side, side)),
-        (laid(view[order], "int64"), "int64", (len(view),)),
-        (laid(turn[order], "int64"), "int64", (len(view),)),
-        (laid(circle, "float64"), "float64", (len(circle), 2)),
+        (contiguous(picture, "float32"), "float32", (side, side)),
+        (contiguous(view[order], "int64"), "int64", (len(view),)),
+        (contiguous(turn[order], "int64"), "int64", (len(view),)),
+        (contiguous(circle, "float64"), "float64", (len(circle), 2)),
         (np.array(sizes), "float64", (SIZES,)),
-        (laid(np.stack([wide.T, wide]), "float32"), "float32", (2, m, m)),
+        (contiguous(np.stack([wide.T, wide]), "float32"), "float32", (2, m, m)),
         (basis[0], "int16", (views, SHAPES, SIDE * m)),
         (basis[1], "float32", (views, SHAPES)),
-        (laid(window * window, "float32"), "float32", (SIDE, SIDE)),
-        (laid(taken, "float64"), "float64", (views,)),
+        (contiguous(window * window, "float32"), "float32", (SIDE, SIDE)),
+        (contiguous(taken, "float64"), "float64", (views,)),
     )
     share, move = np.empty(len(view)), np.empty(len(view), np.int64)
-    at = [ctypes.c_void_p(address(*one)) for one in given]
+    at = [ctypes.c_void_p(checked_pointer(*one)) for one in given]
     library.fly_attitudes(
         at[0],
         ctypes.c_int64(side),
         *at[1:3],
         ctypes.c_int64(len(view)),
         *at[3:],
-        ctypes.c_void_p(address(share, "float64")),
-        ctypes.c_void_p(address(move, "int64")),
+        ctypes.c_void_p(checked_pointer(share, "float64")),
+        ctypes.c_void_p(checked_pointer(move, "int64")),
     )
     back = np.empty(len(order), np.intp)
     back[order] = np.arange(len(order))

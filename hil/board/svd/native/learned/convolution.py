@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from typing import Optional, Sequence, Tuple
+from typing import Any, Optional, Sequence, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.backend import address, laid
+from hil.board.svd.native.arrays import checked_pointer, contiguous
 
 Array = np.ndarray
 
@@ -66,6 +66,11 @@ def _whole(kernel: Array) -> Tuple[Array, Array]:
     return np.ascontiguousarray(pairs.transpose(3, 0, 1, 4, 2)), worth
 
 
+def network_convolutions(library: ctypes.CDLL, network: Any, pictures: Array) -> Array:  # noqa: ANN401 - has ``layers``
+    """As ``network._convolutions``."""
+    return convolutions(library, pictures, network.layers)
+
+
 def convolutions(library: ctypes.CDLL, looks: Array, layers: Layers) -> Array:
     """(B, h, w, D) float32 what is left of looks (B, side, side, C) after all layers, each no less than zero."""
     count, side, across, channels = looks.shape
@@ -76,20 +81,20 @@ def convolutions(library: ctypes.CDLL, looks: Array, layers: Layers) -> Array:
         s, channels = s // stride, made
     if side != across:
         raise ValueError("a kernel takes square looks")
-    shown = laid(looks, "float32")
+    shown = contiguous(looks, "float32")
     out = np.empty((count, s, s, channels), np.float32)
     run, at, n = library.fly_convolutions, ctypes.c_void_p, ctypes.c_int64
     run.restype = n
     if run(
-        at(address(shown, "float32")),
+        at(checked_pointer(shown, "float32")),
         n(count),
         n(side),
-        at(address(layers.shape, "int64")),
+        at(checked_pointer(layers.shape, "int64")),
         n(len(layers.shape)),
-        at(address(layers.weights, "int16")),
-        at(address(layers.worth, "float32")),
-        at(address(layers.bias, "float32")),
-        at(address(out, "float32")),
+        at(checked_pointer(layers.weights, "int16")),
+        at(checked_pointer(layers.worth, "float32")),
+        at(checked_pointer(layers.bias, "float32")),
+        at(checked_pointer(out, "float32")),
     ):
         raise MemoryError("no memory for the first look's network")
     return out

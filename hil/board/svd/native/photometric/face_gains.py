@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.backend import address, begins, laid
+from hil.board.svd.native.arrays import checked_pointer, contiguous, pointer
 from hil.board.svd.native.photometric.image_formation import Held, gauss
 from hil.board.svd.native.photometric.image_formation import shown as shown_by
 
@@ -40,7 +40,7 @@ def shade(
     a byte holds too few groups.
     """
     (h, w), f = canvas.gray.shape, canvas.fine
-    seen, light = laid(seen, "int32"), None if dark is None else laid(dark, "bool")
+    seen, light = contiguous(seen, "int32"), None if dark is None else contiguous(dark, "bool")
     group, centre, core = (
         np.empty((h * f, w * f), np.uint8),
         np.empty((h, w), np.uint8),
@@ -51,17 +51,17 @@ def shade(
     run, at = library.fly_shade, ctypes.c_void_p
     run.restype = ctypes.c_int64
     n = run(
-        at(address(seen, "int32", group.shape)),
-        None if light is None else at(address(light, "bool", group.shape)),
+        at(checked_pointer(seen, "int32", group.shape)),
+        None if light is None else at(checked_pointer(light, "bool", group.shape)),
         *_of_craft(faces, canvas).at,
-        at(begins(group)),
-        at(begins(centre)),
-        at(begins(core)),
-        at(begins(picture)),
-        at(begins(level)),
-        at(begins(area)),
-        at(begins(ground)),
-        at(begins(share)) if empty else None,
+        at(pointer(group)),
+        at(pointer(centre)),
+        at(pointer(core)),
+        at(pointer(picture)),
+        at(pointer(level)),
+        at(pointer(area)),
+        at(pointer(ground)),
+        at(pointer(share)) if empty else None,
     )
     if n < 0:
         raise MemoryError("no memory to find the brightness of faces")
@@ -74,15 +74,15 @@ def _of_craft(faces: Faces, canvas: Canvas) -> Held:
     if of is not faces:
         (h, w), n = canvas.gray.shape, len(faces.corners)
         arrays, response = (
-            (laid(faces.labels, "uint16"), laid(canvas.gray, "float32")),
+            (contiguous(faces.labels, "uint16"), contiguous(canvas.gray, "float32")),
             shown_by(canvas.response),
         )
         held = Held(
             (
-                ctypes.c_void_p(address(arrays[0], "uint16", (n + 1,))),
+                ctypes.c_void_p(checked_pointer(arrays[0], "uint16", (n + 1,))),
                 ctypes.c_int64(n),
                 ctypes.c_int64(faces.groups + 1),
-                ctypes.c_void_p(address(arrays[1], "float32")),
+                ctypes.c_void_p(checked_pointer(arrays[1], "float32")),
                 *(ctypes.c_int64(side) for side in (h, w, canvas.fine)),
                 ctypes.c_double(canvas.sigma),
                 response.at,
@@ -108,22 +108,22 @@ def behind(
     """
     _, level, picture, centre, _, core, empty, shown = made
     h, w = canvas.gray.shape
-    gray, out = laid(canvas.gray, "float32"), np.empty((h, w), np.float32)
+    gray, out = contiguous(canvas.gray, "float32"), np.empty((h, w), np.float32)
     run, at = library.fly_behind, ctypes.c_void_p
     run.restype = ctypes.c_int64
     done = run(
-        at(address(gray, "float32", (h, w))),
-        at(address(core, "bool", (h, w))),
-        at(address(centre, "uint8", (h, w))),
+        at(checked_pointer(gray, "float32", (h, w))),
+        at(checked_pointer(core, "bool", (h, w))),
+        at(checked_pointer(centre, "uint8", (h, w))),
         ctypes.c_int64(h),
         ctypes.c_int64(w),
         ctypes.c_double(float(shown[0])),
         ctypes.c_double(float(level[0])),
         shown_by(canvas.response).at,
         gauss(blur_px).at,
-        at(address(empty, "float32", (h, w))),
-        at(address(out, "float32")),
-        at(address(picture, "float32", (h, w))),
+        at(checked_pointer(empty, "float32", (h, w))),
+        at(checked_pointer(out, "float32")),
+        at(checked_pointer(picture, "float32", (h, w))),
     )
     if done < 0:
         raise MemoryError("no memory for the background about the craft")
@@ -144,12 +144,12 @@ def explained(
     group : (H, W) bytes. told : by ``comparison``.
     """
     h, w = canvas.gray.shape
-    picture = laid(picture, "float32")
+    picture = contiguous(picture, "float32")
     run, at = library.fly_explained, ctypes.c_void_p
     run.restype = ctypes.c_double
     out = run(
-        at(address(picture, "float32", (h, w))),
-        at(address(group, "uint8", (h * canvas.fine, w * canvas.fine))),
+        at(checked_pointer(picture, "float32", (h, w))),
+        at(checked_pointer(group, "uint8", (h * canvas.fine, w * canvas.fine))),
         *told.at,
     )
     if out < 0:
@@ -173,19 +173,19 @@ def comparison(
         where no more than ``covered`` of a pixel is.
     """
     h, w = canvas.gray.shape
-    gray = laid(canvas.blurred(blurs_px[1]), "float32")
-    bare = None if none is None else laid(none, "float32")
+    gray = contiguous(canvas.blurred(blurs_px[1]), "float32")
+    bare = None if none is None else contiguous(none, "float32")
     optics, score, cover = (gauss(b) for b in blurs_px)
     response, at = shown_by(canvas.response), ctypes.c_void_p
     told = (
         *(ctypes.c_int64(side) for side in (h, w, canvas.fine)),
         optics.at,
         response.at,
-        at(address(gray, "float32", (h, w))),
+        at(checked_pointer(gray, "float32", (h, w))),
         score.at,
         ctypes.c_double(noise),
         ctypes.c_double(bound),
-        None if bare is None else at(address(bare, "float32", (h, w))),
+        None if bare is None else at(checked_pointer(bare, "float32", (h, w))),
         cover.at,
         ctypes.c_double(covered),
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.backend import address, begins, laid
+from hil.board.svd.native.arrays import checked_pointer, contiguous, pointer
 from hil.board.svd.native.photometric.image_formation import Held, gauss, shown
 
 if TYPE_CHECKING:
@@ -42,16 +42,16 @@ def _moving(
     h, w = canvas.gray.shape
     level = np.zeros(256)
     level[: len(shading.level)] = shading.level
-    behind = None if shading.behind is None else laid(shading.behind, "float32")
-    seen, R, t = laid(shading.seen, "int32"), laid(R, "float64"), laid(t, "float64")
+    behind = None if shading.behind is None else contiguous(shading.behind, "float32")
+    seen, R, t = contiguous(shading.seen, "int32"), contiguous(R, "float64"), contiguous(t, "float64")
     planes, rays = _of_craft(faces, canvas, camera)
     held = _Moving(
-        address(seen, "int32", (h * canvas.fine, w * canvas.fine)),
-        begins(level),
-        None if behind is None else address(behind, "float32", (h, w)),
+        checked_pointer(seen, "int32", (h * canvas.fine, w * canvas.fine)),
+        pointer(level),
+        None if behind is None else checked_pointer(behind, "float32", (h, w)),
         *planes.at,
-        address(R, "float64", (3, 3)),
-        address(t, "float64", (3,)),
+        checked_pointer(R, "float64", (3, 3)),
+        checked_pointer(t, "float64", (3,)),
         *rays,
     )
     kept = (seen, level, R, t, *planes.arrays)
@@ -65,8 +65,8 @@ def _of_craft(
     of, told = canvas.kept.get("moving", ((None, None), None))
     if of[0] is not faces or of[1] is not camera:
         n, (across, down) = len(faces.corners), canvas.scale
-        arrays = laid(faces.normals, "float64"), laid(faces.offset, "float64")
-        planes = address(arrays[0], "float64", (n, 3)), address(arrays[1], "float64", (n,)), n
+        arrays = contiguous(faces.normals, "float64"), contiguous(faces.offset, "float64")
+        planes = checked_pointer(arrays[0], "float64", (n, 3)), checked_pointer(arrays[1], "float64", (n,)), n
         told = (
             Held(planes, arrays),
             # as ``Canvas.rays``
@@ -98,11 +98,11 @@ def motion_images(
     run.restype = ctypes.c_int64
     done = run(
         moving.at,
-        ctypes.c_void_p(address(shading.group, "uint8", (h * f, w * f))),
+        ctypes.c_void_p(checked_pointer(shading.group, "uint8", (h * f, w * f))),
         ctypes.c_int64(h),
         ctypes.c_int64(w),
         ctypes.c_int64(f),
-        ctypes.c_void_p(address(out, "float32")),
+        ctypes.c_void_p(checked_pointer(out, "float32")),
     )
     if done < 0:
         raise MemoryError("no memory for the derivatives of a picture")
@@ -137,16 +137,16 @@ def gram(
     """
     (h, w), f = canvas.gray.shape, canvas.fine
     out, total = np.empty(ROOM), np.zeros(1)
-    gray, picture = laid(canvas.blurred(blurs_px[1]), "float32"), laid(shading.picture, "float32")
+    gray, picture = contiguous(canvas.blurred(blurs_px[1]), "float32"), contiguous(shading.picture, "float32")
     moving = _moving(shading, faces, canvas, camera, R, t)
     run, at = library.fly_step, ctypes.c_void_p
     run.restype = ctypes.c_int64
     packed = run(
         moving.at,
-        at(address(shading.group, "uint8", (h * f, w * f))),
-        at(address(shading.centre, "uint8", (h, w))),
-        at(address(picture, "float32", (h, w))),
-        at(address(gray, "float32", (h, w))),
+        at(checked_pointer(shading.group, "uint8", (h * f, w * f))),
+        at(checked_pointer(shading.centre, "uint8", (h, w))),
+        at(checked_pointer(picture, "float32", (h, w))),
+        at(checked_pointer(gray, "float32", (h, w))),
         ctypes.c_int64(h),
         ctypes.c_int64(w),
         ctypes.c_int64(f),
@@ -156,8 +156,8 @@ def gram(
         ctypes.c_double(slack),
         ctypes.c_double(tukey),
         ctypes.c_int64(min(most, MOST - 1)),
-        at(begins(out)),
-        at(begins(total)),
+        at(pointer(out)),
+        at(pointer(total)),
     )
     if packed < 0:
         raise MemoryError("no memory for a step's normal equations")

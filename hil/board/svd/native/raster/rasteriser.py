@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.backend import address, begins, laid
+from hil.board.svd.native.arrays import checked_pointer, contiguous, pointer
 
 if TYPE_CHECKING:
     from hil.board.svd.geometry.camera import CameraIntrinsics
@@ -72,12 +72,12 @@ class PackedFaces:
         number = [len(m) for m in faces.members]
         arrays = (
             *(
-                laid(a, "float64")
+                contiguous(a, "float64")
                 for a in (faces.corners, faces.normals, faces.offset, faces.middles, faces.plane)
             ),
             _one_parent(faces.children),
-            laid(np.concatenate([[0], np.cumsum(number)]), "int64"),
-            laid(np.concatenate(faces.members), "int64"),
+            contiguous(np.concatenate([[0], np.cumsum(number)]), "int64"),
+            contiguous(np.concatenate(faces.members), "int64"),
         )
         at = [a.__array_interface__["data"][0] for a in arrays]
         return PackedFaces(arrays, _Faces(*at, len(faces.corners), len(faces.children)), int(sum(number)))
@@ -85,7 +85,7 @@ class PackedFaces:
 
 def _one_parent(children: Array) -> Array:
     """(N, 2) int64 with each child under the first node that names it: a file may name one twice."""
-    out = laid(children, "int64").copy()
+    out = contiguous(children, "int64").copy()
     taken = set()
     for entry in range(out.size):
         child = int(out.flat[entry])
@@ -98,13 +98,13 @@ def _one_parent(children: Array) -> Array:
 def order(library: ctypes.CDLL, faces: Faces, C_m: Array) -> Array:
     """As ``rasteriser.order_faces``."""
     packed = PackedFaces.of(faces)
-    C, out = laid(C_m, "float64"), np.empty(packed.members, np.int64)
+    C, out = contiguous(C_m, "float64"), np.empty(packed.members, np.int64)
     run = library.fly_order
     run.restype = ctypes.c_int64
     n = run(
         ctypes.byref(packed.pointers),
-        ctypes.c_void_p(address(C, "float64", (3,))),
-        ctypes.c_void_p(address(out, "int64")),
+        ctypes.c_void_p(checked_pointer(C, "float64", (3,))),
+        ctypes.c_void_p(checked_pointer(out, "int64")),
     )
     if n < 0:
         raise MemoryError("no memory to order the faces")
@@ -123,18 +123,18 @@ def draw_faces(
 ) -> Array:
     """As ``shade.draw_faces``, of a pinhole."""
     h, w = (side * canvas.fine for side in canvas.gray.shape)
-    seen, some = np.zeros((h, w), np.int32), laid(some, "int64")
-    R, t = laid(R, "float64"), laid(t, "float64")
+    seen, some = np.zeros((h, w), np.int32), contiguous(some, "int64")
+    R, t = contiguous(R, "float64"), contiguous(t, "float64")
     library.fly_draw_faces(
         ctypes.byref(PackedFaces.of(faces).pointers),
-        ctypes.c_void_p(address(some, "int64")),
+        ctypes.c_void_p(checked_pointer(some, "int64")),
         ctypes.c_int64(len(some)),
-        ctypes.c_void_p(address(R, "float64", (3, 3))),
-        ctypes.c_void_p(address(t, "float64", (3,))),
+        ctypes.c_void_p(checked_pointer(R, "float64", (3, 3))),
+        ctypes.c_void_p(checked_pointer(t, "float64", (3,))),
         ctypes.byref(view(camera, canvas)),
         ctypes.c_double(least_px),
         ctypes.c_int(canvas.exact),
-        ctypes.c_void_p(begins(seen)),
+        ctypes.c_void_p(pointer(seen)),
         ctypes.c_int64(h),
         ctypes.c_int64(w),
     )
@@ -145,14 +145,14 @@ def fill_faces(
     library: ctypes.CDLL, p: Array, some: Array, shape: Tuple[int, int], least_px: float, *, exact: bool
 ) -> Array:
     """As ``shade.fill_faces``."""
-    seen, p, some = np.zeros(shape, np.int32), laid(p, "float64"), laid(some, "int64")
+    seen, p, some = np.zeros(shape, np.int32), contiguous(p, "float64"), contiguous(some, "int64")
     library.fly_fill_faces(
-        ctypes.c_void_p(address(p, "float64", (len(some), 4, 2))),
-        ctypes.c_void_p(address(some, "int64")),
+        ctypes.c_void_p(checked_pointer(p, "float64", (len(some), 4, 2))),
+        ctypes.c_void_p(checked_pointer(some, "int64")),
         ctypes.c_int64(len(some)),
         ctypes.c_double(least_px),
         ctypes.c_int(exact),
-        ctypes.c_void_p(address(seen, "int32")),
+        ctypes.c_void_p(checked_pointer(seen, "int32")),
         ctypes.c_int64(shape[0]),
         ctypes.c_int64(shape[1]),
     )

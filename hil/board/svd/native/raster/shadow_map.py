@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Optional, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.backend import address, laid
+from hil.board.svd.native.arrays import checked_pointer, contiguous
 from hil.board.svd.native.raster.rasteriser import PackedFaces, view
 
 if TYPE_CHECKING:
@@ -64,12 +64,12 @@ def polygons(
     p, out = np.empty((len(order), 4, 2)), np.empty(3)
     library.fly_sun_polygons(
         ctypes.byref(PackedFaces.of(faces).pointers),
-        ctypes.c_void_p(address(order, "int64")),
+        ctypes.c_void_p(checked_pointer(order, "int64")),
         ctypes.c_int64(len(order)),
-        ctypes.c_void_p(address(frame, "float64", (3, 3))),
+        ctypes.c_void_p(checked_pointer(frame, "float64", (3, 3))),
         ctypes.c_int64(n),
-        ctypes.c_void_p(address(p, "float64")),
-        ctypes.c_void_p(address(out, "float64")),
+        ctypes.c_void_p(checked_pointer(p, "float64")),
+        ctypes.c_void_p(checked_pointer(out, "float64")),
     )
     return p, out[:2].copy(), float(out[2])
 
@@ -81,11 +81,11 @@ def heights(
     at, out = np.array([*origin, pitch_m]), np.empty(seen.shape, np.float32)
     failed = library.fly_sun_heights(
         ctypes.byref(PackedFaces.of(faces).pointers),
-        ctypes.c_void_p(address(frame, "float64", (3, 3))),
-        ctypes.c_void_p(address(at, "float64", (3,))),
-        ctypes.c_void_p(address(seen, "int32", (len(seen), len(seen)))),
+        ctypes.c_void_p(checked_pointer(frame, "float64", (3, 3))),
+        ctypes.c_void_p(checked_pointer(at, "float64", (3,))),
+        ctypes.c_void_p(checked_pointer(seen, "int32", (len(seen), len(seen)))),
         ctypes.c_int64(len(seen)),
-        ctypes.c_void_p(address(out, "float32")),
+        ctypes.c_void_p(checked_pointer(out, "float32")),
     )
     _checked(failed)
     return out
@@ -102,17 +102,17 @@ def shadows(
     t: Array,
 ) -> Array:
     """As ``Sunlight.shadows``."""
-    R, t, dark = laid(R, "float64"), laid(t, "float64"), np.zeros(seen.shape, bool)
+    R, t, dark = contiguous(R, "float64"), contiguous(t, "float64"), np.zeros(seen.shape, bool)
     failed = library.fly_shadows(
         ctypes.byref(PackedFaces.of(faces).pointers),
         ctypes.byref(sun),
         ctypes.byref(view(camera, canvas)),
-        ctypes.c_void_p(address(R, "float64", (3, 3))),
-        ctypes.c_void_p(address(t, "float64", (3,))),
-        ctypes.c_void_p(address(seen, "int32")),
+        ctypes.c_void_p(checked_pointer(R, "float64", (3, 3))),
+        ctypes.c_void_p(checked_pointer(t, "float64", (3,))),
+        ctypes.c_void_p(checked_pointer(seen, "int32")),
         ctypes.c_int64(seen.shape[0]),
         ctypes.c_int64(seen.shape[1]),
-        ctypes.c_void_p(address(dark, "bool")),
+        ctypes.c_void_p(checked_pointer(dark, "bool")),
     )
     _checked(failed)
     return dark
@@ -131,10 +131,10 @@ def packed_sun(
     at = np.array([*origin, pitch_m])
     kind = "uint16" if seen.dtype == np.uint16 else "int32"
     held = _Sun(
-        address(frame, "float64", (3, 3)),
-        address(at, "float64", (3,)),
-        address(height, "float32", (n, n)),
-        address(seen, kind, (n, n)),
+        checked_pointer(frame, "float64", (3, 3)),
+        checked_pointer(at, "float64", (3,)),
+        checked_pointer(height, "float32", (n, n)),
+        checked_pointer(seen, kind, (n, n)),
         n,
         seen.itemsize,
     )
@@ -146,10 +146,10 @@ def packed_table(
 ) -> Tuple[Any, Tuple[Array, ...]]:
     """Shadow maps as the kernels take them, and what keeps their arrays alive; the arrays are those of ``SunTable``."""
     arrays = (
-        laid(frames, "float64"),
-        laid(origin, "float64"),
-        laid(pitch_m, "float64"),
-        laid(height, "float32"),
+        contiguous(frames, "float64"),
+        contiguous(origin, "float64"),
+        contiguous(pitch_m, "float64"),
+        contiguous(height, "float32"),
     )
     at = [a.__array_interface__["data"][0] for a in arrays]
     return _Table(*at, len(height), height.shape[1]), arrays
@@ -179,15 +179,19 @@ def costs(
     good = shading.area > 0
     good[0] = False
     h, w = canvas.gray.shape
-    gray, group, some = laid(canvas.gray, "float32"), laid(faces.group, "int64"), laid(some, "int64")
+    gray, group, some = (
+        contiguous(canvas.gray, "float32"),
+        contiguous(faces.group, "int64"),
+        contiguous(some, "int64"),
+    )
     kind = "uint8" if shading.centre.dtype == np.uint8 else "uint16"
-    centre = laid(shading.centre, kind)
+    centre = contiguous(shading.centre, kind)
     picture = _LookedAt(
-        address(shading.seen, "int32", (h * canvas.fine, w * canvas.fine)),
-        address(centre, kind, (h, w)),
-        address(good, "bool"),
-        address(gray, "float32"),
-        address(group, "int64"),
+        checked_pointer(shading.seen, "int32", (h * canvas.fine, w * canvas.fine)),
+        checked_pointer(centre, kind, (h, w)),
+        checked_pointer(good, "bool"),
+        checked_pointer(gray, "float32"),
+        checked_pointer(group, "int64"),
         h,
         w,
         canvas.fine,
@@ -196,7 +200,7 @@ def costs(
         centre.itemsize,
         darkest,
     )
-    R, t, out = laid(R, "float64"), laid(t, "float64"), np.empty(len(some))
+    R, t, out = contiguous(R, "float64"), contiguous(t, "float64"), np.empty(len(some))
     run = library.fly_sun_costs
     run.restype = ctypes.c_int64
     points = run(
@@ -204,13 +208,13 @@ def costs(
         ctypes.byref(table),
         ctypes.byref(picture),
         ctypes.byref(view(camera, canvas)),
-        ctypes.c_void_p(address(R, "float64", (3, 3))),
-        ctypes.c_void_p(address(t, "float64", (3,))),
+        ctypes.c_void_p(checked_pointer(R, "float64", (3, 3))),
+        ctypes.c_void_p(checked_pointer(t, "float64", (3,))),
         ctypes.c_double(dim),
         ctypes.c_int64(pixels),
-        ctypes.c_void_p(address(some, "int64")),
+        ctypes.c_void_p(checked_pointer(some, "int64")),
         ctypes.c_int64(len(some)),
-        ctypes.c_void_p(address(out, "float64")),
+        ctypes.c_void_p(checked_pointer(out, "float64")),
     )
     _checked(-1 if points < 0 else 0)
     return out if points >= LEAST_POINTS else None
@@ -222,10 +226,10 @@ def middle(library: ctypes.CDLL, seen: Array) -> Array:
     run = library.fly_middle
     run.restype = ctypes.c_int64
     n = run(
-        ctypes.c_void_p(address(seen, "int32")),
+        ctypes.c_void_p(checked_pointer(seen, "int32")),
         ctypes.c_int64(seen.shape[0]),
         ctypes.c_int64(seen.shape[1]),
-        ctypes.c_void_p(address(out, "float64")),
+        ctypes.c_void_p(checked_pointer(out, "float64")),
     )
     return out if n else np.full(2, np.nan)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
 
-from hil.board.svd.native.backend import address, laid
+from hil.board.svd.native.arrays import checked_pointer, contiguous
 
 if TYPE_CHECKING:
     from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
@@ -43,10 +43,10 @@ def packed_samples(samples: EdgeSamples) -> Tuple[Any, Tuple[Array, ...]]:
 
 def _packed_samples(samples: EdgeSamples) -> Tuple[Any, Tuple[Array, ...]]:
     given = (samples.points_m, samples.tangents, samples.radius_m, samples.normals)
-    arrays = (*(laid(a, "float64") for a in given), laid(samples.faces, "int64"))
+    arrays = (*(contiguous(a, "float64") for a in given), contiguous(samples.faces, "int64"))
     n = len(samples)
     shapes = ((n, 3), (n, 3), (n,), (n, 2, 3), (n,))
-    at = [address(a, a.dtype.name, shape) for a, shape in zip(arrays, shapes)]  # noqa: B905 - 3.9
+    at = [checked_pointer(a, a.dtype.name, shape) for a, shape in zip(arrays, shapes)]  # noqa: B905 - 3.9
     return _Samples(*at, n), arrays
 
 
@@ -59,23 +59,23 @@ def packed_occluders(occ: Occluders) -> Tuple[Any, Tuple[Array, ...]]:
 
 
 def _packed_occluders(occ: Occluders) -> Tuple[Any, Tuple[Array, ...]]:
-    arrays = tuple(laid(a, "float64") for a in (occ.v0, occ.e1, occ.e2, occ.n))
+    arrays = tuple(contiguous(a, "float64") for a in (occ.v0, occ.e1, occ.e2, occ.n))
     n = len(occ.v0)
-    return _Occluders(*(address(a, "float64", (n, 3)) for a in arrays), n), arrays
+    return _Occluders(*(checked_pointer(a, "float64", (n, 3)) for a in arrays), n), arrays
 
 
 def visible_samples(
     library: ctypes.CDLL, samples: EdgeSamples, occ: Occluders, C_m: Array
 ) -> Tuple[Array, Array]:
     """As ``visibility.visible_samples``."""
-    C = laid(C_m, "float64")
+    C = contiguous(C_m, "float64")
     visible, outline = np.empty(len(samples), bool), np.empty(len(samples), bool)
     failed = library.fly_visible(
         ctypes.byref(packed_samples(samples)[0]),
         ctypes.byref(packed_occluders(occ)[0]),
-        ctypes.c_void_p(address(C, "float64", (3,))),
-        ctypes.c_void_p(address(visible, "bool")),
-        ctypes.c_void_p(address(outline, "bool")),
+        ctypes.c_void_p(checked_pointer(C, "float64", (3,))),
+        ctypes.c_void_p(checked_pointer(visible, "bool")),
+        ctypes.c_void_p(checked_pointer(outline, "bool")),
     )
     if failed:
         raise MemoryError("no memory to see what hides the wireframe")

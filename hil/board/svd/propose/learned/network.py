@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from hil.board.svd.native.backend import library
-from hil.board.svd.native.learned import network_input as native_crop
-from hil.board.svd.native.learned.convolution import Layers, convolutions
+from hil.board.svd.native.backend import accelerated
+from hil.board.svd.native.learned import network_input as native_input
+from hil.board.svd.native.learned.convolution import Layers
+from hil.board.svd.native.learned.convolution import network_convolutions as native_convolutions
 
 Array = np.ndarray
 
@@ -83,11 +84,7 @@ class Net:
         ----------
         looks : (B, 64, 64, 2) float32, see ``contrast``.
         """
-        native = library()
-        if native is not None and self.layers is not None:
-            x = convolutions(native, looks, self.layers)
-        else:
-            x = self._convolved(looks)
+        x = _convolutions(self, looks)
         x = np.maximum(x @ self.squeeze[0] + self.squeeze[1], 0.0).reshape(len(x), -1)
         x = np.maximum(x @ self.hidden[0] + self.hidden[1], 0.0)
         out = x @ self.heads[0] + self.heads[1]
@@ -98,14 +95,20 @@ class Net:
         """The convolutions as the kernels take them."""
         return Layers.of(self.kernels, self.biases, STRIDES)
 
-    def _convolved(self, x: Array) -> Array:
-        """What the convolutions leave of looks."""
-        for kernel, bias, stride in zip(self.kernels, self.biases, STRIDES):  # noqa: B905 - 3.9
-            x = convolve(x, kernel, stride)
-            # in place: new memory for each would cost as much as a layer's product
-            x += bias
-            np.maximum(x, 0.0, out=x)
-        return x
+
+def _in_whole_numbers(net: Net, _: Array) -> bool:
+    return net.layers is not None
+
+
+@accelerated(native_convolutions, _in_whole_numbers)
+def _convolutions(net: Net, x: Array) -> Array:
+    """(B, h, w, D) features after all convolutions, each followed by a rectifier."""
+    for kernel, bias, stride in zip(net.kernels, net.biases, STRIDES):  # noqa: B905 - 3.9
+        x = convolve(x, kernel, stride)
+        # in place: new memory for each would cost as much as a layer's product
+        x += bias
+        np.maximum(x, 0.0, out=x)
+    return x
 
 
 def convolve(x: Array, kernel: Array, stride: int) -> Array:
@@ -125,6 +128,7 @@ def convolve(x: Array, kernel: Array, stride: int) -> Array:
     return np.asarray(patches @ kernel.reshape(k * k * c, -1)).reshape(b, rows, cols, -1)
 
 
+@accelerated(native_input.contrast)
 def contrast(pictures: Array, noise: Array) -> Array:
     """(B, 64, 64, 2) what the network is shown of pictures: their level, and their contrast against the surroundings.
 
@@ -137,9 +141,6 @@ def contrast(pictures: Array, noise: Array) -> Array:
     Neither channel depends on exposure: the level is measured by the brightest half percent, the contrast by its
     own neighbourhood's, but noise is left small.
     """
-    native = library()
-    if native is not None:
-        return native_crop.contrast(native, pictures, np.asarray(noise))
     count = len(pictures)
     flat = pictures.reshape(count, -1)
     bright = flat.shape[1] - flat.shape[1] // 200

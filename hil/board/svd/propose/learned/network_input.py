@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Optional, Sequence
+from typing import Any, Optional, Sequence
 
 import cv2
 import numpy as np
@@ -11,9 +11,9 @@ import numpy as np
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.vectors import length
 from hil.board.svd.image.edge_field import area_mean
-from hil.board.svd.native.backend import library
+from hil.board.svd.native.backend import accelerated
 from hil.board.svd.native.images.area_average import readable
-from hil.board.svd.native.learned import network_input as kernel
+from hil.board.svd.native.learned import network_input as native
 from hil.board.svd.propose.learned.network import FILLED, LOOK_PX, contrast
 
 Array = np.ndarray
@@ -74,6 +74,11 @@ def seen_through(
     return views_through(image, camera, [gaze], side_px, sphere_px, reduced)[0]
 
 
+def _undistorted(image: Array, camera: CameraIntrinsics, *_: Any) -> bool:  # noqa: ANN401 - what it is not asked about
+    return not camera.distorted and readable(image)
+
+
+@accelerated(native.crop_images, _undistorted)
 def views_through(
     image: Array,
     camera: CameraIntrinsics,
@@ -83,12 +88,7 @@ def views_through(
     reduced: Optional[Array] = None,
 ) -> Array:
     """(N, side, side) the same along many gazes."""
-    native = library()
-    if native is None or camera.distorted or not readable(image):
-        return np.stack([_seen_through(image, camera, g, side_px, sphere_px, reduced) for g in gazes])
-    intrinsics = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
-    given = np.array([[*g.direction, g.diameter_px] for g in gazes])
-    return kernel.seen_through(native, image, reduced, intrinsics, given, side_px, sphere_px)
+    return np.stack([_seen_through(image, camera, g, side_px, sphere_px, reduced) for g in gazes])
 
 
 def _seen_through(

@@ -25,8 +25,8 @@ from hil.board.svd.geometry.faces import Faces
 from hil.board.svd.geometry.image_patch import Canvas
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.native.backend import library
-from hil.board.svd.native.learned import attitude_likelihood as kernel
+from hil.board.svd.native.backend import accelerated
+from hil.board.svd.native.learned import attitude_likelihood as native
 from hil.board.svd.propose.learned.attitude_basis import harmonics, quartered, turning_bumps
 from hil.board.svd.propose.learned.network import FILLED as LOOK_FILLED
 from hil.board.svd.propose.learned.network_input import Gaze, seen_through
@@ -130,7 +130,12 @@ class Subspaces:
     @cached_property
     def packed(self) -> Tuple[Array, Array]:
         """The basis as the kernels take it."""
-        return kernel.packed(self.basis)
+        return native.packed(self.basis)
+
+    @property
+    def tables(self) -> Tuple[Array, Array, Tuple[float, ...], Array]:
+        """Constants of the C twins: harmonics of a bump, cosine and sine of each turn, sizes, blur of one line."""
+        return HARMONICS, _circle(), SIZES, _wide()
 
     def rank(
         self,
@@ -189,17 +194,7 @@ class Subspaces:
 
     def likelihoods(self, coefficients: Array) -> Array:
         """(N, V * TURNS) the same of many places; coefficients (N, 4, ANCHORS)."""
-        said, native = quartered(coefficients), library()
-        if native is not None:
-            return np.stack([kernel.likelihood(native, self.bumps, c, HARMONICS, _circle()) for c in said])
-        even, odd = said[:, :2], said[:, 2] - 1j * said[:, 3]
-        # a look turned by a quarter sees another turn of the same direction: by a factor of -i to the power of m
-        of_power = [even[:, 0], odd, even[:, 1], odd.conj()]
-        sums = np.stack([w @ of_power[m % QUARTERS].T.astype(np.complex64) for m, w in enumerate(self.waves)])
-        c, s = _circle().T
-        turns = (c + 1j * s)[:, None] ** np.arange(len(HARMONICS))
-        likely = np.real(np.tensordot(turns, sums, axes=1))
-        return np.ascontiguousarray(likely.transpose(2, 1, 0).reshape(len(said), -1), np.float32)
+        return _likelihoods(self, quartered(coefficients))
 
     def _explained(
         self,
@@ -215,13 +210,7 @@ class Subspaces:
         picture = cv2.blur(picture, (2, 2), anchor=(0, 0))
         view, turn = chosen // TURNS, chosen % TURNS
         taken = self.size / (INDEPENDENT * float(self.window.sum()))
-        native = library()
-        if native is None:
-            share, at = self._compared(picture, view, turn, taken)
-        else:
-            share, at = kernel.explained(
-                native, picture, (view, turn), _circle(), SIZES, _wide(), self.packed, self.window, taken
-            )
+        share, at = _explained_shares(self, picture, view, turn, taken)
         moves = _moves()[at]
         # back from the turned small picture to half sides of a look
         angle = 2 * np.pi * turn / TURNS
@@ -230,49 +219,66 @@ class Subspaces:
         x, y = unit * (c * moves[:, 0] - s * moves[:, 1]), unit * (s * moves[:, 0] + c * moves[:, 1])
         return share, np.stack([x, y, moves[:, 2]], axis=-1)
 
-    def _compared(self, picture: Array, view: Array, turn: Array, taken: Array) -> Tuple[Array, Array]:
-        """Share (C,) that attitudes explain at their best move, and its number (C,).
 
-        Parameters
-        ----------
-        taken : (V,) share that noise gives to as many shapes.
-        """
-        share, at = np.zeros(len(view)), np.zeros(len(view), int)
-        weight = self.window.ravel() ** 2
-        for k in np.unique(turn):
-            rows = np.flatnonzero(turn == k)
-            X = self._moved(picture, 2 * np.pi * float(k) / TURNS)
-            energy = (X * X) @ weight + 1e-9
-            P = self.basis[view[rows]].reshape(-1, X.shape[1]) @ X.T
-            S = np.einsum("vks,vks->vs", *2 * [P.reshape(len(rows), SHAPES, -1)]) / energy
-            own = taken[view[rows]][:, None]
-            S = np.clip((S - own) / (1 - own), 0.0, 0.99)
-            at[rows] = S.argmax(axis=1)
-            share[rows] = S.max(axis=1)
-        return share, at
+@accelerated(native.likelihoods)
+def _likelihoods(views: Subspaces, said: Array) -> Array:
+    """(N, V * TURNS) log-likelihoods of ``attitude_basis.quartered`` coefficients (N, 4, ANCHORS)."""
+    even, odd = said[:, :2], said[:, 2] - 1j * said[:, 3]
+    # a look turned by a quarter sees another turn of the same direction: by a factor of -i to the power of m
+    of_power = [even[:, 0], odd, even[:, 1], odd.conj()]
+    sums = np.stack([w @ of_power[m % QUARTERS].T.astype(np.complex64) for m, w in enumerate(views.waves)])
+    c, s = _circle().T
+    turns = (c + 1j * s)[:, None] ** np.arange(len(HARMONICS))
+    likely = np.real(np.tensordot(turns, sums, axes=1))
+    return np.ascontiguousarray(likely.transpose(2, 1, 0).reshape(len(said), -1), np.float32)
 
-    @staticmethod
-    def _moved(picture: Array, turn: float) -> Array:
-        """(moves, N) the picture turned back, at every size and shift, without wide structures."""
-        n, m, shifts = SIDE_PX, SIDE_PX + 2 * SHIFTS_PX, 2 * SHIFTS_PX + 1
-        out = np.empty((len(SIZES), shifts, shifts, n, n), np.float32)
-        middle, to = 0.5 * (picture.shape[0] - 1) - 0.5, 0.5 * (m - 1)
-        for size, of_size in zip(SIZES, out):  # noqa: B905 - Python 3.9 has no strict=
-            c, s = 2 * size * np.cos(turn), 2 * size * np.sin(turn)
-            M = np.array([[c, -s, middle - (c - s) * to], [s, c, middle - (s + c) * to]])
-            small = _narrow(
-                cv2.warpAffine(
-                    picture,
-                    M,
-                    (m, m),
-                    flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-                    borderMode=cv2.BORDER_REPLICATE,
-                )
+
+@accelerated(native.explained_shares)
+def _explained_shares(
+    views: Subspaces, picture: Array, view: Array, turn: Array, taken: Array
+) -> Tuple[Array, Array]:
+    """Share (C,) that attitudes explain at their best move, and its number (C,).
+
+    Parameters
+    ----------
+    taken : (V,) share that noise gives to as many shapes.
+    """
+    share, at = np.zeros(len(view)), np.zeros(len(view), int)
+    weight = views.window.ravel() ** 2
+    for k in np.unique(turn):
+        rows = np.flatnonzero(turn == k)
+        X = _moved(picture, 2 * np.pi * float(k) / TURNS)
+        energy = (X * X) @ weight + 1e-9
+        P = views.basis[view[rows]].reshape(-1, X.shape[1]) @ X.T
+        S = np.einsum("vks,vks->vs", *2 * [P.reshape(len(rows), SHAPES, -1)]) / energy
+        own = taken[view[rows]][:, None]
+        S = np.clip((S - own) / (1 - own), 0.0, 0.99)
+        at[rows] = S.argmax(axis=1)
+        share[rows] = S.max(axis=1)
+    return share, at
+
+
+def _moved(picture: Array, turn: float) -> Array:
+    """(moves, N) the picture turned back, at every size and shift, without wide structures."""
+    n, m, shifts = SIDE_PX, SIDE_PX + 2 * SHIFTS_PX, 2 * SHIFTS_PX + 1
+    out = np.empty((len(SIZES), shifts, shifts, n, n), np.float32)
+    middle, to = 0.5 * (picture.shape[0] - 1) - 0.5, 0.5 * (m - 1)
+    for size, of_size in zip(SIZES, out):  # noqa: B905 - Python 3.9 has no strict=
+        c, s = 2 * size * np.cos(turn), 2 * size * np.sin(turn)
+        M = np.array([[c, -s, middle - (c - s) * to], [s, c, middle - (s + c) * to]])
+        small = _narrow(
+            cv2.warpAffine(
+                picture,
+                M,
+                (m, m),
+                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                borderMode=cv2.BORDER_REPLICATE,
             )
-            sy, sx = small.strides
-            shifted = as_strided(small, (shifts, shifts, n, n), (sy, sx, sy, sx), writeable=False)
-            of_size[:] = shifted
-        return out.reshape(-1, n * n)
+        )
+        sy, sx = small.strides
+        shifted = as_strided(small, (shifts, shifts, n, n), (sy, sx, sy, sx), writeable=False)
+        of_size[:] = shifted
+    return out.reshape(-1, n * n)
 
 
 def _narrow(picture: Array) -> Array:
