@@ -20,10 +20,10 @@ from flyaround.commands.terminal import say, terminal
 from hil.board.errors import BoardModelError
 from hil.board.svd.native.backend import describe_backend
 from simulator.errors import UserError
-from simulator.render.cache import cache_bytes
-from simulator.render.first_hits import embree_is_here
+from simulator.render.bake.ray_cast import embree_is_here
 from simulator.render.renderer import Renderer
 from simulator.runtime.cache import cache_folder
+from simulator.runtime.cached_arrays import cache_bytes
 
 
 def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:

@@ -21,7 +21,7 @@ from simulator.dataset.poses import read_poses
 from simulator.errors import UserError
 from simulator.labels.request import LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
-from simulator.render.earth_maps import EarthMaps, begin_earth_maps, begin_maps_of
+from simulator.render.earth.map_textures import EarthMaps, begin_earth_maps, begin_maps_of
 from simulator.scenario.picture import environment_section
 from simulator.scene.state import Bands, SceneState
 from simulator.targets.library import load_target

@@ -5,7 +5,7 @@
 #include "moon/disc.glsl"
 uniform sampler2D t_coverage;
 uniform sampler2D t_moon;    // normal albedo over its mean on the near side, / 2.5
-uniform sampler2D t_broad;   // slopes along u and v, brightness of craters; simulator/render/craters.py
+uniform sampler2D t_broad;   // slopes along u and v, brightness of craters; simulator/render/moon/craters.py
 uniform sampler2D t_fine;    // the same of smaller ones
 uniform sampler2D t_phase;   // phase function over that of zero phase, by the phase angle over pi
 uniform sampler2D t_umbra;   // share of the Sun's light per band, by the angle from the axis of the Earth's shadow

@@ -1,7 +1,7 @@
 // What a lattice sample sees: material and normal. Back faces of open shells are lit from their own side.
 //
 // The lattice's axes are a reflection of the image's, which is itself upside down to OpenGL: two flips, so
-// counter-clockwise stays the outside (see simulator/render/lattice.py, projection.py).
+// counter-clockwise stays the outside (see simulator/render/target/sample_pattern.py, projection.py).
 #include "target/pack.glsl"
 flat in int v_material_word;
 in vec2 v_chart;

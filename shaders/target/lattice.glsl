@@ -1,4 +1,4 @@
-// The sampling lattice in a shader; see simulator/render/lattice.py.
+// The sampling lattice in a shader; see simulator/render/target/sample_pattern.py.
 
 // Image coordinates [px] of lattice coordinates, both relative to the same place.
 vec2 pixel_from_lattice(vec2 st) {

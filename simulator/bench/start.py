@@ -18,7 +18,7 @@ from simulator.runtime.memory import keep_freed_memory
 from simulator.runtime.threads import use_one_for_matrices
 keep_freed_memory()  # as the program does
 use_one_for_matrices()
-from simulator.render.earth_maps import begin_earth_maps
+from simulator.render.earth.map_textures import begin_earth_maps
 from simulator.scenario.load import load_scenario
 scenario = load_scenario("{SCENE}")
 bands = scenario.output.bands

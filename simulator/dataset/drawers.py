@@ -11,7 +11,7 @@ from simulator.dataset.clipping import Clipping, measure_clipping
 from simulator.dataset.formats.native import EncodedFrame, encode_frame
 from simulator.frame import Frame, take_frame
 from simulator.labels.request import LabelRequest
-from simulator.render.earth_maps import begin_maps_of
+from simulator.render.earth.map_textures import begin_maps_of
 from simulator.render.renderer import Renderer
 from simulator.runtime.process_pool import RenderProcesses
 from simulator.targets.library import target_in_use

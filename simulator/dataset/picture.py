@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from simulator.labels.request import LabelRequest
-    from simulator.render.earth_maps import EarthMaps
+    from simulator.render.earth.map_textures import EarthMaps
     from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target
     from simulator.world.frames.pose import Pose

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from simulator.camera.lens.camera_model import Camera
-    from simulator.render.passes.labels import Surfaces
     from simulator.render.rendered import Rendered
     from simulator.render.renderer import Renderer
+    from simulator.render.target.label_pass import Surfaces
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
     from simulator.labels.request import LabelRequest
     from simulator.labels.truth import Box, FlowLabel
-    from simulator.render.passes.labels import Surfaces
     from simulator.render.renderer import Renderer
+    from simulator.render.target.label_pass import Surfaces
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 from simulator.errors import UserError
-from simulator.render.earth_maps import begin_earth_maps, stand_ins
-from simulator.render.earthview import earth_view
+from simulator.render.earth.earth_pass import EarthPass, ice_day
+from simulator.render.earth.earth_view import earth_view
+from simulator.render.earth.map_textures import begin_earth_maps, stand_ins
 from simulator.render.frame_images import FrameImages
 from simulator.render.gl.context import create_context, describe
 from simulator.render.gl.fences import keep_fences
@@ -15,17 +16,16 @@ from simulator.render.gl.lens_rays import RayTextures
 from simulator.render.gl.programs import RAYS_UNIT, ProgramLibrary
 from simulator.render.gl.shared_blocks import Blocks
 from simulator.render.gl.timing import StageClock
-from simulator.render.moonview import moon_view
-from simulator.render.passes.earth import EarthPass, ice_day
-from simulator.render.passes.moon import MoonPass
-from simulator.render.passes.stars import Spread, StarPass
-from simulator.render.passes.sun import SunPass
-from simulator.render.passes.target import TargetPasses
+from simulator.render.irradiance import no_light
+from simulator.render.moon.moon_pass import MoonPass
+from simulator.render.moon.moon_view import moon_view
 from simulator.render.projection import PixelRect
 from simulator.render.rendered import Craft, Layer, Rendered
-from simulator.render.skylight import no_light
+from simulator.render.sky.star_pass import Spread, StarPass
+from simulator.render.sky.sun_pass import SunPass
 from simulator.render.software.quad_packing import LEAST_SHARE, QuadPackingPass
 from simulator.render.software.tiles import earth_tiles, uniform_tiles
+from simulator.render.target.target_passes import TargetPasses
 from simulator.render.uniform_values import earth_values, frame_values, moon_values
 from simulator.render.view import build_view, sky_light
 from simulator.scene.illumination.bands import bands_of
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
 
     import moderngl
 
-    from simulator.render.earth_maps import EarthMaps
-    from simulator.render.earthview import EarthView
+    from simulator.render.earth.earth_view import EarthView
+    from simulator.render.earth.map_textures import EarthMaps
     from simulator.render.gl.context import GlInfo
-    from simulator.render.moonview import MoonView
-    from simulator.render.passes.labels import Surfaces
-    from simulator.render.skylight import SkyLight
+    from simulator.render.irradiance import SkyLight
+    from simulator.render.moon.moon_view import MoonView
     from simulator.render.software.tiles import ScreenTiles
+    from simulator.render.target.label_pass import Surfaces
     from simulator.render.view import View
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.illumination.atmosphere import Atmosphere

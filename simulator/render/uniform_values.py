@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from simulator.camera.lens.camera_model import Camera
-    from simulator.render.earthview import EarthView
-    from simulator.render.moonview import MoonView
+    from simulator.render.earth.earth_view import EarthView
+    from simulator.render.moon.moon_view import MoonView
     from simulator.render.view import View
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.illumination.atmosphere import Atmosphere

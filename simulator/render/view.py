@@ -7,13 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.skylight import (
-    SkyLight,
-    albedo_of_day,
-    earth_light,
-    moon_on_plates,
-    no_light,
-)
+from simulator.render.earth.albedo import albedo_of_day
+from simulator.render.irradiance import SkyLight, earth_light, moon_on_plates, no_light
 from simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
 from simulator.scene.illumination.moonlight import moonlight_share
 from simulator.scene.illumination.refraction import sunlight_past_earth

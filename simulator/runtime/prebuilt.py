@@ -1,7 +1,7 @@
 """What is slow to make and the same for everyone: shipped with the program, under the name that the cache keeps it by.
 
 A first start reads it where it would make it. A name says what the thing was made from and by which version of its
-maker, so that a change never meets an old file; `python -m simulator.render.ship` makes ``assets/made`` again.
+maker, so that a change never meets an old file; `python -m tools.prebuilt` makes ``assets/made`` again.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from multiprocessing import connection, shared_memory
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from simulator.errors import UserError
-from simulator.render.earth_maps import begin_maps_of
+from simulator.render.earth.map_textures import begin_maps_of
 from simulator.runtime.memory import keep_freed_memory
 from simulator.runtime.threads import share_processors
 

@@ -40,7 +40,7 @@ def test_drawing_does_not_import_the_estimator_or_plots_or_what_writes_target_fi
 
 def test_an_earth_scenarios_maps_are_begun_before_what_flies_and_draws_it_is_imported() -> None:
     code = (
-        "import sys; import simulator.render.earth_maps as earth_maps; from flyaround.__main__ import run; "
+        "import sys; import simulator.render.earth.map_textures as earth_maps; from flyaround.__main__ import run; "
         "begin = lambda *_: print([m for m in ('scipy', 'moderngl') if m in sys.modules]) or sys.exit(7); "
         "earth_maps.begin_earth_maps = begin; sys.exit(run(['render', 'tango-flyaround', '-t', '0']))"
     )

@@ -23,7 +23,7 @@ from simulator.imaging.exposure import (
 )
 from simulator.labels.truth import read_truth
 from simulator.loop import plan_flight
-from simulator.render.passes.stars import stars_in_view
+from simulator.render.sky.star_pass import stars_in_view
 from simulator.render.view import build_view
 from simulator.runtime.arrays import vec3
 from simulator.scenario.load import load_scenario

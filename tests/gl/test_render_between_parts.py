@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.render.skylight import no_light, uniform_light
+from simulator.render.irradiance import no_light, uniform_light
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.world.frames.rotation import quat_from_matrix
 

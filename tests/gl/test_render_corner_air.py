@@ -5,8 +5,8 @@ import pytest
 
 from simulator.camera.lens.camera_model import Camera
 from simulator.render import renderer as renderer_module
-from simulator.render.airtables import GROUND_MU_MIN, GROUND_SAMPLES
-from simulator.render.passes.air import AirPass
+from simulator.render.earth.air_pass import AirPass
+from simulator.render.earth.air_tables import GROUND_MU_MIN, GROUND_SAMPLES
 from simulator.render.projection import directions
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above

@@ -16,8 +16,8 @@ SMALL = 4_000_000  # bytes: larger ones take seconds to make, and are the same t
 PICTURE = """
 import hashlib, json
 from dataclasses import replace
-from simulator import cache
-from simulator.render import cache as arrays
+from simulator.runtime import cache
+from simulator.runtime import cached_arrays as arrays
 from simulator.targets import library
 read, check = [], cache.map_checked
 def watched(path):

@@ -8,13 +8,21 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-import simulator.render.passes.earth as passes
+import simulator.render.earth.earth_pass as passes
 from simulator.camera.lens.camera_model import Camera
+from simulator.render.earth.maps import COAST, decode_map
+from simulator.render.earth.ocean_colour import WHERE, make_where
+from simulator.render.earth.sea_ice import (
+    EXTENT_NORTH,
+    EXTENT_SOUTH,
+    HEIGHT,
+    WIDTH,
+    extent_m2,
+    near_ice,
+    sea_ice,
+)
+from simulator.render.earth.seasons import ANCHORS, season
 from simulator.render.gl.mipmaps import gl_library, mipmapped_texture
-from simulator.render.maps import COAST, decode_map
-from simulator.render.sea_ice import EXTENT_NORTH, EXTENT_SOUTH, HEIGHT, WIDTH, extent_m2, near_ice, sea_ice
-from simulator.render.seasons import ANCHORS, season
-from simulator.render.shoals import WHERE, make_where
 from simulator.render.software import tiles as cells
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.scene.state import Environment, TargetRef

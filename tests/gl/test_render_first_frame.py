@@ -11,8 +11,8 @@ import pytest
 from simulator.bench import start
 from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.loop import plan_flight
-from simulator.render.earth_maps import begin_earth_maps
-from simulator.render.passes.earth import EarthPass
+from simulator.render.earth.earth_pass import EarthPass
+from simulator.render.earth.map_textures import begin_earth_maps
 from simulator.render.renderer import Renderer
 from simulator.runtime.cache import cache_folder
 from simulator.scenario.load import load_scenario

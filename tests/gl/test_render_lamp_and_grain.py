@@ -7,7 +7,7 @@ import pytest
 
 from simulator.labels.keypoints import geometric_states
 from simulator.labels.visibility import Mesh
-from simulator.render.skylight import uniform_light
+from simulator.render.irradiance import uniform_light
 from simulator.scene.illumination.lamp import Lamp
 from simulator.targets.library import load_target
 from tools.validation.rendering import brushed as rendering_brushed

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from simulator.render.geometry import VERTEX
-from simulator.render.light_box import SurfacePatches, light_window
-from simulator.render.light_view import light_matrix
-from simulator.render.mesh import upload
+from simulator.render.bake.geometry import VERTEX
 from simulator.render.software.back_face_culling import facing
+from simulator.render.target.mesh import upload
+from simulator.render.target.shadow_frustum import SurfacePatches, light_matrix, light_window
 from simulator.targets.library import load_target
 from simulator.targets.model import Material
 from simulator.world.frames.rotation import matrix_from_quat

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from simulator.render.skylight import (
+from simulator.render.earth.albedo import albedo_map, albedo_of_day
+from simulator.render.irradiance import (
     SkyLight,
-    albedo_map,
-    albedo_of_day,
     basis,
     earth_light,
     light_of_samples,

@@ -14,10 +14,10 @@ import pytest
 from simulator.camera.lens.camera_model import Distortion
 from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.frame import take_frame
+from simulator.render.earth.terrain_detail import valley_texture
 from simulator.render.gl.context import create_context
-from simulator.render.passes.loaded import MOST_LOADED
 from simulator.render.renderer import Renderer
-from simulator.render.valleys import valley_texture
+from simulator.render.target.resident_targets import MOST_LOADED
 from simulator.scene.state import Environment
 from simulator.world.frames.rotation import matrix_from_quat
 

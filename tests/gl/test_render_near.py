@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from simulator.loop import plan_flight
-from simulator.render import placement
-from simulator.render.lattice import SEVEN, rotated
-from simulator.render.passes import target as passes
+from simulator.render.target import target_passes as passes
+from simulator.render.target import viewport_fit as placement
+from simulator.render.target.sample_pattern import SEVEN, rotated
 from simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl

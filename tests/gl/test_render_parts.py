@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 
 from simulator.camera.lens.camera_model import Camera
-from simulator.render import cache
-from simulator.render.earthview import earth_view
+from simulator.render.earth.detail_noise import detail_texture
+from simulator.render.earth.earth_view import earth_view
 from simulator.render.gl.programs import ProgramLibrary, read_source
 from simulator.render.gl.shared_blocks import EARTH, FRAME, MATERIALS, TARGET
 from simulator.render.gl.uniform_block import Field, UniformBlock
-from simulator.render.noise import detail_texture
-from simulator.render.placement import LATTICES as PRESETS
-from simulator.render.placement import TINY_LATTICE
 from simulator.render.projection import PixelRect
 from simulator.render.software import tiles
 from simulator.render.software.coverage_mask import whole
+from simulator.render.target.viewport_fit import LATTICES as PRESETS
+from simulator.render.target.viewport_fit import TINY_LATTICE
 from simulator.render.view import build_view
+from simulator.runtime import cached_arrays as cache
 from simulator.scene.illumination.atmosphere import earth_atmosphere, ground_irradiance, optical_depth_to_top
 from simulator.scene.state import Environment
 

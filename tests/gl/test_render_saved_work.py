@@ -11,8 +11,7 @@ import pytest
 from simulator.bench.scenes import bench_scenes
 from simulator.camera.lens.camera_model import Camera
 from simulator.render import renderer as renderer_module
-from simulator.render.cache import cached_array
-from simulator.render.earthview import earth_view
+from simulator.render.earth.earth_view import earth_view
 from simulator.render.gl.depth_buffer import MOST_RANGES
 from simulator.render.gl.mipmaps import (
     VERSION,
@@ -21,15 +20,16 @@ from simulator.render.gl.mipmaps import (
     mipmapped_texture,
     release_mipmapped,
 )
-from simulator.render.passes import loaded as loaded_targets
-from simulator.render.passes import target as target_passes
 from simulator.render.projection import PixelRect
 from simulator.render.renderer import Renderer
 from simulator.render.software import back_face_culling as facing_module
 from simulator.render.software import coverage_mask as cover
 from simulator.render.software.coverage_mask import TILE_PX, hull_tiles
 from simulator.render.software.tiles import earth_tiles
+from simulator.render.target import resident_targets as loaded_targets
+from simulator.render.target import target_passes
 from simulator.render.view import build_view
+from simulator.runtime.cached_arrays import cached_array
 from simulator.scene.illumination.atmosphere import earth_atmosphere
 from simulator.scene.state import Environment
 from simulator.targets.library import load_target

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from simulator.render.light_box import window_around
-from simulator.render.light_view import light_matrix
+from simulator.render.target.shadow_frustum import light_matrix, window_around
 from simulator.targets.model import Material
 
 pytestmark = pytest.mark.gl

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.loop import plan_flight
-from simulator.render import transfer
+from simulator.render.bake import radiance_transfer as transfer
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
 

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.render.airtables import air_tables
-from simulator.render.catalogue import star_irradiance_w_m2, stars
-from simulator.render.passes.stars import StarPass
+from simulator.render.earth.air_tables import air_tables
 from simulator.render.projection import PixelRect
+from simulator.render.sky.star_catalogue import star_irradiance_w_m2, stars
+from simulator.render.sky.star_pass import StarPass
 from simulator.render.view import build_view
 from simulator.scene.illumination.atmosphere import (
     MultipleScattering,

@@ -7,8 +7,8 @@ import pytest
 
 from simulator.bench.scaling import scaled
 from simulator.loop import plan_flight
-from simulator.render.passes import target as passes
 from simulator.render.renderer import Renderer
+from simulator.render.target import target_passes as passes
 from simulator.scenario.load import load_scenario
 
 BLOCK = 16

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.render.cache import cached_array, name_of
 from simulator.runtime import cache
 from simulator.runtime.cache import DamagedError, cache_folder, map_checked, read_checked, store_checked
+from simulator.runtime.cached_arrays import cached_array, name_of
 from simulator.targets import library
 from simulator.targets.board_model import faces as board_faces
 from simulator.targets.board_model import write as board_file
@@ -163,7 +163,7 @@ def test_a_disk_that_takes_nothing_costs_time_alone(folder, monkeypatch, caplog,
 FULL = """
 import resource, signal, sys
 import numpy as np
-from simulator.render.cache import cached_array
+from simulator.runtime.cached_arrays import cached_array
 from simulator.targets.library import load_target
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # a write beyond it fails halfway, as on a full disk
 assert len(cached_array("large", lambda: np.arange(5000.0))) == 5000

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.skylight import moon_on_plates
+from simulator.render.irradiance import moon_on_plates
 from simulator.scene.illumination.moonlight import moonlight_share
 
 SUN = np.array([1.0, 0.0, 0.0])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from simulator.render.buried import inside, uncover
-from simulator.render.occluders import MARGIN, convex_bodies
+from simulator.render.bake.hidden_faces import inside, uncover
+from simulator.render.bake.occluders import MARGIN, convex_bodies
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box
 from tests.unit.test_render_occluders import part_of

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.render.cache import (
+from simulator.runtime.cached_arrays import (
     KEPT_DAYS,
     Later,
     cache_bytes,
@@ -75,7 +75,7 @@ def test_what_is_being_made_is_waited_for_and_not_made_twice(folder):
 
 def test_two_programs_make_it_once_and_a_killed_one_is_not_waited_for(folder):
     code = (
-        "import sys, time; import numpy as np; from simulator.render.cache import cached_array\n"
+        "import sys, time; import numpy as np; from simulator.runtime.cached_arrays import cached_array\n"
         "def make(): print('made', flush=True); time.sleep(float(sys.argv[1])); return np.arange(6)\n"
         "cached_array('a', make)"
     )
@@ -121,7 +121,7 @@ def test_two_programs_of_which_each_has_made_what_the_other_needs_do_not_wait_fo
     folder,
 ):
     code = (
-        "import sys, time; import numpy as np; from simulator.render.cache import Later, cached_array\n"
+        "import sys, time; import numpy as np; from simulator.runtime.cached_arrays import Later, cached_array\n"
         "def make(): print('made', flush=True); time.sleep(0.6); return np.arange(6)\n"
         "Later().use(); print([len(cached_array(key, make)) for key in sys.argv[1]])"
     )
@@ -139,7 +139,7 @@ def test_two_programs_of_which_each_has_made_what_the_other_needs_do_not_wait_fo
 
 def test_a_program_that_ends_before_its_first_picture_leaves_what_it_made(folder):
     code = (
-        "import numpy as np; from simulator.render.cache import Later, cached_array\n"
+        "import numpy as np; from simulator.runtime.cached_arrays import Later, cached_array\n"
         "Later().use(); cached_array('map', lambda: np.arange(4)); cached_array('more', lambda: np.arange(2))"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=10)

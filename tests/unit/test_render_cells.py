@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simulator.camera.lens.camera_model import Camera
-from simulator.render.earthview import earth_view
+from simulator.render.earth.earth_view import earth_view
 from simulator.render.projection import directions
 from simulator.render.software.tiles import earth_tiles
 from simulator.render.view import build_view

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.render.edge_pairs import distances_beside
-from simulator.render.edges_seen import EdgeView, SeenEdges
-from simulator.render.mesh_edges import find_edges
+from simulator.render.bake.edge_gaps import distances_beside
+from simulator.render.bake.mesh_edges import find_edges
 from simulator.render.projection import PixelRect
+from simulator.render.target.visible_edges import EdgeView, SeenEdges
 from tests.harness.boxes import closed_box
 from tools.validation.stage import square_camera
 

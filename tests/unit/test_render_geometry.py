@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from simulator.render import geometry
-from simulator.render.charts import TEXEL
-from simulator.render.geometry import VERTEX, Merged, geometry_of
-from simulator.render.occluders import Boxes
-from simulator.render.stored import pack, unpack
+from simulator.render.bake import geometry
+from simulator.render.bake.charts import TEXEL
+from simulator.render.bake.geometry import VERTEX, Merged, geometry_of
+from simulator.render.bake.occluders import Boxes
+from simulator.runtime.serialisation import pack, unpack
 from simulator.targets.library import load_target
 
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.render import maps
-from simulator.render.shoals import WHERE
+from simulator.render.earth import maps
+from simulator.render.earth.ocean_colour import WHERE
 
 
 def test_strips_are_those_of_the_whole_map():

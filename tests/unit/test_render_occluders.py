@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.occluders import CLOSEST_M, Boxes, convex_bodies, find_shells, hidden
+from simulator.render.bake.occluders import CLOSEST_M, Boxes, convex_bodies, find_shells, hidden
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box, dome
 from simulator.targets.model import Part

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.relief import relief_heights
+from simulator.render.bake.coplanar_decals import relief_heights
 from tests.harness.boxes import closed_box
 
 BODIES = {

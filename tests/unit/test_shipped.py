@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zstandard
+from simulator.targets.glb.read.read import load_glb
 
-from simulator.render import ship
-from simulator.render.cache import cached_array, is_kept
-from simulator.render.geometry import _PACKED, _unpacked
-from simulator.render.stored import _described
+from simulator.render.bake.geometry import _PACKED, _unpacked
 from simulator.runtime import prebuilt as shipped
+from simulator.runtime.cached_arrays import cached_array, is_kept
+from simulator.runtime.serialisation import _described
 from simulator.targets import library
-from simulator.targets.glb.read import load_glb
+from tools import prebuilt as ship
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def close(name, mine, made, tmp_path):
 def test_what_is_shipped_is_what_is_made_now(tmp_path):
     made = dict(ship.made())
     files = {file.name.removesuffix(shipped.SUFFIX): file for file in ship.FOLDER.glob("*.zst")}
-    advice = "raise the VERSION beside its maker, and make it again by `python -m simulator.render.ship`"
+    advice = "raise the VERSION beside its maker, and make it again by `python -m tools.prebuilt`"
     assert files.keys() == made.keys(), advice
     for name, file in files.items():
         data = zstandard.ZstdDecompressor().decompress(file.read_bytes())

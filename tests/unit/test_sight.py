@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.render.charts import make_charts
-from simulator.render.first_hits import EmbreeTracer, GridTracer
-from simulator.render.sight import coded, decoded, look_around
-from simulator.render.skylight import spiral
+from simulator.render.bake.baked_visibility import coded, decoded, look_around
+from simulator.render.bake.charts import make_charts
+from simulator.render.bake.ray_cast import EmbreeTracer, GridTracer
+from simulator.render.irradiance import spiral
 from simulator.targets.library import load_target
 
 

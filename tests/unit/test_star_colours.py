@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from simulator.camera.detector.electrons.presets import sensor_preset
 
-from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.lens.camera_model import Camera
-from simulator.render.catalogue import _catalogue, star_irradiance_w_m2, stars
-from simulator.render.passes.stars import stars_in_view
-from simulator.render.star_colours import (
+from simulator.render.sky.star_catalogue import _catalogue, star_irradiance_w_m2, stars
+from simulator.render.sky.star_colours import (
     SUN_V_MAG,
     hp_minus_v,
     irradiance_of_v_mag,
     photons_over_sunlights,
     usual_v_minus_i,
 )
+from simulator.render.sky.star_pass import stars_in_view
 from simulator.render.view import build_view
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.scene.state import Environment, TargetRef

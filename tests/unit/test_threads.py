@@ -4,7 +4,7 @@ import os
 
 import cv2
 
-from simulator.render.opencv_threads import OneThread
+from simulator.render.earth.maps import OneThread
 from simulator.runtime import threads
 from simulator.runtime.threads import share_processors, use_one_for_matrices
 

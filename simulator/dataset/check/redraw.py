@@ -84,7 +84,7 @@ def check_pictures(
     ----------
     frames : to be drawn, all of them readable. target : that the card and the records name.
     """
-    from simulator.render.earth_maps import begin_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
+    from simulator.render.earth.map_textures import begin_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
     from simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
 
     faults: list[tuple[int, str]] = []

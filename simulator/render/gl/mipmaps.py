@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.render.cache import cached_array, name_of
+from simulator.runtime.cached_arrays import cached_array, name_of
 
 if TYPE_CHECKING:
     import moderngl

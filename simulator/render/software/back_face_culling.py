@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.occluders import hidden
+from simulator.render.bake.occluders import hidden
 
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.mesh import Mesh
+    from simulator.render.target.mesh import Mesh
     from simulator.runtime.arrays import BoolArray, FloatArray
 
 GRAZING = 0.01

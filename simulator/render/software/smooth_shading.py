@@ -20,9 +20,9 @@ from simulator.render.software.edge_free_tiles import crossed_tiles
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.edges_seen import EdgeView, SeenEdges
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
+    from simulator.render.target.visible_edges import EdgeView, SeenEdges
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.targets.model import Target
 

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.earth.ocean_colour import near_shoals
+from simulator.render.earth.sea_ice import near_ice
 from simulator.render.projection import PixelRect, directions
-from simulator.render.sea_ice import near_ice
-from simulator.render.shoals import near_shoals
 from simulator.render.software.coverage_mask import TILE_PX
 from simulator.render.view import EQUATOR_M
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
-    from simulator.render.earthview import EarthView
+    from simulator.render.earth.earth_view import EarthView
     from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 
 TILE_RAD = (

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.skylight import spiral
+from simulator.render.irradiance import spiral
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.targets.model import Material
 from tools.validation.rendering.lit_ball import draw_lit_ball

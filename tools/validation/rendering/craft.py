@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.skylight import basis, light_of_samples, spiral, uniform_light
+from simulator.render.irradiance import basis, light_of_samples, spiral, uniform_light
 from simulator.render.view import SUN_RADIUS_M
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from simulator.targets.library import load_target

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.camera.lens.camera_model import Camera
-from simulator.render.airtables import air_tables
-from simulator.render.catalogue import star_irradiance_w_m2
+from simulator.render.earth.air_tables import air_tables
+from simulator.render.sky.star_catalogue import star_irradiance_w_m2
 from simulator.runtime.arrays import quat, vec3
 from simulator.scene.environments import NOTHING
 from simulator.scene.illumination.atmosphere import (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.skylight import spiral
+from simulator.render.irradiance import spiral
 from simulator.render.view import SUN_RADIUS_M
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 from tools.validation.stage import ball, bare_target, square_camera, stage

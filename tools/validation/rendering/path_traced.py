@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.render.cache import cached_array
-from simulator.render.skylight import spiral
+from simulator.render.irradiance import spiral
 from simulator.render.view import SUN_RADIUS_M
 from simulator.runtime.cache import entry_name
+from simulator.runtime.cached_arrays import cached_array
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, reflectance, sun_irradiance_w_m2
 from simulator.world.frames.rotation import matrix_from_quat
 

@@ -10,7 +10,7 @@ import numpy as np
 from simulator.camera.detector.electrons import electrons_per_radiance
 from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.sensor import Detector, Sensor
-from simulator.render.catalogue import stars
+from simulator.render.sky.star_catalogue import stars
 from simulator.runtime.arrays import quat, vec3
 from simulator.scene.environments import NOTHING
 from simulator.scene.illumination.moonlight import moonlight_share

@@ -1,0 +1,1 @@
+"""What is computed of a mesh once and cached: charts, hidden faces, edges, visibility, radiance transfer. No OpenGL."""

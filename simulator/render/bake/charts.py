@@ -1,0 +1,261 @@
+"""Charts of a mesh: every flat face laid out in one atlas of texels, for light that is baked on surfaces.
+
+A chart is what of a part lies in one plane. It is a rectangle of nodes from border to border, so that nothing of its
+neighbour in the atlas is ever blended in; a face smaller than half a texel is one node.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from simulator.render.bake.chart_cuts import cut_charts
+from simulator.targets.plane_grid import PlaneGrid
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
+
+TEXEL = 0.032  # of the craft's radius
+MOST_NODES = 250_000  # 64 MB of baked light a band; a mesh that needs more has fewer to a metre
+_FLAT = 0.9999  # cosine of a corner's normal with the face's
+_NEAREST = 8  # triangles that a place off all of them may be nearest to
+_PAIRS = 500_000  # of a node and a triangle that are looked at together: 0.1 GB
+_MARGIN = 0.1  # of a texel: nodes at a border are sampled so far inside
+
+
+@dataclass(frozen=True, eq=False)
+class Charts:
+    """A mesh cut along the borders of its charts, and the nodes of its atlas.
+
+    Parameters
+    ----------
+    origin : (V,) vertex of the mesh before that each vertex is. triangles : (T, 3). uv : (V, 2) in the atlas, 0..1.
+    size_px : width and height of the atlas. of_triangle : (T,) chart.
+    axes : (C, 2, 3) unit vectors along a chart's nodes. low_m, step_m : (C, 2) of its nodes along them.
+    counts : (C, 2) nodes along each axis. first : (C,) first node; the others follow, row by row.
+    chart : (N,) of each node. at : (N,) its index in the atlas, row by row. places_m, normals : (N, 3).
+    face_normals : (C, 3). triangle : (N,) that a node lies on.
+    """
+
+    origin: IntArray
+    triangles: np.typing.NDArray[np.uint32]
+    uv: Float32Array
+    size_px: tuple[int, int]
+    of_triangle: IntArray
+    axes: FloatArray
+    low_m: FloatArray
+    step_m: FloatArray
+    counts: IntArray
+    first: IntArray
+    chart: IntArray
+    at: IntArray
+    places_m: FloatArray
+    normals: FloatArray
+    face_normals: FloatArray
+    triangle: IntArray
+
+    def node_at(self, triangles: np.typing.NDArray[np.integer], places_m: FloatArray) -> IntArray:
+        """(K,) nodes nearest to places (K, 3) on triangles (K,)."""
+        chart = self.of_triangle[triangles]
+        steps = self._steps.take(chart, axis=0)
+        x, y, z = np.asarray(places_m, np.float32).T
+        i, j = (
+            np.rint(steps[:, k] * x + steps[:, k + 1] * y + steps[:, k + 2] * z + steps[:, k + 3])
+            for k in (0, 4)
+        )
+        most = (self.counts - 1).astype(np.float32).take(chart, axis=0)
+        i, j = np.clip(i, 0, most[:, 0]), np.clip(j, 0, most[:, 1])
+        return self.first[chart] + (j * (most[:, 0] + 1) + i).astype(np.int64)
+
+    @cached_property
+    def _steps(self) -> Float32Array:
+        """(C, 8) of each axis of a chart: its vector over the step, and what is added to a place's share in steps."""
+        whole = np.concatenate([self.axes, -self.low_m[..., None]], axis=2) / self.step_m[..., None]
+        return whole.reshape(-1, 8).astype(np.float32)
+
+
+def make_charts(
+    positions_m: FloatArray, normals: FloatArray, groups: FloatArray, triangles: IntArray, texel_m: float
+) -> Charts:
+    """Cut a mesh into charts.
+
+    Parameters
+    ----------
+    positions_m, normals : (V, 3). groups : (V,) numbers that one chart does not mix. texel_m : between nodes, at most.
+    """
+    corners = positions_m[triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(across, axis=1)
+    normal = across / np.maximum(area, 1e-30)[:, None]
+    for attempt in range(20):
+        chart, border = cut_charts(positions_m, groups, triangles, normal, texel_m, touching=attempt == 0)
+        face, axes, low, extent, counts = _laid_out(
+            corners, normals[triangles], chart, border, across, texel_m
+        )
+        if int(counts.prod(axis=1).sum()) <= MOST_NODES:
+            break
+        texel_m *= 1.0 if attempt == 0 else 1.4
+    count = len(counts)
+    step = np.where(counts > 1, extent / np.maximum(counts - 1, 1), np.maximum(extent, 1e-9))
+    size_px, corner = _packed(counts)
+    pairs, which = np.unique(triangles.astype(np.int64) * count + chart[:, None], return_inverse=True)
+    origin, owner = pairs // count, pairs % count
+    along = np.einsum("vac,vc->va", axes[owner], positions_m[origin]) - low[owner]
+    node = np.where(counts[owner] > 1, along / step[owner], 0.0)
+    nodes = counts.prod(axis=1)
+    first = np.concatenate([[0], np.cumsum(nodes)[:-1]])
+    of_node = np.repeat(np.arange(count), nodes)
+    index = np.arange(nodes.sum()) - first[of_node]
+    i, j = index % counts[of_node, 0], index // counts[of_node, 0]
+    at = (corner[of_node, 1] + j) * size_px[0] + corner[of_node, 0] + i
+    inside = np.minimum(_MARGIN * texel_m, 0.25 * extent)[of_node]
+    steps = np.stack([i, j], axis=1)
+    wanted = np.where(counts[of_node] > 1, steps * step[of_node], 0.5 * extent[of_node])
+    wanted = low[of_node] + np.clip(wanted, inside, np.maximum(extent[of_node] - inside, inside))
+    # a plane on which no chart lies over another
+    shift = corner * texel_m - low
+    xy = np.einsum("tac,tkc->tka", axes[chart], corners) + shift[chart, None]
+    triangle, shares = _located(wanted + shift[of_node], of_node, xy, chart, nodes, area)
+    smooth = np.einsum("nk,nkc->nc", shares, normals[triangles[triangle]])
+    return Charts(
+        origin=origin,
+        triangles=which.reshape(triangles.shape).astype(np.uint32),
+        uv=((corner[owner] + 0.5 + node) / size_px).astype(np.float32),
+        size_px=size_px,
+        of_triangle=chart,
+        axes=axes,
+        low_m=low,
+        step_m=step,
+        counts=counts,
+        first=first,
+        chart=of_node,
+        at=at,
+        places_m=np.einsum("nk,nkc->nc", shares, corners[triangle]),
+        normals=smooth / np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-9),
+        face_normals=face,
+        triangle=triangle,
+    )
+
+
+def _laid_out(
+    corners_m: FloatArray,
+    corner_normals: FloatArray,
+    chart: IntArray,
+    border: BoolArray,
+    across: FloatArray,
+    texel_m: float,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
+    """Normal (C, 3), axes (C, 2, 3), lowest place along them (C, 2), extent (C, 2) and nodes (C, 2) of each chart.
+
+    Parameters
+    ----------
+    corners_m, corner_normals : (T, 3, 3). across : (T, 3) normals as long as twice the triangles' areas.
+    """
+    count = int(chart.max()) + 1
+    face: FloatArray = np.stack([np.bincount(chart, v, count) for v in across.T], axis=1).astype(float)
+    bare = np.linalg.norm(face, axis=1) < 1e-20  # slivers
+    np.add.at(face, chart[bare[chart]], corner_normals[bare[chart], 0])
+    face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
+    axes = _axes(corners_m, border, chart, face)
+    bent = np.any(np.einsum("tkc,tc->tk", corner_normals, face[chart]) < _FLAT, axis=1)
+    xy = np.einsum("tac,tkc->tka", axes[chart], corners_m)
+    order = np.argsort(chart, kind="stable")
+    start = np.searchsorted(chart[order], np.arange(count))
+    low = np.minimum.reduceat(xy.min(axis=1)[order], start)
+    extent = np.maximum.reduceat(xy.max(axis=1)[order], start) - low
+    least = np.where(np.bincount(chart, bent, count) > 0, 0.15, 0.5)[:, None] * texel_m
+    counts = np.where(extent > least, np.ceil(extent / texel_m).astype(int) + 1, 1)
+    return face, axes, low, extent, counts
+
+
+def _axes(corners_m: FloatArray, border: BoolArray, chart: IntArray, face: FloatArray) -> FloatArray:
+    """(C, 2, 3) axes of each chart, the first along the longest edge of its border."""
+    edges = np.roll(corners_m, -1, axis=1) - corners_m
+    length = np.linalg.norm(edges, axis=2) * border
+    longest = np.argmax(length, axis=1)
+    rows = np.arange(len(corners_m))
+    order = np.lexsort((length[rows, longest], chart))
+    last = np.searchsorted(chart[order], np.arange(len(face)), side="right") - 1
+    first = edges[rows, longest][order[last]]
+    first = first - np.einsum("cx,cx->c", first, face)[:, None] * face
+    first += 1e-12 * np.roll(face, 1, axis=1)
+    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-30)
+    return np.stack([first, np.cross(face, first)], axis=1)
+
+
+def _packed(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
+    """Size of the atlas and (C, 2) corners of rectangles laid on shelves, the highest first."""
+    width = max(64, int(counts[:, 0].max()), int(np.sqrt(1.05 * counts.prod(axis=1).sum())))
+    width = -(-width // 16) * 16
+    corner = np.zeros_like(counts)
+    x = y = shelf = 0
+    for k in np.lexsort((-counts[:, 0], -counts[:, 1])):
+        across, down = counts[k]
+        if x + across > width:
+            x, y = 0, y + shelf
+            shelf = 0
+        corner[k] = x, y
+        x, shelf = x + across, max(shelf, int(down))
+    return (width, y + shelf), corner
+
+
+def _located(
+    wanted: FloatArray, of_node: IntArray, xy: FloatArray, chart: IntArray, nodes: IntArray, area: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Triangle (N,) and barycentric shares (N, 3) of the place on its chart that is nearest to each node.
+
+    Parameters
+    ----------
+    wanted : (N, 2) places in a plane, of_node : (N,) their charts. xy : (T, 3, 2) corners of the triangles there.
+    nodes : (C,) of each chart. area : (T,) of the triangles.
+    """
+    order = np.lexsort((-area, chart))
+    largest = order[np.searchsorted(chart[order], np.arange(len(nodes)))]
+    # of small faces the middle of the largest triangle
+    triangle, shares = largest[of_node], np.full((len(wanted), 3), 1 / 3)
+    candidates = np.flatnonzero((nodes[chart] > 1) & (area > 1e-14))
+    asking = np.flatnonzero((nodes > 1)[of_node] & (area[largest] > 1e-14)[of_node])
+    if not len(asking):
+        return triangle, shares
+    corners = xy[candidates]
+    grid = PlaneGrid.over(np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1).T)
+    pieces = np.searchsorted(np.cumsum(grid.counts(wanted[asking])), np.arange(1, 1000) * _PAIRS)
+    found = np.zeros(len(asking), bool)
+    for piece in np.split(np.arange(len(asking)), np.unique(pieces)):
+        node, met = grid.at(wanted[asking[piece]])
+        node = piece[node]
+        own = chart[candidates[met]] == of_node[asking[node]]
+        node, met = node[own], met[own]
+        w = _shares(wanted[asking[node]], corners[met])
+        inside = w.min(axis=1) >= 0
+        at = asking[node[inside]]
+        triangle[at], shares[at], found[node[inside]] = candidates[met[inside]], w[inside], True
+    # a rectangle's corners may lie off the face
+    off = asking[~found]
+    if len(off):
+        far = 1e3 * float(np.abs(xy).max())
+        middles = np.column_stack([corners.mean(axis=1), far * chart[candidates]])
+        _, near = cKDTree(middles).query(np.column_stack([wanted[off], far * of_node[off]]), k=_NEAREST)
+        near = np.minimum(near, len(candidates) - 1)
+        own = chart[candidates[near]] == of_node[off, None]
+        w = _shares(np.repeat(wanted[off], _NEAREST, axis=0), corners[near.ravel()]).reshape(-1, _NEAREST, 3)
+        best = np.argmax(np.where(own, w.min(axis=2), -np.inf), axis=1)
+        row = np.arange(len(off))
+        w = np.clip(w[row, best], 0, None)
+        triangle[off], shares[off] = candidates[near[row, best]], w / w.sum(axis=1, keepdims=True)
+    return triangle, shares
+
+
+def _shares(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """(K, 3) barycentric coordinates of points (K, 2) in triangles (K, 3, 2)."""
+    a, b, c = (corners[:, k] - points for k in range(3))
+    w = np.stack([_turn(b, c), _turn(c, a), _turn(a, b)], axis=1)
+    return np.asarray(w / w.sum(axis=1, keepdims=True))
+
+
+def _turn(p: FloatArray, q: FloatArray) -> FloatArray:
+    return np.asarray(p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0])

@@ -1,0 +1,239 @@
+"""A target's mesh as it is drawn: charts, what may show, edges, large bodies; worked out once and kept in the cache."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from simulator.render.bake.charts import Charts, make_charts
+from simulator.render.bake.coplanar_decals import relief_heights
+from simulator.render.bake.hidden_faces import inside, uncover
+from simulator.render.bake.mesh_edges import MeshEdges, find_edges
+from simulator.render.bake.occluders import BOX, Boxes, ConvexShell, convex_bodies, find_shells
+from simulator.runtime.cache import entry_name
+from simulator.runtime.cached_arrays import cached_array
+from simulator.runtime.serialisation import pack, unpack
+from simulator.targets.shells import is_closed
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray, IntArray
+    from simulator.targets.model import Part
+
+VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
+MOST_KEPT = 1_000_000  # triangles: a finer mesh is a gigabyte on the disk, and worked out anew
+# Of `_make`, and of the fields of what it gives: raise it when the same target gives another geometry, whichever file
+# the change is in (charts, hidden faces, hulls, occluders, edges, decals, closed shells, packing).
+VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """The triangles that can show from somewhere outside: a mesh's own, less what its plates cover.
+
+    Parameters
+    ----------
+    triangles : (T, 3) vertices. planes : (4, T) of each: unit normal, and its distance from the origin with the sign
+        turned [m]; row by row a product with a vector takes a seventh of the time.
+    boxes : about triangles that lie together.
+    sources : (V,) of each vertex in the buffers, one of the mesh's own on the same part.
+    """
+
+    triangles: np.typing.NDArray[np.uint32]
+    planes: Float32Array
+    boxes: Boxes
+    sources: IntArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shape:
+    """What is known of a target's mesh, uploaded or not.
+
+    Parameters
+    ----------
+    values : (V, 7) of each vertex that is uploaded, as `VERTEX`: the mesh's own, then corners of ``shown``'s pieces.
+    hull_m : (3, K) points of the parts' convex hulls, which hold the mesh, target frame [m]; hulls inside of others
+        are left out. hull_parts : where in ``hull_m`` the second hull's points begin, the third's and so on.
+    center_m, radius_m : bounding sphere, target frame.
+    is_closed : every part is a set of closed shells facing outwards.
+    triangles : (T, 3) vertices of each. planes : (T, 4) of each: unit normal, and its distance from the origin
+        with the sign turned [m]. shells : large bodies that hide others.
+    shown : what pictures are drawn from. charts : how its faces are laid out in an atlas, by the borders of which the
+        mesh is cut. edges : that can show as lines.
+    relief_m : (T,) of ``shown``, how far a flat body stands out of what it lies on.
+    """
+
+    values: Float32Array
+    hull_m: FloatArray
+    hull_parts: IntArray
+    center_m: FloatArray
+    radius_m: float
+    is_closed: bool
+    triangles: np.typing.NDArray[np.uint32]
+    planes: Float32Array
+    shells: tuple[ConvexShell, ...]
+    shown: Shown
+    charts: Charts
+    edges: MeshEdges
+    relief_m: Float32Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Geometry(Shape):
+    """A shape with what is uploaded beside its vertices; see `mesh.Mesh`.
+
+    Parameters
+    ----------
+    at_chart : (V, 2) places in the atlas. uv : (V, 2) in the textures, or (0, 2).
+    """
+
+    at_chart: Float32Array
+    uv: Float32Array
+
+
+_PACKED = (
+    Geometry,
+    Shown,
+    Boxes,
+    Charts,
+    MeshEdges,
+    ConvexShell,
+)  # in the file each is known by its place here
+
+
+@dataclass(frozen=True, eq=False)
+class Merged:
+    """The parts of a target one after the other.
+
+    Parameters
+    ----------
+    vertices : (V,) of `VERTEX`. triangles : (T, 3). uv : (V, 2), or (0, 2) without textures.
+    """
+
+    vertices: np.typing.NDArray[np.void]
+    triangles: np.typing.NDArray[np.uint32]
+    uv: Float32Array
+
+
+def geometry_of(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int], texel: float) -> Geometry:
+    """The geometry of a target, from the cache where it was made before.
+
+    Parameters
+    ----------
+    parts : of the target in its own order. numbers : of its materials, from 1.
+    texel : between nodes of baked light, of the mesh's radius.
+    """
+
+    # made or fetched it is what was stored: arrays laid out in another way may be summed in another order
+    def made() -> ByteArray:
+        return pack(_make(merged, parts, numbers, texel), *_PACKED)
+
+    if len(merged.triangles) > MOST_KEPT:
+        return _unpacked(made())
+    own = [part.positions_m for part in parts]  # they may be merged in another order
+    key = entry_name("geometry", VERSION, texel, merged.vertices, merged.triangles, merged.uv, own)
+    return _unpacked(cached_array(key, made))
+
+
+def _unpacked(packed: ByteArray) -> Geometry:
+    return unpack(packed, *_PACKED)
+
+
+def _make(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int], texel: float) -> Geometry:
+    hulls = outer_hulls([part.positions_m.astype(float) for part in parts if len(part.positions_m)])
+    hull = np.concatenate(hulls)
+    center = (hull.min(axis=0) + hull.max(axis=0)) / 2
+    radius = float(np.linalg.norm(hull - center, axis=1).max())
+    whole = merged.vertices
+    charts = make_charts(
+        whole["position_m"].astype(float),
+        whole["normal"].astype(float),
+        whole["material"],
+        merged.triangles.astype(int),
+        texel * radius,
+    )
+    own, triangles = whole[charts.origin], charts.triangles
+    corners = own["position_m"].astype(float)[triangles]
+    closed = all(is_closed(part) for part in parts)
+    bodies = convex_bodies(parts, radius)
+    # the back of an open face shows too
+    uncovered = uncover(corners, bodies if closed else (), radius)
+    values = uncovered.extended(own.view(np.float32).reshape(len(own), -1), triangles)
+    drawn = uncovered.triangles(triangles, len(own))
+    drawn = drawn[~inside(values[:, :3].astype(float)[drawn], bodies if closed else (), radius)]
+    drawn_corners = values[:, :3].astype(float)[drawn]
+    uv = merged.uv
+    return Geometry(
+        values=values,
+        at_chart=uncovered.extended(charts.uv, triangles),
+        uv=uncovered.extended(uv[charts.origin], triangles) if len(uv) else uv,
+        hull_m=np.ascontiguousarray(hull.T),
+        hull_parts=np.cumsum([len(h) for h in hulls[:-1]]),
+        center_m=center,
+        radius_m=radius,
+        is_closed=closed,
+        triangles=triangles,
+        planes=_planes(corners),
+        shells=find_shells(bodies, radius),
+        shown=Shown(
+            drawn,
+            np.ascontiguousarray(_planes(drawn_corners).T),
+            Boxes.about(drawn_corners, BOX * radius),
+            uncovered.sources(triangles, len(own)),
+        ),
+        charts=charts,
+        edges=find_edges(tuple(parts), numbers, is_closed=closed),
+        relief_m=relief_heights(values[:, :3].astype(float), drawn.astype(int), radius),
+    )
+
+
+def _planes(corners_m: FloatArray) -> Float32Array:
+    """Planes (T, 4) of triangles (T, 3, 3); one without area has none, and looks everywhere."""
+    normal = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    distance = np.einsum("ij,ij->i", normal, corners_m[:, 0])
+    return np.column_stack([normal, -distance]).astype(np.float32)
+
+
+_ROUNDING = 1e-9  # of a hull's extent, by which one inside of it may stand out
+
+
+def outer_hulls(parts_m: Sequence[FloatArray]) -> list[FloatArray]:
+    """Vertices (K, 3) of the convex hulls of some parts; a hull that lies inside of another one's is left out.
+
+    Together they hold what all of the parts' hulls hold. Of a part that is flat the hull is its bounding box.
+
+    Parameters
+    ----------
+    parts_m : (N, 3) points of each.
+    """
+    hulls = [_hull(points) for points in parts_m]
+    lows, highs = (np.array([f(points, axis=0) for points, _ in hulls]) for f in (np.min, np.max))
+    kept: list[int] = []
+    # the largest first: of two that are the same one is kept
+    for k in np.argsort(-np.prod(highs - lows, axis=1), kind="stable").tolist():
+        about = [n for n in kept if np.all(lows[n] <= lows[k]) and np.all(highs[n] >= highs[k])]
+        if not any(_inside(hulls[k][0], hulls[n][1], highs[n] - lows[n]) for n in about):
+            kept.append(k)
+    return [hulls[k][0] for k in sorted(kept)]
+
+
+def _inside(points_m: FloatArray, planes: FloatArray, extent_m: FloatArray) -> bool:
+    beyond = points_m @ planes[:, :3].T + planes[:, 3]
+    return bool(beyond.max() <= _ROUNDING * extent_m.max())
+
+
+def _hull(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Vertices (K, 3) of the convex hull, or of the bounding box where the points are flat, and its planes (F, 4)."""
+    try:
+        hull = ConvexHull(points_m)
+    except QhullError:
+        low, high = points_m.min(axis=0), points_m.max(axis=0)
+        corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+        planes = np.column_stack([np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([-high, low])])
+        return np.asarray(low + corners * (high - low)), planes
+    return np.asarray(points_m[hull.vertices]), np.asarray(hull.equations)

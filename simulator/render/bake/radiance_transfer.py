@@ -1,0 +1,245 @@
+"""Light that a craft's parts give each other and keep from each other, baked on the nodes of its charts.
+
+Each node has the visibility of the sky as a constant and a linear term over directions, V(w) = a + b . w; and the
+irradiance that other parts return to it of sunlight from many directions, shadows and further bounces included. Parts
+return light evenly (radiosity): Goral et al. (1984), Modeling the interaction of light between diffuse surfaces,
+SIGGRAPH 18. Light of the sky is a sum over the same directions, kept as spherical harmonics: Sloan, Kautz & Snyder
+(2002), Precomputed radiance transfer, SIGGRAPH 29.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from scipy.sparse import coo_matrix
+
+from simulator.render.bake.baked_visibility import coded, decoded, look_around
+from simulator.render.bake.geometry import VERTEX
+from simulator.render.bake.ray_cast import make_tracer
+from simulator.render.irradiance import spiral
+from simulator.runtime.cache import entry_name
+from simulator.runtime.cached_arrays import cached_arrays
+from simulator.runtime.prebuilt import shipped_array
+
+if TYPE_CHECKING:
+    from simulator.render.bake.baked_visibility import Seen
+    from simulator.render.bake.charts import Charts
+    from simulator.render.bake.geometry import Shape
+    from simulator.runtime.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+
+_T = TypeVar("_T", bound=np.generic)
+SIGHT_VERSION = 14  # of `_seen`: raise it when the same mesh sees otherwise, on the same processor
+VERSION = 14  # of `solve`: raise it when what is seen gives another light
+DIRECTIONS = 128  # that are looked along, and that the Sun's light is known from
+LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.75
+BOUNCES = 4
+RETURNED_STEP = 2.0**-16  # parts can return no more than the sunlight
+PATCH = 4  # nodes along each side of a patch that returns light as one
+_BLOCK = 1 << 17  # products
+_INSIDE = 0.3  # of what a node sees; more from within another part is no place to stand
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """Baked light of one craft in some bands.
+
+    Parameters
+    ----------
+    visibility : (A, 4) b, coded by ``LARGEST_SLOPE``, and a, of each texel of the atlas, row by row.
+    returned : (n, D, A) irradiance from other parts over that of sunlight from each of ``directions``, in steps of
+        ``RETURNED_STEP``.
+    returned_sky : (n, 9, A) irradiance over the coefficients of the sky's radiance in `harmonics`.
+    """
+
+    visibility: ByteArray
+    returned: np.typing.NDArray[np.uint16]
+    returned_sky: Float32Array
+    directions: FloatArray
+
+
+def harmonics(directions: FloatArray) -> FloatArray:
+    """(..., 9) real spherical harmonics to the second degree, orthonormal; Ramamoorthi & Hanrahan (2001), eq. 3."""
+    x, y, z = np.moveaxis(np.asarray(directions, float), -1, 0)
+    one = np.ones_like(x)
+    return np.stack(
+        [
+            0.282095 * one,
+            *(0.488603 * v for v in (y, z, x)),
+            *(1.092548 * v for v in (x * y, y * z, x * z)),
+            0.315392 * (3 * z * z - 1),
+            0.546274 * (x * x - y * y),
+        ],
+        axis=-1,
+    )
+
+
+def baked_transfer(mesh: Shape, reflectance: FloatArray, patch: int = PATCH) -> Transfer:
+    """Light between the parts of a mesh; looked around for once a geometry, and kept in the cache with the result.
+
+    Parameters
+    ----------
+    reflectance : (M, n) of each material, per band. patch : nodes along each side of one that returns light.
+    """
+    charts = mesh.charts
+    sight = _sight_key(mesh, patch)
+    key = entry_name("transfer", VERSION, sight, np.round(reflectance, 6))
+    materials = np.rint(_vertices(mesh)["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
+
+    def bake() -> tuple[np.typing.NDArray[np.generic], np.typing.NDArray[np.generic]]:
+        seen = _shipped_sight(sight, mesh, patch) or _seen(mesh)
+        return solve(charts, seen, reflectance[materials], patch, closed=mesh.is_closed)
+
+    visibility, returned = (np.asarray(array) for array in cached_arrays((f"{key}-sky", key), bake))
+    directions = spiral(DIRECTIONS)
+    basis = (harmonics(directions) * (RETURNED_STEP * 4 * np.pi / DIRECTIONS)).astype(np.float32)
+    sky = np.stack([product_in_blocks(basis.T, band.astype(np.float32)) for band in returned])
+    return Transfer(visibility, returned, sky, directions)
+
+
+def sight_to_ship(mesh: Shape, patch: int = PATCH) -> tuple[str, np.typing.NDArray[np.unsignedinteger]]:
+    """Key and `coded` numbers of what a mesh's nodes see, whatever its materials: what a bake takes longest for."""
+    codes = coded(_seen(mesh), _patches(mesh.charts, patch)[0])
+    small = codes.max() <= np.iinfo(np.uint16).max
+    return _sight_key(mesh, patch), codes.astype(np.uint16) if small else codes
+
+
+def _shipped_sight(key: str, mesh: Shape, patch: int) -> Seen | None:
+    codes = shipped_array(key)
+    if codes is None:
+        return None
+    numbers = _patches(mesh.charts, patch)[0]
+    return decoded(
+        np.asarray(codes, codes.dtype), numbers, mesh.charts, mesh.planes[:, :3], spiral(DIRECTIONS)
+    )
+
+
+def _seen(mesh: Shape) -> Seen:
+    tracer = make_tracer(_vertices(mesh)["position_m"][mesh.triangles])
+    return look_around(mesh.charts, mesh.planes[:, :3], tracer, spiral(DIRECTIONS), mesh.radius_m)
+
+
+def _vertices(mesh: Shape) -> np.typing.NDArray[np.void]:
+    return mesh.values.view(VERTEX).ravel()[: len(mesh.charts.uv)]
+
+
+def _sight_key(mesh: Shape, patch: int) -> str:
+    vertices = _vertices(mesh).tobytes()
+    return entry_name("sight", SIGHT_VERSION, DIRECTIONS, patch, vertices, mesh.triangles, mesh.charts.uv)
+
+
+def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:
+    """(M, N) product of (M, K) and (K, N), the same whatever number of threads the library has.
+
+    It would cut the columns for its threads, and round those at the cuts otherwise; blocks of a quarter of a million
+    products it leaves to one thread.
+    """
+    out = np.empty((len(a), b.shape[1]), np.float32)
+    columns = max(_BLOCK // a.size, 1)
+    for first in range(0, b.shape[1], columns):
+        block = slice(first, first + columns)
+        np.matmul(a, b[:, block], out=out[:, block])
+    return out
+
+
+def solve(
+    charts: Charts, seen: Seen, reflectance: FloatArray, side: int = PATCH, *, closed: bool
+) -> tuple[ByteArray, np.typing.NDArray[np.uint16]]:
+    """Visibility and returned light of `Transfer`.
+
+    Parameters
+    ----------
+    reflectance : (N, n) of each node, per band. side : of a patch [nodes].
+    closed : a face met from behind means that the place is inside a part.
+    """
+    n = len(charts.chart)
+    looking = seen.cosines[seen.node, seen.direction]
+    within = np.bincount(seen.node, weights=looking * (seen.from_behind & closed), minlength=n)
+    whole = np.maximum(seen.cosines.sum(axis=1), 1e-9)
+    good = within < _INSIDE * whole
+    visibility = _visibility(charts, seen, good)
+    # who gives to whom: nodes from patches
+    patch, count = _patches(charts, side)
+    # light is known of fronts: the back of an open shell hides, and returns nothing
+    front = np.flatnonzero(~seen.from_behind)
+    node = seen.node[front]
+    share = (looking[front] / np.maximum(whole - within, 1e-9)[node]).astype(np.float32)
+    given = coo_matrix((share, (node, patch[seen.met[front]])), shape=(len(patch), count)).tocsr()
+    size = np.bincount(patch, weights=good, minlength=count)
+    mean = coo_matrix(
+        (good / np.maximum(size, 1)[patch], (patch, np.arange(len(patch)))), shape=(count, len(patch))
+    ).tocsr()
+    between = mean @ given
+    direct = mean @ (seen.cosines * seen.is_open)
+    bands = []
+    for band in reflectance.T:
+        paint = (mean @ band)[:, None].astype(np.float32)
+        leaving = paint * direct
+        for _ in range(BOUNCES - 1):
+            leaving = paint * (direct + between @ leaving)
+        steps = _spread(charts, good, np.asarray(given @ leaving, np.float32)) / RETURNED_STEP
+        bands.append(_in_atlas(charts, np.asarray(np.clip(steps, 0, 65535), np.uint16)).T)
+    return _in_atlas(charts, visibility), np.ascontiguousarray(bands)
+
+
+def _visibility(charts: Charts, seen: Seen, good: BoolArray) -> ByteArray:
+    """(N, 4) the code of V, such that an open plate has 1 and the light of an even sky is exact."""
+    directions = seen.directions.astype(np.float32)
+    above = (seen.cosines > 0).astype(np.float32)
+    count = np.maximum(above.sum(axis=1), 1)[:, None]
+    free = seen.is_open.astype(np.float32)
+    b = 1.5 * (free @ directions) / count
+    # the directions' own lack of balance: what an open face would have, against what it must
+    b -= (1.5 * (above @ directions) / count - 0.75 * charts.normals) * (free.sum(axis=1)[:, None] / count)
+    share = (seen.cosines * free).sum(axis=1) / np.maximum(seen.cosines.sum(axis=1), 1e-9)
+    a = share - 2 / 3 * np.einsum("nc,nc->n", b, charts.normals)
+    coded = np.column_stack([b / (2 * LARGEST_SLOPE) + 0.5, a])
+    coded = _spread(charts, good, np.asarray(coded, np.float32))
+    return np.asarray(np.clip(coded * 255 + 0.5, 0, 255), np.uint8)
+
+
+def _in_atlas(charts: Charts, values: np.typing.NDArray[_T]) -> np.typing.NDArray[_T]:
+    """(A, n) values (N, n) of the nodes in the order of the atlas's texels."""
+    image = np.zeros((charts.size_px[0] * charts.size_px[1], values.shape[1]), values.dtype)
+    image[charts.at] = values
+    return image
+
+
+def _patches(charts: Charts, side: int) -> tuple[IntArray, int]:
+    """(N,) patch of each node and their number: squares of nodes of one chart."""
+    index = np.arange(len(charts.chart)) - charts.first[charts.chart]
+    across = charts.counts[charts.chart, 0]
+    i, j = index % across // side, index // across // side
+    # one number, in the order of the three
+    number = (charts.chart * (i.max() + 1) + i) * (j.max() + 1) + j
+    _, patch = np.unique(number, return_inverse=True)
+    return patch, int(patch.max()) + 1
+
+
+def _spread(charts: Charts, good: BoolArray, values: FloatArray) -> FloatArray:
+    """Values (N, n); nodes that are not good take the mean of neighbours of their chart that are."""
+    width, height = charts.size_px
+    owner = np.full((height + 2) * (width + 2), -1)
+    node = np.zeros_like(owner)
+    y, x = np.divmod(charts.at, width)
+    at = (y + 1) * (width + 2) + x + 1
+    owner[at], node[at] = charts.chart, np.arange(len(at))
+    known, out = good.copy(), values.copy()
+    steps = [
+        (dy * (width + 2) + dx, (2 - abs(dy)) * (2 - abs(dx)) / 4) for dy in (-1, 0, 1) for dx in (-1, 0, 1)
+    ]
+    for _ in range(4):
+        lacking = np.flatnonzero(~known)
+        total = np.zeros((len(lacking), values.shape[1]), np.float32)
+        weight = np.zeros(len(lacking), np.float32)
+        for step, w in steps:
+            near = node[at[lacking] + step]
+            use = (owner[at[lacking] + step] == charts.chart[lacking]) & known[near]
+            which = np.flatnonzero(use)  # few of them, and each has a hundred values
+            total[which] += np.float32(w) * out[near[which]]
+            weight[which] += np.float32(w)
+        new = weight > 0
+        out[lacking[new]] = total[new] / weight[new, None]
+        known[lacking[new]] = True
+    return out

@@ -1,0 +1,86 @@
+"""Static tables of the atmosphere, computed once in double precision and kept in the user's cache."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.runtime.cache import entry_name
+from simulator.runtime.cached_arrays import cached_array
+from simulator.scene.illumination.atmosphere import (
+    MultipleScattering,
+    earth_atmosphere,
+    ground_irradiance,
+    optical_depth_to_top,
+)
+from simulator.scene.illumination.multiple_scattering import multiple_scattering
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import Float32Array
+    from simulator.scene.illumination.atmosphere import Atmosphere
+    from simulator.scene.state import Bands
+
+RADII, COSINES = 64, 128  # of the transmittance table
+GROUND_SAMPLES = 512
+GROUND_MU_MIN = -0.3  # no light reaches the ground when the Sun is lower than this
+# Of the three tables: raise it when the same bands and thickness give another (also for what earth_atmosphere holds).
+VERSION = 5
+
+
+@dataclass(frozen=True, eq=False)
+class AirTables:
+    """Tables of one atmosphere, last axis the bands.
+
+    Parameters
+    ----------
+    transmittance : (RADII, COSINES, n) to the top, in the mapping of Bruneton & Neyret (2008), section 4.
+    ground : (GROUND_SAMPLES, n) direct plus diffuse irradiance on level ground over the Sun's.
+    multiple : (HEIGHTS, SUNS, n) light scattered twice or more; simulator/scene/illumination/multiple_scattering.py.
+    """
+
+    air: Atmosphere
+    transmittance: Float32Array
+    ground: Float32Array
+    multiple: Float32Array
+
+
+def air_tables(bands: Bands, thickness_m: float) -> AirTables:
+    """The Earth's tables for the camera's bands and a height of the air's top."""
+    air = earth_atmosphere(bands, thickness_m)
+
+    def key(table: str) -> str:
+        return entry_name(f"air-{table}-{bands}", VERSION, bands, float(thickness_m))
+
+    multiple = cached_array(key("multiple"), lambda: multiple_scattering(air).psi.astype(np.float32))
+    scattered = MultipleScattering(np.asarray(multiple, float), thickness_m)
+    return AirTables(
+        air,
+        cached_array(key("transmittance"), lambda: transmittance_table(air)),
+        cached_array(key("ground"), lambda: _ground_table(air, scattered)),
+        multiple,
+    )
+
+
+def transmittance_table(air: Atmosphere) -> Float32Array:
+    """Transmittance to the top; rows: radius, columns: distance to the top between its limits."""
+    rim = np.sqrt(air.top_m**2 - air.radius_m**2)
+    rho = np.linspace(0, rim, RADII)[:, None]
+    r = np.sqrt(rho**2 + air.radius_m**2)
+    shortest, longest = air.top_m - r, rho + rim
+    d = shortest + (longest - shortest) * np.linspace(0, 1, COSINES)[None, :]
+    mu = np.where(d > 0, (air.top_m**2 - r * r - d * d) / (2 * r * np.maximum(d, 1e-3)), 1.0)
+    depth = optical_depth_to_top(air, np.broadcast_to(r, mu.shape), np.clip(mu, -1, 1), steps=64)
+    return np.exp(-depth).astype(np.float32)
+
+
+def _ground_table(air: Atmosphere, multiple: MultipleScattering) -> Float32Array:
+    nodes = np.concatenate([np.linspace(GROUND_MU_MIN, 0.1, 41), np.linspace(0.15, 1, 18)])
+    _, diffuse = ground_irradiance(air, nodes, multiple=multiple)
+    mu = np.linspace(GROUND_MU_MIN, 1, GROUND_SAMPLES)
+    direct, _ = ground_irradiance(air, mu, diffuse=False)
+    sky = np.stack([np.interp(mu, nodes, diffuse[:, k]) for k in range(diffuse.shape[1])], axis=1)
+    total = direct + sky
+    total[0] = 0.0  # lower Suns are clamped to this entry
+    return total.astype(np.float32)

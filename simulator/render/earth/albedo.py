@@ -1,0 +1,85 @@
+"""Albedo of the Earth seen from space, reduced from the maps that draw it: ground, air, clouds, the day's sea ice."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.render.earth.maps import maps_key, packed_maps
+from simulator.render.earth.sea_ice import sea_ice
+from simulator.runtime.cache import entry_name
+from simulator.runtime.cached_arrays import cached_array
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import Float32Array, FloatArray
+
+EARTH_MEAN_ALBEDO = 0.30  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53
+SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55
+ICE_ALBEDO = 0.55  # of the pack, as it is drawn: floes, leads and ponds
+ALBEDO_VERSION = 5  # of `_reduce_maps`: raise it when the same maps give another albedo
+_MAP_SIZE = (128, 64)
+
+
+def albedo_map(*, clouds: bool) -> Float32Array:
+    """(64, 128) albedo of ground, air and clouds over an open sea, from the maps that draw the Earth.
+
+    With clouds its mean is the Earth's.
+    """
+    return _reduced_maps(clouds)[0]
+
+
+def albedo_of_day(epoch_utc: str, *, clouds: bool, ice: bool) -> Float32Array:
+    """(64, 128) albedo as `albedo_map` has it, with the day's ice on the sea where ``ice`` asks for it."""
+    if not ice:
+        return albedo_map(clouds=clouds)
+    day = datetime.fromisoformat(epoch_utc)
+    return _with_ice(day.year, day.timetuple().tm_yday, clouds)
+
+
+@lru_cache(maxsize=4)
+def _with_ice(year: int, day: int, clouds: bool) -> Float32Array:  # noqa: FBT001 - a key of the cache
+    whole, sea = _reduced_maps(clouds)
+    epoch = datetime(year, 1, 1, tzinfo=UTC) + timedelta(days=day - 1)
+    ice = (
+        cv2.resize(sea_ice(epoch.isoformat()), _MAP_SIZE, interpolation=cv2.INTER_AREA).astype(np.float32)
+        / 255
+    )
+    iced = whole + sea * ice * (ICE_ALBEDO - SEA_ALBEDO)
+    return np.asarray(iced * (EARTH_MEAN_ALBEDO / _mean(iced) if clouds else 1.0), np.float32)
+
+
+@cache
+def _reduced_maps(clouds: bool) -> Float32Array:  # noqa: FBT001 - a key of the cache
+    return kept_albedo(clouds=clouds)
+
+
+def kept_albedo(*, clouds: bool) -> Float32Array:
+    """(2, 64, 128) albedo, and by how much it grows with that of the sea; from the cache after the first call."""
+    key = entry_name("albedo", ALBEDO_VERSION, bool(clouds), maps_key())
+    return np.asarray(cached_array(key, lambda: _reduce_maps(clouds=clouds)))
+
+
+def _reduce_maps(*, clouds: bool) -> Float32Array:
+    packed = packed_maps(1)[0]
+    # every fourth texel is plenty for cells of 3 degrees
+    part = np.asarray(packed[::4, ::4], np.float32) / 255
+    land = part[..., 3] > 0.5
+    ground = np.where(land, part[..., 0] ** 2, SEA_ALBEDO)
+    clear = 1 - part[..., 1] ** 2 if clouds else np.ones_like(ground)
+    albedo = AIR_ALBEDO + clear * ground + (1 - clear) * CLOUD_ALBEDO
+    cells, sea = (
+        np.asarray(cv2.resize(x, _MAP_SIZE, interpolation=cv2.INTER_AREA), np.float32)
+        for x in (albedo, clear * ~land)
+    )
+    scale = EARTH_MEAN_ALBEDO / _mean(cells) if clouds else 1.0
+    return np.asarray([cells * scale, sea * scale], np.float32)
+
+
+def _mean(cells: FloatArray | Float32Array) -> float:
+    """Mean of an equirectangular map over the sphere."""
+    weight = np.cos((np.arange(len(cells)) + 0.5) / len(cells) * np.pi - np.pi / 2)[:, None]
+    return float((cells * weight).sum() / (weight.sum() * cells.shape[1]))

@@ -1,0 +1,168 @@
+"""Tiling noise for the detail below the maps' 5 km texels: baked once, because arithmetic noise is what costs most."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.runtime.cache import entry_name
+from simulator.runtime.cached_arrays import cached_array
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+
+SIZE = 2048
+PERIOD_KM = 472.0  # of the tile: texels of 0.23 km, a pixel of a SPEED camera from 700 km
+SLOPE_PER_KM = 1.1  # the slope channels hold plus and minus this
+GRAIN = 0.7  # the land channel holds plus and minus half of this share of the reflectance
+_BROAD, _FINE = 512, 1024  # texels of the two fields: one over the whole tile, one repeated twice each way
+_BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
+_OPEN = 0.66  # share of the land without woods
+_SEED = 20040800
+VERSION = 1  # of `make_detail`: raise it when it gives another tile
+_STRIP, _ROWS = 1 << 14, 32  # values that are looked up at a time; rows of a tile that are coded at a time
+
+
+def detail_texture() -> ByteArray:
+    """(SIZE, SIZE, 4) of the clouds' puffs, their slope along u and v, and the land's patches; from the cache."""
+    return cached_array(entry_name("detail", VERSION), make_detail)
+
+
+def make_detail() -> ByteArray:
+    """Two scales in one tile, so that one fetch serves both.
+
+    Channels: puffs of cloud, 0..1 with an even histogram; 0.5 + slope / (2 SLOPE_PER_KM) along u and v; 0.5 + the
+    land's relative brightness / GRAIN.
+    """
+    rng = np.random.default_rng(_SEED)
+    broad_cloud, broad_land = _field(rng, _BROAD)
+    fine_cloud, fine_land = _field(rng, _FINE)
+    cloud = _even(_BROAD_WEIGHT * _enlarge(broad_cloud) + _FINE_WEIGHT * np.tile(fine_cloud, (2, 2)))
+    land = 0.26 * (_enlarge(broad_land) - 0.5) + 0.42 * (np.tile(fine_land, (2, 2)) - 0.5)
+    out = np.empty((SIZE, SIZE, 4), np.uint8)
+    for first in range(0, SIZE, _ROWS):
+        rows = slice(first, first + _ROWS)
+        around = cloud.take(range(first - 1, first + _ROWS + 1), axis=0, mode="wrap")
+        out[rows] = _coded(around, land[rows])
+    return out
+
+
+def _coded(around: Float32Array, land: Float32Array) -> ByteArray:
+    """(R, SIZE, 4) of `make_detail`: rows of a tile, which stay in a processor's own memory.
+
+    Parameters
+    ----------
+    around : (R + 2, SIZE) clouds, with the rows above and below.
+    """
+    texel_km, slope = PERIOD_KM / SIZE, 1 / (2 * SLOPE_PER_KM)
+    cloud = around[1:-1]
+    wide = np.concatenate([cloud[:, -1:], cloud, cloud[:, :1]], axis=1)
+    du = (wide[:, 2:] - wide[:, :-2]) / (2 * texel_km)
+    dv = (around[2:] - around[:-2]) / (2 * texel_km)
+    out = np.empty((*land.shape, 4), np.uint8)
+    scaled = ((cloud, 1.0, 0.0), (du, slope, 0.5), (dv, slope, 0.5), (land, 1 / GRAIN, 0.5))
+    for k, (channel, scale, middle) in enumerate(scaled):
+        out[..., k] = np.clip(channel * (scale * 255) + (middle * 255 + 0.5), 0, 255)
+    return out
+
+
+def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Array]:
+    """Cloud and land detail, periodic, each with an even histogram 0..1."""
+    scale = size // 512
+    f = _frequencies(size)
+    # turrets: puffs of three sizes, brightest at their middles, on a turbulent field
+    puffs = np.zeros((size, size), np.float32)
+    for count, weight in ((22, 1.0), (53, 0.7), (120, 0.45)):
+        puffs += weight * (1 - _cellular(rng, size, count * scale))
+    soft = _fractal(rng, f, f**-1.25, 3.0 * scale)
+    cloud = _soften(_even(soft / soft.std() + 0.75 * (puffs - puffs.mean()) / puffs.std()))
+    # valleys: creases of several sizes, as rivers cut them, and patches
+    creases = np.zeros((size, size), np.float32)
+    steep = f**-1.9
+    for k in range(4):
+        field = _fractal(rng, f, steep, 4.0 * scale * 2**k)
+        creases += 0.65**k * np.sqrt(np.abs(field / field.std()))
+    patches = _fractal(rng, f, f**-1.1, 3.0 * scale)
+    # fields of their own brightness, and woods with edges
+    own = np.random.default_rng([_SEED, size])
+    fields = _mosaic(own, size, 110 * scale) - 0.5
+    woods = _even(_fractal(own, f, f**-1.6, 8.0 * scale)) > _OPEN
+    mixed = creases / creases.std() + 0.6 * patches / patches.std() + 1.1 * fields - 1.6 * woods
+    land = _soften(_even(np.asarray(mixed, np.float32)))
+    return cloud, land
+
+
+def _enlarge(image: Float32Array) -> Float32Array:
+    """To the tile's size, its edges still matching."""
+    factor, pad = SIZE // len(image), 8
+    wrapped = np.pad(image, pad, mode="wrap")
+    large = cv2.resize(wrapped, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
+    return np.asarray(large[pad * factor : -pad * factor, pad * factor : -pad * factor], np.float32)
+
+
+def _soften(image: Float32Array) -> Float32Array:
+    """A blur of about a texel that keeps the tile's edges matching."""
+    wrapped = np.pad(image, 8, mode="wrap")
+    return np.asarray(cv2.GaussianBlur(wrapped, (0, 0), 0.6), np.float32)[8:-8, 8:-8]
+
+
+def _fractal(
+    rng: np.random.Generator, frequencies: FloatArray, amplitudes: FloatArray, low: float
+) -> Float32Array:
+    """Gaussian noise of a spectrum's amplitudes from ``low`` cycles per tile up, periodic."""
+    size = len(frequencies)
+    noise = rng.standard_normal((size, size)).astype(np.float32)
+    # the lowest frequencies are the map's business, and would show the tile
+    shape = (amplitudes * (frequencies >= low / size)).astype(np.float32)
+    spectrum = np.fft.rfft2(noise) * shape
+    return np.asarray(np.fft.irfft2(spectrum, (size, size)), np.float32)
+
+
+def _frequencies(size: int) -> FloatArray:
+    """(size, size // 2 + 1) cycles per texel, 1 in place of 0."""
+    f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
+    f[0, 0] = 1
+    return np.asarray(f)
+
+
+def _cellular(rng: np.random.Generator, size: int, count: int) -> Float32Array:
+    """Distance to the nearest of ``count^2`` jittered points over their spacing, periodic (Worley 1996)."""
+    spacing, pad = size / count, 32
+    cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)
+    x, y = np.moveaxis(((cell + rng.random((count, count, 2))) * spacing).astype(int), -1, 0)
+    away = np.ones((size, size), np.uint8)
+    away[y, x] = 0
+    wrapped = np.pad(away, pad, mode="wrap")
+    distance = cv2.distanceTransform(wrapped, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(distance[pad:-pad, pad:-pad] / np.float32(spacing), np.float32)
+
+
+def _mosaic(rng: np.random.Generator, size: int, count: int) -> Float32Array:
+    """A number 0..1 for each of ``count^2`` cells of jittered points, periodic."""
+    pad, spacing = 32, size / count
+    cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)
+    x, y = np.moveaxis(((cell + rng.random((count, count, 2))) * spacing).astype(int), -1, 0)
+    away = np.ones((size, size), np.uint8)
+    away[y, x] = 0
+    value = rng.random((size, size)).astype(np.float32)
+    wrapped = np.pad(away, pad, mode="wrap")
+    _, nearest = cv2.distanceTransformWithLabels(wrapped, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    of_label = np.append(0, np.pad(value, pad, mode="wrap")[wrapped == 0]).astype(np.float32)
+    return of_label[nearest][pad:-pad, pad:-pad]
+
+
+def _even(image: Float32Array) -> Float32Array:
+    """Share of the values below each: a threshold at 1 - c then leaves the share c."""
+    counts, edges = np.histogram(image, bins=4096)
+    below = np.append(0, np.cumsum(counts)) / image.size
+    # a table of even steps: quicker than a search for every value
+    rise, out = np.diff(below), np.empty(image.shape, np.float32)
+    rows_each = max(_STRIP // image.shape[1], 1)  # in a processor's own memory
+    for first in range(0, len(image), rows_each):
+        rows, into = (whole[first : first + rows_each] for whole in (image, out))
+        place = (rows - float(edges[0])) * float(4096 / (edges[-1] - edges[0]))
+        k = np.minimum(place.astype(np.int32), 4095)
+        np.add(below[k], (place - k) * rise[k], out=into)
+    return out

@@ -1,0 +1,424 @@
+"""Earth pass: ground, clouds and air behind the target. Reads maps, air table and coverage; adds to the radiance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+
+from simulator.render.earth.air_pass import TABLE_DEFINES, AirPass
+from simulator.render.earth.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
+from simulator.render.earth.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
+from simulator.render.earth.map_textures import AUGUST
+from simulator.render.earth.maps import WIDTH as MAP_WIDTH
+from simulator.render.earth.ocean_colour import SCALE as SHOAL_SCALE
+from simulator.render.earth.sea_ice import WIDTH as ICE_WIDTH
+from simulator.render.earth.sea_ice import sea_ice
+from simulator.render.earth.seasons import OCTAVES, month_gain, season
+from simulator.render.earth.seasons import SLOPE_MAX as RELIEF_SLOPE_MAX
+from simulator.render.earth.terrain_detail import SLOPE_MAX as VALLEY_SLOPE
+from simulator.render.earth.terrain_detail import valley_texture
+from simulator.render.gl.fences import draw_to, flush
+from simulator.render.gl.mipmaps import (
+    draw_one_point,
+    level_textures,
+    mipmap_chain,
+    mipmapped_texture,
+    release_mipmapped,
+)
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from simulator.render.earth.air_tables import AirTables
+    from simulator.render.earth.map_textures import EarthMaps
+    from simulator.render.frame_images import FrameImages
+    from simulator.render.gl.mipmaps import MipmapChain
+    from simulator.render.gl.programs import Program, ProgramLibrary
+    from simulator.render.software.tiles import ScreenTiles, TileKind
+    from simulator.runtime.arrays import Float32Array, IntArray
+    from simulator.scene.state import Bands, Environment, SceneState
+
+DETAIL_TEXEL_KM = PERIOD_KM / SIZE
+LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl
+CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
+MAGNIFIED_LEVEL = -0.5  # of a tile: there the maps' texels are at least six pixels wide
+_OWN = (
+    "t_coverage",
+    "t_radiance",
+    "t_map",
+    "t_detail",
+    "t_relief",
+    "t_before",
+    "t_after",
+    "t_ice",
+    "t_shoals",
+    "t_valleys",
+)
+_SAMPLERS = {
+    1: (*_OWN, "t_air", "t_ground"),
+    3: (
+        *_OWN,
+        "t_colour",
+        "t_ground",
+        "t_air_rayleigh",
+        "t_air_mie",
+        "t_air_transmittance",
+    ),
+}
+
+
+def ice_day(scene: SceneState) -> str:
+    """The day whose sea ice is drawn: the maps' own without seasons."""
+    return scene.epoch_utc[:10] if scene.environment.seasons else "2004-08-15"
+
+
+@dataclass(frozen=True, eq=False)
+class Air:
+    """One atmosphere: its static tables and the pass that makes each frame's."""
+
+    tables: AirTables
+    frame: AirPass
+
+
+@dataclass(frozen=True)
+class _Draw:
+    """What one draw call sets.
+
+    Parameters
+    ----------
+    smooth, fine : its tiles are. in_quads : it goes four pixels to a texel. blended : it is added to what is there.
+    level : of `TileKind`; ``None`` where no map is read from another level than its first.
+    """
+
+    smooth: bool
+    fine: bool
+    in_quads: bool
+    blended: bool
+    program: Program
+    detail: moderngl.Texture
+    level: float | None
+
+
+class _Around:
+    """The air at the corners of smooth tiles: upper left, upper right, lower left, lower right.
+
+    Parameters
+    ----------
+    whole, fine : (N, M, V) of the tiles, (9 P, V) of the fine ones.
+    """
+
+    def __init__(self, tiles: ScreenTiles, whole: Float32Array, fine: Float32Array) -> None:
+        self._tiles, self._whole, self._fine = tiles, whole, fine
+
+    def whole(self, centers_px: Float32Array) -> Float32Array:
+        """(K, 4 V) of tiles, by their middles."""
+        row, column = self._tiles.place(centers_px)
+        return self._four(self._whole, (row, column))
+
+    def fine(self, centers_px: Float32Array) -> Float32Array:
+        """(K, 4 V) of fine tiles, by their middles."""
+        which, row, column = self._tiles.fine_place(centers_px)
+        return self._four(self._fine.reshape(-1, 3, 3, self._fine.shape[1]), (row, column), which)
+
+    @staticmethod
+    def _four(
+        air: Float32Array, place: tuple[IntArray, IntArray], which: IntArray | None = None
+    ) -> Float32Array:
+        first = () if which is None else (which,)
+        at = [air[(*first, place[0] + down, place[1] + right)] for down in (0, 1) for right in (0, 1)]
+        return np.stack(at, axis=-1).reshape(len(place[0]), -1)
+
+
+class EarthPass:
+    """The Earth for one number of bands; its maps are uploaded when it is made.
+
+    Parameters
+    ----------
+    begun : of a scene of these bands; it is waited for here.
+    thrifty : as of `simulator.render.renderer.Renderer`.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        programs: ProgramLibrary,
+        bands: Bands,
+        begun: EarthMaps,
+        *,
+        thrifty: bool = True,
+    ) -> None:
+        self._thrifty = thrifty
+        self._context, self._programs = context, programs
+        self.bands = 1 if bands == "mono" else 3
+        self._airs: dict[float, Air] = {}
+        self._names: Bands = bands
+        # in the order in which they are ready where one thread makes them all
+        # one at a time: what is uploaded need not stay in memory until the next is
+        waiting = begun.maps.result()
+        self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
+        self._months = {k: self._mapped(levels) for k, levels in begun.months.result().items()}
+        self._detail_levels = begun.detail.result()
+        self._details = level_textures(context, self._detail_levels)
+        self._detail: moderngl.Texture | None = None
+        self._valleys: moderngl.Texture | None = None  # of `high`
+        self._relief = self._mapped(begun.relief.result())
+        self._keep_air(begun.air.result())
+        self._ice: tuple[str, moderngl.Texture] | None = None  # of a day
+        self._shoals: Future[MipmapChain] | moderngl.Texture = begun.shoals
+        self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
+        self._kept: dict[tuple[object, ...], Program] = {}
+
+    def air(self, thickness_km: float) -> Air:
+        """The air up to a height, made at first use."""
+        if thickness_km * 1e3 not in self._airs:
+            self._keep_air(air_tables(self._names, thickness_km * 1e3))
+        return self._airs[thickness_km * 1e3]
+
+    def release(self) -> None:
+        """Free maps, tables and vertices; the programs are the library's."""
+        maps = [*self._details, self._detail, self._valleys, self._relief, *self._maps, self._shoals]
+        maps += self._months.values()
+        maps += [] if self._ice is None else [self._ice[1]]
+        for texture in maps:
+            if isinstance(texture, moderngl.Texture):
+                release_mipmapped(texture)
+        for air in self._airs.values():
+            air.frame.release()
+        for buffer, array in self._arrays.values():
+            array.release()
+            buffer.release()
+
+    def _keep_air(self, tables: AirTables) -> None:
+        frame = AirPass(self._context, self._programs, self.bands, tables)
+        self._airs[tables.air.thickness_m] = Air(tables, frame)
+
+    def _mapped(self, levels: MipmapChain) -> moderngl.Texture:
+        texture = mipmapped_texture(self._context, levels)
+        texture.filter = (self._context.LINEAR_MIPMAP_LINEAR, self._context.LINEAR)
+        texture.repeat_x, texture.repeat_y = True, False
+        return texture
+
+    def _month(self, month: int) -> moderngl.Texture:
+        if month not in self._months:
+            self._months[month] = self._mapped(mipmap_chain(month_gain(month, self.bands), globe=True))
+        return self._months[month]
+
+    def _program(
+        self, environment: Environment, kind: TileKind, *, behind: bool, high: bool, quads: bool, dark: bool
+    ) -> Program:
+        key = (environment, kind, behind, high, quads, dark, self._programs.lens)
+        if key not in self._kept:
+            defines = self._defines(environment, kind, behind=behind, high=high, quads=quads, dark=dark)
+            self._kept[key] = self._programs.get(
+                "earth/earth.vert",
+                "earth/earth.frag",
+                defines,
+                _SAMPLERS[self.bands],
+                flat_uniforms=not kind.smooth,
+            )
+        return self._kept[key]
+
+    def _defines(
+        self, environment: Environment, kind: TileKind, *, behind: bool, high: bool, quads: bool, dark: bool
+    ) -> dict[str, object]:
+        one = environment.undifferentiated
+        return {
+            "BANDS": self.bands,
+            "AIR": int(environment.atmosphere),
+            "CLOUDS": int(environment.clouds),
+            "GLINT": int(environment.ocean_glint and not one),
+            "NIGHT": int(environment.night_lights and kind.night),
+            "MOONLIT": int(environment.moon and dark),
+            "ICE": int(environment.sea_ice and kind.icy and not one),
+            "ICE_LEVEL": math.log2(MAP_WIDTH / ICE_WIDTH),
+            "SHOALS": int(kind.shoal and not one),
+            "SHOAL_SCALE": SHOAL_SCALE,
+            "SMOOTH": int(kind.smooth),
+            "AIR_ONLY": int(kind.air),
+            "COVERED": int(kind.covered),
+            "MOON": int(behind),
+            "QUADS": int(quads),
+            "MAGNIFIED": int(quads and kind.level <= MAGNIFIED_LEVEL),
+            "HIGH": int(high),
+            "ONE_OPTICS": int(one),
+            "RELIEF": float(environment.relief and not one),
+            "RELIEF_SLOPE": RELIEF_SLOPE_MAX,
+            "OCTAVES": OCTAVES,
+            "CLOUD_KM": CLOUD_KM,
+            "DETAIL_KM": PERIOD_KM,
+            "DETAIL_TEXEL_KM": DETAIL_TEXEL_KM,
+            "SLOPE_PER_KM": SLOPE_PER_KM,
+            "GRAIN": GRAIN,
+            "VALLEY_SLOPE": VALLEY_SLOPE,
+            "GROUND_MU_MIN": GROUND_MU_MIN,
+            "GROUND_SAMPLES": GROUND_SAMPLES,
+            **TABLE_DEFINES,
+        }
+
+    def run(
+        self,
+        images: FrameImages,
+        tiles: ScreenTiles,
+        corners: tuple[Float32Array, Float32Array] | None,
+        scene: SceneState,
+        *,
+        behind: bool,
+        quads: bool = False,
+        ahead: bool = False,
+    ) -> None:
+        """Add the Earth's light to ``images``.
+
+        Parameters
+        ----------
+        corners : the air in front of the ground, of all tiles (`AirPass.corners`) and of the fine ones (`AirPass.at`).
+        behind : the Moon is nearer, and may hide it.
+        quads : draw smooth tiles four pixels to a texel, and not into the image itself; those that the target may
+            cover are added to what is there.
+        ahead : draw one tile of each kind alone, while other threads go on: a software driver compiles its programs
+            then.
+        """
+        environment = scene.environment
+        # beyond the image's end: a point is dropped when its middle is outside
+        width, height = tiles.extent_px
+        images.sky_framebuffer.viewport = (0, 0, width, height)
+        if quads:
+            images.quad_framebuffer.viewport = (0, 0, width // 2, height // 2)
+        self._context.blend_func = self._context.ONE, self._context.ONE
+        month = season(scene.epoch_utc) if environment.seasons else AUGUST
+        textures = self._textures(images, self.air(environment.atmosphere_thickness_km).frame) | {
+            "t_relief": self._relief,
+            "t_before": self._month(month.before),
+            "t_after": self._month(month.after),
+        }
+        if scene.quality == "high":
+            textures["t_valleys"] = self._high_valleys()
+        if any(kind.icy or kind.shoal for kind in tiles.centers_px):
+            textures |= self._waters(ice_day(scene))
+        around = None if corners is None else _Around(tiles, *corners)
+        for draw, centers in self._draws(tiles, scene, behind=behind, quads=quads).items():
+            # large textures that the last draw did not have may end its scene
+            flush(self._context)
+            draw_to(images.quad_framebuffer if draw.in_quads else images.sky_framebuffer)
+            # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
+            blend = self._context.BLEND if draw.blended else self._context.NOTHING
+            self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
+            for texture in self._maps:
+                texture.filter = (
+                    self._context.LINEAR if draw.level is None else self._context.LINEAR_MIPMAP_LINEAR,
+                    self._context.LINEAR,
+                )
+            program, level = draw.program, draw.level or 0.0
+            program.bind_textures(**textures, t_detail=draw.detail)
+            program.set("u_season", month.share)
+            program.set("u_extent_px", tiles.extent_px)
+            program.set("u_tile_px", tiles.size_px / 2 if draw.fine else float(tiles.size_px))
+            program.set("u_level", (level - LOG2_TEXEL_KM, level - math.log2(DETAIL_TEXEL_KM)))
+            vertices = np.concatenate(centers)
+            values = 0
+            if around is not None and draw.smooth:
+                air = around.fine(vertices) if draw.fine else around.whole(vertices)
+                vertices, values = np.concatenate([vertices, air], axis=1), air.shape[1]
+            buffer, array = self._array_of(program, values)
+            buffer.orphan(vertices.nbytes)
+            buffer.write(vertices)
+            if ahead:
+                draw_one_point(array)
+            else:
+                array.render(vertices=len(vertices))
+
+    def _draws(
+        self, tiles: ScreenTiles, scene: SceneState, *, behind: bool, quads: bool
+    ) -> dict[_Draw, list[Float32Array]]:
+        """Middles of the tiles of each draw call: kinds that differ in nothing that is drawn come together."""
+        draws: dict[_Draw, list[Float32Array]] = {}
+        high = scene.quality == "high"
+        # what goes into one image comes together too: a driver that changes images finishes the first
+        for kind, centers in sorted(tiles.centers_px.items(), key=itemgetter(0)):
+            in_quads = quads and kind.smooth
+            # larger than life the maps have one level; a driver that need not ask is quicker
+            magnified = not high and kind.smooth and kind.level <= LOG2_TEXEL_KM
+            draw = _Draw(
+                kind.smooth,
+                kind.fine,
+                in_quads,
+                kind.covered and not in_quads,
+                self._program(
+                    scene.environment,
+                    kind,
+                    behind=behind,
+                    high=high,
+                    quads=in_quads,
+                    dark=tiles.dark and kind.night,
+                ),
+                self._detail_of(kind, scene.quality),
+                None if magnified else kind.level,
+            )
+            draws.setdefault(draw, []).append(centers)
+        return draws
+
+    def _array_of(self, program: Program, values: int) -> tuple[moderngl.Buffer, moderngl.VertexArray]:
+        """Vertices of a program: middles of tiles, and four by four the values at their corners."""
+        if program not in self._arrays:
+            buffer = self._context.buffer(reserve=8, dynamic=True)
+            names = [f"in_air_{k}" for k in range(values // 4)]
+            array = self._context.vertex_array(
+                program.gl,
+                [(buffer, " ".join(["2f", *["4f"] * len(names)]), "in_pixel", *names)],
+                mode=self._context.POINTS,
+            )
+            self._arrays[program] = (buffer, array)
+        return self._arrays[program]
+
+    def _detail_of(self, kind: TileKind, quality: str) -> moderngl.Texture:
+        """The detail with all its levels, or the one level that a smooth tile needs: the driver then has no choice.
+
+        Half of a trilinear look-up's cost is its second level, which the eye of the default preset does not miss.
+        """
+        level = kind.level - math.log2(DETAIL_TEXEL_KM)
+        if kind.smooth and quality != "high":
+            return self._details[min(max(round(level), 0), len(self._details) - 1)]
+        if self._detail is None:
+            self._detail = mipmapped_texture(self._context, self._detail_levels)
+        two = quality == "high" or not self._thrifty
+        smallest = self._context.LINEAR_MIPMAP_LINEAR if two else self._context.LINEAR_MIPMAP_NEAREST
+        self._detail.filter = (smallest, self._context.LINEAR)
+        return self._detail
+
+    def _high_valleys(self) -> moderngl.Texture:
+        """The land's valleys: made or read, and uploaded, when `high` is first asked for."""
+        if self._valleys is None:
+            self._valleys = self._mapped(mipmap_chain(valley_texture(), globe=False))
+            self._valleys.repeat_y = True
+        return self._valleys
+
+    def _waters(self, day: str) -> dict[str, moderngl.Texture]:
+        """The sea's ice of a day, and its shallows: uploaded when such water is first in view."""
+        if not isinstance(self._shoals, moderngl.Texture):
+            self._shoals = self._mapped(self._shoals.result())
+        if self._ice is None or self._ice[0] != day:
+            if self._ice is not None:
+                past, self._ice = self._ice[1], None
+                release_mipmapped(past)
+            self._ice = (day, self._mapped(mipmap_chain(sea_ice(day), globe=True)))
+        return {"t_ice": self._ice[1], "t_shoals": self._shoals}
+
+    def _textures(self, images: FrameImages, air: AirPass) -> dict[str, moderngl.Texture]:
+        textures = {
+            "t_coverage": images.coverage,
+            "t_radiance": images.radiance,
+            "t_map": self._maps[0],
+        }
+        if self.bands == 1:
+            return textures | {"t_air": air.tables[0], "t_ground": air.ground}
+        return textures | {
+            "t_colour": self._maps[1],
+            "t_ground": air.ground,
+            "t_air_rayleigh": air.tables[0],
+            "t_air_mie": air.tables[1],
+            "t_air_transmittance": air.tables[2],
+        }

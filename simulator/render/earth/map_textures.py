@@ -1,0 +1,133 @@
+"""What the Earth is drawn from, decoded or fetched from the cache on threads while the target is prepared."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from simulator.render.earth.air_tables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
+from simulator.render.earth.albedo import albedo_of_day
+from simulator.render.earth.detail_noise import detail_texture
+from simulator.render.earth.maps import KeptFiles, packed_maps
+from simulator.render.earth.ocean_colour import missing_sources, shoals
+from simulator.render.earth.seasons import Season, month_gains, relief, season
+from simulator.render.gl.mipmaps import mipmap_chain
+from simulator.runtime.cached_arrays import Later
+from simulator.runtime.threads import beside_the_caller
+from simulator.scene.illumination.atmosphere import earth_atmosphere
+from simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
+
+if TYPE_CHECKING:
+    from simulator.render.gl.mipmaps import MipmapChain
+    from simulator.runtime.arrays import Float32Array
+    from simulator.scene.state import Bands, Environment, SceneState
+
+_T = TypeVar("_T")
+_ODD, _EVEN = (6, 12), (4, 8)  # of stand-ins: rows and columns that are no powers of two, and that are
+AUGUST = Season(8, 8, 0.0)  # the month of the fine map
+
+
+@dataclass(frozen=True, eq=False)
+class EarthMaps:
+    """Pictures and tables under way; ``result()`` of each waits for it.
+
+    Parameters
+    ----------
+    albedo : that the Earth-shine looks up. maps : one for one band, two for three. months : by number.
+    shoals : uploaded only when such water is in view. air : of the scene's thickness.
+    later : writes what is made of them to the cache, when a first picture is drawn.
+    """
+
+    albedo: Future[Float32Array]
+    maps: Future[list[MipmapChain]]
+    detail: Future[MipmapChain]
+    relief: Future[MipmapChain]
+    months: Future[dict[int, MipmapChain]]
+    shoals: Future[MipmapChain]
+    air: Future[AirTables]
+    later: Later
+
+
+def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
+    """Start on what a scene's Earth needs, and return at once; NumPy and OpenCV leave Python free meanwhile.
+
+    Before there is a scene it may be begun for the renderer that will draw it.
+    """
+    bands = 1 if of_bands == "mono" else 3
+    dates = season(epoch_utc) if environment.seasons else AUGUST
+    # what takes longest first: the detail alone is as long as the maps
+    later = Later()
+    pools = [ThreadPoolExecutor(1, initializer=later.use) for _ in range(min(beside_the_caller(), 2))]
+    with_maps, others = pools[0], pools[-1]
+    # sources of the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
+    files = KeptFiles()
+    sources = with_maps.submit(missing_sources, bands, files)
+    maps = with_maps.submit(lambda: [mipmap_chain(image, globe=True) for image in packed_maps(bands, files)])
+    albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
+    months = with_maps.submit(_months, sorted({dates.before, dates.after}), bands)
+    # few pictures wait for them
+    water = with_maps.submit(lambda: mipmap_chain(shoals(bands, sources.result()), globe=True))
+    begun = EarthMaps(
+        albedo,
+        maps,
+        others.submit(lambda: mipmap_chain(detail_texture(), globe=False)),
+        others.submit(lambda: mipmap_chain(relief(), globe=True)),
+        months,
+        water,
+        others.submit(air_tables, of_bands, environment.atmosphere_thickness_km * 1e3),
+        later,
+    )
+    for pool in pools:
+        pool.shutdown(wait=False)
+    return begun
+
+
+def begin_maps_of(first: SceneState | None) -> dict[Bands, EarthMaps]:
+    """Maps begun for the first scene to be drawn, as `Renderer` takes them; none where it has no Earth."""
+    if first is None or not first.environment.earth:
+        return {}
+    return {first.bands: begin_earth_maps(first.bands, first.environment, first.epoch_utc)}
+
+
+def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
+    """Black maps of a few texels, of the same kinds as those that `begin_earth_maps` begins, and air without light.
+
+    A driver's programs depend on a texture's channels, on its levels, and on whether its sides are powers of two.
+    """
+    bands = 1 if of_bands == "mono" else 3
+    dates = season(epoch_utc) if environment.seasons else AUGUST
+    many, one = _black(_ODD, 4), _black(_ODD, 1)
+    month = _black(_EVEN, bands)
+    air = earth_atmosphere(of_bands, environment.atmosphere_thickness_km * 1e3)
+    tables = [
+        np.zeros((*size, bands), np.float32)
+        for size in ((RADII, COSINES), (GROUND_SAMPLES,), (HEIGHTS, SUNS))
+    ]
+    return EarthMaps(
+        _done(np.zeros(0, np.float32)),
+        _done([many] * (1 if bands == 1 else 2)),
+        _done(_black(_EVEN, 4)),
+        _done(many),
+        _done({dates.before: month, dates.after: month}),
+        _done(one if bands == 1 else many),
+        _done(AirTables(air, *tables)),
+        Later(),
+    )
+
+
+def _black(size: tuple[int, int], bands: int) -> MipmapChain:
+    return mipmap_chain(np.zeros(size if bands == 1 else (*size, 4), np.uint8), globe=True)
+
+
+def _done(value: _T) -> Future[_T]:
+    future: Future[_T] = Future()
+    future.set_result(value)
+    return future
+
+
+def _months(months: list[int], bands: int) -> dict[int, MipmapChain]:
+    made = (mipmap_chain(gain, globe=True) for gain in month_gains(months, bands))
+    return dict(zip(months, made, strict=True))

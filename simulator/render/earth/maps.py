@@ -1,0 +1,354 @@
+"""The Earth's maps, packed for the shader: one RGBA texture per number of bands, equirectangular.
+
+Channels for one band: land reflectance (square root), cloud opacity (square root), night lights, distance to the coast.
+For three bands a second RGBA texture holds the land's colour (square roots) and its alpha is unused.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from importlib import resources
+from threading import Lock
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.runtime.cache import entry_name
+from simulator.runtime.cached_arrays import cached_array
+from simulator.runtime.threads import beside_the_caller
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from concurrent.futures import Future
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from simulator.runtime.arrays import ByteArray, Float32Array
+
+    Decoder = Callable[[str, int], ByteArray]
+    from collections.abc import Iterator
+
+WIDTH, HEIGHT = 8064, 4032
+DAY, CLOUDS = "day_2004-08_8064x4032.jpg", "clouds_8064x4032.jpg"
+NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
+VERSION = 10  # of the packing below: raise it when the same files give other maps
+
+# Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert, forest and snow to their
+# broadband reflectances (0.35, 0.03-0.05, 0.6-0.7; Liang 2001, Narrowband to broadband conversions). No leaf and no
+# soil is as black as the picture's dark colours: a canopy returns 0.02 of the blue and of the red
+_REFLECTANCE_SCALE, _REFLECTANCE_POWER, _DARKEST = 0.66, 1.7, 0.018
+PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/scene/illumination/bands.py
+_ICE_LATITUDE_DEG = 50.0  # there is none nearer to the equator
+_ICE_REFLECTANCE = 0.22  # water brighter than this is ice, drawn as land
+_ICE_REACH = 8  # texels beyond a strip that the blur of the ice looks at
+# whole maps in floats would pass through the main memory ten times; lower strips hand on Python's lock too often.
+# Ice is looked for in strips that reach beyond its latitude, where one of them must end
+_STRIPS = [slice(row, row + 112) for row in range(0, HEIGHT, 112)]
+
+
+class KeptFiles:
+    """Decodes maps, and keeps them until it is told to forget: what is made of them together decodes them once."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, int], ByteArray] = {}
+
+    def __call__(self, name: str, flags: int) -> ByteArray:
+        """`decode_file`."""
+        if (name, flags) not in self._kept:
+            self._kept[name, flags] = decode_file(name, flags)
+        return self._kept[name, flags]
+
+    def forget(self) -> None:
+        """Free the memory."""
+        self._kept.clear()
+
+
+def packed_maps(bands: int, files: KeptFiles | None = None) -> list[ByteArray]:
+    """One (H, W, 4) texture for one band, two for three; from the cache after the first call.
+
+    Parameters
+    ----------
+    files : of a caller who has made more of the same; they are forgotten here.
+    """
+    files = KeptFiles() if files is None else files
+    key = maps_key()
+    maps = [cached_array(f"earth-pan-{key}", lambda: _pack_panchromatic(files, day_again=bands == 3))]
+    if bands == 3:
+        maps.append(cached_array(f"earth-rgb-{key}", lambda: _pack_colour(day_map(files), maps[0][..., 3])))
+    files.forget()
+    return maps
+
+
+def maps_key() -> str:
+    """Cache entry of the packed maps; what is made from them names it among its inputs."""
+    return entry_name("maps", VERSION, [(name, asset_size(name)) for name in (DAY, CLOUDS, NIGHT, COAST)])
+
+
+def asset_size(name: str) -> int:
+    """Bytes of a file of ``assets/earth``: what tells one version of a map from another."""
+    try:
+        with resources.as_file(resources.files("assets").joinpath("earth", name)) as path:
+            return path.stat().st_size
+    except FileNotFoundError as error:
+        raise _missing(name) from error
+
+
+def asset_bytes(name: str) -> bytes:
+    """A file of ``assets/earth``."""
+    try:
+        return resources.files("assets").joinpath("earth", name).read_bytes()
+    except FileNotFoundError as error:
+        raise _missing(name) from error
+
+
+def _missing(name: str) -> UserError:
+    return UserError(f"the map assets/earth/{name} is missing; install Flyaround again")
+
+
+def decode_file(name: str, flags: int) -> ByteArray:
+    """A map of the Earth as it is.
+
+    Raises
+    ------
+    UserError
+        If the file is missing or damaged.
+    """
+    try:
+        with resources.as_file(resources.files("assets").joinpath("earth", name)) as path:
+            image = _decoded_once(path, flags)
+    except FileNotFoundError as error:
+        raise _missing(name) from error
+    if image is None:
+        image = cv2.imdecode(np.frombuffer(asset_bytes(name), np.uint8), flags)
+    if image is None:
+        raise UserError(f"the map assets/earth/{name} cannot be decoded; install Flyaround again")
+    return np.asarray(image, np.uint8)
+
+
+def _decoded_once(path: Path, flags: int) -> NDArray[np.generic] | None:
+    """A picture decoded into NumPy's own memory: what OpenCV returns is copied to there, 100 MB of new pages.
+
+    None where this OpenCV (before 4.11) or this name (on Windows) has to go another way.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(path)
+    try:
+        return cv2.imread(str(path), None, flags)
+    except (cv2.error, TypeError):
+        return None
+
+
+def decode_map(
+    name: str,
+    flags: int,
+    size_px: tuple[int, int] | None = (WIDTH, HEIGHT),
+    decode: Decoder = decode_file,
+) -> ByteArray:
+    """A map of the Earth as an array, reduced or enlarged to a size (width, height); ``None``: as it is."""
+    image = decode(name, flags)
+    if size_px is not None and image.shape[1::-1] != size_px:
+        # means over texels where there are several; a slight change of size is quicker between them, and as good
+        halved = image.shape[1] >= 1.5 * size_px[0]
+        method = cv2.INTER_AREA if halved else cv2.INTER_LINEAR
+        image = np.asarray(cv2.resize(image, size_px, interpolation=method), np.uint8)
+    return image
+
+
+def day_map(decode: Decoder, size_px: tuple[int, int] = (WIDTH, HEIGHT)) -> ByteArray:
+    """The land and sea by day: blue, green, red."""
+    return decode_map(DAY, cv2.IMREAD_COLOR, size_px, decode)
+
+
+def to_reflectance() -> Float32Array:
+    """Lookup table of 256 reflectances."""
+    v = np.arange(256, dtype=np.float32) / 255
+    return np.asarray(np.hypot(_REFLECTANCE_SCALE * v**_REFLECTANCE_POWER, _DARKEST), np.float32)
+
+
+def land_only(values: Float32Array, land: ByteArray) -> Float32Array:
+    """Replace the sea's values by those of the nearest land, so that a crisp coast shows no sea on its land side.
+
+    What is filled in is smooth: it is worked out at a quarter of the size.
+    """
+    height, width = land.shape
+    filled = _spread(*_quarter(values, land))
+    out = cv2.resize(filled, (width, height), interpolation=cv2.INTER_LINEAR)
+    cv2.copyTo(values, land, out)
+    return np.asarray(out, np.float32)
+
+
+def _quarter(values: Float32Array, land: ByteArray) -> tuple[Float32Array, Float32Array]:
+    """At a quarter of the size: means of the values with the sea's as zero, and the share of land."""
+    small = (land.shape[1] // 4, land.shape[0] // 4)
+    masked = cv2.copyTo(values, land)
+    mean = cv2.resize(masked, small, interpolation=cv2.INTER_AREA)
+    share = cv2.resize(land.astype(np.float32), small, interpolation=cv2.INTER_AREA)
+    return np.asarray(mean, np.float32), np.asarray(share, np.float32)
+
+
+def _spread(filled: Float32Array, share: Float32Array) -> Float32Array:
+    """Values of the land, and beside it those of the nearest land, from what `_quarter` gives."""
+    known = share > 1e-3
+    filled[known] = (filled[known].T / share[known]).T
+    total = known.astype(np.float32)
+    for size in (3, 7, 17):
+        blurred = cv2.blur(filled * (total[..., None] if filled.ndim == 3 else total), (size, size))
+        near = cv2.blur(total, (size, size))
+        new = (total < 0.5) & (near > 1e-4)
+        filled[new] = (blurred[new].T / near[new]).T
+        total[new] = 1
+    return filled
+
+
+def _pack_panchromatic(files: KeptFiles, *, day_again: bool) -> ByteArray:
+    """The texture of one band; ``day_again`` says that the day's map will be asked for once more.
+
+    Channels go straight into it, and what they are made of is freed first: new memory takes longer than the arithmetic.
+    """
+    out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
+    # the picture of the clouds shows their light: thin ones cover more than they whiten
+    thin = np.round(np.sqrt(np.arange(256) / 255) * 255).astype(np.uint8)
+
+    def clouds() -> None:
+        picture = decode_map(CLOUDS, cv2.IMREAD_GRAYSCALE)
+        cv2.insertChannel(cv2.LUT(picture, thin, picture), out, 1)  # in its place: new memory takes longer
+
+    def night() -> None:
+        cv2.insertChannel(decode_map(NIGHT, cv2.IMREAD_GRAYSCALE), out, 2)
+
+    with one_thread(), ThreadPoolExecutor(beside_the_caller()) as pool:
+        # all is decoded first: that needs Python's lock a few times, the strips for each of their short steps
+        for channel in [pool.submit(clouds), pool.submit(night)]:
+            channel.result()
+        shore = pool.submit(decode_map, COAST, cv2.IMREAD_GRAYSCALE, decode=files)
+        day = pool.submit(day_map, files).result()
+        shore.exception()  # waited for: both are decoded
+        if not day_again:
+            files.forget()
+        beside = _panchromatic_land(pool, day, shore, out)
+        del day, shore
+
+        def merge(rows: slice) -> None:
+            land = _enlarged_root(beside, rows)
+            inland = _inland(np.asarray(cv2.extractChannel(out[rows], 3), np.uint8))
+            cv2.copyTo(cv2.extractChannel(out[rows], 0), inland, land)
+            cv2.insertChannel(land, out[rows], 0)
+
+        list(pool.map(merge, _STRIPS))
+    return out
+
+
+def _panchromatic_land(
+    pool: ThreadPoolExecutor, day_bgr: ByteArray, shore: Future[ByteArray], out: ByteArray
+) -> Float32Array:
+    """Square root of the reflectance, and distance to the coast with the ice as land, into the first and last channel.
+
+    Parameters
+    ----------
+    shore : the distance to the coast, under way; it is changed.
+
+    Returns
+    -------
+    Reflectance beside the land, at a quarter of the size.
+    """
+    coast = shore.result()
+    # red, green, blue are the third, second, first channel of the picture
+    table = (to_reflectance()[:, None] * np.array(PAN_WEIGHTS[::-1], np.float32))[None]
+    small = (HEIGHT // 4, WIDTH // 4)
+    means, shares = np.empty(small, np.float32), np.empty(small, np.float32)
+
+    def reduce(rows: slice) -> None:
+        # nearer to the equator what shines beside water is desert, and would close its gulfs
+        latitudes = (abs(90 - row * 180 / HEIGHT) for row in (rows.start, rows.stop))
+        reach = _ICE_REACH if max(latitudes) > _ICE_LATITUDE_DEG else 0
+        around = slice(max(rows.start - reach, 0), min(rows.stop + reach, HEIGHT))
+        within = slice(rows.start - around.start, rows.stop - around.start)
+        wide = cv2.transform(cv2.LUT(day_bgr[around], table), np.ones((1, 3), np.float32))
+        reflectance = np.asarray(wide[within], np.float32)
+        if reach:
+            smooth = cv2.GaussianBlur(wide, (0, 0), 1.5)[within]
+            ice = cv2.convertScaleAbs(np.clip(128 + (smooth - _ICE_REFLECTANCE) * 400, 0, 200))
+            ice[ice <= 120] = 0
+            coast[rows] = np.maximum(coast[rows], ice)
+        cv2.insertChannel(cv2.convertScaleAbs(cv2.sqrt(reflectance), alpha=255.0), out[rows], 0)
+        cv2.insertChannel(coast[rows], out[rows], 3)
+        quarter = slice(rows.start // 4, rows.stop // 4)
+        means[quarter], shares[quarter] = _quarter(reflectance, _inland(coast[rows]))
+
+    list(pool.map(reduce, _STRIPS))
+    return _spread(means, shares)
+
+
+def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
+    table = np.repeat(to_reflectance()[:, None], 3, axis=1)[None]
+    roots = np.round(np.sqrt(to_reflectance()) * 255).astype(np.uint8)
+    small = (HEIGHT // 4, WIDTH // 4)
+    means, shares = np.empty((*small, 3), np.float32), np.empty(small, np.float32)
+
+    def reduce(rows: slice) -> None:
+        quarter = slice(rows.start // 4, rows.stop // 4)
+        reflectance = np.asarray(cv2.LUT(day_bgr[rows], table), np.float32)
+        means[quarter], shares[quarter] = _quarter(reflectance, _inland(coast[rows]))
+
+    with one_thread(), ThreadPoolExecutor(beside_the_caller()) as pool:
+        list(pool.map(reduce, _STRIPS))
+        beside = _spread(means, shares)
+        out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
+
+        def merge(rows: slice) -> None:
+            land = _enlarged_root(beside, rows)
+            cv2.copyTo(cv2.LUT(day_bgr[rows], roots), _inland(coast[rows]), land)
+            cv2.cvtColor(land, cv2.COLOR_BGR2RGBA, dst=out[rows])
+
+        list(pool.map(merge, _STRIPS))
+    return out
+
+
+def _inland(coast: ByteArray) -> ByteArray:
+    """Two texels inland: the nearer ones are mixtures of land and sea."""
+    return np.asarray(cv2.threshold(np.ascontiguousarray(coast), 128 + 12, 1, cv2.THRESH_BINARY)[1], np.uint8)
+
+
+def _enlarged_root(reflectance: Float32Array, rows: slice) -> ByteArray:
+    """Square root in 8 bits, even steps of what the eye, and shot noise, sees; some rows of the maps' size.
+
+    Parameters
+    ----------
+    reflectance : at a quarter of the size.
+    """
+    first, last = rows.start // 4, -(-rows.stop // 4)
+    around = slice(max(first - 1, 0), min(last + 1, len(reflectance)))  # a row more is looked at
+    root = cv2.convertScaleAbs(cv2.sqrt(reflectance[around]), alpha=255.0)
+    large = cv2.resize(root, (WIDTH, 4 * len(root)), interpolation=cv2.INTER_LINEAR)
+    start = rows.start - 4 * around.start
+    return np.asarray(large[start : start + rows.stop - rows.start], np.uint8)
+
+
+class OneThread:
+    """Counts who is within: the setting is the whole process's, and comes back when the last has left."""
+
+    def __init__(self) -> None:
+        self._changing, self._within, self._before = Lock(), 0, 0
+
+    @contextmanager
+    def __call__(self) -> Iterator[None]:
+        """Within, and for other threads meanwhile, each call of OpenCV stays on its caller's thread."""
+        with self._changing:
+            if self._within == 0:
+                self._before = cv2.getNumThreads()
+                cv2.setNumThreads(1)
+            self._within += 1
+        try:
+            yield
+        finally:
+            with self._changing:
+                self._within -= 1
+                if self._within == 0:
+                    cv2.setNumThreads(self._before)
+
+
+one_thread = OneThread()

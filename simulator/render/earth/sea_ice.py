@@ -1,0 +1,163 @@
+"""The sea's ice through the year: a climatology, because the maps show open water in every month.
+
+Edges of the ice at its largest and smallest, drawn by hand so that the area within them comes to the month's extent;
+between them by that extent. The extents are those of 1981-2010 as commonly quoted from NSIDC's Sea Ice Index (Fetterer
+et al. 2017), rounded, not read from its files. Tongues, bays and leads are noise: what the sea is like on a given day
+nobody can know from the date.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.runtime.cache import entry_name
+from simulator.runtime.cached_arrays import cached_array
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+
+WIDTH, HEIGHT = 1440, 720
+EDGE_DEG = 1.6  # width of the zone of floes, from open water to the pack
+_PACK = 0.93  # share of ice inside
+_TONGUES_DEG = 0.9  # standard deviation of the edge's place
+_LEADS = 0.10  # share of the pack that opens where the noise has it
+_YEAR = 365.25
+# latitude of the edge [deg] at longitudes [deg] from the date line eastward; 90: none
+# fmt: off
+_NORTH_LARGEST = (
+    (-180, 60), (-172, 57.5), (-160, 57.5), (-155, 60), (-135, 66), (-120, 62), (-95, 55), (-80, 51), (-70, 51),
+    (-64, 46.5), (-58, 47), (-55, 49), (-53.5, 53), (-53, 60), (-52, 67), (-47, 64), (-44, 59.5), (-42, 61), (-39, 64),
+    (-35, 65.5), (-30, 66.3), (-25, 67.8), (-20, 69.5), (-15, 71), (-10, 72), (-5, 73), (0, 75), (5, 77.5), (9, 79.5),
+    (14, 79.5), (18, 76.5), (25, 75.3), (35, 75.6), (42, 74), (48, 71), (54, 69), (65, 67), (75, 65), (105, 60),
+    (135, 54), (140, 51.5), (143, 46.5), (146, 45.5), (150, 51), (154, 55), (160, 59), (168, 61), (175, 61.5),
+)
+_NORTH_SMALLEST = tuple(zip(range(-180, 180, 15), (
+    74, 73, 73, 72, 71, 70, 70, 72, 74, 76, 72, 76, 81, 82, 82, 82, 81, 80, 79, 77, 76, 74, 74, 74), strict=True))
+_SOUTH_LARGEST = tuple(zip(range(-180, 180, 15), (
+    63, 63, 63, 64, 64, 65, 65, 64, 61, 58, 56, 55, 55, 56, 57, 58, 59, 60, 61, 62, 62, 62, 62, 62), strict=True))
+_SOUTH_SMALLEST = tuple(zip(range(-180, 180, 15), (
+    74, 73, 71, 71, 72, 72, 71, 69, 66.5, 68.5, 71.5, 71.5, 70.5, 69, 68, 67, 66, 66, 66, 66, 66, 66, 68, 71),
+    strict=True))
+# million square kilometres, January to December
+EXTENT_NORTH = (14.4, 15.3, 15.4, 14.7, 13.4, 11.8, 9.7, 7.2, 6.4, 8.9, 10.7, 12.8)
+EXTENT_SOUTH = (5.0, 3.1, 4.0, 7.0, 10.4, 13.6, 16.2, 17.8, 18.5, 18.1, 16.0, 10.6)
+# fmt: on
+_FARTHEST_DEG = 40.0  # there is no ice nearer to the equator
+_SEED = 1893
+VERSION = 1  # of `_make_noise`: raise it when the same pole gets other noise
+_POLAR_SINE = 0.94  # of the latitude (70 degrees): nearer to the poles a degree of longitude is narrow
+
+
+def sea_ice(epoch_utc: str) -> ByteArray:
+    """(720, 1440) share of the sea under ice, 255 for all, row 0 in the north, column 0 at -180 degrees."""
+    moment = datetime.fromisoformat(epoch_utc)
+    return _of_day(moment.timetuple().tm_yday)
+
+
+@lru_cache(maxsize=4)
+def _of_day(day: int) -> ByteArray:
+    longitude = (np.arange(WIDTH) + 0.5) * 360 / WIDTH - 180
+    share = np.zeros((HEIGHT, WIDTH), np.uint8)
+    rows = _polar_rows()
+    latitude = (90 - (np.arange(rows) + 0.5) * 180 / HEIGHT).astype(np.float32)
+    for largest, smallest, extents, pole in (
+        (_NORTH_LARGEST, _NORTH_SMALLEST, EXTENT_NORTH, 0),
+        (_SOUTH_LARGEST, _SOUTH_SMALLEST, EXTENT_SOUTH, 1),
+    ):
+        middles = (np.arange(12) + 0.5) / 12 * _YEAR
+        extent = np.interp(day, middles, extents, period=_YEAR)
+        grown = (extent - min(extents)) / (max(extents) - min(extents))
+        tongues, leads, aside = _noise(pole)
+        edge = grown * _edge(largest, longitude) + (1 - grown) * _edge(smallest, longitude)
+        # an edge that runs along a meridian wanders too: it is looked up to the side
+        meridian = (
+            np.arange(WIDTH) + (_TONGUES_DEG * WIDTH / 360) * aside / np.cos(np.radians(latitude))[:, None]
+        )
+        edge = edge[np.round(meridian).astype(int) % WIDTH].astype(np.float32)
+        within = latitude[:, None] - edge + _TONGUES_DEG * tongues
+        pack = np.clip(within / EDGE_DEG + 0.15, 0, 1) * (_PACK - _LEADS * leads)
+        near = np.round(pack * 255).astype(np.uint8)
+        if pole == 0:
+            share[:rows] = near
+        else:
+            share[-rows:] = near[::-1]
+    return share
+
+
+def near_ice(z: FloatArray, longitude: FloatArray, epoch_utc: str) -> NDArray[np.bool_]:
+    """Whether there is ice on a day within a degree, or may be: near the poles it is not looked for.
+
+    Parameters
+    ----------
+    z : sine of the latitude. longitude : [rad]; of the same shape as z. NaN gives True.
+    """
+    sought = np.abs(z) < _POLAR_SINE  # of NaN false
+    row = (90 - np.degrees(np.arcsin(np.where(sought, z, 0)))).astype(int)
+    column = (np.degrees(np.where(sought, longitude, 0)) + 180).astype(int) % 360
+    where = _where(datetime.fromisoformat(epoch_utc).timetuple().tm_yday)
+    return np.asarray(where[row, column] | ~sought)
+
+
+@lru_cache(maxsize=4)
+def _where(day: int) -> NDArray[np.bool_]:
+    """(180, 360) cells of a degree with ice in them, in a neighbour, or in one next but one to the east or west."""
+    cells = _of_day(day).reshape(180, HEIGHT // 180, 360, WIDTH // 360).max(axis=(1, 3))
+    wrapped = np.pad(cells, ((1, 1), (2, 2)), mode="wrap")
+    return np.asarray(cv2.dilate(wrapped, np.ones((3, 5), np.uint8))[1:-1, 2:-2] > 0)
+
+
+def _polar_rows() -> int:
+    return round((90 - _FARTHEST_DEG) / 180 * HEIGHT)
+
+
+def _edge(points: tuple[tuple[float, float], ...], longitude: FloatArray) -> FloatArray:
+    x, y = np.array(points, float).T
+    return np.asarray(np.interp(longitude, x, y, period=360.0))
+
+
+@lru_cache(maxsize=2)
+def _noise(pole: int) -> Float32Array:
+    """(3, rows, WIDTH) from the pole outwards: the edge's tongues, of deviation 1, the pack's leads, 0..1, tongues."""
+    return cached_array(entry_name("ice", VERSION, pole), lambda: _make_noise(pole))
+
+
+def _make_noise(pole: int) -> Float32Array:
+    """`_noise`.
+
+    Drawn on the plane of the azimuthal projection, where it is the same in every direction.
+    """
+    size, span_deg = 512, 2 * (90 - _FARTHEST_DEG) + 4
+    rng = np.random.default_rng([_SEED, pole])
+    f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :]) * size / span_deg
+    spectrum = np.fft.rfft2(rng.standard_normal((3, size, size)).astype(np.float32))
+    # cycles a degree: tongues of a hundred to a thousand kilometres, finer ones ever weaker
+    tongue = np.where(f > 0.06, (f + 0.15) ** -1.75, 0)
+    shapes = tongue, np.exp(-(((f - 0.35) / 0.3) ** 2)), tongue
+    fields = [np.fft.irfft2(s * shape, (size, size)) for s, shape in zip(spectrum, shapes, strict=True)]
+    planes = [field / field.std() for field in fields]
+    planes[1] = np.exp(-3 * np.abs(planes[1]))  # leads are where a field changes its sign
+    away = (np.arange(_polar_rows(), dtype=np.float32)[:, None] + 0.5) * 180 / HEIGHT
+    turn = (np.arange(WIDTH, dtype=np.float32)[None] + 0.5) * (2 * np.pi / WIDTH)
+    scale = size / span_deg
+    x, y = away * np.cos(turn) * scale + size / 2, away * np.sin(turn) * scale + size / 2
+    return np.stack([cv2.remap(p.astype(np.float32), x, y, cv2.INTER_LINEAR) for p in planes])
+
+
+def extent_m2(share: FloatArray, sea: FloatArray) -> tuple[float, float]:
+    """Area of the sea that is under at least 15 % of ice, as extents are counted, north and south [m2].
+
+    Parameters
+    ----------
+    share : (720, 1440) 0..1. sea : (720, 1440) share of each cell that is sea, not land.
+    """
+    rows = np.radians(90 - np.arange(HEIGHT + 1) * 180 / HEIGHT)
+    area = 6_371_008.8**2 * np.abs(np.diff(np.sin(rows))) * 2 * np.pi / WIDTH
+    covered = (share >= 0.15) * sea * area[:, None]
+    return float(covered[: HEIGHT // 2].sum()), float(covered[HEIGHT // 2 :].sum())

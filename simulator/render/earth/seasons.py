@@ -1,0 +1,163 @@
+"""The land through the year: how much brighter or darker than in August, and the relief that the map is too coarse for.
+
+Both change little within a cell of the screen: the vertices read them, the pixels do not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.render.earth.maps import (
+    PAN_WEIGHTS,
+    asset_size,
+    decode_map,
+    land_only,
+    maps_key,
+    packed_maps,
+    to_reflectance,
+)
+from simulator.runtime.cache import entry_name
+from simulator.runtime.cached_arrays import cached_array, cached_arrays
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+
+WIDTH, HEIGHT = 2048, 1024
+HEIGHT_MAP, HEIGHT_M_PER_COUNT = "height_4032x2016.png", 24.8
+OCTAVES = 4.0  # the gain's channels hold plus and minus this many octaves
+SLOPE_MAX = 0.25  # the relief's channels hold plus and minus this
+ROUGH_M = 400.0  # standard deviation of the height over 30 km where the land is as rough as can be
+_MAP_MONTH = 8  # of the fine map
+VERSION = 4  # of the gains, the land and the relief: raise it when the same maps give another
+# middle of each month there is a map of [day of the year]
+ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
+_STRIP_ROWS = 16
+_YEAR = 365.25
+_EPSILON = 0.004  # reflectance below which a ratio means nothing
+
+
+@dataclass(frozen=True)
+class Season:
+    """The two months to mix, and the share of the second."""
+
+    before: int
+    after: int
+    share: float
+
+
+def season(epoch_utc: str) -> Season:
+    """Which monthly maps a date lies between."""
+    moment = datetime.fromisoformat(epoch_utc)
+    day = moment.timetuple().tm_yday + (moment.hour + moment.minute / 60) / 24
+    months, days = list(ANCHORS), list(ANCHORS.values())
+    k = int(np.searchsorted(days, day, side="right")) - 1  # -1: before the middle of January
+    start, end = days[k], days[(k + 1) % len(days)]
+    span = (end - start) % _YEAR
+    return Season(months[k], months[(k + 1) % len(months)], float(((day - start) % _YEAR) / span))
+
+
+def month_gain(month: int, bands: int) -> ByteArray:
+    """(1024, 2048) or (1024, 2048, 4): log2 of a month's reflectance over August's, ``OCTAVES`` either side of 128."""
+    return month_gains((month,), bands)[0]
+
+
+def month_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
+    """`month_gain` of several, for little more than that of one."""
+    return cached_arrays([_key(month, bands) for month in months], lambda: _make_gains(months, bands))
+
+
+def _key(month: int, bands: int) -> str:
+    names = [_name(month), _name(_MAP_MONTH)]
+    return entry_name(f"season-{month:02d}", VERSION, bands, [asset_size(n) for n in names], maps_key())
+
+
+def _name(month: int) -> str:
+    return f"day_month-{month:02d}_2048x1024.jpg"
+
+
+def _make_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
+    even = np.full((HEIGHT, WIDTH) if bands == 1 else (HEIGHT, WIDTH, 4), 128, np.uint8)
+    if bands != 1:
+        even[..., 3] = 255
+    others = [month for month in months if month != _MAP_MONTH]
+    made = {_MAP_MONTH: even}
+    if others:
+        land = land_of_months()
+        august = _reflectances(_MAP_MONTH, bands)
+        made |= {month: _gain(_reflectances(month, bands), august, land) for month in others}
+    return [made[month] for month in months]
+
+
+def land_of_months() -> ByteArray:
+    """(1024, 2048) 1 where the packed maps have land, 0 elsewhere."""
+
+    def make() -> ByteArray:
+        coast = cv2.resize(packed_maps(1)[0][..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+        return (coast > 128 + 4).astype(np.uint8)
+
+    return np.asarray(cached_array(entry_name("land", VERSION, maps_key()), make))
+
+
+def _reflectances(month: int, bands: int) -> list[FloatArray]:
+    """(H, W) of a month's map: one of the whole band, or red, green and blue."""
+    image = decode_map(_name(month), cv2.IMREAD_COLOR, (WIDTH, HEIGHT))
+    channels = [cv2.LUT(channel, to_reflectance()) for channel in cv2.split(image)[::-1]]
+    if bands == 1:
+        return [np.asarray(sum(w * channel for w, channel in zip(PAN_WEIGHTS, channels, strict=True)))]
+    return [np.asarray(channel) for channel in channels]
+
+
+def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) -> ByteArray:
+    pairs = zip(month, august, strict=True)
+    logs = [np.log2((now + _EPSILON) / (then + _EPSILON)).astype(np.float32) for now, then in pairs]
+    filled = [land_only(log, land) for log in logs]
+    encoded = [np.clip(128 + 127 / OCTAVES * log + 0.5, 0, 255).astype(np.uint8) for log in filled]
+    if len(encoded) == 1:
+        return np.ascontiguousarray(encoded[0])
+    return np.ascontiguousarray(np.dstack([*encoded, np.full(land.shape, 255, np.uint8)]))
+
+
+def relief() -> ByteArray:
+    """(2016, 4032, 4): slope to the east, slope to the north, roughness, 255."""
+    return cached_array(entry_name("relief", VERSION, asset_size(HEIGHT_MAP)), _make_relief)
+
+
+def _make_relief() -> ByteArray:
+    counts = decode_map(HEIGHT_MAP, cv2.IMREAD_GRAYSCALE, None)
+    rows, columns = counts.shape
+    texel_m = np.pi * 6_378_137.0 / rows
+    latitude = np.pi / 2 - (np.arange(rows) + 0.5) / rows * np.pi
+    out = np.empty((rows, columns, 4), np.uint8)
+    # a strip and its neighbours' nearest rows stay in a processor's own memory
+    for first in range(0, rows, _STRIP_ROWS):
+        strip = slice(first, min(first + _STRIP_ROWS, rows))
+        around = slice(max(strip.start - 1, 0), min(strip.stop + 1, rows))
+        within = slice(strip.start - around.start, strip.stop - around.start)
+        height = counts[around].astype(np.float32) * HEIGHT_M_PER_COUNT
+        out[strip] = _relief_of(height, texel_m, latitude[around])[within]
+    return out
+
+
+def _relief_of(height: Float32Array, texel_m: float, latitude: FloatArray) -> ByteArray:
+    """(R, W, 4) of `relief`, of rows of heights [m] at some latitudes [rad]."""
+    # the date line is an edge like any other: what is wrong there is a texel wide
+    kernel = np.array([[-0.5, 0.0, 0.5]], np.float32)
+    east = cv2.filter2D(height, -1, kernel) / (texel_m * np.cos(latitude)[:, None].clip(0.05)).astype(
+        np.float32
+    )
+    north = cv2.filter2D(height, -1, -kernel.T / np.float32(texel_m))
+    mean = cv2.blur(height, (3, 3))
+    variance = cv2.blur(height * height, (3, 3)) - mean * mean
+    rough = cv2.sqrt(np.clip(variance, 0, None)) * np.float32(255 / ROUGH_M)
+    slopes = [
+        cv2.convertScaleAbs(np.clip(s * (255 / (2 * SLOPE_MAX)) + 127.5, 0, 255)) for s in (east, north)
+    ]
+    full = np.full(height.shape, 255, np.uint8)
+    return np.asarray(cv2.merge([*slopes, cv2.convertScaleAbs(rough), full]), np.uint8)

@@ -1,0 +1,144 @@
+"""A tiling mountain land cut by rivers, for the ground below the maps' texels in `high`: ridges, wadis, bare strata.
+
+Where rivers have cut for long, height rises along each by area^-0.45 (Flint's law), and every point drains the way that
+costs it least: the shortest paths over a land whose steps cost so much. Shortest paths are sought, the land's cost is
+set from the areas that they gather, and after a few turns both agree (optimal channel networks: Rinaldo et al. 1992).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from simulator.runtime.cache import entry_name
+from simulator.runtime.cached_arrays import cached_array
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
+
+SIZE = 1024
+SLOPE_MAX = 0.9  # the slope channels hold plus and minus this
+_COARSE = 512
+_TURNS = 3  # until cost and areas agree, on the coarse grid
+_CONCAVITY = 0.45  # Flint's: how slopes fall with the area above (Whipple & Tucker 1999)
+_SLOPE = 0.24  # root mean square: mountains of the desert over 400 m
+_PLAINS = 0.05  # share of the tile to which all flows
+_SEED = 20260320
+VERSION = 1  # of `make_valleys`: raise it when it gives another tile
+
+
+def valley_texture() -> ByteArray:
+    """(SIZE, SIZE, 4) of the slope along u and v, the ground's brightness, and the valleys' floors; from the cache."""
+    return cached_array(entry_name("valleys", VERSION), make_valleys)
+
+
+def make_valleys() -> ByteArray:
+    """The tile.
+
+    Channels: 0.5 + slope / (2 SLOPE_MAX) along u and v; 0.5 + brightness of the rock, mean 0, standard
+    deviation 0.2; the share of gravel and sand, brighter than rock, on the floors of valleys.
+    """
+    rng = np.random.default_rng(_SEED)
+    base = _fractal(rng, _COARSE, 2.0, -1.7)
+    plains = base < np.quantile(base, _PLAINS)
+    hardness = np.exp(0.55 * _fractal(rng, _COARSE, 4.0, -1.0) + 0.35 * rng.standard_normal(base.shape))
+    _, area = drained(plains, hardness, _TURNS)
+    # the same land on the fine grid, whose channels run where the coarse ones do
+    fine = _enlarged(hardness) * np.exp(0.4 * rng.standard_normal((SIZE, SIZE)))
+    known = np.exp(_enlarged(np.log(area)))
+    height, area = drained(_enlarged(plains.astype(float)) > 0.5, fine, 0, known)
+    height = _blurred(height, 1.1)
+    slopes = [0.5 * (np.roll(height, -1, axis) - np.roll(height, 1, axis)) for axis in (1, 0)]
+    steep = _SLOPE / np.sqrt(np.mean(slopes[0] ** 2 + slopes[1] ** 2))
+    # gravel and sand lie as wide as the stream is large
+    floor = sum(_blurred(np.clip(np.log(area) - k, 0.0, 1.0), 0.6 * 1.5**k) for k in (3, 4, 5, 6))
+    floor = np.clip(floor + _blurred(_enlarged(plains.astype(float)), 1.5), 0.0, 1.0)
+    # what stands over its surroundings is bare and dark, what washes down is pale; units of rock differ
+    crest = _blurred(height, 10.0) - _blurred(height, 1.5)
+    units = _steps(rng, 1.6 * _fractal(rng, SIZE, 2.0, -1.8))
+    rock = crest / crest.std() + 0.45 * units / units.std() + 0.3 * _fractal(rng, SIZE, 20.0, -0.9)
+    rock = 0.2 * (rock - rock.mean()) / rock.std()
+    channels = [0.5 + s * (steep / (2 * SLOPE_MAX)) for s in slopes] + [0.5 + rock, floor]
+    return np.dstack([np.clip(255 * c + 0.5, 0, 255).astype(np.uint8) for c in channels])
+
+
+def drained(
+    outlets: BoolArray, hardness: FloatArray, turns: int, area: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Height of a periodic land that rivers have cut, in steps' costs, and the area that each point drains [texels].
+
+    Parameters
+    ----------
+    outlets : (N, N) where all water ends, at height 0. hardness : (N, N) what a step costs where one texel drains.
+    turns : after the first. area : (N, N) that is known to begin with.
+    """
+    for _ in range(turns + 1):
+        height, down = _shortest(hardness if area is None else hardness * area**-_CONCAVITY, outlets)
+        area = _areas(down).reshape(height.shape)
+    return height, np.asarray(area)
+
+
+def _shortest(cost: FloatArray, outlets: BoolArray) -> tuple[FloatArray, IntArray]:
+    """(N, N) least cost of a path to an outlet, and (N * N,) the next point on it: an outlet's is itself."""
+    size = len(cost)
+    index = np.arange(size * size).reshape(size, size)
+    steps = []
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        other = np.roll(cost, (-down, -right), (0, 1))
+        steps.append((np.roll(index, (-down, -right), (0, 1)), np.hypot(down, right) / 2 * (cost + other)))
+    ends, weights = (np.concatenate([step[k].ravel() for step in steps]) for k in (0, 1))
+    graph = csr_matrix((weights, (np.tile(index.ravel(), len(steps)), ends)), shape=(size * size,) * 2)
+    least, before, _ = dijkstra(
+        graph, directed=False, indices=np.flatnonzero(outlets), min_only=True, return_predecessors=True
+    )
+    return least.reshape(cost.shape), np.where(before < 0, index.ravel(), before)
+
+
+def _areas(down: IntArray) -> FloatArray:
+    """Points whose water passes each, itself among them, by the next point down of each."""
+    far, hops = down, (down != np.arange(len(down))).astype(int)
+    # doubling: each turn adds as many hops as are known
+    while hops[far].any():
+        hops = hops + hops[far]
+        far = far[far]
+    order = np.argsort(-hops, kind="stable")
+    area = np.ones(len(down))
+    for points in np.split(order, np.flatnonzero(np.diff(hops[order])) + 1):
+        if hops[points[0]]:
+            np.add.at(area, down[points], area[points])
+    return area
+
+
+def _steps(rng: np.random.Generator, x: FloatArray) -> FloatArray:
+    """A number of its own for each unit of x, changing within a tenth of one."""
+    values = rng.standard_normal(64)
+    whole = np.floor(x)
+    share = np.clip(10 * (x - whole), 0.0, 1.0)
+    k = whole.astype(int)
+    return np.asarray(values[(k - 1) % 64] * (1 - share) + values[k % 64] * share)
+
+
+def _fractal(rng: np.random.Generator, size: int, low: float, power: float) -> FloatArray:
+    """Periodic Gaussian noise of a spectrum's power from ``low`` cycles per tile up, standard deviation 1."""
+    f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
+    f[0, 0] = 1
+    noise = np.fft.irfft2(
+        np.fft.rfft2(rng.standard_normal((size, size))) * f**power * (f >= low / size), (size, size)
+    )
+    return np.asarray(noise / noise.std())
+
+
+def _enlarged(image: FloatArray) -> FloatArray:
+    """From the coarse grid to the fine, its edges still matching."""
+    pad, factor = 4, SIZE // _COARSE
+    large = cv2.resize(np.pad(image, pad, mode="wrap"), None, fx=factor, fy=factor)
+    return np.asarray(large[pad * factor : -pad * factor, pad * factor : -pad * factor])
+
+
+def _blurred(image: FloatArray, sigma: float) -> FloatArray:
+    """A blur that keeps the tile's edges matching."""
+    return np.asarray(cv2.GaussianBlur(np.pad(image, 24, mode="wrap"), (0, 0), sigma)[24:-24, 24:-24])

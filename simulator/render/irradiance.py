@@ -1,0 +1,212 @@
+"""Light of the Earth (and the Moon) on the spacecraft, as a field over directions.
+
+The visible part of the Earth is sampled from the target's place: each sample's radiance is the Sun's light there times
+the albedo of ground and clouds there. The field is kept in two forms: irradiance on a plate of any normal, as a
+polynomial of second degree (Ramamoorthi & Hanrahan 2001, An efficient representation for irradiance environment maps),
+and radiance of the Earth's disc as a linear function of direction, for reflections.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.scene.illumination.moonlight import moonlight_share
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import Float32Array, FloatArray
+
+EARTH_RADIUS_M = 6_371_008.8
+_SAMPLES = 256
+_PLATES = 96
+_GRADIENT = np.arange(3)
+
+
+@dataclass(frozen=True, eq=False)
+class SkyLight:
+    """Light from everything but the Sun, camera frame.
+
+    Parameters
+    ----------
+    irradiance_w_m2 : (10, n) coefficients per band of 1, x, y, z, xy, yz, zx, 3 z^2 - 1, x^2 - y^2 of the normal, and
+        of the fourth Legendre polynomial of its cosine with ``axis``: a disc is even about its axis.
+    radiance_w_m2_sr : (n, 4) per band, over directions inside the disc: gradient, constant.
+    disc_cosine : of the disc's angular radius about ``axis``; -2 for light from everywhere.
+    axis : (3,) unit vector to the disc's centre.
+    """
+
+    irradiance_w_m2: FloatArray
+    radiance_w_m2_sr: FloatArray
+    disc_cosine: float
+    axis: FloatArray
+
+
+def basis(directions: FloatArray, axis: FloatArray) -> FloatArray:
+    """(..., 10) the polynomials of `SkyLight.irradiance_w_m2`."""
+    d = np.asarray(directions, float)
+    x, y, z = np.moveaxis(d, -1, 0)
+    return np.stack(
+        [np.ones_like(x), x, y, z, x * y, y * z, z * x, 3 * z * z - 1, x * x - y * y, _fourth(d @ axis)],
+        axis=-1,
+    )
+
+
+def _fourth(cosine: FloatArray) -> FloatArray:
+    """Fourth Legendre polynomial."""
+    c2 = cosine * cosine
+    return np.asarray((35 * c2 * c2 - 30 * c2 + 3) / 8)
+
+
+def spiral(count: int, lowest_cosine: float = -1.0) -> FloatArray:
+    """(count, 3) directions even in solid angle over a cap about +z."""
+    share, around = _turns(count)
+    c = 1 - share * (1 - lowest_cosine)
+    s = np.sqrt(np.maximum(1 - c * c, 0))
+    directions = np.empty((count, 3))
+    directions[:, 0], directions[:, 1], directions[:, 2] = s * around[0], s * around[1], c
+    return directions
+
+
+@lru_cache(maxsize=16)
+def _turns(count: int) -> tuple[FloatArray, FloatArray]:
+    """Of the points of a spiral: the share of the cap above each, and the cosine and sine of its turn."""
+    k = np.arange(count) + 0.5
+    turn = k * np.pi * (3 - np.sqrt(5))
+    return k / count, np.stack([np.cos(turn), np.sin(turn)])
+
+
+def axes_about(z: FloatArray) -> FloatArray:
+    """(3, 3) rows: two unit vectors across a third one, which is the last."""
+    # by numbers: numpy takes longer for one cross product than for all else of a frame's light
+    a, b, c = (float(v) for v in z)
+    x, y, w = (b, -a, 0.0) if abs(c) < 0.9 else (0.0, c, -b)
+    length = (x * x + y * y + w * w) ** 0.5
+    x, y, w = x / length, y / length, w / length
+    return np.array([[x, y, w], [b * w - c * y, c * x - a * w, a * y - b * x], [a, b, c]])
+
+
+_NORMALS = spiral(_PLATES)
+_DESIGN = basis(_NORMALS, np.array([0.0, 0.0, 1.0]))  # its last column is the axis's
+
+
+def _fitted(axis: FloatArray, irradiance: FloatArray) -> FloatArray:
+    """(10, n) coefficients, least squares, of the irradiance (P, n) of plates of the normals ``_NORMALS``."""
+    design = _DESIGN.copy()
+    design[:, 9] = _fourth(_NORMALS @ axis)
+    return np.asarray(np.linalg.solve(design.T @ design, design.T @ irradiance), float)
+
+
+def no_light(bands: int) -> SkyLight:
+    """Darkness."""
+    return SkyLight(np.zeros((10, bands)), np.zeros((bands, 4)), 2.0, np.array([0.0, 0.0, 1.0]))
+
+
+def uniform_light(radiance_w_m2_sr: FloatArray) -> SkyLight:
+    """The same radiance per band from everywhere: the white furnace."""
+    radiance = np.asarray(radiance_w_m2_sr, float)
+    irradiance = np.zeros((10, len(radiance)))
+    irradiance[0] = np.pi * radiance
+    linear = np.zeros((len(radiance), 4))
+    linear[:, 3] = radiance
+    return SkyLight(irradiance, linear, -2.0, np.array([0.0, 0.0, 1.0]))
+
+
+def light_of_samples(
+    directions: FloatArray,
+    radiance: FloatArray,
+    solid_angle_sr: float,
+    disc_cosine: float,
+    axis: FloatArray,
+    also_w_m2: FloatArray | None = None,
+) -> SkyLight:
+    """The field of a disc given by samples of equal solid angle.
+
+    Parameters
+    ----------
+    directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1].
+    also_w_m2 : (P, n) irradiance of other light, as `moon_on_plates` gives it.
+    """
+    falling = np.maximum(_NORMALS @ directions.T, 0) @ radiance * solid_angle_sr
+    if also_w_m2 is not None:
+        falling += also_w_m2
+    design = np.ones((len(directions), 4))
+    design[:, :3] = directions
+    # a little weight on the gradient: a small or evenly lit disc leaves it undetermined
+    normal_equations = design.T @ design
+    normal_equations[_GRADIENT, _GRADIENT] += 1e-4 * len(directions)
+    linear = np.linalg.solve(normal_equations, design.T @ radiance)
+    return SkyLight(_fitted(axis, falling), np.asarray(linear.T, float), disc_cosine, axis)
+
+
+def earth_light(
+    r_target_itrs_m: FloatArray,
+    sun_itrs: FloatArray,
+    R_camera_from_itrs: FloatArray,
+    sun_w_m2: FloatArray,
+    albedo: Float32Array,
+    also_w_m2: FloatArray | None = None,
+) -> SkyLight:
+    """Light of the part of the Earth that a target sees.
+
+    Parameters
+    ----------
+    sun_itrs : unit vector to the Sun. sun_w_m2 : irradiance of the Sun at the Earth, per band.
+    albedo : (H, W) of a Lambert surface, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
+    also_w_m2 : as of `light_of_samples`.
+    """
+    distance = float(np.linalg.norm(r_target_itrs_m))
+    sine = min(EARTH_RADIUS_M / distance, 1.0)
+    rim = float(np.sqrt(1 - sine * sine))
+    zenith = r_target_itrs_m / distance
+    cap = spiral(_SAMPLES, rim)
+    c = cap[:, 2]
+    # in Earth's radii
+    above = distance / EARTH_RADIUS_M
+    along = above * c - np.sqrt(np.maximum(1 - above**2 * (1 - c * c), 0))
+    axes = axes_about(zenith)
+    axes[2] = -zenith
+    rays = cap @ axes
+    ground = above * zenith + along[:, None] * rays
+    height, width = albedo.shape
+    latitude = np.arcsin(np.minimum(np.maximum(ground[:, 2], -1), 1))
+    row = np.minimum((0.5 - latitude / np.pi) * height, height - 1).astype(int)
+    column = ((np.arctan2(ground[:, 1], ground[:, 0]) / (2 * np.pi) + 0.5) * width).astype(int) % width
+    light = albedo[row, column] / np.pi * np.maximum(ground @ sun_itrs, 0)
+    solid_angle = 2 * np.pi * (1 - rim) / _SAMPLES
+    return light_of_samples(
+        rays @ R_camera_from_itrs.T,
+        light[:, None] * sun_w_m2,
+        solid_angle,
+        rim,
+        -R_camera_from_itrs @ zenith,
+        also_w_m2,
+    )
+
+
+def moon_irradiance(
+    r_moon_from_target_m: FloatArray,
+    sun: FloatArray,
+    R_camera: FloatArray,
+    sun_w_m2: FloatArray,
+    axis: FloatArray,
+) -> FloatArray:
+    """(10, n) coefficients of the Moon's light, by its phase.
+
+    Parameters
+    ----------
+    sun : unit vector to the Sun, the frame of ``r_moon_from_target_m``. R_camera : from that frame to the camera's.
+    axis : of the field that these belong to, camera frame.
+    """
+    return _fitted(axis, moon_on_plates(r_moon_from_target_m, sun, R_camera, sun_w_m2))
+
+
+def moon_on_plates(
+    r_moon_from_target_m: FloatArray, sun: FloatArray, R_camera: FloatArray, sun_w_m2: FloatArray
+) -> FloatArray:
+    """(P, n) irradiance of the Moon on the plates that a field is fitted to; parameters as of `moon_irradiance`."""
+    direction = r_moon_from_target_m / np.linalg.norm(r_moon_from_target_m)
+    share = moonlight_share(r_moon_from_target_m, sun)
+    return np.asarray(np.maximum(_NORMALS @ (R_camera @ direction), 0)[:, None] * (sun_w_m2 * share))

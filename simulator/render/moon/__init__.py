@@ -1,0 +1,1 @@
+"""The Moon: its view, its craters, and the pass that draws it."""

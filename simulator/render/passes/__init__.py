@@ -1,1 +1,0 @@
-"""One file per pass; each declares what it reads and what it writes."""

@@ -1,0 +1,1 @@
+"""Stars and Sun: catalogue, colours, and the passes that draw them."""

@@ -1,0 +1,235 @@
+"""Star pass: stars and planets, points of known irradiance, over the four nearest pixels. Adds to the radiance.
+
+Those that the target may hide are drawn, the others are added to the picture when it is read back: a point costs a
+software driver a microsecond, and four sums a twentieth of that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.gl.fences import draw_to
+from simulator.render.sky.star_catalogue import stars
+from simulator.render.sky.star_colours import irradiance_of_v_mag, photons_over_sunlights, usual_v_minus_i
+from simulator.scene.illumination.atmosphere import optical_depth_to_top
+from simulator.scene.illumination.planets import earth_velocity_c, planets
+from simulator.world.constants import LIGHT_M_S
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.render.earth.earth_view import EarthView
+    from simulator.render.frame_images import FrameImages
+    from simulator.render.gl.programs import Program, ProgramLibrary
+    from simulator.render.moon.moon_view import MoonView
+    from simulator.render.projection import PixelRect
+    from simulator.render.view import View
+    from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
+    from simulator.scene.illumination.atmosphere import Atmosphere
+    from simulator.scene.state import SceneState
+
+_MAX_STARS = 80_000
+_SLACK = 1e-3  # of a cosine: aberration changes lengths by a ten-thousandth
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Light of points over the pixels next to them.
+
+    Parameters
+    ----------
+    at : (M,) numbers of the pixels, row by row. light : (M, n) radiance to be added, per band [W m-2 sr-1].
+    """
+
+    at: IntArray
+    light: Float32Array
+
+    def add_to(self, radiance: Float32Array) -> None:
+        """Add it to a picture (H, W) or (H, W, n)."""
+        bands = self.light.shape[1]
+        values = radiance.reshape(-1)  # one number an entry: numpy adds rows of several ten times as slowly
+        for band in range(bands):
+            np.add.at(values, self.at * bands + band, self.light[:, band])
+
+
+class StarPass:
+    """Positions and light are worked out in float64 on the CPU, and spread there but where the target may be."""
+
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
+        self._context, self._programs = context, programs
+        self._points = context.buffer(reserve=_MAX_STARS * 5 * 4, dynamic=True)
+        self._arrays: dict[Program, moderngl.VertexArray] = {}
+
+    def run(
+        self,
+        scene: SceneState,
+        view: View,
+        images: FrameImages,
+        earth: EarthView | None,
+        air: Atmosphere | None,
+        moon: MoonView | None,
+        hidden: PixelRect | None = None,
+    ) -> Spread:
+        """Draw the stars in view that the target may hide.
+
+        Parameters
+        ----------
+        earth : what hides them, ``None`` without Earth. air : what dims them near its limb.
+        moon : what also hides them. hidden : pixels that the target may cover.
+
+        Returns
+        -------
+        the light of the others, to be added to the picture.
+        """
+        pixels, radiance = stars_in_view(scene, view, earth, air, moon)
+        near: BoolArray = np.zeros(len(pixels), bool)
+        if hidden is not None:
+            low, high = (hidden.x0 - 1, hidden.y0 - 1), (hidden.x1, hidden.y1)
+            near = np.asarray(((pixels > low) & (pixels < high)).all(axis=1))
+        self._draw(pixels[near], radiance[near], images)
+        return spread(pixels[~near], radiance[~near], images.size)
+
+    def _draw(self, pixels: FloatArray, radiance: FloatArray, images: FrameImages) -> None:
+        """Add points, times what the target leaves open of their pixels."""
+        if not len(pixels):
+            return
+        program = self._programs.get(
+            "sky/stars.vert", "sky/stars.frag", {"BANDS": images.bands}, ("t_coverage",)
+        )
+        if program not in self._arrays:
+            self._arrays[program] = self._context.vertex_array(
+                program.gl, [(self._points, "2f 3f", "in_pixel", "in_radiance")]
+            )
+        points = np.zeros((len(pixels), 5), np.float32)
+        points[:, :2] = pixels
+        points[:, 2 : 2 + radiance.shape[1]] = radiance
+        self._points.write(points.tobytes())
+        program.set("u_size", images.size)
+        draw_to(images.sky_framebuffer)
+        images.sky_framebuffer.viewport = (0, 0, *images.size)
+        self._context.enable_only(self._context.BLEND | self._context.PROGRAM_POINT_SIZE)
+        self._context.blend_func = self._context.ONE, self._context.ONE
+        program.bind_textures(t_coverage=images.coverage)
+        self._arrays[program].render(mode=self._context.POINTS, vertices=len(points))
+
+
+def spread(pixels: FloatArray, radiance: FloatArray, size: tuple[int, int]) -> Spread:
+    """Points by a tent over their four nearest pixels, as shaders/sky/stars.frag draws it.
+
+    Parameters
+    ----------
+    pixels : (K, 2) places in an image of ``size``. radiance : (K, n) that one whole pixel would have.
+    """
+    width, height = size
+    first = np.floor(pixels)
+    share = (pixels - first).T
+    column, row = first.T.astype(np.int64)
+    at, light = [], []
+    for dx in (0, 1):
+        for dy in (0, 1):
+            x, y = column + dx, row + dy
+            inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+            weight = (share[0] if dx else 1 - share[0]) * (share[1] if dy else 1 - share[1])
+            at.append(np.where(inside, y * width + x, 0))
+            light.append(radiance * (weight * inside)[:, None])
+    return Spread(np.concatenate(at), np.concatenate(light).astype(np.float32))
+
+
+def stars_in_view(
+    scene: SceneState,
+    view: View,
+    earth: EarthView | None,
+    air: Atmosphere | None,
+    moon: MoonView | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Pixel positions (K, 2) and radiance (K, n) that one whole pixel would have [W m-2 sr-1].
+
+    For a detector that counts photons it is that of the sunlight with as many of them: electrons are counted with the
+    Sun's.
+    """
+    camera, environment = scene.camera, scene.environment
+    # all of it row by row: numpy takes several times as long across rows of three
+    directions, light = [], []
+    by_photons = scene.sensor.detector is not None
+    if environment.stars:
+        field = stars(scene.epoch_utc, scene.bands, by_photons=by_photons)
+        near, irradiance = field.near(view.R_camera_from_eci[2], camera.half_angle_rad())
+        directions.append(near)
+        light.append(irradiance)
+    if environment.planets:
+        points = planets(scene.epoch_utc, np.asarray(scene.r_camera_eci_m))
+        directions.append(points.directions.T)
+        bv, vi = points.b_minus_v, usual_v_minus_i(points.b_minus_v)
+        irradiance = irradiance_of_v_mag(points.v_mag, bv, vi, scene.bands)
+        if by_photons:
+            irradiance *= photons_over_sunlights(vi, scene.bands)
+        light.append(irradiance.T)
+    # aberration by the motion of the Earth and of the camera about it
+    beta = earth_velocity_c(scene.epoch_utc) + np.asarray(scene.v_camera_eci_m_s) / LIGHT_M_S
+    R = view.R_camera_from_eci
+    # what is added to a unit vector shifts its direction; its length is mended where it matters
+    d = R @ np.concatenate(directions, axis=1) + (R @ beta)[:, None]
+    ahead = np.flatnonzero(d[2] > np.cos(camera.half_angle_rad()) - _SLACK)
+    d = d.take(ahead, axis=1)
+    pixels = _project(camera, d)
+    inside = np.flatnonzero(_contains(camera, pixels))
+    d = d.take(inside, axis=1)
+    d /= np.sqrt(np.einsum("ck,ck->k", d, d))
+    kept = np.ones(len(inside), bool) if moon is None else ~moon.hides(d.T)
+    share = None
+    if earth is not None:
+        visible, share = _past_the_earth(d, earth, air)
+        kept &= visible
+    if not kept.all():
+        seen = np.flatnonzero(kept)
+        d, inside, share = d[:, seen], inside[seen], None if share is None else share[:, seen]
+    radiance = np.concatenate(light, axis=1).take(ahead.take(inside), axis=1)
+    if share is not None:
+        radiance *= share
+    pixels = pixels.take(inside, axis=1).T
+    return pixels, (radiance / _pixel_solid_angle_sr(camera, d, pixels)).T
+
+
+def _project(camera: Camera, d: FloatArray) -> FloatArray:
+    """(2, K) pixels of directions (3, K) before the camera."""
+    if not camera.distortion.is_none:
+        return camera.project(d.T).T
+    pixels = d[:2] / d[2]
+    pixels *= ((camera.fx_px,), (camera.fy_px,))
+    pixels += ((camera.cx_px,), (camera.cy_px,))
+    return np.asarray(pixels)
+
+
+def _contains(camera: Camera, pixels: FloatArray) -> BoolArray:
+    """(K,) whether pixels (2, K) lie on the image; those that are NaN do not."""
+    x, y = pixels
+    ends = camera.width_px - 0.5, camera.height_px - 0.5
+    return np.asarray((x >= -0.5) & (x < ends[0]) & (y >= -0.5) & (y < ends[1]))
+
+
+def _pixel_solid_angle_sr(camera: Camera, d: FloatArray, pixels: FloatArray) -> FloatArray:
+    """(K,) of one pixel at unit directions (3, K), whose pixels are (K, 2) [sr]."""
+    if not camera.distortion.is_none:
+        return camera.pixel_solid_angle_sr(pixels)
+    return np.asarray(d[2] * d[2] * d[2] / (camera.fx_px * camera.fy_px))
+
+
+def _past_the_earth(
+    d_camera: FloatArray, earth: EarthView, air: Atmosphere | None
+) -> tuple[BoolArray, FloatArray | None]:
+    """Which directions (3, K) miss the ground, and what (n, K) the air on the way leaves of their light, if any."""
+    d = earth.earth_from_camera @ d_camera
+    along = earth.camera @ d / np.sqrt(np.einsum("ck,ck->k", d, d))
+    perigee2 = float(earth.camera @ earth.camera) - along * along
+    visible = (along >= 0) | (perigee2 >= 1)
+    through = visible & (along < 0) & (perigee2 < earth.top2)
+    if air is None or not through.any():
+        return visible, None
+    depth = np.zeros((d.shape[1], len(air.rayleigh_m)))
+    radius = np.sqrt(perigee2[through]) * air.radius_m
+    depth[through] = 2 * optical_depth_to_top(air, radius, np.zeros_like(radius), steps=32)
+    return visible, np.exp(-depth.T)

@@ -1,0 +1,187 @@
+"""A target on the GPU: one vertex buffer for all parts, the material's number on each vertex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, cast
+
+import moderngl
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.render.bake.charts import TEXEL
+from simulator.render.bake.geometry import VERTEX, Merged, Shape, geometry_of
+from simulator.render.gl.patches import EDGE_SHARE, PatchArray, cut
+from simulator.render.gl.shared_blocks import MAX_MATERIALS
+
+if TYPE_CHECKING:
+    from simulator.render.bake.geometry import Geometry
+    from simulator.runtime.arrays import Float32Array
+    from simulator.targets.model import Material, Target
+
+VERTEX_FORMAT = "3f 3f 1f"
+ATTRIBUTES = ("in_position_m", "in_normal", "in_material")
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A stretch of the index buffer with one set of textures.
+
+    Parameters
+    ----------
+    first, count : indices. material : what its textures and factors are taken from; None where there are none.
+    """
+
+    first: int
+    count: int
+    material: Material | None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mesh(Shape):
+    """Buffers of one uploaded target, and its shape.
+
+    Parameters
+    ----------
+    vertices : of ``values``. indices : of ``triangles``. at_chart : the vertices' places in the atlas.
+    uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
+    order : which of the target's parts lie in the buffers first, second and so on.
+    """
+
+    vertices: moderngl.Buffer
+    indices: moderngl.Buffer
+    materials: tuple[Material, ...]
+    at_chart: moderngl.Buffer
+    uv: moderngl.Buffer | None = None
+    draws: tuple[Draw, ...] = ()
+    order: tuple[int, ...] = ()
+
+    def vertex_array(
+        self,
+        context: moderngl.Context,
+        program: moderngl.Program,
+        *more: tuple[moderngl.Buffer, str, str],
+        indices: moderngl.Buffer | None = None,
+    ) -> moderngl.VertexArray:
+        """The mesh as ``program`` reads it.
+
+        Parameters
+        ----------
+        more : further buffers with a value per vertex, by name. indices : instead of those of all triangles.
+        """
+        content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = [
+            (self.vertices, VERTEX_FORMAT, *ATTRIBUTES),
+            *more,
+        ]
+        if "in_chart" in program:
+            content.append((self.at_chart, "2f", "in_chart"))
+        if self.uv is not None and "in_uv" in program:
+            content.append((self.uv, "2f", "in_uv"))
+        if (program.extra or {}).get("patches"):
+            return self._patches(context, program, content)
+        return context.vertex_array(program, content, indices or self.indices, skip_errors=True)
+
+    def _patches(
+        self,
+        context: moderngl.Context,
+        program: moderngl.Program,
+        content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]],
+    ) -> moderngl.VertexArray:
+        """The mesh for a program that cuts its triangles: with short edges, drawn in lots."""
+        block = self.values
+        triangles = np.frombuffer(self.indices.read(), np.uint32).reshape(-1, 3).astype(np.int64)
+        made = cut(block[:, :3].astype(float), triangles, EDGE_SHARE * self.radius_m)
+        extended: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = []
+        for buffer, layout, *names in content:
+            values = np.frombuffer(buffer.read(), np.float32).reshape(len(block), -1)
+            values = made.extended(values)
+            if buffer is self.vertices:
+                values[:, 3:6] /= np.maximum(np.linalg.norm(values[:, 3:6], axis=1, keepdims=True), 1e-9)
+            extended.append((context.buffer(values.tobytes()), layout, *names))
+        indices = context.buffer(made.triangles.astype(np.uint32).tobytes())
+        array = context.vertex_array(program, extended, indices, skip_errors=True)
+        buffers = [indices, *(buffer for buffer, *_ in extended)]
+        return cast("moderngl.VertexArray", PatchArray(array, made, buffers))
+
+    def release(self) -> None:
+        """Free the buffers."""
+        self.vertices.release()
+        self.indices.release()
+        self.at_chart.release()
+        if self.uv is not None:
+            self.uv.release()
+
+
+def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> Mesh:
+    """Merge the parts and upload them; parameters as of `prepared`."""
+    made, draws, order = prepared(target, texel)
+    return Mesh(
+        **{field.name: getattr(made, field.name) for field in fields(Shape)},
+        vertices=context.buffer(made.values.tobytes()),
+        indices=context.buffer(made.triangles.tobytes()),
+        materials=target.materials,
+        at_chart=context.buffer(made.at_chart.tobytes()),
+        uv=context.buffer(made.uv.tobytes()) if len(made.uv) else None,
+        draws=draws,
+        order=order,
+    )
+
+
+def prepared(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw, ...], tuple[int, ...]]:
+    """The parts merged, with all that is made of them; the draws and the parts' order of `Mesh`. Needs no OpenGL.
+
+    Parameters
+    ----------
+    texel : between nodes of baked light, of the mesh's radius.
+
+    Raises
+    ------
+    UserError
+        If the target has no triangles, too many materials, or a part names a material it lacks.
+    """
+    numbers = {material.name: k + 1 for k, material in enumerate(target.materials)}
+    if len(numbers) > MAX_MATERIALS:
+        raise UserError(
+            f"target {target.name} has {len(numbers)} materials and {MAX_MATERIALS} can be drawn; merge some"
+        )
+    vertices, indices, start = [], [], 0
+    uv: list[Float32Array] = []
+    draws: list[Draw] = []
+    textured = {m.name: m for m in target.materials if any(m.textures)}
+    first = 0
+    # parts with one material follow each other, so that each set of textures is bound once
+    names = [part.material if part.material in textured else "" for part in target.parts]
+    order = sorted(range(len(names)), key=names.__getitem__)
+    for part in (target.parts[k] for k in order):
+        if part.material not in numbers:
+            raise UserError(
+                f"part {part.name} of target {target.name} names the material {part.material!r}, which the target "
+                "does not define; add it to the target's materials"
+            )
+        block = np.zeros(len(part.positions_m), VERTEX)
+        block["position_m"], block["normal"] = part.positions_m, part.normals
+        block["material"] = numbers[part.material]
+        vertices.append(block)
+        indices.append(np.asarray(part.triangles, np.uint32).ravel() + np.uint32(start))
+        start += len(block)
+        if textured:
+            uv.append(np.zeros((len(block), 2), np.float32) if part.uv is None else part.uv)
+            material = textured.get(part.material)
+            if draws and draws[-1].material == material:
+                draws[-1] = replace(draws[-1], count=draws[-1].count + len(indices[-1]))
+            else:
+                draws.append(Draw(first, len(indices[-1]), material))
+            first += len(indices[-1])
+    if not sum(len(block) for block in indices):
+        raise UserError(f"target {target.name} has no triangles; give it at least one part with faces")
+    made = geometry_of(
+        Merged(
+            np.concatenate(vertices),
+            np.concatenate(indices).reshape(-1, 3),
+            np.concatenate(uv).astype(np.float32) if textured else np.zeros((0, 2), np.float32),
+        ),
+        target.parts,
+        numbers,
+        texel,
+    )
+    return made, tuple(draws), tuple(order)

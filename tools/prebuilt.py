@@ -1,0 +1,88 @@
+"""What ``assets/made`` holds, and how it is made: what a first start of the standard scenes would take longest for.
+
+`python -m tools.prebuilt` makes it again, where the output of a maker has changed and its version was raised.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.bake.edge_gaps import distances_beside
+from simulator.render.bake.radiance_transfer import sight_to_ship
+from simulator.render.earth.air_tables import air_tables
+from simulator.render.earth.albedo import kept_albedo
+from simulator.render.earth.ocean_colour import shoals
+from simulator.render.earth.seasons import land_of_months
+from simulator.render.target.mesh import prepared
+from simulator.runtime.cache import read_checked
+from simulator.runtime.prebuilt import SUFFIX, made_anew
+from simulator.targets.library import cache_name, load_target
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+FOLDER = Path(__file__).parents[1] / "assets" / "made"
+TARGET = "tango"
+_LEVEL = 22  # of zstd: the smallest
+
+
+def made() -> Iterator[tuple[str, bytes]]:
+    """Names and contents of the files; each is made anew, from what is shipped of the others."""
+    yield cache_name(TARGET), next(iter(_kept(lambda: load_target(TARGET), "targets/*.glb").values()))
+    yield from _kept(lambda: [air_tables(bands, 100e3) for bands in ("mono", "rgb")], "*.npy").items()
+    yield from _kept(lambda: shoals(1), "*.npy").items()
+    of_maps = _kept(lambda: (land_of_months(), kept_albedo(clouds=True)), "*.npy")
+    yield from ((name, data) for name, data in of_maps.items() if name.startswith(("land", "albedo")))
+    target = load_target(TARGET)
+    yield from _kept(lambda: prepared(target), "*.npy").items()
+    geometry = prepared(target)[0]
+    yield from _kept(lambda: distances_beside(geometry.edges), "*.npy").items()
+    key, codes = sight_to_ship(geometry)
+    data = io.BytesIO()
+    np.save(data, codes)
+    yield f"{key}.npy", data.getvalue()
+
+
+def _kept(make: Callable[[], object], pattern: str) -> dict[str, bytes]:
+    """Files that an empty cache holds when something has been made."""
+    chosen = os.environ.get("FLYAROUND_CACHE_DIR")
+    with TemporaryDirectory() as folder:
+        os.environ["FLYAROUND_CACHE_DIR"] = folder
+        try:
+            with made_anew():
+                make()
+            files = ((path.name, read_checked(path)) for path in sorted(Path(folder).glob(pattern)))
+            return {name: data for name, data in files if data is not None}
+        finally:
+            if chosen is None:
+                del os.environ["FLYAROUND_CACHE_DIR"]
+            else:
+                os.environ["FLYAROUND_CACHE_DIR"] = chosen
+
+
+def main() -> None:
+    """Write what is missing, and remove what is no longer asked for."""
+    import zstandard  # noqa: PLC0415 - the rest of the module is for tests too
+
+    FOLDER.mkdir(exist_ok=True)
+    current = set()
+    # the checksum tells who reads it of a flipped bit
+    compressor = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True)
+    for name, data in made():
+        current.add(name + SUFFIX)
+        file, packed = FOLDER / (name + SUFFIX), compressor.compress(data)
+        if not file.is_file() or file.read_bytes() != packed:
+            file.write_bytes(packed)
+    for file in FOLDER.glob(f"*{SUFFIX}"):
+        if file.name not in current:
+            file.unlink()
+
+
+if __name__ == "__main__":
+    main()
