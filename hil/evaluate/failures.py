@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.board.svd import PoseResult
-    from hil.board.svd.hypotheses.hypothesis import Craft
-    from hil.board.svd.propose.regions import Region
+    from hil.board.svd.image.region import Region
+    from hil.board.svd.model.prepared_target import PreparedTarget
 
 # In the order of the thesis's slides: region, edges, then what comes after them.
 KINDS = ("region", "edges", "ambiguity", "correspondence")
@@ -41,7 +41,7 @@ def failure_kind(
     t_true: Sequence[float],
     result: PoseResult,
     regions: Sequence[Region],
-    craft: Craft,
+    craft: PreparedTarget,
     noise: float,
 ) -> str:
     """One of ``KINDS`` for a frame whose best pose is not coarse.
@@ -89,7 +89,7 @@ def _drawn(
     box: tuple[float, float, float, float],
     q: NDArray[np.float64],
     t: NDArray[np.float64],
-    craft: Craft,
+    craft: PreparedTarget,
     noise: float,
 ) -> float:
     """Share of the visible model with an edge under it at the true pose."""

@@ -11,8 +11,8 @@ import cv2
 import msgspec
 
 from hil.board.svd import BoardModel, CameraIntrinsics, Estimator, make_estimator
-from hil.board.svd.hypotheses.hypothesis import Craft
 from hil.board.svd.image.noise import noise_sigma
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.evaluate.failures import failure_kind
 from hil.evaluate.frame_record import frame_record
 from hil.evaluate.frames import EvaluatedFrame
@@ -73,7 +73,7 @@ class Evaluator:
     ) -> None:
         self.folder = folder
         intrinsics = CameraIntrinsics.from_dict(camera)
-        self.craft = Craft.prepare(model, intrinsics)
+        self.craft = PreparedTarget.prepare(model, intrinsics)
         self.estimators: dict[str, Estimator] = {
             c.label: make_estimator(model, intrinsics, c.method, c.solver, c.streams, c.steps)
             for c in choices

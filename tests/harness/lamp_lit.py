@@ -6,9 +6,10 @@ import numpy as np
 
 from hil.board.svd import CameraIntrinsics
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import Canvas
-from hil.board.svd.hypotheses.hypothesis import Craft, Frame
+from hil.board.svd.geometry.image_patch import ImagePatch
+from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.face_gains import blurred
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.refine.parallel import faces_of
 
@@ -16,11 +17,11 @@ FINE, SIGMA = 3, 3.0
 
 
 def lamp_lit(
-    craft: Craft, camera: CameraIntrinsics, q: np.ndarray, t: np.ndarray, to_lamp: np.ndarray
-) -> Frame:
+    craft: PreparedTarget, camera: CameraIntrinsics, q: np.ndarray, t: np.ndarray, to_lamp: np.ndarray
+) -> Observation:
     """The craft at a pose before empty space, each material of a shade of its own."""
     faces, R, (h, w) = faces_of(craft), quat.matrix(q), (camera.height_px, camera.width_px)
-    plain = Canvas(np.zeros((h, w), np.float32), 2.0, 0.0, 0.0, 1.0, FINE)
+    plain = ImagePatch(np.zeros((h, w), np.float32), 2.0, 0.0, 0.0, 1.0, FINE)
     seen = draw_faces(faces, order_faces(faces, -R.T @ t), camera, R, t, plain)
     lit = np.array([60.0, 200.0, 140.0])[faces.material % 3] * np.clip(
         faces.normals @ (R.T @ to_lamp), 0.1, 1
@@ -28,6 +29,6 @@ def lamp_lit(
     drawn = np.concatenate([[0.0], lit])[seen].astype(np.float32)
     small = blurred(drawn.reshape(h, FINE, w, FINE).mean(axis=(1, 3)), 1.0)
     noisy = small + np.random.default_rng(3).normal(0, SIGMA, small.shape)
-    frame = Frame(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
+    frame = Observation(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
     frame.noise, frame.background = SIGMA, 0.0
     return frame

@@ -9,9 +9,9 @@ import pytest
 from hil.board.svd import BoardModel, BoardModelError, CameraIntrinsics, make_estimator
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import undistorted_rays
+from hil.board.svd.image.region import Region
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.propose.pnp import solve_points
-from hil.board.svd.propose.regions import Region
 from hil.board.svd.propose.three_points import three_point_poses
 from hil.board.svd.published import published_estimator as faithful
 from hil.board.svd.published.corners import corner_map, model_corners, refine_on_corners, reprojection

@@ -12,7 +12,8 @@ from scipy.signal import correlate
 
 from hil.board.svd import BoardModel, CameraIntrinsics
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
+from hil.board.svd.image.region import Region
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.propose import learned as look_folder
 from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
@@ -20,7 +21,6 @@ from hil.board.svd.propose.learned.learned_proposal import FirstLook, Glance, ne
 from hil.board.svd.propose.learned.network import FILLED, LOOK_PX, Net, convolve
 from hil.board.svd.propose.learned.network_input import Gaze, seen_through
 from hil.board.svd.propose.learned.view_subspaces import Subspaces
-from hil.board.svd.propose.regions import Region
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 from tools.train.proposal_samples import Views, sample
@@ -34,7 +34,7 @@ def faces_seen(model: BoardModel, q: np.ndarray, centre: np.ndarray) -> np.ndarr
     assert model.faces is not None
     R = quat.matrix(q)
     t = centre - R @ model.centre_m
-    canvas = Canvas(np.zeros((300, 480), np.float32), 1.0, 0.0, 0.0, 1.0, 1)
+    canvas = ImagePatch(np.zeros((300, 480), np.float32), 1.0, 0.0, 0.0, 1.0, 1)
     return draw_faces(model.faces, order_faces(model.faces, -R.T @ t), CAMERA, R, t, canvas)
 
 

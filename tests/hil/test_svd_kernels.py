@@ -162,7 +162,7 @@ def test_polygons_are_filled_to_the_pixel_as_by_opencv() -> None:
 @needs_compiler
 def test_faces_are_ordered_and_drawn_as_by_numpy(tango: BoardModel) -> None:
     faces, rng = tango.faces, np.random.default_rng(5)
-    empty = shade.Canvas(np.zeros((64, 80), np.float32), 1.0, 10.0, 5.0, 2.2, 3, tall=1.02)
+    empty = shade.ImagePatch(np.zeros((64, 80), np.float32), 1.0, 10.0, 5.0, 2.2, 3, tall=1.02)
     for k in range(40):
         R, t = some_pose(tango, rng)
         order = _ordered(faces, -R.T @ t)
@@ -187,7 +187,7 @@ def test_the_suns_pictures_and_shadows_are_numpys(
     tango: BoardModel, choose: pytest.MonkeyPatch, kind: type
 ) -> None:
     faces, rng = tango.faces, np.random.default_rng(6)
-    canvas = shade.Canvas(np.zeros((100, 120), np.float32), 1.0, 10.0, 5.0, 1.6, 2, tall=1.02)
+    canvas = shade.ImagePatch(np.zeros((100, 120), np.float32), 1.0, 10.0, 5.0, 1.6, 2, tall=1.02)
     poses = [some_pose(tango, rng) for _ in range(8)]
     suns = rng.normal(size=(8, 3))
     seen = [shade.draw_faces(faces, order_faces(faces, -R.T @ t), CAMERA, R, t, canvas) for R, t in poses]
@@ -216,7 +216,7 @@ def test_the_suns_pictures_and_shadows_are_numpys(
 def test_the_sun_is_sought_as_by_numpy(tango: BoardModel, choose: pytest.MonkeyPatch, pixels: int) -> None:
     faces, rng = tango.faces, np.random.default_rng(7)
     table = SunTable.of(faces, 60)
-    empty = shade.Canvas(rng.uniform(0, 90, (100, 120)).astype(np.float32), 1.0, 10.0, 5.0, 1.6, 2)
+    empty = shade.ImagePatch(rng.uniform(0, 90, (100, 120)).astype(np.float32), 1.0, 10.0, 5.0, 1.6, 2)
     for grouped in (faces, faces.grouped(40)):
         # bytes number few groups, two of them many
         R, t = some_pose(tango, rng)
@@ -242,7 +242,7 @@ def test_the_sun_is_sought_as_by_numpy(tango: BoardModel, choose: pytest.MonkeyP
 @needs_compiler
 def test_the_middle_of_what_is_seen_is_numpys(tango: BoardModel, choose: pytest.MonkeyPatch) -> None:
     craft = SimpleNamespace(model=tango, camera=CAMERA)
-    canvas = shade.Canvas(np.zeros((64, 80), np.float32), 1.0, 10.0, 5.0, 2.2, 3)
+    canvas = shade.ImagePatch(np.zeros((64, 80), np.float32), 1.0, 10.0, 5.0, 2.2, 3)
     poses = [
         Candidate(np.array([0.5, 0.5, -0.5, 0.5]), np.array([x, 0.1, 4.0]), *[None] * 3) for x in (0.2, 9.0)
     ]
@@ -287,7 +287,7 @@ def test_wider_instructions_change_no_bit(
         np.uint8
     )
     said = np.random.default_rng(3).normal(0, 4, (4, 768)).astype(np.float32)
-    canvas = shade.Canvas(np.zeros((100, 120), np.float32), 1.0, 10.0, 5.0, 1.6, 2, tall=1.02)
+    canvas = shade.ImagePatch(np.zeros((100, 120), np.float32), 1.0, 10.0, 5.0, 1.6, 2, tall=1.02)
 
     def answers() -> list[bytes]:
         backend._loaded.cache_clear()
@@ -310,7 +310,7 @@ def test_wider_instructions_change_no_bit(
 @needs_compiler
 def test_poses_that_are_none_draw_nothing_and_harm_nothing(tango: BoardModel) -> None:
     faces = tango.faces
-    canvas = shade.Canvas(np.zeros((16, 16), np.float32), 1.0, 0.0, 0.0, 1.0, 3)
+    canvas = shade.ImagePatch(np.zeros((16, 16), np.float32), 1.0, 0.0, 0.0, 1.0, 3)
     sun = Sunlight.of(faces, np.array([0.2, 0.3, 0.9]), 64)
     for place in ([np.nan] * 3, [0, 0, np.inf], [0, 0, -5.0], [1e30, 0, 1.0], [0, 0, 0]):
         R, t = np.eye(3), np.array(place, float)

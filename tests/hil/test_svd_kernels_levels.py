@@ -12,7 +12,7 @@ import pytest
 
 from hil.board.svd import BoardModel, CameraIntrinsics
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.model import face_gains as levels
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
@@ -50,14 +50,16 @@ def numpy_from_here(patch: pytest.MonkeyPatch) -> None:
 
 def scene(
     craft: BoardModel, rng: np.random.Generator, k: int, fine: int = 2
-) -> tuple[Faces, Canvas, np.ndarray, np.ndarray, Sunlight | None]:
+) -> tuple[Faces, ImagePatch, np.ndarray, np.ndarray, Sunlight | None]:
     """A craft somewhere, on a picture of it from nearby: noisy, some saturated, some before a texture."""
     faces = craft.faces
     assert faces is not None
     t = np.array([0.0, 0.0, craft.radius_m * rng.uniform(5, 9)]) + rng.normal(size=3) * craft.radius_m * 0.2
     q = quat.normalise(rng.normal(size=4))
     # taller pixels, and a side that no register is filled from to the end
-    blank = Canvas(np.zeros((77, 101), np.float32), 2.0, 8.0, 3.0, 1.8, fine, tall=1.01, exact=bool(k % 2))
+    blank = ImagePatch(
+        np.zeros((77, 101), np.float32), 2.0, 8.0, 3.0, 1.8, fine, tall=1.01, exact=bool(k % 2)
+    )
     R, there = quat.matrix(q), t * (1 + 0.01 * rng.normal(size=3))
     seen = draw_faces(faces, order_faces(faces, -R.T @ there), CAMERA, R, there, blank)
     light = np.concatenate([[0.0], rng.uniform(0, 290, len(faces.corners))]).astype(np.float32)

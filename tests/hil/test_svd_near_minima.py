@@ -16,11 +16,13 @@ from hil.board.svd.decide.selection import SMALL_PX, check_leaning, choose_by_pi
 from hil.board.svd.estimator import PoseEstimator
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.hypotheses.edge_support import support
-from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame
+from hil.board.svd.hypotheses.hypothesis import Candidate
 from hil.board.svd.image.edge_field import edge_field
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.image.region import Region
 from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.propose.edge_search import twins
-from hil.board.svd.propose.regions import Region
 from hil.board.svd.refine.final import Choice, End, conclude, picture_evidence
 from hil.board.svd.refine.parallel import Ranked, laid_over, leaning
 from hil.board.svd.refine.photometric import PhotoFit, photo_score
@@ -36,16 +38,16 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
-def craft() -> Craft:
-    return Craft.prepare(board_model(load_target("tango")), CAMERA)
+def craft() -> PreparedTarget:
+    return PreparedTarget.prepare(board_model(load_target("tango")), CAMERA)
 
 
 @pytest.fixture(scope="module")
-def frame(craft: Craft) -> Frame:
+def frame(craft: PreparedTarget) -> Observation:
     return lamp_lit(craft, CAMERA, Q, T_M, SUN)
 
 
-def choice_of(craft: Craft, frame: Frame, q: np.ndarray, t: np.ndarray) -> Choice:
+def choice_of(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.ndarray) -> Choice:
     """A choice that ended at a pose."""
     faces = craft.model.faces
     assert faces is not None
@@ -61,7 +63,9 @@ def choice_of(craft: Craft, frame: Frame, q: np.ndarray, t: np.ndarray) -> Choic
     return Choice(best, end, evidence, (), close, [ranked], [ranked], [end])
 
 
-def test_a_tilt_that_holds_is_left_for_the_better_one_beside_it(craft: Craft, frame: Frame) -> None:
+def test_a_tilt_that_holds_is_left_for_the_better_one_beside_it(
+    craft: PreparedTarget, frame: Observation
+) -> None:
     field = choice_of(craft, frame, Q, T_M).best
     wrong = leaning(craft, field)[0]
     before = choice_of(craft, frame, wrong.q, wrong.t)
@@ -74,7 +78,9 @@ def test_a_tilt_that_holds_is_left_for_the_better_one_beside_it(craft: Craft, fr
     assert len(after.ends) == 2
 
 
-def test_a_right_pose_stays_and_what_leant_comes_back_to_it(craft: Craft, frame: Frame) -> None:
+def test_a_right_pose_stays_and_what_leant_comes_back_to_it(
+    craft: PreparedTarget, frame: Observation
+) -> None:
     before = choice_of(craft, frame, Q, T_M)
     after = check_leaning(craft, frame, before)
     assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 0.5
@@ -83,7 +89,7 @@ def test_a_right_pose_stays_and_what_leant_comes_back_to_it(craft: Craft, frame:
     assert after.evidence.margin >= before.evidence.margin
 
 
-def test_a_start_that_led_to_the_winner_is_no_rival_of_it(craft: Craft, frame: Frame) -> None:
+def test_a_start_that_led_to_the_winner_is_no_rival_of_it(craft: PreparedTarget, frame: Observation) -> None:
     right = choice_of(craft, frame, Q, T_M)
     start, end = right.starts[0], right.end
     turned = quat.normalise(quat.multiply(Q, np.array([0.0, 0.0, 0.0, 1.0])))
@@ -101,7 +107,7 @@ def test_a_start_that_led_to_the_winner_is_no_rival_of_it(craft: Craft, frame: F
 
 
 def test_an_end_at_another_place_is_a_rival_though_its_attitude_is_the_winners(
-    craft: Craft, frame: Frame
+    craft: PreparedTarget, frame: Observation
 ) -> None:
     right = choice_of(craft, frame, Q, T_M)
     start, end = right.starts[0], right.end
@@ -112,7 +118,7 @@ def test_an_end_at_another_place_is_a_rival_though_its_attitude_is_the_winners(
     assert both.evidence.margin == pytest.approx(0.03 * end.score)
 
 
-def test_a_twin_is_laid_over_what_it_could_be_mistaken_for(craft: Craft, frame: Frame) -> None:
+def test_a_twin_is_laid_over_what_it_could_be_mistaken_for(craft: PreparedTarget, frame: Observation) -> None:
     held = choice_of(craft, frame, Q, T_M)
     q, t = twins(craft, [held.best])
     beside = [
@@ -130,7 +136,7 @@ def test_a_twin_is_laid_over_what_it_could_be_mistaken_for(craft: Craft, frame: 
     assert np.linalg.norm(again.t - over[k].t) < 0.01
 
 
-def test_a_half_turn_is_won_back_from_its_end(craft: Craft, frame: Frame) -> None:
+def test_a_half_turn_is_won_back_from_its_end(craft: PreparedTarget, frame: Observation) -> None:
     turned = quat.normalise(quat.multiply(Q, np.array([0.0, 0.0, 0.0, 1.0])))
     before = choice_of(craft, frame, turned, T_M)
     after = check_leaning(craft, frame, before)
@@ -140,7 +146,7 @@ def test_a_half_turn_is_won_back_from_its_end(craft: Craft, frame: Frame) -> Non
 
 
 def test_a_twin_is_asked_though_a_leader_that_is_not_compared_stands_there(
-    craft: Craft, frame: Frame
+    craft: PreparedTarget, frame: Observation
 ) -> None:
     held = choice_of(craft, frame, Q, T_M).ranked[0]
     q, t = twins(craft, [held.start])
@@ -152,7 +158,7 @@ def test_a_twin_is_asked_though_a_leader_that_is_not_compared_stands_there(
 
     leaders = [held, *(leader(0.5, c.q, c.t) for c in leans), leader(0.1, q[0], t[0])]
     asked: dict[str, Any] = {}
-    seen = Frame(frame.image, asked)
+    seen = Observation(frame.image, asked)
     seen.noise, seen.background = frame.noise, frame.background
     choice = choose_by_picture(craft, seen, leaders, thorough=True)
     # or that of the pose it was aligned to, where it is the better of the two
@@ -160,12 +166,14 @@ def test_a_twin_is_asked_though_a_leader_that_is_not_compared_stands_there(
     assert np.degrees(quat.angle_rad(choice.end.fit.q, Q)) < 0.5
 
 
-def test_the_winner_s_twins_are_asked_though_another_pose_led(craft: Craft, frame: Frame) -> None:
+def test_the_winner_s_twins_are_asked_though_another_pose_led(
+    craft: PreparedTarget, frame: Observation
+) -> None:
     held = choice_of(craft, frame, Q, T_M).ranked[0]
     away = quat.normalise(quat.multiply(Q, quat.from_rotvec(np.array([0.0, 0.9, 0.4]))))
     c = Candidate(away, T_M, held.start.support, held.start.field, held.start.region)
     asked: dict[str, Any] = {}
-    seen = Frame(frame.image, asked)
+    seen = Observation(frame.image, asked)
     seen.noise, seen.background = frame.noise, frame.background
     leaders = [Ranked(held.score, PhotoFit(away, T_M, 1.0, np.eye(6)), c), held]
     choice = choose_by_picture(craft, seen, leaders, thorough=True)
@@ -174,7 +182,7 @@ def test_the_winner_s_twins_are_asked_though_another_pose_led(craft: Craft, fram
         assert min(np.degrees(quat.angle_rad(r.start.q, twin)) for r in asked["ranked"]) < 2.0
 
 
-def test_half_a_turn_is_told_by_the_finer_picture(craft: Craft, frame: Frame) -> None:
+def test_half_a_turn_is_told_by_the_finer_picture(craft: PreparedTarget, frame: Observation) -> None:
     s = craft.model.symmetry_wxyz[0]
     turned = quat.normalise(quat.multiply(Q, s))
     for q in (turned, Q):
@@ -188,7 +196,7 @@ def test_half_a_turn_is_told_by_the_finer_picture(craft: Craft, frame: Frame) ->
 
 
 def test_a_first_look_is_heard_about_half_a_turn_and_does_not_decide_it_alone(
-    craft: Craft, frame: Frame
+    craft: PreparedTarget, frame: Observation
 ) -> None:
     turned = quat.normalise(quat.multiply(Q, craft.model.symmetry_wxyz[0]))
     choice = choice_of(craft, frame, turned, T_M)
@@ -214,7 +222,7 @@ def test_what_is_told_of_errors_grows_with_the_craft_and_leaves_the_decision() -
     assert len({confidence(at(size)) for size in (100.0, 400.0, 1500.0)}) == 1
 
 
-def untried(craft: Craft, monkeypatch: pytest.MonkeyPatch, held: Choice) -> PoseEstimator:
+def untried(craft: PreparedTarget, monkeypatch: pytest.MonkeyPatch, held: Choice) -> PoseEstimator:
     """An estimator of a craft whose confidence was not fitted, that comes by a choice and takes it for doubtful."""
     monkeypatch.setattr(estimator, "align_leaders", lambda *_, **__: [])
     monkeypatch.setattr(estimator, "choose_by_picture", lambda *_, **__: held)
@@ -225,7 +233,7 @@ def untried(craft: Craft, monkeypatch: pytest.MonkeyPatch, held: Choice) -> Pose
 
 
 def test_half_a_turn_that_was_judged_is_not_brought_back_by_the_score_alone(
-    craft: Craft, frame: Frame, monkeypatch: pytest.MonkeyPatch
+    craft: PreparedTarget, frame: Observation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     turned = quat.normalise(quat.multiply(Q, craft.model.symmetry_wxyz[0]))
     held = choice_of(craft, frame, turned, T_M)
@@ -239,7 +247,9 @@ def test_half_a_turn_that_was_judged_is_not_brought_back_by_the_score_alone(
     assert np.degrees(quat.angle_rad(told.q_camera_from_target_wxyz, Q)) < 0.5
 
 
-def test_another_end_is_a_rival_still_where_half_turns_are_judged(craft: Craft, frame: Frame) -> None:
+def test_another_end_is_a_rival_still_where_half_turns_are_judged(
+    craft: PreparedTarget, frame: Observation
+) -> None:
     right = choice_of(craft, frame, Q, T_M)
     beside = quat.normalise(quat.multiply(Q, quat.from_rotvec(np.radians([0.0, 0.0, 8.0]))))
     other = End(PhotoFit(beside, T_M, 1.0, 1e-4 * np.eye(6)), right.end.score - 0.004, None, 0.1)
@@ -249,7 +259,7 @@ def test_another_end_is_a_rival_still_where_half_turns_are_judged(craft: Craft, 
 
 
 def test_a_pose_that_leaning_moved_is_held_against_its_half_turns_again(
-    craft: Craft, frame: Frame, monkeypatch: pytest.MonkeyPatch
+    craft: PreparedTarget, frame: Observation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     turned = quat.normalise(quat.multiply(Q, craft.model.symmetry_wxyz[0]))
     wrong = leaning(craft, choice_of(craft, frame, turned, T_M).best)[0]
@@ -270,7 +280,7 @@ def test_a_pose_that_leaning_moved_is_held_against_its_half_turns_again(
 
 
 def test_what_half_turns_left_in_doubt_leaning_does_not_make_clear(
-    craft: Craft, frame: Frame, monkeypatch: pytest.MonkeyPatch
+    craft: PreparedTarget, frame: Observation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     right = choice_of(craft, frame, Q, T_M)
     asked = 0.11 * right.end.score
@@ -282,7 +292,7 @@ def test_what_half_turns_left_in_doubt_leaning_does_not_make_clear(
     seen: list[float] = []
     decided = made._decided
 
-    def decide(f: Frame, fit: Any, evidence: Evidence, *rest: Any) -> Any:
+    def decide(f: Observation, fit: Any, evidence: Evidence, *rest: Any) -> Any:
         seen.append(evidence.margin)
         return decided(f, fit, evidence, *rest)
 

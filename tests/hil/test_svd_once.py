@@ -11,15 +11,17 @@ import pytest
 from hil.board.svd import CameraIntrinsics
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.response import Response
 from hil.board.svd.geometry.vectors import length
-from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate, Craft, Frame
+from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate
 from hil.board.svd.image.edge_field import edge_field
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.image.region import Region
 from hil.board.svd.model.face_gains import _boxes
 from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.propose.learned.network import convolve
-from hil.board.svd.propose.regions import Region
 from hil.board.svd.refine.edges import limit_one_step, limit_step
 from hil.board.svd.refine.parallel import (
     Course,
@@ -99,8 +101,8 @@ def test_one_attitude_is_what_it_is_among_many() -> None:
 
 def test_what_a_canvas_keeps_of_a_craft_is_not_taken_for_another_ones() -> None:
     """Arguments of kernels are kept with a canvas: other faces, another camera or another canvas have their own."""
-    craft = Craft.prepare(board_model(load_target("tango")), CAMERA)
-    frame = Frame(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
+    craft = PreparedTarget.prepare(board_model(load_target("tango")), CAMERA)
+    frame = Observation(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
     frame.noise = 3.0
     q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
     box, fit = craft_box(craft, q, T_M), PhotoFit(q, T_M, 9.9, np.eye(6))
@@ -108,7 +110,7 @@ def test_what_a_canvas_keeps_of_a_craft_is_not_taken_for_another_ones() -> None:
     fine, other = craft.model.faces.grouped(6), replace(CAMERA, fx_px=360.0, cx_px=118.0)
     shared = make_canvas(craft, frame, box, 90)
 
-    def stepped(faces: Faces, camera: CameraIntrinsics, canvas: Canvas) -> tuple[float, PhotoFit | None]:
+    def stepped(faces: Faces, camera: CameraIntrinsics, canvas: ImagePatch) -> tuple[float, PhotoFit | None]:
         drawn = photo_draw(q, T_M, faces, canvas, camera)
         return explained(drawn, canvas), photo_step(fit, drawn, faces, canvas, camera, craft.radius_m, 0.8)
 
@@ -134,14 +136,14 @@ def test_what_a_canvas_keeps_of_a_craft_is_not_taken_for_another_ones() -> None:
 
 
 def test_what_a_canvas_keeps_outlives_the_responses_of_others() -> None:
-    craft = Craft.prepare(board_model(load_target("tango")), CAMERA)
-    frame = Frame(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
+    craft = PreparedTarget.prepare(board_model(load_target("tango")), CAMERA)
+    frame = Observation(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
     frame.noise, faces = 3.0, craft.model.faces
     q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
     assert faces is not None
     plain = make_canvas(craft, frame, craft_box(craft, q, T_M), 90)
 
-    def score(canvas: Canvas) -> float:
+    def score(canvas: ImagePatch) -> float:
         return explained(photo_draw(q, T_M, faces, canvas, CAMERA), canvas)
 
     kept = replace(plain, clipped=4.0)
@@ -166,8 +168,8 @@ def test_a_response_without_bright_pixels_is_the_same_as_with_them(top: float) -
 
 
 def test_what_is_known_is_not_drawn_again_and_ends_where_it_did() -> None:
-    craft = Craft.prepare(board_model(load_target("tango")), CAMERA)
-    frame = Frame(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
+    craft = PreparedTarget.prepare(board_model(load_target("tango")), CAMERA)
+    frame = Observation(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
     frame.noise, frame.background = 3.0, 0.0
     q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
     box = craft_box(craft, q, T_M)

@@ -19,10 +19,10 @@ from hil.board.svd.decide.confidence import Evidence, confidence, decide
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import undistorted_rays
 from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.response import Response
-from hil.board.svd.hypotheses.hypothesis import Frame
 from hil.board.svd.image.noise import clipped_noise
+from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.face_gains import blurred, coverage, shade
 from hil.board.svd.model.image_patch import make_canvas, straightened
 from hil.board.svd.model.rasteriser import draw_faces, fill_faces, order_faces
@@ -67,8 +67,8 @@ def faces(record: dict[str, Any]) -> Faces:
     return Faces.from_dict(record)
 
 
-def canvas(gray: np.ndarray, sigma: float = 2.0) -> Canvas:
-    return Canvas(gray, sigma, 0.0, 0.0, 1.0, 3)
+def canvas(gray: np.ndarray, sigma: float = 2.0) -> ImagePatch:
+    return ImagePatch(gray, sigma, 0.0, 0.0, 1.0, 3)
 
 
 def nearest_face(faces: Faces, R: np.ndarray, t: np.ndarray, pixels: np.ndarray) -> np.ndarray:
@@ -190,7 +190,7 @@ def test_the_derivative_lies_where_the_border_is(faces: Faces, box: tuple[int, i
     seen = np.zeros((80, 100), np.int32)
     seen[box[0] : box[1], box[0] : box[1]] = 1 + order_faces(faces, -T_M)[-1]
     gray = np.where(seen.reshape(40, 2, 50, 2).mean(axis=(1, 3)) > 0, 90.0, 10.0).astype(np.float32)
-    c = Canvas(gray, 1.0, 75.0, 60.0, 1.0, 2)
+    c = ImagePatch(gray, 1.0, 75.0, 60.0, 1.0, 2)
     D = motion_images(shade(faces, seen, c), faces, c, CAMERA, np.eye(3), T_M)
     middle = np.mean(box) / 2 - 0.5
     for k, axis in ((3, 0), (4, 1)):
@@ -240,7 +240,7 @@ def test_shadows_fall_where_rays_to_the_sun_are_stopped(faces: Faces) -> None:
 
 
 @pytest.fixture(scope="module")
-def in_the_sun(faces: Faces) -> tuple[Canvas, np.ndarray]:
+def in_the_sun(faces: Faces) -> tuple[ImagePatch, np.ndarray]:
     """The craft in sunlight with the shadows that it casts on itself, and the Sun's direction."""
     R, level = FROM_THE_SIDE, np.array([60.0, 200.0, 140.0])[faces.material]
     c = canvas(np.zeros((160, 200), np.float32))
@@ -254,7 +254,7 @@ def in_the_sun(faces: Faces) -> tuple[Canvas, np.ndarray]:
 
 
 def test_the_sun_is_found_by_the_shadows_it_casts(
-    faces: Faces, in_the_sun: tuple[Canvas, np.ndarray]
+    faces: Faces, in_the_sun: tuple[ImagePatch, np.ndarray]
 ) -> None:
     c, sun = in_the_sun
     R = FROM_THE_SIDE
@@ -266,7 +266,7 @@ def test_the_sun_is_found_by_the_shadows_it_casts(
 
 
 def test_a_sun_painted_once_casts_the_same_shadows(
-    faces: Faces, in_the_sun: tuple[Canvas, np.ndarray]
+    faces: Faces, in_the_sun: tuple[ImagePatch, np.ndarray]
 ) -> None:
     c, R = in_the_sun[0], FROM_THE_SIDE
     seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
@@ -281,7 +281,9 @@ def test_a_sun_painted_once_casts_the_same_shadows(
     assert casting > 3
 
 
-def test_its_shadows_speak_for_the_right_pose(faces: Faces, in_the_sun: tuple[Canvas, np.ndarray]) -> None:
+def test_its_shadows_speak_for_the_right_pose(
+    faces: Faces, in_the_sun: tuple[ImagePatch, np.ndarray]
+) -> None:
     c, _ = in_the_sun
     craft: Any = SimpleNamespace(suns=SunTable.of(faces), camera=SimpleNamespace(pinhole=CAMERA))
 
@@ -333,7 +335,7 @@ def test_a_damaged_tree_is_refused(record: dict[str, Any], key: str, value: Any)
 
 def test_a_region_of_any_shape_keeps_the_size_of_what_it_shows() -> None:
     # 151 x 103 pixels reduced to 60 across are not 41 rows of the same height
-    frame = Frame(np.zeros((160, 200), np.uint8))
+    frame = Observation(np.zeros((160, 200), np.uint8))
     frame.background = 0.0
     model = SimpleNamespace(camera=CAMERA)
     canvas = make_canvas(model, frame, (20, 30, 171, 133), 60)  # type: ignore[arg-type]

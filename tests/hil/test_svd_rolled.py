@@ -14,11 +14,13 @@ from hil.board.svd.decide.discrete_symmetry import preference
 from hil.board.svd.decide.selection import SMALL_PX
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.hypotheses.edge_support import support
-from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame
+from hil.board.svd.hypotheses.hypothesis import Candidate
 from hil.board.svd.image.edge_field import edge_field
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.image.region import Region
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred
 from hil.board.svd.model.image_patch import craft_box, make_canvas
-from hil.board.svd.propose.regions import Region
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.refine.final import Choice, End, finish, picture_evidence
 from hil.board.svd.refine.parallel import Ranked, faces_of
 from hil.board.svd.refine.photometric import PhotoFit
@@ -36,22 +38,22 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
-def dragon() -> Craft:
-    return Craft.prepare(board_model(load_target("dragon")), CAMERA)
+def dragon() -> PreparedTarget:
+    return PreparedTarget.prepare(board_model(load_target("dragon")), CAMERA)
 
 
 @pytest.fixture(scope="module")
-def frame(dragon: Craft) -> Frame:
+def frame(dragon: PreparedTarget) -> Observation:
     return lamp_lit(dragon, CAMERA, Q, T_M, SUN)
 
 
-def rolled(craft: Craft, angle_deg: float) -> tuple[np.ndarray, np.ndarray]:
+def rolled(craft: PreparedTarget, angle_deg: float) -> tuple[np.ndarray, np.ndarray]:
     along, through = axis(craft.model)
     q = quat.normalise(quat.multiply(Q, quat.from_rotvec(np.radians(angle_deg) * along)))
     return q, quat.matrix(Q) @ through + T_M - quat.matrix(q) @ through
 
 
-def choice_at(craft: Craft, frame: Frame, q: np.ndarray, t: np.ndarray) -> Choice:
+def choice_at(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.ndarray) -> Choice:
     """A choice whose alignment began at a pose and ended where that led."""
     box = craft_box(craft, q, t)
     close = make_canvas(craft, frame, box, SMALL_PX)
@@ -75,7 +77,7 @@ def test_the_axis_of_a_round_craft_is_found_from_its_walls(name: str) -> None:
     assert np.linalg.norm(through[:2]) < 0.03 * model.radius_m
 
 
-def held(craft: Craft, frame: Frame, angles_deg: tuple[float, ...]) -> Choice:
+def held(craft: PreparedTarget, frame: Observation, angles_deg: tuple[float, ...]) -> Choice:
     """The first of some turns that its near minimum holds.
 
     Which minimum an alignment falls into hangs on the last bit near the border between two: starts 7 to 9 deg off come
@@ -90,7 +92,7 @@ def held(craft: Craft, frame: Frame, angles_deg: tuple[float, ...]) -> Choice:
 
 @pytest.mark.parametrize("angles_deg", [(-10.0, -11.0, -9.0), (9.0, 10.0, 8.0)])
 def test_a_turn_about_the_axis_that_holds_is_left_for_the_right_one(
-    dragon: Craft, frame: Frame, angles_deg: tuple[float, ...]
+    dragon: PreparedTarget, frame: Observation, angles_deg: tuple[float, ...]
 ) -> None:
     before = held(dragon, frame, angles_deg)
     after = check_rolled(dragon, frame, before)
@@ -99,14 +101,16 @@ def test_a_turn_about_the_axis_that_holds_is_left_for_the_right_one(
     assert 0 < after.evidence.margin <= after.end.score - before.end.score + 1e-9
 
 
-def test_the_right_turn_stays(dragon: Craft, frame: Frame) -> None:
+def test_the_right_turn_stays(dragon: PreparedTarget, frame: Observation) -> None:
     before = choice_at(dragon, frame, Q, T_M)
     after = check_rolled(dragon, frame, before)
     assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 1.0
     assert after.end.score >= before.end.score
 
 
-def test_what_neither_drawing_explains_does_not_speak_for_one(dragon: Craft, frame: Frame) -> None:
+def test_what_neither_drawing_explains_does_not_speak_for_one(
+    dragon: PreparedTarget, frame: Observation
+) -> None:
     (q, t), faces = rolled(dragon, 40.0), faces_of(dragon)
     canvas = replace(make_canvas(dragon, frame, craft_box(dragon, Q, T_M), 240), exact=True)
     right, wrong = (shadowed(dragon, faces, canvas, *p) for p in ((Q, T_M), (q, t)))

@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 
 from hil.board.errors import BoardModelError
+from hil.board.svd.base import PoseResult
 from hil.board.svd.debug.stage_pictures import write_stage_pictures
 from hil.board.svd.decide.confidence import Evidence, confidence, decide
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
 from hil.board.svd.geometry.vectors import cross
 from hil.board.svd.geometry.wireframe import jacobian, project
-from hil.board.svd.hypotheses.hypothesis import PoseResult, Trace
 from hil.board.svd.image.edge_field import edge_field, gradient_noise
 from hil.board.svd.image.line_segments import cleaned_stream
 from hil.board.svd.image.noise import noise_sigma
+from hil.board.svd.image.observation import Trace
 from hil.board.svd.image.segment_merging import merge_segments
 from hil.board.svd.image.weak_gradients import (
     eliminate_weak_gradients,
@@ -28,6 +29,7 @@ from hil.board.svd.image.weak_gradients import (
     marginal_interval,
 )
 from hil.board.svd.model.target_model import BoardModel
+from hil.board.svd.model.view_tables import build_views, sphere_directions
 from hil.board.svd.model.visibility import hidden, occluders, sample_edges, visible_samples
 from hil.board.svd.propose.perceptual_groups import (
     Lines,
@@ -39,7 +41,6 @@ from hil.board.svd.propose.perceptual_groups import (
 )
 from hil.board.svd.propose.pnp import plane_poses, solve_points
 from hil.board.svd.propose.regions import propose_regions, straight_windows
-from hil.board.svd.propose.templates import build_views, sphere_directions
 from hil.board.svd.refine.edges import align_to_field
 
 CAMERA = CameraIntrinsics(640, 480, 800.0, 800.0, 320.0, 240.0)

@@ -10,7 +10,7 @@ from drawn_craft import CAMERA, Craft
 from flyaround.__main__ import run
 from hil.board.svd import BoardModel, CameraIntrinsics, make_estimator
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.model.face_gains import blurred
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.tracking.edge_tracker import track_edges
@@ -172,7 +172,7 @@ def picture_of(tango: BoardModel, q: np.ndarray, t: np.ndarray, seed: int) -> np
     """The board's drawing of the target under one lamp, with noise; every face as bright as its direction says."""
     faces, R, fine = tango.faces, quat.matrix(q), 3
     assert faces is not None
-    canvas = Canvas(np.zeros((300, 480), np.float32), 2.0, 0.0, 0.0, 1.0, fine)
+    canvas = ImagePatch(np.zeros((300, 480), np.float32), 2.0, 0.0, 0.0, 1.0, fine)
     seen = draw_faces(faces, order_faces(faces, -R.T @ t), SMALL, R, t, canvas)
     lit = np.array([60.0, 200.0, 140.0])[faces.material % 3] * np.clip(faces.normals @ (R.T @ SUN), 0.1, 1)
     drawn = np.concatenate([[0.0], lit])[seen].astype(np.float32)

@@ -7,17 +7,19 @@ import pytest
 
 from hil.board.svd import CameraIntrinsics, PoseEstimator
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import Canvas
-from hil.board.svd.hypotheses.hypothesis import Craft, Frame
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.image.edge_field import shrink
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.image.region import Region
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.model.face_gains import blurred
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.propose.learned.learned_proposal import Glance
 from hil.board.svd.propose.learned.network_input import Gaze
 from hil.board.svd.propose.multi_scale import align_wide, gazes_about, gazes_about_lit
-from hil.board.svd.propose.regions import Region, propose_regions
+from hil.board.svd.propose.regions import propose_regions
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
@@ -33,11 +35,11 @@ def estimator() -> PoseEstimator:
     return PoseEstimator(board_model(load_target("tango")), CAMERA)
 
 
-def frame_of(craft: Craft, q: np.ndarray, sun: np.ndarray) -> Frame:
+def frame_of(craft: PreparedTarget, q: np.ndarray, sun: np.ndarray) -> Observation:
     """The board's own drawing lit by the Sun alone (``sun``: camera axes), with its shadows and noise."""
     faces, R, fine = craft.model.faces, quat.matrix(q), 3
     assert faces is not None
-    plain = Canvas(np.zeros((300, 480), np.float32), SIGMA, 0.0, 0.0, 1.0, fine)
+    plain = ImagePatch(np.zeros((300, 480), np.float32), SIGMA, 0.0, 0.0, 1.0, fine)
     seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, plain)
     s = R.T @ sun
     light = np.array([120.0, 230.0, 160.0])[faces.material % 3] * np.clip(faces.normals @ s, 0, 1)
@@ -45,7 +47,7 @@ def frame_of(craft: Craft, q: np.ndarray, sun: np.ndarray) -> Frame:
     drawn[Sunlight.of(faces, s, 400).shadows(faces, seen, plain, CAMERA, R, T_M)] = 0.0
     small = blurred(drawn.reshape(300, fine, 480, fine).mean(axis=(1, 3)), 1.0)
     noisy = small + DARK + np.random.default_rng(3).normal(0, SIGMA, small.shape)
-    frame = Frame(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
+    frame = Observation(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
     frame.noise, frame.background = SIGMA, DARK
     return frame
 
@@ -108,7 +110,7 @@ def test_nothing_lit_proposes_no_place_and_a_texture_proposes_them_about_the_loo
     estimator: PoseEstimator,
 ) -> None:
     craft = estimator.craft
-    dark = Frame(np.full((300, 480), 4, np.uint8))
+    dark = Observation(np.full((300, 480), 4, np.uint8))
     dark.noise, dark.background = SIGMA, DARK
     assert gazes_about_lit(craft, dark, np.full((75, 120), DARK, np.float32)) == []
     gaze = Gaze.at(CAMERA, 200.0, 120.0, 90.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.board.svd.propose.regions import Region
+from hil.board.svd.image.region import Region
 from hil.evaluate.failures import HELD, TOO_LARGE, _serves
 from hil.evaluate.frame_record import _nees, frame_record
 from hil.evaluate.metrics import summarise

@@ -14,9 +14,16 @@ import pytest
 from hil.board.errors import BoardModelError
 from hil.board.svd import BoardModel
 from hil.board.svd.model.occluding_contours import Outlines
-from hil.board.svd.model.round_bodies import is_round, with_outlines
 from hil.board.svd.model.target_model import WireEdge
-from hil.board.svd.propose.templates import SHAPE_SAMPLES, TURNS, ViewTable, look_at, sphere_directions
+from hil.board.svd.model.view_tables import (
+    SHAPE_SAMPLES,
+    TURNS,
+    ViewTable,
+    is_round,
+    look_at,
+    sphere_directions,
+    with_outlines,
+)
 from simulator.runtime.arrays import FloatArray
 from simulator.targets.board_model.contours import outlines_of
 from simulator.targets.board_model.write import packed, write_board_model

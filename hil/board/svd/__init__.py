@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from hil.board.errors import BoardModelError
-from hil.board.svd.base import Estimator
+from hil.board.svd.base import Estimator, PoseResult
 from hil.board.svd.estimator import PoseEstimator
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.hypotheses.hypothesis import Alternative, PoseResult
+from hil.board.svd.hypotheses.ambiguity import Alternative
 from hil.board.svd.methods import METHODS, make_estimator
 from hil.board.svd.model.target_model import BoardModel
 

@@ -2,20 +2,52 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional, Tuple, Union
+from dataclasses import dataclass, field
+from typing import Any, Dict, Optional, Tuple, Union
 
 import numpy as np
 
 from hil.board.svd.decide.confidence import ACCEPT_AT, Evidence, confidence, decide
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.hypotheses.hypothesis import Alternative, Frame, PoseResult, Trace
+from hil.board.svd.hypotheses.ambiguity import Alternative
+from hil.board.svd.image.observation import Observation, Trace
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.native.backend import native_library
 from hil.board.svd.refine.edges import FineFit
 from hil.board.svd.refine.photometric import PhotoFit
 
+Array = np.ndarray
+
 # A frame smaller than this shows no craft [px].
 SMALLEST_FRAME_PX = 64
+
+
+@dataclass(frozen=True, eq=False)
+class PoseResult:
+    """What the estimator says of one picture.
+
+    Parameters
+    ----------
+    accepted : whether the pose may be used. reason : why not, else empty.
+    q_camera_from_target_wxyz, t_camera_from_target_m : best pose, ``x_camera = R(q) x_target + t``; None when
+        there is none. A declined result still carries its best pose.
+    confidence : 0..1. stages_ms : time of each stage in order. counts : what each stage found.
+    evidence : what the decision was made from; None when no pose was found.
+    covariance : (6, 6) of turn [rad] and shift [m], camera axes. alternatives : distinct poses, best first.
+    method : its name.
+    """
+
+    accepted: bool
+    reason: str
+    q_camera_from_target_wxyz: Optional[Array]
+    t_camera_from_target_m: Optional[Array]
+    confidence: float
+    stages_ms: Dict[str, float] = field(default_factory=dict)
+    counts: Dict[str, int] = field(default_factory=dict)
+    evidence: Optional[Evidence] = None
+    covariance: Optional[Array] = None
+    alternatives: Tuple[Alternative, ...] = ()
+    method: str = ""
 
 
 class Estimator:
@@ -59,19 +91,19 @@ class Estimator:
         reason = unusable(image, self.camera)
         if reason:
             return PoseResult(False, reason, None, None, 0.0, method=self.method)
-        frame = Frame(image, trace)
+        frame = Observation(image, trace)
         try:
             return self._estimate(frame)
         except Exception as error:  # noqa: BLE001 - a board must go on to the next frame whatever this one held
             return self._declined(frame, f"internal: {error!r}"[:200])
 
-    def _declined(self, frame: Frame, reason: str) -> PoseResult:
+    def _declined(self, frame: Observation, reason: str) -> PoseResult:
         """No pose."""
         return PoseResult(False, reason, None, None, 0.0, frame.stages_ms, frame.counts, method=self.method)
 
     def _decided(
         self,
-        frame: Frame,
+        frame: Observation,
         fit: Union[FineFit, PhotoFit],
         evidence: Evidence,
         alternatives: Tuple[Alternative, ...],
@@ -94,7 +126,7 @@ class Estimator:
             self.method,
         )
 
-    def _estimate(self, frame: Frame) -> PoseResult:
+    def _estimate(self, frame: Observation) -> PoseResult:
         raise NotImplementedError
 
 

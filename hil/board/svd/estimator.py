@@ -8,7 +8,7 @@ from typing import List, Sequence, Tuple, Union
 
 import numpy as np
 
-from hil.board.svd.base import Estimator
+from hil.board.svd.base import Estimator, PoseResult
 from hil.board.svd.decide.axial_symmetry import check_rolled
 from hil.board.svd.decide.confidence import ACCEPT_AT, TRIED, Evidence, doubtful, error_scale
 from hil.board.svd.decide.discrete_symmetry import check_turned
@@ -20,15 +20,20 @@ from hil.board.svd.decide.selection import (
     choose_by_picture,
 )
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.hypotheses.hypothesis import UNASKED, Alternative, Candidate, Craft, Frame, PoseResult
+from hil.board.svd.hypotheses.ambiguity import Alternative
+from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate
 from hil.board.svd.image.edge_field import edge_field, shrink
 from hil.board.svd.image.noise import noise_sigma, whole_median
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.image.region import Region
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.propose.edge_search import search_region
 from hil.board.svd.propose.learned.learned_proposal import FirstLook, Glance
 from hil.board.svd.propose.multi_scale import align_wide
-from hil.board.svd.propose.regions import REDUCTION, Region, propose_regions
+from hil.board.svd.propose.perceptual_groups import model_triads
+from hil.board.svd.propose.regions import REDUCTION, propose_regions
 from hil.board.svd.refine.edges import FineFit
 from hil.board.svd.refine.final import Choice, no_clearer
 from hil.board.svd.refine.final_edges import choose
@@ -69,14 +74,15 @@ class PoseEstimator(Estimator):
     def __init__(self, model: BoardModel, camera: CameraIntrinsics, accept_at: float = ACCEPT_AT) -> None:
         super().__init__(model, camera)
         self.accept_at = accept_at
-        self.craft = Craft.prepare(model, camera)
+        self.craft = PreparedTarget.prepare(model, camera)
+        self.figures = model_triads(self.craft.model)
         self.first = FirstLook.prepare(model, camera)
         self.tried = self.first is not None and model.name in TRIED
 
-    def _estimate(self, frame: Frame) -> PoseResult:
+    def _estimate(self, frame: Observation) -> PoseResult:
         return self.initialise(frame)
 
-    def initialise(self, frame: Frame) -> PoseResult:
+    def initialise(self, frame: Observation) -> PoseResult:
         """The pose in one frame, without knowing any other: by a first look, by edges where that is not enough."""
         image = frame.image
         # a 16-bit file may hold 10 or 12 bits: its own largest value is its scale
@@ -109,27 +115,27 @@ class PoseEstimator(Estimator):
             looked = max(looked, again, key=_confidence)
         if looked is not None and (looked.accepted or self.first is not None):
             if frame.shows_all and regions:
-                search_region(self.craft, frame, regions[0])
+                search_region(self.craft, self.figures, frame, regions[0])
             return looked
         # what the look is sure of is where it is: there edges find the attitudes that it does not
         sure = [g.source for g in glances if g.craft > SURE]
         some = sure[:1] or regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
         frame.count("searched", 1)
-        found = [c for region in some for c in search_region(self.craft, frame, region)]
+        found = [c for region in some for c in search_region(self.craft, self.figures, frame, region)]
         if found:
             searched = self._chosen(frame, found, glances, thorough=True)
             # not by what they explain: the two were judged on different cuts of the picture
             looked = searched if looked is None else max(looked, searched, key=_confidence)
         return self._declined(frame, "no target found") if looked is None else looked
 
-    def _glances(self, frame: Frame, regions: List[Region], reduced: Array) -> List[Glance]:
+    def _glances(self, frame: Observation, regions: List[Region], reduced: Array) -> List[Glance]:
         """What the first look says of the likeliest places; nothing where the target has none."""
         if self.first is None:
             return []
         keep = LOOKS if frame.background < 0 else EMPTY_LOOKS
         return self.first.glances(frame.image, frame.noise, regions[:GLANCES], keep, reduced)
 
-    def _candidates(self, frame: Frame, glance: Glance) -> List[Candidate]:
+    def _candidates(self, frame: Observation, glance: Glance) -> List[Candidate]:
         """Poses of a glance, the likeliest first, and the edges of its place for who wants to ask them."""
         region = glance.region(self.craft.camera)
         h, w = frame.image.shape
@@ -151,7 +157,7 @@ class PoseEstimator(Estimator):
 
     def _chosen(
         self,
-        frame: Frame,
+        frame: Observation,
         found: List[Candidate],
         glances: Sequence[Glance],
         *,
@@ -173,7 +179,7 @@ class PoseEstimator(Estimator):
         return self._told(frame, _all_of(self._held_against_near_minima(frame, choice, glances)))
 
     def _compared(
-        self, frame: Frame, found: List[Candidate], beside: Sequence[Ranked], *, thorough: bool
+        self, frame: Observation, found: List[Candidate], beside: Sequence[Ranked], *, thorough: bool
     ) -> Choice:
         """The best of the candidates and of poses aligned already, by the picture alone."""
         keep = ALL_LEADERS if thorough else LEADERS
@@ -181,7 +187,7 @@ class PoseEstimator(Estimator):
         leaders = sorted([*leaders, *beside], key=lambda r: -r.score)
         return choose_by_picture(self.craft, frame, leaders, thorough=thorough)
 
-    def _turned(self, frame: Frame, choice: Choice, glances: Sequence[Glance]) -> Choice:
+    def _turned(self, frame: Observation, choice: Choice, glances: Sequence[Glance]) -> Choice:
         """The same held against its near-symmetries, about which the first look is heard where there is one.
 
         Of a round craft a few small parts say which way round it is, and confidence was not fitted on them.
@@ -190,7 +196,9 @@ class PoseEstimator(Estimator):
         prior = None if first is None else partial(first.log_likelihood, glances)
         return check_turned(self.craft, frame, choice, prior)
 
-    def _held_against_near_minima(self, frame: Frame, choice: Choice, glances: Sequence[Glance]) -> Choice:
+    def _held_against_near_minima(
+        self, frame: Observation, choice: Choice, glances: Sequence[Glance]
+    ) -> Choice:
         """A doubtful choice beside poses that lean about it; of an untried craft the last word is its half turns'."""
         if self.tried:
             return check_leaning(self.craft, frame, choice)
@@ -200,7 +208,7 @@ class PoseEstimator(Estimator):
             return replace(no_clearer(leant, choice.evidence), alternatives=choice.alternatives)
         return no_clearer(self._turned(frame, leant, glances), leant.evidence)
 
-    def _told(self, frame: Frame, chosen: Chosen) -> PoseResult:
+    def _told(self, frame: Observation, chosen: Chosen) -> PoseResult:
         """The result of a choice, and whether it is to be accepted."""
         best, fit, evidence, alternatives = chosen
         evidence = replace(evidence, tried=self.tried, looked=self.first is not None)

@@ -8,12 +8,13 @@ from typing import Any, Dict, List, Tuple, Union
 import cv2
 import numpy as np
 
+from hil.board.svd.base import PoseResult
 from hil.board.svd.debug.overlay import draw_segments, draw_wireframe, grey, label
 from hil.board.svd.debug.synthetic_views import drawn_picture, first_look_picture
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.hypotheses.hypothesis import PoseResult, Trace
 from hil.board.svd.image.noise import noise_sigma
+from hil.board.svd.image.observation import Trace
 from hil.board.svd.image.weak_gradients import WeakGradientElimination
 from hil.board.svd.model.target_model import BoardModel
 

@@ -7,9 +7,11 @@ from typing import Optional, Tuple
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame
-from hil.board.svd.model.round_bodies import curved
+from hil.board.svd.hypotheses.hypothesis import Candidate
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.target_model import BoardModel
+from hil.board.svd.model.view_tables import curved
 from hil.board.svd.refine.final import NO_WORSE, Choice, conclude, finish
 from hil.board.svd.refine.parallel import Ranked, faces_of
 from hil.board.svd.refine.photometric import PhotoFit
@@ -43,7 +45,7 @@ def axis(model: BoardModel) -> Tuple[Array, Array]:
     return along, through
 
 
-def check_rolled(craft: Craft, frame: Frame, choice: Choice) -> Choice:
+def check_rolled(craft: PreparedTarget, frame: Observation, choice: Choice) -> Choice:
     """A choice again beside its end turned about the craft's axis, where it is round.
 
     An alignment is held every few degrees by what is on the round wall: near minima that nothing else asked leads out
@@ -60,7 +62,7 @@ def check_rolled(craft: Craft, frame: Frame, choice: Choice) -> Choice:
     return choice
 
 
-def _better_turn(craft: Craft, frame: Frame, choice: Choice) -> Optional[Choice]:
+def _better_turn(craft: PreparedTarget, frame: Observation, choice: Choice) -> Optional[Choice]:
     """The choice that another turn about the axis leads to, where it is a better one."""
     end, close, faces = choice.end, choice.close, faces_of(craft)
     along, through = axis(craft.model)

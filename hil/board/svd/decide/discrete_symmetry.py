@@ -8,11 +8,13 @@ from typing import Callable, List, Optional, Tuple
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD, alternatives
-from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame
+from hil.board.svd.hypotheses.hypothesis import Candidate
+from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred
 from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.refine.final import Choice, End, conclude, finish, same_end
 from hil.board.svd.refine.parallel import Ranked, faces_of
 from hil.board.svd.refine.photometric import PhotoFit
@@ -57,7 +59,9 @@ class Turned:
     looked: float
 
 
-def check_turned(craft: Craft, frame: Frame, choice: Choice, prior: Optional[Prior] = None) -> Choice:
+def check_turned(
+    craft: PreparedTarget, frame: Observation, choice: Choice, prior: Optional[Prior] = None
+) -> Choice:
     """A choice again beside its end turned by each near-symmetry of the craft, all aligned to their ends.
 
     Three witnesses are heard. The score of either end. The pixels of a finer picture in which two drawings differ: of a
@@ -105,7 +109,7 @@ def check_turned(craft: Craft, frame: Frame, choice: Choice, prior: Optional[Pri
     return replace(new, evidence=evidence, alternatives=alternatives(poses, q, t))
 
 
-def _leads(held: List[Turned], canvas: Canvas) -> Array:
+def _leads(held: List[Turned], canvas: ImagePatch) -> Array:
     """(N,) by how much each end is likelier than the likeliest other one [log]; two at least."""
     most = max([1e-6, *(h.end.score for h in held)])
     alone = [SCORE_WEIGHT * h.end.score / most + LOOK_WEIGHT * max(h.looked, -SUREST_LOOK) for h in held]
@@ -117,7 +121,7 @@ def _leads(held: List[Turned], canvas: Canvas) -> Array:
     return np.asarray(leads.min(axis=1))
 
 
-def preference(best: Shadowed, other: Shadowed, canvas: Canvas) -> float:
+def preference(best: Shadowed, other: Shadowed, canvas: ImagePatch) -> float:
     """How clearly a picture is the one drawing and not the other, -1 to 1: by the pixels in which they differ.
 
     It is how far from the middle of the two the picture lies along what they differ by, as a matched filter finds it:
@@ -138,13 +142,15 @@ def preference(best: Shadowed, other: Shadowed, canvas: Canvas) -> float:
     return float(np.mean(out))
 
 
-def _box(craft: Craft, ends: List[End]) -> Tuple[int, int, int, int]:
+def _box(craft: PreparedTarget, ends: List[End]) -> Tuple[int, int, int, int]:
     boxes = np.array([craft_box(craft, e.fit.q, e.fit.t) for e in ends])
     (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
     return int(x0), int(y0), int(x1), int(y1)
 
 
-def _held(craft: Craft, canvas: Canvas, start: Ranked, end: End, prior: Optional[Prior]) -> Turned:
+def _held(
+    craft: PreparedTarget, canvas: ImagePatch, start: Ranked, end: End, prior: Optional[Prior]
+) -> Turned:
     q, t, faces = end.fit.q, end.fit.t, faces_of(craft)
     drawn = sharpened(craft, faces, canvas, q, t, shadowed(craft, faces, canvas, q, t), SUN_PX)
     return Turned(start, end, drawn, 0.0 if prior is None else prior(q, t))

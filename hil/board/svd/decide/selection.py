@@ -8,10 +8,12 @@ import numpy as np
 
 from hil.board.svd.decide.confidence import least_margin
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD
-from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame
+from hil.board.svd.hypotheses.hypothesis import Candidate
+from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.image_patch import Box, craft_box, make_canvas, pinhole_box
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.propose.edge_search import MARGIN, twins
 from hil.board.svd.refine.final import Choice, End, conclude, finish
 from hil.board.svd.refine.parallel import (
@@ -83,7 +85,7 @@ LOOK_MARGIN = 0.1
 
 
 def align_leaders(
-    craft: Craft, frame: Frame, found: List[Candidate], keep: int, *, shadows: bool = False
+    craft: PreparedTarget, frame: Observation, found: List[Candidate], keep: int, *, shadows: bool = False
 ) -> List[Ranked]:
     """The candidates of each region that look best, aligned on a small picture of it; the best first.
 
@@ -124,7 +126,9 @@ def align_leaders(
     return sorted(ranked, key=lambda r: -r.score)
 
 
-def choose_by_picture(craft: Craft, frame: Frame, leaders: List[Ranked], *, thorough: bool = False) -> Choice:
+def choose_by_picture(
+    craft: PreparedTarget, frame: Observation, leaders: List[Ranked], *, thorough: bool = False
+) -> Choice:
     """The best leaders and the winner's twins judged close up, the best of them aligned to the end.
 
     Parameters
@@ -195,14 +199,16 @@ def choose_by_picture(craft: Craft, frame: Frame, leaders: List[Ranked], *, thor
     return choice
 
 
-def _twins(craft: Craft, close: Canvas, c: Candidate) -> List[Candidate]:
+def _twins(craft: PreparedTarget, close: ImagePatch, c: Candidate) -> List[Candidate]:
     """Poses that a pose could be mistaken for, where the picture shows the craft."""
     q, t = twins(craft, [c])
     out = [Candidate(q[k], t[k], c.support, c.field, c.region, c.likely) for k in range(len(q))]
     return laid_over(craft, close, out, c)
 
 
-def _turned(craft: Craft, close: Canvas, held: Candidate, *, symmetries: bool = True) -> List[Ranked]:
+def _turned(
+    craft: PreparedTarget, close: ImagePatch, held: Candidate, *, symmetries: bool = True
+) -> List[Ranked]:
     """Twins of a pose near its end, aligned with their shadows; those by near-symmetries only where told to.
 
     Those of a pose on its way were a few degrees off, which against a texture costs the right one its lead: of ten
@@ -216,7 +222,9 @@ def _turned(craft: Craft, close: Canvas, held: Candidate, *, symmetries: bool = 
     return align_together(craft, close, courses, SMALL_BLURS, SMALL_LEFT)
 
 
-def check_leaning(craft: Craft, frame: Frame, choice: Choice, *, symmetries: bool = True) -> Choice:
+def check_leaning(
+    craft: PreparedTarget, frame: Observation, choice: Choice, *, symmetries: bool = True
+) -> Choice:
     """A choice again beside poses that lean to every side of its end, the best of them aligned to its end.
 
     What is nearly flat has near minima of its tilt, 5 to 17 deg apart, and edges and likeness agree with each: on 300

@@ -19,7 +19,7 @@ TEXTURE = 0.06
 
 
 @dataclass(frozen=True, eq=False)
-class Canvas:
+class ImagePatch:
     """A region of the picture, reduced, for comparison with the drawn craft.
 
     Parameters

@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import List, Tuple
 
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.hypothesis import Alternative
 
 Array = np.ndarray
 
 # Poses that differ by more are distinct: a choice between them is an ambiguity [rad, share of range].
 DISTINCT_RAD = float(np.radians(12.0))
 DISTINCT_SHARE = 0.08
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """A distinct pose that was considered.
+
+    Parameters
+    ----------
+    q_camera_from_target_wxyz, t_camera_from_target_m : the pose.
+    score : what poses were ranked by, larger is better; only differences within one result mean anything.
+    """
+
+    q_camera_from_target_wxyz: Array
+    t_camera_from_target_m: Array
+    score: float
 
 
 def differs(q: Array, t: Array, q2: Array, t2: Array) -> bool:

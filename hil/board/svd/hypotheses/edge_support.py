@@ -16,8 +16,8 @@ from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, Projection, project
 from hil.board.svd.image.edge_field import EdgeField
 from hil.board.svd.model.silhouette import inward_sign, silhouette
+from hil.board.svd.model.view_tables import ViewTable
 from hil.board.svd.model.visibility import visible_samples
-from hil.board.svd.propose.templates import ViewTable
 
 Array = np.ndarray
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.photometric import face_gains as native_levels
@@ -36,7 +36,7 @@ LITTLE = 2e-4
 OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
 
 
-def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = None) -> Shading:
+def shade(faces: Faces, seen: Array, canvas: ImagePatch, dark: Optional[Array] = None) -> Shading:
     """Brightness of each face group from the picture, and the picture drawn with it.
 
     Parameters
@@ -70,7 +70,7 @@ def shade(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array] = Non
     return Shading(seen, group, level, picture, centre, area, behind)
 
 
-def _shaded(faces: Faces, seen: Array, canvas: Canvas, dark: Optional[Array]) -> Tuple[Array, ...]:
+def _shaded(faces: Faces, seen: Array, canvas: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
     """As ``kernels.levels.shade``, by numpy."""
     f, (h, w) = canvas.fine, canvas.gray.shape
     n = faces.groups + 1
@@ -125,7 +125,7 @@ def _divided(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
     return group, 2 * n - 1
 
 
-def _levels(centre: Array, solid: Array, core: Array, canvas: Canvas, n: int) -> Tuple[Array, Array]:
+def _levels(centre: Array, solid: Array, core: Array, canvas: ImagePatch, n: int) -> Tuple[Array, Array]:
     """Brightness (n,) of each group, a mean without what lies far off it, and its pixels (n,) in ``core``."""
     where = np.flatnonzero(solid | (centre > 0))
     label = centre.ravel().take(where)
@@ -153,7 +153,7 @@ def _levels(centre: Array, solid: Array, core: Array, canvas: Canvas, n: int) ->
     return level, area
 
 
-def coverage(shading: Shading, canvas: Canvas, most: int, blur_px: float, rows: Array, out: Array) -> int:
+def coverage(shading: Shading, canvas: ImagePatch, most: int, blur_px: float, rows: Array, out: Array) -> int:
     """Share of each pixel that the background and each of the ``most`` largest groups cover, blurred.
 
     Parameters
@@ -248,7 +248,7 @@ def _wide_mean(value: Array, weight: Array) -> Array:
     return cv2.resize(num / (den + 0.02), (w, h), interpolation=cv2.INTER_LINEAR)
 
 
-def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, canvas: Canvas) -> None:
+def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, canvas: ImagePatch) -> None:
     """Brightness of groups that fill no pixel: what is left of the picture there, over what they cover.
 
     Parameters
@@ -287,7 +287,7 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, canvas
     picture.ravel()[cells] = drawn
 
 
-def _overexposed(picture: Array, part: Array, canvas: Canvas) -> float:
+def _overexposed(picture: Array, part: Array, canvas: ImagePatch) -> float:
     """How far a saturated face's true brightness lies above the scale: blur carries it over its border."""
     optics = OPTICS_PX / canvas.factor
     base, own = blurred(picture, optics), blurred(part, optics)

@@ -9,9 +9,10 @@ import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
-from hil.board.svd.geometry.image_patch import Canvas
-from hil.board.svd.hypotheses.hypothesis import Craft, Frame
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.image.edge_field import shrink
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.model.prepared_target import PreparedTarget
 
 Array = np.ndarray
 Box = Tuple[int, int, int, int]
@@ -20,7 +21,7 @@ Box = Tuple[int, int, int, int]
 FINE = 2
 
 
-def make_canvas(craft: Craft, frame: Frame, box: Box, longest_px: int) -> Canvas:
+def make_canvas(craft: PreparedTarget, frame: Observation, box: Box, longest_px: int) -> ImagePatch:
     """A region of the picture as a pinhole camera would show it.
 
     Parameters
@@ -38,7 +39,7 @@ def make_canvas(craft: Craft, frame: Frame, box: Box, longest_px: int) -> Canvas
     h, w = gray.shape
     wide, high = (min(b, n) - a for a, b, n in zip(box[:2], box[2:], whole))  # noqa: B905 - Python 3.9 has no strict=
     across = wide / w
-    return Canvas(
+    return ImagePatch(
         gray, frame.noise / factor, float(box[0]), float(box[1]), across, FINE, full, plain, high / h / across
     )
 
@@ -74,7 +75,7 @@ def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:
     return int(low[0]), int(low[1]), int(max(high[0], low[0] + 32)), int(max(high[1], low[1] + 32))
 
 
-def craft_box(craft: Craft, q: Array, t: Array) -> Box:
+def craft_box(craft: PreparedTarget, q: Array, t: Array) -> Box:
     """What of the pinhole's picture a pose covers, with a margin, in whole pixels."""
     camera = craft.camera
     p = camera.pinhole.pixels(craft.model.ends_m @ quat.matrix(q).T + t)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hil.board.svd.geometry.camera import CameraIntrinsics
 
 from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.raster import rasteriser as paint
 
@@ -54,7 +54,7 @@ def draw_faces(
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
-    canvas: Canvas,
+    canvas: ImagePatch,
     least_px: float = 0.5,
 ) -> Array:
     """(h * fine, w * fine) int32: number of the face seen + 1, 0 where there is none.

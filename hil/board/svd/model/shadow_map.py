@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 import numpy as np
 
 from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.geometry.vectors import cross, length
 from hil.board.svd.model.rasteriser import fill_faces, order_faces
@@ -107,7 +107,7 @@ class Sunlight:
         )
 
     def shadows(
-        self, faces: Faces, seen: Array, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+        self, faces: Faces, seen: Array, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
     ) -> Array:
         """(H, W) bool: drawn pixels that look at the Sun but lie behind something.
 
@@ -121,7 +121,7 @@ class Sunlight:
         return self._shadows(faces, seen, canvas, camera, R, t)
 
     def _shadows(
-        self, faces: Faces, seen: Array, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+        self, faces: Faces, seen: Array, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
     ) -> Array:
         """The same by numpy."""
         facing = np.concatenate([[False], faces.normals @ self.direction > GRAZING])
@@ -181,7 +181,7 @@ class SunTable:
         self,
         faces: Faces,
         shading: Shading,
-        canvas: Canvas,
+        canvas: ImagePatch,
         camera: CameraIntrinsics,
         R: Array,
         t: Array,
@@ -215,7 +215,7 @@ class SunTable:
         self,
         faces: Faces,
         shading: Shading,
-        canvas: Canvas,
+        canvas: ImagePatch,
         camera: CameraIntrinsics,
         R: Array,
         t: Array,
@@ -299,7 +299,7 @@ def _cost(value: Array, own: Array, lit: Array) -> Array:
 
 
 def rays_to_faces(
-    faces: Faces, seen: Array, where: Array, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+    faces: Faces, seen: Array, where: Array, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Tuple[Array, Array, Array, Array]:
     """Face, normalised coordinates and depth of drawn pixels ``where`` (flat indices), all (N,).
 

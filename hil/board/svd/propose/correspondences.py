@@ -9,9 +9,9 @@ import numpy as np
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
 from hil.board.svd.image.edge_field import EdgeField
+from hil.board.svd.image.region import Region
 from hil.board.svd.propose.perceptual_groups import Chains
 from hil.board.svd.propose.pnp import plane_poses
-from hil.board.svd.propose.regions import Region
 
 Array = np.ndarray
 

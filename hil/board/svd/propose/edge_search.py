@@ -9,14 +9,17 @@ import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.hypotheses.edge_support import quick_cost, support
-from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame
+from hil.board.svd.hypotheses.hypothesis import Candidate
 from hil.board.svd.image.edge_field import EdgeField, edge_field, shrink
 from hil.board.svd.image.line_segments import cleaned_stream, lsd_stream, wge_stream
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.image.region import Region
 from hil.board.svd.image.segment_merging import merge_segments
+from hil.board.svd.model.prepared_target import PreparedTarget
+from hil.board.svd.model.view_tables import ViewTable
 from hil.board.svd.propose.correspondences import pose_hypotheses, stretch_arms
-from hil.board.svd.propose.perceptual_groups import Lines, image_triads, proximity_pairs
-from hil.board.svd.propose.regions import Region
-from hil.board.svd.propose.templates import ViewTable, match_views
+from hil.board.svd.propose.perceptual_groups import Chains, Lines, image_triads, proximity_pairs
+from hil.board.svd.propose.templates import match_views
 from hil.board.svd.refine.edges import align_to_field
 
 Array = np.ndarray
@@ -47,8 +50,10 @@ NEIGHBOURS = (
 HALF_TURNS = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
 
-def search_region(craft: Craft, frame: Frame, region: Region) -> List[Candidate]:
-    """Candidates of one region, the best first."""
+def search_region(
+    craft: PreparedTarget, figures: Chains, frame: Observation, region: Region
+) -> List[Candidate]:
+    """Candidates of one region, the best first; ``figures`` are the triads of the wireframe."""
     h, w = frame.image.shape
     box = region.grown(MARGIN, w, h)
     coarse = edge_field(
@@ -65,7 +70,7 @@ def search_region(craft: Craft, frame: Frame, region: Region) -> List[Candidate]
     table = min(craft.tables, key=lambda v: abs(np.log(depth / v.distance_m)))
     q, t, _ = match_views(table, coarse, region, craft.camera, craft.centre_m, TEMPLATE_POSES)
     frame.mark("templates")
-    gq, gt = poses_from_lines(craft, frame, region, fine, coarse, table)
+    gq, gt = poses_from_lines(craft, figures, frame, region, fine, coarse, table)
     q, t = np.concatenate([q, gq]), np.concatenate([t, gt])
     if not len(q):
         return []
@@ -98,7 +103,13 @@ def search_region(craft: Craft, frame: Frame, region: Region) -> List[Candidate]
 
 
 def poses_from_lines(
-    craft: Craft, frame: Frame, region: Region, fine: EdgeField, coarse: EdgeField, table: ViewTable
+    craft: PreparedTarget,
+    figures: Chains,
+    frame: Observation,
+    region: Region,
+    fine: EdgeField,
+    coarse: EdgeField,
+    table: ViewTable,
 ) -> Tuple[Array, Array]:
     """Poses from perceptual groups of line segments, the best by the coarse field: q (N, 4), t (N, 3)."""
     h, w = frame.image.shape
@@ -121,7 +132,7 @@ def poses_from_lines(
     frame.count("triads", len(chains.closed))
     frame.mark("groups")
     q, t = pose_hypotheses(
-        stretch_arms(chains), craft.figures.points, craft.camera, region, craft.centre_m, craft.radius_m, fine
+        stretch_arms(chains), figures.points, craft.camera, region, craft.centre_m, craft.radius_m, fine
     )
     frame.count("hypotheses", len(q))
     frame.mark("pnp")
@@ -134,7 +145,7 @@ def poses_from_lines(
     return q, t
 
 
-def neighbours(craft: Craft, best: List[Candidate], share: float = 1.0) -> Tuple[Array, Array]:
+def neighbours(craft: PreparedTarget, best: List[Candidate], share: float = 1.0) -> Tuple[Array, Array]:
     """Starts around good poses: edges lie in pairs, and an alignment may have locked on the wrong one."""
     q, t = [], []
     for c in best:
@@ -162,7 +173,7 @@ def distinct(q: Array, t: Array, cost: Array, keep: int) -> Tuple[Array, Array]:
     return q[chosen], t[chosen]
 
 
-def twins(craft: Craft, best: List[Candidate]) -> Tuple[Array, Array]:
+def twins(craft: PreparedTarget, best: List[Candidate]) -> Tuple[Array, Array]:
     """The poses a craft could be mistaken for: its near-symmetries, half turns, and the half turn of the picture."""
     q, t = [], []
     for c in best:
@@ -177,7 +188,7 @@ def twins(craft: Craft, best: List[Candidate]) -> Tuple[Array, Array]:
 
 
 def _align(
-    craft: Craft,
+    craft: PreparedTarget,
     q: Array,
     t: Array,
     table: ViewTable,
@@ -191,12 +202,18 @@ def _align(
 
 
 def _cost(
-    craft: Craft, q: Array, t: Array, table: ViewTable, field: EdgeField, cap_px: float, every: int = 1
+    craft: PreparedTarget,
+    q: Array,
+    t: Array,
+    table: ViewTable,
+    field: EdgeField,
+    cap_px: float,
+    every: int = 1,
 ) -> Array:
     return quick_cost(q, t, craft.samples, table, field, craft.camera, craft.centre_m, cap_px, every)
 
 
-def _judge(craft: Craft, q: Array, t: Array, field: EdgeField, region: Region) -> List[Candidate]:
+def _judge(craft: PreparedTarget, q: Array, t: Array, field: EdgeField, region: Region) -> List[Candidate]:
     out = []
     for k in range(len(q)):
         s = support(q[k], t[k], craft.samples, craft.occ, field, craft.camera, craft.spacing_m)

@@ -12,9 +12,11 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import Canvas
-from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate, Craft, Frame
+from hil.board.svd.geometry.image_patch import ImagePatch
+from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate
+from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.image_patch import make_canvas, pinhole_box
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.propose.learned.learned_proposal import FirstLook, Glance
 from hil.board.svd.propose.learned.network_input import Gaze
 from hil.board.svd.propose.regions import REDUCTION
@@ -59,7 +61,7 @@ LEFT = (
 )
 
 
-def gazes_about_lit(craft: Craft, frame: Frame, reduced: Array) -> List[Gaze]:
+def gazes_about_lit(craft: PreparedTarget, frame: Observation, reduced: Array) -> List[Gaze]:
     """Places and sizes at which the craft's sphere holds all that is lit before empty space.
 
     Parameters
@@ -75,14 +77,17 @@ def gazes_about_lit(craft: Craft, frame: Frame, reduced: Array) -> List[Gaze]:
     return _rings(craft, middle, REDUCTION * (2 * radius + 1), LIT_RINGS)
 
 
-def gazes_about(craft: Craft, glance: Glance) -> List[Gaze]:
+def gazes_about(craft: PreparedTarget, glance: Glance) -> List[Gaze]:
     """Places and sizes about one of the first look."""
     u, v = craft.camera.pixels(glance.gaze.direction)
     return _rings(craft, (float(u), float(v)), glance.gaze.diameter_px, TEXTURED_RINGS)
 
 
 def _rings(
-    craft: Craft, middle: Tuple[float, float], size_px: float, rings: Sequence[Tuple[float, float, int]]
+    craft: PreparedTarget,
+    middle: Tuple[float, float],
+    size_px: float,
+    rings: Sequence[Tuple[float, float, int]],
 ) -> List[Gaze]:
     out = []
     for k, (size, reach, number) in enumerate(rings):
@@ -95,7 +100,12 @@ def _rings(
 
 
 def align_wide(
-    craft: Craft, frame: Frame, first: FirstLook, glance: Glance, start: Candidate, reduced: Array
+    craft: PreparedTarget,
+    frame: Observation,
+    first: FirstLook,
+    glance: Glance,
+    start: Candidate,
+    reduced: Array,
 ) -> List[Ranked]:
     """The poses of many gazes that explain the picture best, aligned on one small picture of all; the best first.
 
@@ -133,7 +143,7 @@ def align_wide(
     return ranked
 
 
-def _canvas(craft: Craft, frame: Frame, gazes: List[Gaze], longest: int) -> Canvas:
+def _canvas(craft: PreparedTarget, frame: Observation, gazes: List[Gaze], longest: int) -> ImagePatch:
     """A picture with a longest side [px] that holds the craft wherever it is looked for."""
     h, w = frame.image.shape
     middle = np.array([craft.camera.pixels(g.direction) for g in gazes])

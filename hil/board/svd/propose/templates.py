@@ -1,125 +1,22 @@
-"""Views of the wireframe from everywhere: which samples each direction sees, and how they look.
+"""Viewpoint templates: views of the target laid into a region, scored by directional chamfer distance.
 
-The fallback that needs no grouping: a few hundred directions times in-plane turns, laid into a region of
-interest and scored by directional chamfer distance.
+The proposal that needs no grouping: a few hundred directions times in-plane turns
+(Shotton et al. 2008; Liu et al. 2010).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Tuple
 
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, project
 from hil.board.svd.image.edge_field import CHANNELS, EdgeField
-from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.model.visibility import visible_samples
-from hil.board.svd.propose.regions import Region
+from hil.board.svd.image.region import Region
+from hil.board.svd.model.view_tables import TURNS, ViewTable
 
 Array = np.ndarray
-
-VIEWS = 500
-TURNS = 36
-SHAPE_SAMPLES = 40
-TRACK_SAMPLES = 120
-
-
-@dataclass(frozen=True, eq=False)
-class ViewTable:
-    """What a camera at each of V directions sees.
-
-    Parameters
-    ----------
-    directions : (V, 3) unit vectors from the target to the camera, target frame.
-    R_camera_from_target : (V, 3, 3) looking at the target's centre.
-    track : (V, M) visible samples, spread evenly; weight : (V, M) 1, or 0 for padding.
-    shape_xy : (V, N, 2) chosen samples on the plane at unit distance times range, model metres.
-    shape_angle : (V, N) direction of their normals.
-    box : (V, TURNS, 4) extent of everything visible after each turn [m].
-    distance_m : range the table was made for.
-    """
-
-    directions: Array
-    R_camera_from_target: Array
-    track: Array
-    weight: Array
-    shape_xy: Array
-    shape_angle: Array
-    box: Array
-    distance_m: float
-
-    def nearest(self, R: Array, t: Array, centre_m: Array) -> Array:
-        """Index of the view nearest to each pose's line of sight."""
-        C = -np.einsum("bji,bj->bi", R, t) - centre_m
-        return np.asarray(np.argmax(C @ self.directions.T, axis=1))
-
-
-def sphere_directions(count: int) -> Array:
-    """(count, 3) nearly even directions: the Fibonacci lattice."""
-    k = np.arange(count) + 0.5
-    z = 1 - 2 * k / count
-    phi = np.pi * (1 + np.sqrt(5.0)) * k
-    r = np.sqrt(1 - z * z)
-    return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
-
-
-def look_at(direction: Array) -> Array:
-    """Rotation camera-from-target of a camera along ``direction`` looking back at the target."""
-    z = -direction
-    helper = np.array([1.0, 0, 0]) if abs(z[0]) < 0.8 else np.array([0, 1.0, 0])
-    x = np.cross(helper, z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z])
-
-
-def build_views(
-    model: BoardModel, samples: EdgeSamples, occ: Occluders, distance_m: float, views: int = VIEWS
-) -> ViewTable:
-    """Tables for ``views`` directions at ``distance_m``."""
-    rng = np.random.default_rng(0)
-    unit = CameraIntrinsics(1, 1, 1.0, 1.0, 0.0, 0.0)
-    directions = sphere_directions(views)
-    R = np.stack([look_at(d) for d in directions])
-    centre = model.centre_m
-    track = np.zeros((views, TRACK_SAMPLES), np.intp)
-    weight = np.zeros((views, TRACK_SAMPLES), np.float32)
-    xy = np.zeros((views, SHAPE_SAMPLES, 2), np.float32)
-    angle = np.zeros((views, SHAPE_SAMPLES), np.float32)
-    box = np.zeros((views, TURNS, 4), np.float32)
-    turns = np.arange(TURNS) * 2 * np.pi / TURNS
-    c, s = np.cos(turns), np.sin(turns)
-    for v in range(views):
-        C = centre + distance_m * directions[v]
-        visible, _ = visible_samples(samples, occ, C)
-        ids = np.flatnonzero(visible)
-        if not len(ids):
-            ids = np.arange(1)
-        chosen = _spread(ids, TRACK_SAMPLES, rng)
-        track[v, : len(chosen)] = chosen
-        weight[v, : len(chosen)] = 1.0
-        t = -R[v] @ C
-        pr = project(samples, unit, R[v][None], t[None], ids[None])
-        p = pr.pixels[0] * distance_m
-        pick = _spread(np.arange(len(ids)), SHAPE_SAMPLES, rng)
-        pick = np.resize(pick, SHAPE_SAMPLES)
-        xy[v] = p[pick]
-        angle[v] = pr.angle[0][pick]
-        px = p[:, 0][:, None] * c - p[:, 1][:, None] * s
-        py = p[:, 0][:, None] * s + p[:, 1][:, None] * c
-        box[v] = np.stack([px.min(axis=0), py.min(axis=0), px.max(axis=0), py.max(axis=0)], axis=-1)
-    return ViewTable(directions, R, track, weight, xy, angle, box, distance_m)
-
-
-def _spread(ids: Array, count: int, rng: np.random.Generator) -> Array:
-    """At most ``count`` of ``ids``, one from each of ``count`` equal stretches of the list."""
-    if len(ids) <= count:
-        return ids
-    edges = np.linspace(0, len(ids), count + 1)
-    at = np.floor(edges[:-1] + rng.random(count) * np.diff(edges)).astype(int)
-    return ids[np.clip(at, 0, len(ids) - 1)]
 
 
 def match_views(

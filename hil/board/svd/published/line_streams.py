@@ -10,9 +10,9 @@ import numpy as np
 
 from hil.board.svd.image.edge_field import drop_specks
 from hil.board.svd.image.line_segments import SH_GAP, SH_LENGTH, WGE_GAP, WGE_LENGTH, hough, lsd_stream
+from hil.board.svd.image.region import Region
 from hil.board.svd.image.segment_merging import merge_segments
 from hil.board.svd.image.weak_gradients import WeakGradientElimination, marginal_interval, prewitt
-from hil.board.svd.propose.regions import Region
 from hil.board.svd.published.ellipses import EllipseFit, hough_ellipses
 from hil.board.svd.published.settings import FaithfulConfig
 

@@ -6,18 +6,21 @@ from typing import List, Tuple
 
 import numpy as np
 
-from hil.board.svd.base import Estimator
+from hil.board.svd.base import Estimator, PoseResult
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.hypotheses.ambiguity import alternatives, differs
 from hil.board.svd.hypotheses.edge_support import quick_cost, support
-from hil.board.svd.hypotheses.hypothesis import Candidate, Craft, Frame, PoseResult
+from hil.board.svd.hypotheses.hypothesis import Candidate
 from hil.board.svd.image.edge_field import edge_field, shrink
 from hil.board.svd.image.noise import noise_sigma
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.image.region import Region
 from hil.board.svd.image.weak_gradients import WeakGradientElimination, eliminate_weak_gradients
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.propose.edge_search import FINE_PX, MARGIN
-from hil.board.svd.propose.regions import REDUCTION, Region, propose_regions
+from hil.board.svd.propose.regions import REDUCTION, propose_regions
 from hil.board.svd.published.corners import (
     CornerMap,
     corner_map,
@@ -68,9 +71,9 @@ class FaithfulEstimator(Estimator):
         self.circles = model_circles(model) if "ellipse" in config.streams else ()
         # the tables of ours are dear: only where a step towards ours asks for them
         ours = config.rank == "edges" or config.finish == "edges" or bool(self.circles)
-        self.craft = Craft.prepare(model, camera) if ours else None
+        self.craft = PreparedTarget.prepare(model, camera) if ours else None
 
-    def _estimate(self, frame: Frame) -> PoseResult:
+    def _estimate(self, frame: Observation) -> PoseResult:
         image = np.asarray(frame.image, np.float32)
         full_scale = 255.0 if frame.image.dtype == np.uint8 else float(image.max())
         frame.noise = max(noise_sigma(frame.image, full_scale), 0.15 * full_scale / 255)
@@ -91,7 +94,7 @@ class FaithfulEstimator(Estimator):
             return self._finish_on_edges(frame, candidates)
         return self._finish_on_corners(frame, found)
 
-    def _regions(self, frame: Frame, wge: WeakGradientElimination) -> List[Region]:
+    def _regions(self, frame: Observation, wge: WeakGradientElimination) -> List[Region]:
         if self.config.regions == "cdf":
             return [cdf_box(wge)]
         small, _ = shrink(
@@ -102,7 +105,7 @@ class FaithfulEstimator(Estimator):
 
     def _search(
         self,
-        frame: Frame,
+        frame: Observation,
         image: Array,
         wge: WeakGradientElimination,
         region: Region,
@@ -177,7 +180,7 @@ class FaithfulEstimator(Estimator):
             for k in range(len(q))
         ]
 
-    def _finish_on_corners(self, frame: Frame, found: List[Scored]) -> PoseResult:
+    def _finish_on_corners(self, frame: Observation, found: List[Scored]) -> PoseResult:
         if not found:
             return self._declined(frame, "no target found")
         found.sort(key=lambda f: f[0])
@@ -204,7 +207,7 @@ class FaithfulEstimator(Estimator):
             self.method,
         )
 
-    def _rank_on_edges(self, frame: Frame, q: Array, t: Array, region: Region) -> List[Candidate]:
+    def _rank_on_edges(self, frame: Observation, q: Array, t: Array, region: Region) -> List[Candidate]:
         """The best by our support of the whole model, ``top`` of them."""
         assert self.craft is not None  # noqa: S101 - made in __init__ for every such config
         craft = self.craft
@@ -230,7 +233,7 @@ class FaithfulEstimator(Estimator):
         best = np.argsort(cost, kind="stable")[: self.config.top]
         return self._judge(frame, q[best], t[best], region)
 
-    def _judge(self, frame: Frame, q: Array, t: Array, region: Region) -> List[Candidate]:
+    def _judge(self, frame: Observation, q: Array, t: Array, region: Region) -> List[Candidate]:
         assert self.craft is not None  # noqa: S101 - made in __init__ for every such config
         craft = self.craft
         field = edge_field(frame.image, region.grown(MARGIN, *frame.image.shape[::-1]), frame.noise, FINE_PX)
@@ -240,7 +243,7 @@ class FaithfulEstimator(Estimator):
             out.append(Candidate(q[k], t[k], s, field, region))
         return out
 
-    def _finish_on_edges(self, frame: Frame, candidates: List[Candidate]) -> PoseResult:
+    def _finish_on_edges(self, frame: Observation, candidates: List[Candidate]) -> PoseResult:
         if not candidates or self.craft is None:
             return self._declined(frame, "no target found")
         candidates.sort(key=lambda c: -c.support.total)

@@ -14,7 +14,7 @@ from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, jacobian, project
 from hil.board.svd.image.edge_field import EdgeField
 from hil.board.svd.model.silhouette import inward_sign, silhouette
-from hil.board.svd.propose.templates import ViewTable
+from hil.board.svd.model.view_tables import ViewTable
 from hil.board.svd.refine.robust import geman_mcclure, tukey
 
 Array = np.ndarray

@@ -9,12 +9,14 @@ import numpy as np
 
 from hil.board.svd.decide.confidence import Evidence
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.hypotheses.ambiguity import alternatives, differs, largest_sigma
+from hil.board.svd.hypotheses.ambiguity import Alternative, alternatives, differs, largest_sigma
 from hil.board.svd.hypotheses.edge_support import support
-from hil.board.svd.hypotheses.hypothesis import Alternative, Candidate, Craft, Frame
+from hil.board.svd.hypotheses.hypothesis import Candidate
+from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.refine.parallel import Ranked, faces_of, led
 from hil.board.svd.refine.photometric import (
@@ -84,7 +86,7 @@ class Choice:
     end: End
     evidence: Evidence
     alternatives: Tuple[Alternative, ...]
-    close: Canvas
+    close: ImagePatch
     ranked: List[Ranked]
     starts: List[Ranked]
     ends: List[End]
@@ -92,9 +94,9 @@ class Choice:
 
 
 def conclude(
-    craft: Craft,
-    frame: Frame,
-    close: Canvas,
+    craft: PreparedTarget,
+    frame: Observation,
+    close: ImagePatch,
     ranked: List[Ranked],
     starts: List[Ranked],
     ends: List[End],
@@ -155,7 +157,13 @@ def same_end(a: PhotoFit, b: PhotoFit) -> bool:
     return bool(quat.angle_rad(a.q, b.q) <= OTHER_END_RAD) and not differs(a.q, a.t, b.q, b.t)
 
 
-def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit, seen: Optional[Array] = None) -> End:
+def finish(
+    craft: PreparedTarget,
+    frame: Observation,
+    close: ImagePatch,
+    start: PhotoFit,
+    seen: Optional[Array] = None,
+) -> End:
     """A pose aligned to the end, with the shadows the craft casts on itself.
 
     Parameters
@@ -197,7 +205,11 @@ def finish(craft: Craft, frame: Frame, close: Canvas, start: PhotoFit, seen: Opt
 
 
 def _stepped(
-    craft: Craft, canvas: Canvas, fit: PhotoFit, sun: Optional[Sunlight], blurs: Tuple[float, ...]
+    craft: PreparedTarget,
+    canvas: ImagePatch,
+    fit: PhotoFit,
+    sun: Optional[Sunlight],
+    blurs: Tuple[float, ...],
 ) -> PhotoFit:
     """The pose some steps on, with many brightnesses found beside it."""
     faces, camera = faces_of(craft), craft.camera.pinhole
@@ -210,7 +222,9 @@ def _stepped(
     return fit
 
 
-def picture_evidence(craft: Craft, best: Candidate, fit: PhotoFit, score: float, margin: float) -> Evidence:
+def picture_evidence(
+    craft: PreparedTarget, best: Candidate, fit: PhotoFit, score: float, margin: float
+) -> Evidence:
     """What the decision on a pose is made from that was judged by the whole picture."""
     turn = largest_sigma(fit.covariance[:3, :3])
     shift = largest_sigma(fit.covariance[3:, 3:])

@@ -8,13 +8,15 @@ import numpy as np
 
 from hil.board.svd.decide.confidence import Evidence
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.ambiguity import alternatives, differs, largest_sigma
+from hil.board.svd.hypotheses.ambiguity import Alternative, alternatives, differs, largest_sigma
 from hil.board.svd.hypotheses.edge_support import support
-from hil.board.svd.hypotheses.hypothesis import Alternative, Candidate, Craft, Frame
+from hil.board.svd.hypotheses.hypothesis import Candidate
 from hil.board.svd.image.edge_field import gradient, gradient_noise, shrink
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.image.region import Region
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.visibility import visible_samples
 from hil.board.svd.propose.edge_search import MARGIN, neighbours, twins
-from hil.board.svd.propose.regions import Region
 from hil.board.svd.refine.edges import FineFit, Gradients, fine_align
 
 Array = np.ndarray
@@ -31,7 +33,7 @@ LONGEST_PX = 800
 
 
 def choose(
-    craft: Craft, frame: Frame, found: List[Candidate]
+    craft: PreparedTarget, frame: Observation, found: List[Candidate]
 ) -> Tuple[Candidate, FineFit, Evidence, Tuple[Alternative, ...]]:
     """Refine the leaders, pick the best, and gather the evidence for it and its distinct rivals.
 
@@ -71,7 +73,7 @@ def _total(judged: Judged) -> float:
     return judged[0].support.total
 
 
-def _evidence(craft: Craft, best: Candidate, fit: FineFit, margin: float) -> Evidence:
+def _evidence(craft: PreparedTarget, best: Candidate, fit: FineFit, margin: float) -> Evidence:
     turn = largest_sigma(fit.covariance[:3, :3])
     shift = largest_sigma(fit.covariance[3:, 3:])
     return Evidence(
@@ -90,7 +92,9 @@ def _evidence(craft: Craft, best: Candidate, fit: FineFit, margin: float) -> Evi
     )
 
 
-def _polish(craft: Craft, frame: Frame, start: Candidate, gradients: Dict[Region, Gradients]) -> Judged:
+def _polish(
+    craft: PreparedTarget, frame: Observation, start: Candidate, gradients: Dict[Region, Gradients]
+) -> Judged:
     if start.region not in gradients:
         gradients[start.region] = region_gradients(frame, start.region, empty=start.field.empty)
     g = gradients[start.region]
@@ -107,7 +111,7 @@ def _polish(craft: Craft, frame: Frame, start: Candidate, gradients: Dict[Region
     return Candidate(q, t, s, start.field, start.region), fit
 
 
-def region_gradients(frame: Frame, region: Region, *, empty: bool) -> Gradients:
+def region_gradients(frame: Observation, region: Region, *, empty: bool) -> Gradients:
     """Gradient of a region for the sub-pixel search."""
     h, w = frame.image.shape
     x0, y0, x1, y1 = region.grown(MARGIN, w, h)

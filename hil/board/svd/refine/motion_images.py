@@ -6,7 +6,7 @@ import numpy as np
 
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.native.backend import native_library
 from hil.board.svd.native.photometric import normal_equations as step
@@ -15,7 +15,7 @@ Array = np.ndarray
 
 
 def motion_images(
-    shading: Shading, faces: Faces, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+    shading: Shading, faces: Faces, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Array:
     """(6, h, w) float32 derivative of the drawn picture by (turn about the target's origin, shift), camera axes.
 
@@ -23,7 +23,7 @@ def motion_images(
 
     Parameters
     ----------
-    camera : a pinhole (see ``Canvas.rays``).
+    camera : a pinhole (see ``ImagePatch.rays``).
     """
     native = native_library()
     if native is not None and shading.group.dtype == np.uint8:
@@ -32,7 +32,7 @@ def motion_images(
 
 
 def _motion_images(
-    shading: Shading, faces: Faces, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+    shading: Shading, faces: Faces, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Array:
     """The same by numpy."""
     h, w = canvas.gray.shape

@@ -10,9 +10,10 @@ import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.hypotheses.hypothesis import Candidate, Craft
+from hil.board.svd.hypotheses.hypothesis import Candidate
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.native.backend import native_library
@@ -99,14 +100,14 @@ class Course:
 Known = Dict[Tuple[Any, ...], Course]
 
 
-def faces_of(craft: Craft) -> Faces:
+def faces_of(craft: PreparedTarget) -> Faces:
     """Faces of a target that has them."""
     faces = craft.model.faces
     assert faces is not None  # noqa: S101 - the caller asked
     return faces
 
 
-def begin(craft: Craft, canvas: Canvas, c: Candidate, known: Optional[Known] = None) -> Course:
+def begin(craft: PreparedTarget, canvas: ImagePatch, c: Candidate, known: Optional[Known] = None) -> Course:
     """A candidate drawn where it is, without shadows."""
 
     def drawn() -> Course:
@@ -116,7 +117,9 @@ def begin(craft: Craft, canvas: Canvas, c: Candidate, known: Optional[Known] = N
     return _once(known, ("begun", c.q.tobytes(), c.t.tobytes()), c, drawn)
 
 
-def with_shadows(craft: Craft, canvas: Canvas, course: Course, known: Optional[Known] = None) -> Course:
+def with_shadows(
+    craft: PreparedTarget, canvas: ImagePatch, course: Course, known: Optional[Known] = None
+) -> Course:
     """A course that has just begun, with the shadows that the picture wants there."""
     q, t = course.fit.q, course.fit.t
 
@@ -139,8 +142,8 @@ def _once(
 
 
 def align_together(
-    craft: Craft,
-    canvas: Canvas,
+    craft: PreparedTarget,
+    canvas: ImagePatch,
     courses: List[Course],
     blurs: Tuple[float, ...],
     left: Tuple[Left, ...],
@@ -170,7 +173,7 @@ def align_together(
     return sorted(out, key=lambda r: -r.score)
 
 
-def _moved(craft: Craft, canvas: Canvas, c: Course, blur: float) -> Course:
+def _moved(craft: PreparedTarget, canvas: ImagePatch, c: Course, blur: float) -> Course:
     """A course one step on; itself where the picture says nothing."""
     faces, camera = faces_of(craft), craft.camera.pinhole
     fit = photo_step(c.fit, c.shading, faces, canvas, camera, craft.radius_m, blur)
@@ -201,7 +204,7 @@ def _differ(fit: PhotoFit, better: PhotoFit, apart_rad: float) -> bool:
     return bool(elsewhere or quat.angle_rad(fit.q, better.q) > apart_rad)
 
 
-def leaning(craft: Craft, c: Candidate) -> List[Candidate]:
+def leaning(craft: PreparedTarget, c: Candidate) -> List[Candidate]:
     """Poses tilted against one to every side, about axes across the line of sight; the centre stays in its place."""
     centre = quat.matrix(c.q) @ craft.centre_m + c.t
     sight = centre / np.linalg.norm(centre)
@@ -216,7 +219,9 @@ def leaning(craft: Craft, c: Candidate) -> List[Candidate]:
     return out
 
 
-def laid_over(craft: Craft, canvas: Canvas, twins: List[Candidate], held: Candidate) -> List[Candidate]:
+def laid_over(
+    craft: PreparedTarget, canvas: ImagePatch, twins: List[Candidate], held: Candidate
+) -> List[Candidate]:
     """Poses moved across the line of sight until their outlines have their middles where that of ``held`` has its own.
 
     A twin turned about the centre of the craft's sphere lies beside the picture where an antenna or a panel moves that
@@ -232,7 +237,7 @@ def laid_over(craft: Craft, canvas: Canvas, twins: List[Candidate], held: Candid
     return out
 
 
-def _middle(craft: Craft, canvas: Canvas, c: Candidate) -> Array:
+def _middle(craft: PreparedTarget, canvas: ImagePatch, c: Candidate) -> Array:
     """(2,) middle of what a pose covers of the canvas [picture px]; NaN where that is nothing."""
     faces, R = faces_of(craft), quat.matrix(c.q)
     seen = draw_faces(faces, order_faces(faces, -R.T @ c.t), craft.camera.pinhole, R, c.t, canvas)

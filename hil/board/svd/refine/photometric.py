@@ -11,7 +11,7 @@ import numpy as np
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred, coverage, shade
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
@@ -71,7 +71,7 @@ def photo_align(
     q: Array,
     t: Array,
     faces: Faces,
-    canvas: Canvas,
+    canvas: ImagePatch,
     camera: CameraIntrinsics,
     radius_m: float,
     blurs_px: Tuple[float, ...],
@@ -83,7 +83,7 @@ def photo_align(
 
     Parameters
     ----------
-    camera : a pinhole (see ``Canvas.rays``). blurs_px : blur of both pictures in each iteration [canvas px]: wide
+    camera : a pinhole (see ``ImagePatch.rays``). blurs_px : blur of both pictures in each iteration [canvas px]: wide
         first, to reach far. sun : casts shadows; None draws none. relax : how much longer
         steps on blurred pictures are made. joint : groups whose brightness is found together with the pose.
     """
@@ -99,7 +99,12 @@ def photo_align(
 
 
 def photo_draw(
-    q: Array, t: Array, faces: Faces, canvas: Canvas, camera: CameraIntrinsics, sun: Optional[Sunlight] = None
+    q: Array,
+    t: Array,
+    faces: Faces,
+    canvas: ImagePatch,
+    camera: CameraIntrinsics,
+    sun: Optional[Sunlight] = None,
 ) -> Shading:
     """The craft drawn at a pose, as bright as the picture says; parameters as in ``photo_align``."""
     R = quat.matrix(q)
@@ -112,7 +117,7 @@ def photo_shade(
     q: Array,
     t: Array,
     faces: Faces,
-    canvas: Canvas,
+    canvas: ImagePatch,
     camera: CameraIntrinsics,
     sun: Optional[Sunlight] = None,
 ) -> Shading:
@@ -125,7 +130,7 @@ def photo_step(
     fit: PhotoFit,
     shading: Shading,
     faces: Faces,
-    canvas: Canvas,
+    canvas: ImagePatch,
     camera: CameraIntrinsics,
     radius_m: float,
     blur: float,
@@ -170,7 +175,7 @@ def _inverse(H: Array) -> Array:
 def _gram(
     shading: Shading,
     faces: Faces,
-    canvas: Canvas,
+    canvas: ImagePatch,
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
@@ -258,7 +263,7 @@ def photo_score(
     q: Array,
     t: Array,
     faces: Faces,
-    canvas: Canvas,
+    canvas: ImagePatch,
     camera: CameraIntrinsics,
     sun: Optional[Sunlight] = None,
 ) -> float:
@@ -273,7 +278,7 @@ def photo_score(
     return explained(photo_draw(q, t, faces, canvas, camera, sun), canvas)
 
 
-def explained(shading: Shading, canvas: Canvas) -> float:
+def explained(shading: Shading, canvas: ImagePatch) -> float:
     """The same of a craft that is drawn already."""
     if "none" not in canvas.kept:
         noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
@@ -291,7 +296,7 @@ def explained(shading: Shading, canvas: Canvas) -> float:
     return 1.0 - left / max(least, 1e-9)
 
 
-def _left(shading: Shading, canvas: Canvas, noise: float, none: Array) -> float:
+def _left(shading: Shading, canvas: ImagePatch, noise: float, none: Array) -> float:
     """As ``kernels.levels.explained``, by numpy."""
     drawn = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))[0]
     e = (canvas.blurred(SCORE_BLUR_PX) - blurred(drawn, SCORE_BLUR_PX)) / noise
@@ -307,7 +312,7 @@ def photo_likeness(
     q: Array,
     t: Array,
     faces: Faces,
-    canvas: Canvas,
+    canvas: ImagePatch,
     camera: CameraIntrinsics,
     sun: Optional[Sunlight] = None,
 ) -> Tuple[float, float]:
@@ -315,7 +320,7 @@ def photo_likeness(
     return likeness(photo_draw(q, t, faces, canvas, camera, sun), canvas)
 
 
-def likeness(shading: Shading, canvas: Canvas) -> Tuple[float, float]:
+def likeness(shading: Shading, canvas: ImagePatch) -> Tuple[float, float]:
     """How the drawn craft looks like the picture where it covers it, clutter beside it left out.
 
     Returns

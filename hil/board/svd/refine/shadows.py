@@ -14,8 +14,8 @@ from hil.board.svd.refine.photometric import explained, photo_draw, photo_shade
 
 if TYPE_CHECKING:
     from hil.board.svd.geometry.faces import Faces
-    from hil.board.svd.geometry.image_patch import Canvas
-    from hil.board.svd.hypotheses.hypothesis import Craft
+    from hil.board.svd.geometry.image_patch import ImagePatch
+    from hil.board.svd.model.prepared_target import PreparedTarget
 
 Array = np.ndarray
 
@@ -43,9 +43,9 @@ class Shadowed:
 
 
 def shadowed(
-    craft: Craft,
+    craft: PreparedTarget,
     faces: Faces,
-    canvas: Canvas,
+    canvas: ImagePatch,
     q: Array,
     t: Array,
     plain: Optional[Shading] = None,
@@ -101,7 +101,7 @@ def shadowed(
 
 
 def sharpened(
-    craft: Craft, faces: Faces, canvas: Canvas, q: Array, t: Array, drawn: Shadowed, side: int
+    craft: PreparedTarget, faces: Faces, canvas: ImagePatch, q: Array, t: Array, drawn: Shadowed, side: int
 ) -> Shadowed:
     """The same with the shadows of a Sun's picture of ``side`` pixels, where these explain more.
 

@@ -8,9 +8,10 @@ from typing import Optional
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.hypothesis import Craft, Frame
+from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred
 from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.refine.photometric import photo_draw
 from hil.board.svd.refine.shadows import shadowed
 
@@ -39,7 +40,7 @@ class Drawn:
     noise: float
 
 
-def draw_at(craft: Craft, frame: Frame, q: Array, t: Array) -> Optional[Drawn]:
+def draw_at(craft: PreparedTarget, frame: Observation, q: Array, t: Array) -> Optional[Drawn]:
     """The drawing at a pose; None for a target without faces."""
     faces = craft.model.faces
     if faces is None:

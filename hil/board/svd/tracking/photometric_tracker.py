@@ -8,10 +8,11 @@ from typing import Optional, Tuple
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.hypotheses.hypothesis import Craft, Frame
+from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.refine.parallel import faces_of
 from hil.board.svd.refine.photometric import PhotoFit, explained, photo_draw, photo_shade, photo_step
@@ -48,7 +49,7 @@ class Look:
     sun: Optional[Array]
 
 
-def find_sun(craft: Craft, frame: Frame, pose: Pose) -> Optional[Array]:
+def find_sun(craft: PreparedTarget, frame: Observation, pose: Pose) -> Optional[Array]:
     """Direction (3,) to the Sun, camera axes, by the shadows at a pose; None where none explain the picture."""
     if craft.model.faces is None:
         return None
@@ -57,7 +58,12 @@ def find_sun(craft: Craft, frame: Frame, pose: Pose) -> Optional[Array]:
 
 
 def look(
-    craft: Craft, frame: Frame, poses: Tuple[Pose, ...], sun: Optional[Array], *, follow_sun: bool = True
+    craft: PreparedTarget,
+    frame: Observation,
+    poses: Tuple[Pose, ...],
+    sun: Optional[Array],
+    *,
+    follow_sun: bool = True,
 ) -> Look:
     """The pose that explains the picture best, aligned on it.
 
@@ -89,13 +95,13 @@ def look(
     return Look(fit, None if painted is None else quat.matrix(fit.q) @ painted.direction)
 
 
-def _canvas(craft: Craft, frame: Frame, pose: Pose) -> Canvas:
+def _canvas(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch:
     """The picture about a pose."""
     return replace(make_canvas(craft, frame, craft_box(craft, *pose), PICTURE_PX), exact=True)
 
 
 def _followed(
-    craft: Craft, canvas: Canvas, fit: PhotoFit, sun: Sunlight, drawn: Shading
+    craft: PreparedTarget, canvas: ImagePatch, fit: PhotoFit, sun: Sunlight, drawn: Shading
 ) -> Tuple[Sunlight, Shading]:
     """The Sun, or one beside it whose shadows explain the picture better, and the craft drawn with those.
 

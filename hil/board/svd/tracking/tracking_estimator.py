@@ -7,13 +7,13 @@ from typing import Any, Optional
 
 import numpy as np
 
-from hil.board.svd.base import Estimator
+from hil.board.svd.base import Estimator, PoseResult
 from hil.board.svd.estimator import PoseEstimator
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.hypotheses.ambiguity import largest_sigma
-from hil.board.svd.hypotheses.hypothesis import Frame, PoseResult, Trace
 from hil.board.svd.image.noise import noise_sigma
+from hil.board.svd.image.observation import Observation, Trace
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.tracking.edge_tracker import TrackFit, track_edges
 from hil.board.svd.tracking.photometric_tracker import find_sun, look
@@ -111,7 +111,7 @@ class TrackingEstimator(Estimator):
             self.state = None
         return result
 
-    def _estimate(self, frame: Frame) -> PoseResult:
+    def _estimate(self, frame: Observation) -> PoseResult:
         if self.state is not None:
             result = self._track(frame, self.state)
             if result is not None:
@@ -119,7 +119,7 @@ class TrackingEstimator(Estimator):
             frame.count("tracking_lost", 1)
         return self._initialise(frame)
 
-    def _track(self, frame: Frame, state: TrackState) -> Optional[PoseResult]:
+    def _track(self, frame: Observation, state: TrackState) -> Optional[PoseResult]:
         """The pose by tracking; None when it does not hold."""
         craft = self.craft
         reach = self._reach(state)
@@ -179,7 +179,9 @@ class TrackingEstimator(Estimator):
             self.method,
         )
 
-    def _by_picture(self, frame: Frame, state: TrackState, edges: TrackFit) -> "tuple[Array, Array, Array]":
+    def _by_picture(
+        self, frame: Observation, state: TrackState, edges: TrackFit
+    ) -> "tuple[Array, Array, Array]":
         """A pose that edges do not hold well or have held for long, aligned on the drawn craft: pose and covariance.
 
         The edges of a craft that shows little else than one lit face let a pose drift, each frame a little, and agree.
@@ -196,7 +198,7 @@ class TrackingEstimator(Estimator):
         frame.mark("picture")
         return seen.fit.q, seen.fit.t, seen.fit.covariance
 
-    def _initialise(self, frame: Frame) -> PoseResult:
+    def _initialise(self, frame: Observation) -> PoseResult:
         found = self.first.initialise(frame)
         frame.count("initialised", 1)
         q, t = found.q_camera_from_target_wxyz, found.t_camera_from_target_m

@@ -13,7 +13,7 @@ from hil.board.svd.native.photometric.image_formation import shown as shown_by
 
 if TYPE_CHECKING:
     from hil.board.svd.geometry.faces import Faces
-    from hil.board.svd.geometry.image_patch import Canvas
+    from hil.board.svd.geometry.image_patch import ImagePatch
 
 Array = np.ndarray
 
@@ -22,7 +22,7 @@ def shade(
     library: ctypes.CDLL,
     faces: Faces,
     seen: Array,
-    canvas: Canvas,
+    canvas: ImagePatch,
     dark: Optional[Array],
     *,
     empty: bool,
@@ -68,7 +68,7 @@ def shade(
     return (group, level[:n], picture, centre, area[:n], core, share, ground) if n else None
 
 
-def _of_craft(faces: Faces, canvas: Canvas) -> Held:
+def _of_craft(faces: Faces, canvas: ImagePatch) -> Held:
     """What ``shade`` is told of a craft and a canvas, kept for the next pose."""
     of, held = canvas.kept.get("shade", (None, None))
     if of is not faces:
@@ -96,7 +96,7 @@ def _of_craft(faces: Faces, canvas: Canvas) -> Held:
 
 def behind(
     library: ctypes.CDLL,
-    canvas: Canvas,
+    canvas: ImagePatch,
     made: Tuple[Array, ...],
     blur_px: float,
 ) -> Array:
@@ -134,7 +134,7 @@ def explained(
     library: ctypes.CDLL,
     picture: Array,
     group: Array,
-    canvas: Canvas,
+    canvas: ImagePatch,
     told: Held,
 ) -> float:
     """Bounded squared deviations from the drawn ``picture`` summed, as in ``photometric.explained``.
@@ -158,7 +158,7 @@ def explained(
 
 
 def comparison(
-    canvas: Canvas,
+    canvas: ImagePatch,
     blurs_px: Tuple[float, float, float],
     noise: float,
     bound: float,

@@ -13,7 +13,7 @@ from hil.board.svd.native.photometric.image_formation import Held, gauss, shown
 if TYPE_CHECKING:
     from hil.board.svd.geometry.camera import CameraIntrinsics
     from hil.board.svd.geometry.faces import Faces
-    from hil.board.svd.geometry.image_patch import Canvas
+    from hil.board.svd.geometry.image_patch import ImagePatch
     from hil.board.svd.geometry.shading import Shading
 
 Array = np.ndarray
@@ -37,7 +37,7 @@ class _Moving(ctypes.Structure):
 
 
 def _moving(
-    shading: Shading, faces: Faces, canvas: Canvas, camera: CameraIntrinsics, R: Array, t: Array
+    shading: Shading, faces: Faces, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Held:
     h, w = canvas.gray.shape
     level = np.zeros(256)
@@ -59,7 +59,7 @@ def _moving(
 
 
 def _of_craft(
-    faces: Faces, canvas: Canvas, camera: CameraIntrinsics
+    faces: Faces, canvas: ImagePatch, camera: CameraIntrinsics
 ) -> Tuple[Held, Tuple[float, float, float, float]]:
     """Planes of a craft and rays of a canvas as ``struct moving`` has them, kept for the next pose."""
     of, told = canvas.kept.get("moving", ((None, None), None))
@@ -69,7 +69,7 @@ def _of_craft(
         planes = checked_pointer(arrays[0], "float64", (n, 3)), checked_pointer(arrays[1], "float64", (n,)), n
         told = (
             Held(planes, arrays),
-            # as ``Canvas.rays``
+            # as ``ImagePatch.rays``
             (
                 (0.5 / across - 0.5 + canvas.x0 - camera.cx_px) / camera.fx_px,
                 (0.5 / down - 0.5 + canvas.y0 - camera.cy_px) / camera.fy_px,
@@ -85,7 +85,7 @@ def motion_images(
     library: ctypes.CDLL,
     shading: Shading,
     faces: Faces,
-    canvas: Canvas,
+    canvas: ImagePatch,
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
@@ -113,7 +113,7 @@ def gram(
     library: ctypes.CDLL,
     shading: Shading,
     faces: Faces,
-    canvas: Canvas,
+    canvas: ImagePatch,
     camera: CameraIntrinsics,
     R: Array,
     t: Array,

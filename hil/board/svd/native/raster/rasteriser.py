@@ -13,7 +13,7 @@ from hil.board.svd.native.arrays import checked_pointer, contiguous, pointer
 if TYPE_CHECKING:
     from hil.board.svd.geometry.camera import CameraIntrinsics
     from hil.board.svd.geometry.faces import Faces
-    from hil.board.svd.geometry.image_patch import Canvas
+    from hil.board.svd.geometry.image_patch import ImagePatch
 
 Array = np.ndarray
 
@@ -36,7 +36,7 @@ class _View(ctypes.Structure):
     _fields_ = [(name, ctypes.c_double) for name in ("fx", "fy", "cx", "cy", "x0", "y0", "across", "down")]
 
 
-def view(camera: CameraIntrinsics, canvas: Canvas) -> ctypes.Structure:
+def view(camera: CameraIntrinsics, canvas: ImagePatch) -> ctypes.Structure:
     """What a canvas shows of a pinhole's picture: struct view, kept for the next pose."""
     of, held = canvas.kept.get("view", (None, None))
     if of is not camera:
@@ -118,7 +118,7 @@ def draw_faces(
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
-    canvas: Canvas,
+    canvas: ImagePatch,
     least_px: float,
 ) -> Array:
     """As ``shade.draw_faces``, of a pinhole."""

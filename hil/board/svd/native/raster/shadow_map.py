@@ -13,7 +13,7 @@ from hil.board.svd.native.raster.rasteriser import PackedFaces, view
 if TYPE_CHECKING:
     from hil.board.svd.geometry.camera import CameraIntrinsics
     from hil.board.svd.geometry.faces import Faces
-    from hil.board.svd.geometry.image_patch import Canvas
+    from hil.board.svd.geometry.image_patch import ImagePatch
     from hil.board.svd.geometry.shading import Shading
 
 Array = np.ndarray
@@ -96,7 +96,7 @@ def shadows(
     faces: Faces,
     sun: Any,  # noqa: ANN401 - of packed_sun
     seen: Array,
-    canvas: Canvas,
+    canvas: ImagePatch,
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
@@ -160,7 +160,7 @@ def costs(
     table: Any,  # noqa: ANN401 - of packed_table
     faces: Faces,
     shading: Shading,
-    canvas: Canvas,
+    canvas: ImagePatch,
     camera: CameraIntrinsics,
     R: Array,
     t: Array,

@@ -21,11 +21,11 @@ import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.image.region import Region
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.propose.learned.network import Net
 from hil.board.svd.propose.learned.network_input import Gaze, look
 from hil.board.svd.propose.learned.view_subspaces import QUARTERS, Subspaces
-from hil.board.svd.propose.regions import Region
 
 Array = np.ndarray
 

@@ -22,15 +22,15 @@ from numpy.lib.stride_tricks import as_strided
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.faces import Faces
-from hil.board.svd.geometry.image_patch import Canvas
+from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.target_model import BoardModel
+from hil.board.svd.model.view_tables import look_at, sphere_directions
 from hil.board.svd.native.backend import accelerated
 from hil.board.svd.native.learned import attitude_likelihood as native
 from hil.board.svd.propose.learned.attitude_basis import harmonics, quartered, turning_bumps
 from hil.board.svd.propose.learned.network import FILLED as LOOK_FILLED
 from hil.board.svd.propose.learned.network_input import Gaze, seen_through
-from hil.board.svd.propose.templates import look_at, sphere_directions
 
 Array = np.ndarray
 
@@ -88,7 +88,7 @@ class Subspaces:
         distance = RANGE_RADII * radius
         f = 0.5 * FILLED * n * float(np.sqrt(distance**2 - radius**2)) / radius
         camera = CameraIntrinsics(n, n, f, f, 0.5 * (n - 1), 0.5 * (n - 1))
-        canvas = Canvas(np.zeros((n, n), np.float32), 1.0, 0.0, 0.0, 1.0, 3)
+        canvas = ImagePatch(np.zeros((n, n), np.float32), 1.0, 0.0, 0.0, 1.0, 3)
         basis = np.zeros((VIEWS, SHAPES, n * n), np.float32)
         size = np.zeros(VIEWS, int)
         directions = sphere_directions(VIEWS)

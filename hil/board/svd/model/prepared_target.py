@@ -1,0 +1,59 @@
+"""The target prepared for one camera: what is worked out once, before any image comes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Optional, Tuple
+
+import numpy as np
+
+from hil.board.svd.geometry.camera import CameraIntrinsics
+from hil.board.svd.geometry.faces import ROUND_STEPS
+from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
+from hil.board.svd.model.shadow_map import SunTable
+from hil.board.svd.model.target_model import BoardModel
+from hil.board.svd.model.view_tables import ViewTable, build_views, is_round, with_outlines
+from hil.board.svd.model.visibility import occluders, sample_edges
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedTarget:
+    """What is prepared once from the model and the camera.
+
+    Parameters
+    ----------
+    samples : points on the wireframe, ``spacing_m`` apart. occ : what hides them.
+    tables : views of it, near and far.
+    centre_m, radius_m : sphere that holds it. suns : it as the Sun may see it; None without faces.
+    round : whether much of its outline lies on curved surfaces.
+    """
+
+    model: BoardModel
+    camera: CameraIntrinsics
+    samples: EdgeSamples
+    spacing_m: float
+    occ: Occluders
+    tables: Tuple[ViewTable, ...]
+    centre_m: Array
+    radius_m: float
+    suns: Optional[SunTable] = None
+    round: bool = False
+
+    @staticmethod
+    def prepare(model: BoardModel, camera: CameraIntrinsics) -> PreparedTarget:
+        """Tables of one target for one camera."""
+        radius = model.radius_m
+        spacing = radius / 30.0
+        samples, occ = sample_edges(model, spacing), occluders(model)
+        # perspective changes shapes near by: one table near, one far
+        tables = tuple(build_views(model, samples, occ, d * radius) for d in (4.5, 14.0))
+        curved = is_round(model)
+        if model.outlines is not None and curved:
+            tables = tuple(with_outlines(view, model.outlines, model.centre_m) for view in tables)
+        suns = None if model.faces is None else SunTable.of(model.faces)
+        if model.faces is not None and curved:
+            model = replace(model, faces=model.faces.grouped(ROUND_STEPS))
+        centre = model.centre_m
+        return PreparedTarget(model, camera, samples, spacing, occ, tables, centre, radius, suns, curved)
