@@ -12,7 +12,6 @@ from gui.keys import STEERING, THRUST, Action
 from gui.recorder import Recorder
 from simulator.loop import plan_flight
 from simulator.runtime.arrays import Vec3, vec3
-from simulator.scenario.chaser import keep_out
 from simulator.scenario.flight import fly
 from simulator.world.frames.rotation import matrix_from_quat
 from simulator.world.guidance.manual_control import ChaserState, Command, guarded_command, step
@@ -73,7 +72,7 @@ class Session:
     def __init__(self, plan: Plan, recorder: Recorder | None = None) -> None:
         self.plan = plan
         self.recorder = recorder
-        self._keep_out = keep_out(plan.scenario.chaser)
+        self._keep_out = plan.scenario.chaser.keep_out
         self.flight: Flight = plan.flight
         self.paused = False
         self.rate = 1.0

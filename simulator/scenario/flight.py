@@ -1,4 +1,4 @@
-"""From a scenario to a propagated flight: degrees become radians, names become objects."""
+"""From a scenario to a propagated flight, and the times of its frames."""
 
 from __future__ import annotations
 
@@ -9,30 +9,36 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.scenario import motion as sm
-from simulator.scenario import scenario as sc
-from simulator.scenario.attitude import check_attitude, q_eci_from_target, target_motion
-from simulator.scenario.chaser import burns, check_burns, check_chaser, guidance, keep_out, thrusters, wheels
-from simulator.scenario.forces import check_forces, force_model
-from simulator.world.attitude.pointing import Pointing
-from simulator.world.attitude.target_attitude import Fixed
-from simulator.world.ephemeris.bodies import BODIES, Body
-from simulator.world.flight.build import ChaserPlan, TargetStart, propagate_flight
-from simulator.world.flight.recording import Recording, recorded_tracks
-from simulator.world.orbit.propagation import Elements, elements_from_state, state_from_elements
+from simulator.scenario.messages import read_message
+from simulator.world.attitude.target_attitude import Attitude
+from simulator.world.ephemeris.bodies import MOON
+from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.flight.build import TargetStart, propagate_flight
+from simulator.world.flight.recording import Replay, recorded_tracks
+from simulator.world.messages.aem import read_aem_history
+from simulator.world.orbit.forces import EarthForces
+from simulator.world.orbit.initial_orbit import ElementsOrbit, StateOrbit
+from simulator.world.orbit.moon_forces import MoonForces
+from simulator.world.orbit.spherical_harmonics import egm96
 from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
+    from simulator.scenario.scenario import Scenario
     from simulator.targets.model import Target
+    from simulator.world.attitude.rigid_body import AttitudeTrack
+    from simulator.world.ephemeris.bodies import Body
     from simulator.world.flight.flight import Flight
+    from simulator.world.orbit.forces import ForceModel, Forces
+    from simulator.world.orbit.initial_orbit import KnownOrbit
 
+_CHASER_MASS_KG = 100.0
 _LOOK_EVERY_S = 60.0
 MOST_FRAMES = 1_000_000
 """More frames than this in one run are taken for a mistake."""
 
 
-def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) -> Flight:
+def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> Flight:
     """Propagate the scenario with the target's mass properties.
 
     Parameters
@@ -41,51 +47,42 @@ def fly(scenario: sc.Scenario, target: Target, duration_s: float | None = None) 
     target : gives the inertia, unless the scenario overrides it.
     duration_s : instead of the scenario's, for example for an open-ended session.
     """
-    a = scenario.attitude
-    r, v = orbit_state(scenario)
-    down = scenario.chaser.pointing.down
-    pointing = scenario.chaser.pointing
+    orbit, chaser = known_orbit(scenario), scenario.chaser
+    r, v = orbit.state()
     epoch = Instant.from_utc(scenario.epoch_utc)
     span_s = duration_s or scenario.duration_s
-    body = central_body(scenario)
-    # a recording brings the target's attitude, and its chaser may be where no pointing could be made
-    replayed = isinstance(scenario.chaser, sm.ReplayChaser)
-    start = TargetStart(
-        r_eci_m=r,
-        v_eci_m_s=v,
-        attitude=lambda frame: q_eci_from_target(a, frame),
-        motion=Fixed(frame="eci")
-        if replayed
-        else target_motion(a, target.mass.inertia_kg_m2, epoch, scenario.duration_s),
-    )
-    chaser = ChaserPlan(
-        guidance=guidance(scenario.chaser),
-        thrusters=thrusters(scenario.chaser),
-        keep_out=keep_out(scenario.chaser),
-        wheels=wheels(scenario.chaser),
-        pointing=Pointing(
-            down="nadir" if down == "auto" else down,
-            right_rad=np.radians(pointing.right_deg),
-            below_rad=np.radians(pointing.below_deg),
-            roll_rad=np.radians(pointing.roll_deg),
-        ),
-        choose_down=down == "auto",
-    )
+    replay = chaser if isinstance(chaser, Replay) else None
     flight = propagate_flight(
-        start,
-        chaser,
+        TargetStart(
+            r_eci_m=r,
+            v_eci_m_s=v,
+            # a recording brings the target's attitude, and its chaser may be where no pointing could be made
+            attitude=Attitude(motion="fixed", frame="eci") if replay else scenario.attitude,
+            inertia_kg_m2=target.mass.inertia_kg_m2,
+            history=_attitude_history(scenario, epoch),
+        ),
+        replay.held_at_start() if replay else chaser,
         epoch=epoch,
         duration_s=span_s,
-        forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg, body),
-        body=body,
-        burns=burns(scenario.burns),
+        forces=force_model(scenario.forces, epoch, span_s, target.mass.mass_kg, orbit.body),
+        body=orbit.body,
+        burns=tuple(scenario.burns),
     )
     _check_height(flight, scenario.name)
-    if not isinstance(scenario.chaser, sm.ReplayChaser):
+    if replay is None:
         return flight
-    recording = Recording.read(Path(scenario.chaser.file))
-    orbit, tumble = recorded_tracks(recording, flight.orbit.forces, span_s, epoch, body)
-    return replace(flight, orbit=orbit, attitude=tumble, recording=recording)
+    recording = replay.read()
+    track, attitude = recorded_tracks(recording, flight.orbit.forces, span_s, epoch, orbit.body)
+    return replace(flight, orbit=track, attitude=attitude, recording=recording)
+
+
+def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | None:
+    """The target's attitude over the scenario, from the file that it follows."""
+    name = scenario.attitude.aem_file
+    if scenario.attitude.motion != "aem" or name is None or isinstance(scenario.chaser, Replay):
+        return None
+    text = read_message(name, "attitude.aem_file", Path())
+    return read_aem_history(text, name, epoch, scenario.duration_s)
 
 
 def _check_height(flight: Flight, name: str) -> None:
@@ -99,29 +96,33 @@ def _check_height(flight: Flight, name: str) -> None:
             )
 
 
-def central_body(scenario: sc.Scenario) -> Body:
-    """What the target circles."""
-    return BODIES["earth" if isinstance(scenario.orbit, sm.TleOrbit) else scenario.orbit.centre]
+def known_orbit(scenario: Scenario) -> KnownOrbit:
+    """The target's orbit, whose TLE or message has been read.
 
-
-def orbit_state(scenario: sc.Scenario) -> tuple[FloatArray, FloatArray]:
-    """Position [m] and velocity [m s-1] of the target at the epoch from its central body, GCRS axes."""
-    body = central_body(scenario)
-    o = scenario.orbit
-    if isinstance(o, sm.StateOrbit):
-        return np.array(o.r_eci_km) * 1e3, np.array(o.v_eci_km_s) * 1e3
-    if not isinstance(o, sm.ElementsOrbit):
+    Raises
+    ------
+    UserError
+        If it has not.
+    """
+    if not isinstance(scenario.orbit, ElementsOrbit | StateOrbit):
         raise UserError("the orbit is still a TLE or a file: load the scenario with load_scenario")
-    return state_from_elements(
-        Elements(
-            semi_major_axis_m=body.radius_m + o.altitude_km * 1e3,
-            eccentricity=o.eccentricity,
-            inclination_rad=np.radians(o.inclination_deg),
-            raan_rad=np.radians(o.raan_deg),
-            argument_of_perigee_rad=np.radians(o.argp_deg),
-            true_anomaly_rad=np.radians(o.true_anomaly_deg),
-        ),
-        body.mu_m3_s2,
+    return scenario.orbit
+
+
+def force_model(
+    forces: Forces, epoch: Instant, duration_s: float, target_mass_kg: float, body: Body
+) -> ForceModel | None:
+    """The forces asked for about a body, or None for the plain point mass with J2 (the Earth)."""
+    known, degree = forces.with_masses(target_mass_kg, _CHASER_MASS_KG), forces.gravity_degree
+    if body is MOON:
+        return MoonForces(epoch=epoch, sky=SkyTable.of(epoch, duration_s), forces=known)
+    if degree is None and not (forces.sun or forces.moon or forces.drag or forces.solar_pressure):
+        return None
+    degree = 2 if degree is None else degree
+    return EarthForces(
+        sky=SkyTable.of(epoch, duration_s),
+        forces=known,
+        harmonics=egm96(degree) if degree >= 2 else None,
     )
 
 
@@ -155,59 +156,3 @@ def frame_times(duration_s: float, n: int | None = None, every_s: float | None =
             f"{n} frames every {every_s:g} s do not fit the flight of {duration_s:g} s: {fitting} do"
         )
     return np.minimum(np.arange(n or fitting, dtype=float) * every_s, duration_s)
-
-
-def check_physics(scenario: sc.Scenario, where: str) -> None:
-    """Refuse what each key allows alone but physics does not allow together.
-
-    Raises
-    ------
-    UserError
-        With file, key, value and what is allowed.
-    """
-    o = scenario.orbit
-    r, v = orbit_state(scenario)
-    body = central_body(scenario)
-    if isinstance(o, sm.ElementsOrbit):
-        altitude = (body.radius_m + o.altitude_km * 1e3) * (1 - o.eccentricity) - body.radius_m
-        if altitude < body.lowest_m:
-            key, value = (
-                ("eccentricity", o.eccentricity) if o.eccentricity else ("altitude_km", o.altitude_km)
-            )
-            raise UserError(
-                f"{where}: key orbit.{key} is {value:g}, which puts the orbit's lowest point at "
-                f"{altitude / 1e3:.0f} km, allowed: at least {body.lowest_m / 1e3:.0f} km above {body.title}"
-            )
-    else:
-        _check_state_orbit(r, v, body, where)
-    check_forces(scenario.forces, body, where)
-    check_attitude(scenario.attitude, body, where)
-    check_chaser(scenario.chaser, where)
-    check_burns(scenario, where)
-
-
-def _check_state_orbit(r: FloatArray, v: FloatArray, body: Body, where: str) -> None:
-    speed, radius = float(np.linalg.norm(v)), float(np.linalg.norm(r))
-    escape = float(np.sqrt(2 * body.mu_m3_s2 / radius)) if radius > 0 else 0.0
-    lowest = body.radius_m + body.lowest_m
-    if radius < lowest:
-        raise UserError(
-            f"{where}: key orbit.r_eci_km is {radius / 1e3:.1f} km from the centre of {body.title}, "
-            f"allowed: at least {lowest / 1e3:.0f} km"
-        )
-    if speed >= escape:
-        raise UserError(
-            f"{where}: key orbit.v_eci_km_s is {speed / 1e3:.3f} km/s fast, "
-            f"allowed: less than the {escape / 1e3:.3f} km/s that leave {body.title}"
-        )
-    if float(np.linalg.norm(np.cross(r, v))) < 1e-3 * radius * escape:
-        raise UserError(
-            f"{where}: key orbit.v_eci_km_s points along orbit.r_eci_km, allowed: an orbit, not a fall"
-        )
-    e = elements_from_state(r, v, body.mu_m3_s2)
-    altitude = e.semi_major_axis_m * (1 - e.eccentricity) - body.radius_m
-    if altitude < body.lowest_m:
-        raise UserError(
-            f"{where}: section [orbit] has its lowest point {altitude / 1e3:.0f} km high, "
-            f"allowed: at least {body.lowest_m / 1e3:.0f} km above {body.title}"
-        )

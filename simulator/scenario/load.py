@@ -18,7 +18,7 @@ from simulator.camera.lens.files import CameraFile, read_camera_file
 from simulator.errors import UserError, near_names
 from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_dotted
 from simulator.runtime.validation_errors import explain
-from simulator.scenario.flight import check_physics
+from simulator.scenario.checks import check_physics
 from simulator.scenario.messages import resolve_messages
 from simulator.scenario.scenario import Scenario
 from simulator.scene.environments import ENVIRONMENTS

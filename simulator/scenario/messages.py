@@ -11,20 +11,22 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.runtime.arrays import quat, vec3
 from simulator.runtime.untrusted_files import read_regular
-from simulator.scenario import motion as sm
-from simulator.scenario import scenario as sc
-from simulator.scenario.units import Centre
-from simulator.world.flight.recording import Recording
+from simulator.world.flight.recording import Recording, Replay
 from simulator.world.messages.aem import read_aem_state
 from simulator.world.messages.oem import read_oem_state
 from simulator.world.messages.tle import state_from_tle
+from simulator.world.orbit.initial_orbit import OemOrbit, StateOrbit, TleOrbit
 from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
+    from simulator.scenario.scenario import AnyChaser, Scenario
+    from simulator.world.attitude.target_attitude import Attitude
+    from simulator.world.ephemeris.bodies import BodyName
+    from simulator.world.orbit.initial_orbit import ElementsOrbit, KnownOrbit
 
 
-def resolve_messages(scenario: sc.Scenario, where: str, folder: Path) -> sc.Scenario:
+def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
     """The scenario with a TLE or OEM orbit and an AEM attitude replaced by the states they give.
 
     Parameters
@@ -49,22 +51,22 @@ def resolve_messages(scenario: sc.Scenario, where: str, folder: Path) -> sc.Scen
 
 
 def _orbit(
-    orbit: sm.ElementsOrbit | sm.StateOrbit | sm.TleOrbit | sm.OemOrbit, epoch: Instant, folder: Path
-) -> sm.ElementsOrbit | sm.StateOrbit:
+    orbit: ElementsOrbit | StateOrbit | TleOrbit | OemOrbit, epoch: Instant, folder: Path
+) -> KnownOrbit:
     match orbit:
-        case sm.TleOrbit():
-            centre: Centre = "earth"
+        case TleOrbit():
+            centre: BodyName = "earth"
             r, v = state_from_tle(orbit.line1, orbit.line2, epoch)
-        case sm.OemOrbit():
+        case OemOrbit():
             centre = orbit.centre
             text = read_message(orbit.file, "orbit.file", folder)
             r, v = read_oem_state(text, orbit.file, epoch, centre.upper())
         case _:
             return orbit
-    return sm.StateOrbit(centre=centre, r_eci_km=vec3(r / 1e3), v_eci_km_s=vec3(v / 1e3))
+    return StateOrbit(centre=centre, r_eci_km=vec3(r / 1e3), v_eci_km_s=vec3(v / 1e3))
 
 
-def _attitude(attitude: sm.Attitude, epoch: Instant, folder: Path) -> sm.Attitude:
+def _attitude(attitude: Attitude, epoch: Instant, folder: Path) -> Attitude:
     name = attitude.aem_file
     if name is None:
         return attitude
@@ -80,9 +82,9 @@ def _attitude(attitude: sm.Attitude, epoch: Instant, folder: Path) -> sm.Attitud
     )
 
 
-def _chaser(chaser: sm.AnyChaser, duration_s: float, folder: Path) -> sm.AnyChaser:
+def _chaser(chaser: AnyChaser, duration_s: float, folder: Path) -> AnyChaser:
     """The chaser, with the path of a recording made absolute and its length checked."""
-    if not isinstance(chaser, sm.ReplayChaser):
+    if not isinstance(chaser, Replay):
         return chaser
     path = (folder / chaser.file).resolve()
     recorded_s = Recording.read(path).duration_s

@@ -9,11 +9,12 @@ import msgspec
 from msgspec import Meta
 
 from simulator.camera.sections import DetectorSection
-from simulator.scenario.units import MetresXyz, Pitch, Section
+from simulator.runtime.sections import MetresXyz, Section
 from simulator.scene.environments import EnvironmentName, environment_preset
 from simulator.scene.illumination.lamp import Profile
 from simulator.scene.state import Bands, Quality
 
+Pitch = Annotated[float, Meta(gt=0.1, le=1000)]
 Layer = Literal["all", "amodal", "parts", "depth", "normals", "flow", "clean", "wireframe"]
 
 

@@ -18,20 +18,40 @@ from simulator.camera.lens.intrinsics import CONSISTENT
 from simulator.camera.sections import OpticsSection, read_part, read_sensor
 from simulator.errors import UserError
 from simulator.imaging.auto_exposure import AutoExposure
-from simulator.scenario.motion import (
-    AnyChaser,
-    Attitude,
-    BurnSection,
-    ElementsOrbit,
-    Forces,
-    OemOrbit,
-    StateOrbit,
-    TleOrbit,
-)
+from simulator.runtime.sections import Section
 from simulator.scenario.picture import EnvironmentSection, LampSection, Output, SensorSection
-from simulator.scenario.units import Section
 from simulator.scene.illumination.lamp import Lamp
 from simulator.scene.state import Environment
+from simulator.world.attitude.target_attitude import Attitude
+from simulator.world.flight.recording import Replay
+from simulator.world.guidance.command_script import Steered
+from simulator.world.guidance.free_flight import FreeDrift, NaturalCircumnavigation, RangeKeeping, SafeEllipse
+from simulator.world.guidance.paths import (
+    ForcedFlyaround,
+    Glideslope,
+    Hold,
+    RbarApproach,
+    VbarApproach,
+    Waypoints,
+)
+from simulator.world.orbit.burns import Burn
+from simulator.world.orbit.forces import Forces
+from simulator.world.orbit.initial_orbit import ElementsOrbit, OemOrbit, StateOrbit, TleOrbit
+
+AnyChaser = (
+    Replay
+    | Hold
+    | FreeDrift
+    | NaturalCircumnavigation
+    | SafeEllipse
+    | VbarApproach
+    | RbarApproach
+    | ForcedFlyaround
+    | Waypoints
+    | Glideslope
+    | RangeKeeping
+    | Steered
+)
 
 
 class Scenario(Section, frozen=True, kw_only=True):
@@ -52,7 +72,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     orbit: ElementsOrbit | StateOrbit | TleOrbit | OemOrbit
     forces: Forces = Forces()
-    burns: Annotated[list[BurnSection], Meta(max_length=1000)] = msgspec.field(default_factory=list)
+    burns: Annotated[list[Burn], Meta(max_length=1000)] = msgspec.field(default_factory=list)
     attitude: Attitude = Attitude()
     chaser: AnyChaser
     camera: str | CameraFile = "speed"

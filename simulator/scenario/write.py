@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from simulator.scenario import motion as sm
+from simulator.world.flight.recording import Replay
 
 if TYPE_CHECKING:
     from simulator.scenario.scenario import Scenario
@@ -21,7 +21,7 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
     scenario : what was flown. recording_file : path from where the TOML will lie.
     duration_s : of the recording, when it is not the scenario's.
     """
-    chaser = sm.ReplayChaser(file=recording_file, minimum_start_range_m=scenario.chaser.minimum_start_range_m)
+    chaser = Replay(file=recording_file, minimum_start_range_m=scenario.chaser.minimum_start_range_m)
     replay = msgspec.structs.replace(
         scenario,
         name=f"{scenario.name}-replay",

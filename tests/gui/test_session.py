@@ -18,11 +18,12 @@ from gui.view_settings import Look, apply_look, reduced_camera
 from gui.viewport import Letterbox
 from simulator.errors import UserError
 from simulator.loop import plan_flight
-from simulator.scenario import motion as sm
 from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState
 from simulator.world.flight.recording import Recording, first_line
 from simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
+from simulator.world.guidance.keep_out import KeepOut
+from simulator.world.guidance.thrusters import Thrusters
 
 TICK_S = 1 / 50
 
@@ -280,9 +281,9 @@ def test_readout_of_a_known_geometry(session: Session) -> None:
 
 def guarded_session(radius_m: float) -> Session:
     scenario = load_scenario("tango-flyaround")
-    thrusters = sm.ThrustersSection()
+    thrusters = Thrusters()
     chaser = msgspec.structs.replace(
-        scenario.chaser, keep_out=sm.KeepOutSection(radius_m=radius_m), thrusters=thrusters
+        scenario.chaser, keep_out=KeepOut(radius_m=radius_m), thrusters=thrusters
     )
     return Session.of(msgspec.structs.replace(scenario, chaser=chaser))
 

@@ -10,7 +10,7 @@ import numpy as np
 from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
 from simulator.world.ephemeris.ephemeris_table import SkyTable
 from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from simulator.world.orbit.forces import FullForces
+from simulator.world.orbit.forces import EarthForces, Forces
 from simulator.world.orbit.propagation import propagate
 from simulator.world.orbit.spherical_harmonics import egm96
 from simulator.world.time.instant import Instant
@@ -45,7 +45,9 @@ def test_earth_is_turned_as_in_skyfield() -> None:
 def test_a_day_agrees_with_basilisk() -> None:
     """EGM96 20x20 + Sun + Moon at 600 km: 1 m after a day; 1 mm between the two over an orbit."""
     epoch = Instant.from_utc("2025-03-21T06:00:00Z")
-    forces = FullForces(sky=SkyTable.of(epoch, 86400.0), harmonics=egm96(20), sun=True, moon=True)
+    forces = EarthForces(
+        sky=SkyTable.of(epoch, 86400.0), harmonics=egm96(20), forces=Forces(sun=True, moon=True)
+    )
     start, chaser = BASILISK[0, 1:4], BASILISK[0, 4:7]
     v, w = np.array([0.0, -1049.0, 7485.0]), np.array([0.0, -0.013, 0.002])
     track = propagate(start, v, 86400.0, forces, (chaser - start, w))

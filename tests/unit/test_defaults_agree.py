@@ -9,12 +9,10 @@ import pytest
 
 from simulator.camera.detector.optics import Optics
 from simulator.camera.sections import OpticsSection
-from simulator.scenario import motion as scenario_motion
 from simulator.scenario import picture as scenario_picture
 from simulator.scene.state import Environment
-from simulator.world.guidance.command_script import Steered
 
-PAIRS = [(scenario_picture.EnvironmentSection, Environment), (scenario_motion.SteeredChaser, Steered)]
+PAIRS = [(scenario_picture.EnvironmentSection, Environment)]
 
 
 @pytest.mark.parametrize(("section", "inside"), PAIRS, ids=lambda c: c.__name__)

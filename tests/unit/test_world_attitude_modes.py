@@ -9,9 +9,8 @@ import pytest
 
 from simulator.errors import UserError
 from simulator.world.attitude.directions import Surroundings
-from simulator.world.attitude.magnetic import magnetic_field_t
-from simulator.world.attitude.target_attitude import Fixed, Pointed, Spin, TargetMotion, Tumble
-from simulator.world.attitude.torques import Torques, torque_on
+from simulator.world.attitude.target_attitude import Attitude, Point
+from simulator.world.attitude.torques import magnetic_field_t, torque_on
 from simulator.world.ephemeris.bodies import EARTH
 from simulator.world.ephemeris.sun_moon import sun_eci_m
 from simulator.world.frames.rotation import (
@@ -31,21 +30,28 @@ R0, V0 = state_from_elements(Elements(semi_major_axis_m=7e6, inclination_rad=1.7
 ORBIT = propagate(R0, V0, SPAN, Gravity(), (np.array([5.0, -8.0, 3.0]), np.array([0.01, 0.0, 0.02])))
 AROUND = Surroundings(orbit=ORBIT, body=EARTH, epoch=EPOCH, duration_s=SPAN, relative=ORBIT.relative)
 Q0 = quat_from_rotvec([0.4, -0.9, 0.2])
+J = np.diag([2.5, 2.7, 3.9])
 
-MOTIONS: dict[str, TargetMotion] = {
-    "nadir": Pointed(axis_body=(0, 0, 1), at="nadir", second_axis_body=(1, 0, 0), second_at="along_track"),
-    "sun": Pointed(axis_body=(0, 0, 1), at="sun", second_axis_body=(1, 1, 0), second_at="cross_track"),
-    "chaser": Pointed(axis_body=(1, 0, 0), at="chaser", second_axis_body=(0, 0, 1), second_at="zenith"),
-    "spin": Spin(axis_body=(1.0, 2.0, -1.0), rate_rad_s=0.05),
-    "lvlh": Fixed(frame="lvlh"),
-    "eci": Fixed(frame="eci"),
-    "tumble": Tumble(omega_rad_s=(0.02, -0.03, 0.01), inertia_kg_m2=np.diag([2.5, 2.7, 3.9])),
+
+def pointed(axis: tuple, at: str, second_axis: tuple, second_at: str) -> Attitude:
+    point = Point(axis=axis, at=at, second_axis=second_axis, second_at=second_at)
+    return Attitude(motion="point", point=point)
+
+
+MOTIONS: dict[str, Attitude] = {
+    "nadir": pointed((0, 0, 1), "nadir", (1, 0, 0), "along_track"),
+    "sun": pointed((0, 0, 1), "sun", (1, 1, 0), "cross_track"),
+    "chaser": pointed((1, 0, 0), "chaser", (0, 0, 1), "zenith"),
+    "spin": Attitude(motion="spin", rate_deg_s=(1.2, 2.4, -1.2)),
+    "lvlh": Attitude(motion="fixed", frame="lvlh"),
+    "eci": Attitude(motion="fixed", frame="eci"),
+    "tumble": Attitude(rate_deg_s=tuple(np.degrees((0.02, -0.03, 0.01)))),
 }
 
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_rate_is_the_derivative_of_the_attitude(name: str) -> None:
-    track, h = MOTIONS[name].track(Q0, AROUND), 0.005
+    track, h = MOTIONS[name].track(Q0, J, AROUND), 0.005
     for t in (10.0, 1234.5, 2900.0):
         (before, _), (now, omega), (after, _) = (track(t + s) for s in (-h, 0.0, h))
         R0_, R1_ = matrix_from_quat(before), matrix_from_quat(after)
@@ -56,36 +62,36 @@ def test_rate_is_the_derivative_of_the_attitude(name: str) -> None:
 def test_axes_point_where_they_are_told() -> None:
     t = 1700.0
     r, v = ORBIT(t)
-    R = matrix_from_quat(MOTIONS["nadir"].track(Q0, AROUND)(t)[0])
+    R = matrix_from_quat(MOTIONS["nadir"].track(Q0, J, AROUND)(t)[0])
     assert R[:, 2] @ r / np.linalg.norm(r) == pytest.approx(-1.0)
     assert R[:, 0] @ v / np.linalg.norm(v) == pytest.approx(1.0, abs=1e-4)
     now = EPOCH.plus(t)
     to_sun = sun_eci_m(now.tt1, now.tt2) - r
-    R = matrix_from_quat(MOTIONS["sun"].track(Q0, AROUND)(t)[0])
+    R = matrix_from_quat(MOTIONS["sun"].track(Q0, J, AROUND)(t)[0])
     assert np.linalg.norm(R[:, 2] - to_sun / np.linalg.norm(to_sun)) < 1e-8
     p, _ = ORBIT.relative(t)
-    R = matrix_from_quat(MOTIONS["chaser"].track(Q0, AROUND)(t)[0])
+    R = matrix_from_quat(MOTIONS["chaser"].track(Q0, J, AROUND)(t)[0])
     assert np.allclose(R[:, 0], p / np.linalg.norm(p), atol=1e-12)
 
 
 def test_at_rest_in_lvlh_and_among_the_stars() -> None:
-    track = MOTIONS["lvlh"].track(Q0, AROUND)
+    track = MOTIONS["lvlh"].track(Q0, J, AROUND)
     seen = [ORBIT.frame(t).R_eci_from_lvlh.T @ matrix_from_quat(track(t)[0]) for t in (0.0, 1500.0)]
     assert np.allclose(seen[0], seen[1], atol=1e-12)
     assert rotation_angle_rad(track(0.0)[0], Q0) < 1e-12
-    assert np.array_equal(MOTIONS["eci"].track(Q0, AROUND)(2000.0)[0], Q0)
+    assert np.array_equal(MOTIONS["eci"].track(Q0, J, AROUND)(2000.0)[0], Q0)
 
 
 def test_directions_that_run_together_are_refused() -> None:
     # the along-track axis follows the velocity, nadir does not meet it; the zenith meets itself
-    motion = Pointed(axis_body=(0, 0, 1), at="nadir", second_axis_body=(1, 0, 0), second_at="zenith")
+    motion = pointed((0, 0, 1), "nadir", (1, 0, 0), "zenith")
     with pytest.raises(UserError, match="nadir and zenith run together 0 s after the start"):
-        motion.track(Q0, AROUND)
+        motion.track(Q0, J, AROUND)
 
 
-def history_text(every_s: float) -> tuple[str, TargetMotion]:
+def history_text(every_s: float) -> tuple[str, Attitude]:
     motion = MOTIONS["tumble"]
-    track = motion.track(Q0, AROUND)
+    track = motion.track(Q0, J, AROUND)
     times = np.arange(0.0, 601.0, every_s)
     text = write_aem(
         name="A",
@@ -97,7 +103,7 @@ def history_text(every_s: float) -> tuple[str, TargetMotion]:
 
 
 def test_history_of_a_file_is_followed_between_its_lines() -> None:
-    track = MOTIONS["tumble"].track(Q0, AROUND)
+    track = MOTIONS["tumble"].track(Q0, J, AROUND)
     errors = []
     for every in (4.0, 8.0):
         text, _ = history_text(every)
@@ -136,7 +142,7 @@ def test_magnetic_field_points_north_and_doubles_at_the_pole() -> None:
 
 
 def test_residual_dipole_turns_like_a_compass_needle() -> None:
-    torque = torque_on(Torques(residual_dipole_a_m2=(0.0, 0.0, 1.0)), ORBIT, np.diag([2.5, 2.7, 3.9]), EPOCH)
+    torque = torque_on(ORBIT, J, EPOCH, residual_dipole_a_m2=(0.0, 0.0, 1.0))
     assert torque is not None
     R = matrix_from_quat(Q0)
     found = torque(100.0, R)
@@ -150,6 +156,6 @@ def test_residual_dipole_turns_like_a_compass_needle() -> None:
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_a_flight_goes_to_another_process(name: str) -> None:
-    track = MOTIONS[name].track(Q0, AROUND)
+    track = MOTIONS[name].track(Q0, J, AROUND)
     again = pickle.loads(pickle.dumps(track))  # noqa: S301 - our own bytes
     assert np.array_equal(np.concatenate(again(123.4)), np.concatenate(track(123.4)))

@@ -8,7 +8,7 @@ import pytest
 from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.frames.lvlh import lvlh_frame
 from simulator.world.guidance.manual_control import ChaserState, Command, step
-from simulator.world.guidance.modes import Hold
+from simulator.world.guidance.paths import Hold
 from simulator.world.guidance.thruster_control import fly_controlled
 from simulator.world.guidance.thrusters import Thrusters
 from simulator.world.orbit.burns import Burn

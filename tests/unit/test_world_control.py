@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from simulator.world.frames.lvlh import lvlh_frame
+from simulator.world.guidance.chaser import Chaser
+from simulator.world.guidance.free_flight import RangeKeeping
 from simulator.world.guidance.keep_out import KeepOut
-from simulator.world.guidance.modes import Guidance, Hold, StraightApproach
-from simulator.world.guidance.paths import Glideslope, RangeKeeping, Waypoints
+from simulator.world.guidance.paths import Glideslope, Hold, VbarApproach, Waypoints
 from simulator.world.guidance.thruster_control import ControlledTrack, fly_controlled
 from simulator.world.guidance.thrusters import Thrusters
 from simulator.world.orbit.gravity import Gravity
@@ -20,7 +21,7 @@ ORBIT_S = 2 * np.pi / N
 
 
 def fly(
-    mode: Guidance, span: float, thrusters: Thrusters | None = None, keep_out: KeepOut | None = None
+    mode: Chaser, span: float, thrusters: Thrusters | None = None, keep_out: KeepOut | None = None
 ) -> ControlledTrack:
     return fly_controlled(propagate(R0, V0, span, Gravity()), mode, N, thrusters or Thrusters(), keep_out)
 
@@ -34,13 +35,13 @@ def lvlh(track: ControlledTrack, t: float) -> np.ndarray:
     "mode",
     [
         Hold(position_lvlh_m=(8.0, 3.0, 2.0)),
-        StraightApproach(start_lvlh_m=(0, -30, 0), hold_lvlh_m=(0, -10, 0), speed_m_s=0.05),
+        VbarApproach(start_m=-30, hold_m=-10, speed_m_s=0.05),
         Waypoints(points_lvlh_m=((0, -20, 0), (10, -10, 0), (10, 0, 5)), speed_m_s=0.06, rest_s=30.0),
         Glideslope(start_lvlh_m=(0, -30, 0), end_lvlh_m=(0, -3, 0), start_m_s=0.1, end_m_s=0.01),
     ],
     ids=lambda m: type(m).__name__,
 )
-def test_thrusters_follow_the_path(mode: Guidance) -> None:
+def test_thrusters_follow_the_path(mode: Chaser) -> None:
     track = fly(mode, 600.0)
     for t in np.linspace(0.0, 600.0, 13):
         p, _ = mode.state_lvlh(float(t), N)
@@ -108,9 +109,9 @@ def test_range_stays_within_3_and_18_m_for_two_orbits() -> None:
 
 
 def test_leaving_the_corridor_aborts_and_retreats() -> None:
-    corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_rad=0.2)
-    inside = StraightApproach(start_lvlh_m=(0, -20, 0), hold_lvlh_m=(0, -4, 0), speed_m_s=0.1)
-    aside = StraightApproach(start_lvlh_m=(4, -20, 0), hold_lvlh_m=(4, -4, 0), speed_m_s=0.1)
+    corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_deg=np.degrees(0.2))
+    inside = VbarApproach(start_m=-20, hold_m=-4, speed_m_s=0.1)
+    aside = Glideslope(start_lvlh_m=(4, -20, 0), end_lvlh_m=(4, -4, 0), start_m_s=0.1, end_m_s=0.1)
     good, bad = fly(inside, 400.0, None, corridor), fly(aside, 400.0, None, corridor)
     assert good.abort_s is None
     assert bad.abort_s is not None
@@ -124,9 +125,7 @@ def test_leaving_the_corridor_aborts_and_retreats() -> None:
 def test_delta_v_is_that_of_the_mass_that_was_spent() -> None:
     """Tsiolkovsky; each axis has its own thruster, and what they give is added as a vector: along one axis here."""
     spent = Thrusters(period_s=4.0, mass_kg=50.0, specific_impulse_s=180.0)
-    track = fly(
-        StraightApproach(start_lvlh_m=(0, -30, 0), hold_lvlh_m=(0, -10, 0), speed_m_s=0.05), 300.0, spent
-    )
+    track = fly(VbarApproach(start_m=-30, hold_m=-10, speed_m_s=0.05), 300.0, spent)
     mass = track.mass_kg[-2] if np.any(track.thrust_eci_m_s2[-1]) else track.mass_kg[-1]
     wanted = 180.0 * 9.80665 * np.log(50.0 / mass)
     # of a vector less is needed than of its parts one by one
@@ -135,8 +134,8 @@ def test_delta_v_is_that_of_the_mass_that_was_spent() -> None:
 
 
 def test_retreat_ends_at_twice_the_radius() -> None:
-    corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_rad=0.2)
-    aside = StraightApproach(start_lvlh_m=(4, -20, 0), hold_lvlh_m=(4, -4, 0), speed_m_s=0.1)
+    corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_deg=np.degrees(0.2))
+    aside = Glideslope(start_lvlh_m=(4, -20, 0), end_lvlh_m=(4, -4, 0), start_m_s=0.1, end_m_s=0.1)
     track = fly(aside, 1200.0, Thrusters(period_s=2.0), corridor)
     ranges = np.linalg.norm(track.position_eci_m, axis=1)
     beyond = (ranges > 20.0) & (np.arange(len(ranges)) * track.period_s > track.abort_s)

@@ -15,7 +15,7 @@ from simulator.world.constants import AU_M, EARTH_RADIUS_M, SUN_RADIUS_M
 from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
 from simulator.world.ephemeris.ephemeris_table import SkyTable
 from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.orbit.forces import FullForces, Surface
+from simulator.world.orbit.forces import EarthForces, Forces, Surface
 from simulator.world.time.instant import Instant
 
 if TYPE_CHECKING:
@@ -145,8 +145,10 @@ def test_flight_light_pressure_and_drawn_earth_have_one_shadow() -> None:
     assert len(edges) == 2
     craft = Surface(mass_kg=100.0, area_m2=1.0)
     epoch = Instant.from_utc(flight.state(0.0).epoch_utc)
-    push = FullForces(sky=SkyTable.of(epoch, 5900.0), solar_pressure=True, craft=(craft, craft))
-    pull = FullForces(sky=push.sky)
+    push = EarthForces(
+        sky=SkyTable.of(epoch, 5900.0), forces=Forces(solar_pressure=True, target=craft, chaser=craft)
+    )
+    pull = EarthForces(sky=push.sky)
     for k in edges:
         t = half_light_s(lambda t: flight.state(t).sun_visible_fraction, times[k], times[k + 1])
         for dt in (-3.0, 0.0, 3.0):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,34 +13,29 @@ from simulator.camera.lens.camera_model import Camera
 from simulator.scene.build import build_scene
 from simulator.scene.state import SceneState, TargetRef
 from simulator.world.attitude.pointing import Pointing
-from simulator.world.attitude.target_attitude import Tumble
-from simulator.world.flight.build import ChaserPlan, TargetStart, propagate_flight
+from simulator.world.attitude.target_attitude import Attitude
+from simulator.world.flight.build import TargetStart, propagate_flight
 from simulator.world.flight.flight import Flight
 from simulator.world.flight.table import fly_table
 from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.guidance.modes import (
-    ForcedFlyaround,
-    FreeDrift,
-    Guidance,
-    Hold,
-    NaturalCircumnavigation,
-    StraightApproach,
-)
+from simulator.world.guidance.chaser import Chaser
+from simulator.world.guidance.free_flight import FreeDrift, NaturalCircumnavigation
+from simulator.world.guidance.paths import ForcedFlyaround, Hold, VbarApproach
 from simulator.world.orbit.propagation import Elements, state_from_elements
 from simulator.world.time.instant import Instant
 
 CAMERA = Camera(width_px=1920, height_px=1200, fx_px=3003.41, fy_px=3003.41, cx_px=960, cy_px=600)
 COM = (0.01, 0.02, 0.15)
-MODES: list[Guidance] = [
+MODES: list[Chaser] = [
     Hold(position_lvlh_m=(7.0, 7.0, 1.0)),
     FreeDrift(position_lvlh_m=(2.0, -9.0, 3.0), velocity_lvlh_m_s=(0.02, 0.05, -0.03)),
-    NaturalCircumnavigation(radial_m=6.0, cross_track_m=4.0, phase_rad=0.5),
-    StraightApproach(start_lvlh_m=(0.0, -30.0, 0.0), hold_lvlh_m=(0.0, -5.0, 0.0), speed_m_s=0.3),
-    ForcedFlyaround(radius_m=3.0, far_radius_m=18.0, period_s=240.0, inclination_rad=0.4, phase_rad=0.6),
+    NaturalCircumnavigation(radial_m=6.0, cross_track_m=4.0, phase_deg=30.0),
+    VbarApproach(start_m=-30.0, hold_m=-5.0, speed_m_s=0.3),
+    ForcedFlyaround(radius_m=3.0, far_radius_m=18.0, period_s=240.0, inclination_deg=23.0, phase_deg=34.0),
 ]
 
 
-def flight(guidance: Guidance, pointing: Pointing | None = None, *, choose_down: bool = True) -> Flight:
+def flight(mode: Chaser, pointing: Pointing | None = None) -> Flight:
     r, v = state_from_elements(
         Elements(semi_major_axis_m=7078e3, eccentricity=0.002, inclination_rad=1.714, raan_rad=0.3)
     )
@@ -47,10 +43,12 @@ def flight(guidance: Guidance, pointing: Pointing | None = None, *, choose_down:
         TargetStart(
             r_eci_m=r,
             v_eci_m_s=v,
-            attitude=(0.5, -0.5, 0.1, 0.7),
-            motion=Tumble(omega_rad_s=(0.02, -0.03, 0.01), inertia_kg_m2=np.diag([2.5, 2.7, 3.9])),
+            attitude=Attitude(
+                frame="eci", q_wxyz=(0.5, -0.5, 0.1, 0.7), rate_deg_s=tuple(np.degrees((0.02, -0.03, 0.01)))
+            ),
+            inertia_kg_m2=np.diag([2.5, 2.7, 3.9]),
         ),
-        ChaserPlan(guidance=guidance, pointing=pointing or Pointing(), choose_down=choose_down),
+        msgspec.structs.replace(mode, pointing=pointing or Pointing()),
         epoch=Instant.from_utc("2026-03-20T12:00:00Z"),
         duration_s=60.0,
     )
@@ -70,7 +68,7 @@ def scene(f: Flight, t: float) -> SceneState:
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda m: type(m).__name__)
-def test_centre_of_mass_is_at_the_principal_point(mode: Guidance) -> None:
+def test_centre_of_mass_is_at_the_principal_point(mode: Chaser) -> None:
     f = flight(mode)
     for t in (0.0, 21.3, 60.0):
         s = scene(f, t)
@@ -79,7 +77,7 @@ def test_centre_of_mass_is_at_the_principal_point(mode: Guidance) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda m: type(m).__name__)
-def test_label_agrees_with_positions_put_together_another_way(mode: Guidance) -> None:
+def test_label_agrees_with_positions_put_together_another_way(mode: Chaser) -> None:
     s, w = scene(flight(mode), 33.0), flight(mode).state(33.0)
     R_eci_from_target = matrix_from_quat(w.q_eci_from_target_wxyz)
     point = np.array([0.3, -0.2, 0.4])
@@ -90,8 +88,8 @@ def test_label_agrees_with_positions_put_together_another_way(mode: Guidance) ->
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda m: type(m).__name__)
-def test_rates_are_the_derivatives_of_the_states(mode: Guidance) -> None:
-    turned = Pointing(right_rad=0.1, below_rad=-0.05, roll_rad=0.7)
+def test_rates_are_the_derivatives_of_the_states(mode: Chaser) -> None:
+    turned = Pointing(right_deg=5.7, below_deg=-2.9, roll_deg=40.0)
     f, h = flight(mode, turned), 0.05
     before, now, after = (scene(f, 30.0 + s) for s in (-h, 0.0, h))
 
@@ -113,7 +111,7 @@ def test_rates_are_the_derivatives_of_the_states(mode: Guidance) -> None:
 
 
 def test_offset_puts_the_target_left_of_and_above_the_centre() -> None:
-    f = flight(MODES[0], Pointing(right_rad=0.1, below_rad=0.05))
+    f = flight(MODES[0], Pointing(right_deg=np.degrees(0.1), below_deg=np.degrees(0.05)))
     u, v = CAMERA.project(scene(f, 0.0).camera_from_target.apply(COM))
     assert u < 960
     assert v < 600
@@ -121,8 +119,8 @@ def test_offset_puts_the_target_left_of_and_above_the_centre() -> None:
 
 
 def test_picture_is_down_side_to_the_earth_and_rolls_clockwise() -> None:
-    level = scene(flight(MODES[0], choose_down=False), 0.0)
-    rolled = scene(flight(MODES[0], Pointing(roll_rad=np.pi / 2), choose_down=False), 0.0)
+    level = scene(flight(MODES[0], Pointing(down="nadir")), 0.0)
+    rolled = scene(flight(MODES[0], Pointing(down="nadir", roll_deg=90.0)), 0.0)
     # rolled clockwise by a quarter turn, the camera's right side points to the Earth
     for s, to_the_earth in ((level, [0, 1]), (rolled, [1, 0])):
         nadir = -matrix_from_quat(s.q_camera_from_eci_wxyz) @ np.array(s.r_target_eci_m)
@@ -131,7 +129,7 @@ def test_picture_is_down_side_to_the_earth_and_rolls_clockwise() -> None:
 
 def test_looking_along_the_reference_still_gives_an_attitude() -> None:
     above = Hold(position_lvlh_m=(10.0, 0.0, 0.0))
-    chosen, forced = flight(above), flight(above, Pointing(down="nadir"), choose_down=False)
+    chosen, forced = flight(above), flight(above, Pointing(down="nadir"))
     assert chosen.pointing.down == "cross_track"
     for f in (chosen, forced):
         s = scene(f, 10.0)
@@ -170,7 +168,7 @@ def test_table_has_one_row_per_time() -> None:
 
 @pytest.mark.parametrize("guidance", MODES, ids=lambda m: type(m).__name__)
 @pytest.mark.parametrize("t_s", [-1.0, 61.0])
-def test_no_part_of_a_state_is_told_outside_the_flight(guidance: Guidance, t_s: float) -> None:
+def test_no_part_of_a_state_is_told_outside_the_flight(guidance: Chaser, t_s: float) -> None:
     for told in (flight(guidance).chaser, flight(guidance).state):
         with pytest.raises(ValueError, match="outside the flight"):
             told(t_s)

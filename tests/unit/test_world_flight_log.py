@@ -18,9 +18,7 @@ from simulator.scenario.load import load_scenario
 from simulator.world.flight.flight import Flight
 from simulator.world.flight.log import FlightLog
 from simulator.world.flight.table import fly_table, summarise_flight
-from simulator.world.guidance.modes import StraightApproach
-from simulator.world.guidance.paths import Waypoints
-from simulator.world.guidance.phases import phase_of
+from simulator.world.guidance.paths import VbarApproach, Waypoints
 
 HEAD = """
 epoch_utc = "2026-03-21T10:00:00Z"
@@ -169,13 +167,13 @@ def test_the_targets_way_through_shadow_is_an_event() -> None:
 
 
 def test_phases_of_a_line_and_of_waypoints() -> None:
-    line = StraightApproach(start_lvlh_m=(0, -20, 0), hold_lvlh_m=(0, -10, 0), speed_m_s=0.1)
+    line = VbarApproach(start_m=-20, hold_m=-10, speed_m_s=0.1)
     # 0.1 m/s are taken off in 20 s, over the last metre
-    assert [phase_of(line, t) for t in (0.0, 89.0, 95.0, 111.0)] == ["cruise", "cruise", "braking", "hold"]
-    short = StraightApproach(start_lvlh_m=(0, -10.5, 0), hold_lvlh_m=(0, -10, 0), speed_m_s=0.1)
-    assert [phase_of(short, t) for t in (0.0, 1.0, 15.0)] == ["cruise", "braking", "hold"]
+    assert [line.phase(t) for t in (0.0, 89.0, 95.0, 111.0)] == ["cruise", "cruise", "braking", "hold"]
+    short = VbarApproach(start_m=-10.5, hold_m=-10, speed_m_s=0.1)
+    assert [short.phase(t) for t in (0.0, 1.0, 15.0)] == ["cruise", "braking", "hold"]
     tour = Waypoints(points_lvlh_m=((0, -20, 0), (0, -10, 0), (10, -10, 0)), speed_m_s=1.0, rest_s=5.0)
-    assert [phase_of(tour, t) for t in (1.0, 9.0, 17.0, 25.0, 31.0)] == [
+    assert [tour.phase(t) for t in (1.0, 9.0, 17.0, 25.0, 31.0)] == [
         "rest 1",
         "leg 1",
         "rest 2",

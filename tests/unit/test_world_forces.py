@@ -15,12 +15,14 @@ from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci, pole_ec
 from simulator.world.ephemeris.ephemeris_table import SkyTable
 from simulator.world.ephemeris.sun_moon import moon_geometric_m
 from simulator.world.frames.lvlh import lvlh_frame
-from simulator.world.orbit.density import _LAYERS, density_kg_m3
 from simulator.world.orbit.forces import (
-    FullForces,
+    _AIR_LAYERS,
+    EarthForces,
+    Forces,
     Surface,
     attraction,
     attraction_difference,
+    density_kg_m3,
     geodetic_altitude_m,
 )
 from simulator.world.orbit.gravity import Gravity
@@ -108,19 +110,19 @@ def test_difference_of_attraction_keeps_its_digits() -> None:
 
 
 def test_moon_pulls_as_a_tide() -> None:
-    forces = FullForces(sky=SKY, moon=True)
+    forces = EarthForces(sky=SKY, forces=Forces(moon=True))
     moon = SKY.at(0.0)[2]
-    added = forces.target(0.0, R0, V0) - FullForces(sky=SKY).target(0.0, R0, V0)
+    added = forces.target(0.0, R0, V0) - EarthForces(sky=SKY).target(0.0, R0, V0)
     direct = (moon - R0) / np.linalg.norm(moon - R0) ** 3 - moon / np.linalg.norm(moon) ** 3
     assert np.allclose(added, MU_MOON_M3_S2 * direct, atol=1e-14, rtol=0)
 
 
 def test_air_is_continuous_thins_and_slows_the_orbit() -> None:
-    for (_, below, _), (base, density, _) in pairwise(_LAYERS):
+    for (_, below, _), (base, density, _) in pairwise(_AIR_LAYERS):
         assert density_kg_m3(base * 1e3 - 1e-6) == pytest.approx(density, rel=0.01)
         assert density < below
-    forces = FullForces(sky=SKY, drag=True, craft=(SMALL, SMALL))
-    push = forces.target(0.0, R0, V0) - FullForces(sky=SKY).target(0.0, R0, V0)
+    forces = EarthForces(sky=SKY, forces=Forces(drag=True, target=SMALL, chaser=SMALL))
+    push = forces.target(0.0, R0, V0) - EarthForces(sky=SKY).target(0.0, R0, V0)
     assert push @ V0 < 0
     wind = V0 - 7.2921e-5 * np.cross(pole_eci(EPOCH), R0)
     expected = 0.5 * 1.454e-13 * 2.2 * 0.5 / 50.0 * (wind @ wind)
@@ -139,7 +141,10 @@ def test_air_over_the_pole_is_that_of_the_height_above_the_pole() -> None:
     """Drag at one distance from the Earth's centre, over the pole and over the equator: 21 km differ in height."""
     pole = SKY.at(0.0)[0][2]
     across = np.cross(pole, [1.0, 0.0, 0.0]) / np.linalg.norm(np.cross(pole, [1.0, 0.0, 0.0]))
-    forces, bare = FullForces(sky=SKY, drag=True, craft=(SMALL, SMALL)), FullForces(sky=SKY)
+    forces, bare = (
+        EarthForces(sky=SKY, forces=Forces(drag=True, target=SMALL, chaser=SMALL)),
+        EarthForces(sky=SKY),
+    )
     distance, speed = EARTH_RADIUS_M + 400e3, 7600.0
     for at, way, latitude in ((pole, across, 90.0), (across, pole, 0.0)):
         r, v = distance * at, speed * way
@@ -153,8 +158,8 @@ def test_air_over_the_pole_is_that_of_the_height_above_the_pole() -> None:
 def test_light_pushes_in_the_sun_and_not_in_the_shadow() -> None:
     sun = SKY.at(0.0)[1]
     away = sun / np.linalg.norm(sun)
-    forces = FullForces(sky=SKY, solar_pressure=True, craft=(SMALL, SMALL))
-    bare = FullForces(sky=SKY)
+    forces = EarthForces(sky=SKY, forces=Forces(solar_pressure=True, target=SMALL, chaser=SMALL))
+    bare = EarthForces(sky=SKY)
     lit, dark = 7e6 * away, -7e6 * away
     push = forces.target(0.0, lit, V0) - bare.target(0.0, lit, V0)
     expected = SOLAR_PRESSURE_PA * 1.3 * 0.5 / 50.0 * (AU_M / np.linalg.norm(sun - lit)) ** 2
@@ -165,14 +170,17 @@ def test_light_pushes_in_the_sun_and_not_in_the_shadow() -> None:
 @pytest.mark.parametrize(("sunlight", "tolerance_m"), [(False, 2e-6), (True, 1e-3)])
 def test_two_craft_are_the_difference_of_two_flights(sunlight: bool, tolerance_m: float) -> None:  # noqa: FBT001
     """Over an orbit, 10 m apart, against each propagated alone; steps straddle the edges of the shadow."""
-    forces = FullForces(
+    forces = EarthForces(
         sky=SKY,
         harmonics=egm96(8),
-        sun=True,
-        moon=True,
-        drag=True,
-        solar_pressure=sunlight,
-        craft=(SMALL, SMALL),
+        forces=Forces(
+            sun=True,
+            moon=True,
+            drag=True,
+            solar_pressure=sunlight,
+            target=SMALL,
+            chaser=SMALL,
+        ),
     )
     p, w = lvlh_frame(R0, V0, forces.target(0.0, R0, V0)).to_eci(np.array([1.0, -10.0, 2.0]), np.zeros(3))
     both = propagate(R0, V0, 5800.0, forces, (p, w))
@@ -183,7 +191,7 @@ def test_two_craft_are_the_difference_of_two_flights(sunlight: bool, tolerance_m
 
 def test_lighter_chaser_is_blown_behind() -> None:
     light = Surface(mass_kg=5.0, area_m2=0.5)
-    forces = FullForces(sky=SKY, drag=True, craft=(SMALL, light))
+    forces = EarthForces(sky=SKY, forces=Forces(drag=True, target=SMALL, chaser=light))
     nothing = (np.zeros(3), np.zeros(3))
     track = propagate(R0, V0, 300.0, forces, nothing)
     p, _ = track.relative(300.0)

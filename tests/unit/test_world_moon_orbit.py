@@ -8,7 +8,7 @@ import pytest
 
 from simulator.errors import UserError
 from simulator.loop import plan_flight
-from simulator.scenario.flight import check_physics
+from simulator.scenario.checks import check_physics
 from simulator.scenario.load import load_scenario
 from simulator.world.constants import AU_M, MOON_RADIUS_M, SOLAR_PRESSURE_PA
 from simulator.world.ephemeris.bodies import MOON
@@ -18,7 +18,7 @@ from simulator.world.ephemeris.moon_orientation import R_moon_from_eci
 from simulator.world.flight.ccsds_export import flight_messages
 from simulator.world.frames.rotation import matrix_from_quat
 from simulator.world.messages.oem import read_oem_state
-from simulator.world.orbit.forces import FullForces, Surface
+from simulator.world.orbit.forces import EarthForces, Forces, Surface
 from simulator.world.orbit.moon_forces import MoonForces
 from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
 from simulator.world.time.instant import Instant
@@ -32,9 +32,9 @@ def test_the_same_orbit_comes_out_of_a_propagation_about_the_earth() -> None:
     r, v = state_from_elements(
         Elements(semi_major_axis_m=4e6, eccentricity=0.1, inclination_rad=2.0), MOON.mu_m3_s2
     )
-    about_moon = propagate(r, v, HOUR, MoonForces(epoch=EPOCH, sky=sky, sun=True))
+    about_moon = propagate(r, v, HOUR, MoonForces(epoch=EPOCH, sky=sky, forces=Forces(sun=True)))
     r0, v0 = MOON.geocentric_state(EPOCH)
-    about_earth = propagate(r0 + r, v0 + v, HOUR, FullForces(sky=sky, sun=True, moon=True))
+    about_earth = propagate(r0 + r, v0 + v, HOUR, EarthForces(sky=sky, forces=Forces(sun=True, moon=True)))
     there, _ = MOON.geocentric_state(EPOCH.plus(HOUR))
     ours = about_moon(HOUR)[0]
     # the Earth's tide moves the craft by 200 m; the Moon's series is smooth to some 10 m
@@ -51,8 +51,10 @@ def test_light_pushes_a_lunar_craft_only_where_it_is_asked_for_and_lit() -> None
     _, sun_from_earth, moon = sky.at(0.0)
     away = -(sun_from_earth - moon) / np.linalg.norm(sun_from_earth - moon)
     still, aside = np.zeros(3), np.array([0.0, 0.0, 10.0])
-    bare = MoonForces(epoch=EPOCH, sky=sky, craft=craft)
-    lit = MoonForces(epoch=EPOCH, sky=sky, craft=craft, solar_pressure=True)
+    bare = MoonForces(epoch=EPOCH, sky=sky, forces=Forces(target=craft[0], chaser=craft[1]))
+    lit = MoonForces(
+        epoch=EPOCH, sky=sky, forces=Forces(target=craft[0], chaser=craft[1], solar_pressure=True)
+    )
     for r, seen in ((-4e6 * away, 1.0), (4e6 * away, 0.0)):
         (a, d), (a0, d0) = (f.pair(0.0, r, still, aside, still) for f in (lit, bare))
         distance = np.linalg.norm(sun_from_earth - moon - r)
@@ -67,6 +69,7 @@ def test_light_pushes_a_lunar_craft_only_where_it_is_asked_for_and_lit() -> None
 
 class _OnlyMoon:
     mu_m3_s2 = MOON.mu_m3_s2
+    solar_pressure = False
 
     def target(self, _t, r, _v):
         return -self.mu_m3_s2 * r / np.linalg.norm(r) ** 3
@@ -79,7 +82,7 @@ def test_flattening_turns_the_node_at_the_rate_of_its_formula() -> None:
     r, v = state_from_elements(Elements(semi_major_axis_m=a, inclination_rad=i), MOON.mu_m3_s2)
     n = np.sqrt(MOON.mu_m3_s2 / a**3)
     span = 4 * 2 * np.pi / n
-    forces = MoonForces(epoch=EPOCH, sky=SkyTable.of(EPOCH, span), oblate=True)
+    forces = MoonForces(epoch=EPOCH, sky=SkyTable.of(EPOCH, span), forces=Forces(gravity_degree=2))
     plain = MoonForces(epoch=EPOCH, sky=SkyTable.of(EPOCH, span))
 
     def node(f: MoonForces, t: float) -> float:

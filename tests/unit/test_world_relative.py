@@ -13,7 +13,7 @@ from simulator.world.frames.rotation import (
     rotation_angle_rad,
 )
 from simulator.world.guidance.manual_control import ChaserState, Command, step
-from simulator.world.guidance.modes import ForcedFlyaround, Hold, StraightApproach
+from simulator.world.guidance.paths import ForcedFlyaround, Hold, VbarApproach
 from simulator.world.orbit.gravity import Gravity
 from simulator.world.orbit.propagation import Elements, OrbitTrack, propagate, state_from_elements
 from simulator.world.relative.clohessy_wiltshire import bounded_ellipse, mean_motion_rad_s, transition_matrix
@@ -93,9 +93,7 @@ def test_two_bodies_a_millimetre_apart_do_not_lose_digits() -> None:
 
 
 def test_approach_cruises_brakes_and_holds() -> None:
-    mode = StraightApproach(
-        start_lvlh_m=(0, -30, 0), hold_lvlh_m=(0, -10, 0), speed_m_s=0.1, braking_m_s2=0.005
-    )
+    mode = VbarApproach(start_m=-30, hold_m=-10, speed_m_s=0.1, braking_m_s2=0.005)
     times = np.linspace(0, 260, 2601)
     states = [mode.state_lvlh(float(t), N) for t in times]
     y = np.array([p[1] for p, _ in states])
@@ -109,7 +107,13 @@ def test_approach_cruises_brakes_and_holds() -> None:
 
 
 def test_flyaround_keeps_its_range_plane_and_period() -> None:
-    mode = ForcedFlyaround(radius_m=9.0, period_s=240.0, inclination_rad=0.6, node_rad=0.4, phase_rad=0.2)
+    mode = ForcedFlyaround(
+        radius_m=9.0,
+        period_s=240.0,
+        inclination_deg=np.degrees(0.6),
+        node_deg=np.degrees(0.4),
+        phase_deg=12.0,
+    )
     normal = np.array([np.sin(0.6) * np.sin(0.4), -np.sin(0.6) * np.cos(0.4), np.cos(0.6)])
     for t in np.linspace(0, 240, 13):
         p, v = mode.state_lvlh(float(t), N)

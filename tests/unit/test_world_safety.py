@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.attitude.pointing import Pointing
 from simulator.world.guidance.command_script import Steered, fly_script
 from simulator.world.guidance.keep_out import KeepOut
 from simulator.world.orbit.gravity import Gravity
@@ -37,7 +36,9 @@ def test_who_passes_by_or_leaves_is_left_alone() -> None:
 
 
 def test_in_the_corridor_it_acts_where_braking_would_only_just_stop_inside() -> None:
-    corridor = KeepOut(radius_m=RADIUS_M, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_rad=0.25)
+    corridor = KeepOut(
+        radius_m=RADIUS_M, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_deg=np.degrees(0.25)
+    )
     # 8 m from its tip the cone is 2.04 m wide; from 0.41 m/s a stop takes 1.89 m, from 0.44 m/s 2.16 m
     for sideways, acts in ((0.41, False), (0.44, True)):
         assert _overruled((0.0, -8.0, 0.0), (sideways, 0.0, 0.0), keep_out=corridor) is acts
@@ -51,8 +52,9 @@ def test_a_flight_is_overruled_when_it_must_be_and_not_before() -> None:
         velocity_lvlh_m_s=(0.0, speed, 0.0),
         brake_m_s2=BRAKE_M_S2,
         period_s=PERIOD_S,
+        keep_out=SPHERE,
     )
-    track = fly_script(orbit, script, 1.06e-3, Pointing(), SPHERE)
+    track = fly_script(orbit, script, 1.06e-3)
     braking_m = speed**2 / (2 * BRAKE_M_S2)
     # a period of looking ahead, another of the grid; gravity bends the way by centimetres
     assert track.guarded_s == pytest.approx(

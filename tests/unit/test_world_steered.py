@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 
-from simulator.world.attitude.pointing import Pointing
 from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.frames.rotation import rotation_angle_rad
 from simulator.world.guidance.command_script import ScriptedCommand, Steered, SteeredTrack, fly_script
+from simulator.world.guidance.free_flight import SafeEllipse
 from simulator.world.guidance.keep_out import KeepOut
-from simulator.world.guidance.paths import SafeEllipse
 from simulator.world.orbit.gravity import Gravity
 from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
 from simulator.world.relative.clohessy_wiltshire import transition_matrix
@@ -21,7 +21,8 @@ N = float(np.sqrt(MU_EARTH_M3_S2 / 7e6**3))
 
 
 def fly(script: Steered, span: float, keep_out: KeepOut | None = None) -> SteeredTrack:
-    return fly_script(propagate(R0, V0, span, ROUND), script, N, Pointing(), keep_out)
+    guarded = msgspec.structs.replace(script, keep_out=keep_out)
+    return fly_script(propagate(R0, V0, span, ROUND), guarded, N)
 
 
 def lvlh(track: SteeredTrack, t: float) -> np.ndarray:
@@ -64,12 +65,14 @@ def test_untracked_camera_turns_at_the_commanded_rate() -> None:
     script = Steered(
         position_lvlh_m=(0.0, -20.0, 0.0),
         tracking=False,
-        commands=(ScriptedCommand(start_s=2.0, duration_s=5.0, rate_camera_rad_s=(0.0, 0.02, 0.0)),),
+        commands=(
+            ScriptedCommand(start_s=2.0, duration_s=5.0, rate_camera_deg_s=(0.0, np.degrees(0.02), 0.0)),
+        ),
     )
     track = fly(script, 10.0)
     q0, q1 = (track(t).q_camera_from_eci_wxyz for t in (1.0, 9.0))
     assert rotation_angle_rad(q0, q1) == pytest.approx(0.1, abs=1e-9)
-    assert track(4.0).omega_camera_rad_s == (0.0, 0.02, 0.0)
+    assert track(4.0).omega_camera_rad_s == pytest.approx((0.0, 0.02, 0.0))
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -96,7 +99,7 @@ def test_no_command_gets_a_chaser_into_the_sphere(seed: int) -> None:
 
 
 def test_the_corridor_lets_in_and_keeps_from_leaving_sideways() -> None:
-    corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_rad=0.25)
+    corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_deg=np.degrees(0.25))
     forward = ScriptedCommand(start_s=0.0, duration_s=5.0, acceleration_m_s2=(0.0, 0.04, 0.0))
     entering = fly(Steered(position_lvlh_m=(0.0, -20.0, 0.0), commands=(forward,)), 70.0, corridor)
     assert entering.guarded_s is None
@@ -111,7 +114,7 @@ def test_the_corridor_lets_in_and_keeps_from_leaving_sideways() -> None:
 
 
 def test_safe_ellipse_stays_clear_however_it_drifts() -> None:
-    mode = SafeEllipse(radial_m=8.0, cross_track_m=6.0, phase_rad=0.7)
+    mode = SafeEllipse(radial_m=8.0, cross_track_m=6.0, phase_deg=40.0)
     p, v = mode.state_lvlh(0.0, N)
     # an error of along-track speed carries it past the target, within the ellipse's own hole
     v = v + np.array([0.0, 1e-4, 0.0])

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from simulator.world.attitude.rigid_body import propagate_attitude
-from simulator.world.attitude.torques import Torques, gravity_gradient_torque, torque_on
+from simulator.world.attitude.torques import gravity_gradient_torque, torque_on
 from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
 from simulator.world.orbit.gravity import Gravity
@@ -25,7 +25,7 @@ J = np.diag([1.0, 4.0, 4.5])
 def test_pitch_libration_has_its_frequency() -> None:
     """Wertz (1978), eq. 18-44: n sqrt(3 (J1 - J3) / J2) for small pitch about the orbit normal."""
     small = 1e-3
-    torque = torque_on(Torques(gravity_gradient=True), ORBIT, J, EPOCH)
+    torque = torque_on(ORBIT, J, EPOCH, gravity_gradient=True)
     track = propagate_attitude(quat_from_rotvec([0, 0, small]), [0, 0, N], J, 20000.0, torque)
     w = N * np.sqrt(3 * (J[1, 1] - J[0, 0]) / J[2, 2])
     for t in np.linspace(0, 20000, 15):
@@ -43,10 +43,10 @@ def test_no_torque_along_a_principal_axis() -> None:
 
 
 def test_constant_torque_spins_up() -> None:
-    torque = torque_on(Torques(constant_nm=(0.0, 0.0, 0.009)), ORBIT, J, EPOCH)
+    torque = torque_on(ORBIT, J, EPOCH, constant_nm=(0.0, 0.0, 0.009))
     _, rate = propagate_attitude([1, 0, 0, 0], [0, 0, 0], J, 100.0, torque)(100.0)
     assert np.allclose(rate, [0, 0, 0.2], atol=1e-9)
-    assert torque_on(Torques(), ORBIT, J, EPOCH) is None
+    assert torque_on(ORBIT, J, EPOCH) is None
 
 
 def test_free_tumble_keeps_energy_and_momentum() -> None:
@@ -79,7 +79,7 @@ def test_torque_acts_along_the_axes_of_a_body_that_points_anywhere() -> None:
     end = solve_ivp(euler, (0, span), np.concatenate([q0, rate]), method="DOP853", rtol=1e-12, atol=1e-14).y[
         :, -1
     ]
-    torque = torque_on(Torques(constant_nm=tuple(push)), ORBIT, J, EPOCH)
+    torque = torque_on(ORBIT, J, EPOCH, constant_nm=tuple(push))
     q, w = propagate_attitude(q0, rate, J, span, torque)(span)
     assert abs(q @ end[:4]) == pytest.approx(1.0, abs=1e-12)
     assert w == pytest.approx(end[4:], abs=1e-9)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from simulator.loop import plan_flight
-from simulator.scenario import motion as sm
 from simulator.scenario.load import load_scenario
 from simulator.world.attitude.reaction_wheels import Wheels, WheelTrack, fly_wheels
 from simulator.world.frames.rotation import (
@@ -31,7 +30,11 @@ def total_momentum(track: WheelTrack, k: int) -> np.ndarray:
 
 def test_small_error_dies_as_the_second_order_system_it_is() -> None:
     wheels = Wheels(
-        inertia_kg_m2=J, torque_nm=10.0, momentum_nms=100.0, period_s=0.02, start_error_rad=(0.0, 0.0, 1e-3)
+        inertia_kg_m2=J,
+        torque_nm=10.0,
+        momentum_nms=100.0,
+        period_s=0.02,
+        start_error_deg=np.degrees((0.0, 0.0, 1e-3)),
     )
     track = fly_wheels(resting, 30.0, wheels)
     w, z = wheels.bandwidth_rad_s, wheels.damping
@@ -43,7 +46,9 @@ def test_small_error_dies_as_the_second_order_system_it_is() -> None:
 
 
 def test_wheels_and_body_keep_their_momentum() -> None:
-    wheels = Wheels(inertia_kg_m2=J, torque_nm=0.5, momentum_nms=20.0, start_error_rad=(0.4, -0.8, 0.6))
+    wheels = Wheels(
+        inertia_kg_m2=J, torque_nm=0.5, momentum_nms=20.0, start_error_deg=np.degrees((0.4, -0.8, 0.6))
+    )
     track = fly_wheels(resting, 60.0, wheels)
     momenta = np.array([total_momentum(track, k) for k in range(len(track.error_rad))])
     assert np.max(np.abs(momenta - momenta[0])) < 1e-6
@@ -53,7 +58,9 @@ def test_wheels_and_body_keep_their_momentum() -> None:
 def test_a_slew_takes_the_time_its_torque_needs() -> None:
     """Rest to rest over an angle takes at least two root (angle J / torque)."""
     angle, torque = 1.0, 0.05
-    wheels = Wheels(inertia_kg_m2=J, torque_nm=torque, momentum_nms=50.0, start_error_rad=(0.0, 0.0, angle))
+    wheels = Wheels(
+        inertia_kg_m2=J, torque_nm=torque, momentum_nms=50.0, start_error_deg=np.degrees((0.0, 0.0, angle))
+    )
     track = fly_wheels(resting, 200.0, wheels)
     fastest = 2 * np.sqrt(angle * J[2] / torque)
     halfway = fastest / 2
@@ -67,14 +74,18 @@ def test_a_slew_takes_the_time_its_torque_needs() -> None:
 
 
 def test_full_wheels_hold_the_rate_down() -> None:
-    wheels = Wheels(inertia_kg_m2=J, torque_nm=1.0, momentum_nms=0.5, start_error_rad=(0.0, 0.0, 1.5))
+    wheels = Wheels(
+        inertia_kg_m2=J, torque_nm=1.0, momentum_nms=0.5, start_error_deg=np.degrees((0.0, 0.0, 1.5))
+    )
     track = fly_wheels(resting, 60.0, wheels)
     assert np.max(np.abs(track.momentum_nms)) <= 0.5 + 1e-12
     assert np.max(np.abs(track.omega_rad_s[:, 2])) == pytest.approx(0.5 / J[2], rel=1e-3)
 
 
 def test_rate_is_the_derivative_between_the_periods() -> None:
-    wheels = Wheels(inertia_kg_m2=J, torque_nm=0.5, momentum_nms=20.0, start_error_rad=(0.4, -0.8, 0.6))
+    wheels = Wheels(
+        inertia_kg_m2=J, torque_nm=0.5, momentum_nms=20.0, start_error_deg=np.degrees((0.4, -0.8, 0.6))
+    )
     track, h = fly_wheels(resting, 20.0, wheels), 1e-3
     for t in (3.1, 9.87):
         (a, _), (now, omega), (b, _) = track(t - h), track(t), track(t + h)
@@ -85,9 +96,7 @@ def test_rate_is_the_derivative_between_the_periods() -> None:
 
 def test_camera_on_wheels_keeps_the_target_in_view() -> None:
     scenario = load_scenario("tango-flyaround")
-    chaser = msgspec.structs.replace(
-        scenario.chaser, wheels=sm.WheelsSection(start_error_deg=(3.0, 0.0, 0.0))
-    )
+    chaser = msgspec.structs.replace(scenario.chaser, wheels=Wheels(start_error_deg=(3.0, 0.0, 0.0)))
     plan = plan_flight(msgspec.structs.replace(scenario, chaser=chaser), n=2)
     los = []
     for t in (0.0, 50.0):

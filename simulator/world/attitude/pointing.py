@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 
+from simulator.runtime.sections import Degrees, Section
 from simulator.world.attitude.directions import unit_and_rate
 from simulator.world.frames.rotation import (
     matrix_from_quat,
@@ -35,24 +36,20 @@ _DEGENERATE = 1e-4
 """Sine of the angle between boresight and reference below which the reference says nothing."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Pointing:
-    """Boresight (+z) at the target's centre of mass, then a constant turn.
+class Pointing(Section, frozen=True, kw_only=True, dict=True):
+    """Boresight at the target's centre of mass, then turned by constant angles.
 
-    Parameters
-    ----------
-    down : direction that the image's y axis follows. When the boresight runs along it the next of nadir,
-        cross_track, along_track takes its place for that moment.
-    right_rad, below_rad : the boresight turned this far to the right of and below the target, which then
-        appears left of and above the centre.
-    roll_rad : the camera turned about its boresight, clockwise as its operator sees it: the picture turns
-        anticlockwise.
+    ``right_deg`` and ``below_deg`` turn the boresight to the right of and below the target; ``roll_deg``
+    turns the camera clockwise about it. ``down`` is what the picture's down side follows; ``auto`` takes the
+    first of nadir, cross_track, along_track that stays clear of the boresight all through the flight.
     """
 
-    down: Down = "nadir"
-    right_rad: float = 0.0
-    below_rad: float = 0.0
-    roll_rad: float = 0.0
+    # until `simulator.world.flight.build.with_best_down` has chosen, auto is nadir; when the boresight runs along it
+    # the next of the three takes its place for that moment
+    down: Literal["auto", "nadir", "cross_track", "along_track"] = "auto"
+    right_deg: Annotated[float, Meta(ge=-90, le=90)] = 0.0
+    below_deg: Annotated[float, Meta(ge=-90, le=90)] = 0.0
+    roll_deg: Degrees = 0.0
 
     def attitude(
         self, los_eci_m: FloatArray, los_rate_eci_m_s: FloatArray, lvlh: Lvlh
@@ -82,7 +79,8 @@ class Pointing:
         return quat_multiply(turn, q), matrix_from_quat(turn) @ omega
 
     def _reference(self, z: FloatArray, lvlh: Lvlh) -> FloatArray:
-        for name in (self.down, *(name for name in DOWN_AXES_LVLH if name != self.down)):
+        first: Down = "nadir" if self.down == "auto" else self.down
+        for name in (first, *(name for name in DOWN_AXES_LVLH if name != first)):
             d = lvlh.R_eci_from_lvlh @ np.array(DOWN_AXES_LVLH[name])
             if length(cross(d, z)) > _DEGENERATE:
                 break
@@ -91,7 +89,7 @@ class Pointing:
     @cached_property
     def _turn(self) -> FloatArray:
         """``q_turned_from_pointed``: right about +y, then down about -x, then roll about +z."""
-        right = quat_from_rotvec([0.0, self.right_rad, 0.0])
-        down = quat_from_rotvec([-self.below_rad, 0.0, 0.0])
-        roll = quat_from_rotvec([0.0, 0.0, self.roll_rad])
+        right = quat_from_rotvec([0.0, np.radians(self.right_deg), 0.0])
+        down = quat_from_rotvec([-np.radians(self.below_deg), 0.0, 0.0])
+        roll = quat_from_rotvec([0.0, 0.0, np.radians(self.roll_deg)])
         return quat_conjugate(quat_multiply(quat_multiply(right, down), roll))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from msgspec import Meta
 
-from simulator.runtime.arrays import Vec3
+from simulator.runtime.sections import Degrees, Inertia, Section
 from simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
@@ -25,26 +26,23 @@ if TYPE_CHECKING:
     Reference = Callable[[float], tuple[FloatArray, FloatArray]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Wheels:
-    """Three wheels along the camera's axes and the controller that drives them.
+class Wheels(Section, frozen=True, kw_only=True):
+    """With this section reaction wheels turn the camera, and it points only as well as they can.
 
-    Parameters
-    ----------
-    inertia_kg_m2 : of the chaser about the camera's axes, taken as principal.
-    torque_nm, momentum_nms : limits of each wheel; a full wheel gives no more torque that way.
-    bandwidth_rad_s, damping : of the controller's answer to an error of attitude.
-    period_s : of control; the torque is held over it.
-    start_error_rad : turn of the camera, about its own axes, from where it should point at the start.
+    Three wheels along the camera's axes (right, down, forward). ``start_error_deg`` turns the camera at the start.
     """
 
-    inertia_kg_m2: Vec3 = (20.0, 20.0, 20.0)
-    torque_nm: float = 0.05
-    momentum_nms: float = 4.0
-    bandwidth_rad_s: float = 0.2
-    damping: float = 0.9
-    period_s: float = 0.25
-    start_error_rad: Vec3 = (0.0, 0.0, 0.0)
+    # of the chaser about the camera's axes, taken as principal
+    inertia_kg_m2: tuple[Inertia, Inertia, Inertia] = (20.0, 20.0, 20.0)
+    # limits of each wheel; a full wheel gives no more torque that way
+    torque_nm: Annotated[float, Meta(gt=0, le=1e3)] = 0.05
+    momentum_nms: Annotated[float, Meta(gt=0, le=1e4)] = 4.0
+    # of the controller's answer to an error of attitude
+    bandwidth_rad_s: Annotated[float, Meta(gt=0, le=10)] = 0.2
+    damping: Annotated[float, Meta(gt=0, le=5)] = 0.9
+    # of control; the torque is held over it
+    period_s: Annotated[float, Meta(ge=0.01, le=10)] = 0.25
+    start_error_deg: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,7 +95,7 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
     J, h = np.array(wheels.inertia_kg_m2), wheels.period_s
     spring, damper = wheels.bandwidth_rad_s**2, 2 * wheels.damping * wheels.bandwidth_rad_s
     wanted_q, wanted_rate = reference(0.0)
-    q = quat_multiply(quat_conjugate(wanted_q), quat_from_rotvec(wheels.start_error_rad))
+    q = quat_multiply(quat_conjugate(wanted_q), quat_from_rotvec(np.radians(wheels.start_error_deg)))
     omega, momentum = wanted_rate, np.zeros(3)
     rows = []
     for k in range(int(np.ceil(duration_s / h))):

@@ -8,20 +8,23 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.runtime.arrays import FloatArray, Vec3
+from simulator.runtime.arrays import FloatArray
+from simulator.runtime.sections import Degrees, DirectionXyz, Rate, Section, TorqueNm
 from simulator.world.attitude.directions import DirectionName, Surroundings, TwoAxisTrack
 from simulator.world.attitude.rigid_body import AttitudeTrack, propagate_attitude
-from simulator.world.attitude.torques import NO_TORQUES, Torques, torque_on
+from simulator.world.attitude.torques import torque_on
 from simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_from_matrix,
     quat_from_rotvec,
     quat_multiply,
+    quat_normalize,
 )
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from simulator.world.frames.lvlh import Lvlh
     from simulator.world.orbit.propagation import OrbitTrack
 
 _CHECKED_TIMES = 61
@@ -55,77 +58,15 @@ class LvlhTrack:
         return q, matrix_from_quat(self.q_lvlh_from_body_wxyz).T @ turn
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tumble:
-    """A rigid body that turns as Euler's equations have it.
+class Point(Section, frozen=True, kw_only=True):
+    """``axis`` of the target exactly at ``at``; ``second_axis`` as near to ``second_at`` as it can be."""
 
-    Parameters
-    ----------
-    omega_rad_s : relative to ECI at the start, body axes. inertia_kg_m2 : (3, 3), body axes.
-    torques : that act on it.
-    """
-
-    omega_rad_s: ArrayLike
-    inertia_kg_m2: ArrayLike
-    torques: Torques = NO_TORQUES
-
-    def track(self, q_eci_from_body_wxyz: FloatArray, around: Surroundings) -> AttitudeTrack:
-        """The attitude over the flight."""
-        torque = torque_on(self.torques, around.orbit, self.inertia_kg_m2, around.epoch)
-        return propagate_attitude(
-            q_eci_from_body_wxyz, self.omega_rad_s, self.inertia_kg_m2, around.duration_s, torque
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Spin:
-    """A steady turn about an axis fixed in the body and among the stars.
-
-    Parameters
-    ----------
-    axis_body : any length but zero. rate_rad_s : right-handed about it.
-    """
-
-    axis_body: Vec3
-    rate_rad_s: float
-
-    def track(self, q_eci_from_body_wxyz: FloatArray, around: Surroundings) -> AttitudeTrack:  # noqa: ARG002
-        """The attitude over the flight."""
-        axis = np.array(self.axis_body, float)
-        return SteadyTrack(q_eci_from_body_wxyz, axis * (self.rate_rad_s / np.linalg.norm(axis)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fixed:
-    """At rest among the stars, or in the target's LVLH frame."""
-
-    frame: Literal["eci", "lvlh"]
-
-    def track(self, q_eci_from_body_wxyz: FloatArray, around: Surroundings) -> AttitudeTrack:
-        """The attitude over the flight."""
-        orbit = around.orbit
-        if self.frame == "eci":
-            return SteadyTrack(q_eci_from_body_wxyz, np.zeros(3))
-        start = orbit.frame(0.0).R_eci_from_lvlh
-        q_lvlh_from_body = quat_multiply(quat_from_matrix(start.T), q_eci_from_body_wxyz)
-        return LvlhTrack(orbit, q_lvlh_from_body)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Pointed:
-    """One axis of the body at a direction, a second as near to another as it can be.
-
-    Parameters
-    ----------
-    axis_body, at : for example the panel's normal, ``sun``. second_axis_body, second_at : likewise.
-    """
-
-    axis_body: Vec3
+    axis: DirectionXyz
     at: DirectionName
-    second_axis_body: Vec3
+    second_axis: DirectionXyz
     second_at: DirectionName
 
-    def track(self, _q: FloatArray, around: Surroundings) -> AttitudeTrack:
+    def track(self, around: Surroundings) -> TwoAxisTrack:
         """The attitude over the flight.
 
         Raises
@@ -134,9 +75,9 @@ class Pointed:
             If the two directions run together at some time.
         """
         track = TwoAxisTrack(
-            axis_body=self.axis_body,
+            axis_body=self.axis,
             toward=around.direction(self.at),
-            second_axis_body=self.second_axis_body,
+            second_axis_body=self.second_axis,
             second_toward=around.direction(self.second_at),
         )
         for t_s in np.linspace(0.0, around.duration_s, _CHECKED_TIMES):
@@ -148,15 +89,78 @@ class Pointed:
         return track
 
 
-@dataclass(frozen=True, eq=False)
-class History:
-    """An attitude given over time, from a file."""
+class Attitude(Section, frozen=True, kw_only=True):
+    """The target at the epoch, and how it turns from there.
 
-    given: AttitudeTrack
+    ``q_wxyz`` is ``q_frame_from_target`` (Hamilton, scalar first); instead of it ``euler_deg`` gives yaw,
+    pitch, roll (turns about z, then the new y, then the new x) that carry the frame's axes to the target's.
+    Or ``aem_file`` names a CCSDS attitude ephemeris message, which gives attitude and rate at the epoch.
+    ``rate_deg_s`` is relative to the stars, about the target's axes.
 
-    def track(self, _q: FloatArray, _around: Surroundings) -> AttitudeTrack:
-        """The attitude over the flight."""
-        return self.given
+    ``motion``: ``tumble`` as a rigid body, free or under the torques below; ``spin`` steadily by ``rate_deg_s``, the
+    axis fixed in the target and among the stars; ``fixed`` in ``frame``; ``point`` as section ``point`` says;
+    ``aem`` follows the file all through the flight.
+    """
 
+    motion: Literal["tumble", "spin", "fixed", "point", "aem"] = "tumble"
+    frame: Literal["eci", "lvlh"] = "lvlh"
+    q_wxyz: tuple[float, float, float, float] | None = None
+    euler_deg: tuple[Degrees, Degrees, Degrees] | None = None
+    rate_deg_s: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
+    aem_file: str | None = None
+    point: Point | None = None
+    gravity_gradient: bool = False
+    torque_body_nm: tuple[TorqueNm, TorqueNm, TorqueNm] = (0.0, 0.0, 0.0)
+    residual_dipole_a_m2: tuple[TorqueNm, TorqueNm, TorqueNm] = (0.0, 0.0, 0.0)
+    inertia_kg_m2: (
+        tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]] | None
+    ) = None
 
-TargetMotion = Tumble | Spin | Fixed | Pointed | History
+    def q_eci_from_target_wxyz(self, frame: Lvlh) -> FloatArray:
+        """At the start of the flight, where the target's LVLH frame is ``frame``; an AEM has been read before."""
+        q = np.array([1.0, 0.0, 0.0, 0.0])
+        if self.q_wxyz is not None:
+            q = quat_normalize(self.q_wxyz)
+        elif self.euler_deg is not None:
+            yaw, pitch, roll = np.radians(self.euler_deg)
+            about_z, about_y = quat_from_rotvec([0.0, 0.0, yaw]), quat_from_rotvec([0.0, pitch, 0.0])
+            q = quat_multiply(quat_multiply(about_z, about_y), quat_from_rotvec([roll, 0.0, 0.0]))
+        if self.frame == "lvlh":
+            q = quat_multiply(quat_from_matrix(frame.R_eci_from_lvlh), q)
+        return q
+
+    def track(
+        self, q_eci_from_body_wxyz: FloatArray, inertia_kg_m2: ArrayLike, around: Surroundings
+    ) -> AttitudeTrack:
+        """The attitude over the flight, unless a file gives it.
+
+        Parameters
+        ----------
+        q_eci_from_body_wxyz : (4,) at the start. inertia_kg_m2 : (3, 3) of the target's model, body axes, unless the
+            section has its own.
+
+        Raises
+        ------
+        UserError
+            If two directions that the target points at run together at some time.
+        """
+        rate = np.radians(self.rate_deg_s)
+        if self.motion == "spin":
+            return SteadyTrack(q_eci_from_body_wxyz, rate)
+        if self.motion == "point" and self.point is not None:
+            return self.point.track(around)
+        if self.motion == "fixed" and self.frame == "eci":
+            return SteadyTrack(q_eci_from_body_wxyz, np.zeros(3))
+        if self.motion == "fixed":
+            start = around.orbit.frame(0.0).R_eci_from_lvlh
+            return LvlhTrack(around.orbit, quat_multiply(quat_from_matrix(start.T), q_eci_from_body_wxyz))
+        inertia = np.asarray(self.inertia_kg_m2 or inertia_kg_m2, float)
+        torque = torque_on(
+            around.orbit,
+            inertia,
+            around.epoch,
+            constant_nm=self.torque_body_nm,
+            gravity_gradient=self.gravity_gradient,
+            residual_dipole_a_m2=self.residual_dipole_a_m2,
+        )
+        return propagate_attitude(q_eci_from_body_wxyz, rate, inertia, around.duration_s, torque)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from simulator.runtime.arrays import Vec3
-from simulator.world.attitude.magnetic import magnetic_field_t
 from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.ephemeris.ephemeris_table import SkyTable
 from simulator.world.frames.vectors import cross, length
@@ -23,39 +21,33 @@ if TYPE_CHECKING:
 
 _J2000 = 2451545.0
 _YEAR_DAYS = 365.25
+_FIELD_RADIUS_M = 6_371_200.0
+_DIPOLE_2025_T = np.array([-1410.3, 4545.5, -29350.0]) * 1e-9
+_CHANGE_T_YEAR = np.array([10.0, -21.5, 12.6]) * 1e-9
 
 
-@dataclass(frozen=True, kw_only=True)
-class Torques:
-    """What acts on the target.
-
-    Parameters
-    ----------
-    constant_nm : fixed in the body, such as a leak's [N m].
-    gravity_gradient : whether the central body turns it.
-    residual_dipole_a_m2 : magnetic moment fixed in the body, in the Earth's field [A m2].
-    """
-
-    constant_nm: Vec3 = (0.0, 0.0, 0.0)
-    gravity_gradient: bool = False
-    residual_dipole_a_m2: Vec3 = (0.0, 0.0, 0.0)
-
-
-NO_TORQUES = Torques()
-"""A free tumble."""
-
-
-def torque_on(torques: Torques, orbit: OrbitTrack, inertia_kg_m2: ArrayLike, epoch: Instant) -> Torque | None:
+def torque_on(
+    orbit: OrbitTrack,
+    inertia_kg_m2: ArrayLike,
+    epoch: Instant,
+    *,
+    constant_nm: Vec3 = (0.0, 0.0, 0.0),
+    gravity_gradient: bool = False,
+    residual_dipole_a_m2: Vec3 = (0.0, 0.0, 0.0),
+) -> Torque | None:
     """The torque on a body along its orbit, or None when there is none.
 
     Parameters
     ----------
-    torques : what acts. orbit : gives the position. inertia_kg_m2 : (3, 3), body axes. epoch : of the orbit's start.
+    orbit : gives the position. inertia_kg_m2 : (3, 3), body axes. epoch : of the orbit's start.
+    constant_nm : fixed in the body, such as a leak's [N m].
+    gravity_gradient : whether the central body turns it.
+    residual_dipole_a_m2 : magnetic moment fixed in the body, in the Earth's field [A m2].
     """
-    J, fixed = np.asarray(inertia_kg_m2, float), np.array(torques.constant_nm, float)
-    dipole = np.array(torques.residual_dipole_a_m2, float)
+    J, fixed = np.asarray(inertia_kg_m2, float), np.array(constant_nm, float)
+    dipole = np.array(residual_dipole_a_m2, float)
     magnetic = bool(dipole.any())
-    if not (torques.gravity_gradient or magnetic):
+    if not (gravity_gradient or magnetic):
         return (lambda _t, _R: fixed) if fixed.any() else None
     sky = SkyTable.of(epoch, orbit.duration_s) if magnetic else None
     year = 2000.0 + (epoch.tt1 + epoch.tt2 - _J2000) / _YEAR_DAYS
@@ -64,7 +56,7 @@ def torque_on(torques: Torques, orbit: OrbitTrack, inertia_kg_m2: ArrayLike, epo
         r, _ = orbit(t_s)
         R_body_from_eci = R_eci_from_body.T
         total = fixed
-        if torques.gravity_gradient:
+        if gravity_gradient:
             total = total + gravity_gradient_torque(r, R_body_from_eci, J, orbit.forces.mu_m3_s2)
         if sky is not None:
             R_itrs_from_eci = sky.at(t_s)[0]
@@ -97,3 +89,19 @@ def gravity_gradient_torque(
     r = length(r_eci_m)
     up = R_body_from_eci @ r_eci_m / r
     return np.asarray(3 * mu_m3_s2 / r**3 * cross(up, inertia_kg_m2 @ up))
+
+
+def magnetic_field_t(r_itrs_m: FloatArray, julian_year: float) -> FloatArray:
+    """Flux density of the Earth's tilted dipole at (3,) Earth-fixed position, along Earth-fixed axes (3,) [T].
+
+    Degree 1 alone: within 30 % of the whole field in low orbit, worst over the South Atlantic.
+
+    References
+    ----------
+    IAGA (2024), International Geomagnetic Reference Field, 14th generation: g11, h11, g10 of 2025.0 and their
+    change a year. Wertz (1978), Spacecraft Attitude Determination and Control, eq. H-16.
+    """
+    moment = _DIPOLE_2025_T + _CHANGE_T_YEAR * (julian_year - 2025.0)
+    r = float(np.linalg.norm(r_itrs_m))
+    up = r_itrs_m / r
+    return np.asarray((_FIELD_RADIUS_M / r) ** 3 * (3 * float(moment @ up) * up - moment))

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from simulator.world.attitude.reaction_wheels import WheelTrack
     from simulator.world.attitude.rigid_body import AttitudeTrack
     from simulator.world.flight.recording import Recording
+    from simulator.world.guidance.chaser import Chaser
     from simulator.world.guidance.command_script import SteeredTrack
-    from simulator.world.guidance.modes import Guidance
     from simulator.world.guidance.thruster_control import ControlledTrack
     from simulator.world.orbit.burns import Burn
     from simulator.world.orbit.propagation import OrbitTrack
@@ -53,7 +53,7 @@ class Flight:
     duration_s: float
     orbit: OrbitTrack
     attitude: AttitudeTrack
-    guidance: Guidance
+    guidance: Chaser
     n_rad_s: float
     pointing: Pointing
     controlled: ControlledTrack | None = None

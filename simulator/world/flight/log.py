@@ -11,7 +11,6 @@ import numpy as np
 
 from simulator.runtime.arrays import Vec3, vec3
 from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.guidance.phases import phase_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -92,15 +91,15 @@ class FlightLog:
         if f.steered is not None:
             return self._steered(f.steered, t_s)
         if f.guidance.ballistic:
-            return _ballistic(phase_of(f.guidance, t_s), f.burns, t_s)
+            return _ballistic(f.guidance.phase(t_s), f.burns, t_s)
         # a path that is followed exactly: by what is not modelled
-        return Push(phase=phase_of(f.guidance, t_s))
+        return Push(phase=f.guidance.phase(t_s))
 
     def _controlled(self, track: ControlledTrack, t_s: float) -> Push:
         k = min(max(int(t_s // track.period_s), 0), len(track.mass_kg) - 1)
         start = k * track.period_s
         a = track.thrust_eci_m_s2[k]
-        phase = phase_of(self.flight.guidance, t_s)
+        phase = self.flight.guidance.phase(t_s)
         if track.abort_s is not None and start >= track.abort_s:
             phase = "retreat" if _near(track, k) else "drift"
         over = t_s >= start + track.period_s

@@ -7,6 +7,7 @@ import struct
 import zipfile
 import zlib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,19 +17,20 @@ from simulator.runtime.arrays import quat, vec3
 from simulator.runtime.untrusted_files import read_regular
 from simulator.world.ephemeris.bodies import EARTH
 from simulator.world.frames.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
+from simulator.world.guidance.chaser import Chaser
 from simulator.world.guidance.manual_control import ChaserState
+from simulator.world.guidance.paths import Hold
 from simulator.world.orbit.propagation import OrbitTrack
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from pathlib import Path
 
     from simulator.runtime.arrays import FloatArray
     from simulator.world.attitude.rigid_body import AttitudeTrack
     from simulator.world.ephemeris.bodies import Body
     from simulator.world.flight.flight import Flight
     from simulator.world.flight.state import WorldState
-    from simulator.world.orbit.forces import Forces
+    from simulator.world.orbit.forces import ForceModel
     from simulator.world.time.instant import Instant
 
 _FIELDS = {
@@ -159,6 +161,28 @@ class Recording:
         )
 
 
+class Replay(Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
+    """A recorded flight of both craft (a path from the scenario's folder); orbit and attitude come from it too."""
+
+    file: str
+
+    def read(self) -> Recording:
+        """The recording. Raises as `Recording.read` does."""
+        return Recording.read(Path(self.file))
+
+    def held_at_start(self) -> Hold:
+        """A chaser that stays where the recording starts: its stand-in until the recording flies."""
+        return Hold(
+            position_lvlh_m=vec3(self.read().arrays["relative_eci_m"][0]),
+            pointing=self.pointing,
+            keep_out=self.keep_out,
+        )
+
+    def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:
+        """Where the recording starts: it tells how far away, not in which direction of LVLH."""
+        return self.held_at_start().state_lvlh(t_s, n_rad_s)
+
+
 @dataclass(frozen=True, eq=False)
 class RecordedAttitude:
     """The target's recorded attitude, handed out to the last bit."""
@@ -216,7 +240,7 @@ class RecordedOrbit:
     """The target's recorded orbit from the centre of the body it circles."""
 
     recording: Recording
-    forces: Forces
+    forces: ForceModel
     epoch: Instant
     body: Body
 
@@ -234,7 +258,7 @@ class RecordedOrbit:
 
 
 def recorded_tracks(
-    recording: Recording, forces: Forces, duration_s: float, epoch: Instant, body: Body
+    recording: Recording, forces: ForceModel, duration_s: float, epoch: Instant, body: Body
 ) -> tuple[OrbitTrack, AttitudeTrack]:
     """The target as recorded: its orbit from the centre of ``body``, its attitude."""
     return (

@@ -4,56 +4,45 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
-from simulator.runtime.arrays import Vec3, quat, vec3
+from simulator.runtime.arrays import quat, vec3
+from simulator.runtime.sections import MetresXyz, Rate, Seconds, Section, SpeedXyz
+from simulator.world.guidance.chaser import Chaser
 from simulator.world.guidance.manual_control import ChaserState, Command, guarded_command, step
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
     from simulator.world.attitude.pointing import Pointing
-    from simulator.world.guidance.keep_out import KeepOut
     from simulator.world.orbit.propagation import OrbitTrack
 
 
-@dataclass(frozen=True, kw_only=True)
-class ScriptedCommand:
-    """One line of the script.
+class ScriptedCommand(Section, frozen=True, kw_only=True):
+    """A push, or a turn of the camera, for a while; commands that overlap add up."""
 
-    Parameters
-    ----------
-    start_s, duration_s : when it holds. acceleration_m_s2 : along ``axes``.
-    axes : ``lvlh`` (radial, along-track, cross-track) or ``camera`` (right, down, forward).
-    rate_camera_rad_s : of the camera relative to the stars, unless it keeps looking at the target.
-    """
-
-    start_s: float
-    duration_s: float
-    acceleration_m_s2: Vec3 = (0.0, 0.0, 0.0)
+    start_s: Annotated[float, Meta(ge=0, le=1e6)]
+    duration_s: Seconds
+    acceleration_m_s2: SpeedXyz = (0.0, 0.0, 0.0)
+    # lvlh: radial, along-track, cross-track; camera: right, down, forward
     axes: Literal["lvlh", "camera"] = "lvlh"
-    rate_camera_rad_s: Vec3 = (0.0, 0.0, 0.0)
+    # of the camera relative to the stars, unless it keeps looking at the target
+    rate_camera_deg_s: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Steered:
-    """Free flight with the commands of a script.
+class Steered(Chaser, tag_field="mode", tag="steered", frozen=True, kw_only=True):
+    """Free flight with an operator's commands, written down; ``tracking`` keeps the camera on the target."""
 
-    Parameters
-    ----------
-    position_lvlh_m, velocity_lvlh_m_s : start. commands : of the operator; those that overlap add up.
-    tracking : whether the camera keeps looking at the target; else the commands turn it.
-    brake_m_s2 : with which the keep-out sphere is defended. period_s : of the guard.
-    """
-
-    ballistic: ClassVar[bool] = False
-    position_lvlh_m: Vec3
-    velocity_lvlh_m_s: Vec3 = (0.0, 0.0, 0.0)
-    commands: tuple[ScriptedCommand, ...] = ()
+    position_lvlh_m: MetresXyz
+    velocity_lvlh_m_s: SpeedXyz = (0.0, 0.0, 0.0)
+    commands: Annotated[list[ScriptedCommand], Meta(max_length=10_000)] = msgspec.field(default_factory=list)
     tracking: bool = True
-    brake_m_s2: float = 0.05
-    period_s: float = 0.5
+    # with which the keep-out sphere is defended, and the period of its guard
+    brake_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.05
+    period_s: Annotated[float, Meta(ge=0.05, le=60)] = 0.5
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
         """The start."""
@@ -66,7 +55,7 @@ class Steered:
         for c in self.commands:
             if c.start_s <= t_s < c.start_s + c.duration_s:
                 sums[c.axes] = sums[c.axes] + np.array(c.acceleration_m_s2)
-                rate = rate + np.array(c.rate_camera_rad_s)
+                rate = rate + np.radians(c.rate_camera_deg_s)
         return Command(
             acceleration_camera_m_s2=vec3(sums["camera"]),
             acceleration_lvlh_m_s2=vec3(sums["lvlh"]),
@@ -108,16 +97,14 @@ class SteeredTrack:
         return looking(now, self.orbit, self.pointing) if self.script.tracking else now
 
 
-def fly_script(
-    orbit: OrbitTrack, script: Steered, n_rad_s: float, pointing: Pointing, keep_out: KeepOut | None
-) -> SteeredTrack:
-    """Fly a script to the end of the target's track.
+def fly_script(orbit: OrbitTrack, script: Steered, n_rad_s: float) -> SteeredTrack:
+    """Fly a script to the end of the target's track; its keep-out sphere is guarded, whatever the commands say.
 
     Parameters
     ----------
-    orbit : of the target. script : start and commands. n_rad_s : mean motion. pointing : of the camera.
-    keep_out : what the guard defends, whatever the commands say.
+    orbit : of the target. script : start and commands. n_rad_s : mean motion.
     """
+    pointing, keep_out = script.pointing, script.keep_out
     p, v = orbit.frame(0.0).to_eci(*script.state_lvlh(0.0, n_rad_s))
     blank = ChaserState(
         t_s=0.0,

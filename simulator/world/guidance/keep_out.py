@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
-from simulator.runtime.arrays import FloatArray, Vec3
+from simulator.runtime.arrays import FloatArray
+from simulator.runtime.sections import DirectionXyz, Range, Section
 
 
-@dataclass(frozen=True, kw_only=True)
-class KeepOut:
-    """A sphere that may be entered through a cone only; anywhere else the chaser breaks off and retreats.
+class KeepOut(Section, frozen=True, kw_only=True):
+    """A sphere about the target that may be entered through a cone only; else the chaser aborts and retreats."""
 
-    Parameters
-    ----------
-    radius_m : of the sphere about the target's centre of mass.
-    corridor_axis_lvlh : from the target outward along the cone; None closes the sphere.
-    corridor_half_angle_rad : of the cone.
-    retreat_m_s : speed straight outward after an abort, until twice the radius; then free drift.
-    """
-
-    radius_m: float
-    corridor_axis_lvlh: Vec3 | None = None
-    corridor_half_angle_rad: float = 0.0
-    retreat_m_s: float = 0.1
+    # about the target's centre of mass
+    radius_m: Range
+    # from the target outward along the cone; None closes the sphere
+    corridor_axis_lvlh: DirectionXyz | None = None
+    corridor_half_angle_deg: Annotated[float, Meta(ge=0, le=90)] = 10.0
+    # straight outward after an abort, until twice the radius; then free drift
+    retreat_m_s: Annotated[float, Meta(gt=0, le=10)] = 0.1
 
     def violated(self, position_lvlh_m: FloatArray) -> bool:
         """Whether a position is inside the sphere and outside the corridor."""
@@ -35,7 +31,7 @@ class KeepOut:
             return True
         axis = np.array(self.corridor_axis_lvlh, float)
         cosine = float(position_lvlh_m @ axis) / (distance * float(np.linalg.norm(axis)))
-        return cosine < np.cos(self.corridor_half_angle_rad)
+        return cosine < np.cos(np.radians(self.corridor_half_angle_deg))
 
     def guard(
         self,

@@ -1,67 +1,131 @@
-"""More ways to move the chaser: the safe ellipse, waypoints, the glideslope, keeping the range within bounds."""
+"""Paths of LVLH that the chaser follows: hold point, V-bar and R-bar, forced flyaround, waypoints, glideslope."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
+from msgspec import Meta
 
 from simulator.runtime.arrays import Vec3
-from simulator.world.relative.clohessy_wiltshire import bounded_ellipse
+from simulator.runtime.sections import Degrees, Inclination, Metres, MetresXyz, Range, Seconds
+from simulator.world.guidance.chaser import Chaser
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
-class SafeEllipse:
-    """No thrust, on a closed ellipse that never comes near the target's along-track axis, however it drifts along it.
+class Hold(Chaser, tag_field="mode", tag="hold", frozen=True, kw_only=True):
+    """Station keeping at a point."""
 
-    Radial and cross-track swing are a quarter turn apart, so that one is largest where the other is zero.
-
-    Parameters
-    ----------
-    radial_m, cross_track_m : half sizes; the smaller is the least distance from the along-track axis.
-    phase_rad : 0 at the top (radially outward). centre_along_track_m : centre of the ellipse.
-
-    References
-    ----------
-    D'Amico & Montenbruck (2006), J. Guidance 29(3): parallel eccentricity and inclination vectors.
-    """
-
-    ballistic: ClassVar[bool] = True
-    radial_m: float
-    cross_track_m: float
-    phase_rad: float = 0.0
-    centre_along_track_m: float = 0.0
+    position_lvlh_m: MetresXyz
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """The initial state, by Clohessy-Wiltshire."""
-        return bounded_ellipse(
-            n_rad_s, self.radial_m, self.phase_rad, self.cross_track_m, np.pi / 2, self.centre_along_track_m
-        )
+        """Always the same point, at rest in LVLH."""
+        return np.array(self.position_lvlh_m, float), np.zeros(3)
+
+
+class StraightApproach(Chaser, frozen=True, kw_only=True):
+    """Along one axis from ``start_m`` to ``hold_m``."""
+
+    axis_lvlh: ClassVar[Vec3]
+    start_m: Metres
+    hold_m: Metres
+    # closing speed, and the deceleration that ends at rest on the hold point
+    speed_m_s: Annotated[float, Meta(gt=0, le=100)]
+    braking_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.005
+
+    def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
+        """Cruise, brake, hold."""
+        axis = np.array(self.axis_lvlh)
+        start, hold = self.start_m * axis, self.hold_m * axis
+        length = self._length_m
+        if length == 0.0:
+            return hold, np.zeros(3)
+        along = (hold - start) / length
+        speed = self._cruise_m_s
+        cruise_s = (length - speed**2 / (2 * self.braking_m_s2)) / speed
+        braking_s = speed / self.braking_m_s2
+        if t_s <= cruise_s:
+            done, rate = speed * t_s, speed
+        elif t_s < cruise_s + braking_s:
+            left_s = cruise_s + braking_s - t_s
+            done, rate = length - 0.5 * self.braking_m_s2 * left_s**2, self.braking_m_s2 * left_s
+        else:
+            done, rate = length, 0.0
+        return start + done * along, rate * along
+
+    def phase(self, t_s: float) -> str:
+        """Cruise, braking or hold, told by the speed."""
+        speed = float(np.linalg.norm(self.state_lvlh(t_s, 0.0)[1]))
+        if speed == 0.0:
+            return "hold"
+        return "cruise" if speed >= self._cruise_m_s * (1 - 1e-12) else "braking"
 
     @property
-    def least_distance_m(self) -> float:
-        """From the along-track axis [m]."""
-        return min(self.radial_m, self.cross_track_m)
+    def _length_m(self) -> float:
+        return abs(self.hold_m - self.start_m)
+
+    @property
+    def _cruise_m_s(self) -> float:
+        """On a line too short for the given speed it is the one that braking can still take off."""
+        return min(self.speed_m_s, float(np.sqrt(2 * self.braking_m_s2 * self._length_m)))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Waypoints:
-    """From point to point along straight lines of LVLH, with a rest at each.
+class VbarApproach(StraightApproach, tag_field="mode", tag="vbar", frozen=True, kw_only=True):
+    """Straight along the velocity axis from ``start_m`` to ``hold_m`` (positive: ahead of the target)."""
 
-    Parameters
-    ----------
-    points_lvlh_m : at least one. speed_m_s : mean over each leg. rest_s : at each point.
-    """
+    axis_lvlh: ClassVar[Vec3] = (0.0, 1.0, 0.0)
 
-    ballistic: ClassVar[bool] = False
-    points_lvlh_m: tuple[Vec3, ...]
-    speed_m_s: float
-    rest_s: float = 0.0
+
+class RbarApproach(StraightApproach, tag_field="mode", tag="rbar", frozen=True, kw_only=True):
+    """Straight along the radial axis from ``start_m`` to ``hold_m`` (positive: above the target)."""
+
+    axis_lvlh: ClassVar[Vec3] = (1.0, 0.0, 0.0)
+
+
+class ForcedFlyaround(Chaser, tag_field="mode", tag="flyaround", frozen=True, kw_only=True):
+    """Forced circle in a plane fixed in LVLH; with ``far_radius_m`` the range swings out and back."""
+
+    # range at the start and, unless far_radius_m is given, always; time of one turn
+    radius_m: Range
+    period_s: Seconds
+    # of the circle's plane against the orbit plane; 180 reverses the sense
+    inclination_deg: Inclination = 0.0
+    # ascending node in the orbit plane, from radial (0) to along-track (90)
+    node_deg: Degrees = 0.0
+    # place on the circle at the start, from the node
+    phase_deg: Degrees = 0.0
+    # the range swings between the two radii as a cosine of this period
+    far_radius_m: Range | None = None
+    range_period_s: Seconds = 120.0
+
+    def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
+        """The point on the circle and its velocity."""
+        rate = 2 * np.pi / self.period_s
+        node, inclination = np.radians(self.node_deg), np.radians(self.inclination_deg)
+        angle = np.radians(self.phase_deg) + rate * t_s
+        cn, sn = np.cos(node), np.sin(node)
+        ci, si = np.cos(inclination), np.sin(inclination)
+        e1, e2 = np.array([cn, sn, 0.0]), np.array([-sn * ci, cn * ci, si])
+        out = np.cos(angle) * e1 + np.sin(angle) * e2
+        turn = rate * (-np.sin(angle) * e1 + np.cos(angle) * e2)
+        swing = 0.0 if self.far_radius_m is None else self.far_radius_m - self.radius_m
+        swing_rate = 2 * np.pi / self.range_period_s
+        radius = self.radius_m + 0.5 * swing * (1 - np.cos(swing_rate * t_s))
+        radius_rate = 0.5 * swing * swing_rate * np.sin(swing_rate * t_s)
+        return radius * out, radius * turn + radius_rate * out
+
+
+class Waypoints(Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=True):
+    """From point to point along straight lines, starting and ending each leg at rest."""
+
+    points_lvlh_m: Annotated[list[MetresXyz], Meta(min_length=1, max_length=1000)]
+    # mean over each leg
+    speed_m_s: Annotated[float, Meta(gt=0, le=100)]
+    # at each point
+    rest_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
         """Each leg starts and ends at rest: its progress is ``x^2 (3 - 2 x)`` in the share ``x`` of its time."""
@@ -78,29 +142,38 @@ class Waypoints:
             left_s -= leg_s
         return points[-1], np.zeros(3)
 
+    def phase(self, t_s: float) -> str:
+        """``rest k`` or ``leg k``, then hold."""
+        left_s = t_s
+        points = np.array(self.points_lvlh_m, float)
+        for k, (a, b) in enumerate(pairwise(points), start=1):
+            left_s -= self.rest_s
+            if left_s <= 0 < self.rest_s:
+                return f"rest {k}"
+            leg_s = float(np.linalg.norm(b - a)) / self.speed_m_s
+            if left_s < leg_s:
+                return f"leg {k}"
+            left_s -= leg_s
+        return "hold"
 
-@dataclass(frozen=True, kw_only=True)
-class Glideslope:
-    """A straight line on which the speed falls in proportion to the distance left, to a final speed.
 
-    Parameters
-    ----------
-    start_lvlh_m, end_lvlh_m : the line. start_m_s, end_m_s : speed at its ends.
+class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_only=True):
+    """A straight line on which the speed falls with the distance left."""
 
-    References
-    ----------
-    Hablani, Tapper & Dana-Bashian (2002), Guidance and relative navigation for autonomous rendezvous in a
-    circular orbit, J. Guidance 25(3), eq. 30-36.
-    """
-
-    ballistic: ClassVar[bool] = False
-    start_lvlh_m: Vec3
-    end_lvlh_m: Vec3
-    start_m_s: float
-    end_m_s: float
+    start_lvlh_m: MetresXyz
+    end_lvlh_m: MetresXyz
+    # speed at the two ends
+    start_m_s: Annotated[float, Meta(gt=0, le=100)]
+    end_m_s: Annotated[float, Meta(gt=0, le=100)]
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Distance left: ``d' = -(end + slope d)``."""
+        """Distance left: ``d' = -(end + slope d)``.
+
+        References
+        ----------
+        Hablani, Tapper & Dana-Bashian (2002), Guidance and relative navigation for autonomous rendezvous in a
+        circular orbit, J. Guidance 25(3), eq. 30-36.
+        """
         start, end = np.array(self.start_lvlh_m, float), np.array(self.end_lvlh_m, float)
         length = float(np.linalg.norm(start - end))
         if length == 0.0:
@@ -117,40 +190,7 @@ class Glideslope:
             return end, np.zeros(3)
         return end + left * out, -speed * out
 
-
-@dataclass(frozen=True, kw_only=True)
-class RangeKeeping:
-    """Free drift that is turned back whenever it is about to leave a shell about the target.
-
-    Parameters
-    ----------
-    position_lvlh_m : start. near_m, far_m : the shell. turn_m_s : radial speed after each correction.
-    margin_m : how far inside the shell the corrections are made.
-    """
-
-    ballistic: ClassVar[bool] = False
-    position_lvlh_m: Vec3
-    near_m: float
-    far_m: float
-    turn_m_s: float = 0.01
-    margin_m: float = 1.0
-
-    def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """The start, at rest in LVLH."""
-        return np.array(self.position_lvlh_m, float), np.zeros(3)
-
-    def impulse_lvlh(self, p: FloatArray, v: FloatArray, n_rad_s: float) -> FloatArray:  # noqa: ARG002
-        """Nothing while the range is well inside or the chaser returns; else the radial speed is reversed."""
-        distance = float(np.linalg.norm(p))
-        out = p / distance
-        rate = float(v @ out)
-        leaving_far = distance > self.far_m - self.margin_m and rate > -self.turn_m_s / 2
-        leaving_near = distance < self.near_m + self.margin_m and rate < self.turn_m_s / 2
-        if not (leaving_far or leaving_near):
-            return np.zeros(3)
-        sideways = v - rate * out
-        speed = float(np.linalg.norm(sideways))
-        # what goes sideways soon goes outward: it is held to the same speed
-        kept = sideways * min(1.0, self.turn_m_s / max(speed, 1e-12))
-        wanted = (-self.turn_m_s if leaving_far else self.turn_m_s) * out + kept
-        return np.asarray(wanted - v)
+    def phase(self, t_s: float) -> str:
+        """Glideslope, then hold."""
+        p, _ = self.state_lvlh(t_s, 0.0)
+        return "hold" if np.array_equal(p, np.array(self.end_lvlh_m, float)) else "glideslope"

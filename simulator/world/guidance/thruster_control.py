@@ -12,8 +12,8 @@ from simulator.world.relative.thrusted_step import Held, relative_step
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
+    from simulator.world.guidance.chaser import Chaser
     from simulator.world.guidance.keep_out import KeepOut
-    from simulator.world.guidance.modes import Guidance
     from simulator.world.guidance.thrusters import Thrusters
     from simulator.world.orbit.propagation import OrbitTrack
 
@@ -60,7 +60,7 @@ class ControlledTrack:
 
 def fly_controlled(
     orbit: OrbitTrack,
-    guidance: Guidance,
+    guidance: Chaser,
     n_rad_s: float,
     thrusters: Thrusters,
     keep_out: KeepOut | None = None,

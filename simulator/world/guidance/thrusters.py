@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from simulator.runtime.arrays import FloatArray
+from simulator.runtime.sections import Section
 
 _G0_M_S2 = 9.80665
 
 
-@dataclass(frozen=True, kw_only=True)
-class Thrusters:
-    """Thrusters on all six sides of a chaser that keeps its sides along LVLH.
+class Thrusters(Section, frozen=True, kw_only=True):
+    """With this section the chaser flies by thrusters and follows its path only as well as they let it."""
 
-    Parameters
-    ----------
-    mass_kg : at the start. force_n : limit along each axis. minimum_impulse_ns : shortest pulse, along each axis.
-    specific_impulse_s : gives the mass flow. period_s : of control; thrust is constant over it.
-    """
-
-    mass_kg: float = 100.0
-    force_n: float = 1.0
-    minimum_impulse_ns: float = 0.01
-    specific_impulse_s: float = 220.0
-    period_s: float = 1.0
+    # on all six sides of a chaser that keeps its sides along LVLH; mass at the start
+    mass_kg: Annotated[float, Meta(gt=0, le=1e6)] = 100.0
+    # limit along each axis, and the shortest pulse
+    force_n: Annotated[float, Meta(gt=0, le=1e5)] = 1.0
+    minimum_impulse_ns: Annotated[float, Meta(ge=0, le=1e3)] = 0.01
+    # gives the mass flow
+    specific_impulse_s: Annotated[float, Meta(gt=0, le=1e4)] = 220.0
+    # of control; thrust is constant over it
+    period_s: Annotated[float, Meta(ge=0.05, le=60)] = 1.0
 
     def fire(self, wanted_m_s: FloatArray, mass_kg: float) -> tuple[FloatArray, float]:
         """The change of velocity of one period that the thrusters give [m s-1], and the mass after it [kg].

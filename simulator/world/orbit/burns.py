@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 
 from simulator.runtime.arrays import Vec3
+from simulator.runtime.sections import Section, SpeedXyz
 from simulator.world.frames.vectors import cross_of
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
-class Burn:
-    """A change of velocity.
+class Burn(Section, frozen=True, kw_only=True):
+    """A change of velocity of either craft along the target's LVLH axes: at once, or evenly over ``duration_s``.
 
-    Parameters
-    ----------
-    craft : which of the two. start_s : from the flight's start [s].
-    delta_v_lvlh_m_s : radial, along-track, cross-track.
-    duration_s : 0 is an impulse; else the push is constant along the axes, which turn with the orbit.
+    The chaser's burns are for one in free flight (drift, circumnavigation, safe_ellipse).
     """
 
     craft: Literal["target", "chaser"]
-    start_s: float
-    delta_v_lvlh_m_s: Vec3
-    duration_s: float = 0.0
+    start_s: Annotated[float, Meta(ge=0, le=1e6)]
+    # radial, along-track, cross-track; the axes turn with the orbit
+    delta_v_lvlh_m_s: SpeedXyz
+    duration_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
 
     @property
     def end_s(self) -> float:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from simulator.runtime.arrays import Vec3
+from simulator.runtime.sections import Section
 from simulator.world.constants import (
     AU_M,
     EARTH_RADIUS_M,
@@ -19,15 +22,37 @@ from simulator.world.constants import (
     SOLAR_PRESSURE_PA,
 )
 from simulator.world.ephemeris.eclipse import sun_visible_fraction
-from simulator.world.orbit.density import density_kg_m3
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
     from simulator.world.ephemeris.ephemeris_table import SkyTable
     from simulator.world.orbit.spherical_harmonics import HarmonicField
 
+_AIR_LAYERS = (
+    (100.0, 5.297e-7, 5.877),
+    (110.0, 9.661e-8, 7.263),
+    (120.0, 2.438e-8, 9.473),
+    (130.0, 8.484e-9, 12.636),
+    (140.0, 3.845e-9, 16.149),
+    (150.0, 2.070e-9, 22.523),
+    (180.0, 5.464e-10, 29.740),
+    (200.0, 2.789e-10, 37.105),
+    (250.0, 7.248e-11, 45.546),
+    (300.0, 2.418e-11, 53.628),
+    (350.0, 9.518e-12, 53.298),
+    (400.0, 3.725e-12, 58.515),
+    (450.0, 1.585e-12, 60.828),
+    (500.0, 6.967e-13, 63.822),
+    (600.0, 1.454e-13, 71.835),
+    (700.0, 3.614e-14, 88.667),
+    (800.0, 1.170e-14, 124.64),
+    (900.0, 5.245e-15, 181.05),
+    (1000.0, 3.019e-15, 268.00),
+)
+"""Base altitude [km], density there [kg m-3], scale height [km]."""
 
-class Forces(Protocol):
+
+class ForceModel(Protocol):
     """What accelerates the two craft; `simulator.world.orbit.gravity.Gravity` is the simplest.
 
     Positions are from the centre of the body that they circle, along GCRS axes.
@@ -36,6 +61,11 @@ class Forces(Protocol):
     @property
     def mu_m3_s2(self) -> float:
         """Gravitational parameter of the central body [m3 s-2]."""
+        ...
+
+    @property
+    def solar_pressure(self) -> bool:
+        """Whether sunlight pushes, which bends a track sharply at the shadow's edge."""
         ...
 
     def target(self, t_s: float, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
@@ -54,42 +84,76 @@ class Forces(Protocol):
         ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class Surface:
-    """A craft as air and sunlight see it: a sphere of the same frontal area.
+class Surface(Section, frozen=True, kw_only=True):
+    """A craft for drag and sunlight; the target's mass comes from its model unless given."""
 
-    Parameters
-    ----------
-    mass_kg, area_m2 : mass, mean frontal area.
-    drag_coefficient : 2.2 is usual in free molecular flow.
-    reflectivity : 1 absorbs all light, 2 mirrors it back.
+    mass_kg: Annotated[float, Meta(gt=0, le=1e6)] | None = None
+    # mean frontal area, of a sphere as air and sunlight see it
+    area_m2: Annotated[float, Meta(gt=0, le=1e5)] = 1.0
+    # 2.2 is usual in free molecular flow
+    drag_coefficient: Annotated[float, Meta(ge=0, le=10)] = 2.2
+    # 1 absorbs all light, 2 mirrors it back
+    reflectivity: Annotated[float, Meta(ge=0, le=2)] = 1.3
+
+    def push_per_pressure_m2_kg(self, coefficient: float) -> float:
+        """Acceleration over pressure, for a coefficient of drag or of sunlight [m2 kg-1].
+
+        Raises
+        ------
+        ValueError
+            If the mass is not known.
+        """
+        if self.mass_kg is None:
+            raise ValueError("the mass of a craft under drag or sunlight is not given")
+        return coefficient * self.area_m2 / self.mass_kg
+
+
+class Forces(Section, frozen=True, kw_only=True):
+    """What moves both craft. ``gravity_degree``: 0 a point mass, 2 to 70 EGM96; without it a point mass + J2.
+
+    About the Moon the Earth always pulls, and the degree is 0 (the default) or 2.
     """
 
-    mass_kg: float
-    area_m2: float
-    drag_coefficient: float = 2.2
-    reflectivity: float = 1.3
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class FullForces:
-    """Point mass, harmonics and whatever else is switched on.
-
-    Parameters
-    ----------
-    sky : Earth orientation, Sun and Moon over the flight.
-    harmonics : of degree 2 and up; None leaves a round Earth.
-    sun, moon : whether they attract. drag, solar_pressure : whether they push.
-    craft : target's and chaser's surfaces, for the last two.
-    """
-
-    sky: SkyTable
-    harmonics: HarmonicField | None = None
+    gravity_degree: Annotated[int, Meta(ge=0, le=70)] | None = None
     sun: bool = False
     moon: bool = False
     drag: bool = False
     solar_pressure: bool = False
-    craft: tuple[Surface, Surface] | None = None
+    target: Surface = Surface()
+    chaser: Surface = Surface()
+
+    def with_masses(self, target_kg: float, chaser_kg: float) -> Forces:
+        """The same with masses where none are given."""
+        target, chaser = (
+            msgspec.structs.replace(craft, mass_kg=craft.mass_kg or mass_kg)
+            for craft, mass_kg in ((self.target, target_kg), (self.chaser, chaser_kg))
+        )
+        return msgspec.structs.replace(self, target=target, chaser=chaser)
+
+
+GRAVITY_ALONE = Forces()
+"""Of the central body."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EarthForces:
+    """Point mass of the Earth, its harmonics, and whatever else is switched on.
+
+    Parameters
+    ----------
+    sky : Earth orientation, Sun and Moon over the flight.
+    forces : what acts besides gravity of the Earth; masses are needed for drag and sunlight.
+    harmonics : of degree 2 and up; None leaves a round Earth.
+    """
+
+    sky: SkyTable
+    forces: Forces = GRAVITY_ALONE
+    harmonics: HarmonicField | None = None
+
+    @property
+    def solar_pressure(self) -> bool:
+        """Whether sunlight pushes."""
+        return self.forces.solar_pressure
 
     @property
     def mu_m3_s2(self) -> float:
@@ -131,16 +195,19 @@ class FullForces:
             g = self.harmonics.acceleration(points @ R.T) @ R
             a = a + g[0]
             d = d if p is None else d + (g[1] - g[0])
-        for on, body, mu in ((self.sun, sun, MU_SUN_M3_S2), (self.moon, moon, MU_MOON_M3_S2)):
+        for on, body, mu in (
+            (self.forces.sun, sun, MU_SUN_M3_S2),
+            (self.forces.moon, moon, MU_MOON_M3_S2),
+        ):
             if on:
                 a = a + third_body(r.tolist(), body.tolist(), mu)
                 if p is not None:
                     d = d + attraction_difference((r - body).tolist(), p.tolist(), mu)
-        if self.craft is not None and (self.drag or self.solar_pressure):
-            own = self._surface_acceleration(self.craft[0], r, v, sun, R)
+        if self.forces.drag or self.forces.solar_pressure:
+            own = self._surface_acceleration(self.forces.target, r, v, sun, R)
             a = a + own
             if chaser is not None:
-                other = self._surface_acceleration(self.craft[1], r + chaser[0], v + chaser[1], sun, R)
+                other = self._surface_acceleration(self.forces.chaser, r + chaser[0], v + chaser[1], sun, R)
                 d = d + (other - own)
         return a, d
 
@@ -148,14 +215,14 @@ class FullForces:
         self, craft: Surface, r: FloatArray, v: FloatArray, sun: FloatArray, R_itrs_from_eci: FloatArray
     ) -> FloatArray:
         a = np.zeros(3)
-        if self.drag:
+        if self.forces.drag:
             # the air turns with the Earth, about the pole of date
             pole = R_itrs_from_eci[2]
             wind = v - self.sky.era_rate_rad_s * np.cross(pole, r)
             rho = density_kg_m3(geodetic_altitude_m(r, float(pole @ r)))
-            factor = craft.drag_coefficient * craft.area_m2 / craft.mass_kg
+            factor = craft.push_per_pressure_m2_kg(craft.drag_coefficient)
             a -= 0.5 * rho * factor * float(np.linalg.norm(wind)) * wind
-        if self.solar_pressure:
+        if self.forces.solar_pressure:
             a += light_pressure(craft, r - sun, float(sun_visible_fraction(r, sun, R_itrs_from_eci[2])))
         return a
 
@@ -168,7 +235,7 @@ def light_pressure(craft: Surface, from_sun_m: FloatArray, seen: float) -> Float
     Montenbruck & Gill (2000), Satellite Orbits, eq. 3.75.
     """
     distance = float(np.linalg.norm(from_sun_m))
-    factor = craft.reflectivity * craft.area_m2 / craft.mass_kg
+    factor = craft.push_per_pressure_m2_kg(craft.reflectivity)
     return np.asarray(seen * SOLAR_PRESSURE_PA * factor * (AU_M / distance) ** 2 / distance * from_sun_m)
 
 
@@ -176,6 +243,21 @@ def geodetic_altitude_m(r_eci_m: FloatArray, along_pole_m: float) -> float:
     """Height above the WGS 84 ellipsoid to first order in its flattening (30 m) [m]."""
     r = float(np.linalg.norm(r_eci_m))
     return r - EARTH_RADIUS_M * (1 - FLATTENING * (along_pole_m / r) ** 2)
+
+
+def density_kg_m3(altitude_m: float) -> float:
+    """Density of the air at ``altitude_m`` above the ellipsoid [kg m-3].
+
+    A mean of day and night at moderate solar activity (exospheric 1000 K); the true density at 600 km swings
+    by a factor of ten over a solar cycle. Below 100 km the lowest layer is continued.
+
+    References
+    ----------
+    Vallado (2013), Fundamentals of Astrodynamics, table 8-4 (from Wertz 1978: CIRA-72 above 25 km).
+    """
+    h = altitude_m / 1e3
+    base, density, scale = next((layer for layer in reversed(_AIR_LAYERS) if h >= layer[0]), _AIR_LAYERS[0])
+    return density * math.exp((base - h) / scale)
 
 
 def attraction(r_m: list[float], mu_m3_s2: float) -> Vec3:

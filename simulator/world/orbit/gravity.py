@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -26,6 +26,7 @@ class Gravity:
     mu_m3_s2, radius_m : gravitational parameter and the reference radius of ``j2``.
     """
 
+    solar_pressure: ClassVar[bool] = False
     j2: float = J2_EARTH
     pole_eci: Vec3 = (0.0, 0.0, 1.0)
     mu_m3_s2: float = MU_EARTH_M3_S2

@@ -11,7 +11,14 @@ import numpy as np
 from simulator.world.constants import MOON_RADIUS_M, MU_EARTH_M3_S2, MU_MOON_M3_S2, MU_SUN_M3_S2
 from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
 from simulator.world.ephemeris.moon_orientation import R_moon_from_eci
-from simulator.world.orbit.forces import attraction, attraction_difference, light_pressure, third_body
+from simulator.world.orbit.forces import (
+    GRAVITY_ALONE,
+    Forces,
+    attraction,
+    attraction_difference,
+    light_pressure,
+    third_body,
+)
 from simulator.world.orbit.spherical_harmonics import HarmonicField, field
 
 if TYPE_CHECKING:
@@ -20,6 +27,8 @@ if TYPE_CHECKING:
     from simulator.world.orbit.forces import Surface
     from simulator.world.time.instant import Instant
 
+MOON_DEGREE = 2
+"""The only one that its gravity has here."""
 _C20, _C22 = -9.08828e-5, 3.46737e-5
 """Fully normalised, of the principal axes, from which the mean Earth / polar axes differ by 0.6 mrad."""
 
@@ -33,17 +42,17 @@ class MoonForces:
     Parameters
     ----------
     epoch : start of the flight. sky : Sun and Moon over it.
-    oblate : whether the Moon's degree 2 (its flattening and the bulge towards the Earth) acts.
-    sun : whether it attracts. solar_pressure : whether it pushes.
-    craft : target's and chaser's surfaces, for the last.
+    forces : what acts besides; of degree 2 are the Moon's flattening and its bulge towards the Earth.
     """
 
     epoch: Instant
     sky: SkyTable
-    oblate: bool = False
-    sun: bool = False
-    solar_pressure: bool = False
-    craft: tuple[Surface, Surface] | None = None
+    forces: Forces = GRAVITY_ALONE
+
+    @property
+    def solar_pressure(self) -> bool:
+        """Whether sunlight pushes."""
+        return self.forces.solar_pressure
 
     @property
     def mu_m3_s2(self) -> float:
@@ -68,16 +77,17 @@ class MoonForces:
         sun = sun_from_earth - moon
         a = np.array(attraction(r.tolist(), MU_MOON_M3_S2))
         d = np.array(attraction_difference(r.tolist(), p.tolist(), MU_MOON_M3_S2))
-        bodies = [(-moon, MU_EARTH_M3_S2)] + ([(sun, MU_SUN_M3_S2)] if self.sun else [])
+        bodies = [(-moon, MU_EARTH_M3_S2)] + ([(sun, MU_SUN_M3_S2)] if self.forces.sun else [])
         for body, mu in bodies:
             a = a + third_body(r.tolist(), body.tolist(), mu)
             d = d + attraction_difference((r - body).tolist(), p.tolist(), mu)
-        if self.oblate:
+        if self.forces.gravity_degree == MOON_DEGREE:
             R = R_moon_from_eci(self.epoch.plus(t_s))
             g = lunar_degree_2().acceleration(np.stack([r, r + p]) @ R.T) @ R
             a, d = a + g[0], d + (g[1] - g[0])
-        if self.solar_pressure and self.craft is not None:
-            own, other = (self._push(c, x, sun, moon) for c, x in zip(self.craft, (r, r + p), strict=True))
+        if self.forces.solar_pressure:
+            own = self._push(self.forces.target, r, sun, moon)
+            other = self._push(self.forces.chaser, r + p, sun, moon)
             a, d = a + own, d + (other - own)
         return a, d
 

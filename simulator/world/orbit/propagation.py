@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from simulator.runtime.arrays import FloatArray
-    from simulator.world.orbit.forces import Forces
+    from simulator.world.orbit.forces import ForceModel
 
 _TARGET_ONLY = 6
 """Width of a state that holds no chaser."""
@@ -138,7 +138,7 @@ class OrbitTrack:
     burns : of the target, which are in ``solution`` already.
     """
 
-    forces: Forces
+    forces: ForceModel
     duration_s: float
     solution: Solution
     burns: tuple[Burn, ...] = ()
@@ -172,7 +172,7 @@ def propagate(
     r_eci_m: FloatArray,
     v_eci_m_s: FloatArray,
     duration_s: float,
-    forces: Forces,
+    forces: ForceModel,
     relative: tuple[FloatArray, FloatArray] | None = None,
     burns: tuple[Burn, ...] = (),
 ) -> OrbitTrack:
@@ -194,7 +194,7 @@ def propagate(
     Hairer, Norsett & Wanner (1993), Solving Ordinary Differential Equations I: DOP853, rtol 1e-12.
     """
     y = np.concatenate([r_eci_m, v_eci_m_s, *(relative or ())])
-    max_step_s = _SUNLIT_STEP_S if getattr(forces, "solar_pressure", False) else _MAX_STEP_S
+    max_step_s = _SUNLIT_STEP_S if forces.solar_pressure else _MAX_STEP_S
     atol = np.repeat([1e-7, 1e-10, 1e-10, 1e-13], 3)[: len(y)]
     edges = [0.0, *cuts_s(burns, 0.0, duration_s), duration_s]
     parts = []
@@ -233,7 +233,7 @@ def _after_impulses(y: FloatArray, t_s: float, burns: tuple[Burn, ...]) -> Float
 
 
 def _derivative(
-    forces: Forces, running: tuple[Burn, ...], *, with_chaser: bool
+    forces: ForceModel, running: tuple[Burn, ...], *, with_chaser: bool
 ) -> Callable[[float, FloatArray], FloatArray]:
     def target_only(t: float, y: FloatArray) -> FloatArray:
         return np.concatenate([y[3:6], forces.target(t, y[:3], y[3:6])])

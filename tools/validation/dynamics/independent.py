@@ -16,7 +16,7 @@ from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
 from simulator.world.ephemeris.ephemeris_table import SkyTable
 from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
 from simulator.world.messages.tle import R_eci_from_teme, state_from_tle
-from simulator.world.orbit.forces import Forces, FullForces
+from simulator.world.orbit.forces import EarthForces, ForceModel, Forces
 from simulator.world.orbit.moon_forces import MoonForces
 from simulator.world.orbit.propagation import propagate
 from simulator.world.orbit.spherical_harmonics import egm96
@@ -54,19 +54,25 @@ def against_basilisk(reference: Path) -> list[Row]:
     """A day of two craft 10 m apart: about the Earth (600 km, EGM96 20x20, Sun, Moon) and about the Moon (200 km)."""
     rows = []
     epoch = Instant.from_utc(EARTH_EPOCH)
-    earth = FullForces(sky=SkyTable.of(epoch, DAY_S), harmonics=egm96(20), sun=True, moon=True)
+    earth = EarthForces(
+        sky=SkyTable.of(epoch, DAY_S), harmonics=egm96(20), forces=Forces(sun=True, moon=True)
+    )
     start = np.array([0.0, -1049.0, 7485.0]), np.array([0.0, -0.013, 0.002])
     table = read_table(reference / "basilisk.csv")
     rows += _day(table, earth, start, EARTH_ORBIT_S, "at 600 km, EGM96 20x20 + Sun + Moon")
     epoch = Instant.from_utc(MOON_EPOCH)
-    moon = MoonForces(epoch=epoch, sky=SkyTable.of(epoch, DAY_S), sun=True)
+    moon = MoonForces(epoch=epoch, sky=SkyTable.of(epoch, DAY_S), forces=Forces(sun=True))
     start = np.array([0.0, -1160.0, 1090.0]), np.array([0.0, -0.005, 0.002])
     table = read_table(reference / "basilisk_moon.csv")
     return rows + _day(table, moon, start, MOON_ORBIT_S, "200 km above the Moon, Earth + Sun")
 
 
 def _day(
-    table: FloatArray, forces: Forces, velocities: tuple[FloatArray, FloatArray], orbit_s: float, where: str
+    table: FloatArray,
+    forces: ForceModel,
+    velocities: tuple[FloatArray, FloatArray],
+    orbit_s: float,
+    where: str,
 ) -> list[Row]:
     track = propagate(
         table[0, 1:4], velocities[0], DAY_S, forces, (table[0, 4:7] - table[0, 1:4], velocities[1])

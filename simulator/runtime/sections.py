@@ -1,8 +1,8 @@
-"""Units and ranges of a scenario file's numbers, and what every table of it is."""
+"""Sections of a user's file as the types that the simulation uses: their base, and numbers with their bounds."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
@@ -15,14 +15,11 @@ Range = Annotated[float, Meta(gt=0, le=1e5)]
 Seconds = Annotated[float, Meta(gt=0, le=1e6)]
 Speed = Annotated[float, Meta(ge=-1e3, le=1e3)]
 Inertia = Annotated[float, Meta(gt=0, le=1e9)]
-Pitch = Annotated[float, Meta(gt=0.1, le=1000)]
-Torque = Annotated[float, Meta(ge=-1e3, le=1e3)]
-Centre = Literal["earth", "moon"]
-Aim = Literal["nadir", "zenith", "along_track", "cross_track", "sun", "chaser"]
+TorqueNm = Annotated[float, Meta(ge=-1e3, le=1e3)]
 DirectionXyz = tuple[float, float, float]
 MetresXyz = tuple[Metres, Metres, Metres]
 SpeedXyz = tuple[Speed, Speed, Speed]
 
 
 class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A table of the file; keys that are not listed are refused."""
+    """A table of a file; keys that are not listed are refused. Angles are in degrees, as users write them."""

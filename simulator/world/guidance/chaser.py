@@ -1,0 +1,46 @@
+"""Chaser: how it moves and what it has for it; each guidance mode is a subclass, in this folder."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from simulator.runtime.sections import Range, Section
+from simulator.world.attitude.pointing import Pointing
+from simulator.world.attitude.reaction_wheels import Wheels
+from simulator.world.guidance.keep_out import KeepOut
+from simulator.world.guidance.thrusters import Thrusters
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
+
+
+class Chaser(Section, frozen=True, kw_only=True):
+    """What every mode of motion has; positions are in LVLH: radial outward, along-track, cross-track.
+
+    ``keep_out`` takes effect for a chaser that flies by thrusters or is steered.
+    """
+
+    ballistic: ClassVar[bool] = False
+    """Whether the mode gives the state at t = 0 only, from where gravity alone moves the chaser.
+
+    Any other mode is a path, which the chaser follows exactly unless it flies by thrusters.
+    """
+
+    pointing: Pointing = Pointing()
+    thrusters: Thrusters | None = None
+    wheels: Wheels | None = None
+    keep_out: KeepOut | None = None
+    minimum_start_range_m: Range = 1.5
+
+    def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:
+        """Position [m] and velocity [m s-1] in LVLH; ``n_rad_s`` is the target's mean motion."""
+        raise NotImplementedError
+
+    def phase(self, t_s: float) -> str:  # noqa: ARG002 - most modes have one
+        """The phase of the motion ``t_s`` seconds after its start, in a word or two: cruise, braking, hold."""
+        return str(self.__struct_config__.tag).replace("_", " ")
+
+    @property
+    def acting_thrusters(self) -> Thrusters | None:
+        """Those that the chaser flies by; None where its path is followed exactly."""
+        return self.thrusters
