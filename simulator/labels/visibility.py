@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 from simulator.labels.projected_mesh import across, seen_from_camera, seen_from_direction
 from simulator.runtime.arrays import BoolArray, FloatArray, IntArray, vec3
 from simulator.runtime.memory import kept_with
-from simulator.targets.shells import is_closed
+from simulator.targets.geometry import is_closed
 from simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:

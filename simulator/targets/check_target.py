@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.targets.glb.textures import check_picture, mime_of
-from simulator.targets.triangles import distance_to_triangles
+from simulator.targets.geometry import distance_to_triangles
+from simulator.targets.textures import check_picture, mime_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -227,14 +227,13 @@ def test_what_the_network_says_of_a_pose_is_that_of_the_attitudes_near_it(tango:
 @pytest.mark.gl
 @pytest.mark.parametrize(("recipe", "least"), [("eval-black", 10), ("eval-earth", 8)])
 def test_the_true_pose_is_mostly_among_the_proposed_ones(tango: BoardModel, recipe: str, least: int) -> None:
-    from simulator.labels.frame import take_frame
-    from simulator.recipe import plan_recipe
-
     from hil.board.svd.image.edge_field import shrink
     from hil.board.svd.image.noise import noise_sigma
     from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
     from hil.board.svd.propose.regions import REDUCTION, propose_regions
+    from simulator.frame import take_frame
     from simulator.render.renderer import Renderer
+    from simulator.scenario.recipes import plan_recipe
 
     plan = plan_recipe(recipe, 40, seed=6301)
     c = plan.camera

@@ -31,7 +31,7 @@ from hil.board.svd.refine.motion_images import motion_images
 from hil.board.svd.refine.parallel import Left
 from hil.board.svd.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
 from hil.board.svd.refine.shadows import shadowed
-from simulator.targets.board_model.faces import make_faces
+from simulator.targets.board_model.write import make_faces
 from simulator.targets.model import Part
 from tests.harness.boxes import closed_box
 

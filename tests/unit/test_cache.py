@@ -14,8 +14,7 @@ from simulator.runtime import cache
 from simulator.runtime.cache import DamagedError, cache_folder, map_checked, read_checked, store_checked
 from simulator.runtime.cached_arrays import cached_array, name_of
 from simulator.targets import library
-from simulator.targets.board_model import faces as board_faces
-from simulator.targets.board_model import write as board_file
+from simulator.targets.board_model import write as board_model
 from simulator.targets.library import load_target
 
 CONTENTS = bytes(range(256)) * 20
@@ -115,18 +114,18 @@ def test_a_damaged_array_is_made_again_whatever_the_damage(folder):
         assert path.read_bytes() == whole
 
 
-def test_damaged_targets_and_board_files_are_made_again(folder, monkeypatch):
-    monkeypatch.setattr(board_file, "outlines_of", lambda _: None)
-    monkeypatch.setattr(board_file, "packed", lambda _: record)
-    monkeypatch.setattr(board_faces, "make_faces", lambda _: None)
-    record = board_file.OutlinesRecord(
+def test_damaged_targets_and_board_models_are_made_again(folder, monkeypatch):
+    monkeypatch.setattr(board_model, "outlines_of", lambda _: None)
+    monkeypatch.setattr(board_model, "packed", lambda _: record)
+    monkeypatch.setattr(board_model, "make_faces", lambda _: None)
+    record = board_model.OutlinesRecord(
         views=1, points=1, center_m=(0, 0, 0), range_m=1, step_m=1, radius_step_m=1, data=""
     )
     target = load_target("tango")
     kinds = {
         "tango": lambda: load_target("tango").sha256 == target.sha256,
-        "outlines": lambda: board_file.kept_outlines(target) == record,
-        "faces": lambda: board_faces.kept_faces(target) is None,
+        "outlines": lambda: board_model.kept_outlines(target) == record,
+        "faces": lambda: board_model.kept_faces(target) is None,
     }
     rng = np.random.default_rng(3)
     for name, is_right in kinds.items():

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.camera.detector.electrons import psf
+from simulator.camera.detector import psf
 from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.psf import blur, optics_mtf, psf_kernel, psf_pyramid, used_mtf
 from simulator.camera.detector.psf_pyramid import fit_pyramid

@@ -6,8 +6,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from simulator.camera.detector import readout
 from simulator.camera.detector.deviates import NOISE_BANDS, bit_source
-from simulator.camera.detector.electrons import detect, particles, readout
+from simulator.camera.detector.electrons import detect
 from simulator.camera.detector.sensor import Detector, Sensor
 from simulator.imaging.image_formation import digitise
 
@@ -111,7 +112,7 @@ def test_a_recipe_s_two_noises_share_no_stream():
 
 def test_every_noise_of_a_frame_has_its_own_key():
     """The parts that the pictures above cannot tell apart: particles, and the bands of rows."""
-    keys = [*range(NOISE_BANDS), readout._ROW_KEY, readout._COLUMN_KEY, particles._KEY]
+    keys = [*range(NOISE_BANDS), readout._ROW_KEY, readout._COLUMN_KEY, readout._PARTICLE_KEY]
     assert len(set(keys)) == len(keys)
     drawn = [bit_source(7, 3, key).random_raw(4).tolist() for key in keys]
     assert len({tuple(words) for words in drawn}) == len(keys)

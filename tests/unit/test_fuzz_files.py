@@ -14,7 +14,7 @@ import pytest
 from mutations import changed_json, changed_text
 
 from hil.board.svd import CameraIntrinsics
-from simulator.camera.lens.distortion import files_foreign
+from simulator.camera.lens import files_foreign
 from simulator.camera.lens.files import list_cameras, parse_camera, read_camera_file
 from simulator.camera.lens.files_foreign import FORMATS, written
 from simulator.dataset import card as cards

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tools.mutants import judge, python_bugs, shader_bugs, table
+from tools.mutants import judge, python_bugs, shader_bugs
+from tools.mutants.__main__ import noticed, table
 from tools.mutants.bug import difference
 from tools.mutants.scope import LEFT_OUT, files
 from tools.mutants.tests_of import Choice
@@ -111,8 +112,8 @@ def test_the_table_counts_and_lists_what_nobody_noticed() -> None:
         {"file": "simulator/world/a.py", "line": 3, "kind": "k", "word": word, "asked": 2, "diff": f"-{word}"}
         for word in ("killed", "timeout", "survived", "not covered")
     ]
-    text = table.text(rows)
-    assert table.noticed(rows) == 2
+    text = table(rows)
+    assert noticed(rows) == 2
     assert "50%" in text
     assert "-survived" in text
     assert "-not covered" in text

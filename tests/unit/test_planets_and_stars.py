@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from simulator.camera.detector.electrons.electrons import electrons_per_radiance
-from simulator.camera.detector.electrons.optics import Optics
-from simulator.camera.detector.electrons.sensor import Detector, Sensor
 
+from simulator.camera.detector.electrons import electrons_per_radiance
+from simulator.camera.detector.optics import Optics
+from simulator.camera.detector.sensor import Detector, Sensor
 from simulator.render.sky.star_catalogue import star_irradiance_w_m2, stars
 from simulator.scene.illumination.planets import NAMES, planets
 

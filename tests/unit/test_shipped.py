@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zstandard
-from simulator.targets.glb.read.read import load_glb
 
 from simulator.render.bake.geometry import _PACKED, _unpacked
 from simulator.runtime import prebuilt as shipped
 from simulator.runtime.cached_arrays import cached_array, is_kept
 from simulator.runtime.serialisation import _described
 from simulator.targets import library
+from simulator.targets.glb.read import load_glb
 from tools import prebuilt as ship
 
 

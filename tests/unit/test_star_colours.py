@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulator.camera.detector.electrons.presets import sensor_preset
 
+from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.lens.camera_model import Camera
 from simulator.render.sky.star_catalogue import _catalogue, star_irradiance_w_m2, stars
 from simulator.render.sky.star_colours import (

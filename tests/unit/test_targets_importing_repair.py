@@ -7,11 +7,11 @@ import pytest
 import trimesh
 
 from simulator.errors import UserError
+from simulator.targets.geometry import distance_to_triangles
 from simulator.targets.glb.read import load_glb
 from simulator.targets.glb.write import write_glb
 from simulator.targets.importing.add import ImportOptions, import_mesh
 from simulator.targets.library import load_target
-from simulator.targets.triangles import distance_to_triangles
 
 SHEETS = ImportOptions(keep_holes=True)
 

@@ -13,17 +13,17 @@ import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from platformdirs import user_cache_path
 
-from tools.mutants import judge, python_bugs, shader_bugs, table
+from tools.mutants import judge, python_bugs, shader_bugs
 from tools.mutants.bug import Bug, difference
-from tools.mutants.scope import files
+from tools.mutants.scope import PYTHON, SHADERS, files, folder_of
 from tools.mutants.tests_of import TestsOf, record
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from types import ModuleType
 
     from tools.mutants.judge import Case, Copy, Verdict
@@ -183,13 +183,13 @@ def main() -> int:
             shutil.rmtree(copy.folder, ignore_errors=True)
     rows = [results.of[name] for name in sample if results.word(name) != "invalid"]
     told.o.mkdir(parents=True, exist_ok=True)
-    text = table.text(rows)
+    report = table(rows)
     (told.o / "mutants.json").write_text(
         json.dumps({"seed": told.seed, "bugs": rows}, indent=1) + "\n", encoding="utf-8"
     )
-    (told.o / "mutants.txt").write_text(text, encoding="utf-8")
-    say(text)
-    return 0 if table.noticed(rows) >= told.least * len(rows) else 1
+    (told.o / "mutants.txt").write_text(report, encoding="utf-8")
+    say(report)
+    return 0 if noticed(rows) >= told.least * len(rows) else 1
 
 
 def tests_now(root: Path, kept: Path) -> str:
@@ -204,6 +204,33 @@ def say(text: str) -> None:
     """Print with the time."""
     sys.stdout.write(f"{time.strftime('%H:%M:%S')} {text}\n")
     sys.stdout.flush()
+
+
+WORDS = ("killed", "timeout", "survived", "not covered")
+NOTICED = {"killed", "timeout"}
+
+
+def noticed(rows: Sequence[Mapping[str, Any]]) -> int:
+    """How many a test failed on, or never ended with."""
+    return sum(row["word"] in NOTICED for row in rows)
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """A table, then the diff of each that nothing noticed."""
+    out = [f"{'':20s}" + "".join(f"{word:>13s}" for word in WORDS) + f"{'noticed':>10s}"]
+    for folder in (*PYTHON, SHADERS, "in all"):
+        own = [row for row in rows if folder in {"in all", folder_of(row["file"])}]
+        if own:
+            counts = "".join(f"{sum(r['word'] == word for r in own):13d}" for word in WORDS)
+            out.append(f"{folder:20s}{counts}{noticed(own) / len(own):10.0%}")
+    for row in sorted(rows, key=lambda r: (r["file"], r["line"])):
+        if row["word"] not in NOTICED:
+            out += [
+                "",
+                f"{row['file']}:{row['line']}  {row['kind']}: {row['word']} by {row['asked']} tests",
+                row["diff"],
+            ]
+    return "\n".join(out) + "\n"
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from simulator.errors import UserError
 from simulator.labels.truth import truth_to_json
 from simulator.runtime.files import write_atomic
 from simulator.runtime.untrusted_files import read_regular
-from simulator.targets.glb.textures import picture_size
+from simulator.targets.textures import picture_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,7 +16,7 @@ from simulator.render.bake.occluders import BOX, Boxes, ConvexShell, convex_bodi
 from simulator.runtime.cache import entry_name
 from simulator.runtime.cached_arrays import cached_array
 from simulator.runtime.serialisation import pack, unpack
-from simulator.targets.shells import is_closed
+from simulator.targets.geometry import is_closed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from simulator.targets.sphere import sphere_directions
+from simulator.targets.geometry import sphere_directions
 
 if TYPE_CHECKING:
     from simulator.targets.model import Target

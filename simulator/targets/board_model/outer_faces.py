@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-from simulator.targets.sphere import sphere_directions
+from simulator.targets.geometry import sphere_directions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,6 +5,7 @@ Mesh data are in the model frame: the rotation of the root node, which is for vi
 
 from __future__ import annotations
 
+import json
 import struct
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,13 +25,13 @@ from simulator.targets.convert import (
     wireframe_of,
 )
 from simulator.targets.detail import split_level
-from simulator.targets.glb.bounded_json import parse_json
-from simulator.targets.glb.textures import pictures_of, texture_name
 from simulator.targets.model import Material, Part, Picture, Target
 from simulator.targets.records import TargetRecord
+from simulator.targets.textures import pictures_of, texture_name
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
 
 CLEARCOAT, ANISOTROPY = "KHR_materials_clearcoat", "KHR_materials_anisotropy"
 TYPES = {5126: "<f4", 5125: "<u4", 5123: "<u2", 5121: "u1"}  # glTF 2.0 specification, section 3.6.2.2
@@ -227,3 +228,30 @@ def _array(document: dict[str, Any], blob: bytes, number: int, width: int) -> ND
     if view.get("byteStride", width * dtype.itemsize) != width * dtype.itemsize:
         raise ValueError("interleaved vertex data are not read")
     return np.frombuffer(blob, dtype, accessor["count"] * width, start).reshape(-1, width)
+
+
+MOST_VALUES = 2_000_000
+"""Values and brackets of a document: as Python objects they take a hundred times the bytes of the file."""
+
+
+def parse_json(data: bytes) -> object:
+    """The value of a JSON text.
+
+    Raises
+    ------
+    ValueError
+        If it is no JSON, holds NaN or Infinity, nests too deep, or has more values than any model needs.
+    """
+    if len(data) > MOST_VALUES:
+        count = sum(data.count(sign) for sign in (b",", b"[", b"{"))
+        if count > MOST_VALUES:
+            raise ValueError(f"it has {count:,} values, and {MOST_VALUES:,} are the most that is read")
+    try:
+        return json.loads(data, parse_constant=_refuse_constant)
+    except RecursionError as error:
+        raise ValueError("its brackets nest too deep") from error
+
+
+def _refuse_constant(text: str) -> None:
+    """JSON has no NaN and no Infinity, though Python's reader would take them."""
+    raise ValueError(f"{text} is no number of JSON")

@@ -17,7 +17,7 @@ import numpy as np
 from simulator.runtime.files import write_atomic
 from simulator.targets.convert import record_of
 from simulator.targets.glb.read import ANISOTROPY, CLEARCOAT
-from simulator.targets.glb.textures import mime_of
+from simulator.targets.textures import mime_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

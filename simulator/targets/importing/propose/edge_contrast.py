@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 
 from simulator.runtime.arrays import Float32Array, FloatArray
+from simulator.targets.geometry import sphere_directions
 from simulator.targets.importing.propose.surface_points import SurfacePoints, surface_points
 from simulator.targets.importing.repair.topology import Body
-from simulator.targets.sphere import sphere_directions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from simulator.runtime.arrays import FloatArray, IntArray
+from simulator.targets.geometry import sphere_directions
 from simulator.targets.importing.propose.surface_points import surface_points
 from simulator.targets.importing.repair.topology import Body
 from simulator.targets.model import Occluders
-from simulator.targets.sphere import sphere_directions
 
 POINTS = 120_000
 HULL_POINTS = 1500

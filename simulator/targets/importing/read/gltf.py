@@ -12,13 +12,25 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.runtime.untrusted_files import find_beside, read_regular
-from simulator.targets.glb.bounded_json import parse_json
-from simulator.targets.glb.read import ANISOTROPY, BROKEN, CLEARCOAT, LARGEST_FILE_BYTES, read_chunks
+from simulator.targets.glb.read import (
+    ANISOTROPY,
+    BROKEN,
+    CLEARCOAT,
+    LARGEST_FILE_BYTES,
+    parse_json,
+    read_chunks,
+)
 from simulator.targets.importing.read.brushed import common_grain, corners_of, face_grain, strength_and_turn
 from simulator.targets.importing.read.draco import DRACO, unpack_draco
 from simulator.targets.importing.read.gltf_accessors import read_accessor
-from simulator.targets.importing.read.gltf_geometry import FAN, STRIP, TRIANGLES, as_triangles
-from simulator.targets.importing.read.gltf_nodes import check_weight, placed_meshes
+from simulator.targets.importing.read.gltf_nodes import (
+    FAN,
+    STRIP,
+    TRIANGLES,
+    as_triangles,
+    check_weight,
+    placed_meshes,
+)
 from simulator.targets.importing.read.raw_model import (
     UNNAMED_SURFACE,
     RawModel,

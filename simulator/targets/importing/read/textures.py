@@ -11,9 +11,9 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.runtime.arrays import vec3
-from simulator.targets.glb.textures import check_picture, mime_of, picture_size
 from simulator.targets.importing.read.raw_model import unique_names
 from simulator.targets.model import Material, Picture
+from simulator.targets.textures import check_picture, mime_of, picture_size
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import ByteArray, FloatArray, IntArray

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from simulator.runtime.arrays import FloatArray, IntArray
+from simulator.targets.geometry import distance_to_triangles
 from simulator.targets.importing.repair.topology import Body
-from simulator.targets.triangles import distance_to_triangles
 
 SAMPLES = 20_000
 NEAREST = 6
