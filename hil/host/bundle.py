@@ -33,7 +33,16 @@ DATE = (1980, 1, 1, 0, 0, 0)
 WEIGHTS = "weights"
 
 # Parts of pyserial that a Linux board never imports.
-LEFT_OUT = ("tools", "threaded", "urlhandler", "serialjava.py", "serialcli.py", "serialwin32.py", "win32.py")
+LEFT_OUT = (
+    "tools",
+    "threaded",
+    "urlhandler",
+    "rfc2217.py",
+    "serialjava.py",
+    "serialcli.py",
+    "serialwin32.py",
+    "win32.py",
+)
 
 
 def write_bundle(path: Path, targets: Sequence[Target]) -> int:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -21,9 +23,9 @@ from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.hypotheses.hypothesis import Candidate
 from hil.board.svd.model import rasteriser as shade
 from hil.board.svd.model.face_gains import shade as shaded
-from hil.board.svd.model.rasteriser import _ordered, order_faces
+from hil.board.svd.model.rasteriser import order_faces
 from hil.board.svd.model.shadow_map import Sunlight, SunTable
-from hil.board.svd.model.visibility import _visible_samples, occluders, sample_edges, visible_samples
+from hil.board.svd.model.visibility import occluders, sample_edges, visible_samples
 from hil.board.svd.native import arrays, backend, compiler
 from hil.board.svd.native.learned.attitude_likelihood import likelihood
 from hil.board.svd.propose.learned.attitude_basis import even_attitudes, turning_bumps
@@ -142,6 +144,25 @@ def test_the_bundle_carries_the_sources(tmp_path: Path) -> None:
 
 
 @needs_compiler
+def test_each_c_function_stands_behind_a_numpy_function_of_the_same_arguments() -> None:
+    def arguments(function: object) -> list[str]:
+        return list(inspect.signature(function).parameters)
+
+    assert len(backend.TWINS) >= 17
+    calls = set()
+    for name, twin in backend.TWINS.items():
+        assert len(arguments(twin.native)) == len(arguments(twin.reference)) + 1, name
+        assert twin.native.__module__.startswith("hil.board.svd.native."), name
+        assert not twin.reference.__module__.startswith("hil.board.svd.native."), name
+        calls.add(Path(inspect.getfile(twin.native)))
+    # every file that calls C has a twin in it, and what it calls was compiled
+    native = Path(backend.__file__).parent
+    asked = {p: set(re.findall(r"library\.(fly_\w+)", p.read_text())) for p in native.rglob("*.py")}
+    assert {path for path, names in asked.items() if names} <= calls
+    assert all(hasattr(backend.native_library(), name) for names in asked.values() for name in names)
+
+
+@needs_compiler
 def test_polygons_are_filled_to_the_pixel_as_by_opencv() -> None:
     rng = np.random.default_rng(4)
     for k in range(300):
@@ -154,7 +175,8 @@ def test_polygons_are_filled_to_the_pixel_as_by_opencv() -> None:
         p = p[:, ::-1] if k % 2 and k % 3 else p
         some = rng.permutation(40)
         one, other = (
-            fill(p, some, (180, 200), 0.5, exact=k % 5 == 0) for fill in (shade.fill_faces, shade._filled)
+            fill(p, some, (180, 200), 0.5, exact=k % 5 == 0)
+            for fill in (shade.fill_faces, shade.fill_faces.reference)
         )
         np.testing.assert_array_equal(one, other)
 
@@ -165,13 +187,15 @@ def test_faces_are_ordered_and_drawn_as_by_numpy(tango: BoardModel) -> None:
     empty = shade.ImagePatch(np.zeros((64, 80), np.float32), 1.0, 10.0, 5.0, 2.2, 3, tall=1.02)
     for k in range(40):
         R, t = some_pose(tango, rng)
-        order = _ordered(faces, -R.T @ t)
+        order = order_faces.reference(faces, -R.T @ t)
         np.testing.assert_array_equal(order_faces(faces, -R.T @ t), order)
         canvas = replace(empty, exact=bool(k % 2))
         p = (CAMERA.pixels(faces.corners[order] @ R.T + t) - (10.0, 5.0) + 0.5) * canvas.scale - 0.5
         seen = shade.draw_faces(faces, order, CAMERA, R, t, canvas)
         # a corner within a rounding of a sixteenth's middle may fall either way
-        assert np.mean(seen != shade._filled(p, order, seen.shape, 0.5, exact=canvas.exact)) < 1e-4
+        assert (
+            np.mean(seen != shade.fill_faces.reference(p, order, seen.shape, 0.5, exact=canvas.exact)) < 1e-4
+        )
         assert seen.any()
 
 
@@ -261,7 +285,9 @@ def test_what_hides_the_wireframe_is_numpys(tango: BoardModel, radius_m: float) 
     differ = hidden = 0
     for _ in range(12):
         R, t = some_pose(tango, rng)
-        ours, reference = (see(samples, occ, -R.T @ t) for see in (visible_samples, _visible_samples))
+        ours, reference = (
+            see(samples, occ, -R.T @ t) for see in (visible_samples, visible_samples.reference)
+        )
         np.testing.assert_array_equal(ours[1], reference[1])
         differ += int((ours[0] != reference[0]).sum())
         hidden += int((~reference[0]).sum())

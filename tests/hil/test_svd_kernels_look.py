@@ -65,12 +65,12 @@ def test_area_means_are_opencvs(kind: type) -> None:
     for width, height, x, y in sizes:
         part = picture[y:, x:]
         exact = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA).astype(float)
-        off = np.abs(shrunk(native(), part, height, width) - exact)
+        off = np.abs(shrunk(native(), part, width, height) - exact)
         # whole numbers are rounded: a half may fall to either side
         assert np.quantile(off, 0.995) < 1e-4
         assert off.max() < (1e-4 if kind is np.float32 else 1.01)
     with pytest.raises(ValueError, match="a kernel reduces"):
-        shrunk(native(), picture, 212, 340)
+        shrunk(native(), picture, 340, 212)
     # what no kernel reads is reduced all the same: columns apart, and as many rows as there are not
     assert area_mean(picture[:, ::2], 40, 30).shape == (30, 40)
     assert area_mean(picture[:5], 40, 8).shape == (8, 40)

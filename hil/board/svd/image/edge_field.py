@@ -9,7 +9,7 @@ from typing import Optional, Tuple
 import cv2
 import numpy as np
 
-from hil.board.svd.native.backend import native_library
+from hil.board.svd.native.backend import accelerated
 from hil.board.svd.native.images.area_average import readable, shrunk
 
 Array = np.ndarray
@@ -171,11 +171,13 @@ def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) ->
     return np.asarray(crop, np.float32), factor
 
 
+def _smaller(picture: Array, width: int, height: int) -> bool:
+    return height <= picture.shape[0] and width <= picture.shape[1] and readable(picture)
+
+
+@accelerated(shrunk, _smaller)
 def area_mean(picture: Array, width: int, height: int) -> Array:
     """(height, width) float32 means of what each pixel covers, rounded where the picture's are whole numbers."""
-    native = native_library()
-    if native is not None and height <= picture.shape[0] and width <= picture.shape[1] and readable(picture):
-        return shrunk(native, picture, height, width)
     return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), np.float32)
 
 

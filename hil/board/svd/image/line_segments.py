@@ -6,18 +6,14 @@ import cv2
 import numpy as np
 
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
-from hil.board.svd.native.backend import native_library
-from hil.board.svd.native.images.line_segments import segments as native_segments
+from hil.board.svd.native.backend import accelerated
+from hil.board.svd.native.images.line_segments import detect_segments
 
 Array = np.ndarray
 
 # Share of the region's diagonal: least length and largest gap of each stream (svd.md, stage 3).
 WGE_LENGTH, WGE_GAP = 0.15, 0.03
 SH_LENGTH, SH_GAP = 0.05, 0.01
-
-# The line segment detector's own settings: what it reduces a picture to, its blur [px of that], and the least gradient
-# that rounding to bytes cannot turn by its tolerance of directions.
-REDUCED, SIGMA, LEAST = 0.8, 0.6, 2.0 / float(np.sin(np.radians(22.5)))
 
 
 def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
@@ -52,19 +48,11 @@ def lsd_stream(image: Array, shortest_px: float) -> Array:
     if high <= low:
         return np.zeros((0, 4))
     scaled = np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
-    native = native_library()
-    segments = _lsd(scaled) if native is None else native_segments(native, _reduced(scaled), LEAST) / REDUCED
+    segments = _lsd(scaled)
     return segments[np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]) >= shortest_px]
 
 
-def _reduced(picture: Array) -> Array:
-    """A picture of bytes as the line segment detector reduces it."""
-    sigma = SIGMA / REDUCED
-    taps = 1 + 2 * int(np.ceil(sigma * np.sqrt(6 * np.log(10.0))))
-    smooth = cv2.GaussianBlur(picture, (taps, taps), sigma)
-    return cv2.resize(smooth, None, fx=REDUCED, fy=REDUCED, interpolation=cv2.INTER_LINEAR_EXACT)
-
-
+@accelerated(detect_segments)
 def _lsd(picture: Array) -> Array:
     """(N, 4) segments by OpenCV."""
     try:

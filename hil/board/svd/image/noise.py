@@ -6,7 +6,7 @@ from typing import Tuple
 
 import numpy as np
 
-from hil.board.svd.native.backend import native_library
+from hil.board.svd.native.backend import accelerated
 from hil.board.svd.native.images.area_average import readable
 from hil.board.svd.native.images.noise import masked
 
@@ -35,11 +35,7 @@ def noise_sigma(image: Array, full_scale: float) -> float:
     step = max(1, min(image.shape) // 400)
     if min(image.shape) < 3:
         return 0.0
-    native = native_library()
-    if native is not None and image.dtype == np.uint8 and readable(image):
-        middle, inside, bright = masked(native, image, step, full_scale)
-    else:
-        middle, inside, bright = _masked(image, step, full_scale)
+    middle, inside, bright = _masked(image, step, full_scale)
     overall = middle / 6.0 * 1.4826
     if inside > ENOUGH:
         overall = max(overall, bright / 6.0 * 1.4826)
@@ -48,6 +44,11 @@ def noise_sigma(image: Array, full_scale: float) -> float:
     return overall
 
 
+def _readable_bytes(image: Array, *_: float) -> bool:
+    return image.dtype == np.uint8 and readable(image)
+
+
+@accelerated(masked, _readable_bytes)
 def _masked(image: Array, step: int, full_scale: float) -> Tuple[float, int, float]:
     """Median of the mask, how many of its pixels lie well inside the scale, and the median over them."""
     rows = [image[y : y + 3] for y in range(0, image.shape[0] - 2, 3 * step)]

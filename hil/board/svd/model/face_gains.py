@@ -11,8 +11,8 @@ import numpy as np
 from hil.board.svd.geometry.faces import Faces
 from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.native.backend import native_library
-from hil.board.svd.native.photometric import face_gains as native_levels
+from hil.board.svd.native.backend import accelerated
+from hil.board.svd.native.photometric import face_gains as native
 from hil.board.svd.native.photometric.image_formation import BLURS_PX, reach
 
 Array = np.ndarray
@@ -44,10 +44,7 @@ def shade(faces: Faces, seen: Array, canvas: ImagePatch, dark: Optional[Array] =
     seen : drawn by ``draw_faces``. dark : (H, W) drawn pixels on which another face casts its shadow.
     """
     h, w = canvas.gray.shape
-    textured = canvas.textured
-    native = native_library()
-    made = native and native_levels.shade(native, faces, seen, canvas, dark, empty=textured)
-    group, level, picture, centre, area, core, empty, ground = made or _shaded(faces, seen, canvas, dark)
+    group, level, picture, centre, area, core, empty, ground = _shaded(faces, seen, canvas, dark)
     bright = (area >= 60) & (level > 0.97 * canvas.full)
     # hardly any picture has one
     for k in 1 + np.argsort(-area[1:], kind="stable")[:SATURATED] if bright[1:].any() else ():
@@ -57,21 +54,44 @@ def shade(faces: Faces, seen: Array, canvas: ImagePatch, dark: Optional[Array] =
             level[k] += over
             picture = picture + np.float32(over) * part
     behind = None
-    if textured and native is not None and made and min(h, w) >= 2:
-        behind = native_levels.behind(native, canvas, (*made[:2], picture, *made[3:]), LOCAL_PX / 4)
-    elif textured:
-        shown = float(ground[0])
-        own = (core & (centre == 0)).astype(np.float32)
-        behind = _wide_mean(own * (canvas.gray - np.float32(shown)), own)
-        if canvas.clipped > 0:
-            behind = canvas.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
-        # the background's share of each pixel, of which the border pixels have a part
-        picture = picture + empty * behind
+    if canvas.textured:
+        made = group, level, picture, centre, core, empty, ground
+        behind, picture = _with_background(canvas, made, LOCAL_PX / 4)
     return Shading(seen, group, level, picture, centre, area, behind)
 
 
+def _in_bytes(canvas: ImagePatch, made: Tuple[Array, ...], _: float) -> bool:
+    return made[0].dtype == np.uint8 and min(canvas.gray.shape) >= 2
+
+
+@accelerated(native.with_background, _in_bytes)
+def _with_background(canvas: ImagePatch, made: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
+    """What the background differs from its level by (h, w), and the synthetic view with it.
+
+    Parameters
+    ----------
+    made : groups, levels, view, groups at middles, pixels well inside a group, the background's share of each pixel and
+        its mean. blur_px : of means of 4 x 4 pixels.
+    """
+    _, level, picture, centre, core, empty, ground = made
+    shown = float(ground[0])
+    own = (core & (centre == 0)).astype(np.float32)
+    behind = _wide_mean(own * (canvas.gray - np.float32(shown)), own, blur_px)
+    if canvas.clipped > 0:
+        behind = canvas.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
+    # the background's share of each pixel, of which the border pixels have a part
+    return behind, picture + empty * behind
+
+
+@accelerated(native.shade)
 def _shaded(faces: Faces, seen: Array, canvas: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
-    """As ``kernels.levels.shade``, by numpy."""
+    """Groups of drawn pixels, their levels, and the synthetic view that they make.
+
+    Returns
+    -------
+    Groups (H, W), their levels (n,), the view (h, w), groups at middles (h, w), area (n,), pixels well inside a group
+    (h, w), the background's share of each (h, w), empty if it has one level, and the background's mean (1,).
+    """
     f, (h, w) = canvas.fine, canvas.gray.shape
     n = faces.groups + 1
     group = np.take(faces.labels, seen, mode="clip")
@@ -237,12 +257,12 @@ def _boxes(slots: Array, n: int, f: int) -> Array:
     return np.stack([out[0][0], out[1][0], out[0][1], out[1][1]])
 
 
-def _wide_mean(value: Array, weight: Array) -> Array:
-    """Mean of ``value`` over ``weight`` within about ``LOCAL_PX``, towards zero where there is little of it."""
+def _wide_mean(value: Array, weight: Array, blur_px: float) -> Array:
+    """Mean of ``value`` over ``weight`` within four times the blur, towards zero where there is little of it."""
     h, w = value.shape
     size = (max(2, w // 4), max(2, h // 4))
     num, den = (
-        cv2.GaussianBlur(cv2.resize(v, size, interpolation=cv2.INTER_AREA), (0, 0), LOCAL_PX / 4)
+        cv2.GaussianBlur(cv2.resize(v, size, interpolation=cv2.INTER_AREA), (0, 0), blur_px)
         for v in (value, weight)
     )
     return cv2.resize(num / (den + 0.02), (w, h), interpolation=cv2.INTER_LINEAR)

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 from hil.board.svd.geometry.faces import Faces
 from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.native.backend import native_library
-from hil.board.svd.native.raster import rasteriser as paint
+from hil.board.svd.native.backend import accelerated
+from hil.board.svd.native.raster import rasteriser as native
 
 Array = np.ndarray
 
@@ -30,14 +30,9 @@ BORDER_PX = 0.48
 NARROW_PX = 1.2
 
 
+@accelerated(native.order)
 def order_faces(faces: Faces, C_m: Array) -> Array:
     """Faces that look at the camera centre ``C_m`` (3,), the farthest first."""
-    native = native_library()
-    return _ordered(faces, C_m) if native is None else paint.order(native, faces, C_m)
-
-
-def _ordered(faces: Faces, C_m: Array) -> Array:
-    """The same by numpy."""
     gain, base, ids, node = faces.painting_places
     side = (faces.plane[:, :3] @ C_m > faces.plane[:, 3]).astype(np.float32)
     keep = (faces.normals @ C_m > faces.offset)[ids]
@@ -48,6 +43,11 @@ def _ordered(faces: Faces, C_m: Array) -> Array:
     return np.asarray(ids[np.lexsort((far_first, rank))])
 
 
+def _undistorted(_: Faces, __: Array, camera: CameraIntrinsics, *___: object) -> bool:
+    return not camera.distorted
+
+
+@accelerated(native.draw_faces, _undistorted)
 def draw_faces(
     faces: Faces,
     order: Array,
@@ -63,15 +63,13 @@ def draw_faces(
     ----------
     order : faces to draw, the farthest first. least_px : smaller ones are left to their neighbours [drawn px^2].
     """
-    native = native_library()
-    if native is not None and not camera.distorted:
-        return paint.draw_faces(native, faces, order, camera, R, t, canvas, least_px)
     h, w = canvas.gray.shape
     p = camera.pixels(faces.corners[order] @ R.T + t)
     p = (p - (canvas.x0, canvas.y0) + 0.5) * canvas.scale - 0.5
     return fill_faces(p, order, (h * canvas.fine, w * canvas.fine), least_px, exact=canvas.exact)
 
 
+@accelerated(native.fill_faces)
 def fill_faces(
     p: Array, order: Array, shape: Tuple[int, int], least_px: float, *, exact: bool = False
 ) -> Array:
@@ -81,14 +79,6 @@ def fill_faces(
     ----------
     exact : whether those narrower than a pixel get their true area.
     """
-    native = native_library()
-    if native is not None:
-        return paint.fill_faces(native, p, order, shape, least_px, exact=exact)
-    return _filled(p, order, shape, least_px, exact=exact)
-
-
-def _filled(p: Array, order: Array, shape: Tuple[int, int], least_px: float, *, exact: bool) -> Array:
-    """The same by numpy and OpenCV."""
     d1, d2 = p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]
     worth = np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]) > 2.0 * least_px
     p, order = inset(shortened(p[worth]) if exact else p[worth]), order[worth]

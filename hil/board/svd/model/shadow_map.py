@@ -13,8 +13,8 @@ from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.geometry.vectors import cross, length
 from hil.board.svd.model.rasteriser import fill_faces, order_faces
-from hil.board.svd.native.backend import native_library
-from hil.board.svd.native.raster import shadow_map as kernel
+from hil.board.svd.native.backend import accelerated
+from hil.board.svd.native.raster import shadow_map as native
 
 if TYPE_CHECKING:
     from hil.board.svd.geometry.camera import CameraIntrinsics
@@ -70,42 +70,16 @@ class Sunlight:
         e1 = cross(s, AXES[int(np.argmin(np.abs(s)))])
         e1 = e1 / length(e1)
         axes = np.stack([e1, cross(s, e1)])
-        native = native_library()
-        if native is None:
-            return Sunlight._of(faces, s, axes, n)
-        order, frame = order_faces(faces, s * 1e6), np.vstack([axes, s])
-        p, origin, pitch = kernel.polygons(native, faces, order, frame, n)
-        seen = fill_faces(p, order, (n, n), 0.5)
-        height = kernel.heights(native, faces, frame, origin, pitch, seen)
-        return Sunlight(s, axes, origin, pitch, height, seen)
-
-    @staticmethod
-    def _of(faces: Faces, s: Array, axes: Array, n: int) -> Sunlight:
-        """The same by numpy: direction (3,) and the picture's axes (2, 3)."""
-        order = order_faces(faces, s * 1e6)
-        p = faces.corners[order] @ axes.T
-        low, high = p.min(axis=(0, 1)), p.max(axis=(0, 1))
-        pitch = float((high - low).max() / (n - 4))
-        origin = low - 1.5 * pitch
-        seen = fill_faces((p - origin) / pitch, order, (n, n), 0.5)
-        # the plane n.X = d at X = axes' point + height * s
-        slope = faces.normals @ s
-        slope = np.where(slope > 1e-3, slope, np.inf)
-        top = np.concatenate([[-1e3], faces.offset / slope]).astype(np.float32)
-        fall = -(faces.normals @ axes.T) / slope[:, None]
-        fall = np.concatenate([[[0.0, 0.0]], fall]).astype(np.float32)
-        x = (origin[0] + pitch * np.arange(n)).astype(np.float32)
-        y = (origin[1] + pitch * np.arange(n)).astype(np.float32)
-        height = np.take(top, seen) + np.take(fall[:, 0], seen) * x + np.take(fall[:, 1], seen) * y[:, None]
-        return Sunlight(s, axes, origin, pitch, height, seen)
+        return Sunlight(s, axes, *_seen_from_the_sun(faces, s, axes, n))
 
     @cached_property
     def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
         """The picture as the kernels take it, and what keeps its arrays alive."""
-        return kernel.packed_sun(
+        return native.packed_sun(
             np.vstack([self.axes, self.direction]), self.origin, self.pitch_m, self.height, self.seen
         )
 
+    @accelerated(native.shadows)
     def shadows(
         self, faces: Faces, seen: Array, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
     ) -> Array:
@@ -115,15 +89,6 @@ class Sunlight:
         ----------
         seen : drawn at the pose ``R``, ``t`` by ``draw_faces``. camera : a pinhole.
         """
-        native = native_library()
-        if native is not None:
-            return kernel.shadows(native, faces, self.packed[0], seen, canvas, camera, R, t)
-        return self._shadows(faces, seen, canvas, camera, R, t)
-
-    def _shadows(
-        self, faces: Faces, seen: Array, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
-    ) -> Array:
-        """The same by numpy."""
         facing = np.concatenate([[False], faces.normals @ self.direction > GRAZING])
         where = np.flatnonzero(np.take(facing, seen))
         face, u, v, z = rays_to_faces(faces, seen, where, canvas, camera, R, t)
@@ -228,12 +193,23 @@ class SunTable:
         if "darkest" not in canvas.kept:
             canvas.kept["darkest"] = float(np.min(canvas.gray))
         darkest = canvas.kept["darkest"]
-        native = native_library()
-        if native is not None:
-            table, _ = self.packed
-            return kernel.costs(
-                native, table, faces, shading, canvas, camera, R, t, some, darkest, float(dim), pixels
-            )
+        return self._unexplained(faces, shading, canvas, camera, R, t, some, pixels, darkest, float(dim))
+
+    @accelerated(native.costs)
+    def _unexplained(
+        self,
+        faces: Faces,
+        shading: Shading,
+        canvas: ImagePatch,
+        camera: CameraIntrinsics,
+        R: Array,
+        t: Array,
+        some: Array,
+        pixels: int,
+        darkest: float,
+        dim: float,
+    ) -> Optional[Array]:
+        """The same, given the least value of the patch and a brightness that is as good as none."""
         f, wide = canvas.fine, shading.seen.shape[1]
         y, x = np.nonzero(shading.area[shading.centre] * (shading.centre > 0) > 0)
         if len(y) > pixels:
@@ -252,7 +228,7 @@ class SunTable:
     @cached_property
     def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
         """The table as the kernels take it, and what keeps its arrays alive."""
-        return kernel.packed_table(self.frames, self.origin, self.pitch_m, self.height)
+        return native.packed_table(self.frames, self.origin, self.pitch_m, self.height)
 
     def sunlight(self, faces: Faces, k: int, n: int) -> Sunlight:
         """The craft painted ``n`` pixels wide from direction ``k``, once for all pictures."""
@@ -276,6 +252,27 @@ class SunTable:
         over = np.take(self.height.ravel(), index) - self.frames[2, some].astype(np.float32) @ points.T
         facing = np.take(self.directions[some] @ faces.normals.T > GRAZING, face, axis=1)
         return np.asarray(facing & (over < (SKIN_M + 2 * pitch).astype(np.float32)))
+
+
+@accelerated(native.seen_from_the_sun)
+def _seen_from_the_sun(faces: Faces, s: Array, axes: Array, n: int) -> Tuple[Array, float, Array, Array]:
+    """Origin, pitch, heights (n, n) and faces + 1 (n, n) of the map along a direction (3,) with axes (2, 3)."""
+    order = order_faces(faces, s * 1e6)
+    p = faces.corners[order] @ axes.T
+    low, high = p.min(axis=(0, 1)), p.max(axis=(0, 1))
+    pitch = float((high - low).max() / (n - 4))
+    origin = low - 1.5 * pitch
+    seen = fill_faces((p - origin) / pitch, order, (n, n), 0.5)
+    # the plane n.X = d at X = axes' point + height * s
+    slope = faces.normals @ s
+    slope = np.where(slope > 1e-3, slope, np.inf)
+    top = np.concatenate([[-1e3], faces.offset / slope]).astype(np.float32)
+    fall = -(faces.normals @ axes.T) / slope[:, None]
+    fall = np.concatenate([[[0.0, 0.0]], fall]).astype(np.float32)
+    x = (origin[0] + pitch * np.arange(n)).astype(np.float32)
+    y = (origin[1] + pitch * np.arange(n)).astype(np.float32)
+    height = np.take(top, seen) + np.take(fall[:, 0], seen) * x + np.take(fall[:, 1], seen) * y[:, None]
+    return origin, pitch, height, seen
 
 
 def _cost(value: Array, own: Array, lit: Array) -> Array:

@@ -9,8 +9,8 @@ import numpy as np
 from hil.board.svd.geometry.vectors import cross
 from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
 from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.native.backend import native_library
-from hil.board.svd.native.raster import visibility as kernel
+from hil.board.svd.native.backend import accelerated
+from hil.board.svd.native.raster import visibility as native
 
 Array = np.ndarray
 
@@ -96,16 +96,9 @@ def facing(samples: EdgeSamples, C_m: Array, X_m: Array) -> Tuple[Array, Array]:
     return visible, outline
 
 
+@accelerated(native.visible_samples)
 def visible_samples(samples: EdgeSamples, occ: Occluders, C_m: Array) -> Tuple[Array, Array]:
     """(S,) visible and (S,) outline flags from camera centre ``C_m`` (3,), target frame."""
-    native = native_library()
-    if native is not None:
-        return kernel.visible_samples(native, samples, occ, C_m)
-    return _visible_samples(samples, occ, C_m)
-
-
-def _visible_samples(samples: EdgeSamples, occ: Occluders, C_m: Array) -> Tuple[Array, Array]:
-    """The same by numpy."""
     idx = np.arange(len(samples))[None]
     X = samples.outline(idx, C_m[None])[0][0]
     visible, outline = facing(samples, C_m, X)

@@ -8,12 +8,17 @@ from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.faces import Faces
 from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.native.backend import native_library
-from hil.board.svd.native.photometric import normal_equations as step
+from hil.board.svd.native.backend import accelerated
+from hil.board.svd.native.photometric import normal_equations as native
 
 Array = np.ndarray
 
 
+def _in_bytes(shading: Shading, *_: object) -> bool:
+    return shading.group.dtype == np.uint8
+
+
+@accelerated(native.motion_images, _in_bytes)
 def motion_images(
     shading: Shading, faces: Faces, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Array:
@@ -25,16 +30,6 @@ def motion_images(
     ----------
     camera : a pinhole (see ``ImagePatch.rays``).
     """
-    native = native_library()
-    if native is not None and shading.group.dtype == np.uint8:
-        return step.motion_images(native, shading, faces, canvas, camera, R, t)
-    return _motion_images(shading, faces, canvas, camera, R, t)
-
-
-def _motion_images(
-    shading: Shading, faces: Faces, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
-) -> Array:
-    """The same by numpy."""
     h, w = canvas.gray.shape
     f = canvas.fine
     wide = w * f

@@ -16,8 +16,8 @@ from hil.board.svd.hypotheses.hypothesis import Candidate
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
-from hil.board.svd.native.backend import native_library
-from hil.board.svd.native.raster import shadow_map as kernel
+from hil.board.svd.native.backend import accelerated
+from hil.board.svd.native.raster import shadow_map as native
 from hil.board.svd.refine.photometric import PhotoFit, explained, photo_draw, photo_step
 from hil.board.svd.refine.shadows import shadowed
 
@@ -241,13 +241,14 @@ def _middle(craft: PreparedTarget, canvas: ImagePatch, c: Candidate) -> Array:
     """(2,) middle of what a pose covers of the canvas [picture px]; NaN where that is nothing."""
     faces, R = faces_of(craft), quat.matrix(c.q)
     seen = draw_faces(faces, order_faces(faces, -R.T @ c.t), craft.camera.pinhole, R, c.t, canvas)
-    native = native_library()
-    if native is not None:
-        return kernel.middle(native, seen) / canvas.scale
+    return _mean_pixel(seen) / canvas.scale
+
+
+@accelerated(native.middle)
+def _mean_pixel(seen: Array) -> Array:
+    """(2,) mean column and row of the pixels that show the craft; NaN where none does."""
     rows, columns = np.nonzero(seen)
-    if not len(rows):
-        return np.full(2, np.nan)
-    return np.array([columns.mean() / canvas.scale[0], rows.mean() / canvas.scale[1]])
+    return np.array([columns.mean(), rows.mean()]) if len(rows) else np.full(2, np.nan)
 
 
 def spread_out(pool: List[Course], keep: int, before: Sequence[Candidate] = ()) -> List[Course]:

@@ -16,8 +16,8 @@ from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred, coverage, shade
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
-from hil.board.svd.native.backend import native_library
-from hil.board.svd.native.photometric import face_gains as native_levels
+from hil.board.svd.native.backend import accelerated
+from hil.board.svd.native.photometric import face_gains as native_gains
 from hil.board.svd.native.photometric import normal_equations as native_step
 from hil.board.svd.refine.edges import limit_one_step, parameter_scale
 from hil.board.svd.refine.motion_images import motion_images
@@ -145,15 +145,9 @@ def photo_step(
     """
     R, t = quat.matrix(fit.q), fit.t
     noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
-    native = native_library()
-    if native is not None and shading.group.dtype == np.uint8:
-        blurs = OPTICS_PX / canvas.factor, blur, float(np.hypot(blur, OPTICS_PX / canvas.factor))
-        slack = (FLOOR_PX + SLACK * blur) ** 2
-        G, total, rows = native_step.gram(
-            native, shading, faces, canvas, camera, R, t, blurs, noise, slack, TUKEY**2, joint
-        )
-    else:
-        G, total, rows = _gram(shading, faces, canvas, camera, R, t, blur, noise, joint)
+    blurs = OPTICS_PX / canvas.factor, blur, float(np.hypot(blur, OPTICS_PX / canvas.factor))
+    slack = (FLOOR_PX + SLACK * blur) ** 2
+    G, total, rows = _gram(shading, faces, canvas, camera, R, t, blurs, noise, slack, TUKEY**2, joint)
     if rows < 30:
         return None
     H, g, cost = projected(G)
@@ -172,6 +166,11 @@ def _inverse(H: Array) -> Array:
         return np.asarray(np.linalg.pinv(H))
 
 
+def _in_bytes(shading: Shading, *_: object) -> bool:
+    return shading.group.dtype == np.uint8
+
+
+@accelerated(native_step.gram, _in_bytes)
 def _gram(
     shading: Shading,
     faces: Faces,
@@ -179,20 +178,29 @@ def _gram(
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
-    blur: float,
+    blurs_px: Tuple[float, float, float],
     noise: float,
+    slack: float,
+    tukey: float,
     joint: int,
 ) -> Tuple[Array, float, int]:
-    """As ``kernels.step.gram``, by numpy."""
-    optics = float(np.hypot(blur, OPTICS_PX / canvas.factor))
-    shown, slope = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))
+    """Products (K + 7, K + 7) of a step's weighted rows, the sum of weights, and how many pixels count.
+
+    Parameters
+    ----------
+    blurs_px : of the optics, of this step, and of both. noise : of the patch blurred so. slack : squared distance that
+        borders may still be off [px^2]. tukey : squared bound in units of a residual's deviation. joint : groups whose
+        level is found with the pose.
+    """
+    lens, blur, optics = blurs_px
+    shown, slope = canvas.response.of(blurred(shading.picture, lens))
     drawn = blurred(shown, blur)
     e = canvas.blurred(blur) - drawn
     D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t)]
     across, down = canvas.scale
     least = TELLS * noise / (max(abs(float(t[2])), 1e-9) * canvas.fine)
     use = (np.abs(D[3]) > least * across * camera.fx_px) | (np.abs(D[4]) > least * down * camera.fy_px)
-    rows, w = _weights(e, drawn, use, shading.centre > 0, noise, blur)
+    rows, w = _weights(e, drawn, use, shading.centre > 0, noise, slack, tukey)
     A = np.zeros((joint + 8, len(rows)), np.float32)
     k = coverage(shading, canvas, joint, optics, rows, A)
     for j, x in enumerate((*D, e)):
@@ -205,7 +213,7 @@ def _gram(
 
 
 def _weights(
-    e: Array, drawn: Array, use: Array, craft: Array, noise: float, blur: float
+    e: Array, drawn: Array, use: Array, craft: Array, noise: float, slack: float, tukey: float
 ) -> Tuple[Array, Array]:
     """Residuals that count, as flat indices (N,), and the weight (N,) float32 of each.
 
@@ -216,7 +224,7 @@ def _weights(
     rows = np.flatnonzero(use)
     craft = craft.ravel().take(rows)
     gx, gy, e = (a.ravel().take(rows) for a in (gx, gy, e))
-    slope = np.float32((FLOOR_PX + SLACK * blur) ** 2) * (gx * gx + gy * gy)
+    slope = np.float32(slack) * (gx * gx + gy * gy)
     flat = slope < noise**2
     spread = []
     for part in (~craft, craft):
@@ -224,7 +232,7 @@ def _weights(
         middle = float(np.partition(sample, len(sample) // 2)[len(sample) // 2]) if len(sample) else 0.0
         spread.append(max(1.4826 * middle, noise) ** 2)
     variance = np.array(spread, np.float32).take(craft.view(np.uint8)) + slope
-    weight = np.clip(1 - e * e / (np.float32(TUKEY**2) * variance), 0, None) ** 2 / variance
+    weight = np.clip(1 - e * e / (np.float32(tukey) * variance), 0, None) ** 2 / variance
     counts = np.flatnonzero(weight)
     return rows.take(counts), weight.take(counts)
 
@@ -285,27 +293,37 @@ def explained(shading: Shading, canvas: ImagePatch) -> float:
         none = (canvas.blurred(SCORE_BLUR_PX) - canvas.background) / noise
         canvas.kept["none"] = noise, none, _bounded(none)
     noise, none, least = canvas.kept["none"]
-    native = native_library()
-    if native is None or shading.group.dtype != np.uint8:
-        return 1.0 - _left(shading, canvas, noise, none) / max(least, 1e-9)
-    if "told" not in canvas.kept:
-        blurs, bare = (OPTICS_PX / canvas.factor, SCORE_BLUR_PX, 1.0), none if canvas.textured else None
-        canvas.kept["told"] = native_levels.comparison(canvas, blurs, noise, BOUND**2, bare, COVERED)
-    told = canvas.kept["told"]
-    left = native_levels.explained(native, shading.picture, shading.group, canvas, told)
+    blurs = OPTICS_PX / canvas.factor, SCORE_BLUR_PX, 1.0
+    left = _unexplained(shading, canvas, noise, none, blurs, BOUND**2, COVERED)
     return 1.0 - left / max(least, 1e-9)
 
 
-def _left(shading: Shading, canvas: ImagePatch, noise: float, none: Array) -> float:
-    """As ``kernels.levels.explained``, by numpy."""
-    drawn = canvas.response.of(blurred(shading.picture, OPTICS_PX / canvas.factor))[0]
-    e = (canvas.blurred(SCORE_BLUR_PX) - blurred(drawn, SCORE_BLUR_PX)) / noise
+@accelerated(native_gains.unexplained, _in_bytes)
+def _unexplained(
+    shading: Shading,
+    canvas: ImagePatch,
+    noise: float,
+    none: Array,
+    blurs_px: Tuple[float, float, float],
+    bound: float,
+    covered: float,
+) -> float:
+    """Sum of bounded squared deviations of a synthetic view from the patch.
+
+    Parameters
+    ----------
+    noise : of the patch blurred for this. none : (h, w) deviations without the craft, which hold where no more than
+        ``covered`` of a pixel is. blurs_px : of the optics, the score, and what is covered. bound : squared.
+    """
+    lens, blur, cover_blur = blurs_px
+    drawn = canvas.response.of(blurred(shading.picture, lens))[0]
+    e = (canvas.blurred(blur) - blurred(drawn, blur)) / noise
     if canvas.textured:
         # clutter beside the craft is no pose's merit or fault
         h, w = e.shape
         cover = cv2.resize((shading.group > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
-        e = np.where(blurred(cover, 1.0) > COVERED, e, none)
-    return _bounded(e)
+        e = np.where(blurred(cover, cover_blur) > covered, e, none)
+    return _bounded(e, bound)
 
 
 def photo_likeness(
@@ -344,6 +362,6 @@ def likeness(shading: Shading, canvas: ImagePatch) -> Tuple[float, float]:
     return float(np.corrcoef(gray, drawn)[0, 1]), covered
 
 
-def _bounded(e: Array) -> float:
+def _bounded(e: Array, bound: float = BOUND**2) -> float:
     # the noise itself costs one everywhere: it is nobody's fault
-    return float(np.maximum(np.minimum(e * e, BOUND**2) - 1.5, 0.0).sum())
+    return float(np.maximum(np.minimum(e * e, bound) - 1.5, 0.0).sum())

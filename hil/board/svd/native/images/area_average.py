@@ -33,7 +33,7 @@ def region(image: Array) -> tuple:  # type: ignore[type-arg]
     return at, *(ctypes.c_int64(n) for n in (image.itemsize, stride, *image.shape))
 
 
-def shrunk(library: ctypes.CDLL, image: Array, height: int, width: int) -> Array:
+def shrunk(library: ctypes.CDLL, image: Array, width: int, height: int) -> Array:
     """(height, width) float32 of a ``readable`` picture that is no smaller; rounded where that holds whole numbers."""
     if not (0 < height <= image.shape[0] and 0 < width <= image.shape[1]):
         raise ValueError(f"a kernel reduces, not {image.shape} to {height, width}")

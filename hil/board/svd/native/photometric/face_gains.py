@@ -14,6 +14,7 @@ from hil.board.svd.native.photometric.image_formation import shown as shown_by
 if TYPE_CHECKING:
     from hil.board.svd.geometry.faces import Faces
     from hil.board.svd.geometry.image_patch import ImagePatch
+    from hil.board.svd.geometry.shading import Shading
 
 Array = np.ndarray
 
@@ -24,21 +25,14 @@ def shade(
     seen: Array,
     canvas: ImagePatch,
     dark: Optional[Array],
-    *,
-    empty: bool,
-) -> Optional[Tuple[Array, ...]]:
-    """As ``levels.shade`` up to what is saturated and what is behind.
-
-    Parameters
-    ----------
-    empty : whether the background's share of each pixel is asked for.
+) -> Tuple[Array, ...]:
+    """As ``face_gains._shaded``.
 
     Returns
     -------
-    Groups (H, W), their level (n,), the picture (h, w), groups at middles (h, w), area (n,), pixels well inside a
-    group (h, w), the background's share of each (h, w), else empty, and the background's mean value (1,); None where
-    a byte holds too few groups.
+    ``NotImplemented`` where a byte holds too few groups.
     """
+    empty = canvas.textured
     (h, w), f = canvas.gray.shape, canvas.fine
     seen, light = contiguous(seen, "int32"), None if dark is None else contiguous(dark, "bool")
     group, centre, core = (
@@ -65,7 +59,7 @@ def shade(
     )
     if n < 0:
         raise MemoryError("no memory to find the brightness of faces")
-    return (group, level[:n], picture, centre, area[:n], core, share, ground) if n else None
+    return (group, level[:n], picture, centre, area[:n], core, share, ground) if n else NotImplemented
 
 
 def _of_craft(faces: Faces, canvas: ImagePatch) -> Held:
@@ -94,19 +88,14 @@ def _of_craft(faces: Faces, canvas: ImagePatch) -> Held:
     return held
 
 
-def behind(
+def with_background(
     library: ctypes.CDLL,
     canvas: ImagePatch,
     made: Tuple[Array, ...],
     blur_px: float,
-) -> Array:
-    """(h, w) what the background differs from its level by, which is added to the picture that ``made`` holds.
-
-    Parameters
-    ----------
-    made : of ``shade``, the background's share with it. blur_px : of means of 4 x 4 pixels.
-    """
-    _, level, picture, centre, _, core, empty, shown = made
+) -> Tuple[Array, Array]:
+    """As ``face_gains._with_background``, of groups that a byte holds; the view that is given becomes the new one."""
+    _, level, picture, centre, core, empty, shown = made
     h, w = canvas.gray.shape
     gray, out = contiguous(canvas.gray, "float32"), np.empty((h, w), np.float32)
     run, at = library.fly_behind, ctypes.c_void_p
@@ -127,22 +116,24 @@ def behind(
     )
     if done < 0:
         raise MemoryError("no memory for the background about the craft")
-    return out
+    return out, picture
 
 
-def explained(
+def unexplained(
     library: ctypes.CDLL,
-    picture: Array,
-    group: Array,
+    shading: Shading,
     canvas: ImagePatch,
-    told: Held,
+    noise: float,
+    none: Array,
+    blurs_px: Tuple[float, float, float],
+    bound: float,
+    covered: float,
 ) -> float:
-    """Bounded squared deviations from the drawn ``picture`` summed, as in ``photometric.explained``.
-
-    Parameters
-    ----------
-    group : (H, W) bytes. told : by ``comparison``.
-    """
+    """As ``photometric._unexplained``, of groups that a byte holds; what holds for all poses is kept with the patch."""
+    if "told" not in canvas.kept:
+        bare = none if canvas.textured else None
+        canvas.kept["told"] = _comparison(canvas, blurs_px, noise, bound, bare, covered)
+    told, picture, group = canvas.kept["told"], shading.picture, shading.group
     h, w = canvas.gray.shape
     picture = contiguous(picture, "float32")
     run, at = library.fly_explained, ctypes.c_void_p
@@ -157,7 +148,7 @@ def explained(
     return float(out)
 
 
-def comparison(
+def _comparison(
     canvas: ImagePatch,
     blurs_px: Tuple[float, float, float],
     noise: float,
@@ -165,7 +156,7 @@ def comparison(
     none: Optional[Array],
     covered: float,
 ) -> Held:
-    """What ``explained`` is told of a canvas, the same for every pose.
+    """What ``unexplained`` is told of a canvas, the same for every pose.
 
     Parameters
     ----------

@@ -119,9 +119,9 @@ def draw_faces(
     R: Array,
     t: Array,
     canvas: ImagePatch,
-    least_px: float,
+    least_px: float = 0.5,
 ) -> Array:
-    """As ``shade.draw_faces``, of a pinhole."""
+    """As ``rasteriser.draw_faces``, of a pinhole."""
     h, w = (side * canvas.fine for side in canvas.gray.shape)
     seen, some = np.zeros((h, w), np.int32), contiguous(some, "int64")
     R, t = contiguous(R, "float64"), contiguous(t, "float64")
@@ -142,9 +142,15 @@ def draw_faces(
 
 
 def fill_faces(
-    library: ctypes.CDLL, p: Array, some: Array, shape: Tuple[int, int], least_px: float, *, exact: bool
+    library: ctypes.CDLL,
+    p: Array,
+    some: Array,
+    shape: Tuple[int, int],
+    least_px: float,
+    *,
+    exact: bool = False,
 ) -> Array:
-    """As ``shade.fill_faces``."""
+    """As ``rasteriser.fill_faces``."""
     seen, p, some = np.zeros(shape, np.int32), contiguous(p, "float64"), contiguous(some, "int64")
     library.fly_fill_faces(
         ctypes.c_void_p(checked_pointer(p, "float64", (len(some), 4, 2))),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Optional, Tuple
 import numpy as np
 
 from hil.board.svd.native.arrays import checked_pointer, contiguous
-from hil.board.svd.native.raster.rasteriser import PackedFaces, view
+from hil.board.svd.native.raster.rasteriser import PackedFaces, fill_faces, order, view
 
 if TYPE_CHECKING:
     from hil.board.svd.geometry.camera import CameraIntrinsics
@@ -91,10 +91,20 @@ def heights(
     return out
 
 
+def seen_from_the_sun(
+    library: ctypes.CDLL, faces: Faces, s: Array, axes: Array, n: int
+) -> Tuple[Array, float, Array, Array]:
+    """As ``shadow_map._seen_from_the_sun``."""
+    some, frame = order(library, faces, s * 1e6), np.vstack([axes, s])
+    p, origin, pitch = polygons(library, faces, some, frame, n)
+    seen = fill_faces(library, p, some, (n, n), 0.5)
+    return origin, pitch, heights(library, faces, frame, origin, pitch, seen), seen
+
+
 def shadows(
     library: ctypes.CDLL,
+    sun: Any,  # noqa: ANN401 - Sunlight
     faces: Faces,
-    sun: Any,  # noqa: ANN401 - of packed_sun
     seen: Array,
     canvas: ImagePatch,
     camera: CameraIntrinsics,
@@ -105,7 +115,7 @@ def shadows(
     R, t, dark = contiguous(R, "float64"), contiguous(t, "float64"), np.zeros(seen.shape, bool)
     failed = library.fly_shadows(
         ctypes.byref(PackedFaces.of(faces).pointers),
-        ctypes.byref(sun),
+        ctypes.byref(sun.packed[0]),
         ctypes.byref(view(camera, canvas)),
         ctypes.c_void_p(checked_pointer(R, "float64", (3, 3))),
         ctypes.c_void_p(checked_pointer(t, "float64", (3,))),
@@ -157,7 +167,7 @@ def packed_table(
 
 def costs(
     library: ctypes.CDLL,
-    table: Any,  # noqa: ANN401 - of packed_table
+    table: Any,  # noqa: ANN401 - SunTable
     faces: Faces,
     shading: Shading,
     canvas: ImagePatch,
@@ -165,9 +175,9 @@ def costs(
     R: Array,
     t: Array,
     some: Array,
+    pixels: int,
     darkest: float,
     dim: float,
-    pixels: int,
 ) -> Optional[Array]:
     """(S,) what each of the directions ``some`` (S,) leaves unexplained; None where too little is seen.
 
@@ -205,7 +215,7 @@ def costs(
     run.restype = ctypes.c_int64
     points = run(
         ctypes.byref(PackedFaces.of(faces).pointers),
-        ctypes.byref(table),
+        ctypes.byref(table.packed[0]),
         ctypes.byref(picture),
         ctypes.byref(view(camera, canvas)),
         ctypes.c_void_p(checked_pointer(R, "float64", (3, 3))),
