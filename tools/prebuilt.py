@@ -1,4 +1,4 @@
-"""What ``assets/made`` holds, and how it is made: what a first start of the standard scenes would take longest for.
+"""What ``assets/prebuilt`` holds, and how it is made: what a first start of the standard scenes would take longest for.
 
 `python -m tools.prebuilt` makes it again, where the output of a maker has changed and its version was raised.
 """
@@ -13,21 +13,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.bake.edge_gaps import distances_beside
-from simulator.render.bake.radiance_transfer import sight_to_ship
+from simulator.render.bake.edge_gaps import edge_gaps
+from simulator.render.bake.radiance_transfer import visibility_to_ship
 from simulator.render.earth.air_tables import air_tables
-from simulator.render.earth.albedo import kept_albedo
+from simulator.render.earth.albedo import cached_albedo
 from simulator.render.earth.ocean_colour import shoals
 from simulator.render.earth.seasons import land_of_months
 from simulator.render.target.mesh import prepared
 from simulator.runtime.cache import read_checked
-from simulator.runtime.prebuilt import SUFFIX, made_anew
+from simulator.runtime.prebuilt import SUFFIX, without_prebuilt
 from simulator.targets.library import cache_name, load_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-FOLDER = Path(__file__).parents[1] / "assets" / "made"
+FOLDER = Path(__file__).parents[1] / "assets" / "prebuilt"
 TARGET = "tango"
 _LEVEL = 22  # of zstd: the smallest
 
@@ -37,13 +37,13 @@ def made() -> Iterator[tuple[str, bytes]]:
     yield cache_name(TARGET), next(iter(_kept(lambda: load_target(TARGET), "targets/*.glb").values()))
     yield from _kept(lambda: [air_tables(bands, 100e3) for bands in ("mono", "rgb")], "*.npy").items()
     yield from _kept(lambda: shoals(1), "*.npy").items()
-    of_maps = _kept(lambda: (land_of_months(), kept_albedo(clouds=True)), "*.npy")
+    of_maps = _kept(lambda: (land_of_months(), cached_albedo(clouds=True)), "*.npy")
     yield from ((name, data) for name, data in of_maps.items() if name.startswith(("land", "albedo")))
     target = load_target(TARGET)
     yield from _kept(lambda: prepared(target), "*.npy").items()
     geometry = prepared(target)[0]
-    yield from _kept(lambda: distances_beside(geometry.edges), "*.npy").items()
-    key, codes = sight_to_ship(geometry)
+    yield from _kept(lambda: edge_gaps(geometry.edges), "*.npy").items()
+    key, codes = visibility_to_ship(geometry)
     data = io.BytesIO()
     np.save(data, codes)
     yield f"{key}.npy", data.getvalue()
@@ -55,7 +55,7 @@ def _kept(make: Callable[[], object], pattern: str) -> dict[str, bytes]:
     with TemporaryDirectory() as folder:
         os.environ["FLYAROUND_CACHE_DIR"] = folder
         try:
-            with made_anew():
+            with without_prebuilt():
                 make()
             files = ((path.name, read_checked(path)) for path in sorted(Path(folder).glob(pattern)))
             return {name: data for name, data in files if data is not None}

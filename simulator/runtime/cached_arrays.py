@@ -2,7 +2,7 @@
 
 A name says what an entry was made from, its end if it is what was written (`simulator.runtime.cache`). Who needs what
 another thread or program is making waits for it. What no program has asked for in `KEPT_DAYS` goes when something new
-is stored. What a first picture is drawn from is written after it (`Later`).
+is stored. What a first picture is drawn from is written after it (`DeferredWrites`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import IO, TYPE_CHECKING, TypeVar, cast
 import numpy as np
 
 from simulator.runtime.cache import DamagedError, cache_folder, map_checked, store_checked
-from simulator.runtime.prebuilt import is_shipped, shipped_array
+from simulator.runtime.prebuilt import is_prebuilt, prebuilt_array
 
 if sys.platform != "win32":
     import fcntl
@@ -75,7 +75,7 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
         if kept is not None:
             return kept
         shipped: list[NDArray[_T]] | None = _shipped(keys)
-        made, later = list(make()) if shipped is None else shipped, _later.get()
+        made, later = list(make()) if shipped is None else shipped, _deferred.get()
         if later is None:
             return [_stored(*pair) for pair in zip(paths, made, strict=True)]
         later.write(dict(zip(paths, made, strict=True)), alone.pop_all())
@@ -84,7 +84,7 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
         return made
 
 
-class Later:
+class DeferredWrites:
     """What a first picture is drawn from, written when that is done, or as soon as another program wants some of it."""
 
     def __init__(self) -> None:
@@ -93,7 +93,7 @@ class Later:
 
     def use(self) -> None:
         """What this thread makes from here on is written later."""
-        _later.set(self)
+        _deferred.set(self)
 
     def start(self) -> None:
         """Begin to write, on a thread; what is made from here on is written at once."""
@@ -125,10 +125,10 @@ class Later:
             _write(*waiting.pop(0))
 
 
-_later: ContextVar[Later | None] = ContextVar("_later", default=None)
+_deferred: ContextVar[DeferredWrites | None] = ContextVar("_deferred", default=None)
 
 
-def name_of(array: _Array) -> str | None:
+def entry_of(array: _Array) -> str | None:
     """The key of an array that came from the cache or will be written to it."""
     path = _kept_as.get(id(array))
     return None if path is None else path.stem
@@ -144,14 +144,14 @@ def _write(made: Mapping[Path, _Array], alone: ExitStack) -> None:
             _unwritten.pop(path, None)
 
 
-def is_kept(key: str) -> bool:
+def is_cached(key: str) -> bool:
     """Whether there is a file of `cached_array`, or will be, or one is shipped; it may be damaged yet."""
     path = cache_folder() / f"{key}.npy"
-    return path in _unwritten or path.is_file() or is_shipped(path.name)
+    return path in _unwritten or path.is_file() or is_prebuilt(path.name)
 
 
 def _shipped(keys: Sequence[str]) -> list[NDArray[_T]] | None:
-    arrays = [shipped_array(key) for key in keys]
+    arrays = [prebuilt_array(key) for key in keys]
     return None if any(array is None for array in arrays) else cast("list[NDArray[_T]]", arrays)
 
 

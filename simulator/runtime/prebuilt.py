@@ -1,7 +1,7 @@
 """What is slow to make and the same for everyone: shipped with the program, under the name that the cache keeps it by.
 
 A first start reads it where it would make it. A name says what the thing was made from and by which version of its
-maker, so that a change never meets an old file; `python -m tools.prebuilt` makes ``assets/made`` again.
+maker, so that a change never meets an old file; `python -m tools.prebuilt` makes ``assets/prebuilt`` again.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _made_anew: ContextVar[bool] = ContextVar("_made_anew", default=False)
 
 
 @contextmanager
-def made_anew() -> Iterator[None]:
+def without_prebuilt() -> Iterator[None]:
     """Within, and on this thread, nothing is found to be shipped: for who makes or tests what is."""
     token = _made_anew.set(True)
     try:
@@ -36,12 +36,12 @@ def made_anew() -> Iterator[None]:
         _made_anew.reset(token)
 
 
-def is_shipped(name: str) -> bool:
+def is_prebuilt(name: str) -> bool:
     """Whether there is such a file; it may be damaged."""
     return not _made_anew.get() and _file(name).is_file()
 
 
-def shipped_bytes(name: str) -> bytes | None:
+def prebuilt_bytes(name: str) -> bytes | None:
     """What is shipped under a name of the cache, with its suffix; ``None`` where nothing is, or it is damaged."""
     if _made_anew.get():
         return None
@@ -54,22 +54,22 @@ def shipped_bytes(name: str) -> bytes | None:
     try:
         return zstandard.ZstdDecompressor().decompress(packed)
     except (zstandard.ZstdError, MemoryError) as error:
-        log.warning("assets/made/%s%s is damaged (%s) and made again", name, SUFFIX, error)
+        log.warning("assets/prebuilt/%s%s is damaged (%s) and made again", name, SUFFIX, error)
         return None
 
 
-def shipped_array(key: str) -> NDArray[np.generic] | None:
+def prebuilt_array(key: str) -> NDArray[np.generic] | None:
     """The array that is shipped under a key of the cache."""
-    data = shipped_bytes(f"{key}.npy")
+    data = prebuilt_bytes(f"{key}.npy")
     if data is None:
         return None
     try:
         made: NDArray[np.generic] = np.load(io.BytesIO(data), allow_pickle=False)
     except (ValueError, EOFError) as error:
-        log.warning("assets/made/%s.npy%s holds no array (%s) and is made again", key, SUFFIX, error)
+        log.warning("assets/prebuilt/%s.npy%s holds no array (%s) and is made again", key, SUFFIX, error)
         return None
     return made
 
 
 def _file(name: str) -> Traversable:
-    return resources.files("assets").joinpath("made", name + SUFFIX)
+    return resources.files("assets").joinpath("prebuilt", name + SUFFIX)

@@ -59,7 +59,7 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
     """
     data = np.asarray(packed)  # a mapped file's own type takes ten times as long to cut
     length = int(data[:8].view("<u8")[0])
-    tree = _Reader(data, 8 + length, (of, *inner)).read(json.loads(data[8 : 8 + length].tobytes()))
+    tree = _Unpacker(data, 8 + length, (of, *inner)).read(json.loads(data[8 : 8 + length].tobytes()))
     if not isinstance(tree, of):
         raise TypeError(f"a {type(tree).__name__} is stored and a {of.__name__} was asked for")
     return tree
@@ -86,7 +86,7 @@ def _described(node: object, kinds: tuple[type, ...], arrays: list[NDArray[Any]]
     raise TypeError(f"a {type(node).__name__} cannot be stored")
 
 
-class _Reader:
+class _Unpacker:
     """Goes through a description in the order in which it was made, and through the arrays behind it."""
 
     def __init__(self, data: ByteArray, at: int, kinds: tuple[type, ...]) -> None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from simulator.errors import UserError, near_names
 from simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
-from simulator.runtime.prebuilt import shipped_bytes
+from simulator.runtime.prebuilt import prebuilt_bytes
 from simulator.targets.detail import DETAILS, Detail, level_name, split_level
 from simulator.targets.glb.read import load_glb, target_from
 from simulator.targets.installed import user_file, user_targets
@@ -164,7 +164,7 @@ def _built_in(entry: TargetEntry, detail: Detail) -> Target:
     path = cache_folder("targets") / _cache_name(entry, detail)
     if (target := _sound(read_checked(path), name, path)) is not None:
         return target
-    data = shipped_bytes(path.name)
+    data = prebuilt_bytes(path.name)
     target = _sound(data, name, path)
     if target is None or data is None:
         data = _built(entry, detail, name)

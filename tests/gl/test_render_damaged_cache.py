@@ -91,4 +91,4 @@ def test_a_damaged_cache_gives_the_same_picture(tmp_path):
 @pytest.mark.parametrize("seed", range(2, 5))
 def test_a_cache_of_which_every_file_is_damaged_gives_the_same_picture(tmp_path, seed):
     kinds = draw_with_damage(tmp_path, 1e12, seed)
-    assert kinds >= {"earth", "detail", "relief", "shoals", "geometry", "transfer"}
+    assert kinds >= {"earth", "detail", "terrain", "ocean", "geometry", "transfer"}

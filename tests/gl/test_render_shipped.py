@@ -17,7 +17,7 @@ SIZE_PX = 300
 
 def drawn(monkeypatch, sight):
     """Tango at 3 m, drawn by a renderer that bakes its light anew from some table of what its parts see."""
-    monkeypatch.setattr(transfer, "_shipped_sight", sight)
+    monkeypatch.setattr(transfer, "_prebuilt_visibility", sight)
     # of the cache everything but the light that is baked from the table
     monkeypatch.setattr(transfer, "cached_arrays", lambda _, make: make())
     plan = plan_flight(load_scenario("tango-close-3m"), times=(0.0,))
@@ -41,7 +41,7 @@ def largest_difference(a, b):
 
 
 def test_the_shipped_table_of_what_parts_see_gives_the_picture_that_one_made_here_gives(monkeypatch):
-    shipped, found = transfer._shipped_sight, []
+    shipped, found = transfer._prebuilt_visibility, []
 
     def kept(*arguments):
         found.append(shipped(*arguments))

@@ -12,7 +12,7 @@ import pytest
 
 from simulator.runtime import cache
 from simulator.runtime.cache import DamagedError, cache_folder, map_checked, read_checked, store_checked
-from simulator.runtime.cached_arrays import cached_array, name_of
+from simulator.runtime.cached_arrays import cached_array, entry_of
 from simulator.targets import library
 from simulator.targets.board_model import write as board_model
 from simulator.targets.library import load_target
@@ -88,8 +88,8 @@ def test_arrays_come_back_as_they_were(folder, array):
         assert kept.tobytes("A") == array.tobytes("A")
         assert not kept.flags.writeable
         assert kept.flags.f_contiguous == array.flags.f_contiguous
-        assert name_of(kept) == "a"
-    assert name_of(array) is None
+        assert entry_of(kept) == "a"
+    assert entry_of(array) is None
     assert np.array_equal(np.load(folder / "a.npy"), array)  # other programs read it too
 
 
@@ -124,8 +124,8 @@ def test_damaged_targets_and_board_models_are_made_again(folder, monkeypatch):
     target = load_target("tango")
     kinds = {
         "tango": lambda: load_target("tango").sha256 == target.sha256,
-        "outlines": lambda: board_model.kept_outlines(target) == record,
-        "faces": lambda: board_model.kept_faces(target) is None,
+        "outlines": lambda: board_model.cached_outlines(target) == record,
+        "faces": lambda: board_model.cached_faces(target) is None,
     }
     rng = np.random.default_rng(3)
     for name, is_right in kinds.items():
@@ -200,7 +200,7 @@ def test_looking_at_a_file_changes_nothing_of_it(folder):
 
 
 def test_a_shipped_target_that_is_none_is_built(folder, caplog, monkeypatch):
-    monkeypatch.setattr(library, "shipped_bytes", lambda _: b"glTF and nothing more than that")
+    monkeypatch.setattr(library, "prebuilt_bytes", lambda _: b"glTF and nothing more than that")
     assert load_target("calibration-board@low").name == "calibration-board@low"
     assert "rebuilding" in caplog.text
 

@@ -22,7 +22,7 @@ from simulator.render.earth import detail_noise, maps, sea_ice, seasons, terrain
 from simulator.render.gl import mipmaps
 from simulator.render.moon import craters, moon_pass
 from simulator.render.target.mesh import prepared
-from simulator.runtime.prebuilt import made_anew
+from simulator.runtime.prebuilt import without_prebuilt
 from simulator.targets.board_model import faces, write
 from simulator.targets.library import ENTRIES, FILE_VERSION, load_target
 
@@ -57,12 +57,14 @@ def light():
     """Light between the parts of a small craft, by what its nodes see."""
     mesh = prepared(load_target(SMALL))[0]
     gray = np.full((len(mesh.charts.chart), 1), 0.5)
-    return radiance_transfer.solve(mesh.charts, radiance_transfer._seen(mesh), gray, closed=mesh.is_closed)
+    return radiance_transfer.solve_radiosity(
+        mesh.charts, radiance_transfer._traced_visibility(mesh), gray, closed=mesh.is_closed
+    )
 
 
 def earth_maps():
     """Both packed maps."""
-    files = maps.KeptFiles()
+    files = maps.DecodedMaps()
     first = maps._pack_panchromatic(files, day_again=True)
     return [first, maps._pack_colour(maps.day_map(files), first[..., 3])]
 
@@ -75,14 +77,14 @@ MAKERS = {
     "faces": (faces.VERSION, outer_faces),
     "outlines": (write.VERSION, outlines),
     "geometry": (geometry.VERSION, lambda: [prepared(load_target(SMALL))[0].values]),
-    "transfer": ((radiance_transfer.SIGHT_VERSION, radiance_transfer.VERSION), light),
+    "transfer": ((radiance_transfer.VISIBILITY_VERSION, radiance_transfer.VERSION), light),
     "ice": (sea_ice.VERSION, lambda: [sea_ice._make_noise(0)]),
     "detail": (detail_noise.VERSION, lambda: [detail_noise.make_detail()]),
     "seasons": (seasons.VERSION, lambda: [seasons._make_relief(), *seasons._make_gains((1,), 3)]),
     "mipmaps": (mipmaps.VERSION, lambda: [mipmaps._smaller(np.eye(64, dtype=np.uint8) * 255, globe=True)]),
     "moon": (moon_pass.MAP_VERSION, lambda: [moon_pass.moon_map()]),
     "craters": (craters.VERSION, lambda: [craters.make_craters(craters.FINE_LARGEST_PX)]),
-    "terrain": (terrain_detail.VERSION, lambda: [terrain_detail.make_valleys()]),
+    "terrain": (terrain_detail.VERSION, lambda: [terrain_detail.make_terrain_detail()]),
     "maps": (maps.VERSION, earth_maps),
 }
 SLOW = {"craters", "terrain", "maps"}
@@ -126,7 +128,7 @@ def test_a_maker_whose_output_changes_has_a_new_version(name, tmp_path, monkeypa
     version, make = MAKERS[name]
     version = list(version) if isinstance(version, tuple) else version
     monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))  # nothing is taken from the user's cache
-    with made_anew():
+    with without_prebuilt():
         now = summary(make())
     known = json.loads(FILE.read_text()) if FILE.is_file() else {}
     if os.environ.get("FLYAROUND_WRITE_SUMMARIES"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.bake.hidden_faces import inside, uncover
+from simulator.render.bake.hidden_faces import inside, remove_hidden_faces
 from simulator.render.bake.occluders import MARGIN, convex_bodies
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box
@@ -16,7 +16,7 @@ UPON = ((-0.4, -0.35, 0.0), (0.45, 0.3, 0.05))
 def cut(*extents):
     meshes = [box(*extent) for extent in extents]
     corners = merge(meshes).positions_m.astype(float)[merge(meshes).triangles]
-    return corners, uncover(corners, convex_bodies([part_of(mesh) for mesh in meshes], 1.0), 1.0)
+    return corners, remove_hidden_faces(corners, convex_bodies([part_of(mesh) for mesh in meshes], 1.0), 1.0)
 
 
 def areas(corners):

@@ -12,12 +12,12 @@ import pytest
 
 from simulator.runtime.cached_arrays import (
     KEPT_DAYS,
-    Later,
+    DeferredWrites,
     cache_bytes,
     cached_array,
     cached_arrays,
-    is_kept,
-    name_of,
+    entry_of,
+    is_cached,
 )
 
 FULL = Path("/dev/full")
@@ -99,15 +99,15 @@ def test_a_maker_that_fails_leaves_the_next_one_free(folder):
 
 
 def test_what_is_written_later_is_at_hand_in_this_program_at_once(folder):
-    later = Later()
+    later = DeferredWrites()
     with ThreadPoolExecutor(1, initializer=later.use) as pool:
         made = pool.submit(cached_array, "map", lambda: np.arange(4)).result()
     time.sleep(0.3)
     assert not (folder / "map.npy").exists()
     # another thread has it at once, and knows what it is called
     assert cached_array("map", refuse) is made
-    assert name_of(made) == "map"
-    assert is_kept("map")
+    assert entry_of(made) == "map"
+    assert is_cached("map")
     later.start()
     for _ in range(100):
         if [path.name for path in folder.iterdir()] == ["map.npy"]:
@@ -121,9 +121,10 @@ def test_two_programs_of_which_each_has_made_what_the_other_needs_do_not_wait_fo
     folder,
 ):
     code = (
-        "import sys, time; import numpy as np; from simulator.runtime.cached_arrays import Later, cached_array\n"
+        "import sys, time; import numpy as np\n"
+        "from simulator.runtime.cached_arrays import DeferredWrites, cached_array\n"
         "def make(): print('made', flush=True); time.sleep(0.6); return np.arange(6)\n"
-        "Later().use(); print([len(cached_array(key, make)) for key in sys.argv[1]])"
+        "DeferredWrites().use(); print([len(cached_array(key, make)) for key in sys.argv[1]])"
     )
     start = time.monotonic()
     both = [
@@ -139,15 +140,15 @@ def test_two_programs_of_which_each_has_made_what_the_other_needs_do_not_wait_fo
 
 def test_a_program_that_ends_before_its_first_picture_leaves_what_it_made(folder):
     code = (
-        "import numpy as np; from simulator.runtime.cached_arrays import Later, cached_array\n"
-        "Later().use(); cached_array('map', lambda: np.arange(4)); cached_array('more', lambda: np.arange(2))"
+        "import numpy as np; from simulator.runtime.cached_arrays import DeferredWrites, cached_array\n"
+        "DeferredWrites().use(); cached_array('map', lambda: np.arange(4)); cached_array('more', lambda: np.arange(2))"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=10)
     assert {path.name for path in folder.iterdir()} == {"map.npy", "more.npy"}
 
 
 def test_what_is_made_after_the_first_picture_is_written_at_once(folder):
-    later = Later()
+    later = DeferredWrites()
     later.start()
     with ThreadPoolExecutor(1, initializer=later.use) as pool:
         pool.submit(cached_array, "map", lambda: np.arange(4)).result()

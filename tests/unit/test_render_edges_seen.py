@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simulator.render.bake.edge_gaps import distances_beside
+from simulator.render.bake.edge_gaps import edge_gaps
 from simulator.render.bake.mesh_edges import find_edges
 from simulator.render.projection import PixelRect
 from simulator.render.target.visible_edges import EdgeView, SeenEdges
@@ -27,7 +27,7 @@ def edges(tmp_path, monkeypatch):
 
 
 def test_the_two_sides_of_a_gap_and_of_a_plate_know_each_other(edges):
-    beside = distances_beside(edges)
+    beside = edge_gaps(edges)
     middle = edges.vertices_m[edges.ends].mean(axis=1)
     length = np.ptp(edges.vertices_m[edges.ends], axis=1).max(axis=1)
     along_gap = (np.abs(middle[:, 0]) < GAP_M) & (length > 0.5)

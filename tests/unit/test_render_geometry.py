@@ -8,7 +8,7 @@ import pytest
 
 from simulator.render.bake import geometry
 from simulator.render.bake.charts import TEXEL
-from simulator.render.bake.geometry import VERTEX, Merged, geometry_of
+from simulator.render.bake.geometry import VERTEX, MergedParts, geometry_of
 from simulator.render.bake.occluders import Boxes
 from simulator.runtime.serialisation import pack, unpack
 from simulator.targets.library import load_target
@@ -23,7 +23,7 @@ def merged(target):
         triangles.append(part.triangles + start)
         start += len(block)
     none = np.zeros((0, 2), np.float32)
-    return Merged(np.concatenate(blocks), np.concatenate(triangles).astype(np.uint32), none)
+    return MergedParts(np.concatenate(blocks), np.concatenate(triangles).astype(np.uint32), none)
 
 
 def arrays_of(tree, name=""):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.bake.coplanar_decals import relief_heights
+from simulator.render.bake.coplanar_decals import decal_heights
 from tests.harness.boxes import closed_box
 
 BODIES = {
@@ -27,6 +27,6 @@ def test_relief_of_bodies_on_a_panel(turn):
     parts = [closed_box(name, low, high) for name, (low, high, _) in BODIES.items()]
     positions = np.concatenate([p.positions_m.astype(float) @ R.T for p in parts])
     triangles = np.concatenate([np.asarray(p.triangles, int) + 24 * k for k, p in enumerate(parts)])
-    heights = relief_heights(positions, triangles, 0.65).reshape(len(parts), -1)
+    heights = decal_heights(positions, triangles, 0.65).reshape(len(parts), -1)
     expected = np.array([[height] for _, _, height in BODIES.values()])
     np.testing.assert_allclose(heights, np.broadcast_to(expected, heights.shape), atol=2e-6)

@@ -10,7 +10,7 @@ import zstandard
 
 from simulator.render.bake.geometry import _PACKED, _unpacked
 from simulator.runtime import prebuilt as shipped
-from simulator.runtime.cached_arrays import cached_array, is_kept
+from simulator.runtime.cached_arrays import cached_array, is_cached
 from simulator.runtime.serialisation import _described
 from simulator.targets import library
 from simulator.targets.glb.read import load_glb
@@ -62,13 +62,13 @@ def close(name, mine, made, tmp_path):
         )
     if a.shape != b.shape or a.dtype != b.dtype:
         return False
-    if name.startswith("sight"):
+    if name.startswith("visibility"):
         # a ray through an edge may count to either side of it, and which patch it meets there hangs on the
         # processor: Embree and the exact grid disagree on 2 directions in 1,000 being open and on 35 patches.
         # How much the picture shows of that is told by tests/gl/test_render_shipped.py
         looked, is_open = ((a == 0) != (b == 0)).mean(), ((a == 1) != (b == 1)).mean()
         return looked < 1e-3 and is_open < 0.01 and (a != b).mean() < 0.08
-    if name.startswith("shoals"):  # codes of depth: those at a step's edge
+    if name.startswith("ocean"):  # codes of depth: those at a step's edge
         return (a != b).mean() < 0.01
     return np.allclose(a, b, rtol=1e-4, atol=1e-6)
 
@@ -89,7 +89,7 @@ def test_all_that_is_shipped_is_small():
 
 def test_an_empty_cache_takes_what_is_shipped_and_keeps_it(folder):
     put(folder, "a.npy", array_bytes(np.arange(5)))
-    assert is_kept("a")
+    assert is_cached("a")
     assert cached_array("a", refuse).tolist() == [0, 1, 2, 3, 4]
     (folder / "a.npy.zst").unlink()
     assert cached_array("a", refuse).tolist() == [0, 1, 2, 3, 4]
@@ -125,10 +125,10 @@ def test_a_flipped_bit_of_a_shipped_file_is_noticed():
 
 def test_nothing_is_shipped_for_who_makes_it(folder):
     put(folder, "a.npy", array_bytes(np.arange(5)))
-    with shipped.made_anew():
-        assert not is_kept("a")
+    with shipped.without_prebuilt():
+        assert not is_cached("a")
         assert cached_array("a", lambda: np.arange(2)).tolist() == [0, 1]
-    assert shipped.is_shipped("a.npy")
+    assert shipped.is_prebuilt("a.npy")
 
 
 def test_tango_is_not_built_where_it_is_shipped(tmp_path, monkeypatch):

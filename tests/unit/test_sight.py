@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from simulator.render.bake.baked_visibility import coded, decoded, look_around
+from simulator.render.bake.baked_visibility import decode_visibility, encode_visibility, trace_visibility
 from simulator.render.bake.charts import make_charts
 from simulator.render.bake.ray_cast import EmbreeTracer, GridTracer
 from simulator.render.irradiance import spiral
@@ -24,7 +24,7 @@ def looked(mesh, texel_m, tracer=EmbreeTracer):
     charts = make_charts(points, normals, np.zeros(len(points)), triangles, texel_m)
     radius = float(np.linalg.norm(points, axis=1).max())
     planes = np.asarray(mesh.face_normals, np.float32)
-    return charts, look_around(charts, planes, tracer(corners), spiral(128), radius)
+    return charts, trace_visibility(charts, planes, tracer(corners), spiral(128), radius)
 
 
 def open_share(seen):
@@ -41,11 +41,11 @@ def test_embree_and_the_grid_meet_the_same_places(direction):
     (mine, near), (other, far) = (
         tracer(corners).first_hits(origins, unit) for tracer in (GridTracer, EmbreeTracer)
     )
-    met = mine >= 0
-    assert 0.2 < met.mean() < 0.8
+    hit = mine >= 0
+    assert 0.2 < hit.mean() < 0.8
     # a ray through an edge may count to either side of it, and where parts touch there are two triangles
-    assert ((other >= 0) != met).mean() < 1e-3
-    both = met & (other >= 0)
+    assert ((other >= 0) != hit).mean() < 1e-3
+    both = hit & (other >= 0)
     assert np.abs(near - far)[both].max() < 1e-5
 
 
@@ -98,9 +98,11 @@ def test_what_is_seen_comes_back_from_its_code_in_the_same_order():
     charts, seen = looked(mesh, 0.02)
     patch = np.random.default_rng(2).integers(0, 40, len(charts.chart))
     patch = np.unique(patch, return_inverse=True)[1]
-    again = decoded(coded(seen, patch), patch, charts, np.asarray(mesh.face_normals, np.float32), spiral(128))
+    again = decode_visibility(
+        encode_visibility(seen, patch), patch, charts, np.asarray(mesh.face_normals, np.float32), spiral(128)
+    )
     assert len(seen.node) > 1000
-    assert seen.from_behind.any()
-    for name in ("cosines", "is_open", "node", "direction", "from_behind"):
+    assert seen.hit_back.any()
+    for name in ("cosines", "is_open", "node", "direction", "hit_back"):
         np.testing.assert_array_equal(getattr(again, name), getattr(seen, name), err_msg=name)
-    np.testing.assert_array_equal(patch[again.met], patch[seen.met])
+    np.testing.assert_array_equal(patch[again.hit_node], patch[seen.hit_node])

@@ -1,4 +1,4 @@
-"""What places on a craft see of it in directions all around, by rays."""
+"""Visibility baked on the nodes of a mesh's charts: what of the craft lies in each direction, by ray casting."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet that stands for a round face
-# of the craft's radius: a place looks from so far off its face, which then does not hide it; and one that is covered by
-# what is lower than relief looks from above that: of a sheet under cells or blankets only the gaps between them show
-LIFT, RELIEF = 1e-4, 3e-3
+# of the craft's radius: rays start so far off their face, which then does not hide them; and those of a place that is
+# covered by a decal start above it: of a sheet under cells or blankets only the gaps between them show
+ORIGIN_OFFSET, DECAL_HEIGHT = 1e-4, 3e-3
 _COVERED = 0.4  # of what a place sees
-_PROBE = 4  # a part of the directions tells whether a place is covered
+_PROBE = 4  # every fourth direction tells whether a place is covered
 _MOST_THREADS = 8
 
 _T = TypeVar("_T")
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """What lies in each direction of each node of a mesh's charts.
+class NodeVisibility:
+    """What each node of a mesh's charts sees in each direction.
 
     Parameters
     ----------
     directions : (D, 3) unit vectors, target frame.
-    cosines : (N, D) with the nodes' normals; zero where nothing was looked for, below the face or grazing it.
-    is_open : (N, D) something was looked for and nothing of the craft is there.
-    node, direction : (K,) that looked and met something. met : (K,) node nearest to there.
-    from_behind : (K,) what was met looks away.
+    cosines : (N, D) with the nodes' normals; zero where no ray was cast: below the face, or grazing it.
+    is_open : (N, D) a ray was cast and hit nothing.
+    node, direction : (K,) of each ray that hit the craft. hit_node : (K,) node nearest to the hit.
+    hit_back : (K,) the ray hit the back of a face.
     """
 
     directions: FloatArray
@@ -47,14 +47,14 @@ class Seen:
     is_open: BoolArray
     node: IntArray
     direction: IntArray
-    met: IntArray
-    from_behind: BoolArray
+    hit_node: IntArray
+    hit_back: BoolArray
 
 
-def look_around(
+def trace_visibility(
     charts: Charts, planes: Float32Array, tracer: Tracer, directions: FloatArray, radius_m: float
-) -> Seen:
-    """Follow rays from all nodes of a craft along all directions above their faces.
+) -> NodeVisibility:
+    """Casts rays from all nodes of a craft along all directions above their faces.
 
     Parameters
     ----------
@@ -62,7 +62,9 @@ def look_around(
     """
     face, cosines = _above(charts, planes, directions)
     covered, probed = _covered(charts.places_m, face, cosines, tracer, directions, radius_m)
-    origins = charts.places_m + face * np.where(covered, RELIEF * radius_m, LIFT * radius_m)[:, None]
+    origins = (
+        charts.places_m + face * np.where(covered, DECAL_HEIGHT * radius_m, ORIGIN_OFFSET * radius_m)[:, None]
+    )
     is_open = np.zeros(cosines.shape, bool)
 
     def along(k: int) -> tuple[IntArray, IntArray, BoolArray]:
@@ -80,20 +82,20 @@ def look_around(
         return node, charts.node_at(triangle, place), (planes @ directions[k])[triangle] > 0
 
     found = _in_threads(along, range(len(directions)))
-    node, met, from_behind = (np.concatenate([f[k] for f in found]) for k in range(3))
-    return Seen(
+    node, hit_node, hit_back = (np.concatenate([f[k] for f in found]) for k in range(3))
+    return NodeVisibility(
         directions=directions,
         cosines=cosines,
         is_open=is_open,
         node=node,
         direction=np.repeat(np.arange(len(found)), [len(f[0]) for f in found]),
-        met=met,
-        from_behind=from_behind,
+        hit_node=hit_node,
+        hit_back=hit_back,
     )
 
 
 def _above(charts: Charts, planes: Float32Array, directions: FloatArray) -> tuple[FloatArray, Float32Array]:
-    """(N, 3) normal of the face that each node lies on, and the cosines of `Seen`."""
+    """(N, 3) normal of the face that each node lies on, and the cosines of `NodeVisibility`."""
     face = planes[charts.triangle].astype(float)
     sliver = np.abs(face).max(axis=1) < 0.5
     face[sliver] = charts.face_normals[charts.chart[sliver]]
@@ -102,37 +104,37 @@ def _above(charts: Charts, planes: Float32Array, directions: FloatArray) -> tupl
     return face, cosines
 
 
-def coded(seen: Seen, patch: IntArray) -> NDArray[np.uint32]:
-    """(N, D) what each node sees, as numbers that pack well: 0 where it did not look, 1 open, 2 on a patch's front.
+def encode_visibility(seen: NodeVisibility, patch: IntArray) -> NDArray[np.uint32]:
+    """(N, D) visibility as integers that compress well: 0 no ray, 1 open, 2 and more the front or back of a patch.
 
     Parameters
     ----------
     patch : (N,) of each node; 2 more for each, and 1 more for its back.
     """
     codes = seen.is_open.astype(np.uint32)
-    codes[seen.node, seen.direction] = 2 + 2 * patch[seen.met] + seen.from_behind
+    codes[seen.node, seen.direction] = 2 + 2 * patch[seen.hit_node] + seen.hit_back
     return codes
 
 
-def decoded(
+def decode_visibility(
     codes: NDArray[np.integer],
     patch: IntArray,
     charts: Charts,
     planes: Float32Array,
     directions: FloatArray,
-) -> Seen:
-    """What was `coded`, in the same order; each ``met`` is its patch's first node."""
+) -> NodeVisibility:
+    """Inverse of `encode_visibility`, in the same order; each ``hit_node`` is its patch's first node."""
     direction, node = np.nonzero(codes.T > 1)
-    met = codes[node, direction].astype(np.int64) - 2
+    hit_node = codes[node, direction].astype(np.int64) - 2
     _, first = np.unique(patch, return_index=True)
-    return Seen(
+    return NodeVisibility(
         directions=directions,
         cosines=_above(charts, planes, directions)[1],
         is_open=codes == 1,
         node=node,
         direction=direction,
-        met=first[met >> 1],
-        from_behind=(met & 1).astype(bool),
+        hit_node=first[hit_node >> 1],
+        hit_back=(hit_node & 1).astype(bool),
     )
 
 
@@ -144,24 +146,24 @@ def _covered(
     directions: FloatArray,
     radius_m: float,
 ) -> tuple[BoolArray, dict[int, tuple[Int32Array, Float32Array]]]:
-    """(N,) whether low relief hides most of what each place sees; and what was met along the directions asked for."""
-    origins = places_m + face * (LIFT * radius_m)
-    met: dict[int, tuple[Int32Array, Float32Array]] = {}
+    """(N,) whether a decal hides most of what each place sees; and the hits along the directions that were tried."""
+    origins = places_m + face * (ORIGIN_OFFSET * radius_m)
+    hits: dict[int, tuple[Int32Array, Float32Array]] = {}
 
     def low(k: int) -> Float32Array:
         node = np.flatnonzero(cosines[:, k])
-        met[k] = tracer.first_hits(origins[node], directions[k])
-        distance = met[k][1]
+        hits[k] = tracer.first_hits(origins[node], directions[k])
+        distance = hits[k][1]
         low = np.zeros(len(places_m), np.float32)
-        low[node] = cosines[node, k] * (distance * (face[node] @ directions[k]) < RELIEF * radius_m)
+        low[node] = cosines[node, k] * (distance * (face[node] @ directions[k]) < DECAL_HEIGHT * radius_m)
         return low
 
     probed = range(0, len(directions), _PROBE)
     hidden = np.sum(_in_threads(low, probed), axis=0)
-    return np.asarray(hidden > _COVERED * cosines[:, probed].sum(axis=1)), met
+    return np.asarray(hidden > _COVERED * cosines[:, probed].sum(axis=1)), hits
 
 
 def _in_threads(function: Callable[[int], _T], numbers: range) -> list[_T]:
-    """Results in order: a direction a thread, and what is found does not depend on how many threads there are."""
+    """Results in order, one direction a thread; they do not depend on the number of threads."""
     with ThreadPoolExecutor(min(_MOST_THREADS, os.cpu_count() or 1)) as threads:
         return list(threads.map(function, numbers))

@@ -21,7 +21,7 @@ _MOST = 200_000  # triangles of a mesh: nothing is looked for on a finer one
 _MOST_PAIRS = 2_000_000  # of corners, and triangles that may be below them
 
 
-def relief_heights(positions_m: FloatArray, triangles: IntArray, radius_m: float) -> Float32Array:
+def decal_heights(positions_m: FloatArray, triangles: IntArray, radius_m: float) -> Float32Array:
     """(T,) of triangles of bodies that lie flat on a face of another: how far their tops stand out of it [m].
 
     Infinite for all others, those that stand out by more than `HIGHEST` of the radius among them.

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from simulator.render.bake.mesh_edges import MeshEdges
     from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-VERSION = 1  # of `_look`: raise it when the same edges give other distances
+VERSION = 1  # of `_nearest_creases`: raise it when the same edges give other distances
 _FARTHEST = 0.004  # of the mesh's extent: what lies farther apart is not looked for
 _PLACES = 3, 12  # along an edge that are looked around from: at least, at most
 _APART = 0.02  # of the mesh's extent, between those of a long edge
@@ -25,20 +25,22 @@ _SHORTEST = 0.003  # of the mesh's extent: shorter edges cost little
 _MOST_EDGES = 200_000  # of a finer mesh no pairs are looked for
 
 
-def distances_beside(edges: MeshEdges) -> Float32Array:
-    """(E, 2) from each edge to the creases that run beside all of its length, kept in the cache [m].
+def edge_gaps(edges: MeshEdges) -> Float32Array:
+    """(E, 2) gap between each edge and the creases that run beside all of its length, from the cache [m].
 
     The first is that to creases with a face as turned as the edge's first face, which show when that face does; the
     second that of the second face. Infinite where there are none, or none near.
     """
-    return np.asarray(cached_array(entry_name("edge-pairs", VERSION, *_content(edges)), lambda: _look(edges)))
+    return np.asarray(
+        cached_array(entry_name("edge-gaps", VERSION, *_content(edges)), lambda: _nearest_creases(edges))
+    )
 
 
 def _content(edges: MeshEdges) -> tuple[FloatArray, IntArray, IntArray, BoolArray, FloatArray]:
     return edges.vertices_m, edges.ends, edges.faces, edges.is_crease, edges.planes
 
 
-def _look(edges: MeshEdges) -> Float32Array:
+def _nearest_creases(edges: MeshEdges) -> Float32Array:
     found = np.full((len(edges.ends), 2), np.inf, np.float32)
     creases = np.flatnonzero(edges.is_crease)
     if not len(creases) or len(edges.ends) > _MOST_EDGES:

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from simulator.render.bake.charts import Charts, make_charts
-from simulator.render.bake.coplanar_decals import relief_heights
-from simulator.render.bake.hidden_faces import inside, uncover
+from simulator.render.bake.coplanar_decals import decal_heights
+from simulator.render.bake.hidden_faces import inside, remove_hidden_faces
 from simulator.render.bake.mesh_edges import MeshEdges, find_edges
 from simulator.render.bake.occluders import BOX, Boxes, ConvexShell, convex_bodies, find_shells
 from simulator.runtime.cache import entry_name
@@ -32,7 +32,7 @@ VERSION = 1
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ExposedTriangles:
     """The triangles that can show from somewhere outside: a mesh's own, less what its plates cover.
 
     Parameters
@@ -50,7 +50,7 @@ class Shown:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Shape:
+class BakedMesh:
     """What is known of a target's mesh, uploaded or not.
 
     Parameters
@@ -64,7 +64,7 @@ class Shape:
         with the sign turned [m]. shells : large bodies that hide others.
     shown : what pictures are drawn from. charts : how its faces are laid out in an atlas, by the borders of which the
         mesh is cut. edges : that can show as lines.
-    relief_m : (T,) of ``shown``, how far a flat body stands out of what it lies on.
+    decal_height_m : (T,) of ``shown``, how far a flat body stands out of what it lies on.
     """
 
     values: Float32Array
@@ -76,15 +76,15 @@ class Shape:
     triangles: np.typing.NDArray[np.uint32]
     planes: Float32Array
     shells: tuple[ConvexShell, ...]
-    shown: Shown
+    shown: ExposedTriangles
     charts: Charts
     edges: MeshEdges
-    relief_m: Float32Array
+    decal_height_m: Float32Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Geometry(Shape):
-    """A shape with what is uploaded beside its vertices; see `mesh.Mesh`.
+class Geometry(BakedMesh):
+    """A shape with what is uploaded beside its vertices; see `mesh.GpuMesh`.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class Geometry(Shape):
 
 _PACKED = (
     Geometry,
-    Shown,
+    ExposedTriangles,
     Boxes,
     Charts,
     MeshEdges,
@@ -106,7 +106,7 @@ _PACKED = (
 
 
 @dataclass(frozen=True, eq=False)
-class Merged:
+class MergedParts:
     """The parts of a target one after the other.
 
     Parameters
@@ -119,7 +119,9 @@ class Merged:
     uv: Float32Array
 
 
-def geometry_of(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int], texel: float) -> Geometry:
+def geometry_of(
+    merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int], texel: float
+) -> Geometry:
     """The geometry of a target, from the cache where it was made before.
 
     Parameters
@@ -143,7 +145,7 @@ def _unpacked(packed: ByteArray) -> Geometry:
     return unpack(packed, *_PACKED)
 
 
-def _make(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int], texel: float) -> Geometry:
+def _make(merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int], texel: float) -> Geometry:
     hulls = outer_hulls([part.positions_m.astype(float) for part in parts if len(part.positions_m)])
     hull = np.concatenate(hulls)
     center = (hull.min(axis=0) + hull.max(axis=0)) / 2
@@ -161,7 +163,7 @@ def _make(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int], tex
     closed = all(is_closed(part) for part in parts)
     bodies = convex_bodies(parts, radius)
     # the back of an open face shows too
-    uncovered = uncover(corners, bodies if closed else (), radius)
+    uncovered = remove_hidden_faces(corners, bodies if closed else (), radius)
     values = uncovered.extended(own.view(np.float32).reshape(len(own), -1), triangles)
     drawn = uncovered.triangles(triangles, len(own))
     drawn = drawn[~inside(values[:, :3].astype(float)[drawn], bodies if closed else (), radius)]
@@ -179,7 +181,7 @@ def _make(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int], tex
         triangles=triangles,
         planes=_planes(corners),
         shells=find_shells(bodies, radius),
-        shown=Shown(
+        shown=ExposedTriangles(
             drawn,
             np.ascontiguousarray(_planes(drawn_corners).T),
             Boxes.about(drawn_corners, BOX * radius),
@@ -187,7 +189,7 @@ def _make(merged: Merged, parts: Sequence[Part], numbers: Mapping[str, int], tex
         ),
         charts=charts,
         edges=find_edges(tuple(parts), numbers, is_closed=closed),
-        relief_m=relief_heights(values[:, :3].astype(float), drawn.astype(int), radius),
+        decal_height_m=decal_heights(values[:, :3].astype(float), drawn.astype(int), radius),
     )
 
 

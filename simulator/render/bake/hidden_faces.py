@@ -31,7 +31,7 @@ _RIM = 0.002  # of a triangle's height, kept along its sides: neighbours' corner
 
 
 @dataclass(frozen=True, eq=False)
-class Uncovered:
+class ExposedFaces:
     """A mesh's triangles without what lies under other bodies.
 
     Parameters
@@ -59,7 +59,9 @@ class Uncovered:
         return np.concatenate([triangles[self.kept], new]).astype(np.uint32)
 
 
-def uncover(corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: float) -> Uncovered:
+def remove_hidden_faces(
+    corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: float
+) -> ExposedFaces:
     """Cut from a closed mesh's large triangles what its convex bodies cover.
 
     Parameters
@@ -80,7 +82,7 @@ def uncover(corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: floa
     pieces = [_around(best[t][1]) for t in cut]
     kept = np.ones(len(corners_m), bool)
     kept[cut] = False
-    return Uncovered(
+    return ExposedFaces(
         np.flatnonzero(kept),
         np.repeat(np.array(cut, int), [len(some) for some in pieces]),
         np.array([piece for some in pieces for piece in some], float).reshape(-1, 3, 3),

@@ -1,4 +1,4 @@
-"""Light that a craft's parts give each other and keep from each other, baked on the nodes of its charts.
+"""Radiance transfer between the parts of a craft, baked on the nodes of its charts: sky visibility, interreflection.
 
 Each node has the visibility of the sky as a constant and a linear term over directions, V(w) = a + b . w; and the
 irradiance that other parts return to it of sunlight from many directions, shadows and further bounces included. Parts
@@ -15,47 +15,49 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from scipy.sparse import coo_matrix
 
-from simulator.render.bake.baked_visibility import coded, decoded, look_around
+from simulator.render.bake.baked_visibility import decode_visibility, encode_visibility, trace_visibility
 from simulator.render.bake.geometry import VERTEX
 from simulator.render.bake.ray_cast import make_tracer
 from simulator.render.irradiance import spiral
 from simulator.runtime.cache import entry_name
 from simulator.runtime.cached_arrays import cached_arrays
-from simulator.runtime.prebuilt import shipped_array
+from simulator.runtime.prebuilt import prebuilt_array
 
 if TYPE_CHECKING:
-    from simulator.render.bake.baked_visibility import Seen
+    from simulator.render.bake.baked_visibility import NodeVisibility
     from simulator.render.bake.charts import Charts
-    from simulator.render.bake.geometry import Shape
+    from simulator.render.bake.geometry import BakedMesh
     from simulator.runtime.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 
 _T = TypeVar("_T", bound=np.generic)
-SIGHT_VERSION = 14  # of `_seen`: raise it when the same mesh sees otherwise, on the same processor
-VERSION = 14  # of `solve`: raise it when what is seen gives another light
+VISIBILITY_VERSION = (
+    14  # of `_traced_visibility`: raise it when the same mesh sees otherwise, on the same processor
+)
+VERSION = 14  # of `solve_radiosity`: raise it when what is seen gives another light
 DIRECTIONS = 128  # that are looked along, and that the Sun's light is known from
 LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.75
 BOUNCES = 4
-RETURNED_STEP = 2.0**-16  # parts can return no more than the sunlight
+INTERREFLECTION_STEP = 2.0**-16  # parts can return no more than the sunlight
 PATCH = 4  # nodes along each side of a patch that returns light as one
 _BLOCK = 1 << 17  # products
 _INSIDE = 0.3  # of what a node sees; more from within another part is no place to stand
 
 
 @dataclass(frozen=True, eq=False)
-class Transfer:
+class RadianceTransfer:
     """Baked light of one craft in some bands.
 
     Parameters
     ----------
     visibility : (A, 4) b, coded by ``LARGEST_SLOPE``, and a, of each texel of the atlas, row by row.
-    returned : (n, D, A) irradiance from other parts over that of sunlight from each of ``directions``, in steps of
-        ``RETURNED_STEP``.
-    returned_sky : (n, 9, A) irradiance over the coefficients of the sky's radiance in `harmonics`.
+    interreflected : (n, D, A) irradiance from other parts over that of sunlight from each of ``directions``, in steps
+        of ``INTERREFLECTION_STEP``.
+    interreflected_sky : (n, 9, A) irradiance over the coefficients of the sky's radiance in `harmonics`.
     """
 
     visibility: ByteArray
-    returned: np.typing.NDArray[np.uint16]
-    returned_sky: Float32Array
+    interreflected: np.typing.NDArray[np.uint16]
+    interreflected_sky: Float32Array
     directions: FloatArray
 
 
@@ -75,58 +77,62 @@ def harmonics(directions: FloatArray) -> FloatArray:
     )
 
 
-def baked_transfer(mesh: Shape, reflectance: FloatArray, patch: int = PATCH) -> Transfer:
-    """Light between the parts of a mesh; looked around for once a geometry, and kept in the cache with the result.
+def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH) -> RadianceTransfer:
+    """Radiance transfer of a mesh: rays are cast once a geometry, and the result is kept in the cache.
 
     Parameters
     ----------
     reflectance : (M, n) of each material, per band. patch : nodes along each side of one that returns light.
     """
     charts = mesh.charts
-    sight = _sight_key(mesh, patch)
+    sight = _visibility_entry(mesh, patch)
     key = entry_name("transfer", VERSION, sight, np.round(reflectance, 6))
     materials = np.rint(_vertices(mesh)["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
 
     def bake() -> tuple[np.typing.NDArray[np.generic], np.typing.NDArray[np.generic]]:
-        seen = _shipped_sight(sight, mesh, patch) or _seen(mesh)
-        return solve(charts, seen, reflectance[materials], patch, closed=mesh.is_closed)
+        seen = _prebuilt_visibility(sight, mesh, patch) or _traced_visibility(mesh)
+        return solve_radiosity(charts, seen, reflectance[materials], patch, closed=mesh.is_closed)
 
-    visibility, returned = (np.asarray(array) for array in cached_arrays((f"{key}-sky", key), bake))
+    visibility, interreflected = (np.asarray(array) for array in cached_arrays((f"{key}-sky", key), bake))
     directions = spiral(DIRECTIONS)
-    basis = (harmonics(directions) * (RETURNED_STEP * 4 * np.pi / DIRECTIONS)).astype(np.float32)
-    sky = np.stack([product_in_blocks(basis.T, band.astype(np.float32)) for band in returned])
-    return Transfer(visibility, returned, sky, directions)
+    basis = (harmonics(directions) * (INTERREFLECTION_STEP * 4 * np.pi / DIRECTIONS)).astype(np.float32)
+    sky = np.stack([product_in_blocks(basis.T, band.astype(np.float32)) for band in interreflected])
+    return RadianceTransfer(visibility, interreflected, sky, directions)
 
 
-def sight_to_ship(mesh: Shape, patch: int = PATCH) -> tuple[str, np.typing.NDArray[np.unsignedinteger]]:
-    """Key and `coded` numbers of what a mesh's nodes see, whatever its materials: what a bake takes longest for."""
-    codes = coded(_seen(mesh), _patches(mesh.charts, patch)[0])
+def visibility_to_ship(
+    mesh: BakedMesh, patch: int = PATCH
+) -> tuple[str, np.typing.NDArray[np.unsignedinteger]]:
+    """Cache entry and codes of a mesh's visibility, which no material changes: the longest part of a bake."""
+    codes = encode_visibility(_traced_visibility(mesh), _patches(mesh.charts, patch)[0])
     small = codes.max() <= np.iinfo(np.uint16).max
-    return _sight_key(mesh, patch), codes.astype(np.uint16) if small else codes
+    return _visibility_entry(mesh, patch), codes.astype(np.uint16) if small else codes
 
 
-def _shipped_sight(key: str, mesh: Shape, patch: int) -> Seen | None:
-    codes = shipped_array(key)
+def _prebuilt_visibility(key: str, mesh: BakedMesh, patch: int) -> NodeVisibility | None:
+    codes = prebuilt_array(key)
     if codes is None:
         return None
     numbers = _patches(mesh.charts, patch)[0]
-    return decoded(
+    return decode_visibility(
         np.asarray(codes, codes.dtype), numbers, mesh.charts, mesh.planes[:, :3], spiral(DIRECTIONS)
     )
 
 
-def _seen(mesh: Shape) -> Seen:
+def _traced_visibility(mesh: BakedMesh) -> NodeVisibility:
     tracer = make_tracer(_vertices(mesh)["position_m"][mesh.triangles])
-    return look_around(mesh.charts, mesh.planes[:, :3], tracer, spiral(DIRECTIONS), mesh.radius_m)
+    return trace_visibility(mesh.charts, mesh.planes[:, :3], tracer, spiral(DIRECTIONS), mesh.radius_m)
 
 
-def _vertices(mesh: Shape) -> np.typing.NDArray[np.void]:
+def _vertices(mesh: BakedMesh) -> np.typing.NDArray[np.void]:
     return mesh.values.view(VERTEX).ravel()[: len(mesh.charts.uv)]
 
 
-def _sight_key(mesh: Shape, patch: int) -> str:
+def _visibility_entry(mesh: BakedMesh, patch: int) -> str:
     vertices = _vertices(mesh).tobytes()
-    return entry_name("sight", SIGHT_VERSION, DIRECTIONS, patch, vertices, mesh.triangles, mesh.charts.uv)
+    return entry_name(
+        "visibility", VISIBILITY_VERSION, DIRECTIONS, patch, vertices, mesh.triangles, mesh.charts.uv
+    )
 
 
 def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:
@@ -143,29 +149,29 @@ def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:
     return out
 
 
-def solve(
-    charts: Charts, seen: Seen, reflectance: FloatArray, side: int = PATCH, *, closed: bool
+def solve_radiosity(
+    charts: Charts, seen: NodeVisibility, reflectance: FloatArray, side: int = PATCH, *, closed: bool
 ) -> tuple[ByteArray, np.typing.NDArray[np.uint16]]:
-    """Visibility and returned light of `Transfer`.
+    """Solves the radiosity of patches: visibility and interreflected light of `RadianceTransfer`.
 
     Parameters
     ----------
     reflectance : (N, n) of each node, per band. side : of a patch [nodes].
-    closed : a face met from behind means that the place is inside a part.
+    closed : a ray that hits the back of a face starts inside a part.
     """
     n = len(charts.chart)
     looking = seen.cosines[seen.node, seen.direction]
-    within = np.bincount(seen.node, weights=looking * (seen.from_behind & closed), minlength=n)
+    within = np.bincount(seen.node, weights=looking * (seen.hit_back & closed), minlength=n)
     whole = np.maximum(seen.cosines.sum(axis=1), 1e-9)
     good = within < _INSIDE * whole
     visibility = _visibility(charts, seen, good)
     # who gives to whom: nodes from patches
     patch, count = _patches(charts, side)
     # light is known of fronts: the back of an open shell hides, and returns nothing
-    front = np.flatnonzero(~seen.from_behind)
+    front = np.flatnonzero(~seen.hit_back)
     node = seen.node[front]
     share = (looking[front] / np.maximum(whole - within, 1e-9)[node]).astype(np.float32)
-    given = coo_matrix((share, (node, patch[seen.met[front]])), shape=(len(patch), count)).tocsr()
+    given = coo_matrix((share, (node, patch[seen.hit_node[front]])), shape=(len(patch), count)).tocsr()
     size = np.bincount(patch, weights=good, minlength=count)
     mean = coo_matrix(
         (good / np.maximum(size, 1)[patch], (patch, np.arange(len(patch)))), shape=(count, len(patch))
@@ -178,12 +184,12 @@ def solve(
         leaving = paint * direct
         for _ in range(BOUNCES - 1):
             leaving = paint * (direct + between @ leaving)
-        steps = _spread(charts, good, np.asarray(given @ leaving, np.float32)) / RETURNED_STEP
+        steps = _spread(charts, good, np.asarray(given @ leaving, np.float32)) / INTERREFLECTION_STEP
         bands.append(_in_atlas(charts, np.asarray(np.clip(steps, 0, 65535), np.uint16)).T)
     return _in_atlas(charts, visibility), np.ascontiguousarray(bands)
 
 
-def _visibility(charts: Charts, seen: Seen, good: BoolArray) -> ByteArray:
+def _visibility(charts: Charts, seen: NodeVisibility, good: BoolArray) -> ByteArray:
     """(N, 4) the code of V, such that an open plate has 1 and the light of an even sky is exact."""
     directions = seen.directions.astype(np.float32)
     above = (seen.cosines > 0).astype(np.float32)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.render.earth.maps import maps_key, packed_maps
+from simulator.render.earth.maps import maps_entry, packed_maps
 from simulator.render.earth.sea_ice import sea_ice
 from simulator.runtime.cache import entry_name
 from simulator.runtime.cached_arrays import cached_array
@@ -54,12 +54,12 @@ def _with_ice(year: int, day: int, clouds: bool) -> Float32Array:  # noqa: FBT00
 
 @cache
 def _reduced_maps(clouds: bool) -> Float32Array:  # noqa: FBT001 - a key of the cache
-    return kept_albedo(clouds=clouds)
+    return cached_albedo(clouds=clouds)
 
 
-def kept_albedo(*, clouds: bool) -> Float32Array:
+def cached_albedo(*, clouds: bool) -> Float32Array:
     """(2, 64, 128) albedo, and by how much it grows with that of the sea; from the cache after the first call."""
-    key = entry_name("albedo", ALBEDO_VERSION, bool(clouds), maps_key())
+    key = entry_name("albedo", ALBEDO_VERSION, bool(clouds), maps_entry())
     return np.asarray(cached_array(key, lambda: _reduce_maps(clouds=clouds)))
 
 

@@ -27,7 +27,7 @@ _STRIP, _ROWS = 1 << 14, 32  # values that are looked up at a time; rows of a ti
 
 def detail_texture() -> ByteArray:
     """(SIZE, SIZE, 4) of the clouds' puffs, their slope along u and v, and the land's patches; from the cache."""
-    return cached_array(entry_name("detail", VERSION), make_detail)
+    return cached_array(entry_name("detail-noise", VERSION), make_detail)
 
 
 def make_detail() -> ByteArray:

@@ -11,11 +11,11 @@ import numpy as np
 from simulator.render.earth.air_tables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
 from simulator.render.earth.albedo import albedo_of_day
 from simulator.render.earth.detail_noise import detail_texture
-from simulator.render.earth.maps import KeptFiles, packed_maps
-from simulator.render.earth.ocean_colour import missing_sources, shoals
+from simulator.render.earth.maps import DecodedMaps, packed_maps
+from simulator.render.earth.ocean_colour import shoals, sources_to_decode
 from simulator.render.earth.seasons import Season, month_gains, relief, season
 from simulator.render.gl.mipmaps import mipmap_chain
-from simulator.runtime.cached_arrays import Later
+from simulator.runtime.cached_arrays import DeferredWrites
 from simulator.runtime.threads import beside_the_caller
 from simulator.scene.illumination.atmosphere import earth_atmosphere
 from simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
@@ -48,7 +48,7 @@ class EarthMaps:
     months: Future[dict[int, MipmapChain]]
     shoals: Future[MipmapChain]
     air: Future[AirTables]
-    later: Later
+    later: DeferredWrites
 
 
 def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
@@ -59,12 +59,12 @@ def begin_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) 
     bands = 1 if of_bands == "mono" else 3
     dates = season(epoch_utc) if environment.seasons else AUGUST
     # what takes longest first: the detail alone is as long as the maps
-    later = Later()
+    later = DeferredWrites()
     pools = [ThreadPoolExecutor(1, initializer=later.use) for _ in range(min(beside_the_caller(), 2))]
     with_maps, others = pools[0], pools[-1]
     # sources of the shallows before the maps: what is decoded for both is not kept any longer than for the maps alone
-    files = KeptFiles()
-    sources = with_maps.submit(missing_sources, bands, files)
+    files = DecodedMaps()
+    sources = with_maps.submit(sources_to_decode, bands, files)
     maps = with_maps.submit(lambda: [mipmap_chain(image, globe=True) for image in packed_maps(bands, files)])
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = with_maps.submit(_months, sorted({dates.before, dates.after}), bands)
@@ -114,7 +114,7 @@ def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> Eart
         _done({dates.before: month, dates.after: month}),
         _done(one if bands == 1 else many),
         _done(AirTables(air, *tables)),
-        Later(),
+        DeferredWrites(),
     )
 
 

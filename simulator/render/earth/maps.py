@@ -50,7 +50,7 @@ _ICE_REACH = 8  # texels beyond a strip that the blur of the ice looks at
 _STRIPS = [slice(row, row + 112) for row in range(0, HEIGHT, 112)]
 
 
-class KeptFiles:
+class DecodedMaps:
     """Decodes maps, and keeps them until it is told to forget: what is made of them together decodes them once."""
 
     def __init__(self) -> None:
@@ -67,15 +67,15 @@ class KeptFiles:
         self._kept.clear()
 
 
-def packed_maps(bands: int, files: KeptFiles | None = None) -> list[ByteArray]:
+def packed_maps(bands: int, files: DecodedMaps | None = None) -> list[ByteArray]:
     """One (H, W, 4) texture for one band, two for three; from the cache after the first call.
 
     Parameters
     ----------
     files : of a caller who has made more of the same; they are forgotten here.
     """
-    files = KeptFiles() if files is None else files
-    key = maps_key()
+    files = DecodedMaps() if files is None else files
+    key = maps_entry()
     maps = [cached_array(f"earth-pan-{key}", lambda: _pack_panchromatic(files, day_again=bands == 3))]
     if bands == 3:
         maps.append(cached_array(f"earth-rgb-{key}", lambda: _pack_colour(day_map(files), maps[0][..., 3])))
@@ -83,7 +83,7 @@ def packed_maps(bands: int, files: KeptFiles | None = None) -> list[ByteArray]:
     return maps
 
 
-def maps_key() -> str:
+def maps_entry() -> str:
     """Cache entry of the packed maps; what is made from them names it among its inputs."""
     return entry_name("maps", VERSION, [(name, asset_size(name)) for name in (DAY, CLOUDS, NIGHT, COAST)])
 
@@ -204,7 +204,7 @@ def _spread(filled: Float32Array, share: Float32Array) -> Float32Array:
     return filled
 
 
-def _pack_panchromatic(files: KeptFiles, *, day_again: bool) -> ByteArray:
+def _pack_panchromatic(files: DecodedMaps, *, day_again: bool) -> ByteArray:
     """The texture of one band; ``day_again`` says that the day's map will be asked for once more.
 
     Channels go straight into it, and what they are made of is freed first: new memory takes longer than the arithmetic.

@@ -19,14 +19,14 @@ from simulator.render.earth.maps import (
     COAST,
     DAY,
     PAN_WEIGHTS,
-    KeptFiles,
+    DecodedMaps,
     asset_size,
     day_map,
     decode_file,
     decode_map,
 )
 from simulator.runtime.cache import entry_name
-from simulator.runtime.cached_arrays import cached_array, is_kept
+from simulator.runtime.cached_arrays import cached_array, is_cached
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -65,14 +65,14 @@ def shoals(bands: int, sources: Sources | None = None) -> ByteArray:
     return cached_array(_key(bands), lambda: _make(bands, day_and_coast() if sources is None else sources))
 
 
-def missing_sources(bands: int, files: KeptFiles) -> Sources | None:
+def sources_to_decode(bands: int, files: DecodedMaps) -> Sources | None:
     """What `shoals` will be made of, from maps that are decoded for others too; none where the cache has them."""
-    return None if is_kept(_key(bands)) else day_and_coast(files)
+    return None if is_cached(_key(bands)) else day_and_coast(files)
 
 
 def _key(bands: int) -> str:
     sizes = [asset_size(name) for name in (DAY, COAST, WHERE)]
-    return entry_name(f"shoals-{bands}", VERSION, bands, sizes)
+    return entry_name(f"ocean-colour-{bands}", VERSION, bands, sizes)
 
 
 def _make(bands: int, sources: Sources) -> ByteArray:
@@ -163,7 +163,7 @@ def near_shoals(z: FloatArray, longitude: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(_where()[row, column] & known)
 
 
-def make_where() -> ByteArray:
+def make_mask() -> ByteArray:
     """(360, 720) 255 where the water is noticeably brighter than the open ocean, and half a degree around it."""
     day, coast = day_and_coast()
     over = _over_the_ocean(day, coast, slice(0, HEIGHT), slice(0, WIDTH))
@@ -178,4 +178,4 @@ def make_where() -> ByteArray:
 
 if __name__ == "__main__":
     path = Path(__file__).parents[3] / "assets" / "earth" / WHERE
-    path.write_bytes(cv2.imencode(".png", make_where(), [cv2.IMWRITE_PNG_BILEVEL, 1])[1].tobytes())
+    path.write_bytes(cv2.imencode(".png", make_mask(), [cv2.IMWRITE_PNG_BILEVEL, 1])[1].tobytes())

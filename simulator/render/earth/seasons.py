@@ -17,7 +17,7 @@ from simulator.render.earth.maps import (
     asset_size,
     decode_map,
     land_only,
-    maps_key,
+    maps_entry,
     packed_maps,
     to_reflectance,
 )
@@ -75,7 +75,7 @@ def month_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
 
 def _key(month: int, bands: int) -> str:
     names = [_name(month), _name(_MAP_MONTH)]
-    return entry_name(f"season-{month:02d}", VERSION, bands, [asset_size(n) for n in names], maps_key())
+    return entry_name(f"season-{month:02d}", VERSION, bands, [asset_size(n) for n in names], maps_entry())
 
 
 def _name(month: int) -> str:
@@ -102,7 +102,7 @@ def land_of_months() -> ByteArray:
         coast = cv2.resize(packed_maps(1)[0][..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
         return (coast > 128 + 4).astype(np.uint8)
 
-    return np.asarray(cached_array(entry_name("land", VERSION, maps_key()), make))
+    return np.asarray(cached_array(entry_name("land", VERSION, maps_entry()), make))
 
 
 def _reflectances(month: int, bands: int) -> list[FloatArray]:
@@ -126,7 +126,7 @@ def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) ->
 
 def relief() -> ByteArray:
     """(2016, 4032, 4): slope to the east, slope to the north, roughness, 255."""
-    return cached_array(entry_name("relief", VERSION, asset_size(HEIGHT_MAP)), _make_relief)
+    return cached_array(entry_name("terrain-slopes", VERSION, asset_size(HEIGHT_MAP)), _make_relief)
 
 
 def _make_relief() -> ByteArray:

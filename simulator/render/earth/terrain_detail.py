@@ -28,15 +28,15 @@ _CONCAVITY = 0.45  # Flint's: how slopes fall with the area above (Whipple & Tuc
 _SLOPE = 0.24  # root mean square: mountains of the desert over 400 m
 _PLAINS = 0.05  # share of the tile to which all flows
 _SEED = 20260320
-VERSION = 1  # of `make_valleys`: raise it when it gives another tile
+VERSION = 1  # of `make_terrain_detail`: raise it when it gives another tile
 
 
 def valley_texture() -> ByteArray:
     """(SIZE, SIZE, 4) of the slope along u and v, the ground's brightness, and the valleys' floors; from the cache."""
-    return cached_array(entry_name("valleys", VERSION), make_valleys)
+    return cached_array(entry_name("terrain-detail", VERSION), make_terrain_detail)
 
 
-def make_valleys() -> ByteArray:
+def make_terrain_detail() -> ByteArray:
     """The tile.
 
     Channels: 0.5 + slope / (2 SLOPE_MAX) along u and v; 0.5 + brightness of the rock, mean 0, standard

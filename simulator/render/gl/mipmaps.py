@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from simulator.runtime.cached_arrays import cached_array, name_of
+from simulator.runtime.cached_arrays import cached_array, entry_of
 
 if TYPE_CHECKING:
     import moderngl
@@ -48,7 +48,7 @@ def mipmap_chain(image: ByteArray, *, globe: bool) -> MipmapChain:
         of ground as wide as it is high, where towards the poles columns run together: a driver chooses a level by one
         size of a pixel on the ground.
     """
-    name = name_of(image)
+    name = entry_of(image)
     if name is None:
         return MipmapChain(image, _smaller(image, globe=globe))
     return MipmapChain(image, cached_array(f"{name}-levels-v{VERSION}", lambda: _smaller(image, globe=globe)))

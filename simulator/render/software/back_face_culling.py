@@ -11,7 +11,7 @@ from simulator.render.bake.occluders import hidden
 if TYPE_CHECKING:
     import moderngl
 
-    from simulator.render.target.mesh import Mesh
+    from simulator.render.target.mesh import GpuMesh
     from simulator.runtime.arrays import BoolArray, FloatArray
 
 GRAZING = 0.01
@@ -24,14 +24,14 @@ class CulledVertexArray:
 
     Parameters
     ----------
-    program : what draws it. more : further buffers with a value per vertex, as in `Mesh.vertex_array`.
+    program : what draws it. more : further buffers with a value per vertex, as in `GpuMesh.vertex_array`.
     whole : draw all triangles, in the mesh's order.
     """
 
     def __init__(
         self,
         context: moderngl.Context,
-        mesh: Mesh,
+        mesh: GpuMesh,
         program: moderngl.Program,
         *more: tuple[moderngl.Buffer, str, str],
         whole: bool = False,
@@ -69,7 +69,7 @@ class CulledVertexArray:
 
 
 def facing(
-    mesh: Mesh, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True
+    mesh: GpuMesh, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True
 ) -> np.typing.NDArray[np.uint32]:
     """(K, 3) triangles of a mesh that may show from a place; where ``ordered`` those in the nearest boxes first.
 

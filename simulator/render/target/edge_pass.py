@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from simulator.render.bake.mesh_edges import MeshEdges
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
-    from simulator.render.target.mesh import Mesh
+    from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.sample_pattern import Lattice
     from simulator.render.target.visible_edges import EdgeView
     from simulator.runtime.arrays import IntArray
@@ -42,7 +42,7 @@ class EdgeBuffers:
     mesh : its large bodies hide edges.
     """
 
-    def __init__(self, context: moderngl.Context, edges: MeshEdges, mesh: Mesh) -> None:
+    def __init__(self, context: moderngl.Context, edges: MeshEdges, mesh: GpuMesh) -> None:
         self._context = context
         self._arrays: dict[Program, moderngl.VertexArray] = {}
         self.seen = SeenEdges(edges, mesh)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.software.back_face_culling import CulledVertexArray
-    from simulator.render.target.mesh import Mesh
+    from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.textures import Textures
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Bands
@@ -27,7 +27,7 @@ KEPT_BYTES = 320 << 20
 _PLAIN_BYTES, _TEXEL_BYTES = 12, 16  # a sample
 
 
-def normal_bits(mesh: Mesh) -> int:
+def normal_bits(mesh: GpuMesh) -> int:
     """Bits of each of the normal's two coordinates: what the material's number leaves of 32."""
     return 13 if len(mesh.materials) < 1 << 6 else 12
 
@@ -88,7 +88,7 @@ class GBufferPass:
         most = KEPT_BYTES / (_PLAIN_BYTES + _TEXEL_BYTES * self.TEXELS)
         self._images = BufferPool(lambda w, h: SampleImages(context, w, h, texels=self.TEXELS), most)
 
-    def program(self, mesh: Mesh) -> Program:
+    def program(self, mesh: GpuMesh) -> Program:
         """The program for a mesh: closed shells show no back faces, few materials leave bits to the normal."""
         defines = {
             "NORMAL_BITS": normal_bits(mesh),
@@ -98,7 +98,13 @@ class GBufferPass:
         return self._programs.get("target/gbuffer.vert", "target/gbuffer.frag", defines, self.SAMPLERS)
 
     def run(
-        self, mesh: Mesh, array: CulledVertexArray, size: tuple[int, int], camera_m: FloatArray, *, cut: bool
+        self,
+        mesh: GpuMesh,
+        array: CulledVertexArray,
+        size: tuple[int, int],
+        camera_m: FloatArray,
+        *,
+        cut: bool,
     ) -> SampleImages:
         """Draw the samples of one lattice window.
 
@@ -112,7 +118,7 @@ class GBufferPass:
         images.end()
         return images
 
-    def _begin(self, mesh: Mesh, size: tuple[int, int], *, cut: bool) -> SampleImages:
+    def _begin(self, mesh: GpuMesh, size: tuple[int, int], *, cut: bool) -> SampleImages:
         images = self._images.at_least(*size)
         images.begin(clear=cut)
         self.program(mesh).set("u_stamp", images.stamp)
@@ -134,7 +140,7 @@ class TexturedGBufferPass(GBufferPass):
         self,
         vertex_array: moderngl.VertexArray,
         size: tuple[int, int],
-        mesh: Mesh,
+        mesh: GpuMesh,
         textures: Textures,
         bands: Bands,
         *,

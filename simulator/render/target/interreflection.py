@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.bake.radiance_transfer import PATCH, RETURNED_STEP, baked_transfer, harmonics
+from simulator.render.bake.radiance_transfer import INTERREFLECTION_STEP, PATCH, baked_transfer, harmonics
 from simulator.render.irradiance import axes_about, spiral
 from simulator.scene.illumination.bands import reflectance
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
     import moderngl
 
-    from simulator.render.bake.radiance_transfer import Transfer
+    from simulator.render.bake.radiance_transfer import RadianceTransfer
     from simulator.render.irradiance import SkyLight
-    from simulator.render.target.mesh import Mesh
+    from simulator.render.target.mesh import GpuMesh
     from simulator.render.view import View
     from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
     from simulator.scene.state import Bands
@@ -37,7 +37,7 @@ class AtlasTextures:
     pair : textures of the atlas's size for the two.
     """
 
-    def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], made: Transfer) -> None:
+    def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], made: RadianceTransfer) -> None:
         self._made, self.pair = made, pair
         self.visibility, self.returned = pair
         self._image = np.zeros(
@@ -57,10 +57,12 @@ class AtlasTextures:
             return
         self._last = state
         rows, shares = weights
-        for band, (table, even) in enumerate(zip(self._made.returned, self._made.returned_sky, strict=True)):
+        for band, (table, even) in enumerate(
+            zip(self._made.interreflected, self._made.interreflected_sky, strict=True)
+        ):
             light = _weighted(sky[band], even)
             if sun[band] > 0:
-                light += _weighted(sun[band] * RETURNED_STEP * shares, table[rows].astype(np.float32))
+                light += _weighted(sun[band] * INTERREFLECTION_STEP * shares, table[rows].astype(np.float32))
             np.maximum(light, 0, out=self._image[:, band])
         self.returned.write(self._image, alignment=1)
 
@@ -78,9 +80,9 @@ class ReturnedLight:
     patch : as of `baked_transfer`.
     """
 
-    def __init__(self, context: moderngl.Context, mesh: Mesh, patch: int = PATCH) -> None:
+    def __init__(self, context: moderngl.Context, mesh: GpuMesh, patch: int = PATCH) -> None:
         self._context, self._mesh, self._patch = context, mesh, patch
-        self._begun: dict[Bands, Future[Transfer]] = {}
+        self._begun: dict[Bands, Future[RadianceTransfer]] = {}
         self._empty: dict[Bands, tuple[moderngl.Texture, moderngl.Texture]] = {}
         self._kept: dict[Bands, AtlasTextures] = {}
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.gl.shared_blocks import Blocks
-    from simulator.render.target.mesh import Mesh
+    from simulator.render.target.mesh import GpuMesh
     from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
     from simulator.targets.model import Target
 
@@ -100,7 +100,7 @@ class LabelPass:
             for layers in (False, True)
         }
 
-    def _arrays_of(self, target: Target, mesh: Mesh) -> _Arrays:
+    def _arrays_of(self, target: Target, mesh: GpuMesh) -> _Arrays:
         if target.sha256 not in self._arrays:
             numbers = np.concatenate(
                 [np.full(len(target.parts[k].positions_m), k + 1, np.float32) for k in mesh.order]
@@ -116,7 +116,7 @@ class LabelPass:
     def begin(
         self,
         target: Target,
-        mesh: Mesh,
+        mesh: GpuMesh,
         camera: Camera,
         rect: PixelRect,
         camera_from_target: FloatArray,
@@ -156,7 +156,7 @@ class LabelPass:
     def silhouette(
         self,
         target: Target,
-        mesh: Mesh,
+        mesh: GpuMesh,
         camera: Camera,
         bounds_px: FloatArray,
         camera_from_target: FloatArray,

@@ -10,7 +10,7 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.render.bake.charts import TEXEL
-from simulator.render.bake.geometry import VERTEX, Merged, Shape, geometry_of
+from simulator.render.bake.geometry import VERTEX, BakedMesh, MergedParts, geometry_of
 from simulator.render.gl.patches import EDGE_SHARE, PatchArray, cut
 from simulator.render.gl.shared_blocks import MAX_MATERIALS
 
@@ -38,7 +38,7 @@ class Draw:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Mesh(Shape):
+class GpuMesh(BakedMesh):
     """Buffers of one uploaded target, and its shape.
 
     Parameters
@@ -112,11 +112,11 @@ class Mesh(Shape):
             self.uv.release()
 
 
-def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> Mesh:
+def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> GpuMesh:
     """Merge the parts and upload them; parameters as of `prepared`."""
     made, draws, order = prepared(target, texel)
-    return Mesh(
-        **{field.name: getattr(made, field.name) for field in fields(Shape)},
+    return GpuMesh(
+        **{field.name: getattr(made, field.name) for field in fields(BakedMesh)},
         vertices=context.buffer(made.values.tobytes()),
         indices=context.buffer(made.triangles.tobytes()),
         materials=target.materials,
@@ -128,7 +128,7 @@ def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> M
 
 
 def prepared(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw, ...], tuple[int, ...]]:
-    """The parts merged, with all that is made of them; the draws and the parts' order of `Mesh`. Needs no OpenGL.
+    """The parts merged, with all that is made of them; the draws and the parts' order of `GpuMesh`. Needs no OpenGL.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def prepared(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw
     if not sum(len(block) for block in indices):
         raise UserError(f"target {target.name} has no triangles; give it at least one part with faces")
     made = geometry_of(
-        Merged(
+        MergedParts(
             np.concatenate(vertices),
             np.concatenate(indices).reshape(-1, 3),
             np.concatenate(uv).astype(np.float32) if textured else np.zeros((0, 2), np.float32),

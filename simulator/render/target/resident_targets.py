@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from simulator.render.software.back_face_culling import CulledVertexArray
     from simulator.render.target.edge_pass import EdgeBuffers
     from simulator.render.target.interreflection import ReturnedLight
-    from simulator.render.target.mesh import Mesh
+    from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.textures import Textures
     from simulator.targets.model import Target
 
@@ -25,7 +25,7 @@ MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others 
 class Loaded:
     """A target on the GPU with a vertex array per program; ``is_smooth``, ``is_curved`` as `smooth_shading` says."""
 
-    mesh: Mesh
+    mesh: GpuMesh
     shadow: CulledVertexArray
     gbuffer: CulledVertexArray
     edges: EdgeBuffers

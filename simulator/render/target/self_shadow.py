@@ -83,7 +83,7 @@ class SelfShadow:
         texel_m = width_m / shadow.size_px
         if view.sun_visible_fraction > 0:
             exact = scene.quality == "high"  # its filter has depths of its own that it takes for none
-            flat = None if exact else loaded.mesh.relief_m < LOW_RELIEF * texel_m
+            flat = None if exact else loaded.mesh.decal_height_m < LOW_RELIEF * texel_m
             shadow.run(loaded.shadow, view, light_from_target, flat, clear=exact)
         near, far = shadow.depths
         half = np.diag([0.5, 0.5, 0.5 * (far - near), 1.0])

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
-    from simulator.render.target.mesh import Mesh
+    from simulator.render.target.mesh import GpuMesh
     from simulator.render.target.sample_pattern import Lattice
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.illumination.lamp import Lamp
@@ -50,7 +50,7 @@ class ShadePass:
         self,
         lattice: Lattice,
         bands: int,
-        mesh: Mesh,
+        mesh: GpuMesh,
         shadow_window: int,
         lamp: Lamp | None = None,
         *,
@@ -80,7 +80,7 @@ class ShadePass:
         )
 
     def smooth_program(
-        self, lattice: Lattice, bands: int, mesh: Mesh, shadow_window: int, *, bent: bool
+        self, lattice: Lattice, bands: int, mesh: GpuMesh, shadow_window: int, *, bent: bool
     ) -> Program:
         """The program that looks at tiles no edge comes near, of a mesh without textures.
 
@@ -141,7 +141,7 @@ class ShadePass:
             self._arrays[program].render(vertices=len(tiles))
 
 
-def _defines(bands: int, mesh: Mesh, shadow_window: int) -> dict[str, object]:
+def _defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, object]:
     """Defines of a mesh's light: what its materials lack is left out."""
     switches = {
         "TEXTURED": mesh.uv is not None,

@@ -12,7 +12,7 @@ from simulator.render.irradiance import axes_about
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
-    from simulator.render.target.mesh import Mesh
+    from simulator.render.target.mesh import GpuMesh
     from simulator.runtime.arrays import BoolArray, FloatArray
 
 WIDER = 1.02
@@ -77,7 +77,7 @@ class SurfacePatches:
     spread_rad: FloatArray
 
     @staticmethod
-    def of(mesh: Mesh, positions_m: FloatArray) -> SurfacePatches:
+    def of(mesh: GpuMesh, positions_m: FloatArray) -> SurfacePatches:
         """The patches of a mesh whose vertices (K, 3) are given."""
         triangles, normals = positions_m[mesh.triangles].astype(float), mesh.planes[:, :3].astype(float)
         size = _PATCH * mesh.radius_m

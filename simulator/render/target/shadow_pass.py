@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from simulator.render.gl.programs import ProgramLibrary
     from simulator.render.software.back_face_culling import CulledVertexArray
-    from simulator.render.target.mesh import Mesh
+    from simulator.render.target.mesh import GpuMesh
     from simulator.render.view import View
     from simulator.runtime.arrays import BoolArray, FloatArray
     from simulator.scene.state import Quality
@@ -93,7 +93,7 @@ class ShadowPass:
         return self._depth.range
 
     @staticmethod
-    def light_from_target(mesh: Mesh, view: View) -> FloatArray:
+    def light_from_target(mesh: GpuMesh, view: View) -> FloatArray:
         """(4, 4) clip matrix from the target frame: the Sun looks along -z of a box around the sphere."""
         along = -(view.R_camera_from_target.T @ view.sun_direction)  # direction of travel of the light
         return light_matrix(mesh.center_m, mesh.radius_m, along)

@@ -13,7 +13,7 @@ from simulator.render.target.sample_pattern import SEVEN, Lattice, rotated
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
-    from simulator.render.target.mesh import Mesh
+    from simulator.render.target.mesh import GpuMesh
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Quality
 
@@ -72,7 +72,7 @@ class Placement:
 
 
 def locate(
-    mesh: Mesh, camera_from_target: FloatArray, camera: Camera, *, clip: bool = True
+    mesh: GpuMesh, camera_from_target: FloatArray, camera: Camera, *, clip: bool = True
 ) -> Placement | None:
     """Where the target is drawn; ``None`` when nothing of it is in front of the camera (and, clipped, on the image).
 
@@ -115,7 +115,7 @@ def locate(
     )
 
 
-def target_tiles(mesh: Mesh, place: Placement) -> FloatArray:
+def target_tiles(mesh: GpuMesh, place: Placement) -> FloatArray:
     """Centres (K, 2) [px] of the tiles that the target may touch.
 
     Those of all of its rectangle where a lens bends it, or part of it is behind the camera.

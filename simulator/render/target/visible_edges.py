@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.bake.edge_gaps import distances_beside
+from simulator.render.bake.edge_gaps import edge_gaps
 from simulator.render.bake.occluders import BOX, Boxes, hidden
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
     from simulator.render.bake.mesh_edges import MeshEdges
     from simulator.render.projection import PixelRect
-    from simulator.render.target.mesh import Mesh
+    from simulator.render.target.mesh import GpuMesh
     from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 _SHORTEST_PX = 1.3
@@ -51,8 +51,8 @@ class SeenEdges:
     mesh : its large bodies hide edges.
     """
 
-    def __init__(self, edges: MeshEdges, mesh: Mesh) -> None:
-        beside = distances_beside(edges)
+    def __init__(self, edges: MeshEdges, mesh: GpuMesh) -> None:
+        beside = edge_gaps(edges)
         order = np.argsort(-beside.max(axis=1), kind="stable")
         self.edges = edges.take(order)
         self._beside_m = np.ascontiguousarray(beside[order].T)

@@ -57,7 +57,7 @@ def write_board_model(target: Target, path: Path) -> None:
 
 def board_record(target: Target) -> BoardModel:
     """All that the board file holds of ``target``."""
-    return msgspec.structs.replace(board_model(target, kept_outlines(target)), faces=kept_faces(target))
+    return msgspec.structs.replace(board_model(target, cached_outlines(target)), faces=cached_faces(target))
 
 
 def packed(o: Outlines) -> OutlinesRecord:
@@ -81,7 +81,7 @@ def packed(o: Outlines) -> OutlinesRecord:
     )
 
 
-def kept_outlines(target: Target) -> OutlinesRecord:
+def cached_outlines(target: Target) -> OutlinesRecord:
     """The target's outlines: computed once, then read from the user's cache by the target's hash."""
     path = cache_folder("targets") / f"{entry_name('outlines', OUTLINES_VERSION, target.sha256)}.json"
     data = read_checked(path)
@@ -126,7 +126,7 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
     )
 
 
-def kept_faces(target: Target) -> FacesRecord | None:
+def cached_faces(target: Target) -> FacesRecord | None:
     """The target's faces: computed once, then read from the user's cache by the target's hash."""
     levels = [cache_name(target.name, d) for d in DETAILS] if target.name in built_in_targets() else []
     path = cache_folder("targets") / f"{entry_name('faces', FACES_VERSION, target.sha256, levels)}.json"
