@@ -19,15 +19,16 @@ if TYPE_CHECKING:
     from simulator.camera.lens.files import list_cameras, load_camera
     from simulator.dataset.capture import capture
     from simulator.dataset.check.verify import check_dataset
-    from simulator.dataset.picture import render_scene, save_picture
-    from simulator.dataset.poses import scene_at
+    from simulator.dataset.single_frames import render_scene, save_picture
     from simulator.errors import UserError
     from simulator.frame import Frame, take_frame
     from simulator.labels.overlay import draw_truth
     from simulator.labels.truth import Truth, read_truth
-    from simulator.loop import Plan, Sink, plan_flight, run_frames
+    from simulator.loop import Sink, run_frames
     from simulator.render.renderer import Renderer
     from simulator.scenario.load import list_scenarios, load_scenario
+    from simulator.scenario.plan import Plan, plan_flight
+    from simulator.scenario.poses import scene_at
     from simulator.scenario.scenario import Scenario
     from simulator.scene.state import Environment, SceneState
     from simulator.targets.glb.read import load_glb
@@ -80,7 +81,7 @@ _HOMES = {
     "Camera": "simulator.camera.lens.camera_model",
     "Environment": "simulator.scene.state",
     "Frame": "simulator.frame",
-    "Plan": "simulator.loop",
+    "Plan": "simulator.scenario.plan",
     "Pose": "simulator.world.frames.pose",
     "PoseResult": "hil.board.svd",
     "Renderer": "simulator.render.renderer",
@@ -102,12 +103,12 @@ _HOMES = {
     "load_glb": "simulator.targets.glb.read",
     "load_scenario": "simulator.scenario.load",
     "load_target": "simulator.targets.library",
-    "plan_flight": "simulator.loop",
+    "plan_flight": "simulator.scenario.plan",
     "read_truth": "simulator.labels.truth",
-    "render_scene": "simulator.dataset.picture",
+    "render_scene": "simulator.dataset.single_frames",
     "run_frames": "simulator.loop",
-    "save_picture": "simulator.dataset.picture",
-    "scene_at": "simulator.dataset.poses",
+    "save_picture": "simulator.dataset.single_frames",
+    "scene_at": "simulator.scenario.poses",
     "take_frame": "simulator.frame",
     "write_glb": "simulator.targets.glb.write",
 }

@@ -10,18 +10,19 @@ from typing import TYPE_CHECKING, Any
 import cv2
 
 from gui import style
-from gui.feed import Feed, PictureSource
+from gui.feed import Feed, FramesOnRequest
 from gui.keys import Action
 from gui.panels import SidePanel, draw_help
 from gui.recorder import Recorder
 from gui.session import Session
-from gui.source import RenderedPictures
 from gui.telemetry import read_out
 from gui.view_settings import Look, Options
 from gui.viewport import View
 from gui.window import Window, import_parts
-from simulator.dataset.picture import save_picture
+from simulator.dataset.single_frames import save_picture
 from simulator.errors import UserError
+from simulator.frame import Frame
+from simulator.loop import open_frames
 from simulator.runtime.files import empty_folder, write_atomic
 from simulator.scenario.load import load_scenario
 
@@ -85,12 +86,20 @@ def run(request: Request) -> dict[str, Any]:
     )
     with (
         Window(f"Flyaround - {session.plan.scenario_name}", request.size) as window,
-        RenderedPictures(request.device_index, first=session.plan.scene(0)) as source,
+        open_frames(
+            Frame.without_radiance,
+            processes=1,
+            device_index=request.device_index,
+            first=session.plan.scene(0),
+            # one being drawn and one waiting: more would only make the picture older
+            ahead=2,
+            restarts=True,
+        ) as producer,
     ):
         if request.record is not None:
             recorder.keep_in(request.record, session.plan.scenario)
         try:
-            state = Console(window, session, source, request).run()
+            state = Console(window, session, producer, request).run()
         finally:
             # also when the flight ends otherwise than it should
             replay = recorder.close()
@@ -102,11 +111,11 @@ def run(request: Request) -> dict[str, Any]:
 class Console:
     """The loop over one window and one session."""
 
-    def __init__(self, window: Window, session: Session, source: PictureSource, request: Request) -> None:
+    def __init__(self, window: Window, session: Session, producer: FramesOnRequest, request: Request) -> None:
         self._window = window
         self._session = session
         self._request = request
-        self._feed = Feed(source)
+        self._feed = Feed(producer)
         scenario = session.plan.scenario
         look = Look(bands=session.plan.bands, environment=session.scene().environment)
         self._options = Options(look)

@@ -1,4 +1,4 @@
-"""The live feed: asks the render process for the newest moment, never for more than it can draw."""
+"""The live feed, the sink behind the window: asks for frames of the newest moment, never for more than can be drawn."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 from gui.adaptive_resolution import DetailControl
 from gui.telemetry import Readout, read_out
 from gui.view_settings import apply_look
+from simulator.errors import UserError
+from simulator.loop import FrameRequest, FramesLostError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -25,18 +27,14 @@ TIMED_PICTURES = 5
 """The pass times that are shown are medians of so many pictures."""
 
 
-class PicturesLostError(Exception):
-    """What was asked for of a source will not come, and the source can be asked again; says why in one sentence."""
+class FramesOnRequest(Protocol):
+    """What the feed needs of a frame producer. Its methods may raise `FramesLostError`."""
 
+    def submit(self, request: FrameRequest) -> bool:
+        """Ask for a frame; False when enough are under way."""
 
-class PictureSource(Protocol):
-    """What the feed needs of a render process. Its methods may raise `PicturesLostError`."""
-
-    def submit(self, scene: SceneState, *, labels: bool = False, timed: bool = False) -> bool:
-        """Queue a scene; False when the queue is full. ``timed``: wait for the driver after every pass."""
-
-    def results(self) -> Iterable[Frame]:
-        """The pictures finished since the last call, in the order they were asked for."""
+    def finished(self) -> Iterable[Frame]:
+        """The frames finished since the last call, in the order they were asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +62,12 @@ class Feed:
 
     Parameters
     ----------
-    source : the render process.
+    producer : draws in another process; the UI owns the window's context alone.
     clock : seconds, monotonic.
     """
 
-    def __init__(self, source: PictureSource, clock: Callable[[], float] = time.perf_counter) -> None:
-        self._source = source
+    def __init__(self, producer: FramesOnRequest, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._producer = producer
         self._clock = clock
         self._waiting: list[_Request] = []
         self._detail = DetailControl()
@@ -109,13 +107,23 @@ class Feed:
         Parameters
         ----------
         timed : have each pass of the pictures timed; they take a little longer.
+
+        Raises
+        ------
+        UserError
+            If what draws failed and cannot be started again.
         """
         before = self.finished
         try:
             self._collect()
             self._ask(session, look, timed=timed)
-        except PicturesLostError as error:
+        except FramesLostError as error:
             self._ask_again(error)
+        except RuntimeError as error:
+            last = str(error).strip().splitlines()[-1]
+            raise UserError(
+                f"the console's render process failed ({last}); run flyaround -vv sim for more, or flyaround doctor"
+            ) from error
         return self.finished > before
 
     def take_trouble(self) -> str | None:
@@ -123,7 +131,7 @@ class Feed:
         trouble, self._trouble = self._trouble, None
         return trouble
 
-    def _ask_again(self, error: PicturesLostError) -> None:
+    def _ask_again(self, error: FramesLostError) -> None:
         """Forget what will not come; a picture that was to be saved is asked for again."""
         self.restarts += 1
         self._trouble = str(error)
@@ -157,7 +165,8 @@ class Feed:
         return self._detail.divisor
 
     def _submit(self, request: _Request) -> bool:
-        if not self._source.submit(request.scene, labels=request.labels, timed=request.timed):
+        asked = FrameRequest(scene=request.scene, labels=request.labels, timed=request.timed)
+        if not self._producer.submit(asked):
             return False
         self._last = request.scene
         self._waiting.append(request)
@@ -165,13 +174,17 @@ class Feed:
         return True
 
     def _collect(self) -> None:
-        for frame in self._source.results():
-            request = self._waiting.pop(0)
-            self._account(frame, request)
-            readout = read_out(request.moment.world, request.scene)
-            self.newest = Picture(frame, request.moment, readout, request.divisor)
-            if request.labels:
-                self.saved.append(self.newest)
+        for frame in self._producer.finished():
+            self.write(frame)
+
+    def write(self, frame: Frame) -> None:
+        """Take the frame that was asked for the longest ago."""
+        request = self._waiting.pop(0)
+        self._account(frame, request)
+        readout = read_out(request.moment.world, request.scene)
+        self.newest = Picture(frame, request.moment, readout, request.divisor)
+        if request.labels:
+            self.saved.append(self.newest)
 
     def _account(self, frame: Frame, request: _Request) -> None:
         now = self._clock()

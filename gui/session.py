@@ -10,9 +10,9 @@ import numpy as np
 from gui import manual_control as steering
 from gui.keys import STEERING, THRUST, Action
 from gui.recorder import Recorder
-from simulator.loop import plan_flight
 from simulator.runtime.arrays import Vec3, vec3
 from simulator.scenario.flight import fly
+from simulator.scenario.plan import plan_flight
 from simulator.world.frames.rotation import matrix_from_quat
 from simulator.world.guidance.manual_control import ChaserState, Command, guarded_command, step
 from simulator.world.relative.prediction import predicted_drift_lvlh_m
@@ -20,8 +20,8 @@ from simulator.world.relative.prediction import predicted_drift_lvlh_m
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
-    from simulator.loop import Plan
     from simulator.runtime.arrays import FloatArray
+    from simulator.scenario.plan import Plan
     from simulator.scenario.scenario import Scenario
     from simulator.scene.state import SceneState
     from simulator.world.flight.flight import Flight
@@ -65,7 +65,7 @@ class Session:
 
     Parameters
     ----------
-    plan : of the scenario, from `simulator.loop.plan_flight`; its camera, sensor and seed are used.
+    plan : of the scenario, from `simulator.scenario.plan.plan_flight`; its camera, sensor and seed are used.
     recorder : keeps the states for a replay, if given.
     """
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from simulator.labels.boxes import amodal_box
-from simulator.labels.visibility import Mesh, hidden_from_direction, occluded_from_camera
+from simulator.labels.visibility import hidden_from_direction, occluded_from_camera
+from simulator.targets.joined_mesh import JoinedMesh
 from simulator.world.frames.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ class Marker:
 
     def __init__(self, target: Target) -> None:
         self._target = target
-        self._mesh = Mesh.of(target)
+        self._mesh = JoinedMesh.of(target)
         self._points_m = np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
         self._asked: SceneState | None = None
         self._seen: tuple[Seen, ...] = ()

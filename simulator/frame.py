@@ -2,49 +2,27 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cache
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-import msgspec
 import numpy as np
 
-from simulator.imaging.develop import begin_scene_noise, digitise_scene, expose_scene
-from simulator.imaging.exposure import begin_surfaces, integrate
-from simulator.labels.boxes import amodal_box, box_3d_m, mask_box
-from simulator.labels.feasible import SILHOUETTE_SHARE, STEP_SHARE, mean_level, wireframe_step_share
-from simulator.labels.keypoints import label_keypoints, pixel_or_none
-from simulator.labels.layers import (
-    clean_twin,
-    draw_layers,
-    layer_hash,
-    optical_flow,
-    visible_mask,
-    wants_surfaces,
-)
+from simulator.imaging.exposure import integrate
+from simulator.imaging.image_formation import digitise_scene, expose_scene, prefetch_scene_noise
+from simulator.labels.labelling import label_picture
 from simulator.labels.request import LabelRequest
-from simulator.labels.truth import Box, InfeasibleReason, RowPose, Software, Truth, WireLabel
-from simulator.labels.visibility import mesh_of
-from simulator.labels.wireframe import view_edges
-from simulator.runtime.arrays import ByteArray, Float32Array, vec3
-from simulator.scene.motion import scene_at
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
-    from simulator.labels.wireframe import EdgeView
+    from simulator.labels.truth import Truth
     from simulator.render.renderer import Renderer
+    from simulator.runtime.arrays import ByteArray, Float32Array
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
-ROW_POSES = 33
-TOO_FAR_PX = 40.0
+NO_RADIANCE, _NO_IMAGE = np.zeros((0, 0), np.float32), np.zeros((0, 0), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +49,27 @@ class Frame:
     layers: dict[str, NDArray[Any]] = field(default_factory=dict)
     stage_ms: dict[str, float] = field(default_factory=dict)
 
+    @property
+    def number(self) -> int:
+        """The frame's number in its plan."""
+        return self.scene.frame_index
+
+    @property
+    def drawing_ms(self) -> float:
+        """What the picture cost, labels left out."""
+        return self.stage_ms.get("render", 0.0) + self.stage_ms.get("sensor", 0.0)
+
     def without_radiance(self) -> Frame:
-        """The same less radiance and depth, which need not leave the process that drew them for a window or a board."""
-        return replace(self, radiance=np.zeros((0, 0), np.float32), depth_m=None)
+        """The same less radiance and depth, which need not leave the process that drew them for a window."""
+        return replace(self, radiance=NO_RADIANCE, depth_m=None)
+
+    def image_and_truth(self) -> Frame:
+        """The same less all that a board is not sent: radiance, mask and layers."""
+        return replace(self, radiance=NO_RADIANCE, depth_m=None, mask=None, layers={})
+
+    def without_image(self) -> Frame:
+        """What stays known of a frame whose pixels have gone on: scene, truth and ledger."""
+        return replace(self.image_and_truth(), image=_NO_IMAGE)
 
 
 def take_frame(
@@ -86,182 +82,19 @@ def take_frame(
     labels : whether to label, or which layers to give beyond truth and mask.
     """
     start = time.perf_counter()
-    noise = begin_scene_noise(scene)
+    noise = prefetch_scene_noise(scene)
     exposed = integrate(renderer, scene, target)
     drawn = time.perf_counter()
     signal = expose_scene(scene, exposed.radiance)
     image = digitise_scene(scene, signal, noise=noise)
-    developed = time.perf_counter()
-    stage_ms = {"render": (drawn - start) * 1e3, "sensor": (developed - drawn) * 1e3}
+    formed = time.perf_counter()
+    stage_ms = {"render": (drawn - start) * 1e3, "sensor": (formed - drawn) * 1e3}
     stage_ms.update({f"render.{name}": ms for name, ms in exposed.stage_ms.items()})
     if not labels:
         return Frame(scene, image, exposed.radiance, stage_ms=stage_ms)
     request = labels if isinstance(labels, LabelRequest) else LabelRequest()
-    frame = _labelled(renderer, scene, target, request, signal, image)
-    stage_ms["labels"] = (time.perf_counter() - developed) * 1e3
-    return replace(frame, radiance=exposed.radiance, stage_ms=stage_ms)
-
-
-def _labelled(
-    renderer: Renderer,
-    scene: SceneState,
-    target: Target,
-    request: LabelRequest,
-    signal: Float32Array,
-    image: NDArray[np.unsignedinteger],
-) -> Frame:
-    """The labels of a developed picture, whose radiance and ledger are not in the frame yet.
-
-    The geometry is worked out while the driver draws the label raster on threads of its own, and another thread hashes
-    what is ready. It takes few long steps without Python's lock: each hand-over of that costs.
-    """
-    mono = signal if signal.ndim == 2 else signal.mean(axis=2)
-    clean = clean_twin(scene, signal) if "clean" in request.layers else None
-    with ThreadPoolExecutor(1) as aside:
-        level = aside.submit(mean_level, mono)
-        image_hash = aside.submit(pixel_hash, image)
-        clean_hash = None if clean is None else aside.submit(pixel_hash, clean)
-        inside = renderer.silhouette_inside(scene, target)
-        finish = begin_surfaces(renderer, scene, target, layers=wants_surfaces(request))
-        amodal = amodal_box(scene, target)
-        truth = label_frame(
-            scene,
-            target,
-            mono,
-            level.result,
-            silhouette_inside=inside,
-            amodal=amodal,
-            wireframe="wireframe" in request.layers,
-            software=Software(flyaround=_own_version(), gl_renderer=renderer.info.renderer),
-        )
-        seen = finish()
-        mask = visible_mask(seen)
-        mask_hash = aside.submit(pixel_hash, mask)
-        layers, origin = draw_layers(renderer, scene, target, request, seen, mask, amodal)
-        hashes = {
-            # an amodal mask without anything beyond the image is the mask itself
-            name: mask_hash if layer is mask else aside.submit(layer_hash, name, layer, mask)
-            for name, layer in layers.items()
-        }
-        if "flow" in request.layers and request.flow is not None:
-            layers["flow"] = optical_flow(scene, request.flow, seen.depth_m, mask)
-            hashes["flow"] = aside.submit(layer_hash, "flow", layers["flow"], mask)
-        if clean is not None and clean_hash is not None:
-            layers["clean"], hashes["clean"] = clean, clean_hash
-        layers = {name: layers[name] for name in request.layers if name in layers}
-        truth = msgspec.structs.replace(
-            truth,
-            box_px=mask_box(mask),
-            image_sha256=image_hash.result(),
-            mask_sha256=mask_hash.result(),
-            parts=tuple(part.name for part in target.parts) if "parts" in layers else (),
-            layers=tuple(name for name in request.layers if name in layers or name == "wireframe"),
-            layer_sha256={name: hashes[name].result() for name in layers},
-            amodal_origin_px=origin,
-            flow=request.flow if "flow" in layers else None,
-        )
-    return Frame(scene, image, signal, truth, mask, seen.depth_m, layers)
-
-
-@cache
-def _own_version() -> str:
-    return version("flyaround")
-
-
-def label_frame(
-    scene: SceneState,
-    target: Target,
-    signal: Float32Array,
-    level: Callable[[], float],
-    *,
-    silhouette_inside: float,
-    amodal: Box | None,
-    wireframe: bool,
-    software: Software,
-) -> Truth:
-    """What the truth record says of a scene and its noise-free signal, all but what it says of the written images.
-
-    Parameters
-    ----------
-    signal : (H, W) noise-free signal, 1 at full scale. level : gives its mean within the scale.
-    wireframe : list each edge with what is seen of it.
-    """
-    mesh = mesh_of(target)
-    views = view_edges(scene.camera, scene.camera_from_target, target, mesh)
-    share = wireframe_step_share(scene, views, signal, level())
-    reason = infeasible_reason(silhouette_inside, share, amodal)
-    corners = box_3d_m(target)
-    return Truth(
-        epoch_utc=scene.epoch_utc,
-        t_s=scene.t_s,
-        frame_index=scene.frame_index,
-        seed=scene.seed,
-        q_camera_from_target_wxyz=scene.q_camera_from_target_wxyz,
-        t_camera_from_target_m=scene.t_camera_from_target_m,
-        camera=scene.camera,
-        keypoints=label_keypoints(scene, target, mesh, signal),
-        box_px=None,
-        box_amodal_px=amodal,
-        sun_direction_camera=scene.sun_direction_camera,
-        sun_visible_fraction=scene.sun_visible_fraction,
-        feasible=reason == "",
-        infeasible_reason=reason,
-        silhouette_inside=silhouette_inside,
-        wireframe_step_share=share,
-        image_sha256="",
-        mask_sha256="",
-        scene=scene,
-        software=software,
-        exposure_s=scene.exposure_s,
-        earth_direction_camera=scene.earth_direction_camera,
-        box_3d_target_m=tuple(vec3(p) for p in corners),
-        box_3d_px=tuple(
-            pixel_or_none(p) for p in scene.camera.project(scene.camera_from_target.apply(corners))
-        ),
-        wireframe=tuple(_wire(view) for view in views) if wireframe else (),
-        row_poses=row_poses(scene),
+    known = label_picture(renderer, scene, target, request, signal, image)
+    stage_ms["labels"] = (time.perf_counter() - formed) * 1e3
+    return Frame(
+        scene, image, exposed.radiance, known.truth, known.mask, known.depth_m, known.layers, stage_ms
     )
-
-
-def row_poses(scene: SceneState) -> tuple[RowPose, ...]:
-    """Poses at some rows of a rolling shutter, from the first to the last; none for a global one.
-
-    Between them rates are constant: a straight line in position and the shortest turn meet every row.
-    """
-    if not scene.shutter.is_rolling:
-        return ()
-    height = scene.camera.height_px
-    rows = np.unique(np.rint(np.linspace(0, height - 1, min(height, ROW_POSES))).astype(int))
-    poses = []
-    for row in rows:
-        dt = float(scene.shutter.row_time_s(row, height))
-        then = scene_at(scene, dt)
-        poses.append(
-            RowPose(
-                row_px=int(row),
-                dt_s=dt,
-                q_camera_from_target_wxyz=then.q_camera_from_target_wxyz,
-                t_camera_from_target_m=then.t_camera_from_target_m,
-            )
-        )
-    return tuple(poses)
-
-
-def _wire(view: EdgeView) -> WireLabel:
-    (x0, y0), (x1, y1) = (map(float, end) for end in view.ends_px)
-    return WireLabel(name=view.edge.name, ends_px=((x0, y0), (x1, y1)), visible=view.stretches)
-
-
-def infeasible_reason(silhouette_inside: float, step_share: float, amodal: Box | None) -> InfeasibleReason:
-    """Why a frame cannot be solved, or nothing: cropped first, then dark or, for a small target, too far."""
-    if silhouette_inside < SILHOUETTE_SHARE:
-        return "cropped"
-    if step_share >= STEP_SHARE:
-        return ""
-    small = amodal is not None and max(amodal[2] - amodal[0], amodal[3] - amodal[1]) < TOO_FAR_PX
-    return "too_far" if small else "dark"
-
-
-def pixel_hash(image: NDArray[np.unsignedinteger]) -> str:
-    """SHA-256 of an image's pixels, whatever file they are kept in."""
-    return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()

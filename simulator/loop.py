@@ -1,190 +1,390 @@
-"""The clock: a plan says which moments of a flight are drawn, and each becomes one frame for the sinks."""
+"""The loop: scenes become frames, here or in drawing processes, and every sink is handed each of them.
+
+Frames come along a plan (`run_frames`), or one at a time from the newest state (`FrameProducer.submit`). A closed loop
+and the console decide by what they have seen what is drawn next: nothing is drawn from a future that is not decided.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from abc import ABC, abstractmethod
+from collections import deque
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic, NoReturn, Protocol, Self, TypeVar, cast
 
-import msgspec
-import numpy as np
-
-from simulator.camera.lens.camera_model import Camera
-from simulator.errors import UserError
 from simulator.frame import Frame, take_frame
-from simulator.imaging.auto_exposure import AutoExposure, ExposureTrack
-from simulator.imaging.image_formation import expose
-from simulator.imaging.metering import metered_radiance_w_m2_sr
-from simulator.scenario.flight import fly, frame_times
-from simulator.scene.build import build_scene
-from simulator.scene.state import Bands, Quality, SceneState, TargetRef
-from simulator.targets.library import load_target
-from simulator.targets.model import Target
+from simulator.labels.request import LabelRequest
+from simulator.runtime.threads import share_processors
+from simulator.runtime.worker import ProcessDiedError
+from simulator.runtime.worker_pool import WorkerPool
+from simulator.targets.library import target_in_use
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
+    from simulator.render.earth.map_textures import EarthMaps
+    from simulator.render.gl.context import GlInfo
     from simulator.render.renderer import Renderer
-    from simulator.scenario.scenario import Scenario
-    from simulator.world.flight.flight import Flight
-    from simulator.world.flight.state import WorldState
+    from simulator.scenario.plan import FramePlan
+    from simulator.scene.state import Bands, SceneState
+    from simulator.targets.model import Target
+
+MOST_DEATHS = 3
+"""Times that drawing processes may die one after the other without a frame between, where they are started again."""
+
+Taken = TypeVar("Taken")
+Taken_contra = TypeVar("Taken_contra", contravariant=True)
 
 
-class Sink(Protocol):
+class Sink(Protocol[Taken_contra]):
     """Anything that takes frames: a window, a data set, a link to a board."""
 
-    def write(self, frame: Frame) -> None:
-        """Take one frame."""
+    def write(self, frame: Taken_contra) -> None:
+        """Take one frame, or what the stage made of it where it was drawn."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Plan:
-    """Which frames will be drawn. ``scene(k)`` depends on (scenario, seed, k) alone.
+class FrameRequest:
+    """One frame to be drawn.
 
     Parameters
     ----------
-    times_s : mid-exposure of each frame, from the flight's start [s].
-    every_s : spacing if it was given as one.
-    exposures : the automatic exposure along the flight; None for a fixed one.
+    labels : whether to label, or which layers to give beyond truth and mask.
+    timed : wait for the driver after every pass, so that each has its own time; None leaves the renderer as it is.
     """
 
-    scenario: Scenario
-    flight: Flight
-    target: Target
-    camera: Camera
-    times_s: tuple[float, ...]
-    every_s: float | None
-    seed: int
-    bands: Bands
-    quality: Quality
-    exposures: ExposureTrack | None = None
+    scene: SceneState
+    labels: bool | LabelRequest = True
+    timed: bool | None = None
+
+
+class FramesLostError(Exception):
+    """What was asked for will not come, and can be asked for again; says why in one sentence."""
+
+
+class FrameProducer(ABC, Generic[Taken]):
+    """Takes frames of scenes, in the order asked for. Use as a context manager.
+
+    A frame depends on its request alone: the bytes are the same wherever it is drawn.
+    """
 
     @property
-    def n_frames(self) -> int:
-        """Number of frames."""
-        return len(self.times_s)
+    @abstractmethod
+    def info(self) -> GlInfo:
+        """What draws; waits until it is up."""
 
     @property
-    def scenario_name(self) -> str:
-        """Name of the scenario."""
-        return self.scenario.name
+    @abstractmethod
+    def has_room(self) -> bool:
+        """Whether `submit` would be accepted."""
 
     @property
-    def labels(self) -> tuple[str, ...]:
-        """Label layers that the scenario asks for."""
-        return self.scenario.output.labels
+    @abstractmethod
+    def in_flight(self) -> int:
+        """Frames asked for and not collected yet."""
 
     @property
-    def scenario_document(self) -> dict[str, Any]:
-        """The scenario as a JSON-able document, with this plan's overrides."""
-        return dict(msgspec.json.decode(msgspec.json.encode(self.scenario)))
+    def pids(self) -> tuple[int | None, ...]:
+        """Numbers of the processes that draw now; none where this one does."""
+        return ()
 
-    def scene(self, k: int) -> SceneState:
-        """The snapshot of frame k."""
-        t = self.times_s[k]
-        exposure = None if self.exposures is None else self.exposures.exposure_s(t)
-        return self._scene(self.flight.state(t), k, exposure)
+    @abstractmethod
+    def submit(self, request: FrameRequest) -> bool:
+        """Ask for one frame; False, and nothing is asked for, where enough are under way."""
 
-    def next_scene(self, k: int) -> SceneState | None:
-        """The snapshot after frame k's; none after the last."""
-        return self.scene(k + 1) if k + 1 < self.n_frames else None
+    @abstractmethod
+    def ready(self) -> bool:
+        """Whether `result` would return (or raise) without waiting for another process."""
 
-    def scene_of(self, world: WorldState, k: int) -> SceneState:
-        """The snapshot of a state of the world, as frame k of this plan (steered flights come this way).
+    @abstractmethod
+    def result(self) -> Taken:
+        """The oldest frame under way; waits for it.
 
-        A steered flight has no past to look up: its automatic exposure is what the meter wants, without lag.
+        Raises
+        ------
+        UserError
+            What the renderer raised as a user's mistake.
+        FramesLostError
+            If what draws died and was started again: all that was under way is lost.
+        RuntimeError
+            If nothing is under way, or something else went wrong.
         """
-        scene = self._scene(world, k, None)
-        auto = self.scenario.auto_exposure
-        if auto is None:
-            return scene
-        return replace(scene, exposure_s=wanted_exposure_s(auto, scene, self.target))
 
-    def _scene(self, world: WorldState, k: int, exposure_s: float | None) -> SceneState:
-        scenario = self.scenario
-        return build_scene(
-            world,
-            camera=self.camera,
-            sensor=scenario.sensor_model,
-            exposure_s=scenario.sensor.exposure_s if exposure_s is None else exposure_s,
-            target=TargetRef(name=self.target.name, sha256=self.target.sha256),
-            com_target_m=self.target.mass.com_m,
-            frame_index=k,
-            seed=self.seed,
-            quality=self.quality,
-            bands=self.bands,
-            environment=scenario.environment_model,
-            shutter=scenario.shutter_model,
-            optics=scenario.optics_model,
-            lamp=scenario.lamp_model,
+    def finished(self) -> Iterator[Taken]:
+        """The frames that are ready now."""
+        while self.ready():
+            yield self.result()
+
+    def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Taken]:
+        """One frame for each request, in order; some are drawn ahead of the one that is given.
+
+        Raises
+        ------
+        RuntimeError
+            If frames of an earlier call that was broken off are under way: they would be taken for this one's.
+        """
+        if self.in_flight > 0:
+            raise RuntimeError("frames of a run that was broken off are under way; open another producer")
+        for request in requests:
+            if not self.has_room:
+                yield self.result()
+            self.submit(request)
+        while self.in_flight > 0:
+            yield self.result()
+
+    @abstractmethod
+    def close(self) -> None:
+        """End what draws; frames under way are given up."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class _FramesHere(FrameProducer[Taken]):
+    """Frames drawn in this process, each when it is collected.
+
+    Parameters
+    ----------
+    renderer : stays open when this closes.
+    stage : what is made of each frame. target : instead of the one that a scene names.
+    """
+
+    def __init__(
+        self, renderer: Renderer, stage: Callable[[Frame], Taken], target: Target | None = None
+    ) -> None:
+        self._renderer, self._stage, self._target = renderer, stage, target
+        self._asked: deque[FrameRequest] = deque()
+
+    @property
+    def info(self) -> GlInfo:
+        return self._renderer.info
+
+    @property
+    def has_room(self) -> bool:
+        return not self._asked
+
+    @property
+    def in_flight(self) -> int:
+        return len(self._asked)
+
+    def submit(self, request: FrameRequest) -> bool:
+        if not self.has_room:
+            return False
+        self._asked.append(request)
+        return True
+
+    def ready(self) -> bool:
+        return bool(self._asked)
+
+    def result(self) -> Taken:
+        if not self._asked:
+            raise RuntimeError("no frame is under way")
+        return draw_request(self._renderer, self._asked.popleft(), self._stage, self._target)
+
+    def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Taken]:
+        # nothing is gained here by asking for the next before this one is drawn
+        for request in requests:
+            yield draw_request(self._renderer, request, self._stage, self._target)
+
+    def close(self) -> None:
+        self._asked.clear()
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenRenderer:
+    """Opens a renderer in a drawing process.
+
+    Parameters
+    ----------
+    device_index : EGL device.
+    first : the first scene to come, for a quicker first frame: its maps are read while the renderer starts.
+    processes : that draw at once, this one too. On a GPU each needs a processor; a software driver shares the
+        processors out among them, and two are better used by two processes of one thread than by one of two.
+    """
+
+    device_index: int | None = None
+    first: SceneState | None = None
+    processes: int = 1
+
+    def __call__(self) -> Renderer:
+        """The renderer; the process's share of the processors is settled before its context is made."""
+        share_processors(self.processes)
+        from simulator.render.earth.map_textures import begin_maps_of  # noqa: PLC0415 - who asks need not load OpenGL
+
+        prefetched = begin_maps_of(self.first)
+        from simulator.render.renderer import Renderer  # noqa: PLC0415 - the same; maps are read meanwhile
+
+        return Renderer(device_index=self.device_index, begun=prefetched)
+
+
+class _FramesElsewhere(FrameProducer[Taken]):
+    """Frames drawn in processes of their own, some ahead of the caller; `open_frames` says what the rest means."""
+
+    def __init__(
+        self,
+        stage: Callable[[Frame], Taken],
+        opener: OpenRenderer,
+        *,
+        ahead: int,
+        restarts: bool,
+    ) -> None:
+        self._stage, self._opener, self._ahead, self._restarts = stage, opener, ahead, restarts
+        self._deaths = 0
+        self._pool = self._start()
+
+    def _start(self) -> WorkerPool[Taken]:
+        return WorkerPool(
+            draw_request,
+            self._opener.processes,
+            open_resource=self._opener,
+            capacity=self._ahead,
+            name="render process",
         )
 
-    def shifted(self, times_s: tuple[float, ...]) -> Plan:
-        """The same flight with other frames."""
-        return replace(self, times_s=times_s, every_s=None)
+    @property
+    def info(self) -> GlInfo:
+        return cast("GlInfo", self._pool.info)
+
+    @property
+    def pids(self) -> tuple[int | None, ...]:
+        return self._pool.pids
+
+    @property
+    def has_room(self) -> bool:
+        return self._pool.has_room
+
+    @property
+    def in_flight(self) -> int:
+        return self._pool.in_flight
+
+    def submit(self, request: FrameRequest) -> bool:
+        if not self._pool.has_room:
+            return False
+        try:
+            self._pool.submit(request, self._stage)
+        except ProcessDiedError as error:
+            self._restart(error)
+        return True
+
+    def ready(self) -> bool:
+        try:
+            return self._pool.ready()
+        except ProcessDiedError as error:
+            self._restart(error)
+
+    def result(self) -> Taken:
+        try:
+            taken = self._pool.result()
+        except ProcessDiedError as error:
+            self._restart(error)
+        self._deaths = 0
+        return taken
+
+    def _restart(self, error: ProcessDiedError) -> NoReturn:
+        """Start other processes in place of those of which one died, unless they die again and again."""
+        self._deaths += 1
+        if not self._restarts or self._deaths >= MOST_DEATHS:
+            raise error
+        self._pool.close()
+        self._pool = self._start()
+        raise FramesLostError(
+            f"the drawing process died (exit code {error.exit_code}) and is started again; the flight goes on"
+        ) from error
+
+    def close(self) -> None:
+        self._pool.close()
 
 
-def plan_flight(
-    scenario: Scenario,
+def draw_request(
+    renderer: Renderer,
+    request: FrameRequest,
+    stage: Callable[[Frame], Taken],
+    target: Target | None = None,
+) -> Taken:
+    """Take the frame of one request, and what the stage makes of it: what a drawing process does for each."""
+    if request.timed is not None:
+        renderer.timed = request.timed
+    scene = request.scene
+    if target is None:
+        target = target_in_use(scene.target.name, scene.target.sha256)
+    return stage(take_frame(renderer, scene, target, labels=request.labels))
+
+
+@contextmanager
+def open_frames(
+    stage: Callable[[Frame], Taken],
     *,
-    n: int | None = None,
-    every_s: float | None = None,
-    times: tuple[float, ...] | None = None,
-    seed: int | None = None,
-    bands: Bands | None = None,
-    quality: Quality | None = None,
-) -> Plan:
-    """Propagate a scenario and choose its frames: ``n`` evenly in time, one ``every_s``, or at ``times``.
+    processes: int = 0,
+    device_index: int | None = None,
+    first: SceneState | None = None,
+    prefetched: Mapping[Bands, EarthMaps] | None = None,
+    ahead: int = 2,
+    restarts: bool = False,
+    target: Target | None = None,
+) -> Iterator[FrameProducer[Taken]]:
+    """What takes frames in this process, or in ``processes`` of their own.
 
-    Raises
-    ------
-    UserError
-        If a time is outside the flight, or the scenario names something unknown.
+    Parameters
+    ----------
+    stage : what is made of each frame where it is drawn, be it checking and encoding, or `Frame.without_radiance`, so
+        that less travels. For other processes a function of a module, or an object that can be pickled.
+    first : the first scene to come, for a quicker first frame.
+    prefetched : its maps, where they are being read already.
+    ahead : frames of each other process that may be under way or waiting to be collected.
+    restarts : whether other processes that die are followed by others.
+    target : what scenes drawn in this process show, instead of what they name.
     """
-    if seed is not None and seed < 0:
-        raise UserError(f"the seed is {seed}, allowed: 0 or more")
-    target = load_target(scenario.target)
-    if times is None:
-        times = tuple(float(t) for t in frame_times(scenario.duration_s, n, every_s))
-    for t in times:
-        if not 0 <= t <= scenario.duration_s:
-            raise UserError(
-                f"time {t:g} s is outside scenario {scenario.name}, which lasts {scenario.duration_s:g} s; "
-                "choose -t within it"
-            )
-    plan = Plan(
-        scenario=scenario,
-        flight=fly(scenario, target),
-        target=target,
-        camera=scenario.camera_model,
-        times_s=times,
-        every_s=every_s,
-        seed=scenario.seed if seed is None else seed,
-        bands=bands or scenario.output.bands,
-        quality=quality or scenario.output.quality,
-    )
-    auto = scenario.auto_exposure
-    if auto is None:
-        return plan
-    # the meter looks through the plan as it is: its own exposure plays no part in what it wants
-    return replace(
-        plan, exposures=ExposureTrack(auto, lambda t: plan.scene_of(plan.flight.state(t), 0).exposure_s)
-    )
+    if processes:
+        opener = OpenRenderer(device_index=device_index, first=first, processes=processes)
+        with _FramesElsewhere(stage, opener, ahead=ahead, restarts=restarts) as elsewhere:
+            yield elsewhere
+        return
+    from simulator.render.earth.map_textures import begin_maps_of  # noqa: PLC0415 - who draws elsewhere need not load OpenGL
+    from simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
+
+    maps = begin_maps_of(first) if prefetched is None else prefetched
+    with (
+        Renderer(device_index=device_index, begun=maps) as renderer,
+        _FramesHere(renderer, stage, target) as here,
+    ):
+        yield here
 
 
-def wanted_exposure_s(auto: AutoExposure, scene: SceneState, target: Target) -> float:
-    """Exposure that the meter wants for a scene [s]."""
-    # an even grey picture, exposed for a second, tells how bright the sensor takes a unit of radiance to be
-    signal = float(expose(np.ones((9, 9), np.float32), scene.sensor, 1.0, optics=scene.optics)[4, 4])
-    return auto.wanted_s(metered_radiance_w_m2_sr(scene, target, auto.share), 1 / signal)
+def whole_frame(frame: Frame) -> Frame:
+    """The stage that leaves a frame as it is."""
+    return frame
 
 
 def run_frames(
-    plan: Plan, renderer: Renderer, sinks: Iterable[Sink], *, labels: bool = True
-) -> Iterator[Frame]:
-    """Draw every frame of a plan, hand it to each sink, and yield it."""
+    plan: FramePlan,
+    renderer: Renderer | FrameProducer[Taken],
+    sinks: Iterable[Sink[Taken]] = (),
+    *,
+    labels: bool | LabelRequest | Callable[[int], LabelRequest] = True,
+    numbers: Iterable[int] | None = None,
+) -> Iterator[Taken]:
+    """Draw frames of a plan, hand each to every sink, and yield it.
+
+    Parameters
+    ----------
+    renderer : draws here, one after the other; or what takes frames, as `open_frames` gives it.
+    labels : as of `take_frame`, or what to label of each frame by its number.
+    numbers : of the frames, in order; all of the plan unless given.
+    """
+    producer = (
+        renderer
+        if isinstance(renderer, FrameProducer)
+        else cast("FrameProducer[Taken]", _FramesHere(renderer, whole_frame, plan.target))
+    )
+    chosen = range(plan.n_frames) if numbers is None else numbers
+    requests = (
+        FrameRequest(scene=plan.scene(k), labels=labels(k) if callable(labels) else labels) for k in chosen
+    )
     receivers = tuple(sinks)
-    for k in range(plan.n_frames):
-        frame = take_frame(renderer, plan.scene(k), plan.target, labels=labels)
+    for frame in producer.frames(requests):
         for sink in receivers:
             sink.write(frame)
         yield frame

@@ -22,9 +22,9 @@ from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.clipping import ClippingSummary
 from simulator.errors import UserError
 from simulator.labels.request import parse_labels
-from simulator.loop import Plan, plan_flight
 from simulator.scenario.load import load_scenario
 from simulator.scenario.picture import environment_section
+from simulator.scenario.plan import Plan, plan_flight
 from simulator.scenario.recipes import RecipePlan, list_recipes, plan_recipe
 from simulator.scene.environments import environment_preset
 from simulator.scene.state import Bands, Quality

@@ -19,9 +19,9 @@ from simulator.camera.lens.files import list_cameras, load_camera, read_camera_f
 from simulator.camera.lens.files_foreign import FORMATS, written
 from simulator.contact_sheets.scenario_sheet import write_contact_sheets
 from simulator.errors import UserError
-from simulator.loop import plan_flight
 from simulator.runtime.files import empty_folder, write_atomic
 from simulator.scenario.load import list_scenarios, load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.scenario.recipes import RECIPES
 from simulator.scenario.show import show_scenario
 from simulator.scenario.write import replay_scenario

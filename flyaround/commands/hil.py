@@ -22,12 +22,12 @@ from hil.host.ledger.frames_csv import LedgerRow
 from hil.host.ledger.report import write_report
 from hil.host.ledger.summary import LedgerSummary
 from hil.host.link_process.ipc import LinkConfig
+from hil.host.plan_frames import check_one_channel, frames_of_plan
 from hil.host.run import RunConfig, run_host
-from hil.host.stream import check_streamable, stream_frames
 from hil.host.truth.policy import truth_kept_home
 from simulator.errors import UserError
-from simulator.loop import plan_flight
 from simulator.runtime.files import empty_folder
+from simulator.scenario.plan import plan_flight
 from simulator.targets.board_model.write import write_board_model
 from simulator.targets.library import load_target
 
@@ -114,7 +114,7 @@ def host(
         every_s=every_s,
         seed=seed,
     )
-    check_streamable(plan)
+    check_one_channel(plan)
     if log is not None:
         empty_folder(log, option="--log")
     if warning:
@@ -141,7 +141,7 @@ def host(
         ends: list[LedgerSummary] = []
         try:
             run_host(
-                stream_frames(plan, device_index=gpu, workers=workers, warm_up=mode == "realtime"),
+                frames_of_plan(plan, device_index=gpu, workers=workers, warm_up=mode == "realtime"),
                 config,
                 on_row=count,
                 on_listening=lambda url, truth_url: say(

@@ -1,6 +1,6 @@
 """render: one picture and its truth.
 
-The Earth's maps are begun before the packages that draw are imported: the first start does both at once.
+The Earth's maps are prefetched before the packages that draw are imported: the first start does both at once.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from flyaround.commands.options import Device, Labels, Seed, World, quality_pres
 from flyaround.commands.progress import progress_bar
 from flyaround.commands.scenario_argument import load_flown
 from flyaround.commands.terminal import say, terminal
-from simulator.dataset.poses import read_poses
 from simulator.errors import UserError
 from simulator.labels.request import LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
 from simulator.render.earth.map_textures import EarthMaps, begin_earth_maps, begin_maps_of
 from simulator.scenario.picture import environment_section
+from simulator.scenario.poses import PosePlan, read_poses
 from simulator.scene.state import Bands, SceneState
 from simulator.targets.library import load_target
 from simulator.targets.model import Target
@@ -69,14 +69,14 @@ def render(
     """Draw one frame and its truth, or one for each pose of a list."""
     if (scenario is None) == (from_truth is None):
         raise UserError("render needs either a SCENARIO or --from-truth FILE; see flyaround render --help")
-    begun: dict[Bands, EarthMaps] = {}
+    prefetched: dict[Bands, EarthMaps] = {}
     if from_truth is not None:
         if environment is not None:
             raise UserError("--from-truth draws the record's environment; leave out --environment")
         if poses is not None:
             raise UserError("--poses needs a SCENARIO for camera and light; leave out --from-truth")
         record = read_truth(from_truth)
-        begun = begin_maps_of(record.scene)
+        prefetched = begin_maps_of(record.scene)
         scene, target = record.scene, load_target(record.scene.target.name)
         request = LabelRequest(layers=record.layers, flow=record.flow)
     else:
@@ -87,8 +87,8 @@ def render(
         if flown.environment_model.earth:
             # two at a time: an empty cache is filled while the target is built and flown
             in_bands = bands or flown.output.bands
-            begun[in_bands] = begin_earth_maps(in_bands, flown.environment_model, flown.epoch_utc)
-        from simulator.loop import plan_flight  # noqa: PLC0415 - slow to import: maps are begun before
+            prefetched[in_bands] = begin_earth_maps(in_bands, flown.environment_model, flown.epoch_utc)
+        from simulator.scenario.plan import plan_flight  # noqa: PLC0415 - slow to import: maps are read before
 
         plan = plan_flight(flown, times=(time_s,), seed=seed, bands=bands, quality=quality_preset(quality))
         scene, target, request = plan.scene(0), plan.target, LabelRequest()
@@ -97,9 +97,9 @@ def render(
     if poses is not None:
         if timings:
             raise UserError("--timings is about one picture; leave out --poses")
-        _render_poses(scene, target, request, poses, output, gpu, begun, as_json=as_json)
+        _render_poses(scene, target, request, poses, output, gpu, prefetched, as_json=as_json)
         return
-    from simulator.dataset.picture import (  # noqa: PLC0415 - slow to import: maps are begun before
+    from simulator.dataset.single_frames import (  # noqa: PLC0415 - slow to import: maps are read before
         check_picture_path,
         render_scene,
         save_picture,
@@ -107,7 +107,7 @@ def render(
     )
 
     check_picture_path(output)
-    frame = render_scene(scene, target, labels=request, device_index=gpu, begun=begun)
+    frame = render_scene(scene, target, labels=request, device_index=gpu, prefetched=prefetched)
     truth_path = save_picture(frame, output)
     stage_ms = time_passes(scene, target, device_index=gpu) if timings else {}
     if as_json:
@@ -138,32 +138,25 @@ def _render_poses(
     poses: Path,
     output: Path,
     gpu: int | None,
-    begun: dict[Bands, EarthMaps],
+    prefetched: dict[Bands, EarthMaps],
     *,
     as_json: bool,
 ) -> None:
     """One picture for each row: OUT-000000.png and so on."""
-    from simulator.dataset.picture import (  # noqa: PLC0415 - slow to import: maps are begun before
-        check_picture_path,
-        render_poses,
-        save_picture,
-    )
+    from simulator.dataset.single_frames import NumberedPictures  # noqa: PLC0415 - slow to import: maps are read before
+    from simulator.loop import open_frames, run_frames, whole_frame  # noqa: PLC0415 - the same
 
-    rows = read_poses(poses)
+    plan = PosePlan(scene, target, read_poses(poses))
     # a folder takes them under the name that a single picture has by default
-    output = output / "frame.png" if output.is_dir() else output
-    for k in range(len(rows)):
-        check_picture_path(output.with_name(f"{output.stem}-{k:06d}{output.suffix}"))
-    written = []
-    with progress_bar("render", quiet=as_json) as progress:
-        for k, frame in enumerate(
-            render_poses(scene, target, rows, labels=request, device_index=gpu, begun=begun)
-        ):
-            path = output.with_name(f"{output.stem}-{k:06d}{output.suffix}")
-            truth_path = save_picture(frame, path)
-            written.append({"image": str(path), "truth": str(truth_path)})
-            progress(k + 1, len(rows))
+    sink = NumberedPictures(output / "frame.png" if output.is_dir() else output, plan.n_frames)
+    with (
+        progress_bar("render", quiet=as_json) as progress,
+        open_frames(whole_frame, device_index=gpu, prefetched=prefetched, target=target) as producer,
+    ):
+        for k, _ in enumerate(run_frames(plan, producer, [sink], labels=request)):
+            progress(k + 1, plan.n_frames)
     if as_json:
+        written = [{"image": str(image), "truth": str(truth)} for image, truth in sink.written]
         typer.echo(json.dumps({"frames": written}))
     else:
-        say(f"{len(written)} images and their truth: {written[0]['image']} and on")
+        say(f"{plan.n_frames} images and their truth: {sink.written[0][0]} and on")

@@ -17,9 +17,9 @@ import numpy as np
 from hil.board.svd.native.backend import BACKEND_VARIABLE
 from simulator.bench.parts import PartCost, cost
 from simulator.frame import take_frame
-from simulator.loop import Plan, plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import Plan, plan_flight
 from simulator.targets.board_model.write import write_board_model
 
 if TYPE_CHECKING:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from hil.board.agent import run_board
 from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import HostFrame, RunConfig, run_host
+from hil.host.run import RunConfig, run_host
 from simulator.bench.parts import PartCost, cost
+from simulator.frame import NO_RADIANCE, Frame
+from simulator.scenario.recipes import plan_recipe
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,20 +39,13 @@ class _Answer:
         return self
 
 
-def _frames(width_px: int, height_px: int, n_frames: int) -> Iterator[HostFrame]:
+def _frames(width_px: int, height_px: int, n_frames: int) -> Iterator[Frame]:
     # noise is the worst case of a compressor and what a real sensor sends
     image = np.random.default_rng(1).normal(60, 8, (height_px, width_px)).clip(0, 255).astype(np.uint8)
+    scene = plan_recipe("eval-black", 1).scene(0)
+    camera = replace(scene.camera, width_px=width_px, height_px=height_px)
     for k in range(n_frames):
-        yield HostFrame(
-            frame_id=k,
-            epoch_utc="2026-01-01T00:00:00Z",
-            t_s=0.1 * k,
-            exposure_s=0.01,
-            image=image,
-            camera={"width_px": width_px, "height_px": height_px},
-            truth={},
-            render_ms=0.0,
-        )
+        yield Frame(replace(scene, camera=camera, frame_index=k, t_s=0.1 * k), image, NO_RADIANCE)
 
 
 def link_latency_ms(

@@ -17,23 +17,24 @@ import msgspec
 from hil.demo.page import DemoResults, write_page
 from hil.host.ledger.report import write_report
 from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import HostFrame, RunConfig, run_host
-from hil.host.stream import stream_frames
+from hil.host.plan_frames import frames_of_plan
+from hil.host.run import RunConfig, run_host
 from hil.host.truth.logger import TruthLogger
 from simulator.dataset.capture import capture
 from simulator.dataset.check.verify import check_dataset
 from simulator.errors import UserError
-from simulator.loop import plan_flight
 from simulator.runtime.files import empty_folder, write_json
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
     from contextlib import AbstractContextManager
 
     from hil.host.ledger.frames_csv import LedgerRow
     from hil.host.ledger.summary import LedgerSummary
-    from simulator.loop import Plan
+    from simulator.frame import Frame
+    from simulator.scenario.plan import Plan
 
     ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
 
@@ -120,8 +121,18 @@ class Loop:
 
     summary: LedgerSummary
     rows: tuple[LedgerRow, ...]
-    frames: dict[int, HostFrame]
+    frames: dict[int, Frame]
     truth_records: int
+
+
+class _Kept:
+    """A sink that remembers the frames for the page."""
+
+    def __init__(self) -> None:
+        self.frames: dict[int, Frame] = {}
+
+    def write(self, frame: Frame) -> None:
+        self.frames[frame.number] = frame
 
 
 def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_bar: ProgressBar) -> Loop:
@@ -130,7 +141,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
     port = _free_port_pair()
     url, truth_url = f"tcp://127.0.0.1:{port}", f"tcp://127.0.0.1:{port + 1}"
     rows: list[LedgerRow] = []
-    frames: dict[int, HostFrame] = {}
+    kept = _Kept()
     command = [*board_command, url, "--target", plan.target.name]
     config = RunConfig(
         link=LinkConfig(url=url, truth_url=truth_url, mode="lockstep", truth="separate", timeout_s=60.0),
@@ -146,17 +157,12 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
         logger = TruthLogger(truth_url, folder / "truth.jsonl")
         logger.start()
 
-        def remembered() -> Iterator[HostFrame]:
-            for frame in stream_frames(plan):
-                frames[frame.frame_id] = frame
-                yield frame
-
         def on_row(row: LedgerRow) -> None:
             rows.append(row)
             progress(len(rows), plan.n_frames)
 
         try:
-            summary = run_host(remembered(), config, on_row=on_row)
+            summary = run_host(frames_of_plan(plan, sinks=[kept]), config, on_row=on_row)
             board.wait(timeout=BOARD_EXIT_S)
         finally:
             board.kill()
@@ -166,7 +172,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
         raise UserError(
             f"the ledger in {folder} has {len(rows)} rows for {plan.n_frames} frames; see {log_path}"
         )
-    return Loop(summary, tuple(rows), frames, received)
+    return Loop(summary, tuple(rows), kept.frames, received)
 
 
 def _free_port_pair() -> int:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import cv2
-import msgspec
 import numpy as np
 
 from hil.demo.plots import plot_errors, plot_latency, plot_trajectory
@@ -24,9 +23,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.host.ledger.frames_csv import LedgerRow
-    from hil.host.run import HostFrame
-    from simulator.loop import Plan
+    from simulator.frame import Frame
     from simulator.runtime.arrays import ByteArray
+    from simulator.scenario.plan import Plan
 
 THUMB = (480, 300)
 N_ANSWERS = 6
@@ -44,7 +43,7 @@ class DemoResults:
     checked: CheckReport
     summary: LedgerSummary
     rows: tuple[LedgerRow, ...]
-    loop_frames: dict[int, HostFrame]
+    loop_frames: dict[int, Frame]
     truth_records: int
     run_s: float
 
@@ -107,7 +106,9 @@ def with_inset(image: ByteArray, truth: Truth) -> ByteArray:
 def _answer(results: DemoResults, place: Path, row: LedgerRow) -> str:
     """A frame as the board got it, with the pose that came back drawn over it."""
     frame = results.loop_frames[row.frame_id]
-    truth = msgspec.convert(frame.truth, Truth)
+    truth = frame.truth
+    if truth is None:
+        raise RuntimeError("the demo's frames have their truth")
     canvas = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_GRAY2RGB), np.uint8)
     if row.q_wxyz is not None and row.t_m is not None:
         canvas = draw_pose(canvas, truth, results.plan.target, row.q_wxyz, row.t_m)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.host.ledger.frames_csv import LedgerRow
-    from simulator.loop import Plan
+    from simulator.scenario.plan import Plan
 
 INK, GRID, PAPER = "#d7dde5", "#2b3440", "#12171e"
 BLUE, ORANGE, GREEN, RED = "#56b4e9", "#e69f00", "#009e73", "#d55e00"

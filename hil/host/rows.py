@@ -9,30 +9,29 @@ from hil.host.ledger.frames_csv import LedgerRow, pose_errors
 
 if TYPE_CHECKING:
     from hil.host.link_process.ipc import FrameResult
-    from hil.host.run import HostFrame
+    from simulator.frame import Frame
 
 
 def _ms(start_ns: int | None, end_ns: int | None) -> float | None:
     return None if start_ns is None or end_ns is None else (end_ns - start_ns) * 1e-6
 
 
-def ledger_row(frame: HostFrame, result: FrameResult) -> LedgerRow:
+def ledger_row(frame: Frame, result: FrameResult) -> LedgerRow:
     """A frame and its outcome as a row."""
-    truth_q = frame.truth.get("q_camera_from_target_wxyz")
-    truth_t = frame.truth.get("t_camera_from_target_m")
+    scene, truth = frame.scene, frame.truth
     row = LedgerRow(
-        frame_id=frame.frame_id,
-        epoch_utc=frame.epoch_utc,
-        t_s=frame.t_s,
-        exposure_s=frame.exposure_s,
+        frame_id=frame.number,
+        epoch_utc=scene.epoch_utc,
+        t_s=scene.t_s,
+        exposure_s=scene.exposure_s,
         outcome=result.outcome,
         reason=result.reason,
-        render_ms=frame.render_ms,
+        render_ms=frame.drawing_ms,
         send_lag_ms=_ms(result.due_ns, result.send_start_ns),
         send_ms=_ms(result.send_start_ns, result.send_end_ns),
         e2e_ms=_ms(result.send_start_ns, result.received_ns),
-        truth_q_wxyz=None if truth_q is None else tuple(truth_q),
-        truth_t_m=None if truth_t is None else tuple(truth_t),
+        truth_q_wxyz=None if truth is None else truth.q_camera_from_target_wxyz,
+        truth_t_m=None if truth is None else truth.t_camera_from_target_m,
     )
     pose = result.pose
     if pose is None:

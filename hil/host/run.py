@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -30,6 +30,8 @@ from hil.host.signals import signals_held
 from hil.host.truth.policy import truth_kept_home, with_truth_endpoint
 from hil.link.packets.messages import HelloAck, Mode, TruthPolicy
 from simulator.errors import UserError
+from simulator.frame import Frame
+from simulator.labels.truth import truth_document
 from simulator.runtime.files import write_atomic
 
 logger = logging.getLogger(__name__)
@@ -50,37 +52,6 @@ GOODBYES: dict[Ended, str] = {
     "interrupted": "the run was stopped at the host",
     "failed": "the run failed at the host",
 }
-
-
-@dataclass(frozen=True)
-class HostFrame:
-    """A frame ready to be sent.
-
-    Parameters
-    ----------
-    frame_id : strictly increasing over a run.
-    epoch_utc, t_s : mid-exposure.
-    image : (H, W) uint8, or uint16 with the numbers of 9 to 16 bits as the detector gives them (right-aligned).
-    camera : the camera JSON object; the same for all frames of a run.
-    truth : JSON-able; stays at the host, or goes where ``truth`` of the link says.
-    render_ms : what drawing it cost.
-    bits : of a pixel; None for all that its type has.
-    """
-
-    frame_id: int
-    epoch_utc: str
-    t_s: float
-    exposure_s: float
-    image: np.typing.NDArray[np.unsignedinteger]
-    camera: dict[str, Any]
-    truth: dict[str, Any]
-    render_ms: float
-    bits: int | None = None
-
-    @property
-    def pixel_bits(self) -> int:
-        """Bits of a pixel that count; the others are zero."""
-        return 8 * self.image.dtype.itemsize if self.bits is None else self.bits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +78,7 @@ class RunConfig:
 
 
 def run_host(
-    frames: Iterable[HostFrame],
+    frames: Iterable[Frame],
     config: RunConfig,
     *,
     on_row: Callable[[LedgerRow], None] | None = None,
@@ -118,7 +89,7 @@ def run_host(
 
     Parameters
     ----------
-    frames : drawn as they are needed.
+    frames : as `hil.host.plan_frames` has them from the loop, drawn as they are needed.
     config : with ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up; where other machines
         could ask for it, truth stays here, and a warning is logged.
     on_row : told each row once its outcome is known, in that order.
@@ -138,7 +109,7 @@ def run_host(
     if warning:
         logger.warning("%s", warning)
     terms = with_truth_endpoint(kept)
-    run = _Run(terms, on_row)
+    run = BoardSink(terms, on_row)
     with HostLink(terms) as link:
         # ports first, so that a taken one is reported before anything is drawn or written
         run.link = link
@@ -153,10 +124,10 @@ def run_host(
             if first is None:
                 raise UserError("there is no frame to send: ask for at least one")
             ack = HelloAck(
-                camera=first.camera,
+                camera=msgspec.to_builtins(first.scene.camera),
                 width_px=first.image.shape[1],
                 height_px=first.image.shape[0],
-                bits=first.pixel_bits,
+                bits=first.scene.sensor.bits,
                 mode=Mode[terms.mode.upper()],
                 truth=TruthPolicy[terms.truth.upper()],
                 window=config.window,
@@ -171,8 +142,7 @@ def run_host(
                     f"no board connected to {link.url} within {config.connect_timeout_s:g} s{refused}:"
                     f" start one with `flyaround hil board {link.url}`"
                 )
-            every = _chained(first, iterator)
-            ended = run.lockstep(every) if terms.mode == "lockstep" else run.realtime(every)
+            ended = _send_all(run, _on_one_footing(first, iterator))
         except KeyboardInterrupt:
             ended = "interrupted"
             raise
@@ -189,26 +159,35 @@ def run_host(
     return summary
 
 
-def _chained(first: HostFrame, rest: Iterator[HostFrame]) -> Iterator[HostFrame]:
+def _send_all(board: BoardSink, frames: Iterator[Frame]) -> Ended:
+    for frame in frames:
+        board.write(frame)
+        if board.is_lost:
+            return "board_lost"
+    board.wait_for_outcomes()
+    return "completed"
+
+
+def _on_one_footing(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
     """All frames, checked against the terms that the first one settled."""
     yield first
     before = first
     for frame in rest:
-        if frame.frame_id <= before.frame_id:
-            raise ValueError(f"frame ids must increase: {frame.frame_id} after {before.frame_id}")
+        if frame.number <= before.number:
+            raise ValueError(f"frame numbers must increase: {frame.number} after {before.number}")
         if (
-            frame.camera != first.camera
+            frame.scene.camera != first.scene.camera
             or frame.image.shape != first.image.shape
             or frame.image.dtype != first.image.dtype
-            or frame.pixel_bits != first.pixel_bits
+            or frame.scene.sensor.bits != first.scene.sensor.bits
         ):
-            raise ValueError(f"frame {frame.frame_id} has another camera or image format than the first")
+            raise ValueError(f"frame {frame.number} has another camera or image format than the first")
         yield frame
         before = frame
 
 
-class _Run:
-    """The state of one run on the run's side."""
+class BoardSink:
+    """Sends each frame to the board, in lockstep or when it is due, and keeps the books of what became of them."""
 
     link: HostLink
 
@@ -216,37 +195,42 @@ class _Run:
         self.config = config
         self.writer: LedgerWriter | None = None
         self.rows: list[LedgerRow] = []
+        self.is_lost = False
         self._on_row = on_row
-        self._open: dict[int, HostFrame] = {}  # handed over, outcome not yet known
+        self._open: dict[int, Frame] = {}  # handed over, outcome not yet known
         self._started_utc = datetime.now(UTC).isoformat(timespec="seconds")
+        self._origin_ns: int | None = None
 
-    def lockstep(self, frames: Iterator[HostFrame]) -> Ended:
-        """Frame out, outcome in, next."""
-        for frame in frames:
-            if not self.link.wait_for_board(self.config.timeout_s):
-                return "board_lost"
-            while not self.link.has_room:
-                self.link.pump(0.1)
-            self._submit(frame, None)
-            self._finish_all()
-        return "completed"
+    def write(self, frame: Frame) -> None:
+        """Send one frame; afterwards ``is_lost`` says whether the board stayed away for too long."""
+        if self.config.mode == "lockstep":
+            self._in_lockstep(frame)
+        else:
+            self._when_due(frame)
 
-    def realtime(self, frames: Iterator[HostFrame]) -> Ended:
-        """Frames at the scenario's pace, whatever the board does."""
-        origin_ns: int | None = None
-        for frame in frames:
-            if origin_ns is None:
-                origin_ns = time.monotonic_ns() + LEAD_NS - round(frame.t_s * 1e9)
-            self._collect(0.0)
-            while not self.link.has_room:
-                self._collect(0.1)
-            self._submit(frame, origin_ns + round(frame.t_s * 1e9))
-            gone_s = time.monotonic() - self.link.down_since_s
-            if self.link.board is None and gone_s > self.config.timeout_s:
-                self._finish_all()
-                return "board_lost"
-        self._finish_all()
-        return "completed"
+    def _in_lockstep(self, frame: Frame) -> None:
+        """Frame out, outcome in."""
+        if not self.link.wait_for_board(self.config.timeout_s):
+            self.is_lost = True
+            return
+        while not self.link.has_room:
+            self.link.pump(0.1)
+        self._submit(frame, None)
+        self.wait_for_outcomes()
+
+    def _when_due(self, frame: Frame) -> None:
+        """Frame out at the scenario's pace, whatever the board does."""
+        t_ns = round(frame.scene.t_s * 1e9)
+        if self._origin_ns is None:
+            self._origin_ns = time.monotonic_ns() + LEAD_NS - t_ns
+        self._collect(0.0)
+        while not self.link.has_room:
+            self._collect(0.1)
+        self._submit(frame, self._origin_ns + t_ns)
+        gone_s = time.monotonic() - self.link.down_since_s
+        if self.link.board is None and gone_s > self.config.timeout_s:
+            self.wait_for_outcomes()
+            self.is_lost = True
 
     def open_books(self, config: RunConfig) -> None:
         """Begin the ledger, and write down what a run that is killed can no longer say."""
@@ -343,20 +327,21 @@ class _Run:
             ),
         )
 
-    def _submit(self, frame: HostFrame, due_ns: int | None) -> None:
-        self._open[frame.frame_id] = replace(frame, image=np.empty((0, 0), np.uint8))
+    def _submit(self, frame: Frame, due_ns: int | None) -> None:
+        self._open[frame.number] = frame.without_image()
+        scene = frame.scene
         self.link.submit(
             frame.image,
-            frame_id=frame.frame_id,
-            epoch_utc=frame.epoch_utc,
-            t_s=frame.t_s,
-            exposure_s=frame.exposure_s,
-            bits=frame.pixel_bits,
+            frame_id=frame.number,
+            epoch_utc=scene.epoch_utc,
+            t_s=scene.t_s,
+            exposure_s=scene.exposure_s,
+            bits=scene.sensor.bits,
             due_ns=due_ns,
-            truth=None if self.config.truth == "off" else frame.truth,
+            truth=None if self.config.truth == "off" or frame.truth is None else truth_document(frame.truth),
         )
 
-    def _finish_all(self) -> None:
+    def wait_for_outcomes(self) -> None:
         """Wait until every frame that was handed over has its outcome; the link process sees to that."""
         while self._open:
             self._collect(0.5)

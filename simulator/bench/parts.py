@@ -10,9 +10,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from simulator.dataset.capture import capture
-from simulator.loop import plan_flight
 from simulator.runtime.arrays import FloatArray
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.world.attitude.pointing import Pointing
 from simulator.world.attitude.rigid_body import propagate_attitude
 from simulator.world.constants import DAY_S, EARTH_RADIUS_M

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.frame import take_frame
-from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.scene.state import TargetRef
 from simulator.targets.model import MassProperties, Material, Part, Target
 

@@ -12,15 +12,15 @@ import numpy as np
 from simulator.bench.labelled import labels_cost
 from simulator.camera.lens.files import load_camera
 from simulator.frame import take_frame
-from simulator.loop import plan_flight
 from simulator.render.reference_pass import ReferencePass
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from simulator.loop import Plan
+    from simulator.scenario.plan import Plan
     from simulator.scene.state import SceneState
 
 BENCH_SCENES = (

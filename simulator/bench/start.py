@@ -24,7 +24,7 @@ scenario = load_scenario("{SCENE}")
 bands = scenario.output.bands
 begun = begin_earth_maps(bands, scenario.environment_model, scenario.epoch_utc)
 from simulator.frame import take_frame
-from simulator.loop import plan_flight
+from simulator.scenario.plan import plan_flight
 from simulator.render.renderer import Renderer
 plan = plan_flight(scenario, n=1)
 with Renderer(begun={{bands: begun}}) as renderer:

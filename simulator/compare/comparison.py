@@ -9,7 +9,7 @@ import numpy as np
 
 from simulator.compare.figures import GRADIENT_LARGEST_DN, binary_edges, edge_threshold, look_at, moved_dn
 from simulator.compare.likeness import FoundPose, exposed_like, find_like
-from simulator.imaging.develop import digitise_scene, expose_scene
+from simulator.imaging.image_formation import digitise_scene, expose_scene
 from simulator.scene.environments import ENVIRONMENTS
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ import numpy as np
 from simulator.camera.detector.presets import sensor_preset
 from simulator.compare.figures import look_at, moved_dn, noise_dn
 from simulator.compare.references import fitted
-from simulator.dataset.poses import scene_with_pose
-from simulator.imaging.develop import expose_scene
+from simulator.imaging.image_formation import expose_scene
 from simulator.labels.boxes import amodal_box
+from simulator.scenario.poses import scene_with_pose
 from simulator.scenario.recipes import plan_recipe
 
 if TYPE_CHECKING:

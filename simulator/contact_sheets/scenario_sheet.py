@@ -10,9 +10,9 @@ import numpy as np
 
 from simulator.dataset.formats.native import encode_png
 from simulator.frame import take_frame
-from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
 from simulator.runtime.files import write_atomic
+from simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -2,48 +2,37 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
-from simulator.dataset.card import (
-    CARD_NAME,
-    CardQuarantine,
-    CardTarget,
-    DatasetCard,
-    card_to_json,
-    describe_machine,
-    read_card,
-)
+from simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, describe_machine, read_card
 from simulator.dataset.clipping import ClippingSummary, summarise_clipping
-from simulator.dataset.drawers import open_drawer
-from simulator.dataset.formats.native import is_whole, write_encoded
+from simulator.dataset.formats.native import is_whole
 from simulator.dataset.formats.speed import export_speed
 from simulator.dataset.lock import NAME as LOCK
 from simulator.dataset.lock import only_capture
+from simulator.dataset.writer import CheckAndEncode, DatasetWriter
 from simulator.errors import UserError
 from simulator.labels.request import LAYERS, LabelRequest
 from simulator.labels.truth import FlowLabel
-from simulator.runtime.files import empty_folder, write_atomic
+from simulator.loop import open_frames, run_frames
+from simulator.runtime.files import empty_folder
+from simulator.scenario.plan import FramePlan
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from simulator.camera.lens.camera_model import Camera
-    from simulator.dataset.drawers import CheckedFrame
-    from simulator.render.gl.context import GlInfo
     from simulator.scene.state import SceneState
-    from simulator.targets.model import Target
 
-log = logging.getLogger(__name__)
 
 FORMATS = ("native", "speed")
 
 
-class Plan(Protocol):
+class CapturePlan(FramePlan, Protocol):
     """What a capture needs: frames by number, each from the plan alone, and what the card says of them."""
 
     @property
@@ -53,10 +42,6 @@ class Plan(Protocol):
     @property
     def scenario_document(self) -> dict[str, Any]:
         """It in full, as JSON."""
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames."""
 
     @property
     def every_s(self) -> float | None:
@@ -69,13 +54,6 @@ class Plan(Protocol):
     @property
     def camera(self) -> Camera:
         """The camera."""
-
-    @property
-    def target(self) -> Target:
-        """The model that is drawn."""
-
-    def scene(self, k: int) -> SceneState:
-        """The snapshot of frame k."""
 
     def next_scene(self, k: int) -> SceneState | None:
         """What optical flow leads to from frame k, if there is such a thing."""
@@ -111,7 +89,7 @@ def parse_formats(text: str) -> tuple[str, ...]:
 
 
 def capture(
-    plan: Plan,
+    plan: CapturePlan,
     folder: str | Path,
     *,
     formats: tuple[str, ...] = ("native",),
@@ -148,7 +126,7 @@ def capture(
 
 
 def _capture(
-    plan: Plan,
+    plan: CapturePlan,
     folder: Path,
     formats: tuple[str, ...],
     labels: tuple[str, ...],
@@ -159,45 +137,40 @@ def _capture(
     resume: bool,
 ) -> CaptureSummary:
     """`capture` into a folder that is this one's alone."""
-    with open_drawer(workers, device_index, plan.scene(0)) as drawer:
-        card = _card(plan, drawer.info, formats, labels)
+    planned = _card(plan, formats, labels)
+    with open_frames(
+        CheckAndEncode(planned, plan.target if workers == 1 else None),
+        # one draws here; more have each a renderer of their own
+        processes=workers if workers > 1 else 0,
+        device_index=device_index,
+        first=plan.scene(0),
+        target=plan.target,
+    ) as producer:
+        info = producer.info
+        card = msgspec.structs.replace(
+            planned, machine=describe_machine(info.vendor, info.renderer, info.version)
+        )
         if resume:
             card = _same_plan(folder, card)
-        (folder / "images").mkdir(exist_ok=True)
-        write_atomic(folder / CARD_NAME, card_to_json(card))
+        writer = DatasetWriter(folder, card)
         kept = {k for k in range(plan.n_frames) if is_whole(folder, k)} if resume else set()
         missing = [k for k in range(plan.n_frames) if k not in kept]
-        quarantined: list[tuple[int, str]] = []
-        n_feasible, clipped = 0, []
-        jobs = ((k, plan.scene(k), _request(plan, k, labels)) for k in missing)
-        frames = drawer.frames(jobs, plan.target, card)
-        for done, (k, frame) in enumerate(zip(missing, frames, strict=True)):
-            if frame.reason:
-                _quarantine(folder, k, frame)
-                quarantined.append((k, frame.reason))
-                card = _with_quarantined(card, k, frame.reason)
-                write_atomic(folder / CARD_NAME, card_to_json(card))
-            else:
-                write_encoded(folder, k, frame.files)
-                n_feasible += frame.feasible
-                clipped.append(frame.clipping)
-            progress(len(kept) + done + 1, plan.n_frames)
-    if "speed" in card.formats:
+        frames = run_frames(
+            plan, producer, [writer], labels=lambda k: _request(plan, k, labels), numbers=missing
+        )
+        for done, _ in enumerate(frames, start=len(kept) + 1):
+            progress(done, plan.n_frames)
+    if "speed" in writer.card.formats:
         export_speed(folder, [k for k in range(plan.n_frames) if is_whole(folder, k)])
-    write_atomic(folder / CARD_NAME, card_to_json(msgspec.structs.replace(card, complete=not quarantined)))
-    n_written = len(missing) - len(quarantined)
-    clipping = summarise_clipping(clipped, plan.scenario_document)
-    return CaptureSummary(folder, n_written, len(kept), n_feasible, tuple(quarantined), clipping)
-
-
-def _with_quarantined(card: DatasetCard, k: int, reason: str) -> DatasetCard:
-    """The card with one more frame that is kept apart."""
-    return msgspec.structs.replace(
-        card, quarantined=(*card.quarantined, CardQuarantine(frame=k, reason=reason))
+    writer.finish()
+    n_written = len(missing) - len(writer.quarantined)
+    clipping = summarise_clipping(writer.clipping, plan.scenario_document)
+    return CaptureSummary(
+        folder, n_written, len(kept), writer.n_feasible, tuple(writer.quarantined), clipping
     )
 
 
-def _possible(plan: Plan, labels: tuple[str, ...]) -> tuple[str, ...]:
+def _possible(plan: CapturePlan, labels: tuple[str, ...]) -> tuple[str, ...]:
     """The layers that the plan's frames can have: of ``all``, optical flow is left out where there is none."""
     if "flow" not in labels:
         return labels
@@ -211,7 +184,7 @@ def _possible(plan: Plan, labels: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in labels if name != "flow") if reason else labels
 
 
-def _request(plan: Plan, k: int, labels: tuple[str, ...]) -> LabelRequest:
+def _request(plan: CapturePlan, k: int, labels: tuple[str, ...]) -> LabelRequest:
     """What to label of frame k; the last frame of a flight leads nowhere."""
     following = plan.next_scene(k) if "flow" in labels else None
     if following is None:
@@ -224,16 +197,8 @@ def _request(plan: Plan, k: int, labels: tuple[str, ...]) -> LabelRequest:
     return LabelRequest(layers=labels, flow=flow)
 
 
-def _quarantine(folder: Path, k: int, frame: CheckedFrame) -> None:
-    """Write a frame whose labels disagree apart, with its reason."""
-    place = folder / "quarantine"
-    (place / "images").mkdir(parents=True, exist_ok=True)
-    write_atomic(place / f"{k:06d}.txt", (frame.reason + "\n").encode())
-    write_encoded(place, k, frame.files)
-    log.warning("frame %d is quarantined: %s", k, frame.reason)
-
-
-def _card(plan: Plan, info: GlInfo, formats: tuple[str, ...], labels: tuple[str, ...]) -> DatasetCard:
+def _card(plan: CapturePlan, formats: tuple[str, ...], labels: tuple[str, ...]) -> DatasetCard:
+    """The card as planned, before it is known what draws."""
     return DatasetCard(
         scenario_name=plan.scenario_name,
         scenario=plan.scenario_document,
@@ -250,7 +215,7 @@ def _card(plan: Plan, info: GlInfo, formats: tuple[str, ...], labels: tuple[str,
             parts=tuple(part.name for part in plan.target.parts),
             keypoints={k.name: k.position_m for k in plan.target.keypoints},
         ),
-        machine=describe_machine(info.vendor, info.renderer, info.version),
+        machine=describe_machine("", "", ""),
     )
 
 

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.imaging.image_formation import expose
 from simulator.scene.illumination.bands import PANCHROMATIC, reflectance, sun_irradiance_w_m2
 from simulator.world.ephemeris.bodies import BODIES
 from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
+    from simulator.imaging.auto_exposure import AutoExposure
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
@@ -120,3 +122,10 @@ def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
     cosine = np.clip(zenith @ sun / np.linalg.norm(sun), 0, None)
     sunlight = PANCHROMATIC.sun_irradiance_w_m2
     return np.where(hit, GROUND_ALBEDO[scene.central_body] / np.pi * sunlight * cosine, 0.0), area
+
+
+def wanted_exposure_s(auto: AutoExposure, scene: SceneState, target: Target) -> float:
+    """Exposure that the meter wants for a scene [s]."""
+    # an even grey picture, exposed for a second, tells how bright the sensor takes a unit of radiance to be
+    signal = float(expose(np.ones((9, 9), np.float32), scene.sensor, 1.0, optics=scene.optics)[4, 4])
+    return auto.wanted_s(metered_radiance_w_m2_sr(scene, target, auto.share), 1 / signal)

@@ -38,7 +38,7 @@ def _cubic(x: FloatArray) -> FloatArray:
     return np.asarray(np.where(x < 1, near, np.where(x < _CUBIC_REACH, far, 0.0)))
 
 
-def smear_kernels(ways_px: FloatArray) -> Float32Array:
+def motion_blur_kernels(ways_px: FloatArray) -> Float32Array:
     """Mean of the shifts along straight ways, their middles at the kernels'; the sum of each is one.
 
     Parameters
@@ -59,7 +59,7 @@ def smear_kernels(ways_px: FloatArray) -> Float32Array:
     return np.asarray(kernels / kernels.sum(axis=(1, 2), keepdims=True), np.float32)
 
 
-def smear(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArray]) -> Float32Array:
+def motion_blur(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArray]) -> Float32Array:
     """Mean of a picture over an exposure in which each of its points goes its own way.
 
     Parameters
@@ -75,7 +75,7 @@ def smear(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArray]) ->
     tile = _tile_size(width, height, ways_px)
     columns, rows = (_edges(size, step) for size, step in zip((width, height), tile, strict=True))
     u, v = np.meshgrid(*((e[:-1] + e[1:] - 1) / 2 for e in (columns, rows)))
-    kernels = smear_kernels(ways_px(np.stack([u.ravel(), v.ravel()], axis=1)))
+    kernels = motion_blur_kernels(ways_px(np.stack([u.ravel(), v.ravel()], axis=1)))
     kernels = kernels.reshape(*u.shape, *kernels.shape[1:])
     ry, rx = (side // 2 for side in kernels.shape[2:])
     out = np.empty((height, width, *picture.shape[2:]), np.float32)

@@ -1,4 +1,4 @@
-"""Boxes about the craft: of the visible mask, of the whole projected craft, and in three dimensions."""
+"""Boxes about the craft on the image: of the visible mask, and of the whole projected craft."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.labels.truth import Box
-from simulator.labels.visibility import box_corners_m, mesh_of
-from simulator.runtime.memory import kept_with
+from simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
-    from simulator.runtime.arrays import ByteArray, FloatArray
+    from simulator.runtime.arrays import ByteArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
@@ -47,12 +46,3 @@ def amodal_box(scene: SceneState, target: Target) -> Box | None:
     x0, y0 = pixels.min(axis=0)
     x1, y1 = pixels.max(axis=0)
     return (float(x0), float(y0), float(x1), float(y1))
-
-
-@kept_with
-def box_3d_m(target: Target) -> FloatArray:
-    """(8, 3) corners of the box about the mesh, model axes, read only; corner k is high in x, y, z by bits 4, 2, 1."""
-    # of the parts as they are: every picture asks, and the joined mesh serves labels alone
-    corners = box_corners_m([part.positions_m for part in target.parts if len(part.positions_m)])
-    corners.flags.writeable = False
-    return corners

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from simulator.camera.lens.camera_model import Camera
+    from simulator.labels.truth import Box, InfeasibleReason
     from simulator.labels.wireframe import EdgeView
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.state import SceneState
@@ -22,6 +23,7 @@ SILHOUETTE_SHARE = 0.9
 STEP_SHARE = 0.4
 SAMPLE_SPACING_PX = 4.0
 STEP_REACH_PX = 2.0
+TOO_FAR_PX = 40.0
 
 
 def visible_samples(views: Sequence[EdgeView], camera: Camera) -> tuple[FloatArray, FloatArray]:
@@ -102,3 +104,13 @@ def _sample(image: Float32Array, pixels: FloatArray) -> FloatArray:
     x, y = (pixels[:, k].astype(np.float32).reshape(-1, 1) for k in (0, 1))
     values = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(values, float).ravel()
+
+
+def infeasible_reason(silhouette_inside: float, step_share: float, amodal: Box | None) -> InfeasibleReason:
+    """Why a frame cannot be solved, or nothing: cropped first, then dark or, for a small target, too far."""
+    if silhouette_inside < SILHOUETTE_SHARE:
+        return "cropped"
+    if step_share >= STEP_SHARE:
+        return ""
+    small = amodal is not None and max(amodal[2] - amodal[0], amodal[3] - amodal[1]) < TOO_FAR_PX
+    return "too_far" if small else "dark"

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.imaging.exposure import pose_at_rows
 from simulator.imaging.image_formation import noise_sigma
+from simulator.imaging.rolling_shutter import pose_at_rows
 from simulator.labels.truth import KeypointLabel, KeypointState
-from simulator.labels.visibility import Mesh, hidden_from_direction, occluded_from_camera
+from simulator.labels.visibility import hidden_from_direction, occluded_from_camera
+from simulator.targets.joined_mesh import JoinedMesh
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -24,7 +25,7 @@ CONTRAST_RADIUS_PX = 2
 
 
 def label_keypoints(
-    scene: SceneState, target: Target, mesh: Mesh, signal: Float32Array
+    scene: SceneState, target: Target, mesh: JoinedMesh, signal: Float32Array
 ) -> tuple[KeypointLabel, ...]:
     """Labels of all keypoints of a target.
 
@@ -87,7 +88,7 @@ def _by_scene(scenes: Sequence[SceneState]) -> Iterator[tuple[SceneState, IntArr
 
 
 def geometric_states(
-    scene: SceneState, target: Target, mesh: Mesh, scenes: Sequence[SceneState] | None = None
+    scene: SceneState, target: Target, mesh: JoinedMesh, scenes: Sequence[SceneState] | None = None
 ) -> tuple[KeypointState | None, ...]:
     """State of each keypoint by geometry alone; None where it is lit and in sight, and the picture decides.
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.camera.detector.sensor import noiseless
-from simulator.imaging.develop import digitise_scene
-from simulator.imaging.exposure import surfaces
+from simulator.imaging.image_formation import digitise_scene
 from simulator.labels.boxes import craft_window
 from simulator.labels.request import OF_SURFACES
+from simulator.labels.surfaces import surfaces
 from simulator.runtime.arrays import ByteArray, Float32Array
 from simulator.world.frames.pose import Pose
 
@@ -85,6 +85,11 @@ def wants_surfaces(request: LabelRequest) -> bool:
     return not OF_SURFACES.isdisjoint(request.layers)
 
 
+def pixel_hash(image: NDArray[Any]) -> str:
+    """SHA-256 of an image's pixels, row by row, whatever file they are kept in."""
+    return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
+
+
 def layer_hash(name: str, layer: NDArray[Any], mask: ByteArray) -> str:
     """SHA-256 of a layer's values, row by row, whatever file they are kept in.
 
@@ -96,7 +101,7 @@ def layer_hash(name: str, layer: NDArray[Any], mask: ByteArray) -> str:
         pixels = whole.view(f"V{whole.itemsize * whole[0, 0].size}").reshape(mask.shape)
         window = craft_window(mask)
         layer = pixels[window][mask[window] > 0]
-    return hashlib.sha256(np.ascontiguousarray(layer).data).hexdigest()
+    return pixel_hash(layer)
 
 
 def clean_twin(scene: SceneState, signal: Float32Array) -> NDArray[np.unsignedinteger]:

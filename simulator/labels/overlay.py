@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from simulator.labels.truth import Truth
-from simulator.labels.visibility import mesh_of
 from simulator.labels.wireframe import view_edges
+from simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

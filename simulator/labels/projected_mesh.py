@@ -19,8 +19,8 @@ import numpy as np
 from simulator.targets.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
-    from simulator.labels.visibility import Mesh
     from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from simulator.targets.joined_mesh import JoinedMesh
     from simulator.world.frames.pose import Pose
 
 NEAR_M = 1e-3  # a triangle that reaches closer to the lens's plane, or behind it, has no projection
@@ -31,7 +31,7 @@ SHORTEST = 1e-6  # a stretch shorter than this share of its edge is rounding whe
 
 
 @dataclass(frozen=True, eq=False)
-class Screen:
+class ProjectedMesh:
     """The projected mesh.
 
     Parameters
@@ -128,7 +128,7 @@ class Screen:
 
 
 @lru_cache(maxsize=2)
-def seen_from_camera(mesh: Mesh, camera_from_target: Pose) -> Screen:
+def seen_from_camera(mesh: JoinedMesh, camera_from_target: Pose) -> ProjectedMesh:
     """A mesh on the plane z = 1 before a pinhole at the camera's origin; nearness is the inverse of depth [m-1].
 
     Of closed shells what looks away is left out, unless the mesh reaches the lens's plane: before it, on each ray that
@@ -144,15 +144,15 @@ def seen_from_camera(mesh: Mesh, camera_from_target: Pose) -> Screen:
         ahead = _least(z) > NEAR_M
         x, y, z = x[:, ahead], y[:, ahead], z[:, ahead]
     near = 1 / z
-    return Screen(x * near, y * near, near, FLAT)
+    return ProjectedMesh(x * near, y * near, near, FLAT)
 
 
 @lru_cache(maxsize=2)
-def seen_from_direction(mesh: Mesh, direction: tuple[float, float, float]) -> Screen:
+def seen_from_direction(mesh: JoinedMesh, direction: tuple[float, float, float]) -> ProjectedMesh:
     """A mesh on the plane across a unit vector, target frame; nearness is the distance along it [m]."""
     corners = mesh.corners_m[:, :, mesh.facing(np.append(direction, 0.0))]
     x, y, near = (across(direction) @ corners.reshape(3, -1)).reshape(corners.shape)
-    return Screen(x, y, near, FLAT_M2)
+    return ProjectedMesh(x, y, near, FLAT_M2)
 
 
 def across(direction: tuple[float, float, float]) -> FloatArray:

@@ -115,6 +115,11 @@ def truth_to_json(truth: Truth) -> bytes:
     return msgspec.json.format(msgspec.json.encode(truth), indent=1) + b"\n"
 
 
+def truth_document(truth: Truth) -> dict[str, Any]:
+    """The record as a JSON-able document."""
+    return dict(msgspec.json.decode(msgspec.json.encode(truth)))
+
+
 def read_truth(path: str | Path) -> Truth:
     """Read and validate a truth record.
 

@@ -24,8 +24,8 @@ from simulator.runtime.memory import kept_with
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
-    from simulator.labels.visibility import Mesh
     from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from simulator.targets.joined_mesh import JoinedMesh
     from simulator.targets.model import Edge, Target
     from simulator.world.frames.pose import Pose
 
@@ -79,7 +79,9 @@ def bent(camera: Camera, straight_px: FloatArray) -> FloatArray:
     return camera.project(np.concatenate([xy, np.ones((len(xy), 1))], axis=1))
 
 
-def view_edges(camera: Camera, camera_from_target: Pose, target: Target, mesh: Mesh) -> tuple[EdgeView, ...]:
+def view_edges(
+    camera: Camera, camera_from_target: Pose, target: Target, mesh: JoinedMesh
+) -> tuple[EdgeView, ...]:
     """All edges of a target that lie before the camera, with their visible stretches.
 
     An edge whose faces all look away has no visible stretch. A rod's edge is its axis, which its own surface hides:
@@ -105,9 +107,9 @@ def view_edges(camera: Camera, camera_from_target: Pose, target: Target, mesh: M
     nearer = inverse / (1 - np.minimum((SURFACE_TOLERANCE_M + ROD * across) / distance, 0.9))
     facing = np.flatnonzero(wires.facing(np.asarray(camera_from_target.inverse().t_m))[ahead])
     stretches: list[tuple[tuple[float, float], ...]] = [()] * len(ahead)
-    screen = seen_from_camera(mesh, camera_from_target)
+    projected = seen_from_camera(mesh, camera_from_target)
     on_screen = in_camera[facing, :, :2] * inverse[facing, :, None]
-    for k, seen in zip(facing, screen.seen(on_screen, nearer[facing]), strict=True):
+    for k, seen in zip(facing, projected.seen(on_screen, nearer[facing]), strict=True):
         stretches[k] = seen
     edges = target.wireframe
     return tuple(

@@ -140,7 +140,7 @@ def list_recipes() -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RecipePlan:
-    """``n_frames`` independent samples; the same face as ``simulator.loop.Plan`` to a capture."""
+    """``n_frames`` independent samples; the same face as ``simulator.scenario.plan.Plan`` to a capture."""
 
     recipe: Recipe
     target: Target

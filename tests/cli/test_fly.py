@@ -7,8 +7,8 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from flyaround.cli import app
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 
 def test_fly_writes_messages_and_a_replay(tmp_path: Path) -> None:

@@ -11,10 +11,10 @@ from simulator.camera.sections import DetectorSection
 from simulator.dataset.capture import capture
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.dataset.picture import render_scene
+from simulator.dataset.single_frames import render_scene
 from simulator.labels.truth import read_truth
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

@@ -24,12 +24,13 @@ from simulator.dataset.check.redraw import EXACT, check_same_picture, sample
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.errors import UserError
-from simulator.frame import pixel_hash, take_frame
-from simulator.imaging.develop import digitise_scene, expose_scene
+from simulator.frame import take_frame
+from simulator.imaging.image_formation import digitise_scene, expose_scene
+from simulator.labels.layers import pixel_hash
 from simulator.labels.truth import read_truth
-from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

@@ -16,7 +16,7 @@ from simulator.compare.comparison import Pair, compare_pictures
 from simulator.compare.figures import binary_edges, edge_threshold, look_at, moved_dn, noise_dn, sobel
 from simulator.compare.page import write_comparison
 from simulator.compare.references import fitted, read_references, read_speed_labels
-from simulator.dataset.picture import save_picture
+from simulator.dataset.single_frames import save_picture
 from simulator.errors import UserError
 from simulator.frame import take_frame
 from simulator.scenario.recipes import plan_recipe

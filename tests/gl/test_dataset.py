@@ -15,12 +15,12 @@ from simulator.dataset.capture import capture
 from simulator.dataset.card import card_json_schema
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.dataset.picture import render_scene, save_picture
+from simulator.dataset.single_frames import render_scene, save_picture
 from simulator.errors import UserError
 from simulator.frame import take_frame
 from simulator.labels.truth import read_truth, truth_json_schema
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from tools.validation.labels.faults import spoil
 
 pytestmark = pytest.mark.gl

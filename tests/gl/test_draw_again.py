@@ -2,11 +2,12 @@
 
 import pytest
 
-from gui import source
-from simulator.dataset import draw, drawers
+from simulator.dataset import writer
 from simulator.errors import UserError
-from simulator.loop import plan_flight
+from simulator.frame import Frame
+from simulator.loop import FrameRequest, draw_request
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.targets import library
 
 NAME = "cubesat-1u"
@@ -45,13 +46,12 @@ def test_frames_of_one_target_read_it_once(reads, renderer, monkeypatch, drawn_b
     plan = plan_flight(load_scenario("tango-space-10m"), n=3)
     reads.clear()
     if drawn_by == "capture":  # what the frame's check finds is not asked here
-        monkeypatch.setattr(drawers, "_checked", lambda _k, frame, _card, _target: frame)
+        monkeypatch.setattr(writer, "check_frame", lambda *_: [])
+    stages = {
+        "stream": Frame.image_and_truth,
+        "capture": writer.CheckAndEncode(card=None),
+        "console": Frame.without_radiance,
+    }
     for k in range(2):
-        scene = plan.scene(k)
-        if drawn_by == "stream":
-            draw.draw_labelled(renderer, scene)
-        elif drawn_by == "capture":
-            drawers._draw_checked(renderer, scene, request=draw.TRUTH_ALONE, k=k, card=None)
-        else:
-            source.draw(renderer, scene, labels=True)
+        draw_request(renderer, FrameRequest(scene=plan.scene(k)), stages[drawn_by])
     assert len(reads) == 1

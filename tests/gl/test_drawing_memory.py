@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from simulator.camera.lens.camera_model import Camera
-from simulator.dataset.draw import draw_labelled
-from simulator.loop import plan_flight
-from simulator.runtime.process import RenderProcess
+from simulator.frame import Frame
+from simulator.loop import FrameRequest, OpenRenderer, draw_request
+from simulator.runtime.worker import WorkerProcess
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 pytestmark = [
     pytest.mark.gl,
@@ -25,7 +26,7 @@ SMALL = Camera(width_px=480, height_px=300, fx_px=750.0, fy_px=750.0, cx_px=239.
 
 def draw(renderer, scene):
     """A frame as a stream gets it, and what the process has of its own in memory [MB]."""
-    frame = draw_labelled(renderer, scene)
+    frame = draw_request(renderer, FrameRequest(scene=scene), Frame.image_and_truth)
     status = Path("/proc/self/status").read_text()
     own = next(line for line in status.splitlines() if line.startswith("RssAnon"))
     return frame.image, int(own.split()[1]) / 1024
@@ -38,7 +39,7 @@ def laps(scenario, n_frames, count, camera=None):
     if camera is not None:
         scenes = [replace(scene, camera=camera) for scene in scenes]
     own = []
-    with RenderProcess(draw, capacity=2, first=scenes[0]) as process:
+    with WorkerProcess(draw, open_resource=OpenRenderer(first=scenes[0]), capacity=2) as process:
         for scene in scenes * count:
             if not process.has_room:
                 own.append(process.result()[1])

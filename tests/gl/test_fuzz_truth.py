@@ -14,9 +14,9 @@ from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.errors import UserError
 from simulator.frame import take_frame
 from simulator.labels.truth import read_truth
-from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl

@@ -12,9 +12,9 @@ from simulator.dataset.check.verify import check_frame
 from simulator.frame import take_frame
 from simulator.labels.request import LabelRequest
 from simulator.labels.truth import KeypointState
-from simulator.loop import plan_flight
 from simulator.runtime.arrays import vec3
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.world.ephemeris.eclipse import sun_fraction_past_both
 from simulator.world.frames.rotation import matrix_from_quat
 from tools.validation.labels.report import dataset_card

@@ -14,12 +14,12 @@ from simulator.dataset.capture import capture
 from simulator.dataset.card import read_card
 from simulator.dataset.check.verify import check_dataset, check_frame
 from simulator.dataset.formats.native import frame_paths, layer_path, read_layer, read_png
-from simulator.dataset.picture import render_scene, save_picture
+from simulator.dataset.single_frames import render_scene, save_picture
 from simulator.labels.layers import layer_hash
 from simulator.labels.request import LAYERS, LabelRequest, parse_labels
 from simulator.labels.truth import Truth, read_truth
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

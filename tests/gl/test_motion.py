@@ -12,21 +12,16 @@ from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.dataset.capture import capture
 from simulator.dataset.check.verify import check_dataset
 from simulator.dataset.formats.native import frame_paths, read_png
-from simulator.dataset.picture import render_scene
-from simulator.imaging.exposure import (
-    MAX_INSTANTS,
-    image_motion_px,
-    instants,
-    integrate,
-    motion_bound_px,
-    row_bands,
-)
+from simulator.dataset.single_frames import render_scene
+from simulator.imaging.exposure import MAX_INSTANTS, instants, integrate
+from simulator.imaging.image_motion import image_motion_px, motion_bound_px
+from simulator.imaging.rolling_shutter import row_bands
 from simulator.labels.truth import read_truth
-from simulator.loop import plan_flight
 from simulator.render.sky.star_pass import stars_in_view
 from simulator.render.view import build_view
 from simulator.runtime.arrays import vec3
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.scene.motion import scene_at
 from simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
 

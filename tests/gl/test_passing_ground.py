@@ -7,11 +7,12 @@ import pytest
 
 from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.imaging import exposure
-from simulator.imaging.develop import expose_scene
-from simulator.imaging.exposure import drawings_of_ground, image_motion_px, integrate
-from simulator.loop import plan_flight
+from simulator.imaging.exposure import drawings_of_ground, integrate
+from simulator.imaging.image_formation import expose_scene
+from simulator.imaging.image_motion import image_motion_px
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.scene.motion import scene_at
 
 pytestmark = pytest.mark.gl

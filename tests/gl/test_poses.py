@@ -9,9 +9,9 @@ from typer.testing import CliRunner
 
 from flyaround.cli import app
 from simulator.dataset.formats.native import read_png
-from simulator.dataset.poses import COLUMNS, read_poses
 from simulator.errors import UserError
 from simulator.labels.truth import read_truth
+from simulator.scenario.poses import COLUMNS, read_poses
 
 pytestmark = pytest.mark.gl
 

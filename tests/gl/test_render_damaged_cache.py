@@ -25,7 +25,7 @@ def watched(path):
     return check(path)
 cache.map_checked = arrays.map_checked = watched
 from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.loop import plan_flight
+from simulator.scenario.plan import plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
 scenario = load_scenario("tango-earth-10m-1024")

@@ -11,10 +11,10 @@ from pathlib import Path
 import moderngl
 import pytest
 
-from simulator.loop import plan_flight
 from simulator.render.gl.fences import Fences, draw_to, flush
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 

@@ -10,12 +10,12 @@ import pytest
 
 from simulator.bench import start
 from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.loop import plan_flight
 from simulator.render.earth.earth_pass import EarthPass
 from simulator.render.earth.map_textures import begin_earth_maps
 from simulator.render.renderer import Renderer
 from simulator.runtime.cache import cache_folder
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 pytestmark = pytest.mark.gl
 
@@ -52,7 +52,7 @@ def test_the_bench_starts_a_program_that_draws():
 
 FRAME = """
 import hashlib
-from simulator.loop import plan_flight
+from simulator.scenario.plan import plan_flight
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
 plan = plan_flight(load_scenario("tango-earth-10m-1024"), n=1)

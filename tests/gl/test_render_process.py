@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.runtime.process import RenderProcess
+from simulator.loop import OpenRenderer
+from simulator.runtime.worker import WorkerProcess
 from simulator.targets.model import Target
 
 pytestmark = pytest.mark.gl
@@ -42,7 +43,7 @@ def target(draw_kit):
 
 def test_results_in_order_and_equal_to_ours(renderer, draw_kit, target):
     scenes = [draw_kit.scene(target, frame_index=k, t_m=(0.1 * k, 0, 5)) for k in range(5)]
-    with RenderProcess(draw, capacity=2, first=scenes[0]) as process:
+    with WorkerProcess(draw, open_resource=OpenRenderer(first=scenes[0]), capacity=2) as process:
         assert process.info == renderer.info
         results = []
         for scene in scenes:
@@ -66,7 +67,7 @@ def test_results_in_order_and_equal_to_ours(renderer, draw_kit, target):
 
 def test_errors_come_back_as_themselves(draw_kit, target):
     scene = draw_kit.scene(target)
-    with RenderProcess(fail) as process:
+    with WorkerProcess(fail, open_resource=OpenRenderer()) as process:
         process.submit(scene, how="user")
         with pytest.raises(UserError, match="lens cap"):
             process.result()
@@ -79,7 +80,7 @@ def test_errors_come_back_as_themselves(draw_kit, target):
 
 
 def test_a_renderer_that_cannot_start_says_why(draw_kit, target):
-    with RenderProcess(draw, device_index=97) as process:
+    with WorkerProcess(draw, open_resource=OpenRenderer(device_index=97)) as process:
         process.submit(draw_kit.scene(target), target=target)
         with pytest.raises(UserError, match="device 97"):
             process.result()
@@ -114,7 +115,7 @@ def wait_until(condition) -> bool:
 def test_a_frame_in_work_is_given_up_and_its_memory_freed(draw_kit, target, tmp_path):
     busy = tmp_path / "busy"
     busy.touch()
-    with RenderProcess(hold) as process:
+    with WorkerProcess(hold, open_resource=OpenRenderer()) as process:
         process.submit(draw_kit.scene(target), until="")
         pid, _ = process.result()
         blocks = [SHM / name for name in process._blocks]
@@ -131,10 +132,11 @@ PARENT = """
 import pickle, sys, time
 sys.path.insert(0, sys.argv[1])
 import test_render_process as here
-from simulator.runtime.process import RenderProcess
+from simulator.loop import OpenRenderer
+from simulator.runtime.worker import WorkerProcess
 if __name__ == "__main__":
     scene = pickle.loads(open(sys.argv[2], "rb").read())
-    with RenderProcess(here.hold) as process:
+    with WorkerProcess(here.hold, open_resource=OpenRenderer()) as process:
         process.submit(scene, until="")
         pid, _ = process.result()
         process.submit(scene, until=sys.argv[2])
@@ -164,7 +166,7 @@ def test_a_renderer_does_not_outlive_who_made_it(draw_kit, target, tmp_path):
 
 
 def test_a_block_that_is_gone_does_not_keep_the_others_from_being_freed():
-    process = RenderProcess.__new__(RenderProcess)
+    process = WorkerProcess.__new__(WorkerProcess)
     process._pipe, theirs = multiprocessing.Pipe()
     process._blocks = {}
     gone, there = (shared_memory.SharedMemory(create=True, size=10) for _ in range(2))

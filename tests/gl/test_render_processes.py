@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.runtime.process_pool import RenderProcesses
+from simulator.loop import OpenRenderer
 from simulator.runtime.threads import usable_processors
+from simulator.runtime.worker_pool import WorkerPool
 
 pytestmark = pytest.mark.gl
 COUNT = 2
@@ -22,16 +23,20 @@ def test_two_draw_what_one_draws_in_order_and_say_what_went_wrong(renderer, draw
     monkeypatch.delenv("LP_NUM_THREADS")
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     scenes = [draw_kit.scene(target, frame_index=k, t_m=(0.1 * k, 0, 5)) for k in range(7)]
-    with RenderProcesses(draw, COUNT, capacity=2, first=scenes[0]) as processes:
+    with WorkerPool(
+        draw, COUNT, open_resource=OpenRenderer(first=scenes[0], processes=COUNT), capacity=2
+    ) as processes:
         assert processes.info.renderer == renderer.info.renderer
         if renderer.info.is_software:  # on two processors each draws by its own thread alone
             share = usable_processors() // COUNT
             assert processes.info.threads == (0 if usable_processors() <= COUNT else share)
-        drawn = list(processes.map((scene, {"target": target, "index": k}) for k, scene in enumerate(scenes)))
+        drawn = list(
+            processes.map(((scene,), {"target": target, "index": k}) for k, scene in enumerate(scenes))
+        )
         assert [k for k, _ in drawn] == list(range(len(scenes)))
         for scene, (_, radiance) in zip(scenes, drawn, strict=True):
             assert np.array_equal(radiance, renderer.render(scene, target).radiance)
-        jobs = [(scenes[0], {"target": target, "index": index}) for index in (-1, 1, 2)]
+        jobs = [((scenes[0],), {"target": target, "index": index}) for index in (-1, 1, 2)]
         with pytest.raises(UserError, match="lens cap"):
             list(processes.map(jobs))
         with pytest.raises(
@@ -42,4 +47,4 @@ def test_two_draw_what_one_draws_in_order_and_say_what_went_wrong(renderer, draw
 
 def test_none_cannot_draw():
     with pytest.raises(ValueError, match="at least one"):
-        RenderProcesses(draw, 0)
+        WorkerPool(draw, 0, open_resource=OpenRenderer())

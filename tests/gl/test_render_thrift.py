@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from simulator.bench.scaling import scaled
-from simulator.loop import plan_flight
 from simulator.render.renderer import Renderer
 from simulator.render.target import target_passes as passes
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 BLOCK = 16
 VIEWS = [

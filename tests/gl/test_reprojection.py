@@ -9,7 +9,7 @@ import pytest
 
 from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.lens.files import load_camera
-from simulator.dataset.picture import save_picture
+from simulator.dataset.single_frames import save_picture
 from simulator.frame import take_frame
 from simulator.targets.model import Keypoint, Material
 from simulator.world.frames.rotation import matrix_from_quat

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from simulator.labels.visibility import mesh_of
 from simulator.labels.wireframe import view_edges
 from simulator.scenario.recipes import plan_recipe
+from simulator.targets.joined_mesh import mesh_of
 
 pytestmark = pytest.mark.gl
 

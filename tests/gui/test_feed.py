@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from gui.adaptive_resolution import DIVISORS
-from gui.feed import Feed, PicturesLostError
+from gui.feed import Feed
 from gui.session import Session
 from gui.view_settings import Look
 from gui.viewport import shown_passes
 from simulator.frame import Frame
+from simulator.loop import FrameRequest, FramesLostError
 from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState
 
@@ -28,16 +29,16 @@ class FakeRenderer:
         self.ms_per_mpx = ms_per_mpx
         self.lose: str | None = None
 
-    def submit(self, scene: SceneState, *, labels: bool = False, timed: bool = False) -> bool:
-        self.timed.append(timed)
-        self.asked.append((scene, labels))
-        self.pending.append(scene)
+    def submit(self, request: FrameRequest) -> bool:
+        self.timed.append(bool(request.timed))
+        self.asked.append((request.scene, bool(request.labels)))
+        self.pending.append(request.scene)
         return True
 
-    def results(self) -> Iterable[Frame]:
+    def finished(self) -> Iterable[Frame]:
         if self.lose is not None:
             why, self.lose = self.lose, None
-            raise PicturesLostError(why)
+            raise FramesLostError(why)
         done, self.done = self.done, []
         return done
 

@@ -11,9 +11,9 @@ from gui.session import Session
 from gui.truth_overlay import AXIS_M, Marker
 from gui.view_settings import Overlays
 from simulator.labels.keypoints import label_keypoints
-from simulator.labels.visibility import Mesh
 from simulator.scenario.load import load_scenario
 from simulator.scene.state import SceneState
+from simulator.targets.joined_mesh import JoinedMesh
 from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
 
 ALL = Overlays(keypoints=True, box=True, axes=True, wireframe=True)
@@ -34,7 +34,7 @@ def test_keypoints_agree_with_the_labels(session: Session) -> None:
     # a checkerboard has contrast everywhere: only geometry decides the labels
     rows, columns = np.indices((scene.camera.height_px, scene.camera.width_px))
     signal = ((rows + columns) % 2 * 0.9).astype(np.float32)
-    labels = {k.name: k for k in label_keypoints(scene, target, Mesh.of(target), signal)}
+    labels = {k.name: k for k in label_keypoints(scene, target, JoinedMesh.of(target), signal)}
     marks = Marker(target).marks(scene, ALL)
     assert {seen for _, seen, _ in marks.keypoints} >= {"visible", "hidden"}
     states = {"self_occluded": "hidden", "shadowed": "shadowed", "visible": "visible"}

@@ -17,8 +17,8 @@ from gui.telemetry import read_out
 from gui.view_settings import Look, apply_look, reduced_camera
 from gui.viewport import Letterbox
 from simulator.errors import UserError
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.scene.state import SceneState
 from simulator.world.flight.recording import Recording, first_line
 from simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad

@@ -17,8 +17,8 @@ import cv2
 import numpy as np
 import pytest
 
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.world.flight.recording import Recording
 from tests.harness.screen import SCREEN, virtual_screen, xdotool
 

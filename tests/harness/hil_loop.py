@@ -6,17 +6,24 @@ import socket
 import struct
 import threading
 import time
-from dataclasses import fields
+from dataclasses import fields, replace
+from functools import cache
 
+import msgspec
 import numpy as np
 import pytest
 
 from hil.board.agent import run_board
 from hil.host.ledger.summary import LedgerSummary
 from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import HostFrame, RunConfig, run_host
+from hil.host.run import RunConfig, run_host
 from hil.link.errors import LinkError
 from hil.link.packets.packet import PacketType, decode_packet
+from simulator.camera.lens.camera_model import Camera
+from simulator.frame import NO_RADIANCE, Frame
+from simulator.labels.truth import Software, Truth
+from simulator.scenario.recipes import plan_recipe
+from simulator.scene.state import SceneState
 
 CAMERA = {"width_px": 64, "height_px": 48, "fx_px": 100.0, "fy_px": 100.0, "cx_px": 31.5, "cy_px": 23.5}
 MARK = "truth-must-not-leak"
@@ -41,15 +48,57 @@ print(summary.ended); sys.exit(0 if summary.goodbye else 1)
 """
 
 
+@cache
+def scene() -> SceneState:
+    """A scene whose camera and detector give the images of the tests."""
+    some = plan_recipe("eval-black", 1, seed=0).scene(0)
+    camera = msgspec.convert(CAMERA, Camera)
+    return replace(some, camera=camera, epoch_utc="2026-01-01T00:00:00Z", exposure_s=0.01)
+
+
+def made_frame(
+    k: int, image: np.ndarray, *, every_s: float, q=(1.0, 0.0, 0.0, 0.0), t_m=(0.0, 0.0, 1.0), mark: str = ""
+) -> Frame:
+    """A frame that nobody drew."""
+    height, width = image.shape
+    at = replace(
+        scene(),
+        frame_index=k,
+        t_s=k * every_s,
+        camera=replace(scene().camera, width_px=width, height_px=height),
+        q_camera_from_target_wxyz=q,
+        t_camera_from_target_m=t_m,
+    )
+    truth = Truth(
+        epoch_utc=at.epoch_utc,
+        t_s=at.t_s,
+        frame_index=k,
+        seed=at.seed,
+        q_camera_from_target_wxyz=q,
+        t_camera_from_target_m=t_m,
+        camera=at.camera,
+        keypoints=(),
+        box_px=None,
+        box_amodal_px=None,
+        sun_direction_camera=at.sun_direction_camera,
+        sun_visible_fraction=1.0,
+        feasible=True,
+        infeasible_reason="",
+        silhouette_inside=1.0,
+        wireframe_step_share=1.0,
+        image_sha256="",
+        mask_sha256="",
+        scene=at,
+        software=Software(flyaround=mark, gl_renderer=""),
+    )
+    return Frame(at, image, NO_RADIANCE, truth, stage_ms={"render": 1.5, "sensor": 0.5})
+
+
 def frames(n: int, *, every_s: float = 0.05):
     for k in range(n):
         image = np.full((48, 64), k % 256, np.uint8)
-        truth = {
-            "q_camera_from_target_wxyz": [0.0, 0.0, 0.0, 1.0] if k == 1 else [1.0, 0.0, 0.0, 0.0],
-            "t_camera_from_target_m": [0.0, 0.123456789, float(k)],
-            "note": MARK,
-        }
-        yield HostFrame(k, "2026-01-01T00:00:00Z", k * every_s, 0.01, image, CAMERA, truth, 2.0)
+        q = (0.0, 0.0, 0.0, 1.0) if k == 1 else (1.0, 0.0, 0.0, 0.0)
+        yield made_frame(k, image, every_s=every_s, q=q, t_m=(0.0, 0.123456789, float(k)), mark=MARK)
 
 
 class Estimate:

@@ -14,8 +14,8 @@ from hil.evaluate.grey import grey
 from hil.evaluate.metrics import metrics_json_schema
 from simulator.dataset.capture import capture
 from simulator.dataset.formats.native import read_png
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 
 TIME_S = 3.0
 

@@ -6,11 +6,12 @@ import threading
 
 import numpy as np
 import pytest
+from hil_loop import made_frame
 from serial_line import null_modem
 
 from hil.board.agent import run_board
 from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import HostFrame, RunConfig, run_host
+from hil.host.run import RunConfig, run_host
 
 
 class Mean:
@@ -33,7 +34,7 @@ def noise(k: int):
 
 def frames(n: int):
     for k in range(n):
-        yield HostFrame(k, "2026-01-01T00:00:00Z", 0.1 * k, 0.01, noise(k), {"width_px": 80}, {}, 0.0)
+        yield made_frame(k, noise(k), every_s=0.1)
 
 
 @pytest.mark.parametrize("damage_every", [0, 12_000])

@@ -8,19 +8,18 @@ import sys
 from importlib.resources import files
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 
 from hil.host.link_process.ipc import LinkConfig
-from hil.host.run import HostFrame, RunConfig, run_host
-from hil.host.stream import stream_frames
-from simulator.dataset.draw import draw_labelled
+from hil.host.plan_frames import frames_of_plan
+from hil.host.run import RunConfig, run_host
 from simulator.errors import UserError
-from simulator.frame import pixel_hash
-from simulator.labels.truth import truth_to_json
-from simulator.loop import plan_flight
+from simulator.frame import Frame
+from simulator.labels.layers import pixel_hash
+from simulator.loop import FrameRequest, draw_request
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.targets.board_model.write import write_board_model
 
 pytestmark = pytest.mark.gl
@@ -70,21 +69,21 @@ def with_sensor(tmp_path, sensor, bands="mono"):
 
 def test_a_streamed_frame_has_its_image_camera_and_truth(tmp_path):
     plan = plan_flight(with_sensor(tmp_path, 'preset = "imx174"'), n=2)
-    frame = next(iter(stream_frames(plan)))
+    frame = next(iter(frames_of_plan(plan)))
     assert frame.image.shape == (plan.camera.height_px, plan.camera.width_px)
     # a detector of 12 bits: its own numbers, not their last eight bits
-    assert (frame.image.dtype, frame.bits, frame.image.max() > 255) == (np.uint16, 12, True)
-    assert pixel_hash(frame.image) == frame.truth["image_sha256"]
-    t = frame.truth["t_camera_from_target_m"]
+    assert (frame.image.dtype, frame.scene.sensor.bits, frame.image.max() > 255) == (np.uint16, 12, True)
+    assert pixel_hash(frame.image) == frame.truth.image_sha256
+    t = frame.truth.t_camera_from_target_m
     assert np.linalg.norm(t) == pytest.approx(10, abs=0.5)
-    assert frame.camera["fx_px"] == plan.camera.fx_px
+    assert frame.scene.camera.fx_px == plan.camera.fx_px
 
 
 def test_two_workers_stream_what_one_does_in_order():
     plan = plan_flight(load_scenario("tango-space-10m"), n=3)
     # and what is drawn to warm up is neither in the stream nor seen in it
-    one, two = (list(stream_frames(plan, workers=n, warm_up=n == 2)) for n in (1, 2))
-    assert [frame.frame_id for frame in two] == [0, 1, 2]
+    one, two = (list(frames_of_plan(plan, workers=n, warm_up=n == 2)) for n in (1, 2))
+    assert [frame.number for frame in two] == [0, 1, 2]
     for ours, theirs in zip(one, two, strict=True):
         assert ours.truth == theirs.truth
         assert np.array_equal(ours.image, theirs.image)
@@ -93,7 +92,7 @@ def test_two_workers_stream_what_one_does_in_order():
 def test_colour_is_no_stream_for_a_board(tmp_path):
     plan = plan_flight(with_sensor(tmp_path, 'preset = "speed"', bands="rgb"), n=1)
     with pytest.raises(UserError, match=r"gives rgb pictures, .* one channel: write bands"):
-        next(iter(stream_frames(plan)))
+        next(iter(frames_of_plan(plan)))
 
 
 @pytest.fixture(scope="module")
@@ -123,18 +122,7 @@ def board(tmp_path_factory):
 )
 def test_every_depth_arrives_byte_for_byte_and_is_understood(renderer, tmp_path, board, bits, sensor):
     plan = plan_flight(with_sensor(tmp_path, sensor), n=1)
-    drawn = draw_labelled(renderer, plan.scene(0))
-    frame = HostFrame(
-        frame_id=0,
-        epoch_utc=drawn.scene.epoch_utc,
-        t_s=drawn.scene.t_s,
-        exposure_s=drawn.scene.exposure_s,
-        image=drawn.image,
-        bits=drawn.scene.sensor.bits,
-        camera=msgspec.to_builtins(plan.camera),
-        truth=json.loads(truth_to_json(drawn.truth)),
-        render_ms=0.0,
-    )
+    frame = draw_request(renderer, FrameRequest(scene=plan.scene(0)), Frame.image_and_truth)
 
     def start(url, _truth_url):
         board.stdin.write(f"{url}\n")
@@ -145,7 +133,7 @@ def test_every_depth_arrives_byte_for_byte_and_is_understood(renderer, tmp_path,
     run_host([frame], RunConfig(link=link), on_row=rows.append, on_listening=start)
     got = json.loads(board.stdout.readline())
     assert (got["terms"], got["header"], got["bytes"]) == (bits, bits, 2)
-    assert got["sha256"] == frame.truth["image_sha256"]
+    assert got["sha256"] == frame.truth.image_sha256
     # accuracy does not depend on the depth: 0.1 to 0.4 deg and a centimetre were measured with all of them
     assert rows[0].E_R_deg < 2.0
     assert rows[0].E_T_m < 0.1

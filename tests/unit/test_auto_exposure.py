@@ -8,9 +8,9 @@ from simulator.errors import UserError
 from simulator.imaging.auto_exposure import AutoExposure, ExposureTrack
 from simulator.imaging.image_formation import expose
 from simulator.imaging.metering import metered_radiance_w_m2_sr
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
 from simulator.scenario.picture import AutoExposureSection
+from simulator.scenario.plan import plan_flight
 
 
 def test_a_step_is_followed_with_the_lag():

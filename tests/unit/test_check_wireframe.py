@@ -9,8 +9,8 @@ from msgspec.structs import replace
 from simulator.camera.lens.files import load_camera
 from simulator.dataset.check.wireframe import check_wireframe
 from simulator.labels.truth import WireLabel
-from simulator.labels.visibility import mesh_of
 from simulator.labels.wireframe import view_edges
+from simulator.targets.joined_mesh import mesh_of
 from simulator.targets.library import load_target
 from simulator.world.frames.pose import Pose
 

@@ -19,16 +19,16 @@ from simulator.camera.lens.files import list_cameras, parse_camera, read_camera_
 from simulator.camera.lens.files_foreign import FORMATS, written
 from simulator.dataset import card as cards
 from simulator.dataset.card import CardTarget, DatasetCard, card_to_json, describe_machine, read_card
-from simulator.dataset.poses import read_poses
 from simulator.errors import UserError
-from simulator.frame import label_frame
 from simulator.labels import truth as truths
+from simulator.labels.labelling import truth_record
 from simulator.labels.truth import Software, read_truth, truth_to_json
-from simulator.loop import plan_flight
 from simulator.runtime.untrusted_files import read_regular, refuse_deep, refuse_dotted
 from simulator.scenario import load as scenario_load
 from simulator.scenario.load import list_scenarios, load_scenario
 from simulator.scenario.messages import read_message
+from simulator.scenario.plan import plan_flight
+from simulator.scenario.poses import read_poses
 
 LONGEST_S = 20.0  # for one file: a thousand times what it takes
 
@@ -58,7 +58,7 @@ def record(plan):
     """A truth record without a picture."""
     scene = plan.scene(0)
     signal = np.zeros((scene.camera.height_px, scene.camera.width_px), np.float32)
-    truth = label_frame(
+    truth = truth_record(
         scene,
         plan.target,
         signal,

@@ -5,10 +5,10 @@ import pytest
 
 from simulator.labels.feasible import wireframe_step_share
 from simulator.labels.keypoints import label_keypoints
-from simulator.labels.visibility import mesh_of
 from simulator.labels.wireframe import EdgeView
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
+from simulator.targets.joined_mesh import mesh_of
 from simulator.targets.model import Edge
 
 RADIUS_PX, REACH_PX = 2, 2.0  # as labels have them, and not taken from there

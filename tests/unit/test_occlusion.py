@@ -10,14 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simulator.camera.lens.files import load_camera
-from simulator.labels.visibility import Mesh, hidden_from_direction, occluded_from_camera
+from simulator.labels.visibility import hidden_from_direction, occluded_from_camera
 from simulator.labels.wireframe import view_edges
+from simulator.targets.joined_mesh import JoinedMesh
 from simulator.targets.library import load_target
 from simulator.targets.model import Part
 from simulator.world.frames.pose import Pose
 
 CUBE = trimesh.creation.box(extents=(1, 1, 1))
-MESH = Mesh(np.asarray(CUBE.vertices, float), np.asarray(CUBE.faces, np.int64))
+MESH = JoinedMesh(np.asarray(CUBE.vertices, float), np.asarray(CUBE.faces, np.int64))
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
@@ -60,7 +61,7 @@ def _with_a_sheet(normal_z):
         normals=np.tile(np.float32([0, 0, normal_z]), (4, 1)),
         triangles=np.array(turn, np.int64),
     )
-    return Mesh.of(SimpleNamespace(parts=(cube, sheet)))
+    return JoinedMesh.of(SimpleNamespace(parts=(cube, sheet)))
 
 
 @pytest.mark.parametrize("normal_z", [1, -1])
@@ -82,7 +83,7 @@ def test_an_open_sheet_hides_what_is_behind_it_whichever_way_it_looks(normal_z):
 def _tango():
     """The model, its mesh, and a ray caster of it, whose tree takes longer to make than to use."""
     target = load_target("tango")
-    mesh = Mesh.of(target)
+    mesh = JoinedMesh.of(target)
     solid = trimesh.Trimesh(mesh.positions_m, mesh.triangles, process=False)
     return target, mesh, trimesh.ray.ray_triangle.RayMeshIntersector(solid)
 

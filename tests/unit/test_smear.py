@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from simulator.camera.lens.camera_model import Camera
-from simulator.imaging.exposure import GAUSS_PX, INSTANT_PX, _add_times, _behind_px, instants_of
-from simulator.imaging.motion_blur import smear, smear_kernels
+from simulator.imaging.exposure import GAUSS_PX, INSTANT_PX, add_times, instants_of
+from simulator.imaging.image_motion import background_px
+from simulator.imaging.motion_blur import motion_blur, motion_blur_kernels
 from simulator.runtime.arrays import quat, vec3
 from simulator.scenario.recipes import plan_recipe
 from simulator.world.constants import EARTH_RADIUS_M
@@ -16,7 +17,7 @@ from simulator.world.frames.rotation import quat_from_matrix
 
 def test_a_kernel_has_the_moments_of_its_way():
     ways = np.array([[0.0, 0.0], [0.4, -0.1], [1.3, 2.6], [-3.0, 0.7]])
-    kernels = smear_kernels(ways).astype(float)
+    kernels = motion_blur_kernels(ways).astype(float)
     y, x = (np.arange(n) - n // 2 for n in kernels.shape[1:])
     assert kernels.sum(axis=(1, 2)) == pytest.approx(1, abs=1e-6)
     assert (kernels * x).sum(axis=(1, 2)) == pytest.approx(0, abs=1e-6)
@@ -46,7 +47,7 @@ def test_a_turning_picture_is_smeared_as_its_instants_are(bands):
     def ways(pixels):
         return angle * (pixels - center) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
 
-    got = smear(at(0.0).astype(np.float32), ways)
+    got = motion_blur(at(0.0).astype(np.float32), ways)
     expected = np.mean([at(angle * ((k + 0.5) / 64 - 0.5)) for k in range(64)], axis=0)
     inner = (slice(4, -4),) * 2  # beyond the border nothing is known
     error = (got - expected)[inner]
@@ -84,16 +85,16 @@ def test_ground_passes_at_the_speed_over_the_height():
     assert scene.environment.earth
     then = replace(scene, r_camera_eci_m=vec3(here + np.array([0.0, 70.0, 0.0])))
     pixels = np.array([[199.5, 149.5], [20.0, 280.0]])
-    assert _behind_px(scene, scene, pixels) == pytest.approx(pixels, abs=1e-6)
-    ways = _behind_px(scene, then, pixels) - pixels
+    assert background_px(scene, scene, pixels) == pytest.approx(pixels, abs=1e-6)
+    ways = background_px(scene, then, pixels) - pixels
     assert ways[0] == pytest.approx((-4e4 * 70 / 500e3, 0.0), abs=1e-3)
     # half a degree off the nadir the ground is 30 m lower
     assert ways[1] == pytest.approx((-4e4 * 70 / 500e3, 0.0), abs=2e-2)
     empty = replace(scene, environment=replace(scene.environment, earth=False))
-    assert _behind_px(empty, replace(then, environment=empty.environment), pixels) == pytest.approx(pixels)
+    assert background_px(empty, replace(then, environment=empty.environment), pixels) == pytest.approx(pixels)
 
 
 def test_times_of_several_drawings_are_added():
     total = {"craft": 2.0}
-    _add_times(total, {"craft": 3.0, "sky": 1.0})
+    add_times(total, {"craft": 3.0, "sky": 1.0})
     assert total == {"craft": 5.0, "sky": 1.0}

@@ -13,8 +13,8 @@ import pytest
 from flyaround.__main__ import run
 from flyaround.commands import flights
 from simulator.errors import UserError
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.world.flight.flight import Flight
 from simulator.world.flight.log import FlightLog
 from simulator.world.flight.table import fly_table, summarise_flight

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.loop import plan_flight
 from simulator.scenario.checks import check_physics
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.world.constants import AU_M, MOON_RADIUS_M, SOLAR_PRESSURE_PA
 from simulator.world.ephemeris.bodies import MOON
 from simulator.world.ephemeris.eclipse import sun_fraction_past_both

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.scenario.write import replay_scenario
 from simulator.world.flight import recording
 from simulator.world.flight.recording import Recording, record

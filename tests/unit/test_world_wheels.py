@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from simulator.loop import plan_flight
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.world.attitude.reaction_wheels import Wheels, WheelTrack, fly_wheels
 from simulator.world.frames.rotation import (
     matrix_from_quat,

@@ -14,11 +14,11 @@ from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.detector.sensor import Detector, Sensor
 from simulator.camera.lens.files import load_camera
-from simulator.imaging.develop import digitise_scene, expose_scene
-from simulator.loop import plan_flight
+from simulator.imaging.image_formation import digitise_scene, expose_scene
 from simulator.render.renderer import Renderer
 from simulator.runtime.arrays import vec3
 from simulator.scenario.load import load_scenario
+from simulator.scenario.plan import plan_flight
 from simulator.scene.state import SceneState
 from simulator.world.frames.rotation import matrix_from_quat
 

@@ -10,8 +10,8 @@ import numpy as np
 
 import flyaround as fa
 from simulator.camera.lens.camera_model import Camera
-from simulator.dataset.poses import scene_with_pose
 from simulator.runtime.arrays import quat, vec3
+from simulator.scenario.poses import scene_with_pose
 from simulator.scene.illumination.bands import sunlight_balance
 from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import place_itrs_m, scene_above

@@ -23,8 +23,9 @@ import numpy as np
 from hil.evaluate.worker import board_model
 from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.lens.camera_model import Camera
-from simulator.imaging.develop import expose_scene
-from simulator.imaging.exposure import integrate, surfaces
+from simulator.imaging.exposure import integrate
+from simulator.imaging.image_formation import expose_scene
+from simulator.labels.surfaces import surfaces
 from simulator.render.renderer import Renderer
 from simulator.runtime.arrays import quat, vec3
 from simulator.scenario.recipes import BASIC, RecipePlan, scaled_range_m

@@ -14,8 +14,8 @@ import numpy as np
 
 from simulator.dataset.check.geometry import cut_for_the_lens, fill_triangles, in_lens, project_with_opencv
 from simulator.imaging.image_formation import noise_sigma
-from simulator.labels.visibility import mesh_of
 from simulator.labels.wireframe import view_edges
+from simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

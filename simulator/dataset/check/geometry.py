@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from simulator.dataset.check.mask_statistics import lit_pixels
-from simulator.imaging.exposure import pose_at_rows
-from simulator.labels.visibility import mesh_of
+from simulator.imaging.rolling_shutter import pose_at_rows
+from simulator.targets.joined_mesh import mesh_of
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from simulator.dataset.check.mask_statistics import is_binary
 from simulator.dataset.check.ray_casting import ray_caster
 from simulator.dataset.check.row_poses import pose_of_row
 from simulator.dataset.check.sampled_rays import DEPTH_M, DEPTH_RELATIVE, Layers, Probe, Prober, sample_pixels
-from simulator.imaging.exposure import BAND_PX
+from simulator.imaging.rolling_shutter import BAND_PX
 from simulator.labels.layers import layer_hash
 from simulator.labels.visibility import SURFACE_TOLERANCE_M
 from simulator.world.frames.pose import Pose

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.dataset.check.raster_tolerance import nearby
-from simulator.labels.visibility import mesh_of
 from simulator.runtime.memory import kept_with
+from simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
     from simulator.dataset.check.raster_tolerance import Nearby

@@ -20,8 +20,7 @@ from simulator.dataset.check.feasibility import check_step_share
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.errors import UserError
 from simulator.frame import take_frame
-from simulator.imaging.develop import expose_scene
-from simulator.imaging.image_formation import noise_sigma
+from simulator.imaging.image_formation import expose_scene, noise_sigma
 from simulator.labels.truth import read_truth
 
 if TYPE_CHECKING:

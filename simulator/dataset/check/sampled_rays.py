@@ -14,7 +14,7 @@ from simulator.dataset.check.geometry import rays_with_opencv
 from simulator.dataset.check.mask_statistics import lit_pixels
 from simulator.dataset.check.ray_casting import Hits, RayCaster, ray_caster
 from simulator.dataset.check.row_poses import pose_of_row
-from simulator.imaging.exposure import BAND_PX
+from simulator.imaging.rolling_shutter import BAND_PX
 
 if TYPE_CHECKING:
     from simulator.dataset.check.raster_tolerance import Nearby

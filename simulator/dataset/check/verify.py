@@ -29,8 +29,9 @@ from simulator.dataset.check.wireframe import check_wireframe
 from simulator.dataset.formats.native import frame_paths, is_whole, read_layer, read_png
 from simulator.dataset.formats.speed import FOLDER as SPEED_FOLDER
 from simulator.errors import UserError
-from simulator.frame import infeasible_reason, pixel_hash
 from simulator.labels.boxes import mask_box
+from simulator.labels.feasible import infeasible_reason
+from simulator.labels.layers import pixel_hash
 from simulator.labels.truth import Truth, read_truth
 from simulator.runtime.untrusted_files import read_regular, refuse_deep
 from simulator.targets.library import load_target

@@ -11,7 +11,7 @@ import numpy as np
 from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.lens.camera_model import Camera
 from simulator.camera.lens.distortion import Distortion
-from simulator.imaging.develop import digitise_scene, expose_scene
+from simulator.imaging.image_formation import digitise_scene, expose_scene
 from simulator.scenario.recipes import plan_recipe
 from simulator.targets.craft.chessboard import COLUMNS, ROWS, SQUARE_M
 

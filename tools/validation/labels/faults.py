@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from simulator.frame import Frame, pixel_hash
+from simulator.frame import Frame
 from simulator.labels.boxes import mask_box
-from simulator.labels.layers import layer_hash
+from simulator.labels.layers import layer_hash, pixel_hash
 from simulator.labels.truth import Truth
 
 if TYPE_CHECKING:

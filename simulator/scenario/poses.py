@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import math
-from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from simulator.runtime.arrays import FloatArray
+    from simulator.scenario.plan import FramePlan
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
@@ -81,19 +82,26 @@ def _checked(q: FloatArray, t: FloatArray, where: str) -> Pose:
     return Pose.of("camera", "target", q, t)
 
 
-class ScenePlan(Protocol):
-    """What has scenes of one target by number: a plan of a flight or of a recipe."""
+@dataclass(frozen=True, eq=False)
+class PosePlan:
+    """One frame for each of a list of poses: camera and light are those of ``base``, the craft is put where it says."""
+
+    base: SceneState
+    target: Target
+    poses: tuple[Pose, ...]
 
     @property
-    def target(self) -> Target:
-        """The model that is drawn."""
+    def n_frames(self) -> int:
+        """Number of poses."""
+        return len(self.poses)
 
     def scene(self, k: int) -> SceneState:
-        """The snapshot of frame k."""
+        """The scene with the craft at pose k."""
+        return scene_with_pose(self.base, self.target, self.poses[k], k)
 
 
 def scene_at(
-    plan: ScenePlan,
+    plan: FramePlan,
     q_camera_from_target_wxyz: ArrayLike,
     t_camera_from_target_m: ArrayLike,
     *,

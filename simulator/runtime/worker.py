@@ -1,4 +1,7 @@
-"""A renderer in a process of its own: moderngl holds the GIL while a software driver draws, so others could not run."""
+"""A worker process that holds one resource and does jobs with it, in order; arrays come back through shared memory.
+
+Not a thread: a renderer holds Python's lock while a software driver draws, so others could not run.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +15,15 @@ import time
 import traceback
 from collections import deque
 from multiprocessing import connection, shared_memory
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar
 
 from simulator.errors import UserError
-from simulator.render.earth.map_textures import begin_maps_of
 from simulator.runtime.memory import keep_freed_memory
-from simulator.runtime.threads import share_processors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from contextlib import AbstractContextManager
     from multiprocessing.connection import Connection
-
-    from simulator.render.gl.context import GlInfo
-    from simulator.scene.state import SceneState
 
 T = TypeVar("T")
 
@@ -33,36 +32,44 @@ _START_TIMEOUT_S = 60.0
 _END_TIMEOUT_S = 1.0  # for a process that is told to drop its work; then it is killed
 
 
+class Resource(Protocol):
+    """What a worker holds while it lives: a renderer, for example."""
+
+    @property
+    def info(self) -> Any:  # noqa: ANN401 - the resource's own, picklable
+        """What the caller is told of it once it is there."""
+
+
 class ProcessDiedError(RuntimeError):
-    """The render process is gone, and what it had under way with it.
+    """A worker process is gone, and what it had under way with it.
 
     Parameters
     ----------
+    name : the process as messages call it.
     exit_code : its own, or minus the number of the signal that ended it; None if it is not known.
     """
 
-    def __init__(self, exit_code: int | None) -> None:
-        super().__init__(f"the render process ended unexpectedly (exit code {exit_code})")
+    def __init__(self, name: str, exit_code: int | None) -> None:
+        super().__init__(f"the {name} ended unexpectedly (exit code {exit_code})")
         self.exit_code = exit_code
 
 
-class RenderProcess(Generic[T]):
-    """Runs ``work(renderer, scene, **options)`` elsewhere, in order, a few jobs ahead of the caller.
+class WorkerProcess(Generic[T]):
+    """Runs ``work(resource, *arguments, **options)`` elsewhere, in order, a few jobs ahead of the caller.
 
     Arrays in the results travel through shared memory and are copied once on each side. Use as a context manager.
 
     Parameters
     ----------
     work : a module-level function; its result must be picklable.
-    device_index : EGL device of the renderer.
+    open_resource : called in the process, once; picklable. Its result is a context manager, left at the end.
     capacity : jobs that may be under way or waiting to be collected.
-    first : the first scene to come, for a quicker first frame: its maps are read while the renderer starts.
-    drawing : processes that draw at once, this one too: a software driver shares the processors out among them.
+    name : of the process in messages.
 
     Raises
     ------
     UserError
-        From ``info``, ``result`` and ``results``: what the renderer or ``work`` raised as a user's mistake.
+        From ``info``, ``result`` and ``results``: what ``open_resource`` or ``work`` raised as a user's mistake.
     RuntimeError
         Anything else that went wrong there, with its traceback; `ProcessDiedError` if it died.
     """
@@ -71,10 +78,9 @@ class RenderProcess(Generic[T]):
         self,
         work: Callable[..., T],
         *,
-        device_index: int | None = None,
+        open_resource: Callable[[], AbstractContextManager[Resource]],
         capacity: int = 2,
-        first: SceneState | None = None,
-        drawing: int = 1,
+        name: str = "worker process",
     ) -> None:
         if capacity < 1:
             raise ValueError(f"capacity must be at least 1, got {capacity}")
@@ -82,23 +88,24 @@ class RenderProcess(Generic[T]):
         self._pipe, theirs = context.Pipe()
         self._capacity = capacity
         self._in_flight = 0
-        self._info: GlInfo | None = None
+        self._info: Any = None
+        self._name = name
         self._blocks: dict[str, shared_memory.SharedMemory] = {}
         self._process = context.Process(
             target=_serve,
-            args=(theirs, work, device_index, first, drawing),
+            args=(theirs, work, open_resource),
             daemon=True,
-            name="flyaround-render",
+            name=f"flyaround {name}",
         )
         self._process.start()
         theirs.close()
 
     @property
-    def info(self) -> GlInfo:
-        """What draws; waits until the renderer is up."""
+    def info(self) -> Any:  # noqa: ANN401 - the resource's own
+        """What the resource says of itself; waits until it is there."""
         if self._info is None:
             if not self._pipe.poll(_START_TIMEOUT_S):
-                raise RuntimeError(f"the render process did not start within {_START_TIMEOUT_S:.0f} s")
+                raise RuntimeError(f"the {self._name} did not start within {_START_TIMEOUT_S:.0f} s")
             self._info = self._receive()
         return self._info
 
@@ -117,7 +124,7 @@ class RenderProcess(Generic[T]):
         """Whether ``submit`` would be accepted."""
         return self._in_flight < self._capacity
 
-    def submit(self, scene: SceneState, **options: object) -> None:
+    def submit(self, *arguments: object, **options: object) -> None:
         """Queue one job.
 
         Raises
@@ -129,7 +136,7 @@ class RenderProcess(Generic[T]):
             raise RuntimeError(
                 f"{self._capacity} jobs are in flight; collect a result before submitting more"
             )
-        self._send((scene, options))
+        self._send((arguments, options))
         self._in_flight += 1
 
     def ready(self, timeout_s: float = 0.0) -> bool:
@@ -161,7 +168,7 @@ class RenderProcess(Generic[T]):
             yield self.result()
 
     def close(self) -> None:
-        """End the process; a frame that it is drawing is given up, for nobody will collect it."""
+        """End the process; a job that it is at is given up, for nobody will collect it."""
         if self._process.is_alive():
             with contextlib.suppress(OSError):  # it may have died in the meantime
                 self._pipe.send_bytes(pickle.dumps(None))
@@ -211,7 +218,7 @@ class RenderProcess(Generic[T]):
         if kind == "user_error":
             raise UserError(payload)
         if kind == "error":
-            raise RuntimeError(f"the render process failed: {payload}")
+            raise RuntimeError(f"the {self._name} failed: {payload}")
         if block_name is None:
             return pickle.loads(payload)  # noqa: S301 - our own child
         if block_name not in self._blocks:
@@ -225,7 +232,7 @@ class RenderProcess(Generic[T]):
 
     def _death(self) -> ProcessDiedError:
         self._process.join(timeout=5)
-        return ProcessDiedError(self._process.exitcode)
+        return ProcessDiedError(self._name, self._process.exitcode)
 
     def _attach_uncollected(self) -> None:
         """Take the blocks of results that a process which died has sent and nobody has read, to free them."""
@@ -299,24 +306,18 @@ class _Results:
 def _serve(
     pipe: Connection,
     work: Callable[..., object],
-    device_index: int | None,
-    first: SceneState | None,
-    drawing: int,
+    open_resource: Callable[[], AbstractContextManager[Resource]],
 ) -> None:
-    """Run in the child: draw what arrives until told to stop or left alone."""
+    """Run in the child: do what arrives until told to stop or left alone."""
     # Ctrl-C is the parent's to handle; it then closes us
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     results = _Results(pipe)
     signal.signal(signal.SIGTERM, lambda *_: _leave(results))
     threading.Thread(target=_leave_with_parent, name="watch parent", daemon=True).start()
     keep_freed_memory()
-    share_processors(drawing)
-    begun = begin_maps_of(first)
-    from simulator.render.renderer import Renderer  # noqa: PLC0415 - the parent need not load OpenGL
-
     try:
-        with Renderer(device_index=device_index, begun=begun) as renderer:
-            results.send(renderer.info)
+        with open_resource() as resource:
+            results.send(resource.info)
             while True:
                 message = pickle.loads(pipe.recv_bytes())  # noqa: S301 - our own parent
                 if message is None:
@@ -324,29 +325,29 @@ def _serve(
                 if isinstance(message, str):
                     results.release(message)
                     continue
-                scene, options = message
+                arguments, options = message
                 try:
-                    value = work(renderer, scene, **options)
+                    value = work(resource, *arguments, **options)
                 except Exception as error:  # noqa: BLE001 - every failure is the caller's to see
                     _report(pipe, error)
                 else:
                     results.send(value)
     except (EOFError, ConnectionError):
         return  # the parent is gone
-    except Exception as error:  # noqa: BLE001 - the renderer could not start
+    except Exception as error:  # noqa: BLE001 - the resource could not be had
         _report(pipe, error)
     finally:
         results.close()
 
 
 def _leave(results: _Results) -> None:
-    """Drop the frame in work and end at once: shared memory is freed, the rest is the system's to take back."""
+    """Drop the job in work and end at once: shared memory is freed, the rest is the system's to take back."""
     results.close()
     os._exit(1)
 
 
 def _leave_with_parent() -> None:
-    """End once the parent has: one that was killed tells nobody, and a frame or a start-up may take long."""
+    """End once the parent has: one that was killed tells nobody, and a job or a start-up may take long."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return

@@ -1,4 +1,4 @@
-"""One picture and its truth, without a data set around it."""
+"""Single frames and their truth, without a data set around them."""
 
 from __future__ import annotations
 
@@ -11,21 +11,19 @@ import numpy as np
 
 from simulator.dataset.formats.exr import encode_exr
 from simulator.dataset.formats.native import encode_png, write_layers
-from simulator.dataset.poses import scene_with_pose
 from simulator.errors import UserError
-from simulator.frame import Frame, take_frame
 from simulator.labels.truth import truth_to_json
-from simulator.render.renderer import Renderer
+from simulator.loop import FrameRequest, open_frames, whole_frame
 from simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping
 
+    from simulator.frame import Frame
     from simulator.labels.request import LabelRequest
     from simulator.render.earth.map_textures import EarthMaps
     from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target
-    from simulator.world.frames.pose import Pose
 
 SUFFIXES = (".png", ".npy", ".exr")
 
@@ -39,13 +37,13 @@ def render_scene(
     *,
     labels: LabelRequest | None = None,
     device_index: int | None = None,
-    begun: Mapping[Bands, EarthMaps] | None = None,
+    prefetched: Mapping[Bands, EarthMaps] | None = None,
 ) -> Frame:
     """Draw one scene with labels in a renderer of its own.
 
     Parameters
     ----------
-    labels : layers to give beyond truth and mask. begun : as of `Renderer`.
+    labels : layers to give beyond truth and mask. prefetched : as of `simulator.loop.open_frames`.
 
     Raises
     ------
@@ -57,32 +55,21 @@ def render_scene(
             f"the scene was drawn with target {scene.target.name} {scene.target.sha256[:12]}, here it is "
             f"{target.sha256[:12]}; use the flyaround version named in the record"
         )
-    with Renderer(device_index=device_index, begun=begun) as renderer:
-        return take_frame(renderer, scene, target, labels=labels or True)
+    with open_frames(
+        whole_frame, device_index=device_index, prefetched=prefetched or {}, target=target
+    ) as producer:
+        producer.submit(FrameRequest(scene=scene, labels=labels or True))
+        return producer.result()
 
 
 def time_passes(
     scene: SceneState, target: Target, *, repeats: int = 5, device_index: int | None = None
 ) -> dict[str, float]:
-    """Time of each stage and pass of a scene [ms]: medians of ``repeats`` pictures after a first that fills caches."""
-    with Renderer(device_index=device_index, timed=True) as renderer:
-        ledgers = [take_frame(renderer, scene, target, labels=False).stage_ms for _ in range(repeats + 1)][1:]
+    """Time of each stage and pass of a scene [ms]: medians of ``repeats`` frames after a first that fills caches."""
+    with open_frames(whole_frame, device_index=device_index, prefetched={}, target=target) as producer:
+        requests = (FrameRequest(scene=scene, labels=False, timed=True) for _ in range(repeats + 1))
+        ledgers = [frame.stage_ms for frame in producer.frames(requests)][1:]
     return {name: median(ledger[name] for ledger in ledgers) for name in ledgers[0]}
-
-
-def render_poses(
-    scene: SceneState,
-    target: Target,
-    poses: Sequence[Pose],
-    *,
-    labels: LabelRequest,
-    device_index: int | None = None,
-    begun: Mapping[Bands, EarthMaps] | None = None,
-) -> Iterator[Frame]:
-    """Draw a scene with the craft at each of a list of poses, camera and light as they are."""
-    with Renderer(device_index=device_index, begun=begun) as renderer:
-        for k, pose in enumerate(poses):
-            yield take_frame(renderer, scene_with_pose(scene, target, pose, k), target, labels=labels)
 
 
 def check_picture_path(path: str | Path) -> Path:
@@ -150,3 +137,31 @@ def _encode(frame: Frame, suffix: str) -> bytes:
         return buffer.getvalue()
     # radiance before the detector [W m-2 sr-1], one channel Y or three
     return encode_exr(("Y",) if frame.radiance.ndim == 2 else ("R", "G", "B"), frame.radiance)
+
+
+class NumberedPictures:
+    """The sink of `render --poses`: OUT-000000.png and so on, with their truth.
+
+    Parameters
+    ----------
+    path : OUT with its ending. n_frames : how many there will be.
+
+    Raises
+    ------
+    UserError
+        If one of them cannot be written there.
+    """
+
+    def __init__(self, path: Path, n_frames: int) -> None:
+        self._path = path
+        self.written: list[tuple[Path, Path]] = []
+        for k in range(n_frames):
+            check_picture_path(self._numbered(k))
+
+    def _numbered(self, k: int) -> Path:
+        return self._path.with_name(f"{self._path.stem}-{k:06d}{self._path.suffix}")
+
+    def write(self, frame: Frame) -> None:
+        """Write one frame and its truth."""
+        image = self._numbered(frame.number)
+        self.written.append((image, save_picture(frame, image)))

@@ -1,0 +1,87 @@
+"""The frames of a plan for a board: from the loop, drawn in processes of their own, a frame ahead of the link."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.errors import UserError
+from simulator.frame import Frame
+from simulator.loop import FrameRequest, open_frames, run_frames
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from simulator.loop import Sink
+    from simulator.scenario.plan import Plan
+
+# Frames of each process drawn ahead of the one on the wire: one keeps it busy while the board thinks.
+AHEAD = 2
+
+# Frames of the flight, evenly in time, that each process draws before the first is due, and the time for them.
+WARM_UP_FRAMES, WARM_UP_S = 24, 15.0
+
+
+def check_one_channel(plan: Plan) -> None:
+    """Refuse a plan whose pictures the link cannot carry, before anybody listens.
+
+    Raises
+    ------
+    UserError
+        If the pictures are in colour: the link has one channel of 8 to 16 bits.
+    """
+    if plan.bands != "mono":
+        raise UserError(
+            f"scenario {plan.scenario_name} gives {plan.bands} pictures, but the link to a board carries one channel:"
+            ' write bands = "mono" under [output] of a copy of the scenario'
+        )
+
+
+def frames_of_plan(
+    plan: Plan,
+    *,
+    device_index: int | None = None,
+    workers: int = 1,
+    warm_up: bool = False,
+    sinks: Iterable[Sink[Frame]] = (),
+) -> Iterator[Frame]:
+    """Draw the plan's frames in ``workers`` other processes and yield them in order, as `run_host` sends them.
+
+    Pixels are the detector's own numbers, in one byte up to 8 bits and in two above. Truth travels inside the host
+    only; ``run_host`` decides what leaves it.
+
+    Parameters
+    ----------
+    warm_up : draw some of the flight's moments for nothing first. Programs are compiled, and buffers made for the
+        target's sizes, when a view first asks for them: half a second and megabytes at a time that a run in real time
+        would meet in its midst.
+    sinks : given each frame before the board is.
+
+    Raises
+    ------
+    UserError
+        If the plan's pictures are in colour.
+    """
+    check_one_channel(plan)
+    with open_frames(
+        Frame.image_and_truth,
+        processes=workers,
+        device_index=device_index,
+        first=plan.scene(0),
+        ahead=AHEAD,
+    ) as producer:
+        if warm_up:
+            for _ in producer.frames(_moments(plan, workers)):
+                pass
+        yield from run_frames(plan, producer, sinks)
+
+
+def _moments(plan: Plan, workers: int) -> Iterator[FrameRequest]:
+    """Scenes over the whole flight, each as often as there are processes, while there is time."""
+    until = time.monotonic() + WARM_UP_S
+    for k in np.unique(np.linspace(0, plan.n_frames - 1, WARM_UP_FRAMES).astype(int)):
+        if time.monotonic() > until:
+            return
+        yield from [FrameRequest(scene=plan.scene(int(k)))] * workers

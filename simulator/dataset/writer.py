@@ -1,0 +1,107 @@
+"""The sink that writes a data set, and the stage before it that checks and encodes each frame where it is drawn."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from simulator.dataset.card import CARD_NAME, CardQuarantine, DatasetCard, card_to_json
+from simulator.dataset.check.verify import check_frame
+from simulator.dataset.clipping import Clipping, measure_clipping
+from simulator.dataset.formats.native import EncodedFrame, encode_frame, write_encoded
+from simulator.runtime.files import write_atomic
+from simulator.targets.library import target_in_use
+from simulator.targets.model import Target
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.frame import Frame
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedFrame:
+    """A frame ready to be written: its files, whether it is feasible, and what is wrong with its labels, or nothing."""
+
+    number: int
+    files: EncodedFrame
+    feasible: bool
+    reason: str
+    clipping: Clipping
+
+
+@dataclass(frozen=True, eq=False)
+class CheckAndEncode:
+    """The stage before a `DatasetWriter`: compares a frame's labels by other means, and encodes its files.
+
+    Parameters
+    ----------
+    card : what the labels must agree with.
+    target : the model that is drawn; in another process, which is told its name alone, None.
+    """
+
+    card: DatasetCard
+    target: Target | None = None
+
+    def __call__(self, frame: Frame) -> CheckedFrame:
+        """The frame's files, and what was found wrong."""
+        if frame.truth is None or frame.mask is None:
+            raise RuntimeError("a captured frame needs labels")
+        target = self.target or target_in_use(frame.scene.target.name, frame.scene.target.sha256)
+        wrong = check_frame(
+            frame.number, frame.truth, frame.image, frame.mask, self.card, target, frame.layers
+        )
+        return CheckedFrame(
+            frame.number, encode_frame(frame), frame.truth.feasible, "; ".join(wrong), measure_clipping(frame)
+        )
+
+
+class DatasetWriter:
+    """Writes checked frames into a folder, those whose labels disagree apart, and keeps the card true meanwhile.
+
+    Parameters
+    ----------
+    card : written at once; it says that the data set is not complete yet.
+    """
+
+    def __init__(self, folder: Path, card: DatasetCard) -> None:
+        self._folder, self.card = folder, card
+        self.quarantined: list[tuple[int, str]] = []
+        self.clipping: list[Clipping] = []
+        self.n_feasible = 0
+        (folder / "images").mkdir(exist_ok=True)
+        self._write_card()
+
+    def write(self, frame: CheckedFrame) -> None:
+        """Write one frame."""
+        if frame.reason:
+            self._quarantine(frame)
+            return
+        write_encoded(self._folder, frame.number, frame.files)
+        self.n_feasible += frame.feasible
+        self.clipping.append(frame.clipping)
+
+    def finish(self) -> None:
+        """Have the card say that all is there, unless frames are kept apart."""
+        self.card = msgspec.structs.replace(self.card, complete=not self.quarantined)
+        self._write_card()
+
+    def _write_card(self) -> None:
+        write_atomic(self._folder / CARD_NAME, card_to_json(self.card))
+
+    def _quarantine(self, frame: CheckedFrame) -> None:
+        """Write a frame whose labels disagree apart, with its reason."""
+        place = self._folder / "quarantine"
+        (place / "images").mkdir(parents=True, exist_ok=True)
+        write_atomic(place / f"{frame.number:06d}.txt", (frame.reason + "\n").encode())
+        write_encoded(place, frame.number, frame.files)
+        log.warning("frame %d is quarantined: %s", frame.number, frame.reason)
+        self.quarantined.append((frame.number, frame.reason))
+        kept_apart = CardQuarantine(frame=frame.number, reason=frame.reason)
+        self.card = msgspec.structs.replace(self.card, quarantined=(*self.card.quarantined, kept_apart))
+        self._write_card()

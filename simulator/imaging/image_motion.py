@@ -1,0 +1,110 @@
+"""How far things go across the image during an exposure: of the craft its box's corners, of ground and sky a grid."""
+
+from __future__ import annotations
+
+import math
+from functools import cache, partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.scene.motion import scene_at
+from simulator.targets.joined_mesh import box_3d_m
+from simulator.world.ephemeris.bodies import BODIES
+from simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from simulator.runtime.arrays import FloatArray
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+FASTEST_GROUND_M_S = 1.6e3
+"""Earth's equator turns at 465 m/s; the Moon goes round the Earth at up to 1.1 km/s."""
+
+
+def moments_of(scene: SceneState) -> Callable[[float], SceneState]:
+    """`scene_at` of one scene, which works out each moment once: an exposure's ends are asked for again and again."""
+    return cache(partial(scene_at, scene))
+
+
+def image_motion_px(
+    scene: SceneState, target: Target, span_s: float, at: Callable[[float], SceneState] | None = None
+) -> float:
+    """Largest way that anything on the image goes in ``span_s`` about mid-exposure [px].
+
+    Followed are the corners of the box about the craft, and a grid of directions: where one meets the Earth, the
+    ground there, else the sky.
+
+    Parameters
+    ----------
+    at : `moments_of` the scene.
+    """
+    if span_s == 0:
+        return 0.0
+    at = at or moments_of(scene)
+    early, late = (_followed_px(scene, at(sign * span_s / 2), target) for sign in (-1, 1))
+    way = np.hypot(*(late - early).T)
+    return float(np.nanmax(way, initial=0.0))
+
+
+def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
+    """A motion that `image_motion_px` is never above, for a fraction of its cost; infinite where it is not known."""
+    camera, size = scene.camera, float(np.linalg.norm(box_3d_m(target), axis=1).max())
+    t = scene.t_camera_from_target_m
+    body = BODIES[scene.central_body]
+    moon = scene.central_body == "moon"
+    height = math.dist(scene.r_camera_eci_m, scene.r_moon_eci_m if moon else (0.0, 0.0, 0.0)) - body.radius_m
+    if not camera.distortion.is_none or t[2] <= 2 * size or height <= 1e3:
+        return float("inf")
+    passing = math.dist(scene.v_target_eci_m_s, scene.v_camera_eci_m_s)
+    turning, spinning = math.hypot(*scene.omega_camera_rad_s), math.hypot(*scene.omega_target_rad_s)
+    craft = (passing + size * spinning) / (t[2] - size)
+    ground = (math.hypot(*scene.v_camera_eci_m_s) + FASTEST_GROUND_M_S) / height
+    # an angle's image grows with the square of the distance from the axis
+    x = max(camera.cx_px, camera.width_px - camera.cx_px) / camera.fx_px
+    y = max(camera.cy_px, camera.height_px - camera.cy_px) / camera.fy_px
+    aside = max(math.hypot(x, y), (math.hypot(t[0], t[1]) + size) / (t[2] - size))
+    rate = turning + max(craft, ground if scene.environment.earth else 0.0)
+    # a quarter more: rates change within the span by far less
+    return 1.25 * span_s * rate * max(camera.fx_px, camera.fy_px) * (1 + aside**2)
+
+
+def _followed_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
+    """(K, 2) where the followed points of ``scene`` are seen in the scene ``then``; NaN behind the camera."""
+    c = scene.camera
+    u, v = np.meshgrid(np.linspace(0, c.width_px - 1, 5), np.linspace(0, c.height_px - 1, 5))
+    behind = background_px(scene, then, np.stack([u.ravel(), v.ravel()], axis=1))
+    return np.concatenate([target_corners_px(scene, then, target), behind])
+
+
+def background_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> FloatArray:
+    """(K, 2) where the ground or sky at pixels of ``scene`` is seen in the scene ``then``."""
+    d = scene.camera.rays(pixels)
+    d = d @ matrix_from_quat(scene.q_camera_from_eci_wxyz)  # in ECI
+    body = BODIES[scene.central_body]
+    moon = scene.central_body == "moon"
+    # the Moon turns too slowly to matter here
+    here, there = (np.eye(3) if moon else matrix_from_quat(s.q_itrs_from_eci_wxyz).T for s in (scene, then))
+    centers = [np.asarray(s.r_moon_eci_m) if moon else np.zeros(3) for s in (scene, then)]
+    r = np.asarray(scene.r_camera_eci_m) - centers[0]
+    along = -d @ r
+    left = along**2 - (r @ r - body.radius_m**2)
+    ground = (left > 0) & (along > 0) & scene.environment.earth
+    place = r + (along - np.sqrt(np.maximum(left, 0)))[:, None] * d
+    place = place @ (there @ here.T).T + centers[1] - np.asarray(then.r_camera_eci_m)
+    seen = np.where(ground[:, None], place, d) @ matrix_from_quat(then.q_camera_from_eci_wxyz).T
+    return np.asarray(then.camera.project(seen))
+
+
+def target_corners_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
+    """(8, 2) corners of the box about the craft in the scene ``then``; zeros where they are not in the image."""
+    corners, c = box_3d_m(target), scene.camera
+    craft = then.camera.project(then.camera_from_target.apply(corners))
+    at = scene.camera.project(scene.camera_from_target.apply(corners))
+    # a craft far outside the image smears nothing
+    size = np.array([c.width_px, c.height_px])
+    if not np.all(np.isfinite(at)) or np.any(at.max(axis=0) < 0) or np.any(at.min(axis=0) > size):
+        craft = np.zeros_like(craft)
+    return np.asarray(craft)

@@ -1,0 +1,74 @@
+"""A rolling shutter: bands of rows that are exposed together, and the scene at the row in which a point is seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.imaging.image_motion import image_motion_px
+from simulator.scene.motion import scene_at
+
+if TYPE_CHECKING:
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.runtime.arrays import FloatArray
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+BAND_PX = 0.2
+"""Motion between bands of rows of a rolling shutter: labels and picture are within half of it of the true row's."""
+
+
+@dataclass(frozen=True)
+class RowBand:
+    """Rows ``y0 <= y < y1``, exposed about ``dt_s`` from the picture's mid-exposure."""
+
+    y0: int
+    y1: int
+    dt_s: float
+
+
+def crop(camera: Camera, x0: int, y0: int, width_px: int, height_px: int) -> Camera:
+    """The camera that sees a window of the image, or beyond its edges."""
+    return replace(
+        camera, width_px=width_px, height_px=height_px, cx_px=camera.cx_px - x0, cy_px=camera.cy_px - y0
+    )
+
+
+def row_bands(scene: SceneState, target: Target) -> tuple[RowBand, ...]:
+    """Bands of rows of equal height that a rolling shutter is drawn in; the last may overlap the one before."""
+    height = scene.camera.height_px
+    if not scene.shutter.is_rolling:
+        return (RowBand(0, height, 0.0),)
+    motion = image_motion_px(scene, target, scene.shutter.readout_s)
+    n = int(np.clip(np.ceil(motion / BAND_PX), 1, height))
+    rows = -(-height // n)
+    bands = []
+    for y in range(0, height, rows):
+        y0 = min(y, height - rows)
+        dt = float(scene.shutter.row_time_s(y0 + (rows - 1) / 2, height))
+        bands.append(RowBand(y0, y0 + rows, dt))
+    return tuple(bands)
+
+
+def pose_at_rows(scene: SceneState, points_target_m: FloatArray) -> tuple[SceneState, ...]:
+    """The scene at the mid-exposure of the row that each point is seen in; the picture's own for a global shutter.
+
+    Parameters
+    ----------
+    points_target_m : (K, 3), target frame [m].
+    """
+    if not scene.shutter.is_rolling:
+        return (scene,) * len(points_target_m)
+    scenes = []
+    for point in points_target_m:
+        then = scene
+        for _ in range(8):  # each step leaves the share of the readout that the point moves, squared
+            row = then.camera.project(then.camera_from_target.apply(point[None]))[0, 1]
+            if not np.isfinite(row):
+                then = scene
+                break
+            then = scene_at(scene, float(scene.shutter.row_time_s(row, scene.camera.height_px)))
+        scenes.append(then)
+    return tuple(scenes)

@@ -1,0 +1,215 @@
+"""Labels of one picture: the truth record, the mask, and the layers that were asked for."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from simulator.labels.boxes import amodal_box, mask_box
+from simulator.labels.feasible import infeasible_reason, mean_level, wireframe_step_share
+from simulator.labels.keypoints import label_keypoints, pixel_or_none
+from simulator.labels.layers import (
+    clean_twin,
+    draw_layers,
+    layer_hash,
+    optical_flow,
+    pixel_hash,
+    visible_mask,
+    wants_surfaces,
+)
+from simulator.labels.surfaces import start_surfaces
+from simulator.labels.truth import Box, RowPose, Software, Truth, WireLabel
+from simulator.labels.wireframe import view_edges
+from simulator.runtime.arrays import ByteArray, Float32Array, vec3
+from simulator.scene.motion import scene_at
+from simulator.targets.joined_mesh import box_3d_m, mesh_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from simulator.labels.request import LabelRequest
+    from simulator.labels.wireframe import EdgeView
+    from simulator.render.renderer import Renderer
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+ROW_POSES = 33
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """What is known of a picture.
+
+    Parameters
+    ----------
+    mask : (H, W) uint8, 255 on the target. depth_m : (H, W) camera z, NaN outside.
+    layers : the label images that were asked for, by name.
+    """
+
+    truth: Truth
+    mask: ByteArray
+    depth_m: Float32Array
+    layers: dict[str, NDArray[Any]]
+
+
+def label_picture(
+    renderer: Renderer,
+    scene: SceneState,
+    target: Target,
+    request: LabelRequest,
+    signal: Float32Array,
+    image: NDArray[np.unsignedinteger],
+) -> Labels:
+    """The labels of a picture.
+
+    The geometry is worked out while the driver draws the label raster on threads of its own, and another thread hashes
+    what is ready. It takes few long steps without Python's lock: each hand-over of that costs.
+
+    Parameters
+    ----------
+    request : which layers to give beyond truth and mask.
+    signal : (H, W[, 3]) noise-free signal, 1 at full scale. image : the digital numbers made of it.
+    """
+    mono = signal if signal.ndim == 2 else signal.mean(axis=2)
+    clean = clean_twin(scene, signal) if "clean" in request.layers else None
+    with ThreadPoolExecutor(1) as aside:
+        level = aside.submit(mean_level, mono)
+        image_hash = aside.submit(pixel_hash, image)
+        clean_hash = None if clean is None else aside.submit(pixel_hash, clean)
+        inside = renderer.silhouette_inside(scene, target)
+        finish = start_surfaces(renderer, scene, target, layers=wants_surfaces(request))
+        amodal = amodal_box(scene, target)
+        truth = truth_record(
+            scene,
+            target,
+            mono,
+            level.result,
+            silhouette_inside=inside,
+            amodal=amodal,
+            wireframe="wireframe" in request.layers,
+            software=Software(flyaround=_own_version(), gl_renderer=renderer.info.renderer),
+        )
+        seen = finish()
+        mask = visible_mask(seen)
+        mask_hash = aside.submit(pixel_hash, mask)
+        layers, origin = draw_layers(renderer, scene, target, request, seen, mask, amodal)
+        hashes = {
+            # an amodal mask without anything beyond the image is the mask itself
+            name: mask_hash if layer is mask else aside.submit(layer_hash, name, layer, mask)
+            for name, layer in layers.items()
+        }
+        if "flow" in request.layers and request.flow is not None:
+            layers["flow"] = optical_flow(scene, request.flow, seen.depth_m, mask)
+            hashes["flow"] = aside.submit(layer_hash, "flow", layers["flow"], mask)
+        if clean is not None and clean_hash is not None:
+            layers["clean"], hashes["clean"] = clean, clean_hash
+        layers = {name: layers[name] for name in request.layers if name in layers}
+        truth = msgspec.structs.replace(
+            truth,
+            box_px=mask_box(mask),
+            image_sha256=image_hash.result(),
+            mask_sha256=mask_hash.result(),
+            parts=tuple(part.name for part in target.parts) if "parts" in layers else (),
+            layers=tuple(name for name in request.layers if name in layers or name == "wireframe"),
+            layer_sha256={name: hashes[name].result() for name in layers},
+            amodal_origin_px=origin,
+            flow=request.flow if "flow" in layers else None,
+        )
+    return Labels(truth, mask, seen.depth_m, layers)
+
+
+def truth_record(
+    scene: SceneState,
+    target: Target,
+    signal: Float32Array,
+    level: Callable[[], float],
+    *,
+    silhouette_inside: float,
+    amodal: Box | None,
+    wireframe: bool,
+    software: Software,
+) -> Truth:
+    """The truth record of a scene and its noise-free signal, all but what it says of the written images.
+
+    Parameters
+    ----------
+    signal : (H, W) noise-free signal, 1 at full scale. level : gives its mean within the scale.
+    wireframe : list each edge with what is seen of it.
+    """
+    mesh = mesh_of(target)
+    views = view_edges(scene.camera, scene.camera_from_target, target, mesh)
+    share = wireframe_step_share(scene, views, signal, level())
+    reason = infeasible_reason(silhouette_inside, share, amodal)
+    corners = box_3d_m(target)
+    return Truth(
+        epoch_utc=scene.epoch_utc,
+        t_s=scene.t_s,
+        frame_index=scene.frame_index,
+        seed=scene.seed,
+        q_camera_from_target_wxyz=scene.q_camera_from_target_wxyz,
+        t_camera_from_target_m=scene.t_camera_from_target_m,
+        camera=scene.camera,
+        keypoints=label_keypoints(scene, target, mesh, signal),
+        box_px=None,
+        box_amodal_px=amodal,
+        sun_direction_camera=scene.sun_direction_camera,
+        sun_visible_fraction=scene.sun_visible_fraction,
+        feasible=reason == "",
+        infeasible_reason=reason,
+        silhouette_inside=silhouette_inside,
+        wireframe_step_share=share,
+        image_sha256="",
+        mask_sha256="",
+        scene=scene,
+        software=software,
+        exposure_s=scene.exposure_s,
+        earth_direction_camera=scene.earth_direction_camera,
+        box_3d_target_m=tuple(vec3(p) for p in corners),
+        box_3d_px=tuple(
+            pixel_or_none(p) for p in scene.camera.project(scene.camera_from_target.apply(corners))
+        ),
+        wireframe=tuple(_wire(view) for view in views) if wireframe else (),
+        row_poses=row_poses(scene),
+    )
+
+
+def row_poses(scene: SceneState) -> tuple[RowPose, ...]:
+    """Poses at some rows of a rolling shutter, from the first to the last; none for a global one.
+
+    Between them rates are constant: a straight line in position and the shortest turn meet every row.
+    """
+    if not scene.shutter.is_rolling:
+        return ()
+    height = scene.camera.height_px
+    rows = np.unique(np.rint(np.linspace(0, height - 1, min(height, ROW_POSES))).astype(int))
+    poses = []
+    for row in rows:
+        dt = float(scene.shutter.row_time_s(row, height))
+        then = scene_at(scene, dt)
+        poses.append(
+            RowPose(
+                row_px=int(row),
+                dt_s=dt,
+                q_camera_from_target_wxyz=then.q_camera_from_target_wxyz,
+                t_camera_from_target_m=then.t_camera_from_target_m,
+            )
+        )
+    return tuple(poses)
+
+
+def _wire(view: EdgeView) -> WireLabel:
+    (x0, y0), (x1, y1) = (map(float, end) for end in view.ends_px)
+    return WireLabel(name=view.edge.name, ends_px=((x0, y0), (x1, y1)), visible=view.stretches)
+
+
+@cache
+def _own_version() -> str:
+    return version("flyaround")

@@ -1,0 +1,66 @@
+"""The label raster: depth, normal and part at each pixel's centre, each row of a rolling shutter at its own time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.imaging.rolling_shutter import crop, row_bands
+from simulator.scene.motion import scene_at
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from simulator.render.renderer import Renderer
+    from simulator.render.target.label_pass import Surfaces
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+
+def start_surfaces(
+    renderer: Renderer, scene: SceneState, target: Target, *, layers: bool
+) -> Callable[[], Surfaces]:
+    """`surfaces`, which the driver draws while other things are done; the result, called once, waits for it."""
+    if len(row_bands(scene, target)) > 1:
+        return partial(surfaces, renderer, scene, target, layers=layers)
+    return renderer.begin_surfaces(scene, target, layers=layers)
+
+
+def surfaces(
+    renderer: Renderer, scene: SceneState, target: Target, *, layers: bool, margin_px: int = 0
+) -> Surfaces:
+    """What lies at each pixel's centre at mid-exposure, each row at its own; ``margin_px`` pixels beyond the edges."""
+    height, m = scene.camera.height_px, margin_px
+    bands = row_bands(scene, target)
+    found: Surfaces | None = None
+    for k in reversed(range(len(bands))):
+        band = bands[k]
+        # rows beyond the image are exposed with its edge
+        top, bottom = band.y0 - (m if k == 0 else 0), band.y1 + (m if k == len(bands) - 1 else 0)
+        camera = crop(scene.camera, -m, top, scene.camera.width_px + 2 * m, bottom - top)
+        seen = renderer.surfaces(replace(scene_at(scene, band.dt_s), camera=camera), target, layers=layers)
+        if len(bands) == 1:
+            return seen
+        if found is None:
+            found = _empty_like(seen, height + 2 * m)
+        rows = slice(top + m, bottom + m)
+        found.depth_m[rows] = seen.depth_m
+        for ours, theirs in ((found.normals, seen.normals), (found.parts, seen.parts)):
+            if ours is not None and theirs is not None:
+                ours[rows] = theirs
+    if found is None:
+        raise RuntimeError("an image without rows has no labels")
+    return found
+
+
+def _empty_like(seen: Surfaces, height: int) -> Surfaces:
+    return replace(
+        seen,
+        depth_m=np.full((height, seen.depth_m.shape[1]), np.nan, np.float32),
+        normals=None if seen.normals is None else np.zeros((height, *seen.normals.shape[1:]), np.float16),
+        parts=None if seen.parts is None else np.zeros((height, seen.parts.shape[1]), np.uint16),
+        window=(slice(None), slice(None)),
+    )

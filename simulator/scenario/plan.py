@@ -1,0 +1,173 @@
+"""A plan: which moments of a flight become frames, and the scene of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import msgspec
+
+from simulator.camera.lens.camera_model import Camera
+from simulator.errors import UserError
+from simulator.imaging.auto_exposure import ExposureTrack
+from simulator.imaging.metering import wanted_exposure_s
+from simulator.scenario.flight import fly, frame_times
+from simulator.scene.build import build_scene
+from simulator.scene.state import Bands, Quality, SceneState, TargetRef
+from simulator.targets.library import load_target
+from simulator.targets.model import Target
+
+if TYPE_CHECKING:
+    from simulator.scenario.scenario import Scenario
+    from simulator.world.flight.flight import Flight
+    from simulator.world.flight.state import WorldState
+
+
+class FramePlan(Protocol):
+    """Frames of one target by number, each from the plan alone: of a flight, of a recipe, of a list of poses."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+
+    @property
+    def target(self) -> Target:
+        """The model that is drawn."""
+
+    def scene(self, k: int) -> SceneState:
+        """The snapshot of frame k."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plan:
+    """Moments of a flight that become frames. ``scene(k)`` depends on (scenario, seed, k) alone.
+
+    Parameters
+    ----------
+    times_s : mid-exposure of each frame, from the flight's start [s].
+    every_s : spacing if it was given as one.
+    exposures : the automatic exposure along the flight; None for a fixed one.
+    """
+
+    scenario: Scenario
+    flight: Flight
+    target: Target
+    camera: Camera
+    times_s: tuple[float, ...]
+    every_s: float | None
+    seed: int
+    bands: Bands
+    quality: Quality
+    exposures: ExposureTrack | None = None
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.times_s)
+
+    @property
+    def scenario_name(self) -> str:
+        """Name of the scenario."""
+        return self.scenario.name
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Label layers that the scenario asks for."""
+        return self.scenario.output.labels
+
+    @property
+    def scenario_document(self) -> dict[str, Any]:
+        """The scenario as a JSON-able document, with this plan's overrides."""
+        return dict(msgspec.json.decode(msgspec.json.encode(self.scenario)))
+
+    def scene(self, k: int) -> SceneState:
+        """The snapshot of frame k."""
+        t = self.times_s[k]
+        exposure = None if self.exposures is None else self.exposures.exposure_s(t)
+        return self._scene(self.flight.state(t), k, exposure)
+
+    def next_scene(self, k: int) -> SceneState | None:
+        """The snapshot after frame k's; none after the last."""
+        return self.scene(k + 1) if k + 1 < self.n_frames else None
+
+    def scene_of(self, world: WorldState, k: int) -> SceneState:
+        """The snapshot of a state of the world, as frame k of this plan (steered flights come this way).
+
+        A steered flight has no past to look up: its automatic exposure is what the meter wants, without lag.
+        """
+        scene = self._scene(world, k, None)
+        auto = self.scenario.auto_exposure
+        if auto is None:
+            return scene
+        return replace(scene, exposure_s=wanted_exposure_s(auto, scene, self.target))
+
+    def _scene(self, world: WorldState, k: int, exposure_s: float | None) -> SceneState:
+        scenario = self.scenario
+        return build_scene(
+            world,
+            camera=self.camera,
+            sensor=scenario.sensor_model,
+            exposure_s=scenario.sensor.exposure_s if exposure_s is None else exposure_s,
+            target=TargetRef(name=self.target.name, sha256=self.target.sha256),
+            com_target_m=self.target.mass.com_m,
+            frame_index=k,
+            seed=self.seed,
+            quality=self.quality,
+            bands=self.bands,
+            environment=scenario.environment_model,
+            shutter=scenario.shutter_model,
+            optics=scenario.optics_model,
+            lamp=scenario.lamp_model,
+        )
+
+    def shifted(self, times_s: tuple[float, ...]) -> Plan:
+        """The same flight with other frames."""
+        return replace(self, times_s=times_s, every_s=None)
+
+
+def plan_flight(
+    scenario: Scenario,
+    *,
+    n: int | None = None,
+    every_s: float | None = None,
+    times: tuple[float, ...] | None = None,
+    seed: int | None = None,
+    bands: Bands | None = None,
+    quality: Quality | None = None,
+) -> Plan:
+    """Propagate a scenario and choose its frames: ``n`` evenly in time, one ``every_s``, or at ``times``.
+
+    Raises
+    ------
+    UserError
+        If a time is outside the flight, or the scenario names something unknown.
+    """
+    if seed is not None and seed < 0:
+        raise UserError(f"the seed is {seed}, allowed: 0 or more")
+    target = load_target(scenario.target)
+    if times is None:
+        times = tuple(float(t) for t in frame_times(scenario.duration_s, n, every_s))
+    for t in times:
+        if not 0 <= t <= scenario.duration_s:
+            raise UserError(
+                f"time {t:g} s is outside scenario {scenario.name}, which lasts {scenario.duration_s:g} s; "
+                "choose -t within it"
+            )
+    plan = Plan(
+        scenario=scenario,
+        flight=fly(scenario, target),
+        target=target,
+        camera=scenario.camera_model,
+        times_s=times,
+        every_s=every_s,
+        seed=scenario.seed if seed is None else seed,
+        bands=bands or scenario.output.bands,
+        quality=quality or scenario.output.quality,
+    )
+    auto = scenario.auto_exposure
+    if auto is None:
+        return plan
+    # the meter looks through the plan as it is: its own exposure plays no part in what it wants
+    return replace(
+        plan, exposures=ExposureTrack(auto, lambda t: plan.scene_of(plan.flight.state(t), 0).exposure_s)
+    )
