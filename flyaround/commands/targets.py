@@ -140,15 +140,15 @@ def add(
 
 
 def _expected_of_the_estimator(target: Target) -> str:
-    """What to expect of the board's estimator on a craft that it was not made for; empty where it has a first look."""
-    from hil.board.svd.propose.learned.learned_proposal import read_net  # noqa: PLC0415 - slow to import, needed here alone
+    """What to expect of the estimator on a craft that it was not made for; empty where it has a learned proposal."""
+    from hil.board.svd.propose.learned.learned_proposal import shipped_network  # noqa: PLC0415 - slow to import, needed here alone
 
-    if read_net(target.name) is not None:
+    if shipped_network(target.name) is not None:
         return ""
     n = sum(len(p.triangles) for p in target.parts)
     heavy = f"its {n:,} triangles are too many for it to draw the craft: --decimate {MOST_TRIANGLES}; "
     return (heavy if n > MOST_TRIANGLES else "") + (
-        "no first look is trained of this craft: expect about half of the poses to be right and few or none accepted; "
+        "no learned proposal is trained for this craft: expect half of the poses to be right, few or none accepted; "
         "docs/svd.md, A craft of your own, says what training takes (pip install 'flyaround[train]', 20 minutes, 1 GB)"
     )
 

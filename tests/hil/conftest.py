@@ -10,7 +10,7 @@ import cv2
 import pytest
 
 from hil.board.svd.native import backend
-from hil.board.svd.propose.learned.view_subspaces import Subspaces
+from hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
@@ -53,7 +53,7 @@ def tango() -> BoardModel:
 
 
 @pytest.fixture(scope="session")
-def views(tango: BoardModel) -> Subspaces:
-    """Its faces as the first look knows them."""
+def views(tango: BoardModel) -> ViewSubspaces:
+    """Its faces as the learned proposal knows them."""
     assert tango.faces is not None
-    return Subspaces.of(tango, tango.faces)
+    return ViewSubspaces.of(tango, tango.faces)

@@ -100,7 +100,7 @@ def test_estimate_answers_in_the_machine_read_form(dataset, capsys):
     names = [p.name[3:-4] for p in sorted((dataset / "stages").iterdir())]
     stages = ["gradient", "histogram", "thresholded", "filtered", "region", "wge_stream", "sh_stream"]
     assert names[:7] == stages
-    assert names[-6:] == ["merged", "groups", "first_look", "drawn", "overlay", "camera_in_map"]
+    assert names[-6:] == ["merged", "groups", "learned_proposal", "drawn", "overlay", "camera_in_map"]
 
 
 def test_an_image_of_real_numbers_is_refused_in_one_sentence(dataset, tmp_path, capsys):

@@ -29,8 +29,8 @@ from hil.board.svd.model.visibility import occluders, sample_edges, visible_samp
 from hil.board.svd.native import arrays, backend, compiler
 from hil.board.svd.native.learned.attitude_likelihood import likelihood
 from hil.board.svd.propose.learned.attitude_basis import even_attitudes, turning_bumps
-from hil.board.svd.propose.learned.learned_proposal import net_for
-from hil.board.svd.propose.learned.network_input import Gaze, look
+from hil.board.svd.propose.learned.learned_proposal import network_for
+from hil.board.svd.propose.learned.network_input import ImageCrop, network_inputs
 from hil.board.svd.propose.learned.view_subspaces import HARMONICS, _circle
 from hil.board.svd.refine.parallel import _middle
 from hil.evaluate.metrics import compose, summarise
@@ -307,7 +307,7 @@ def test_wider_instructions_change_no_bit(
         pytest.skip("this processor has none")
     choose.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
     faces, (R, t) = tango.faces, some_pose(tango, np.random.default_rng(11))
-    net, bumps = net_for(tango), turning_bumps(even_attitudes(5))
+    net, bumps = network_for(tango), turning_bumps(even_attitudes(5))
     assert net is not None
     picture = cv2.GaussianBlur(np.random.default_rng(2).uniform(0, 255, (160, 200)), (0, 0), 3.0).astype(
         np.uint8
@@ -324,7 +324,7 @@ def test_wider_instructions_change_no_bit(
         visible, _ = visible_samples(samples, occluders(tango), -R.T @ t)
         assert native is not None
         likely = likelihood(native, bumps, said, HARMONICS, _circle())
-        looks = look(picture, 2.0, CAMERA, [Gaze.at(CAMERA, 90.0, 70.0, 80.0)])
+        looks = network_inputs(picture, 2.0, CAMERA, [ImageCrop.at(CAMERA, 90.0, 70.0, 80.0)])
         return [a.tobytes() for a in (seen, sun.height, dark, visible, likely, looks, *net(looks))]
 
     wide = answers()

@@ -1,4 +1,4 @@
-"""The first look by the C kernels: what it is shown, its network, and its attitudes are those of numpy."""
+"""The learned proposal by the C kernels: what it is shown, its network, and its attitudes are those of numpy."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from hil.board.svd.native.images.area_average import shrunk
 from hil.board.svd.native.learned import attitude_likelihood as kernel
 from hil.board.svd.native.learned.convolution import Layers, convolutions
 from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, turning_bumps
-from hil.board.svd.propose.learned.learned_proposal import net_for
+from hil.board.svd.propose.learned.learned_proposal import network_for
 from hil.board.svd.propose.learned.network import convolve
-from hil.board.svd.propose.learned.network_input import Gaze, look, views_through
-from hil.board.svd.propose.learned.view_subspaces import QUARTERS, TURNS, Subspaces
+from hil.board.svd.propose.learned.network_input import ImageCrop, crop_images, network_inputs
+from hil.board.svd.propose.learned.view_subspaces import QUARTERS, TURNS, ViewSubspaces
 
 if TYPE_CHECKING:
     from ctypes import CDLL
@@ -80,19 +80,19 @@ def test_looks_are_numpys_wherever_they_are_at(choose: pytest.MonkeyPatch) -> No
     rng = np.random.default_rng(2)
     picture = clouds(rng)
     reduced = area_mean(picture, 120, 75)
-    gazes = [
-        Gaze.at(CAMERA, rng.uniform(-200, 700), rng.uniform(-100, 400), size)
+    crops = [
+        ImageCrop.at(CAMERA, rng.uniform(-200, 700), rng.uniform(-100, 400), size)
         for size in (12.0, 40.0, 120.0, 400.0, 2000.0)
         for _ in range(3)
     ]
     args = [
-        (p, 2.0, CAMERA, gazes, r) for p in (picture, 7 * picture.astype(np.uint16)) for r in (None, reduced)
+        (p, 2.0, CAMERA, crops, r) for p in (picture, 7 * picture.astype(np.uint16)) for r in (None, reduced)
     ]
-    both = [[(look(*a), views_through(a[0], CAMERA, gazes, 31, 20.0, a[4])) for a in args]]
+    both = [[(network_inputs(*a), crop_images(a[0], CAMERA, crops, 31, 20.0, a[4])) for a in args]]
     numpy_from_here(choose)
-    both.append([(look(*a), views_through(a[0], CAMERA, gazes, 31, 20.0, a[4])) for a in args])
+    both.append([(network_inputs(*a), crop_images(a[0], CAMERA, crops, 31, 20.0, a[4])) for a in args])
     for (one, seen), (other, expected) in zip(*both, strict=True):
-        # older OpenCV looks between pixels in 32 steps, and of whole numbers a half may be rounded to either side
+        # older OpenCV inputs between pixels in 32 steps, and of whole numbers a half may be rounded to either side
         fine = 2e-4 if cv2.__version__ >= "5" else 2e-2
         for a, b, unit in ((one, other, 1.0), (seen, expected, float(expected.max()))):
             off = np.abs(a - b) / unit
@@ -104,14 +104,16 @@ def test_looks_are_numpys_wherever_they_are_at(choose: pytest.MonkeyPatch) -> No
 def test_the_network_is_numpys_to_what_its_weights_leave_out(
     tango: BoardModel, choose: pytest.MonkeyPatch
 ) -> None:
-    net, rng = net_for(tango), np.random.default_rng(3)
+    net, rng = network_for(tango), np.random.default_rng(3)
     assert net is not None
-    gazes = [Gaze.at(CAMERA, *rng.uniform(60, 240, 2), rng.uniform(40, 200)) for _ in range(7)]
-    looks = look(clouds(rng), 2.0, CAMERA, gazes)
-    said = net(looks)
-    broken = net(np.concatenate([looks[:1], np.full_like(looks[:1], np.nan), 1e38 * looks[:1], looks[1:2]]))
+    crops = [ImageCrop.at(CAMERA, *rng.uniform(60, 240, 2), rng.uniform(40, 200)) for _ in range(7)]
+    inputs = network_inputs(clouds(rng), 2.0, CAMERA, crops)
+    said = net(inputs)
+    broken = net(
+        np.concatenate([inputs[:1], np.full_like(inputs[:1], np.nan), 1e38 * inputs[:1], inputs[1:2]])
+    )
     numpy_from_here(choose)
-    for one, other in zip(said, net(looks), strict=True):
+    for one, other in zip(said, net(inputs), strict=True):
         # its file has weights of 11 bits
         np.testing.assert_allclose(one, other, atol=2e-3 * float(np.abs(other).max()))
     for one, other in zip(said, broken, strict=True):
@@ -123,20 +125,20 @@ def test_a_layer_of_whole_numbers_is_exact() -> None:
     rng = np.random.default_rng(4)
     for taps, stride, channels, out in ((5, 2, 2, 24), (3, 2, 6, 16), (3, 1, 4, 37), (3, 2, 10, 128)):
         kernel, bias = rng.integers(-90, 90, (taps, taps, channels, out)), rng.integers(-500, 500, out)
-        looks = rng.integers(-900, 900, (2, 8, 8, channels)).astype(np.float32)
+        inputs = rng.integers(-900, 900, (2, 8, 8, channels)).astype(np.float32)
         # the largest there may be: a unit of each is worth one
-        kernel[0, 0, 0], looks[:, 0, 0, 0] = 32767, 4095
+        kernel[0, 0, 0], inputs[:, 0, 0, 0] = 32767, 4095
         layers = Layers.of([kernel], [bias], [stride])
         assert layers is not None
-        exact = np.maximum(convolve(looks, kernel.astype(np.float32), stride) + bias, 0)
-        made = convolutions(native(), looks, layers)
+        exact = np.maximum(convolve(inputs, kernel.astype(np.float32), stride) + bias, 0)
+        made = convolutions(native(), inputs, layers)
         np.testing.assert_allclose(made, exact, rtol=1e-6, atol=1e-6 * exact.max())
         with pytest.raises(ValueError, match="channels"):
             convolutions(native(), np.zeros((1, 8, 8, channels + 2), np.float32), layers)
     assert Layers.of([np.zeros((3, 3, 3, 8))], [np.zeros(8)], [1]) is None
 
 
-def test_likelihoods_are_the_sum_of_all_bumps(views: Subspaces, choose: pytest.MonkeyPatch) -> None:
+def test_likelihoods_are_the_sum_of_all_bumps(views: ViewSubspaces, choose: pytest.MonkeyPatch) -> None:
     said = np.random.default_rng(5).normal(0, 4, (2, QUARTERS, ANCHORS)).astype(np.float32)
     one = views.likelihoods(said)
     numpy_from_here(choose)
@@ -182,9 +184,9 @@ def test_straight_segments_are_opencvs(choose: pytest.MonkeyPatch) -> None:
     assert abs(len(ours) - len(theirs)) < 0.03 * len(theirs)
 
 
-def test_attitudes_explain_as_much_as_by_numpy(views: Subspaces, choose: pytest.MonkeyPatch) -> None:
+def test_attitudes_explain_as_much_as_by_numpy(views: ViewSubspaces, choose: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(7)
-    picture, here = clouds(rng), Gaze.at(CAMERA, 200.0, 140.0, 110.0)
+    picture, here = clouds(rng), ImageCrop.at(CAMERA, 200.0, 140.0, 110.0)
     chosen = rng.permutation(len(views.q))[:150]
     share, move = views._explained(picture, CAMERA, here, chosen, None)
     nothing = np.zeros((8, 8)), (np.array([400]), np.array([0])), np.zeros((TURNS, 2)), (1.0, 1.0, 1.0)

@@ -55,7 +55,7 @@ def choice_of(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.nd
     close = make_canvas(craft, frame, box, SMALL_PX)
     field = edge_field(frame.image, box, frame.noise, 200, background=0.0)
     s = support(q, t, craft.samples, craft.occ, field, CAMERA, craft.spacing_m)
-    best = Candidate(q, t, s, field, Region(*map(float, box), "look"))
+    best = Candidate(q, t, s, field, Region(*map(float, box), "learned"))
     fit = PhotoFit(q, t, 1.0, 1e-4 * np.eye(6))
     score = photo_score(q, t, faces, close, CAMERA)
     end, ranked = End(fit, score, None, score), Ranked(score, fit, best)

@@ -175,7 +175,7 @@ def test_what_is_known_is_not_drawn_again_and_ends_where_it_did() -> None:
     box = craft_box(craft, q, T_M)
     canvas = make_canvas(craft, frame, box, 72)
     field = edge_field(frame.image, box, 3.0, 100, background=0.0)
-    first = Candidate(q, T_M, UNASKED, field, Region(*map(float, box), "look"))
+    first = Candidate(q, T_M, UNASKED, field, Region(*map(float, box), "learned"))
     asked = Candidate(q, T_M, UNASKED, field, Region(*map(float, box), "edges"))
     known: Known = {}
 

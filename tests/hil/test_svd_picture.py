@@ -383,7 +383,7 @@ def test_each_witness_alone_can_make_a_pose_doubtful() -> None:
     # weights of one craft say less of another: a narrow margin is none, and it must look better than that
     other = replace(told, tried=False, looked=False)
     assert "confidence" in decide(other)
-    # a first look of its own makes up for that, but not for the margin
+    # a learned proposal of its own makes up for that, but not for the margin
     looked = replace(told, tried=False)
     assert decide(looked) == ""
     assert "ambiguous" in decide(replace(looked, margin=0.019))

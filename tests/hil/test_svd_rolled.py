@@ -59,7 +59,7 @@ def choice_at(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.nd
     close = make_canvas(craft, frame, box, SMALL_PX)
     field = edge_field(frame.image, box, frame.noise, 200, background=0.0)
     s = support(q, t, craft.samples, craft.occ, field, CAMERA, craft.spacing_m)
-    best = Candidate(q, t, s, field, Region(*map(float, box), "look"))
+    best = Candidate(q, t, s, field, Region(*map(float, box), "learned"))
     start = PhotoFit(q, t, 1.0, 1e-4 * np.eye(6))
     end: End = finish(craft, frame, close, start)
     ranked = Ranked(end.began, start, best)

@@ -13,15 +13,15 @@ from hil.board.svd.estimator import BUSY
 from hil.board.svd.image.edge_field import drop_specks
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.propose.regions import _busy_share, clusters, propose_regions
-from hil.board.svd.propose.saliency import CELL_PX, WEIGHTS, Weights, boxes, target_map
+from hil.board.svd.propose.saliency import CELL_PX, WEIGHTS, SaliencyWeights, boxes, saliency_map
 from tools.train.saliency import train
 
 
 @pytest.fixture(scope="module")
-def weights() -> Weights:
+def weights() -> SaliencyWeights:
     data = pkgutil.get_data("hil.board.svd", WEIGHTS)
     assert data is not None
-    return Weights.read(io.BytesIO(data))
+    return SaliencyWeights.read(io.BytesIO(data))
 
 
 def clouds(seed: int) -> np.ndarray:
@@ -47,17 +47,17 @@ def with_craft(picture: np.ndarray, x: int, y: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("x", "y"), [(60, 50), (350, 190), (200, 20)])
-def test_one_of_the_boxes_searched_holds_the_craft(weights: Weights, x: int, y: int) -> None:
+def test_one_of_the_boxes_searched_holds_the_craft(weights: SaliencyWeights, x: int, y: int) -> None:
     shares = []
-    for box in boxes(target_map(with_craft(clouds(1), x, y), 4.0, weights), 2):
+    for box in boxes(saliency_map(with_craft(clouds(1), x, y), 4.0, weights), 2):
         x0, y0, x1, y1 = (CELL_PX * v for v in box)
         inside = max(0, min(x1, x + 70) - max(x0, x)) * max(0, min(y1, y + 80) - max(y0, y))
         shares.append(inside / ((x1 - x0) * (y1 - y0) + 70 * 80 - inside))
     assert max(shares) > 0.33
 
 
-def test_clouds_alone_are_mostly_left_out(weights: Weights) -> None:
-    alone, craft = (target_map(p, 4.0, weights) for p in (clouds(2), with_craft(clouds(2), 200, 100)))
+def test_clouds_alone_are_mostly_left_out(weights: SaliencyWeights) -> None:
+    alone, craft = (saliency_map(p, 4.0, weights) for p in (clouds(2), with_craft(clouds(2), 200, 100)))
     assert (alone > 0.5).mean() < 0.1
     assert craft[55:85, 105:130].mean() > 3 * alone[55:85, 105:130].mean()
 
@@ -86,7 +86,7 @@ def test_a_craft_that_fills_the_frame_is_not_taken_for_a_background() -> None:
     regions, busy, likely = propose_regions(cloudy, eliminate_weak_gradients(cloudy), 4.0)
     assert busy > BUSY
     assert likely is not None
-    assert regions[0].source == "map"
+    assert regions[0].source == "saliency"
 
 
 @pytest.mark.parametrize("share", [0.002, 0.05, 0.4])

@@ -22,12 +22,12 @@ try:
     import torch
     from torch.nn import functional
 except ImportError as error:
-    raise ImportError("training a first look needs PyTorch: pip install 'flyaround[train]'") from error
+    raise ImportError("training a learned proposal needs PyTorch: pip install 'flyaround[train]'") from error
 
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
-from hil.board.svd.propose.learned.learned_proposal import read_net
-from hil.board.svd.propose.learned.network import LOOK_PX, STRIDES, VERSION, Net
+from hil.board.svd.propose.learned.learned_proposal import shipped_network
+from hil.board.svd.propose.learned.network import INPUT_PX, STRIDES, VERSION, ProposalNetwork
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 from tools.train.proposal_samples import Batch, Views, sample
@@ -50,7 +50,7 @@ COMPARED, TURNS, WIDTH_RAD = 2048, 8, float(np.radians(6.0))
 # How often it tells how it does.
 REPORTS = 10
 
-# Attitudes that a report looks among.
+# Attitudes that a report inputs among.
 GRID = 6000
 
 # Looks by which another craft's network is taken over.
@@ -84,19 +84,19 @@ def start_weights(seed: int) -> Tree:
         layer(f"kernel{k}", (side, side, last, channels))
         last = channels
     layer("squeeze", (last, SQUEEZED))
-    cells = LOOK_PX // int(np.prod(STRIDES))
+    cells = INPUT_PX // int(np.prod(STRIDES))
     layer("hidden", (cells * cells * SQUEEZED, HIDDEN))
     layer("heads", (HIDDEN, ANCHORS + 4), 0.01)
     del out["heads_scale"]
     return {k: torch.tensor(v, dtype=torch.float32, requires_grad=True) for k, v in out.items()}
 
 
-def weights_of(net: Net, looks: torch.Tensor, seed: int) -> Tree:
+def weights_of(net: ProposalNetwork, inputs: torch.Tensor, seed: int) -> Tree:
     """Weights that see what another craft's network sees, and know no attitude of this one yet.
 
     Parameters
     ----------
-    looks : (B, 64, 64, 2) of which each normalisation takes the mean and spread that it undoes.
+    inputs : (B, 64, 64, 2) of which each normalisation takes the mean and spread that it undoes.
     """
     weights = start_weights(seed)
     layers = {f"kernel{k}": pair for k, pair in enumerate(zip(net.kernels, net.biases, strict=True))}
@@ -104,7 +104,7 @@ def weights_of(net: Net, looks: torch.Tensor, seed: int) -> Tree:
         with torch.no_grad():
             weights[name].copy_(torch.from_numpy(kernel))
             # the layers before this one are right by now
-            _, seen = forward(weights, None, looks)
+            _, seen = forward(weights, None, inputs)
             spread = torch.sqrt(seen[f"{name}_var"] + EPSILON)
             weights[f"{name}_scale"].copy_(spread)
             weights[f"{name}_bias"].copy_(torch.from_numpy(bias) + seen[f"{name}_mean"])
@@ -114,7 +114,7 @@ def weights_of(net: Net, looks: torch.Tensor, seed: int) -> Tree:
     return weights
 
 
-def forward(weights: Tree, running: Tree | None, looks: torch.Tensor) -> tuple[torch.Tensor, Tree]:
+def forward(weights: Tree, running: Tree | None, inputs: torch.Tensor) -> tuple[torch.Tensor, Tree]:
     """Outputs (B, J + 4), and mean and variance of each layer in this batch.
 
     Parameters
@@ -142,7 +142,7 @@ def forward(weights: Tree, running: Tree | None, looks: torch.Tensor) -> tuple[t
         seen[f"{name}_mean"], seen[f"{name}_var"] = mean, var
         return torch.relu_(x)
 
-    x = looks.permute(0, 3, 1, 2)
+    x = inputs.permute(0, 3, 1, 2)
     for k, stride in enumerate(STRIDES):
         kernel = weights[f"kernel{k}"].permute(3, 2, 0, 1).contiguous(memory_format=torch.channels_last)
         side = kernel.shape[-1]
@@ -152,7 +152,7 @@ def forward(weights: Tree, running: Tree | None, looks: torch.Tensor) -> tuple[t
         x = normalised(f"kernel{k}", x)
     cells = x.permute(0, 2, 3, 1)
     flat = normalised("squeeze", cells.reshape(-1, cells.shape[-1]) @ weights["squeeze"])
-    flat = normalised("hidden", flat.reshape(len(looks), -1) @ weights["hidden"])
+    flat = normalised("hidden", flat.reshape(len(inputs), -1) @ weights["hidden"])
     return flat @ weights["heads"] + weights["heads_bias"], seen
 
 
@@ -223,9 +223,9 @@ def _basis() -> FloatArray:
     return np.asarray(bumps(even_attitudes(GRID)), np.float32)
 
 
-def recall(net: Net, batch: Batch, most: int = 32) -> str:
+def recall(net: ProposalNetwork, batch: Batch, most: int = 32) -> str:
     """How often an attitude within some degrees is among the best 1, 4, 8, 16, 32; errors of place and size."""
-    coefficients, box = net(batch.looks)
+    coefficients, box = net(batch.inputs)
     rank = []
     for i in np.flatnonzero(batch.craft > 0):
         error = np.degrees(quat.angle_rad(likeliest(coefficients[i], most), batch.q_wxyz[i]))
@@ -241,7 +241,11 @@ def recall(net: Net, batch: Batch, most: int = 32) -> str:
 
 
 def train(
-    views: Views, minutes: float, seed: int, report: Callable[[str, Tree], None], start: Net | None = None
+    views: Views,
+    minutes: float,
+    seed: int,
+    report: Callable[[str, Tree], None],
+    start: ProposalNetwork | None = None,
 ) -> Tree:
     """Running means of weights and statistics after ``minutes``: Adam with decay of the weights, falling rate.
 
@@ -255,7 +259,7 @@ def train(
     if start is None:
         weights = start_weights(seed)
     else:
-        weights = weights_of(start, torch.from_numpy(sample(views, rng, STATISTICS).looks), seed)
+        weights = weights_of(start, torch.from_numpy(sample(views, rng, STATISTICS).inputs), seed)
     adam = torch.optim.AdamW(
         [
             {"params": [w for w in weights.values() if w.ndim > 1], "weight_decay": DECAY},
@@ -283,7 +287,7 @@ def train(
             for group in adam.param_groups:
                 falling = 0.5 * (1 + np.cos(np.pi * min(done, 1.0)))
                 group["lr"] = RATE * min(1.0, count / 200) * falling + 1e-5
-            out, seen = forward(weights, None, torch.from_numpy(batch.looks))
+            out, seen = forward(weights, None, torch.from_numpy(batch.inputs))
             total, parts = loss(
                 out,
                 wanted_likelihood(batch.q_wxyz, grid),
@@ -318,7 +322,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--start", default=None, help="craft whose network to begin with")
     options = parser.parse_args()
-    start = None if options.start is None else read_net(options.start)
+    start = None if options.start is None else shipped_network(options.start)
     if options.start is not None and start is None:
         parser.error(f"--start: no network is shipped for '{options.start}'")
     n = options.views_used or len(np.load(options.views / "pose.npy", mmap_mode="r"))
@@ -327,7 +331,7 @@ def main() -> None:
 
     def report(text: str, means: Tree) -> None:
         write(options.output, folded(means), options.target)
-        print(text, "|", recall(Net.read(str(options.output)), held), flush=True)
+        print(text, "|", recall(ProposalNetwork.read(str(options.output)), held), flush=True)
 
     report("end", train(views, options.minutes, options.seed, report, start))
 

@@ -1,4 +1,4 @@
-"""Training samples of the first look: views laid on a background, turned, moved, exposed and made noisy by chance."""
+"""Training samples of the learned proposal: views on a background, turned, moved, exposed and made noisy by chance."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.propose.learned.network import FILLED, LOOK_PX, contrast
+from hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
 from tools.train.proposal_views import FILLED as VIEW_FILLED
 from tools.train.proposal_views import VIEW_PX
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # Shares of samples with the Earth behind, and without a craft.
 EARTH_SHARE, EMPTY_SHARE = 0.65, 0.1
 
-# How far a start is off, as the first glance, the second and the later ones find it: shift [half sides] and logarithm
+# How far a start is off, as the first proposal, the second and the later ones find it: shift [half sides] and logarithm
 # of the size, standard deviations; and how often each is shown.
 OFF, SHOWN = ((0.28, 0.42), (0.12, 0.2), (0.04, 0.08)), (0.25, 0.3, 0.45)
 
@@ -82,19 +82,19 @@ class Batch:
 
     Parameters
     ----------
-    looks : (B, 64, 64, 2). q_wxyz : (B, 4) against the line of sight.
+    inputs : (B, 64, 64, 2). q_wxyz : (B, 4) against the line of sight.
     box : (B, 3) centre of the craft's sphere from the middle [half sides], logarithm of its size over the right one.
     craft : (B,) 1 where there is one.
     """
 
-    looks: Float32Array
+    inputs: Float32Array
     q_wxyz: FloatArray
     box: FloatArray
     craft: FloatArray
 
 
 def sample(views: Views, rng: np.random.Generator, size: int) -> Batch:
-    """A batch of random looks."""
+    """A batch of random inputs."""
     which = rng.integers(len(views.signal), size=size)
     off = np.array(OFF)[rng.choice(len(OFF), size, p=SHOWN)]
     box = rng.normal(0, 1, (size, 3)) * off[:, [0, 0, 1]]
@@ -113,7 +113,7 @@ def sample(views: Views, rng: np.random.Generator, size: int) -> Batch:
         )
     )
     noise = rng.uniform(*NOISE, size)
-    pictures = np.empty((size, LOOK_PX, LOOK_PX), np.float32)
+    pictures = np.empty((size, INPUT_PX, INPUT_PX), np.float32)
     for i in range(size):
         k = which[i]
         signal, cover = _warped(views.signal[k], views.cover[k], turn[i], box[i])
@@ -130,22 +130,22 @@ def sample(views: Views, rng: np.random.Generator, size: int) -> Batch:
     pictures += rng.standard_normal(pictures.shape, np.float32) * fine[:, None, None]
     for i in range(size):
         pictures[i] = _framed(pictures[i], reduced[i], box[i], rng)
-    looks = contrast(pictures, fine * np.exp(rng.uniform(*MISMEASURED, size)).astype(np.float32))
+    inputs = contrast(pictures, fine * np.exp(rng.uniform(*MISMEASURED, size)).astype(np.float32))
     about = np.stack([np.cos(turn / 2), 0 * turn, 0 * turn, np.sin(turn / 2)], axis=-1)
-    return Batch(looks, quat.multiply(about, views.q_wxyz[which]), box, craft)
+    return Batch(inputs, quat.multiply(about, views.q_wxyz[which]), box, craft)
 
 
 def _warped(
     signal: Float32Array, cover: NDArray[np.uint8], turn: float, box: FloatArray
 ) -> tuple[Float32Array, Float32Array]:
-    scale = FILLED * LOOK_PX * np.exp(box[2]) / (VIEW_FILLED * VIEW_PX)
+    scale = INPUT_FILL * INPUT_PX * np.exp(box[2]) / (VIEW_FILLED * VIEW_PX)
     c, s = scale * np.cos(turn), scale * np.sin(turn)
-    middle, to = 0.5 * (VIEW_PX - 1), 0.5 * (LOOK_PX - 1) + 0.5 * LOOK_PX * box[:2]
+    middle, to = 0.5 * (VIEW_PX - 1), 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * box[:2]
     M = np.array([[c, -s, to[0] - (c - s) * middle], [s, c, to[1] - (c + s) * middle]])
     both = np.dstack([signal, cover.astype(np.float32) / np.float32(255)])
     blur = 0.5 * float(np.sqrt(max(1 / scale**2 - 0.8, 0.05)))
     soft = cv2.GaussianBlur(both, (0, 0), blur)
-    out = cv2.warpAffine(soft, M, (LOOK_PX, LOOK_PX), flags=cv2.INTER_LINEAR)
+    out = cv2.warpAffine(soft, M, (INPUT_PX, INPUT_PX), flags=cv2.INTER_LINEAR)
     return np.ascontiguousarray(out[..., 0]), np.ascontiguousarray(out[..., 1])
 
 
@@ -154,7 +154,7 @@ def _shadowed(signal: Float32Array, rng: np.random.Generator) -> Float32Array:
     if rng.random() > 0.08:
         return signal
     angle, at = rng.uniform(0, 2 * np.pi), rng.uniform(-8, 8)
-    y, x = np.mgrid[:LOOK_PX, :LOOK_PX] - 0.5 * (LOOK_PX - 1)
+    y, x = np.mgrid[:INPUT_PX, :INPUT_PX] - 0.5 * (INPUT_PX - 1)
     dark = np.cos(angle) * x + np.sin(angle) * y > at
     return np.where(dark, signal * rng.uniform(0.02, 0.4), signal).astype(np.float32)
 
@@ -164,9 +164,9 @@ def _window(earths: tuple[Float32Array, ...], reduced: float, rng: np.random.Gen
     level = int(np.clip(np.log2(max(reduced, 1.0)), 0, len(earths) - 1))
     earth = earths[level][int(rng.integers(len(earths[level])))]
     h, w = earth.shape
-    side = int(np.clip(LOOK_PX * reduced / 2**level, min(LOOK_PX, h), min(h, w)))
+    side = int(np.clip(INPUT_PX * reduced / 2**level, min(INPUT_PX, h), min(h, w)))
     x, y = int(rng.integers(w - side + 1)), int(rng.integers(h - side + 1))
-    part = cv2.resize(earth[y : y + side, x : x + side], (LOOK_PX, LOOK_PX), interpolation=cv2.INTER_AREA)
+    part = cv2.resize(earth[y : y + side, x : x + side], (INPUT_PX, INPUT_PX), interpolation=cv2.INTER_AREA)
     part = np.rot90(part, int(rng.integers(4)))
     return np.asarray(part.T if rng.random() < 0.5 else part)
 
@@ -179,9 +179,9 @@ def _framed(picture: Float32Array, reduced: float, box: FloatArray, rng: np.rand
     at = []
     for size_px, shift in zip(FRAME_PX, box[:2], strict=True):
         half = 0.5 * size_px / reduced
-        slack = max(half - 0.5 * FILLED * LOOK_PX * float(np.exp(box[2])), 0.0)
-        middle = 0.5 * (LOOK_PX - 1) + 0.5 * LOOK_PX * shift + slack * rng.uniform(-1, 1)
-        low = int(np.clip(np.ceil(middle - half), 0, LOOK_PX - 1))
-        high = int(np.clip(np.floor(middle + half), low, LOOK_PX - 1))
-        at.append(np.clip(np.arange(LOOK_PX), low, high))
+        slack = max(half - 0.5 * INPUT_FILL * INPUT_PX * float(np.exp(box[2])), 0.0)
+        middle = 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * shift + slack * rng.uniform(-1, 1)
+        low = int(np.clip(np.ceil(middle - half), 0, INPUT_PX - 1))
+        high = int(np.clip(np.floor(middle + half), low, INPUT_PX - 1))
+        at.append(np.clip(np.arange(INPUT_PX), low, high))
     return picture[at[1][:, None], at[0][None, :]]

@@ -1,4 +1,4 @@
-"""Pictures for training a first look: the craft alone, small and without noise, and the Earth alone to lay it on.
+"""Pictures for training a learned proposal: the craft alone, small and without noise, and the Earth alone to lay it on.
 
     python -m tools.train.proposal_views tango -n 12000 -o DIR
 
@@ -49,7 +49,7 @@ EARTH_PX = (480, 300)
 
 
 def turned_to(scene: SceneState, centre_m: FloatArray, radius_m: float, side_px: int) -> SceneState:
-    """The scene by a narrow camera at the same place that looks at the craft's centre and is filled by its sphere."""
+    """The scene by a narrow camera at the same place that inputs at the craft's centre and is filled by its sphere."""
     c = matrix_from_quat(scene.q_camera_from_target_wxyz) @ centre_m + np.asarray(
         scene.t_camera_from_target_m
     )

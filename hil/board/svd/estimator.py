@@ -30,7 +30,7 @@ from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.propose.edge_search import search_region
-from hil.board.svd.propose.learned.learned_proposal import FirstLook, Glance
+from hil.board.svd.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
 from hil.board.svd.propose.multi_scale import align_wide
 from hil.board.svd.propose.perceptual_groups import model_triads
 from hil.board.svd.propose.regions import REDUCTION, propose_regions
@@ -47,7 +47,7 @@ Chosen = Tuple[Candidate, Union[FineFit, PhotoFit], Evidence, Tuple[Alternative,
 # Share of the frame's tiles with edges above which the background is not empty space.
 BUSY = 0.25
 
-# Regions glanced at by the first look, and places it hands on with a texture behind and with nothing.
+# Regions glanced at by the learned proposal, and places it hands on with a texture behind and with nothing.
 GLANCES, LOOKS, EMPTY_LOOKS = 5, 2, 1
 
 # Logit of there being a craft from which its edges are not searched: what the picture cannot settle, they cannot.
@@ -76,14 +76,14 @@ class PoseEstimator(Estimator):
         self.accept_at = accept_at
         self.craft = PreparedTarget.prepare(model, camera)
         self.figures = model_triads(self.craft.model)
-        self.first = FirstLook.prepare(model, camera)
+        self.first = LearnedProposer.prepare(model, camera)
         self.tried = self.first is not None and model.name in TRIED
 
     def _estimate(self, frame: Observation) -> PoseResult:
         return self.initialise(frame)
 
     def initialise(self, frame: Observation) -> PoseResult:
-        """The pose in one frame, without knowing any other: by a first look, by edges where that is not enough."""
+        """The pose in one frame, without knowing any other: by the learned proposal, then by edges."""
         image = frame.image
         # a 16-bit file may hold 10 or 12 bits: its own largest value is its scale
         full_scale = 255.0 if image.dtype == np.uint8 else float(image.max())
@@ -102,15 +102,15 @@ class PoseEstimator(Estimator):
         frame.keep("regions", regions)
         frame.mark("roi")
         regions = [r for r in regions if r.diagonal_px >= SMALLEST_PX]
-        glances = self._glances(frame, regions, small)
-        found = [c for g in glances for c in self._candidates(frame, g)]
-        frame.keep("glances", glances)
-        frame.mark("first_look")
-        looked = self._chosen(frame, found, glances) if found else None
+        learned = self._learned(frame, regions, small)
+        found = [c for g in learned for c in self._candidates(frame, g)]
+        frame.keep("learned_proposals", learned)
+        frame.mark("learned_proposal")
+        looked = self._chosen(frame, found, learned) if found else None
         if looked is not None and not looked.accepted and self.first is not None:
             # poses of many places about what is seen, then those that the look named, with shadows
-            wide = align_wide(self.craft, frame, self.first, glances[0], found[0], small)
-            again = self._chosen(frame, list(found), glances, thorough=True, beside=wide)
+            wide = align_wide(self.craft, frame, self.first, learned[0], found[0], small)
+            again = self._chosen(frame, list(found), learned, thorough=True, beside=wide)
             # edges besides would double the time: of 211 frames they set 8 right, and had a wrong pose accepted
             looked = max(looked, again, key=_confidence)
         if looked is not None and (looked.accepted or self.first is not None):
@@ -118,26 +118,26 @@ class PoseEstimator(Estimator):
                 search_region(self.craft, self.figures, frame, regions[0])
             return looked
         # what the look is sure of is where it is: there edges find the attitudes that it does not
-        sure = [g.source for g in glances if g.craft > SURE]
+        sure = [g.source for g in learned if g.craft > SURE]
         some = sure[:1] or regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
         frame.count("searched", 1)
         found = [c for region in some for c in search_region(self.craft, self.figures, frame, region)]
         if found:
-            searched = self._chosen(frame, found, glances, thorough=True)
+            searched = self._chosen(frame, found, learned, thorough=True)
             # not by what they explain: the two were judged on different cuts of the picture
             looked = searched if looked is None else max(looked, searched, key=_confidence)
         return self._declined(frame, "no target found") if looked is None else looked
 
-    def _glances(self, frame: Observation, regions: List[Region], reduced: Array) -> List[Glance]:
-        """What the first look says of the likeliest places; nothing where the target has none."""
+    def _learned(self, frame: Observation, regions: List[Region], reduced: Array) -> List[LearnedProposal]:
+        """What the learned proposal says of the likeliest places; nothing where the target has none."""
         if self.first is None:
             return []
         keep = LOOKS if frame.background < 0 else EMPTY_LOOKS
-        return self.first.glances(frame.image, frame.noise, regions[:GLANCES], keep, reduced)
+        return self.first.propose(frame.image, frame.noise, regions[:GLANCES], keep, reduced)
 
-    def _candidates(self, frame: Observation, glance: Glance) -> List[Candidate]:
-        """Poses of a glance, the likeliest first, and the edges of its place for who wants to ask them."""
-        region = glance.region(self.craft.camera)
+    def _candidates(self, frame: Observation, proposal: LearnedProposal) -> List[Candidate]:
+        """Poses of a proposal, the likeliest first, and the edges of its place for who wants to ask them."""
+        region = proposal.region(self.craft.camera)
         h, w = frame.image.shape
         x0, y0, x1, y1 = region.grown(0.05, w, h)
         if min(x1 - x0, y1 - y0) < SMALLEST_PX:
@@ -151,15 +151,15 @@ class PoseEstimator(Estimator):
             likely=frame.likely,
         )
         return [
-            Candidate(q, t, UNASKED, field, region, float(likely - glance.log_likely[0]))
-            for q, t, likely in zip(glance.q, glance.t, glance.log_likely)  # noqa: B905 - Python 3.9 has no strict=
+            Candidate(q, t, UNASKED, field, region, float(likely - proposal.log_likely[0]))
+            for q, t, likely in zip(proposal.q, proposal.t, proposal.log_likely)  # noqa: B905 - Python 3.9 has no strict=
         ]
 
     def _chosen(
         self,
         frame: Observation,
         found: List[Candidate],
-        glances: Sequence[Glance],
+        learned: Sequence[LearnedProposal],
         *,
         thorough: bool = False,
         beside: Sequence[Ranked] = (),
@@ -171,12 +171,12 @@ class PoseEstimator(Estimator):
             return self._told(frame, choose(self.craft, frame, found))
         choice = self._compared(frame, found, beside, thorough=thorough)
         if not self.tried:
-            choice = self._turned(frame, check_rolled(self.craft, frame, choice), glances)
+            choice = self._turned(frame, check_rolled(self.craft, frame, choice), learned)
         result = self._told(frame, _all_of(choice))
         if thorough or not result.accepted or not doubtful(choice.evidence):
             return result
         frame.count("checked", 1)
-        return self._told(frame, _all_of(self._held_against_near_minima(frame, choice, glances)))
+        return self._told(frame, _all_of(self._held_against_near_minima(frame, choice, learned)))
 
     def _compared(
         self, frame: Observation, found: List[Candidate], beside: Sequence[Ranked], *, thorough: bool
@@ -187,17 +187,17 @@ class PoseEstimator(Estimator):
         leaders = sorted([*leaders, *beside], key=lambda r: -r.score)
         return choose_by_picture(self.craft, frame, leaders, thorough=thorough)
 
-    def _turned(self, frame: Observation, choice: Choice, glances: Sequence[Glance]) -> Choice:
-        """The same held against its near-symmetries, about which the first look is heard where there is one.
+    def _turned(self, frame: Observation, choice: Choice, learned: Sequence[LearnedProposal]) -> Choice:
+        """The same held against its near-symmetries, about which the learned proposal is heard where there is one.
 
         Of a round craft a few small parts say which way round it is, and confidence was not fitted on them.
         """
-        first = self.first if glances else None
-        prior = None if first is None else partial(first.log_likelihood, glances)
+        first = self.first if learned else None
+        prior = None if first is None else partial(first.log_likelihood, learned)
         return check_turned(self.craft, frame, choice, prior)
 
     def _held_against_near_minima(
-        self, frame: Observation, choice: Choice, glances: Sequence[Glance]
+        self, frame: Observation, choice: Choice, learned: Sequence[LearnedProposal]
     ) -> Choice:
         """A doubtful choice beside poses that lean about it; of an untried craft the last word is its half turns'."""
         if self.tried:
@@ -206,7 +206,7 @@ class PoseEstimator(Estimator):
         if leant.end is choice.end:
             # the half turns are named still
             return replace(no_clearer(leant, choice.evidence), alternatives=choice.alternatives)
-        return no_clearer(self._turned(frame, leant, glances), leant.evidence)
+        return no_clearer(self._turned(frame, leant, learned), leant.evidence)
 
     def _told(self, frame: Observation, chosen: Chosen) -> PoseResult:
         """The result of a choice, and whether it is to be accepted."""

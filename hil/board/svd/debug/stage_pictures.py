@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.board.svd.base import PoseResult
 from hil.board.svd.debug.overlay import draw_segments, draw_wireframe, grey, label
-from hil.board.svd.debug.synthetic_views import drawn_picture, first_look_picture
+from hil.board.svd.debug.synthetic_views import drawn_picture, learned_proposal_picture
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.image.noise import noise_sigma
@@ -107,9 +107,11 @@ def stage_pictures(
                 cv2.polylines(canvas, chains, kind == "closed_tetrad", GROUP_COLOURS[kind], 1, cv2.LINE_AA, 4)
         label(canvas, "perceptual groups: " + ", ".join(f"{len(p)} {k}" for k, p in groups.items() if len(p)))
         out["groups"] = canvas
-    for glance in trace.get("glances", [])[:1]:
+    for proposal in trace.get("learned_proposals", [])[:1]:
         noise = max(noise_sigma(image, 255.0 if image.dtype == np.uint8 else float(image.max())), 0.1)
-        out["first_look"] = first_look_picture(image, glance, noise, model, camera, (WIDTH, HEIGHT))
+        out["learned_proposal"] = learned_proposal_picture(
+            image, proposal, noise, model, camera, (WIDTH, HEIGHT)
+        )
     drawn = trace.get("drawn")
     if drawn is not None:
         out["drawn"] = drawn_picture(drawn, (WIDTH, HEIGHT))

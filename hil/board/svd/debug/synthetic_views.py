@@ -1,4 +1,4 @@
-"""Pictures of the stages that look at the craft as a whole: the first look, and the drawing it is compared with."""
+"""Pictures of the stages that use the whole target: the learned proposal, and the synthetic view of the pose."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from hil.board.svd.debug.overlay import draw_wireframe, grey, label
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.propose.learned.learned_proposal import Glance
-from hil.board.svd.propose.learned.network import FILLED
-from hil.board.svd.propose.learned.network_input import look, seen_through
+from hil.board.svd.propose.learned.learned_proposal import LearnedProposal
+from hil.board.svd.propose.learned.network import INPUT_FILL
+from hil.board.svd.propose.learned.network_input import crop_image, network_inputs
 from hil.board.svd.refine.synthetic_view import Drawn
 
 Array = np.ndarray
@@ -24,9 +24,9 @@ ORANGE = (0, 159, 230)
 SIGMAS = 8.0
 
 
-def first_look_picture(
+def learned_proposal_picture(
     image: Array,
-    glance: Glance,
+    proposal: LearnedProposal,
     noise: float,
     model: BoardModel,
     camera: CameraIntrinsics,
@@ -39,20 +39,20 @@ def first_look_picture(
     noise : standard deviation of ``image``. size : (width, height) of the picture made.
     """
     side = min(size[0] // 3, size[1] // 2)
-    shown = look(image, noise, camera, [glance.gaze])[0, ..., 0]
+    shown = network_inputs(image, noise, camera, [proposal.crop])[0, ..., 0]
     low, high = np.percentile(shown, [1, 99.5])
     first = cv2.resize(shown, (side, side), interpolation=cv2.INTER_NEAREST)
     tiles = [grey(first - low, float(high - low))]
     label(tiles[0], "shown to the network")
-    view = seen_through(image, camera, glance.gaze, side, FILLED * side)
-    f = 0.5 * (camera.fx_px + camera.fy_px) * FILLED * side / glance.gaze.diameter_px
+    view = crop_image(image, camera, proposal.crop, side, INPUT_FILL * side)
+    f = 0.5 * (camera.fx_px + camera.fy_px) * INPUT_FILL * side / proposal.crop.diameter_px
     small = CameraIntrinsics(side, side, f, f, 0.5 * (side - 1), 0.5 * (side - 1))
-    back = quat.from_matrix(glance.gaze.swing().T)
-    for k in range(min(5, len(glance.q))):
+    back = quat.from_matrix(proposal.crop.swing().T)
+    for k in range(min(5, len(proposal.q))):
         tile = grey(view, max(float(np.percentile(view, 99.5)), 1.0))
-        q = quat.normalise(quat.multiply(back, glance.q[k]))
-        draw_wireframe(tile, model, small, q, glance.gaze.swing().T @ glance.t[k], ORANGE)
-        label(tile, f"{k + 1}: log likelihood {glance.log_likely[k] - glance.log_likely[0]:.1f}")
+        q = quat.normalise(quat.multiply(back, proposal.q[k]))
+        draw_wireframe(tile, model, small, q, proposal.crop.swing().T @ proposal.t[k], ORANGE)
+        label(tile, f"{k + 1}: log likelihood {proposal.log_likely[k] - proposal.log_likely[0]:.1f}")
         tiles.append(tile)
     return _grid(tiles, 3, size)
 

@@ -18,9 +18,9 @@ PICTURE_WEIGHTS = (1.73, -0.45, 7.65, 3.69, 2.29, -0.55, -1.16, -0.66)
 LEAST_MARGIN, LEAST_PICTURE_MARGIN = 0.015, 0.005
 
 # The weights are those of these crafts. Of another the margin must be this share of the score: half turns of round
-# bodies differ by 4 % of it, and the wrong one looked right to 0.98. Of one without a first look the logit must be that
-# much higher. Of 109 development poses of Soyuz, Tianzhou and the thesis's Tango with theirs (seed 9310) 13 were
-# wrong, none of them accepted so; of 425 accepted poses of six crafts on unused frames 11 were (docs/svd.md).
+# bodies differ by 4 % of it, and the wrong one looked right to 0.98. Of one without a learned proposal the logit must
+# be that much higher. Of 109 development poses of Soyuz, Tianzhou and the thesis's Tango with theirs (seed 9310) 13
+# were wrong, none of them accepted so; of 425 accepted poses of six crafts on unused frames 11 were (docs/svd.md).
 TRIED, UNTRIED_MARGIN, UNLOOKED = ("tango",), 0.1, 2.0
 
 # An accepted pose is held against its near minima where confidence is below this. A small margin alone is a twin's,
@@ -54,7 +54,7 @@ class Evidence:
     empty : whether the background is empty space.
     score : how well the drawn craft explains the picture, see photometric.photo_score; None where
         it was not judged so. likeness, covered : see photometric.photo_likeness.
-    tried : whether confidences were fitted on pictures of this craft. looked : whether it has a first look.
+    tried : whether confidences were fitted on pictures of this craft. looked : whether it has a learned proposal.
     """
 
     drawn: float

@@ -30,17 +30,17 @@ TURNED_PX, SUN_PX = 350, 480
 DIFFERENT, WRONG_BY, BLURS = 3.0, 0.3, (1.0, 2.0)
 
 # What speaks for an end and against another, as logarithms of a likelihood: so much for a whole score, a preference of
-# one, and each unit of what the first look says, which is never surer than this. A logistic fit on 185 pairs of ends of
-# Soyuz, Tianzhou and Chang'e-6 (seed 9310): score, preference and first look are right in 70, 85 and 66 % alone. On
-# the half of the frames that it was not fitted on they are right in 89 % together; a finer picture's score and the
-# squares of what is left over, asked before, in 84 %.
-SCORE_WEIGHT, PREFERENCE_WEIGHT, LOOK_WEIGHT, SUREST_LOOK = 12.0, 2.5, 1.4, 4.0
+# one, and each unit of what the learned proposal says, which is never surer than this. A logistic fit on 185 pairs of
+# ends of Soyuz, Tianzhou and Chang'e-6 (seed 9310): score, preference and learned proposal are right in 70, 85 and 66 %
+# alone. On the half of the frames that it was not fitted on they are right in 89 % together; a finer picture's score
+# and the squares of what is left over, asked before, in 84 %.
+SCORE_WEIGHT, PREFERENCE_WEIGHT, LEARNED_WEIGHT, SUREST_LEARNED = 12.0, 2.5, 1.4, 4.0
 
 # What of that is as good as a margin of a whole score: a lead of 2.5 is what is asked for. Half of the pairs that were
 # not fitted on have it, one in 44 of these wrong; 41 % had the three that were asked for before, one in 16 wrong.
 MARGIN_OF_LIKELIHOOD = 1.0 / 25.0
 
-# The first look's logarithm of the likelihood of an attitude q at a place t, see FirstLook.log_likelihood.
+# The learned proposal's logarithm of the likelihood of an attitude q at a place t, see LearnedProposer.log_likelihood.
 Prior = Callable[[Array, Array], float]
 
 
@@ -50,7 +50,7 @@ class Turned:
 
     Parameters
     ----------
-    drawn : it on the finer picture. looked : logarithm of its likelihood by the first look; zero where there is none.
+    drawn : it on the finer picture. looked : log-likelihood by the learned proposal; zero where there is none.
     """
 
     start: Ranked
@@ -65,8 +65,8 @@ def check_turned(
     """A choice again beside its end turned by each near-symmetry of the craft, all aligned to their ends.
 
     Three witnesses are heard. The score of either end. The pixels of a finer picture in which two drawings differ: of a
-    craft of 15 m a dish and a few sensors, a hundredth of the score. And the first look, which has seen every such part
-    in every light.
+    craft of 15 m a dish and a few sensors, a hundredth of the score. And the learned proposal, which has seen every
+    such part in every light.
     """
     symmetries = craft.model.symmetry_wxyz
     if not len(symmetries):
@@ -112,7 +112,9 @@ def check_turned(
 def _leads(held: List[Turned], canvas: ImagePatch) -> Array:
     """(N,) by how much each end is likelier than the likeliest other one [log]; two at least."""
     most = max([1e-6, *(h.end.score for h in held)])
-    alone = [SCORE_WEIGHT * h.end.score / most + LOOK_WEIGHT * max(h.looked, -SUREST_LOOK) for h in held]
+    alone = [
+        SCORE_WEIGHT * h.end.score / most + LEARNED_WEIGHT * max(h.looked, -SUREST_LEARNED) for h in held
+    ]
     leads = np.full((len(held), len(held)), np.inf)
     for i, a in enumerate(held):
         for j, b in enumerate(held[:i]):

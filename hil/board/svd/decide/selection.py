@@ -33,7 +33,8 @@ from hil.board.svd.refine.parallel import (
 Array = np.ndarray
 
 # Candidates of a region looked at at first and where those did not settle it, and poses compared of them. Before empty
-# space eight of a first look's sixteen led as far as all; before the Earth three of 266 development frames were lost.
+# space eight of a learned proposal's sixteen led as far as all; before the Earth three of 266 development frames were
+# lost.
 LOOKED_AT, TEXTURED_LOOKED_AT, ALL_LOOKED_AT, LEADERS = 8, 16, 24, 4
 
 # The same where those did not settle it, with how many go to the end: all that were found.
@@ -43,7 +44,7 @@ ALL_LEADERS, ALL_FINALISTS, ALL_FINALS, ALL_FINAL_LEAD = 4, 7, 3, 0.75
 # pose another one covers at the same place.
 LIT, LIT_OF_EDGES, SAME_PLACE = 8, 8, 0.5
 
-# What a unit of the first look's log-likelihood counts against the score.
+# What a unit of the learned proposal's log-likelihood counts against the score.
 LIKELY_WEIGHT = 0.01
 
 # How many are compared close up with the winner, and with what share of its score a twin is looked at again.
@@ -80,8 +81,8 @@ CHECK_BLURS, CHECK_LEFT = (
 )
 CHECK_RAD = float(np.radians(3.0))
 
-# Margin round a place of the first look, which holds all of the craft.
-LOOK_MARGIN = 0.1
+# Margin round a place of the learned proposal, which holds all of the craft.
+LEARNED_MARGIN = 0.1
 
 
 def align_leaders(
@@ -97,9 +98,9 @@ def align_leaders(
     ranked: List[Ranked] = []
     # edges of one region say nothing of another's: each sends its own leaders
     for region in dict.fromkeys(c.region for c in found):
-        looked = region.source == "look"
+        looked = region.source == "learned"
         own = [c for c in found if c.region == region]
-        margin = LOOK_MARGIN if looked else MARGIN
+        margin = LEARNED_MARGIN if looked else MARGIN
         height, width = frame.image.shape
         textured = looked and frame.background < 0
         first = TEXTURED_LOOKED_AT if textured else LOOKED_AT

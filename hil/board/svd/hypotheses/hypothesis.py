@@ -23,8 +23,8 @@ class Candidate:
 
     Parameters
     ----------
-    support : by edges; ``UNASKED`` where the first look proposed the pose.
-    likely : logarithm of its likelihood by the first look over that of the best of its region; zero for others.
+    support : by edges; ``UNASKED`` where the learned proposal proposed the pose.
+    likely : logarithm of its likelihood by the learned proposal over that of the best of its region; zero for others.
     """
 
     q: Array

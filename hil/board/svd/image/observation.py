@@ -23,7 +23,7 @@ class Observation:
     ----------
     image : (H, W). noise : standard deviation.
     background : level of empty space, negative when it is not empty.
-    likely : (h, w) map of the craft against a textured background, see target_map; None where it was not needed.
+    likely : (h, w) map of the craft against a textured background, see saliency_map; None where it was not needed.
     trace : receives what ``keep`` is given; None costs nothing. drawn : what poses were drawn as on each canvas.
     """
 

@@ -1,6 +1,6 @@
 """A craft sought at many places and sizes about what is seen of it: what is lit may be little of the whole.
 
-The first look's network takes what is lit for the craft. Of 41 frames before empty space whose pose was lost (seed
+The network takes what is lit for the craft. Of 41 frames before empty space whose pose was lost (seed
 9501) it had given 23 too small a size, by up to a half; shown the right place it proposed the right attitude in all.
 """
 
@@ -17,8 +17,8 @@ from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.image_patch import make_canvas, pinhole_box
 from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.propose.learned.learned_proposal import FirstLook, Glance
-from hil.board.svd.propose.learned.network_input import Gaze
+from hil.board.svd.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
+from hil.board.svd.propose.learned.network_input import ImageCrop
 from hil.board.svd.propose.regions import REDUCTION
 from hil.board.svd.refine.parallel import SPREAD_RAD, Left, Ranked, align_together, begin, with_shadows
 
@@ -35,8 +35,8 @@ LIT_RINGS = (
     (1.78, 0.12, 4),
 )
 
-# The same before a texture, about a place of the first look, in diameters of its sphere: the size was 0.8 to 1.2 of
-# the true one in 22 of 27 lost frames (seed 9502), the middle off by 0.1 at most in 23.
+# The same before a texture, about a place of the learned proposal, in diameters of its sphere: the size was 0.8 to 1.2
+# of the true one in 22 of 27 lost frames (seed 9502), the middle off by 0.1 at most in 23.
 TEXTURED_RINGS = ((0.87, 0.0, 1), (0.87, 0.09, 4), (1.0, 0.1, 5), (1.15, 0.0, 1), (1.15, 0.1, 5))
 
 # Places that are looked at from four sides: of all, those that the network would correct least. Among 16 of 30 there
@@ -61,7 +61,7 @@ LEFT = (
 )
 
 
-def gazes_about_lit(craft: PreparedTarget, frame: Observation, reduced: Array) -> List[Gaze]:
+def crops_about_lit(craft: PreparedTarget, frame: Observation, reduced: Array) -> List[ImageCrop]:
     """Places and sizes at which the craft's sphere holds all that is lit before empty space.
 
     Parameters
@@ -77,10 +77,10 @@ def gazes_about_lit(craft: PreparedTarget, frame: Observation, reduced: Array) -
     return _rings(craft, middle, REDUCTION * (2 * radius + 1), LIT_RINGS)
 
 
-def gazes_about(craft: PreparedTarget, glance: Glance) -> List[Gaze]:
-    """Places and sizes about one of the first look."""
-    u, v = craft.camera.pixels(glance.gaze.direction)
-    return _rings(craft, (float(u), float(v)), glance.gaze.diameter_px, TEXTURED_RINGS)
+def crops_about(craft: PreparedTarget, proposal: LearnedProposal) -> List[ImageCrop]:
+    """Places and sizes about one of the learned proposal."""
+    u, v = craft.camera.pixels(proposal.crop.direction)
+    return _rings(craft, (float(u), float(v)), proposal.crop.diameter_px, TEXTURED_RINGS)
 
 
 def _rings(
@@ -88,46 +88,46 @@ def _rings(
     middle: Tuple[float, float],
     size_px: float,
     rings: Sequence[Tuple[float, float, int]],
-) -> List[Gaze]:
+) -> List[ImageCrop]:
     out = []
     for k, (size, reach, number) in enumerate(rings):
         # every other ring is turned, so that their places do not lie in line
         for angle in 2 * np.pi * (np.arange(number) + 0.5 * (k % 2)) / number:
             x = middle[0] + reach * size_px * float(np.cos(angle))
             y = middle[1] + reach * size_px * float(np.sin(angle))
-            out.append(Gaze.at(craft.camera, x, y, size * size_px))
+            out.append(ImageCrop.at(craft.camera, x, y, size * size_px))
     return out
 
 
 def align_wide(
     craft: PreparedTarget,
     frame: Observation,
-    first: FirstLook,
-    glance: Glance,
+    first: LearnedProposer,
+    proposal: LearnedProposal,
     start: Candidate,
     reduced: Array,
 ) -> List[Ranked]:
-    """The poses of many gazes that explain the picture best, aligned on one small picture of all; the best first.
+    """The poses of many crops that explain the picture best, aligned on one small picture of all; the best first.
 
     Parameters
     ----------
-    glance : of the surest place. start : a candidate of it, whose edges and region the poses are given.
+    proposal : of the surest place. start : a candidate of it, whose edges and region the poses are given.
     reduced : (h, w) the picture reduced by ``REDUCTION``.
     """
     empty = frame.background >= 0
-    gazes = gazes_about_lit(craft, frame, reduced) if empty else gazes_about(craft, glance)
-    if not gazes:
+    crops = crops_about_lit(craft, frame, reduced) if empty else crops_about(craft, proposal)
+    if not crops:
         return []
     found = [
         Candidate(q, t, UNASKED, start.field, start.region)
-        for g in first.held(
-            frame.image, frame.noise, glance.source, gazes, HELD if empty else TEXTURED_HELD, reduced
+        for g in first.propose_at(
+            frame.image, frame.noise, proposal.source, crops, HELD if empty else TEXTURED_HELD, reduced
         )
         for q, t in zip(g.q, g.t)  # noqa: B905 - Python 3.9 has no strict=
     ]
     frame.count("sought", len(found))
-    frame.mark("first_look")
-    sieve, canvas = (_canvas(craft, frame, gazes, px) for px in (SIEVE_PX, WIDE_PX))
+    frame.mark("learned_proposal")
+    sieve, canvas = (_canvas(craft, frame, crops, px) for px in (SIEVE_PX, WIDE_PX))
     # hundreds of drawings would fill the memory of a board: only their scores are kept
     score = np.array([begin(craft, sieve, c).score for c in found])
     chosen: List[Candidate] = []
@@ -143,11 +143,11 @@ def align_wide(
     return ranked
 
 
-def _canvas(craft: PreparedTarget, frame: Observation, gazes: List[Gaze], longest: int) -> ImagePatch:
+def _canvas(craft: PreparedTarget, frame: Observation, crops: List[ImageCrop], longest: int) -> ImagePatch:
     """A picture with a longest side [px] that holds the craft wherever it is looked for."""
     h, w = frame.image.shape
-    middle = np.array([craft.camera.pixels(g.direction) for g in gazes])
-    reach = 0.55 * np.array([g.diameter_px for g in gazes])[:, None]
+    middle = np.array([craft.camera.pixels(g.direction) for g in crops])
+    reach = 0.55 * np.array([g.diameter_px for g in crops])[:, None]
     x0, y0 = np.clip((middle - reach).min(axis=0), 0, (w - 32, h - 32)).astype(int).tolist()
     x1, y1 = np.clip((middle + reach).max(axis=0), (x0 + 32, y0 + 32), (w, h)).astype(int).tolist()
     return make_canvas(craft, frame, pinhole_box(craft.camera, (x0, y0, x1, y1)), longest)

@@ -13,7 +13,14 @@ import numpy as np
 from hil.board.svd.image.edge_field import drop_specks, gradient, gradient_noise, thin_edges
 from hil.board.svd.image.region import Region, overlap
 from hil.board.svd.image.weak_gradients import WeakGradientElimination, marginal_interval
-from hil.board.svd.propose.saliency import CELL_PX, WEIGHTS, Weights, boxes, straight_segments, target_map
+from hil.board.svd.propose.saliency import (
+    CELL_PX,
+    WEIGHTS,
+    SaliencyWeights,
+    boxes,
+    saliency_map,
+    straight_segments,
+)
 
 Array = np.ndarray
 
@@ -115,16 +122,18 @@ def propose_regions(
         segments = straight_segments(small)
         weights = _weights()
         if weights is not None:
-            likely = target_map(small, noise_small, weights, segments, (gx, gy))
+            likely = saliency_map(small, noise_small, weights, segments, (gx, gy))
             if _on_craft(mask, likely) > OWN_EDGES:
                 # a craft near by fills the frame with edges of its own: nothing else is there
                 return regions, 0.0, None
             for box in boxes(likely, 2):
-                add(CELL_PX * box[0], CELL_PX * box[1], CELL_PX * box[2], CELL_PX * box[3], "map")
+                add(CELL_PX * box[0], CELL_PX * box[1], CELL_PX * box[2], CELL_PX * box[3], "saliency")
         for box in straight_windows(small, segments):
             add(*box, "straight")
         regions.sort(
-            key=lambda r: ("map", "straight").index(r.source) if r.source in ("map", "straight") else 2
+            key=lambda r: (
+                ("saliency", "straight").index(r.source) if r.source in ("saliency", "straight") else 2
+            )
         )
     cdf = cdf_region(wge.strong)
     if not any(overlap(cdf, o) > 0.85 for o in regions):
@@ -133,11 +142,11 @@ def propose_regions(
 
 
 @lru_cache(maxsize=1)
-def _weights() -> Optional[Weights]:
+def _weights() -> Optional[SaliencyWeights]:
     """The map's weights, None where they were left out of an installation."""
     # a bundle is a zip file: its members are read through the importer
     data = pkgutil.get_data("hil.board.svd.propose", WEIGHTS)
-    return None if data is None else Weights.read(io.BytesIO(data))
+    return None if data is None else SaliencyWeights.read(io.BytesIO(data))
 
 
 def straight_windows(

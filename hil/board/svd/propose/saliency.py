@@ -31,7 +31,7 @@ WEIGHTS = "saliency.npz"
 
 
 @dataclass(frozen=True, eq=False)
-class Weights:
+class SaliencyWeights:
     """Two layers: mean and scale of the measures (F,), then (F, H), (H,), (H,), bias."""
 
     mean: Array
@@ -42,10 +42,10 @@ class Weights:
     second_bias: float
 
     @staticmethod
-    def read(file: Union[str, BinaryIO]) -> Weights:
+    def read(file: Union[str, BinaryIO]) -> SaliencyWeights:
         """From an ``.npz`` file."""
         with np.load(file) as f:
-            return Weights(
+            return SaliencyWeights(
                 f["mean"],
                 f["scale"],
                 f["first"].astype(np.float32),
@@ -145,10 +145,10 @@ def _segments(segments: Array, w: int, h: int) -> List[Array]:
     return [*out[:3], about - np.hypot(c, s)]
 
 
-def target_map(
+def saliency_map(
     small: Array,
     noise: float,
-    weights: Weights,
+    weights: SaliencyWeights,
     segments: Optional[Array] = None,
     slopes: Optional[Tuple[Array, Array]] = None,
 ) -> Array:

@@ -1,4 +1,4 @@
-/* Regions of a picture reduced by area averaging: edges.py (shrink), as OpenCV's INTER_AREA does it. */
+/* Regions of a picture reduced by area averaging: edge_field.py (shrink), as OpenCV's INTER_AREA does it. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -148,7 +148,7 @@ int fly_shrink(const struct region *r, int64_t h, int64_t w, float *out)
     return 0;
 }
 
-/* edges.py's shrink: pixels (h, w) of so many bytes each, stride of them from row to row, into out (high, wide). */
+/* edge_field.py's shrink: pixels (h, w) of so many bytes each, stride of them from row to row, into out (high, wide). */
 int64_t fly_shrunk(const void *pixels, int64_t bytes, int64_t stride, int64_t h, int64_t w, int64_t high, int64_t wide,
                    float *out)
 {

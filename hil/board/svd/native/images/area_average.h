@@ -1,4 +1,4 @@
-/* Regions of a picture reduced by area averaging: edges.py (shrink), as OpenCV's INTER_AREA does it. */
+/* Regions of a picture reduced by area averaging: edge_field.py (shrink), as OpenCV's INTER_AREA does it. */
 #ifndef FLYAROUND_AREA_H
 #define FLYAROUND_AREA_H
 

@@ -1,4 +1,4 @@
-/* Straight segments by the line segment detector, as OpenCV's with its own settings: lines.py (lsd_stream).
+/* Straight segments by the line segment detector, as OpenCV's with its own settings: line_segments.py (lsd_stream).
  *
  * Grompone von Gioi, Jakubowicz, Morel, Randall (2012), LSD: a line segment detector, IPOL 2, without its last test
  * (of meaning). Directions are unit vectors here, so that no pixel asks for an angle; edges of one strength are begun

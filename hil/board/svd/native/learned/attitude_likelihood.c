@@ -1,4 +1,4 @@
-/* Likelihood of the first look's attitudes: look/subspaces.py (likelihoods). */
+/* Likelihood of the learned proposal's attitudes: view_subspaces.py (likelihoods). */
 #include <stdlib.h>
 #include <string.h>
 
@@ -7,7 +7,7 @@
 /* Sums that run side by side, so that a compiler may use what adds several numbers at once. */
 #define LANES 8
 
-/* Quarter turns of a look, and harmonics of a bump's value as a function of the turn (attitudes.py, POWER / 2). */
+/* Quarter turns of a look, and harmonics of a bump's value as a function of the turn (attitude_basis.py, POWER / 2). */
 #define QUARTERS 4
 #define HARMONICS 10
 
@@ -78,7 +78,7 @@ static void waves(const float *size, const float *cosine, const float *sine, con
     }
 }
 
-/* look/subspaces.py's Subspaces.likelihoods of one place: into out (views, turns).
+/* view_subspaces.py's ViewSubspaces.likelihoods of one place: into out (views, turns).
  *
  * bumps : (3, views, n) size, cosine and sine. said : as above, n a multiple of eight. harmonics : (HARMONICS + 1,)
  * of a bump. circle : (turns, 2) cosine and sine of a turn. -1 where there is no memory.

@@ -17,7 +17,7 @@ HARMONICS, SIDE, SHAPES, SIZES, SHIFTS = 10, 24, 8, 3, 3
 
 
 def likelihood(library: ctypes.CDLL, bumps: Array, said: Array, harmonics: Array, circle: Array) -> Array:
-    """As ``Subspaces.likelihoods`` of one place: (V * TURNS,) float32.
+    """As ``ViewSubspaces.likelihoods`` of one place: (V * TURNS,) float32.
 
     Parameters
     ----------

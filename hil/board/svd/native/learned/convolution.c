@@ -1,4 +1,4 @@
-/* The convolutions of the first look's network in whole numbers: look/net.py.
+/* The convolutions of the learned proposal's network in whole numbers: network.py.
  *
  * Weights and what they are multiplied with are whole numbers of 16 bits, their sums of 32: twice as many at once as
  * of float, and the same on every machine in any order. What is lost is less than the weights' file leaves out.
@@ -17,7 +17,7 @@
 #define CHANNELS 16
 #define PIXELS 6
 
-/* Largest value that anything multiplied with a weight may have (net.py's LARGEST). */
+/* Largest value that anything multiplied with a weight may have (network.py's LARGEST). */
 #define LARGEST 4095.0f
 
 /* One convolution: taps each way, stride, channels in and out, weights (out / CHANNELS, taps, taps channels / 2,

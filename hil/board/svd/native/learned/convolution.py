@@ -96,5 +96,5 @@ def convolutions(library: ctypes.CDLL, looks: Array, layers: Layers) -> Array:
         at(checked_pointer(layers.bias, "float32")),
         at(checked_pointer(out, "float32")),
     ):
-        raise MemoryError("no memory for the first look's network")
+        raise MemoryError("no memory for the learned proposal's network")
     return out

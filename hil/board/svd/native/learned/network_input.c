@@ -1,4 +1,4 @@
-/* What the first look is shown of a picture: look/crop.py (seen_through, look) and look/net.py (contrast). */
+/* What the learned proposal is shown of a picture: network_input.py (crop_image, look) and network.py (contrast). */
 #include <math.h>
 #include <stdlib.h>
 
@@ -17,7 +17,7 @@ struct camera {
 };
 
 /* A direction (unit vector, camera axes) and the diameter of the craft's sphere there [px]. */
-struct gaze {
+struct crop {
     double x, y, z, diameter;
 };
 
@@ -67,8 +67,8 @@ static struct region about(const struct region *r, const double *place, int64_t 
     return fly_part(r, corner[1], corner[0], end[1] - corner[1], end[0] - corner[0]);
 }
 
-/* Pixels of the picture that a small camera along a gaze has on its own, (side, side, 2). */
-static void places(const struct camera *c, struct gaze g, double *place)
+/* Pixels of the picture that a small camera along a crop has on its own, (side, side, 2). */
+static void places(const struct camera *c, struct crop g, double *place)
 {
     const double f = 0.5 * (c->fx + c->fy), factor = g.diameter / c->sphere;
     const double k = 1.0 / (1.0 + larger(g.z, -0.99)), middle = 0.5 * (double)(c->side - 1);
@@ -77,7 +77,7 @@ static void places(const struct camera *c, struct gaze g, double *place)
     for (j = 0; j < c->side; j++)
         for (i = 0; i < c->side; i++) {
             const double x = ((double)i - middle) * factor / f, y = ((double)j - middle) * factor / f;
-            /* the shortest turn of the boresight to the gaze */
+            /* the shortest turn of the boresight to the crop */
             const double X = (1.0 - g.x * g.x * k) * x - g.x * g.y * k * y + g.x;
             const double Y = -g.x * g.y * k * x + (1.0 - g.y * g.y * k) * y + g.y;
             const double Z = larger(-g.x * x - g.y * y + g.z, 1e-3);
@@ -86,8 +86,8 @@ static void places(const struct camera *c, struct gaze g, double *place)
         }
 }
 
-/* look/crop.py's seen_through into out (side, side); -1 where there is no memory. */
-static int seen_through(const struct camera *c, struct gaze g, double *place, float *out)
+/* network_input.py's crop_image into out (side, side); -1 where there is no memory. */
+static int crop_image(const struct camera *c, struct crop g, double *place, float *out)
 {
     const int64_t n = c->side * c->side;
     double factor = g.diameter / c->sphere, across, down;
@@ -128,12 +128,12 @@ static int seen_through(const struct camera *c, struct gaze g, double *place, fl
     return 0;
 }
 
-/* What n gazes see, (n, side, side) into out; reduced, of float, may be NULL; -1 where there is no memory.
+/* What n crops see, (n, side, side) into out; reduced, of float, may be NULL; -1 where there is no memory.
  *
- * intrinsics : fx fy cx cy. gazes : (n, 4) direction and diameter. Both pictures at least 2 x 2.
+ * intrinsics : fx fy cx cy. crops : (n, 4) direction and diameter. Both pictures at least 2 x 2.
  */
-int64_t fly_seen_through(const void *image, int64_t bytes, int64_t stride, int64_t h, int64_t w, const float *reduced,
-                         int64_t reduced_h, int64_t reduced_w, const double *intrinsics, const double *gazes,
+int64_t fly_crop_images(const void *image, int64_t bytes, int64_t stride, int64_t h, int64_t w, const float *reduced,
+                         int64_t reduced_h, int64_t reduced_w, const double *intrinsics, const double *crops,
                          int64_t n, int64_t side, double sphere, float *out)
 {
     const struct camera c = {
@@ -144,8 +144,8 @@ int64_t fly_seen_through(const void *image, int64_t bytes, int64_t stride, int64
     int64_t k;
 
     for (k = 0; k < n && !failed; k++) {
-        const struct gaze g = {gazes[4 * k], gazes[4 * k + 1], gazes[4 * k + 2], gazes[4 * k + 3]};
-        failed = seen_through(&c, g, place, out + k * side * side);
+        const struct crop g = {crops[4 * k], crops[4 * k + 1], crops[4 * k + 2], crops[4 * k + 3]};
+        failed = crop_image(&c, g, place, out + k * side * side);
     }
     free(place);
     return failed ? -1 : 0;
@@ -206,7 +206,7 @@ static void mean_about(const float *p, int64_t n, float *out, float *part, float
     }
 }
 
-/* look/net.py's contrast: count pictures (n, n) with their noise into looks (count, n, n, 2); n more than half of
+/* network.py's contrast: count pictures (n, n) with their noise into looks (count, n, n, 2); n more than half of
  * CONTRAST; -1 where there is no memory.
  */
 int64_t fly_contrast(const float *pictures, const float *noise, int64_t count, int64_t n, float *looks)

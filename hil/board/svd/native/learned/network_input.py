@@ -35,7 +35,7 @@ def crop_images(
     intrinsics = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
     given = np.array([[*c.direction, c.diameter_px] for c in crops], float).reshape(-1, 4)
     out = np.empty((len(given), side_px, side_px), np.float32)
-    run, at, n = library.fly_seen_through, ctypes.c_void_p, ctypes.c_int64
+    run, at, n = library.fly_crop_images, ctypes.c_void_p, ctypes.c_int64
     run.restype = n
     failed = run(
         *region(image),

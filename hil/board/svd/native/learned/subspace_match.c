@@ -1,4 +1,4 @@
-/* How well each attitude explains a small picture with faces of any brightness: look/subspaces.py (_explained). */
+/* How well each attitude explains a small picture with faces of any brightness: view_subspaces.py (_explained). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,7 +9,7 @@
 #include <immintrin.h>
 #endif
 
-/* subspaces.py's SIDE_PX, SHIFTS_PX, SHAPES and the number of its SIZES. */
+/* view_subspaces.py's SIDE_PX, SHIFTS_PX, SHAPES and the number of its SIZES. */
 #define SIDE 24
 #define SHIFTS 3
 #define SHAPES 8
@@ -18,7 +18,7 @@
 #define MOVES (SIZES * SHIFTS * SHIFTS)
 
 /* Shapes whose sums run side by side; numbers of a shape, as of so many rows of the picture; those of the picture, with
- * what the last sums read beyond it; the largest of its numbers (net.py's LARGEST). */
+ * what the last sums read beyond it; the largest of its numbers (network.py's LARGEST). */
 #define TOGETHER 2
 #define NUMBERS (SIDE * WIDE)
 #define PICTURE (WIDE * WIDE + WIDE)

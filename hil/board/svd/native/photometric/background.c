@@ -1,11 +1,11 @@
-/* What the background is about the craft where it has a texture: levels.py (shade, _wide_mean). */
+/* What the background is about the craft where it has a texture: face_gains.py (shade, _wide_mean). */
 #include <math.h>
 #include <stdlib.h>
 
 #include "images/area_average.h"
 #include "photometric/image_formation.h"
 
-/* Pixels, each way, that are averaged before the blur, and what little of the background counts (levels.py). */
+/* Pixels, each way, that are averaged before the blur, and what little of the background counts (face_gains.py). */
 #define REDUCED 4
 #define LITTLE 0.02f
 

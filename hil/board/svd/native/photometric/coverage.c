@@ -4,10 +4,10 @@
 
 #include "photometric/coverage.h"
 
-/* Groups in so many middles or fewer have no brightness of their own (levels.py, coverage). */
+/* Groups in so many middles or fewer have no brightness of their own (face_gains.py, coverage). */
 #define FEW 3
 
-/* Shares that are no more are none (levels.py, coverage). */
+/* Shares that are no more are none (face_gains.py, coverage). */
 #define LITTLE 2e-4f
 
 /* Columns of a canvas's row, from one to before another: none where they are in no order. */

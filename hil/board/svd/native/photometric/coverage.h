@@ -1,4 +1,4 @@
-/* What share of a pixel each group of faces covers: levels.py (coverage). */
+/* What share of a pixel each group of faces covers: face_gains.py (coverage). */
 #ifndef FLYAROUND_COVER_H
 #define FLYAROUND_COVER_H
 

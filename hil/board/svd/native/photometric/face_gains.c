@@ -1,11 +1,11 @@
-/* Brightness of the craft's faces, taken from the picture, and the picture drawn with it: levels.py (shade). */
+/* Brightness of the craft's faces, taken from the picture, and the picture drawn with it: face_gains.py (shade). */
 #include <stdlib.h>
 #include <string.h>
 
 #include "photometric/robust_means.h"
 #include "photometric/image_formation.h"
 
-/* Groups with fewer pixels well inside are thin (levels.py, shade). */
+/* Groups with fewer pixels well inside are thin (face_gains.py, shade). */
 #define THIN 3
 
 /* Place of a drawn pixel's face in tables of faces + 1 entries. */
@@ -65,7 +65,7 @@ static int64_t stretches(const int32_t *seen, const uint8_t *dark, int64_t pixel
 }
 
 /* Group of each face in light and in shadow, to (2, faces + 1); how many groups there are, 0 where a byte holds too
- * few. Where shadows are cast, or a byte would not hold all, those that are seen are numbered anew (levels.py,
+ * few. Where shadows are cast, or a byte would not hold all, those that are seen are numbered anew (face_gains.py,
  * _divided). new (2, groups) is scratch.
  */
 static int64_t number(const struct stretch *stretch, int64_t stretches, int shadows, const uint16_t *labels,
@@ -224,7 +224,7 @@ static void paint(struct drawing d, const uint8_t *centre, const uint8_t *solid,
 }
 
 /* Brightness of groups that fill no pixel: what is left of the picture there, over what they cover
- * (levels.py, _thin_levels). work (5 cells,) is scratch.
+ * (face_gains.py, _thin_levels). work (5 cells,) is scratch.
  */
 static void thin_levels(const struct pieces *p, const float *gray, int64_t f, const struct response *r,
                         int64_t groups, double *level, float *picture, float *work)
@@ -298,7 +298,7 @@ static void *laid_out(int64_t faces, int64_t groups, int64_t h, int64_t w, int64
     return block;
 }
 
-/* Levels and picture of a drawn craft (levels.py, shade, but for faces that are saturated and what is behind).
+/* Levels and picture of a drawn craft (face_gains.py, shade, but for faces that are saturated and what is behind).
  *
  * seen : (h f, w f) face + 1. dark : the same, not 0 in shadow, or NULL. labels : (faces + 1,) group + 1 of each.
  * groups : how many labels there are with the background's. gray : (h, w) the picture, sigma its noise.

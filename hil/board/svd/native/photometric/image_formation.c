@@ -1,4 +1,4 @@
-/* Blur and response of pictures: levels.py (blurred), response.py. */
+/* Blur and response of pictures: face_gains.py (blurred), response.py. */
 #include <stdlib.h>
 #include <string.h>
 

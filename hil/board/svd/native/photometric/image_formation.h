@@ -1,4 +1,4 @@
-/* Pictures on a canvas, and what is done to all of them: levels.py (blurred), response.py. Rows first, (h, w);
+/* Pictures on a canvas, and what is done to all of them: face_gains.py (blurred), response.py. Rows first, (h, w);
  * numbers are the picture's own units [grey levels] unless said otherwise.
  */
 #ifndef FLYAROUND_PICTURES_H
@@ -7,7 +7,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-/* Brightness groups that a byte holds (levels.py, LABELS). */
+/* Brightness groups that a byte holds (face_gains.py, LABELS). */
 #define LABELS 255
 
 /* Widest blur that a kernel takes [px]; the caller sees to it. */

@@ -25,13 +25,13 @@ BLURS_PX = 0.2
 
 
 class _Gauss(ctypes.Structure):
-    """pictures.h: struct gauss."""
+    """image_formation.h: struct gauss."""
 
     _fields_ = [("taps", ctypes.c_void_p), ("reach", ctypes.c_int64)]
 
 
 class _Response(ctypes.Structure):
-    """pictures.h: struct response."""
+    """image_formation.h: struct response."""
 
     _fields_ = [
         *((name, ctypes.c_double) for name in ("sigma", "full")),

@@ -1,4 +1,4 @@
-/* What a pose does to the drawn picture, where groups of faces meet: motion.py (motion_images). */
+/* What a pose does to the drawn picture, where groups of faces meet: motion_images.py (motion_images). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -179,7 +179,7 @@ float *fly_rays_of(const struct moving *m, struct drawing d, struct rays *r)
     return block;
 }
 
-/* Derivatives (6, h, w) of the drawn picture by turn and shift, not blurred (motion.py); -1 : no memory. */
+/* Derivatives (6, h, w) of the drawn picture by turn and shift, not blurred (motion_images.py); -1 : no memory. */
 int64_t fly_motion(const struct moving *m, const uint8_t *group, int64_t h, int64_t w, int64_t f, float *out)
 {
     const struct drawing d = {group, h, w, f};

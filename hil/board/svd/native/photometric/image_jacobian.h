@@ -1,4 +1,4 @@
-/* What a pose does to the drawn picture: motion.py. Camera axes: x right, y down, z forward. */
+/* What a pose does to the drawn picture: motion_images.py. Camera axes: x right, y down, z forward. */
 #ifndef FLYAROUND_MOTION_H
 #define FLYAROUND_MOTION_H
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# Most groups with a brightness of their own (cover.h), and a matrix with room for them.
+# Most groups with a brightness of their own (coverage.h), and a matrix with room for them.
 MOST, ROOM = 63, (63 + 7) ** 2
 
 # How the kernel tells two numbers in one.
@@ -26,7 +26,7 @@ PACK = 1000
 
 
 class _Moving(ctypes.Structure):
-    """motion.h: struct moving."""
+    """image_jacobian.h: struct moving."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("seen", "level", "behind", "normal", "offset")),

@@ -4,11 +4,11 @@
 
 #include "photometric/robust_means.h"
 
-/* Kinds of pixels: well inside, beside a border, elsewhere; and what each counts (levels.py, _levels). */
+/* Kinds of pixels: well inside, beside a border, elsewhere; and what each counts (face_gains.py, _levels). */
 #define KINDS 3
 static const double TRUST[KINDS] = {1.051, 0.051, 0.001};
 
-/* Deviations from a mean beyond which a pixel is left out (levels.py, _levels). */
+/* Deviations from a mean beyond which a pixel is left out (face_gains.py, _levels). */
 #define FAR 2.5
 
 /* Values of one group and kind, side by side. */

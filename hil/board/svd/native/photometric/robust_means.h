@@ -1,4 +1,4 @@
-/* Mean brightness of each group of faces, without what lies far off it: levels.py (_levels). */
+/* Mean brightness of each group of faces, without what lies far off it: face_gains.py (_levels). */
 #ifndef FLYAROUND_MEANS_H
 #define FLYAROUND_MEANS_H
 

@@ -1,10 +1,10 @@
-/* Faces painted over each other, the farthest first: shade.py. */
+/* Faces painted over each other, the farthest first: rasteriser.py. */
 #include <math.h>
 #include <stdlib.h>
 
 #include "raster/face_mesh.h"
 
-/* shade.py's BORDER_PX and NARROW_PX [px], and where coordinates end [px] */
+/* rasteriser.py's BORDER_PX and NARROW_PX [px], and where coordinates end [px] */
 #define BORDER 0.48
 #define NARROW 1.2
 #define FAR_PX 3000.0
@@ -246,7 +246,7 @@ static void keep_worth(struct block *b, double least)
     b->n = n;
 }
 
-/* shade.py's ``shortened`` for polygon i: what is narrower than a pixel gets its true area. */
+/* rasteriser.py's ``shortened`` for polygon i: what is narrower than a pixel gets its true area. */
 static void shorten(struct block *b, int64_t i)
 {
     double ax = b->x[2][i] - b->x[0][i], ay = b->y[2][i] - b->y[0][i];
@@ -274,7 +274,7 @@ static void shorten(struct block *b, int64_t i)
     }
 }
 
-/* shade.py's ``inset``: smaller by what a filled border adds. */
+/* rasteriser.py's ``inset``: smaller by what a filled border adds. */
 static void draw_in(struct block *b)
 {
     /* unit normals to the left of each side, and of the side before each corner */
@@ -327,7 +327,7 @@ static double sixteenths(double a)
     return nearest(16.0 * a);
 }
 
-/* The polygons painted in their order, as shade.py's fill_faces does. */
+/* The polygons painted in their order, as rasteriser.py's fill_faces does. */
 static void paint(const struct picture *out, struct block *b, double least, int exact)
 {
     double u[4][BLOCK], v[4][BLOCK];
@@ -358,7 +358,7 @@ static void paint(const struct picture *out, struct block *b, double least, int 
     }
 }
 
-/* shade.py's fill_faces: polygons p (n, 4, 2) into seen (h, w), which holds zeros, as order (n,) + 1. */
+/* rasteriser.py's fill_faces: polygons p (n, 4, 2) into seen (h, w), which holds zeros, as order (n,) + 1. */
 void fly_fill_faces(const double *p, const int64_t *order, int64_t n, double least, int exact, int32_t *seen,
                     int64_t h, int64_t w)
 {
@@ -401,7 +401,7 @@ static void project(const double c[3][BLOCK], int64_t n, const double *R, const 
     }
 }
 
-/* shade.py's draw_faces: faces order (n,) seen by a pinhole at R (3, 3), t (3,) into seen (h, w), which holds zeros. */
+/* rasteriser.py's draw_faces: faces order (n,) seen by a pinhole at R (3, 3), t (3,) into seen (h, w), which holds zeros. */
 void fly_draw_faces(const struct faces *f, const int64_t *order, int64_t n, const double *R, const double *t,
                     const struct view *view, double least, int exact, int32_t *seen, int64_t h, int64_t w)
 {
@@ -446,7 +446,7 @@ static void farthest_first(int64_t *out, double *away, int64_t n)
     }
 }
 
-/* shade.py's Faces.order: faces that look at C (3,) [m], the farthest first, into out (M,).
+/* rasteriser.py's Faces.order: faces that look at C (3,) [m], the farthest first, into out (M,).
  *
  * Fuchs, Kedem and Naylor (1980): from any place everything behind a node's plane is farther than what is on it.
  * Returns how many; -1 where memory is short.

@@ -21,7 +21,7 @@ _POINTERS = ("corners", "normals", "offset", "middles", "plane", "children", "fi
 
 
 class _Faces(ctypes.Structure):
-    """kernels.h: struct faces."""
+    """face_mesh.h: struct faces."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in _POINTERS),
@@ -31,7 +31,7 @@ class _Faces(ctypes.Structure):
 
 
 class _View(ctypes.Structure):
-    """kernels.h: struct view."""
+    """face_mesh.h: struct view."""
 
     _fields_ = [(name, ctypes.c_double) for name in ("fx", "fy", "cx", "cy", "x0", "y0", "across", "down")]
 

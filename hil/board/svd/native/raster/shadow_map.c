@@ -1,11 +1,11 @@
-/* The craft as the Sun sees it, and the shadows that it casts on itself: sunlight.py. */
+/* The craft as the Sun sees it, and the shadows that it casts on itself: shadow_map.py. */
 #include <float.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "raster/shadow_map.h"
 
-/* sunlight.py's Sunlight.of but for its order: polygons p (n, 4, 2) of faces order (n,) on the Sun's picture of
+/* shadow_map.py's Sunlight.of but for its order: polygons p (n, 4, 2) of faces order (n,) on the Sun's picture of
  * side^2 pixels, with where it begins, its pixels and their first middle [m].
  *
  * axes : (3, 3) of the picture and the direction to the Sun. out : origin (2,), then pitch [m].
@@ -119,7 +119,7 @@ static void behind(const struct sun *sun, const float inverse[3], float along[3]
     }
 }
 
-/* sunlight.py's Sunlight.shadows: drawn pixels (h, w) that look at the Sun but lie behind something, into dark (h, w),
+/* shadow_map.py's Sunlight.shadows: drawn pixels (h, w) that look at the Sun but lie behind something, into dark (h, w),
  * which holds zeros.
  *
  * seen : (h, w) face + 1 at the pose R (3, 3), t (3,). Returns 0; -1 where memory is short.

@@ -1,4 +1,4 @@
-/* What the Sun's kernels share: sunlight.py. */
+/* What the Sun's kernels share: shadow_map.py. */
 #ifndef FLYAROUND_SUN_H
 #define FLYAROUND_SUN_H
 
@@ -6,7 +6,7 @@
 
 #include "raster/face_mesh.h"
 
-/* sunlight.py's SKIN_M [m] and GRAZING */
+/* shadow_map.py's SKIN_M [m] and GRAZING */
 #define SKIN 0.006
 #define GRAZING 0.03
 
@@ -49,7 +49,7 @@ static inline void inverse_depth(const struct faces *f, int64_t face, const doub
         inverse[k] = (float)(n[k] / d);
 }
 
-/* Normalised coordinate of drawn pixel k: shade.py's Canvas.rays, across or down. */
+/* Normalised coordinate of drawn pixel k: rasteriser.py's Canvas.rays, across or down. */
 static inline float ray(int64_t k, double scale, double corner, double centre, double focal)
 {
     return (float)((((double)k + 0.5) / scale - 0.5 + corner - centre) / focal);

@@ -23,7 +23,7 @@ LEAST_POINTS = 40
 
 
 class _Sun(ctypes.Structure):
-    """sun.c: struct sun."""
+    """shadow_map.h: struct sun."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("axes", "at", "height", "seen")),
@@ -33,7 +33,7 @@ class _Sun(ctypes.Structure):
 
 
 class _Table(ctypes.Structure):
-    """sun.c: struct sun_table."""
+    """shadow_map.h: struct sun_table."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("frames", "origin", "pitch", "height")),
@@ -43,7 +43,7 @@ class _Table(ctypes.Structure):
 
 
 class _LookedAt(ctypes.Structure):
-    """sun.c: struct looked_at."""
+    """shadow_map.h: struct looked_at."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("seen", "centre", "good", "gray", "group")),

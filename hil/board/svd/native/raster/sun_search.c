@@ -1,10 +1,10 @@
-/* Where the Sun stands, by the shadows on the picture: sunlight.py (SunTable.find). */
+/* Where the Sun stands, by the shadows on the picture: shadow_map.py (SunTable.find). */
 #include <stdlib.h>
 #include <string.h>
 
 #include "raster/shadow_map.h"
 
-/* sunlight.py's SPREAD and BOUND */
+/* shadow_map.py's SPREAD and BOUND */
 #define SPREAD 0.15
 #define BOUND 4.0f
 
@@ -13,7 +13,7 @@
 typedef float line __attribute__((vector_size(4 * LINE), aligned(4), may_alias));
 typedef int32_t whole __attribute__((vector_size(4 * LINE), may_alias));
 
-/* sunlight.py's SunTable: pictures from S directions. */
+/* shadow_map.py's SunTable: pictures from S directions. */
 struct sun_table {
     const double *frames; /* (3, S, 3) axes of each picture and its direction */
     const double *origin; /* (S, 2) [m] */
@@ -193,7 +193,7 @@ static inline float sum_of(line a) { return ((a[0] + a[1]) + (a[2] + a[3])) + ((
 /* a where mask is set, b elsewhere. */
 static inline line chosen(whole mask, line a, line b) { return (line)(((whole)a & mask) | ((whole)b & ~mask)); }
 
-/* What two levels for each group leave of the values: sunlight.py's _cost of one direction.
+/* What two levels for each group leave of the values: shadow_map.py's _cost of one direction.
  *
  * all : (2, groups) number and sum of each group's values.
  */
@@ -254,7 +254,7 @@ static void spread(const struct points *p, float *scratch, float *lowest, float 
     *scale = (float)(1.0 / (SPREAD * sqrt(squares / (double)p->n) + 0.2));
 }
 
-/* sunlight.py's SunTable.find but for the choice: what is left by each of the directions some (n,), into costs (n,).
+/* shadow_map.py's SunTable.find but for the choice: what is left by each of the directions some (n,), into costs (n,).
  *
  * dim : brightness that is as good as none. most : points that are looked at. Returns how many were, whose costs
  * stand where they are 40; -1 where memory is short.

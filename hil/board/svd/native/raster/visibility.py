@@ -16,7 +16,7 @@ Array = np.ndarray
 
 
 class _Samples(ctypes.Structure):
-    """visible.c: struct samples."""
+    """visibility.c: struct samples."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("points", "tangents", "radius", "normals", "faces")),
@@ -25,7 +25,7 @@ class _Samples(ctypes.Structure):
 
 
 class _Occluders(ctypes.Structure):
-    """visible.c: struct occluders."""
+    """visibility.c: struct occluders."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("v0", "e1", "e2", "n")),

@@ -1,1 +1,1 @@
-"""The learned first look: a small network that proposes attitudes and corrects a region's place and size."""
+"""The learned proposal: a small network that proposes attitudes and corrects a region's place and size."""

@@ -60,7 +60,7 @@ def turning_bumps(q: Array) -> Array:
 
 
 def quartered(coefficients: Array) -> Array:
-    """(..., 4, ANCHORS) what looks turned by none to three quarters say, for each power of a quarter turn.
+    """(..., 4, ANCHORS) what inputs turned by none to three quarters say, for each power of a quarter turn.
 
     Their mean, even ones less odd ones, and the first less the third and the second less the fourth, of which a power
     with an odd exponent is made.

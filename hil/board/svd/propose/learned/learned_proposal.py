@@ -1,4 +1,4 @@
-"""The first look: regions of the picture shown to the network twice, and the poses it thinks likely.
+"""The learned proposal: regions of the picture shown to the network twice, and the poses it thinks likely.
 
 Glances correct a region's place and size; the last, from four sides, give a likelihood on SO(3). The likeliest
 attitudes are then ranked by how well their faces explain the picture as well. Which is right, the full picture decides.
@@ -23,14 +23,14 @@ from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.image.region import Region
 from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.propose.learned.network import Net
-from hil.board.svd.propose.learned.network_input import Gaze, look
-from hil.board.svd.propose.learned.view_subspaces import QUARTERS, Subspaces
+from hil.board.svd.propose.learned.network import ProposalNetwork
+from hil.board.svd.propose.learned.network_input import ImageCrop, network_inputs
+from hil.board.svd.propose.learned.view_subspaces import QUARTERS, ViewSubspaces
 
 Array = np.ndarray
 
 # Diameter of the craft's sphere over the diagonal of a region, and where a region often holds but a part of it.
-SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("map", "straight")
+SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("saliency", "straight")
 
 # Attitudes handed on from one place, and how much less likely than the first the last may be [log].
 ATTITUDES, LESS = 16, 9.0
@@ -38,7 +38,7 @@ ATTITUDES, LESS = 16, 9.0
 # The same of each of many places, and attitudes that are compared there.
 HELD_ATTITUDES, HELD_COMPARED = 8, 150
 
-# What a gaze that the network wants narrower counts against one that it wants wider.
+# What a crop that the network wants narrower counts against one that it wants wider.
 TOO_WIDE = 0.5
 
 # Attitudes closer than this are one [rad].
@@ -48,7 +48,7 @@ APART_RAD = float(np.radians(11.0))
 NEAR_RAD = float(np.radians(10.0))
 
 # A place this much less sure of a craft than the surest is left out, unless it is sure by itself [logit] and the
-# surest may be a part of it: an instrument on a white plate looks like a far craft in front of a bright Earth.
+# surest may be a part of it: an instrument on a white plate inputs like a far craft in front of a bright Earth.
 DOUBT, CERTAIN = 4.0, 8.0
 
 # By how much a whole is wider than its part.
@@ -63,23 +63,23 @@ ROUNDS = 2
 # How far the sphere and centre of a model may be from those of the training [radii].
 SAME_M = 0.03
 
-# Largest corrections of one glance [half sides, log].
+# Largest corrections of one proposal [half sides, log].
 SHIFT, SIZE = 0.7, 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class Glance:
+class LearnedProposal:
     """What the network says of one place.
 
     Parameters
     ----------
-    gaze : the corrected direction and size. q (K, 4), t (K, 3), log_likely (K,) : poses, the likeliest first.
+    crop : the corrected direction and size. q (K, 4), t (K, 3), log_likely (K,) : poses, the likeliest first.
     craft : logit of there being a craft. source : the proposal it started from.
-    likely : (V * TURNS,) logarithm of each attitude's likelihood against the line of sight, see ``Subspaces.q``.
+    likely : (V * TURNS,) logarithm of each attitude's likelihood against the line of sight, see ``ViewSubspaces.q``.
     """
 
     source: Region
-    gaze: Gaze
+    crop: ImageCrop
     q: Array
     t: Array
     log_likely: Array
@@ -88,27 +88,27 @@ class Glance:
 
     def region(self, camera: CameraIntrinsics) -> Region:
         """Square about the craft's sphere; may reach beyond the picture."""
-        u, v = camera.pixels(self.gaze.direction)
-        r = 0.5 * self.gaze.diameter_px
-        return Region(float(u - r), float(v - r), float(u + r), float(v + r), "look")
+        u, v = camera.pixels(self.crop.direction)
+        r = 0.5 * self.crop.diameter_px
+        return Region(float(u - r), float(v - r), float(u + r), float(v + r), "learned")
 
 
 @lru_cache(maxsize=4)
-def read_net(name: str) -> Optional[Net]:
+def shipped_network(name: str) -> Optional[ProposalNetwork]:
     """The network shipped for a target of this name, or None."""
     if not name.replace("-", "").replace("_", "").isalnum():
         return None
     try:
         # a bundle is a zip file: its members are read through the importer
         data = pkgutil.get_data("hil.board.svd.propose.learned", f"weights/{name}.npz")
-        return None if data is None else Net.read(io.BytesIO(data))
+        return None if data is None else ProposalNetwork.read(io.BytesIO(data))
     except (OSError, ValueError, KeyError):
         return None
 
 
-def net_for(model: BoardModel) -> Optional[Net]:
+def network_for(model: BoardModel) -> Optional[ProposalNetwork]:
     """The network trained for this model, None where there is none or the model is another by now."""
-    net = read_net(model.name)
+    net = shipped_network(model.name)
     if net is None:
         return None
     away = np.linalg.norm(net.centre_m - model.centre_m) + abs(net.radius_m - model.radius_m)
@@ -116,31 +116,33 @@ def net_for(model: BoardModel) -> Optional[Net]:
 
 
 @dataclass(frozen=True, eq=False)
-class FirstLook:
+class LearnedProposer:
     """A target's network and the views of its faces, ready for pictures of one camera."""
 
-    net: Net
-    views: Subspaces
+    network: ProposalNetwork
+    views: ViewSubspaces
     camera: CameraIntrinsics
     centre_m: Array
     radius_m: float
 
     @staticmethod
-    def prepare(model: BoardModel, camera: CameraIntrinsics) -> Optional[FirstLook]:
+    def prepare(model: BoardModel, camera: CameraIntrinsics) -> Optional[LearnedProposer]:
         """None where there is no network for this model, or it has no faces."""
-        net = net_for(model)
+        net = network_for(model)
         if net is None or model.faces is None:
             return None
-        return FirstLook(net, _views(_Drawn(model.sha256, model)), camera, model.centre_m, model.radius_m)
+        return LearnedProposer(
+            net, _views(_ModelKey(model.sha256, model)), camera, model.centre_m, model.radius_m
+        )
 
-    def glances(
+    def propose(
         self,
         image: Array,
         noise: float,
         regions: Sequence[Region],
         keep: int,
         reduced: Optional[Array] = None,
-    ) -> List[Glance]:
+    ) -> List[LearnedProposal]:
         """The likeliest places with their poses, the surest of a craft first.
 
         Parameters
@@ -157,130 +159,130 @@ class FirstLook:
             for r in regions
             for size in (SPHERE_OVER_PART if r.source in PARTS else SPHERE_OVER_BOX)
         ]
-        gazes = [
-            Gaze.at(camera, 0.5 * (r.x0 + r.x1), 0.5 * (r.y0 + r.y1), size * r.diagonal_px)
+        crops = [
+            ImageCrop.at(camera, 0.5 * (r.x0 + r.x1), 0.5 * (r.y0 + r.y1), size * r.diagonal_px)
             for r, size in starts
         ]
-        _, craft, gazes = self._glance(image, noise, gazes, reduced)
-        # the first glance corrects a start, the second says how sure it is of a craft there
+        _, craft, crops = self._corrected_crops(image, noise, crops, reduced)
+        # the first proposal corrects a start, the second says how sure it is of a craft there
         better = [int(k) for k in np.argsort(-craft)[:SECOND]]
-        starts, gazes = [starts[k] for k in better], [gazes[k] for k in better]
-        _, craft, gazes = self._glance(image, noise, gazes, reduced)
+        starts, crops = [starts[k] for k in better], [crops[k] for k in better]
+        _, craft, crops = self._corrected_crops(image, noise, crops, reduced)
         chosen: List[int] = []
         for k in np.argsort(-craft):
-            if len(chosen) < keep and all(_apart(gazes[k], gazes[j], f) for j in chosen):
+            if len(chosen) < keep and all(_apart(crops[k], crops[j], f) for j in chosen):
                 chosen.append(int(k))
-        looked = [(starts[k][0], *self._from_four_sides(image, noise, gazes[k], reduced)) for k in chosen]
+        looked = [(starts[k][0], *self._averaged_over_turns(image, noise, crops[k], reduced)) for k in chosen]
         looked.sort(key=lambda g: -g[2])
-        worth = worth_asking([sure for *_, sure, _ in looked], [gaze for *_, gaze in looked], f)
+        worth = plausible_crops([sure for *_, sure, _ in looked], [crop for *_, crop in looked], f)
         out = []
-        for source, coefficients, sure, gaze in (looked[k] for k in worth):
+        for source, coefficients, sure, crop in (looked[k] for k in worth):
             likely = self.views.likelihood(coefficients)
-            q, move, score = self.views.rank(image, camera, gaze, likely, ATTITUDES, APART_RAD, reduced)
+            q, move, score = self.views.rank(image, camera, crop, likely, ATTITUDES, APART_RAD, reduced)
             near = score > score[0] - LESS
-            Q, t = self._placed(gaze, q[near], move[near])
-            out.append(Glance(source, gaze, Q, t, score[near], sure, likely))
+            Q, t = self._placed(crop, q[near], move[near])
+            out.append(LearnedProposal(source, crop, Q, t, score[near], sure, likely))
         return out
 
-    def held(
+    def propose_at(
         self,
         image: Array,
         noise: float,
         source: Region,
-        gazes: Sequence[Gaze],
+        crops: Sequence[ImageCrop],
         keep: int,
         reduced: Optional[Array] = None,
-    ) -> List[Glance]:
-        """What the network says of the ``keep`` gazes it would correct least, as they are; others as in ``glances``.
+    ) -> List[LearnedProposal]:
+        """What the network says of the ``keep`` crops it would correct least, as they are; others as in ``propose``.
 
         Those that are not kept are looked at from one side alone.
         """
-        looks = look(image, noise, self.camera, gazes, reduced)
-        said, rest = self.net(looks)
-        # what is lit is taken for the craft: a gaze that seems too wide may be right
+        inputs = network_inputs(image, noise, self.camera, crops, reduced)
+        said, rest = self.network(inputs)
+        # what is lit is taken for the craft: a crop that seems too wide may be right
         size = np.maximum(rest[:, 2], -TOO_WIDE * rest[:, 2])
         kept = np.argsort(np.hypot(rest[:, 0], rest[:, 1]) + size)[:keep]
-        others = [self.net(np.stack([np.rot90(looks[g], k) for k in range(1, QUARTERS)])) for g in kept]
+        others = [self.network(np.stack([np.rot90(inputs[g], k) for k in range(1, QUARTERS)])) for g in kept]
         sides = [np.concatenate([said[g][None], o]) for g, (o, _) in zip(kept, others)]  # noqa: B905 - the same
         likely = self.views.likelihoods(np.stack(sides))
         out = []
         for g, own, (_, more) in zip(kept, likely, others):  # noqa: B905 - Python 3.9 has no strict=
             q, move, score = self.views.rank(
-                image, self.camera, gazes[g], own, HELD_ATTITUDES, APART_RAD, reduced, HELD_COMPARED
+                image, self.camera, crops[g], own, HELD_ATTITUDES, APART_RAD, reduced, HELD_COMPARED
             )
             near = score > score[0] - LESS
-            Q, t = self._placed(gazes[g], q[near], move[near])
+            Q, t = self._placed(crops[g], q[near], move[near])
             sure = float(np.append(more[:, 3], rest[g, 3]).mean())
-            out.append(Glance(source, gazes[g], Q, t, score[near], sure, own))
+            out.append(LearnedProposal(source, crops[g], Q, t, score[near], sure, own))
         return out
 
-    def log_likelihood(self, glances: Sequence[Glance], q: Array, t: Array) -> float:
+    def log_likelihood(self, learned: Sequence[LearnedProposal], q: Array, t: Array) -> float:
         """What the network alone says of a pose's attitude: the best near it, against the likeliest of all.
 
         Parameters
         ----------
-        glances : of one picture, at least one; that which looks nearest is asked, and at what is as wide. q (4,),
+        learned : of one picture, at least one; that which inputs nearest is asked, and at what is as wide. q (4,),
             t (3,) : the pose.
         """
         centre = t + quat.matrix(q) @ self.centre_m
         f, distance = 0.5 * (self.camera.fx_px + self.camera.fy_px), float(np.linalg.norm(centre))
         wide = 2 * f / np.sqrt(max((distance / self.radius_m) ** 2 - 1.0, 1e-6))
 
-        def beside(g: Glance) -> float:
-            off = f * np.linalg.norm(g.gaze.direction - centre / distance) / wide
-            return float(off + abs(np.log(g.gaze.diameter_px / wide)))
+        def beside(g: LearnedProposal) -> float:
+            off = f * np.linalg.norm(g.crop.direction - centre / distance) / wide
+            return float(off + abs(np.log(g.crop.diameter_px / wide)))
 
-        glance = min(glances, key=beside)
-        seen = quat.multiply(quat.from_matrix(glance.gaze.swing().T), q)
+        proposal = min(learned, key=beside)
+        seen = quat.multiply(quat.from_matrix(proposal.crop.swing().T), q)
         cosine = np.abs(self.views.q @ seen)
         # the nearest one at least; a pose that is no number has none
         near = cosine >= min(np.cos(0.5 * NEAR_RAD), cosine.max())
-        return float(np.max(glance.likely[near], initial=-np.inf) - glance.likely.max())
+        return float(np.max(proposal.likely[near], initial=-np.inf) - proposal.likely.max())
 
-    def _turned(self, image: Array, noise: float, gaze: Gaze, reduced: Optional[Array]) -> Array:
+    def _turned(self, image: Array, noise: float, crop: ImageCrop, reduced: Optional[Array]) -> Array:
         """(4, 64, 64, 2) a look from four sides."""
-        one = look(image, noise, self.camera, [gaze], reduced)[0]
+        one = network_inputs(image, noise, self.camera, [crop], reduced)[0]
         return np.stack([np.rot90(one, k) for k in range(QUARTERS)])
 
-    def _from_four_sides(
-        self, image: Array, noise: float, gaze: Gaze, reduced: Optional[Array]
-    ) -> Tuple[Array, float, Gaze]:
-        """Coefficients (ROUNDS, 4, J) of looks turned by quarters, logit of a craft, corrected gaze.
+    def _averaged_over_turns(
+        self, image: Array, noise: float, crop: ImageCrop, reduced: Optional[Array]
+    ) -> Tuple[Array, float, ImageCrop]:
+        """Coefficients (ROUNDS, 4, J) of inputs turned by quarters, logit of a craft, corrected crop.
 
         The network was trained on crafts turned at will: four views of one look err differently, their mean less.
         """
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         coefficients, sure = [], 0.0
         for _ in range(ROUNDS):
-            said, rest = self.net(self._turned(image, noise, gaze, reduced))
+            said, rest = self.network(self._turned(image, noise, crop, reduced))
             x, y = rest[:, 0], rest[:, 1]
             # what is right in a look turned by a quarter is below in the first, and so on
             shift = np.array([x[0] - y[1] - x[2] + y[3], y[0] + x[1] - y[2] - x[3]]) / QUARTERS
             size = float(np.clip(rest[:, 2].mean(), -SIZE, SIZE))
-            gaze = gaze.moved(f, np.clip(shift, -SHIFT, SHIFT), size)
+            crop = crop.moved(f, np.clip(shift, -SHIFT, SHIFT), size)
             coefficients.append(said)
             sure = float(rest[:, 3].mean())
-        return np.stack(coefficients), sure, gaze
+        return np.stack(coefficients), sure, crop
 
-    def _glance(
-        self, image: Array, noise: float, gazes: List[Gaze], reduced: Optional[Array]
-    ) -> Tuple[Array, Array, List[Gaze]]:
-        """Attitude coefficients (B, J), logits of a craft (B,), corrected gazes."""
-        coefficients, rest = self.net(look(image, noise, self.camera, gazes, reduced))
+    def _corrected_crops(
+        self, image: Array, noise: float, crops: List[ImageCrop], reduced: Optional[Array]
+    ) -> Tuple[Array, Array, List[ImageCrop]]:
+        """Attitude coefficients (B, J), logits of a craft (B,), corrected crops."""
+        coefficients, rest = self.network(network_inputs(image, noise, self.camera, crops, reduced))
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         moved = [
             g.moved(f, np.clip(r[:2], -SHIFT, SHIFT), float(np.clip(r[2], -SIZE, SIZE)))
-            for g, r in zip(gazes, rest)  # noqa: B905 - Python 3.9 has no strict=
+            for g, r in zip(crops, rest)  # noqa: B905 - Python 3.9 has no strict=
         ]
         return coefficients, rest[:, 3], moved
 
-    def _placed(self, gaze: Gaze, q_look: Array, move: Array) -> Tuple[Array, Array]:
+    def _placed(self, crop: ImageCrop, q_sight: Array, move: Array) -> Tuple[Array, Array]:
         """Poses q (K, 4), t (K, 3) in the camera of attitudes against the line of sight, each with its correction."""
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         q, t = [], []
-        for attitude, m in zip(q_look, move):  # noqa: B905 - Python 3.9 has no strict=
+        for attitude, m in zip(q_sight, move):  # noqa: B905 - Python 3.9 has no strict=
             # in front of a texture the faces explain the more the less of it is compared: 7 % too far in the median
-            g = gaze.moved(f, m[:2], 0.0)
+            g = crop.moved(f, m[:2], 0.0)
             distance = self.radius_m * float(np.hypot(1.0, 2 * f / g.diameter_px))
             R = g.swing() @ quat.matrix(attitude)
             q.append(quat.from_matrix(R))
@@ -289,7 +291,7 @@ class FirstLook:
 
 
 @dataclass(frozen=True)
-class _Drawn:
+class _ModelKey:
     """A model known by its hash."""
 
     sha256: str
@@ -297,35 +299,35 @@ class _Drawn:
 
 
 @lru_cache(maxsize=1)
-def _views(drawn: _Drawn) -> Subspaces:
+def _views(drawn: _ModelKey) -> ViewSubspaces:
     """Drawn once for all estimators of one model."""
     faces = drawn.model.faces
     assert faces is not None  # noqa: S101 - the caller asked
-    return Subspaces.of(drawn.model, faces)
+    return ViewSubspaces.of(drawn.model, faces)
 
 
-def worth_asking(sure: Sequence[float], gazes: Sequence[Gaze], f_px: float) -> List[int]:
+def plausible_crops(sure: Sequence[float], crops: Sequence[ImageCrop], f_px: float) -> List[int]:
     """Which of the places that were looked at are handed on.
 
     Parameters
     ----------
-    sure : logit of a craft at each, the surest first. gazes : at each. f_px : focal length.
+    sure : logit of a craft at each, the surest first. crops : at each. f_px : focal length.
     """
     return [
         k
         for k in range(len(sure))
-        if sure[k] >= sure[0] - DOUBT or (sure[k] > CERTAIN and _holds(gazes[k], gazes[0], f_px))
+        if sure[k] >= sure[0] - DOUBT or (sure[k] > CERTAIN and _holds(crops[k], crops[0], f_px))
     ]
 
 
-def _holds(a: Gaze, b: Gaze, f_px: float) -> bool:
-    """Whether what a gaze is at may be a part of what a wider one is at."""
+def _holds(a: ImageCrop, b: ImageCrop, f_px: float) -> bool:
+    """Whether what a crop is at may be a part of what a wider one is at."""
     off = f_px * np.linalg.norm(a.direction - b.direction)
     return bool(a.diameter_px > WIDER * b.diameter_px and off < 0.5 * a.diameter_px)
 
 
-def _apart(a: Gaze, b: Gaze, f_px: float) -> bool:
-    """Whether two gazes are at different things: a quarter of the craft's size apart, or of another size."""
+def _apart(a: ImageCrop, b: ImageCrop, f_px: float) -> bool:
+    """Whether two crops are at different things: a quarter of the craft's size apart, or of another size."""
     size = min(a.diameter_px, b.diameter_px)
     ratio = max(a.diameter_px, b.diameter_px) / size
     return bool(ratio > 1.3 or f_px * np.linalg.norm(a.direction - b.direction) > 0.25 * size)

@@ -18,7 +18,7 @@ from hil.board.svd.native.learned.convolution import network_convolutions as nat
 Array = np.ndarray
 
 # Side of what the network is shown [px], and share of it that the craft's sphere fills when the region is right.
-LOOK_PX, FILLED = 64, 0.72
+INPUT_PX, INPUT_FILL = 64, 0.72
 
 # Side of the neighbourhood of the contrast channel [px].
 CONTRAST_PX = 13
@@ -30,8 +30,8 @@ VERSION = 1
 
 
 @dataclass(frozen=True, eq=False)
-class Net:
-    """Weights of one target's first look.
+class ProposalNetwork:
+    """Weights of one target's learned proposal.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class Net:
     heads: Tuple[Array, Array]
 
     @staticmethod
-    def read(file: Union[str, BinaryIO]) -> Net:
+    def read(file: Union[str, BinaryIO]) -> ProposalNetwork:
         """From an ``.npz`` file of half-precision weights.
 
         Raises
@@ -60,13 +60,13 @@ class Net:
         """
         with np.load(file) as f:
             if int(f["version"]) != VERSION:
-                raise ValueError(f"first look: version {int(f['version'])}, expected {VERSION}")
+                raise ValueError(f"learned proposal: version {int(f['version'])}, expected {VERSION}")
             n = len(STRIDES)
 
             def wide(key: str) -> Array:
                 return np.asarray(f[key], np.float32)
 
-            return Net(
+            return ProposalNetwork(
                 str(f["name"]),
                 np.asarray(f["centre_m"], float),
                 float(f["radius_m"]),
@@ -77,14 +77,14 @@ class Net:
                 (wide("heads"), wide("heads_bias")),
             )
 
-    def __call__(self, looks: Array) -> Tuple[Array, Array]:
+    def __call__(self, inputs: Array) -> Tuple[Array, Array]:
         """Attitude coefficients (B, J) and (B, 4) shift, log size, logit of there being a craft.
 
         Parameters
         ----------
-        looks : (B, 64, 64, 2) float32, see ``contrast``.
+        inputs : (B, 64, 64, 2) float32, see ``contrast``.
         """
-        x = _convolutions(self, looks)
+        x = _convolutions(self, inputs)
         x = np.maximum(x @ self.squeeze[0] + self.squeeze[1], 0.0).reshape(len(x), -1)
         x = np.maximum(x @ self.hidden[0] + self.hidden[1], 0.0)
         out = x @ self.heads[0] + self.heads[1]
@@ -96,12 +96,12 @@ class Net:
         return Layers.of(self.kernels, self.biases, STRIDES)
 
 
-def _in_whole_numbers(net: Net, _: Array) -> bool:
+def _in_whole_numbers(net: ProposalNetwork, _: Array) -> bool:
     return net.layers is not None
 
 
 @accelerated(native_convolutions, _in_whole_numbers)
-def _convolutions(net: Net, x: Array) -> Array:
+def _convolutions(net: ProposalNetwork, x: Array) -> Array:
     """(B, h, w, D) features after all convolutions, each followed by a rectifier."""
     for kernel, bias, stride in zip(net.kernels, net.biases, STRIDES):  # noqa: B905 - 3.9
         x = convolve(x, kernel, stride)

@@ -14,13 +14,13 @@ from hil.board.svd.image.edge_field import area_mean
 from hil.board.svd.native.backend import accelerated
 from hil.board.svd.native.images.area_average import readable
 from hil.board.svd.native.learned import network_input as native
-from hil.board.svd.propose.learned.network import FILLED, LOOK_PX, contrast
+from hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
-class Gaze:
+class ImageCrop:
     """A direction, and how large the craft is thought to be there.
 
     Parameters
@@ -33,21 +33,21 @@ class Gaze:
     diameter_px: float
 
     @staticmethod
-    def at(camera: CameraIntrinsics, u_px: float, v_px: float, diameter_px: float) -> Gaze:
-        """Through a pixel; the lens is left out of account, as a second gaze corrects the first."""
+    def at(camera: CameraIntrinsics, u_px: float, v_px: float, diameter_px: float) -> ImageCrop:
+        """Through a pixel; the lens is left out of account, as a second crop corrects the first."""
         d = np.array([(u_px - camera.cx_px) / camera.fx_px, (v_px - camera.cy_px) / camera.fy_px, 1.0])
-        return Gaze(d / np.linalg.norm(d), diameter_px)
+        return ImageCrop(d / np.linalg.norm(d), diameter_px)
 
-    def moved(self, f_px: float, shift: Array, log_size: float) -> Gaze:
+    def moved(self, f_px: float, shift: Array, log_size: float) -> ImageCrop:
         """Corrected by what the network says: shift (2,) in half sides of its picture, logarithm of the size.
 
         Parameters
         ----------
         f_px : focal length of the camera.
         """
-        half = 0.5 * self.diameter_px / (FILLED * f_px)
+        half = 0.5 * self.diameter_px / (INPUT_FILL * f_px)
         d = self.swing() @ np.array([half * shift[0], half * shift[1], 1.0])
-        return Gaze(d / length(d), self.diameter_px * float(np.exp(log_size)))
+        return ImageCrop(d / length(d), self.diameter_px * float(np.exp(log_size)))
 
     def swing(self) -> Array:
         """(3, 3) the shortest turn of the boresight to this direction."""
@@ -56,22 +56,22 @@ class Gaze:
         return np.array([[1 - x * x * c, -x * y * c, x], [-x * y * c, 1 - y * y * c, y], [-x, -y, z]])
 
 
-def seen_through(
+def crop_image(
     image: Array,
     camera: CameraIntrinsics,
-    gaze: Gaze,
+    crop: ImageCrop,
     side_px: int,
     sphere_px: float,
     reduced: Optional[Array] = None,
 ) -> Array:
-    """(side, side) float32 the picture by a small camera along a gaze, averaged over what each pixel covers.
+    """(side, side) float32 the picture by a small camera along a crop, averaged over what each pixel covers.
 
     Parameters
     ----------
     image : (H, W). sphere_px : diameter of the craft's sphere there. reduced : the whole picture reduced by area
         averaging, which a small camera that takes in much is shown instead.
     """
-    return views_through(image, camera, [gaze], side_px, sphere_px, reduced)[0]
+    return crop_images(image, camera, [crop], side_px, sphere_px, reduced)[0]
 
 
 def _undistorted(image: Array, camera: CameraIntrinsics, *_: Any) -> bool:  # noqa: ANN401 - what it is not asked about
@@ -79,32 +79,32 @@ def _undistorted(image: Array, camera: CameraIntrinsics, *_: Any) -> bool:  # no
 
 
 @accelerated(native.crop_images, _undistorted)
-def views_through(
+def crop_images(
     image: Array,
     camera: CameraIntrinsics,
-    gazes: Sequence[Gaze],
+    crops: Sequence[ImageCrop],
     side_px: int,
     sphere_px: float,
     reduced: Optional[Array] = None,
 ) -> Array:
-    """(N, side, side) the same along many gazes."""
-    return np.stack([_seen_through(image, camera, g, side_px, sphere_px, reduced) for g in gazes])
+    """(N, side, side) the same along many crops."""
+    return np.stack([_crop_image(image, camera, g, side_px, sphere_px, reduced) for g in crops])
 
 
-def _seen_through(
+def _crop_image(
     image: Array,
     camera: CameraIntrinsics,
-    gaze: Gaze,
+    crop: ImageCrop,
     side_px: int,
     sphere_px: float,
     reduced: Optional[Array],
 ) -> Array:
     f = 0.5 * (camera.fx_px + camera.fy_px)
     # picture pixels per pixel of the small one
-    factor = gaze.diameter_px / sphere_px
+    factor = crop.diameter_px / sphere_px
     step = (np.arange(side_px) - 0.5 * (side_px - 1)) * factor / f
     x, y = np.meshgrid(step, step)
-    at = camera.pixels(np.stack([x, y, np.ones_like(x)], axis=-1) @ gaze.swing().T)
+    at = camera.pixels(np.stack([x, y, np.ones_like(x)], axis=-1) @ crop.swing().T)
     if reduced is not None:
         scale = np.array([image.shape[1] / reduced.shape[1], image.shape[0] / reduced.shape[0]])
         if factor > 2.0 * scale.max():
@@ -125,19 +125,19 @@ def _seen_through(
     return np.asarray(cv2.remap(part, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
-def look(
+def network_inputs(
     image: Array,
     noise: float,
     camera: CameraIntrinsics,
-    gazes: Sequence[Gaze],
+    crops: Sequence[ImageCrop],
     reduced: Optional[Array] = None,
 ) -> Array:
-    """(B, 64, 64, 2) float32 what the network is shown along each gaze.
+    """(B, 64, 64, 2) float32 what the network is shown along each crop.
 
     Parameters
     ----------
-    image : (H, W). noise : its standard deviation. reduced : see ``seen_through``.
+    image : (H, W). noise : its standard deviation. reduced : see ``crop_image``.
     """
-    sphere = FILLED * LOOK_PX
-    pictures = views_through(image, camera, gazes, LOOK_PX, sphere, reduced)
-    return contrast(pictures, np.array([noise / max(g.diameter_px / sphere, 1.0) for g in gazes]))
+    sphere = INPUT_FILL * INPUT_PX
+    pictures = crop_images(image, camera, crops, INPUT_PX, sphere, reduced)
+    return contrast(pictures, np.array([noise / max(g.diameter_px / sphere, 1.0) for g in crops]))

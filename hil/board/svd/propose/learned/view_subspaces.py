@@ -29,8 +29,8 @@ from hil.board.svd.model.view_tables import look_at, sphere_directions
 from hil.board.svd.native.backend import accelerated
 from hil.board.svd.native.learned import attitude_likelihood as native
 from hil.board.svd.propose.learned.attitude_basis import harmonics, quartered, turning_bumps
-from hil.board.svd.propose.learned.network import FILLED as LOOK_FILLED
-from hil.board.svd.propose.learned.network_input import Gaze, seen_through
+from hil.board.svd.propose.learned.network import INPUT_FILL
+from hil.board.svd.propose.learned.network_input import ImageCrop, crop_image
 
 Array = np.ndarray
 
@@ -64,7 +64,7 @@ ABOUT_RAD, SOFTNESS = float(np.radians(13.0)), 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Subspaces:
+class ViewSubspaces:
     """Views of the craft from all sides.
 
     Parameters
@@ -81,7 +81,7 @@ class Subspaces:
     window: Array
 
     @staticmethod
-    def of(model: BoardModel, faces: Faces) -> Subspaces:
+    def of(model: BoardModel, faces: Faces) -> ViewSubspaces:
         """Draw the craft from every direction; takes a second or two."""
         n, radius = SIDE_PX, model.radius_m
         window = _window()
@@ -113,7 +113,7 @@ class Subspaces:
         about = np.stack([np.cos(turn / 2), 0 * turn, 0 * turn, np.sin(turn / 2)], axis=-1)
         straight = quat.from_matrix(R)
         q = quat.multiply(about[None], straight[:, None]).reshape(-1, 4)
-        return Subspaces(basis, size, q, turning_bumps(straight), window)
+        return ViewSubspaces(basis, size, q, turning_bumps(straight), window)
 
     @cached_property
     def waves(self) -> Array:
@@ -141,7 +141,7 @@ class Subspaces:
         self,
         image: Array,
         camera: CameraIntrinsics,
-        gaze: Gaze,
+        crop: ImageCrop,
         coefficients: Array,
         keep: int,
         apart_rad: float,
@@ -152,9 +152,9 @@ class Subspaces:
 
         Parameters
         ----------
-        coefficients : (R, 4, ANCHORS) of the network, for looks turned by none, one, two, and three quarters, R times;
+        coefficients : (R, 4, ANCHORS) of the network, for inputs turned by none, one, two, and three quarters, R times;
             or (V * TURNS,), what ``likelihoods`` made of them. apart_rad : attitudes nearer to a better one are
-            dropped. reduced : see ``crop.seen_through``. compared : attitudes, the likeliest by the network.
+            dropped. reduced : see ``network_input.crop_image``. compared : attitudes, the likeliest by the network.
 
         Notes
         -----
@@ -163,7 +163,7 @@ class Subspaces:
         """
         likely = self.likelihood(coefficients) if coefficients.ndim > 1 else coefficients
         chosen = np.argpartition(-likely, compared)[:compared]
-        share, move = self._explained(image, camera, gaze, chosen, reduced)
+        share, move = self._explained(image, camera, crop, chosen, reduced)
         likely = likely[chosen] - WEIGHT * np.log(1 - share)
         q = self.q[chosen]
         # to a rotation both of its quaternions are the same
@@ -184,7 +184,7 @@ class Subspaces:
         return mean, (weight @ move) / weight.sum(axis=1)[:, None], likely[best]
 
     def likelihood(self, coefficients: Array) -> Array:
-        """(V * TURNS,) logarithm of each attitude's likelihood, the mean over looks turned by quarters.
+        """(V * TURNS,) logarithm of each attitude's likelihood, the mean over inputs turned by quarters.
 
         Parameters
         ----------
@@ -200,13 +200,13 @@ class Subspaces:
         self,
         image: Array,
         camera: CameraIntrinsics,
-        gaze: Gaze,
+        crop: ImageCrop,
         chosen: Array,
         reduced: Optional[Array],
     ) -> Tuple[Array, Array]:
         """Share (C,) that each chosen attitude explains at its best place and size, and that place and size (C, 3)."""
         side = 2 * SIDE_PX + 8
-        picture = seen_through(image, camera, gaze, side, FILLED * 2 * SIDE_PX, reduced)
+        picture = crop_image(image, camera, crop, side, FILLED * 2 * SIDE_PX, reduced)
         picture = cv2.blur(picture, (2, 2), anchor=(0, 0))
         view, turn = chosen // TURNS, chosen % TURNS
         taken = self.size / (INDEPENDENT * float(self.window.sum()))
@@ -215,13 +215,13 @@ class Subspaces:
         # back from the turned small picture to half sides of a look
         angle = 2 * np.pi * turn / TURNS
         c, s = np.cos(angle), np.sin(angle)
-        unit = 2 * LOOK_FILLED / (FILLED * SIDE_PX) * np.exp(moves[:, 2])
+        unit = 2 * INPUT_FILL / (FILLED * SIDE_PX) * np.exp(moves[:, 2])
         x, y = unit * (c * moves[:, 0] - s * moves[:, 1]), unit * (s * moves[:, 0] + c * moves[:, 1])
         return share, np.stack([x, y, moves[:, 2]], axis=-1)
 
 
 @accelerated(native.likelihoods)
-def _likelihoods(views: Subspaces, said: Array) -> Array:
+def _likelihoods(views: ViewSubspaces, said: Array) -> Array:
     """(N, V * TURNS) log-likelihoods of ``attitude_basis.quartered`` coefficients (N, 4, ANCHORS)."""
     even, odd = said[:, :2], said[:, 2] - 1j * said[:, 3]
     # a look turned by a quarter sees another turn of the same direction: by a factor of -i to the power of m
@@ -235,7 +235,7 @@ def _likelihoods(views: Subspaces, said: Array) -> Array:
 
 @accelerated(native.explained_shares)
 def _explained_shares(
-    views: Subspaces, picture: Array, view: Array, turn: Array, taken: Array
+    views: ViewSubspaces, picture: Array, view: Array, turn: Array, taken: Array
 ) -> Tuple[Array, Array]:
     """Share (C,) that attitudes explain at their best move, and its number (C,).
 
