@@ -1,6 +1,7 @@
 """Fixtures shared by all tests: one renderer at a time, small plans."""
 
 import os
+from types import SimpleNamespace
 
 import pytest
 
@@ -53,3 +54,19 @@ def shared_context(request):
 def no_targets_of_the_user(tmp_path_factory, monkeypatch):
     """Tests neither see nor touch targets that whoever runs them has added."""
     monkeypatch.setenv("FLYAROUND_DATA_DIR", str(tmp_path_factory.mktemp("data")))
+
+
+@pytest.fixture(scope="session")
+def draw_kit():
+    """Builders of scenes and targets, for tests that draw."""
+    import scene_kit
+
+    return SimpleNamespace(
+        scene=scene_kit.build_scene,
+        target=scene_kit.build_target,
+        plate=scene_kit.plate,
+        quad=scene_kit.quad,
+        white=scene_kit.white,
+        camera=scene_kit.CAMERA,
+        nothing=scene_kit.NOTHING,
+    )

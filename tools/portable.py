@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import subprocess
 import sys
 import time
@@ -16,10 +17,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-ESTIMATOR = ("tests/hil/test_svd_*.py", "tests/hil/test_evaluate*.py")
-NUMERICAL = ("tests/unit", "tests/property", "tests/reference", *ESTIMATOR)
-DRAWN = ("tests/gl/test_*.py",)
-PICTURES = ("tests/gl/test_same_bytes.py", "tests/gl/test_render_target.py")
+_DRAWN = re.compile(r"^pytestmark = .*mark\.gl", re.MULTILINE)
+
+
+def _simulator(*, drawn: bool) -> tuple[str, ...]:
+    """Files of the simulator's and the tools' tests that draw (marked ``gl`` as a whole), or those that do not."""
+    files = [*ROOT.glob("tests/simulator/**/test_*.py"), *ROOT.glob("tests/tools/**/test_*.py")]
+    found = [p for p in files if bool(_DRAWN.search(p.read_text(encoding="utf-8"))) is drawn]
+    return tuple(sorted(p.relative_to(ROOT).as_posix() for p in found))
+
+
+ESTIMATOR = ("tests/hil/board/svd/**/test_*.py", "tests/hil/evaluate/test_*.py")
+NUMERICAL = (*_simulator(drawn=False), *ESTIMATOR)
+DRAWN = _simulator(drawn=True)
+PICTURES = ("tests/flyaround/test_same_bytes.py", "tests/simulator/render/target/test_target.py")
 
 BLAS = """
 import numpy, scipy.linalg, threadpoolctl

@@ -46,7 +46,7 @@ color fresnel_schlick(color f0, float v_h) { return f0 + (color(1.0) - f0) * pow
 
 // Directional albedo of the GGX lobe with height-correlated masking, as f0 x + y: the share of light from everywhere
 // that it reflects once towards a view of cosine n_v. Polynomials in sqrt(n_v) and roughness r, fitted to numeric
-// integrals (20,000 samples, 40 x 30 nodes): rms error 0.006. Test: tests/gl/test_render_lighting.py.
+// integrals (20,000 samples, 40 x 30 nodes): rms error 0.006. Test: tests/simulator/render/target/test_lighting.py.
 vec2 directional_albedo(float r, float n_v) {
     float m = sqrt(n_v);
     float whole = ((((-38.63337 * r + 110.10903) * r - 102.19394) * r + 32.92679) * r - 2.29593);

@@ -2,7 +2,8 @@
 
 An entry is named by what it is, the version of the function that makes it, and a hash of what it is made from
 (`entry_name`). The version is a number beside that function, raised by hand whenever its output changes; comments,
-names and places of code do not matter. `tests/unit/test_cache_versions.py` holds outputs against the versions.
+names and places of code do not matter. `tests/simulator/runtime/test_cache_versions.py` holds outputs against the
+versions.
 
 A file is its contents and 40 bytes more: `MAGIC`, the length of the contents and their XXH3 of 128 bits,
 little-endian. Programs that read the contents alone (NumPy, readers of glTF) do not mind what follows. The checksum

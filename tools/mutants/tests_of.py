@@ -24,13 +24,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PARTS = {
-    "units": ("tests/unit", "tests/property", "tests/reference"),
-    "link": ("tests/hil", "--ignore-glob=*/test_svd_*"),
-    "pictures": ("tests/gl", "tests/cli"),
+    "numbers": ("tests/simulator", "tests/tools", "-m", "not slow and not gl"),
+    "link": ("tests/hil", "--ignore=tests/hil/board/svd", "-m", "not slow"),
+    "commands": ("tests/flyaround", "-m", "not slow"),
+    "pictures": ("tests/simulator", "tests/tools", "-m", "not slow and gl"),
 }
 """What is recorded, one run each. Left out: the window (tests/gui), the wheel (tests/packaging) and the
 estimator's tests, which hardly touch what bugs are planted in and are the slowest."""
-_NOT_ASKED = ("tests/gui", "tests/packaging", "tests/hil/test_svd_", "tests/unit/test_mutants")
+_NOT_ASKED = ("tests/gui", "tests/packaging", "tests/hil/board/svd/", "tests/tools/test_mutants")
 _MADE_ONCE = 20
 _CONSTANT = re.compile(r"(_?[A-Z]\w*)\b.*=")
 _UNKNOWN_S = 2.0
@@ -67,7 +68,7 @@ def record(root: Path, kept: Path, parts: Iterable[str] = tuple(PARTS)) -> None:
         }
         with (folder / "log.txt").open("w") as log:
             subprocess.run(
-                [*command, "-m", "not slow", *PARTS[part]],
+                [*command, *PARTS[part]],
                 cwd=root,
                 env=environment,
                 stdout=log,
@@ -297,7 +298,7 @@ class TestsOf:
         return [
             test
             for name, (text, tests) in self._later.items()
-            if name in beside or told.search(text) or (drawn and name.startswith("tests/gl"))
+            if name in beside or told.search(text) or (drawn and "mark.gl" in text)
             for test in tests
             if test not in self._silent
         ]

@@ -1,0 +1,281 @@
+"""How a run ends that does not end well: stopped, killed, on a full disk, before a board that hangs."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+from hil_loop import BOARD, Instant, Loop, board, frames
+
+from hil.board.agent import run_board
+from hil.host.ledger.frames_csv import read_ledger
+from hil.host.link_process.ipc import LinkConfig
+from hil.host.run import RunConfig, run_host
+from hil.host.signals import signals_held
+from simulator.errors import UserError
+
+ROOT = Path(__file__).parents[3]
+# ten times what an idle machine needs, and more
+PATIENCE_S = 60.0
+
+# A host of its own process: `frames` of the harness, a frame every tenth of a second, the ports on the first line.
+HOST = f"""
+import resource, sys, time
+from pathlib import Path
+sys.path.insert(0, {str(ROOT / "tests" / "harness")!r})
+from hil_loop import frames
+from hil.host.link_process.ipc import LinkConfig
+from hil.host.run import RunConfig, run_host
+from simulator.errors import UserError
+log, most_rows = Path(sys.argv[1]), int(sys.argv[2])
+def slowly():
+    for frame in frames(500):
+        time.sleep(0.02)
+        yield frame
+def on_row(row):
+    if row.frame_id == most_rows:
+        size = (log / "frames.csv").stat().st_size + 20
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+link = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="inline", timeout_s=20.0)
+try:
+    run_host(slowly(), RunConfig(link=link, log_dir=log), on_row=on_row,
+             on_listening=lambda url, _: print(url, flush=True))
+except UserError as error:
+    print(error, file=sys.stderr)
+    sys.exit(2)
+"""
+
+
+@contextmanager
+def host_process(log: Path, most_rows: int = -1):
+    """A running host and its URL."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOST, str(log), str(most_rows)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+    try:
+        yield process, process.stdout.readline().strip()
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def wait_until(condition) -> bool:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def rows_in(log: Path) -> int:
+    with suppress(OSError):
+        return (log / "frames.csv").read_text().count("\n") - 1
+    return 0
+
+
+def test_the_board_of_a_killed_host_takes_it_for_no_goodbye(tmp_path):
+    log = tmp_path / "log"
+    with host_process(log) as (host, url):
+        command = [sys.executable, "-c", BOARD, url]
+        answering = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+        )
+        assert wait_until(lambda: rows_in(log) >= 3)
+        host.kill()
+        said, _ = answering.communicate(timeout=PATIENCE_S)
+    assert answering.returncode == 1
+    assert said.count("\n") == 1
+    assert "the host ended the session: the host's run was killed or died, without a goodbye" in said
+    assert json.loads((log / "run.json").read_text())["truth"] == "inline"
+    assert not (log / "summary.json").exists()
+    assert len(read_ledger(log)) >= 3
+
+
+def test_a_full_disk_is_one_sentence_and_the_rows_so_far_are_whole(tmp_path):
+    log = tmp_path / "log"
+    with host_process(log, most_rows=4) as (host, url):
+        summary = run_board(url, make_estimator=Instant)
+        _, said = host.communicate(timeout=PATIENCE_S)
+    assert host.returncode == 2, said
+    assert said.count("\n") == 1
+    assert "frames.csv cannot be written (File too large): its 5 rows so far are whole; make room, or" in said
+    assert [row.frame_id for row in read_ledger(log)] == [0, 1, 2, 3, 4]
+    assert (log / "frames.csv").read_bytes().endswith(b"\n")
+    assert "the run failed at the host" in summary.ended
+    assert not list(log.glob(".*"))  # nothing half-written
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_disk_that_is_full_from_the_start_leaves_no_ledger(tmp_path, monkeypatch):
+    from hil.host.ledger.frames_csv import LedgerWriter
+
+    plain = Path.open
+    monkeypatch.setattr(Path, "open", lambda _, __, **more: plain(Path("/dev/full"), "wb", **more))
+    with pytest.raises(UserError, match=r"\(No space left on device\): its 0 rows so far are whole"):
+        LedgerWriter(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+@contextmanager
+def hung_after(n: int):
+    """Starts a board in a process of its own and stops it, as a debugger would, once ``n`` rows are known."""
+    processes, rows = [], []
+
+    def start(url):
+        processes.append(subprocess.Popen([sys.executable, "-c", BOARD, url], stdout=subprocess.DEVNULL))
+
+    def on_row(row):
+        rows.append(row)
+        if len(rows) == n:
+            os.kill(processes[0].pid, signal.SIGSTOP)
+
+    try:
+        yield start, on_row, rows
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+def test_a_hung_board_counts_as_gone_after_three_misses_and_ends_the_run():
+    with hung_after(2) as (start, on_row, rows):
+        summary = Loop(start).run(frames(500), on_row=on_row, timeout_s=0.6)
+    # 500 misses would take 300 s
+    assert summary.ended == "board_lost"
+    assert "answered none of 3 frames in a row" in summary.board_gone
+    outcomes = [row.outcome for row in rows[2:]]
+    # two that the line took, and the one that found no credit for want of an answer
+    assert outcomes == ["dropped:timeout", "dropped:timeout", "dropped:disconnected"]
+
+
+def test_another_board_may_take_the_place_of_a_hung_one():
+    with hung_after(2) as (start, on_row, rows):
+
+        def second(url):
+            if wait_until(lambda: len(rows) >= 4):
+                return run_board(url, make_estimator=Instant)
+            return None
+
+        def patient(url):
+            # turned away while the hung one holds the place
+            from hil.link.errors import LinkError
+
+            deadline = time.monotonic() + PATIENCE_S
+            while time.monotonic() < deadline:
+                with suppress(LinkError):
+                    return second(url)
+                time.sleep(0.05)
+            return None
+
+        summary = Loop(start, patient).run(frames(12), on_row=on_row, timeout_s=1.0, max_misses=2)
+    assert summary.ended == "completed"
+    assert summary.link.sessions == 2
+    assert [row.outcome for row in rows[2:4]] == ["dropped:timeout", "dropped:disconnected"]
+    assert all(row.outcome == "accepted" for row in rows[4:])
+
+
+def test_a_slow_board_is_not_taken_for_a_hung_one():
+    class Slow(Instant):
+        def __init__(self, camera) -> None:
+            super().__init__(camera)
+            self.sleeps = [0.6] * 3
+
+    rows = []
+    summary = Loop(board(Slow, window=4)).run(
+        frames(4), on_row=rows.append, timeout_s=0.5, max_misses=3, window=4
+    )
+    # every pose comes late, but it comes
+    assert summary.ended == "completed"
+    assert "disconnected" not in summary.dropped
+
+
+@pytest.fixture
+def interruptible():
+    """Ctrl-C interrupts: what runs in the background, as the workers of tests do, is started without."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_signals_wait_until_the_books_are_closed():
+    done = []
+
+    def close_books(error=None):
+        with signals_held():
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+            done.append("closed")
+            if error is not None:
+                raise error
+
+    with pytest.raises(KeyboardInterrupt):
+        close_books()
+    assert done == ["closed"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with pytest.raises(ValueError, match="first"):
+        close_books(ValueError("the first says why"))
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_a_second_signal_is_forgotten_while_the_first_is_on_its_way():
+    def stopped():
+        try:
+            raise UserError("the first says why")
+        finally:
+            with signals_held():
+                signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(UserError, match="first"):
+        stopped()
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_the_end_is_told_though_ctrl_c_comes_again_while_the_books_are_closed(tmp_path):
+    ends = []
+
+    def source():
+        try:
+            yield from frames(500)
+        finally:
+            # closed with the books
+            signal.raise_signal(signal.SIGINT)
+
+    loop = Loop(board())
+    link = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=PATIENCE_S)
+    with pytest.raises(KeyboardInterrupt):
+        run_host(
+            source(),
+            RunConfig(link=link, log_dir=tmp_path / "log"),
+            on_row=lambda _: signal.raise_signal(signal.SIGINT),
+            on_listening=loop.on_listening,
+            on_end=ends.append,
+        )
+    assert [(end.ended, end.sent) for end in ends] == [("interrupted", 1)]
+    assert json.loads((tmp_path / "log" / "summary.json").read_text())["sent"] == 1
+
+
+def test_what_is_not_the_main_thread_holds_no_signals():
+    ran = []
+
+    def inside():
+        with signals_held():
+            ran.append(True)
+
+    thread = threading.Thread(target=inside)
+    thread.start()
+    thread.join()
+    assert ran

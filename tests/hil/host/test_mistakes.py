@@ -1,0 +1,177 @@
+"""A user's mistakes around a run: one sentence each, and the books closed."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+from contextlib import contextmanager
+from multiprocessing import Pipe
+from pathlib import Path
+
+import msgspec
+import pytest
+from hil_loop import Loop, board, frames, refused
+
+from hil.host.ledger.frames_csv import read_ledger
+from hil.host.ledger.summary import LedgerSummary
+from hil.host.link_process.host_link import HostLink
+from hil.host.link_process.ipc import BoardDown, BoardUp, FrameJob, FrameSlots, LinkConfig
+from hil.host.link_process.process import LinkServer
+from hil.link.packets.messages import ErrorCode, ErrorMessage, HelloAck
+from simulator.errors import UserError
+
+
+@contextmanager
+def taken_port():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+def test_port_in_use_is_one_sentence_and_nothing_is_written(tmp_path):
+    with taken_port() as port:
+        for options in ({"url": f"tcp://127.0.0.1:{port}"}, {"truth_url": f"tcp://127.0.0.1:{port}"}):
+            sentence = f"port {port} on 127.0.0.1 is in use by another program: stop it, or choose another"
+            with pytest.raises(UserError, match=sentence) as caught:
+                Loop().run(frames(1), truth="separate", log_dir=tmp_path / "log", **options)
+            assert "\n" not in str(caught.value)
+    assert not (tmp_path / "log").exists()
+
+
+def test_no_board_is_one_sentence_and_the_books_are_closed(tmp_path):
+    with pytest.raises(UserError, match=r"no board connected to tcp://127.* within 0\.2 s: start one with"):
+        Loop().run(frames(1), log_dir=tmp_path, connect_timeout_s=0.2)
+    summary = msgspec.json.decode((tmp_path / "summary.json").read_bytes(), type=LedgerSummary)
+    assert (summary.ended, summary.sent) == ("no_board", 0)
+
+
+def test_a_board_with_another_model_is_refused_by_name():
+    loop = Loop(refused(board(model_name="cygnus")))
+    with pytest.raises(UserError, match="model of 'cygnus' but the host flies 'tango'"):
+        loop.run(frames(1), target_name="tango", connect_timeout_s=1.5)
+    loop.threads[0].join(5.0)
+    assert "refuses: the board carries a model of 'cygnus'" in loop.results[0]
+
+
+def test_a_board_at_the_port_of_the_truth_is_sent_to_the_other_and_hears_no_truth():
+    sentences = []
+
+    def wrong_port_then_right_one(url):
+        sentences.append(refused(lambda _: board()(loop.truth_url))(url))
+        return board()(url)
+
+    loop = Loop(wrong_port_then_right_one)
+    summary = loop.run(frames(2), truth="separate")
+    assert summary.accepted == 2
+    assert f"gives ground truth to loggers: connect the board to {loop.url}" in sentences[0]
+
+
+def test_an_old_ledger_is_not_overwritten(tmp_path):
+    (tmp_path / "frames.csv").write_text("precious")
+    with pytest.raises(UserError, match="is there already: name another folder"):
+        Loop().run(frames(1), log_dir=tmp_path)
+    assert (tmp_path / "frames.csv").read_text() == "precious"
+    assert not (tmp_path / "run.json").exists()
+
+
+def test_a_run_whose_terms_cannot_be_written_leaves_no_ledger(tmp_path):
+    (tmp_path / "run.json").mkdir()
+    for _ in range(2):  # the second try finds the folder as the first did
+        with pytest.raises(UserError, match=r"run\.json"):
+            Loop().run(frames(1), log_dir=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
+
+
+def test_truth_stays_here_however_a_run_is_started(tmp_path, caplog):
+    loop = Loop()
+    with pytest.raises(UserError, match="no board connected"):
+        loop.run(frames(1), url="tcp://0.0.0.0:0", truth="separate", log_dir=tmp_path, connect_timeout_s=0.05)
+    assert loop.truth_url is None
+    assert "can be reached from other machines" in caplog.text
+    assert '"truth": "off"' in (tmp_path / "run.json").read_text()
+
+
+LINK = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=1.0)
+
+
+def test_a_stranger_does_not_change_why_and_since_when_the_board_is_gone():
+    with HostLink(LINK) as link:
+        link._take(BoardDown("it was no board"))
+        assert link.down_reason == "it was no board"  # all that is known before the first
+        link._take(BoardUp("peer", "board", "tango", "svd", "raw", 2))
+        link._take(BoardDown("its cable was pulled"))
+        since = link.down_since_s
+        link._take(BoardDown("it said nothing that the link protocol knows"))
+        assert (link.down_reason, link.down_since_s) == ("its cable was pulled", since)
+
+
+def test_a_dead_link_process_is_the_same_sentence_to_whoever_speaks_to_it():
+    with HostLink(LINK) as link:
+        link.open(HelloAck({}, 64, 48), 4, 64 * 48)
+        link._process.kill()
+        link._process.wait()
+        (frame,) = frames(1)
+        with pytest.raises(UserError, match="the link process ended unexpectedly"):
+            link.submit(
+                frame.image,
+                frame_id=0,
+                epoch_utc=frame.epoch_utc,
+                t_s=0.0,
+                exposure_s=0.01,
+                bits=8,
+                due_ns=None,
+                truth=None,
+            )
+        with pytest.raises(UserError, match="the link process ended unexpectedly"):
+            link.open(HelloAck({}, 64, 48), 4, 64 * 48)
+
+
+@pytest.mark.parametrize("code", ErrorCode)
+def test_only_word_of_damage_is_a_damaged_frame(code):
+    ours, theirs = Pipe()
+    server = LinkServer(theirs, FrameSlots.open_file(), LINK)
+    try:
+        server._flights.start(FrameJob(0, 5, (48, 64), "|u1", 8, "", 0.0, 0.01, None, None), 0)
+        server._take_error(ErrorMessage(code, "the board says so", 5))
+        result = ours.recv()
+    finally:
+        server._shut()
+    damage = code in {ErrorCode.CORRUPT, ErrorCode.INCOMPLETE}
+    assert result.outcome == ("dropped:corrupt" if damage else "dropped:protocol")
+    assert (result.frame_id, result.reason) == (5, "the board says so")
+    assert server._flights.held == 0
+
+
+def test_a_link_process_whose_run_was_killed_ends_in_order():
+    ours, theirs = Pipe()
+    server = LinkServer(theirs, FrameSlots.open_file(), LINK)
+    port = int(server._listener.url.rsplit(":", 1)[1])
+    ours.close()
+    server.run()  # what it has to say first finds nobody
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port), timeout=5.0)
+
+
+def test_a_renderer_that_fails_leaves_a_ledger_that_adds_up(tmp_path):
+    def failing():
+        yield from frames(3)
+        raise UserError("the renderer lost its context")
+
+    with pytest.raises(UserError, match="lost its context"):
+        Loop(board()).run(failing(), log_dir=tmp_path)
+    summary = msgspec.json.decode((tmp_path / "summary.json").read_bytes(), type=LedgerSummary)
+    assert (summary.ended, summary.accepted, len(read_ledger(tmp_path))) == ("failed", 3, 3)
+
+
+def test_the_agent_as_a_program_says_one_sentence(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "hil.board", "tcp://127.0.0.1:1", "--model", str(tmp_path / "none.json")],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+        cwd=Path(__file__).parents[3],
+    )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "none.json cannot be read" in done.stderr

@@ -1,0 +1,143 @@
+"""Cached results are what they were, or the version of their maker was raised.
+
+A cache entry is named by a version that is raised by hand. Each maker's output for a small input is held here against a
+summary of it; where both differ, the version must be raised and the summary written anew:
+``FLYAROUND_WRITE_SUMMARIES=1 pytest tests/simulator/runtime/test_cache_versions.py``. What is shipped ready
+made is held against its makers by test_prebuilt.py.
+"""
+
+import base64
+import hashlib
+import importlib
+import json
+import os
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simulator.render.bake import geometry, radiance_transfer
+from simulator.render.earth import detail_noise, maps, sea_ice, seasons, terrain_detail
+from simulator.render.gl import mipmaps
+from simulator.render.moon import craters, moon_pass
+from simulator.render.target.mesh import prepared
+from simulator.runtime.prebuilt import without_prebuilt
+from simulator.targets.board_model import write
+from simulator.targets.library import ENTRIES, FILE_VERSION, load_target
+
+FILE = Path(__file__).with_name("cache_versions.json")
+SMALL = "cubesat-1u@low"
+
+
+def target(entry):
+    """What a built-in target is made of, in its coarsest form."""
+    built = getattr(importlib.import_module(entry.module), entry.function)("low")
+    texts = repr((built.title, [p.name for p in built.parts], [k.name for k in built.keypoints]))
+    return [*(p.positions_m for p in built.parts), *(p.normals for p in built.parts), texts]
+
+
+def outer_faces():
+    """Faces of the board file."""
+    record = write.make_faces([load_target(SMALL).parts])
+    return [np.array(record.material), np.array(record.step_m), unpacked(record.corners, "<i2")]
+
+
+def outlines():
+    """Outlines of the board file."""
+    record = write.packed(write.outlines_of(load_target(SMALL)))
+    return [np.array([record.views, record.points, record.range_m]), unpacked(record.data, "i1")]
+
+
+def unpacked(text, dtype):
+    return np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype)
+
+
+def light():
+    """Light between the parts of a small craft, by what its nodes see."""
+    mesh = prepared(load_target(SMALL))[0]
+    gray = np.full((len(mesh.charts.chart), 1), 0.5)
+    return radiance_transfer.solve_radiosity(
+        mesh.charts, radiance_transfer._traced_visibility(mesh), gray, closed=mesh.is_closed
+    )
+
+
+def earth_maps():
+    """Both packed maps."""
+    files = maps.DecodedMaps()
+    first = maps._pack_panchromatic(files, day_again=True)
+    return [first, maps._pack_colour(maps.day_map(files), first[..., 3])]
+
+
+MAKERS = {
+    **{
+        f"target {entry.name}": ((entry.version, FILE_VERSION), lambda entry=entry: target(entry))
+        for entry in ENTRIES
+    },
+    "faces": (write.FACES_VERSION, outer_faces),
+    "outlines": (write.OUTLINES_VERSION, outlines),
+    "geometry": (geometry.VERSION, lambda: [prepared(load_target(SMALL))[0].values]),
+    "transfer": ((radiance_transfer.VISIBILITY_VERSION, radiance_transfer.VERSION), light),
+    "ice": (sea_ice.VERSION, lambda: [sea_ice._make_noise(0)]),
+    "detail": (detail_noise.VERSION, lambda: [detail_noise.make_detail()]),
+    "seasons": (seasons.VERSION, lambda: [seasons._make_relief(), *seasons._make_gains((1,), 3)]),
+    "mipmaps": (mipmaps.VERSION, lambda: [mipmaps._smaller(np.eye(64, dtype=np.uint8) * 255, globe=True)]),
+    "moon": (moon_pass.MAP_VERSION, lambda: [moon_pass.moon_map()]),
+    "craters": (craters.VERSION, lambda: [craters.make_craters(craters.FINE_LARGEST_PX)]),
+    "terrain": (terrain_detail.VERSION, lambda: [terrain_detail.make_terrain_detail()]),
+    "maps": (maps.VERSION, earth_maps),
+}
+SLOW = {"craters", "terrain", "maps"}
+
+
+def summary(made):
+    """Of each array its shape, type, mean, root mean square and projections on two waves; of a text its hash."""
+    told = []
+    for one in made:
+        if isinstance(one, str):
+            told.append(hashlib.sha256(one.encode()).hexdigest()[:16])
+            continue
+        flat = np.ravel(one)
+        x = flat[:: flat.size // 200_000 | 1].astype(float)  # of the largest every so many values
+        k = np.arange(x.size)
+        numbers = [
+            x.mean(),
+            np.sqrt((x * x).mean()),
+            (x * np.sin(k)).mean(),
+            (x * np.cos(0.7 * k + 1)).mean(),
+        ]
+        told.append([list(np.shape(one)), np.asarray(one).dtype.kind, *(float(f"{v:.6g}") for v in numbers)])
+    return told
+
+
+def same(a, b):
+    """Two summaries agree but for what processors round otherwise."""
+    if len(a) != len(b):
+        return False
+    for x, y in zip(a, b, strict=True):
+        if isinstance(x, str) or isinstance(y, str):
+            if x != y:
+                return False
+        elif x[:2] != y[:2] or not np.allclose(x[2:], y[2:], rtol=0, atol=1e-3 * y[3] + 1e-9):
+            return False
+    return True
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in MAKERS])
+def test_a_maker_whose_output_changes_has_a_new_version(name, tmp_path, monkeypatch):
+    version, make = MAKERS[name]
+    version = list(version) if isinstance(version, tuple) else version
+    monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))  # nothing is taken from the user's cache
+    with without_prebuilt():
+        now = summary(make())
+    known = json.loads(FILE.read_text()) if FILE.is_file() else {}
+    if os.environ.get("FLYAROUND_WRITE_SUMMARIES"):
+        known[name] = {"version": version, "output": now}
+        FILE.write_text(json.dumps(known, indent=0, sort_keys=True) + "\n")
+    was = known[name]
+    if was["version"] == version:
+        assert same(now, was["output"]), (
+            f"the output of {name} is another: raise the version beside its maker"
+        )
+    else:
+        pytest.fail(f"the version of {name} was raised: write its summary anew (this file's head says how)")

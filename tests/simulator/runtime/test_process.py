@@ -1,0 +1,183 @@
+"""The renderer in its own process: order, errors, crash, clean end."""
+
+import multiprocessing
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from multiprocessing import shared_memory
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simulator.errors import UserError
+from simulator.loop import OpenRenderer
+from simulator.runtime.worker import WorkerProcess
+from simulator.targets.model import Target
+
+pytestmark = pytest.mark.gl
+
+SHM = Path("/dev/shm")  # noqa: S108 - where Linux keeps shared memory
+
+
+def draw(renderer, scene, *, target: Target, scale: float = 1.0):
+    image = renderer.render(scene, target).radiance
+    return scene.frame_index, image * np.float32(scale)
+
+
+def fail(renderer, scene, *, how: str):
+    if how == "user":
+        raise UserError("the lens cap is on; take it off")
+    if how == "die":
+        os._exit(7)
+    raise ValueError("a bug")
+
+
+@pytest.fixture(scope="module")
+def target(draw_kit):
+    return draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
+
+
+def test_results_in_order_and_equal_to_ours(renderer, draw_kit, target):
+    scenes = [draw_kit.scene(target, frame_index=k, t_m=(0.1 * k, 0, 5)) for k in range(5)]
+    with WorkerProcess(draw, open_resource=OpenRenderer(first=scenes[0]), capacity=2) as process:
+        assert process.info == renderer.info
+        results = []
+        for scene in scenes:
+            if not process.has_room:
+                results.append(process.result())
+            process.submit(scene, target=target)
+        results += process.results()
+        process.submit(scenes[0], target=target, scale=2.0)
+        process.submit(scenes[1], target=target)
+        assert not process.has_room
+        with pytest.raises(RuntimeError, match="in flight"):
+            process.submit(scenes[2], target=target)
+        assert process.ready(30)
+        _, doubled = process.result()
+        # one job is left behind on purpose: closing must not hang
+    assert [index for index, _ in results] == [0, 1, 2, 3, 4]
+    for scene, (_, image) in zip(scenes, results, strict=True):
+        assert np.array_equal(image, renderer.render(scene, target).radiance)
+    assert np.array_equal(doubled, 2 * results[0][1])
+
+
+def test_errors_come_back_as_themselves(draw_kit, target):
+    scene = draw_kit.scene(target)
+    with WorkerProcess(fail, open_resource=OpenRenderer()) as process:
+        process.submit(scene, how="user")
+        with pytest.raises(UserError, match="lens cap"):
+            process.result()
+        process.submit(scene, how="bug")
+        with pytest.raises(RuntimeError, match="ValueError: a bug"):
+            process.result()
+        process.submit(scene, how="die")
+        with pytest.raises(RuntimeError, match="exit code 7"):
+            process.result()
+
+
+def test_a_renderer_that_cannot_start_says_why(draw_kit, target):
+    with WorkerProcess(draw, open_resource=OpenRenderer(device_index=97)) as process:
+        process.submit(draw_kit.scene(target), target=target)
+        with pytest.raises(UserError, match="device 97"):
+            process.result()
+
+
+def hold(renderer, scene, *, until: str):
+    """Draw nothing, for as long as a file is there; the first result is large enough for shared memory."""
+    if not until:
+        return os.getpid(), np.zeros(1 << 20, np.uint8)
+    while Path(until).exists():
+        time.sleep(0.01)
+    return None
+
+
+def gone(pid: int) -> bool:
+    """Whether a process has ended, or is a zombie that somebody has still to ask for."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+def wait_until(condition) -> bool:
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def test_a_frame_in_work_is_given_up_and_its_memory_freed(draw_kit, target, tmp_path):
+    busy = tmp_path / "busy"
+    busy.touch()
+    with WorkerProcess(hold, open_resource=OpenRenderer()) as process:
+        process.submit(draw_kit.scene(target), until="")
+        pid, _ = process.result()
+        blocks = [SHM / name for name in process._blocks]
+        assert all(block.exists() for block in blocks)
+        process.submit(draw_kit.scene(target), until=str(busy))
+        start = time.monotonic()
+    # it would hold on until the file is gone, which it never is
+    assert time.monotonic() - start < 30.0
+    assert gone(pid)
+    assert not any(block.exists() for block in blocks)
+
+
+PARENT = """
+import pickle, sys, time
+sys.path.insert(0, sys.argv[1])
+import test_process as here
+from simulator.loop import OpenRenderer
+from simulator.runtime.worker import WorkerProcess
+if __name__ == "__main__":
+    scene = pickle.loads(open(sys.argv[2], "rb").read())
+    with WorkerProcess(here.hold, open_resource=OpenRenderer()) as process:
+        process.submit(scene, until="")
+        pid, _ = process.result()
+        process.submit(scene, until=sys.argv[2])
+        print(pid, *process._blocks, flush=True)
+        time.sleep(300)
+"""
+
+
+@pytest.mark.skipif(not SHM.is_dir(), reason="looks for shared memory where Linux keeps it")
+def test_a_renderer_does_not_outlive_who_made_it(draw_kit, target, tmp_path):
+    scene = tmp_path / "scene"
+    scene.write_bytes(pickle.dumps(draw_kit.scene(target)))
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT)
+    command = [sys.executable, str(script), str(Path(__file__).parent), str(scene)]
+    parent = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        pid, *blocks = parent.stdout.readline().split()
+        assert blocks
+        parent.send_signal(signal.SIGKILL)
+        parent.wait(timeout=60.0)
+        assert wait_until(lambda: gone(int(pid)))
+        assert wait_until(lambda: not any((SHM / name).exists() for name in blocks))
+    finally:
+        parent.kill()
+        parent.communicate()
+
+
+def test_a_block_that_is_gone_does_not_keep_the_others_from_being_freed():
+    process = WorkerProcess.__new__(WorkerProcess)
+    process._pipe, theirs = multiprocessing.Pipe()
+    process._blocks = {}
+    gone, there = (shared_memory.SharedMemory(create=True, size=10) for _ in range(2))
+    gone.close()
+    gone.unlink()
+    for block in (gone, there):
+        theirs.send_bytes(pickle.dumps(("value", b"", block.name, ())))
+    process._attach_uncollected()
+    assert list(process._blocks) == [there.name]
+    process._blocks[there.name].close()
+    there.close()
+    there.unlink()
+    for pipe in (process._pipe, theirs):
+        pipe.close()
