@@ -10,6 +10,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from flyaround.commands.display import display, display_calibrate, display_match
 from flyaround.commands.estimation import check_method
 from flyaround.commands.hil_text import listening_text, summary_text
 from flyaround.commands.progress import progress_bar
@@ -224,3 +225,6 @@ app.command()(host)
 app.command()(board)
 app.command()(bundle)
 app.command()(report)
+app.command()(display)
+app.command("display-calibrate")(display_calibrate)
+app.command("display-match")(display_match)

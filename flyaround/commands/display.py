@@ -1,0 +1,197 @@
+"""hil display, hil display-calibrate, hil display-match: a real camera looks at a screen that shows the frames."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from flyaround.commands.scenario_argument import load_flown
+from flyaround.commands.terminal import say
+from hil.display.calibration import calibrate, read_calibration, write_calibration
+from hil.display.corner_code import CodePlace, read_code
+from hil.display.patterns import calibration_patterns
+from hil.display.predistort import Predistorter
+from hil.display.screen_sink import ScreenSink
+from simulator.dataset.formats.native import encode_png, read_png
+from simulator.errors import UserError
+from simulator.loop import plan_flight, run_frames
+from simulator.render.renderer import Renderer
+from simulator.runtime.files import empty_folder, write_atomic
+
+if TYPE_CHECKING:
+    from gui.full_screen import FullScreen
+    from simulator.runtime.arrays import FloatArray
+
+
+def display(
+    scenario: Annotated[str | None, typer.Argument(help="Built-in name or TOML file.")] = None,
+    monitor: Annotated[int, typer.Option(min=0, help="Number of the monitor, from 0.")] = 0,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="What display-calibrate wrote: frames are pre-distorted for that camera."),
+    ] = None,
+    n: Annotated[int, typer.Option("-n", min=1, help="Frames, evenly in time.")] = 30,
+    hold_s: Annotated[float, typer.Option("--hold", min=0.0, help="Seconds that each picture stays.")] = 0.5,
+    code: Annotated[
+        bool, typer.Option(help="Draw frame number and time into a corner, to match grabbed pictures by.")
+    ] = True,
+    patterns: Annotated[
+        bool, typer.Option("--patterns", help="Show the calibration's patterns instead of a flight.")
+    ] = False,
+    step: Annotated[
+        bool,
+        typer.Option("--step", help="Go on at each line of standard input; the picture's name is printed."),
+    ] = False,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            help="New or empty folder: also write what was shown (patterns, or shown.csv of a flight)."
+        ),
+    ] = None,
+) -> None:
+    """Show a flight full screen to a real camera that looks at the monitor.
+
+    First --patterns, which a program of yours grabs one by one, then display-calibrate, then the flight with
+    --calibration.
+    """
+    if (scenario is None) != patterns:
+        raise UserError("name a scenario to show, or --patterns to show the calibration's patterns")
+    if save is not None:
+        empty_folder(save, option="--save")
+    from gui.full_screen import FullScreen  # noqa: PLC0415 - an optional part, needed here alone
+
+    if patterns:
+        with FullScreen(monitor) as screen:
+            _show_patterns(screen, hold_s, save, step=step)
+        return
+    plan = plan_flight(load_flown(str(scenario), "hil display"), n=n)
+    predistorter = None if calibration is None else Predistorter(read_calibration(calibration))
+    with FullScreen(monitor) as screen, Renderer() as renderer:
+        sink = ScreenSink(screen, predistorter, code=code, hold_s=0.0 if step else hold_s)
+        for k, _ in enumerate(run_frames(plan, renderer, [sink], labels=False)):
+            _wait(f"frame {k}", step=step)
+            if not screen.open:
+                break
+    if save is not None:
+        text = io.StringIO()
+        table = csv.writer(text)
+        table.writerow(("frame_id", "time_ns", "shown_ns"))
+        table.writerows((f.frame_id, f.time_ns, f.shown_ns) for f in sink.shown)
+        write_atomic(save / "shown.csv", text.getvalue().encode())
+    say(f"{len(sink.shown)} of {plan.n_frames} frames shown on monitor {monitor}", stderr=True)
+
+
+def _show_patterns(screen: FullScreen, hold_s: float, save: Path | None, *, step: bool) -> None:
+    for pattern in calibration_patterns(*screen.size_px):
+        screen.show(pattern.image)
+        if save is not None:
+            write_atomic(save / f"{pattern.name}.png", encode_png(pattern.image))
+        _wait(pattern.name, step=step)
+        if not step:
+            time.sleep(hold_s)
+        if not screen.open:
+            raise UserError("the screen was closed before all patterns were shown; start again")
+
+
+def _wait(name: str, *, step: bool) -> None:
+    """Say what is on the screen; with ``step`` wait for a line before going on."""
+    if step:
+        typer.echo(name)
+        sys.stdout.flush()
+        sys.stdin.readline()
+
+
+def display_calibrate(
+    grabs: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder with a picture of each pattern: NAME.png, or NAME_0.png and so on, which are averaged."
+        ),
+    ],
+    screen: Annotated[str, typer.Option(help="The monitor's pixels, e.g. 1920x1200.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The file to write.")] = Path(
+        "calibration.json"
+    ),
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+) -> None:
+    """From pictures of the patterns: which pixel of the camera sees which of the screen, and how bright."""
+    parts = screen.lower().split("x")
+    if len(parts) != 2 or not all(p.isdigit() and 64 <= int(p) <= 16384 for p in parts):
+        raise UserError(
+            f"--screen is {screen}, wanted: WIDTHxHEIGHT of the monitor in pixels, e.g. 1920x1200"
+        )
+    size = (int(parts[0]), int(parts[1]))
+    found = calibrate(_read_grabs(grabs, size), size)
+    write_calibration(found, output)
+    figures = {
+        "geometry_rms_px": found.geometry_rms_px,
+        "black_dn": found.black_dn,
+        "white_dn": found.white_dn,
+        "code_left_px": found.code_left_px,
+        "code_top_px": found.code_top_px,
+    }
+    if as_json:
+        typer.echo(json.dumps(figures))
+    else:
+        say(
+            f"{output}: map to {found.geometry_rms_px:.3f} px rms; black {found.black_dn:.0f}, white"
+            f" {found.white_dn:.0f} DN above it where the screen is darkest"
+        )
+
+
+def _read_grabs(folder: Path, screen_px: tuple[int, int]) -> dict[str, FloatArray]:
+    if not folder.is_dir():
+        raise UserError(f"{folder} is no folder; name the one with the grabbed pictures")
+    grabs: dict[str, FloatArray] = {}
+    for pattern in calibration_patterns(*screen_px):
+        paths = sorted([*folder.glob(f"{pattern.name}.png"), *folder.glob(f"{pattern.name}_[0-9]*.png")])
+        if not paths:
+            raise UserError(f"there is no {pattern.name}.png in {folder}; grab every pattern that is shown")
+        total = sum(_read_grey(path) for path in paths)
+        grabs[pattern.name] = np.asarray(total / len(paths))
+    return grabs
+
+
+def _read_grey(path: Path) -> FloatArray:
+    image = read_png(path).astype(np.float64)
+    return image if image.ndim == 2 else image.mean(axis=2)
+
+
+def display_match(
+    grabs: Annotated[list[Path], typer.Argument(help="Pictures that the camera took of the screen.")],
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="What display-calibrate wrote (without: the code is at the upper left, as drawn)."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a list as JSON.")] = False,
+) -> None:
+    """Which frame each grabbed picture shows, by the code in it; exit 1 where one has none."""
+    place = CodePlace() if calibration is None else read_calibration(calibration).code_place
+    rows = []
+    for path in grabs:
+        code = read_code(_read_grey(path), place)
+        rows.append(
+            {
+                "path": str(path),
+                "frame_id": None if code is None else code.frame_id,
+                "time_ns": None if code is None else code.time_ns,
+            }
+        )
+    if as_json:
+        typer.echo(json.dumps(rows))
+    else:
+        for row in rows:
+            say(
+                f"{row['path']}: "
+                + ("no code" if row["frame_id"] is None else f"frame {row['frame_id']}, {row['time_ns']} ns")
+            )
+    if any(row["frame_id"] is None for row in rows):
+        raise typer.Exit(1)

@@ -1,0 +1,119 @@
+"""A whole monitor that shows pictures pixel for pixel, for a camera that looks at it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+from gui.window import NO_DISPLAY, import_parts
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from simulator.runtime.arrays import ByteArray
+
+VERTEX = """#version 330
+void main() {
+    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+    gl_Position = vec4(4.0 * corner - 1.0, 0.0, 1.0);
+}"""
+FRAGMENT = """#version 330
+uniform sampler2D picture;
+out vec4 colour;
+void main() {
+    ivec2 size = textureSize(picture, 0);
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    colour = vec4(vec3(texelFetch(picture, ivec2(at.x, size.y - 1 - at.y), 0).r), 1.0);
+}"""
+
+
+class FullScreen:
+    """A monitor filled by one picture; no border, no pointer, no scaling.
+
+    Parameters
+    ----------
+    monitor : its number, from 0, in the order of the window system.
+
+    Raises
+    ------
+    UserError
+        If there is no display or no such monitor.
+    """
+
+    def __init__(self, monitor: int = 0) -> None:
+        _, self._glfw = import_parts()
+        import moderngl  # noqa: PLC0415 - after the optional parts were found
+
+        glfw = self._glfw
+        glfw.ERROR_REPORTING = False
+        if not glfw.init():
+            raise UserError(NO_DISPLAY.replace("flyaround sim", "flyaround hil display"))
+        monitors = glfw.get_monitors()
+        if not 0 <= monitor < len(monitors):
+            glfw.terminate()
+            raise UserError(
+                f"there is no monitor {monitor}; this machine has {len(monitors)}, numbered from 0"
+            )
+        mode = glfw.get_video_mode(monitors[monitor])
+        for hint, value in (
+            (glfw.CONTEXT_VERSION_MAJOR, 3),
+            (glfw.CONTEXT_VERSION_MINOR, 3),
+            (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE),
+            (glfw.OPENGL_FORWARD_COMPAT, glfw.TRUE),
+            (glfw.AUTO_ICONIFY, glfw.FALSE),
+            (glfw.REFRESH_RATE, mode.refresh_rate),
+        ):
+            glfw.window_hint(hint, value)
+        self._window = glfw.create_window(
+            mode.size.width, mode.size.height, "Flyaround display", monitors[monitor], None
+        )
+        if not self._window:
+            glfw.terminate()
+            raise UserError(
+                f"monitor {monitor} gives no OpenGL 3.3 window; flyaround doctor says what is missing"
+            )
+        glfw.make_context_current(self._window)
+        glfw.set_input_mode(self._window, glfw.CURSOR, glfw.CURSOR_HIDDEN)
+        glfw.swap_interval(1)
+        self._context = moderngl.create_context(require=330)
+        self._program: Any = self._context.program(vertex_shader=VERTEX, fragment_shader=FRAGMENT)
+        self._triangle = self._context.vertex_array(self._program, [])
+        width, height = glfw.get_framebuffer_size(self._window)
+        self.size_px: tuple[int, int] = (int(width), int(height))
+        self._texture = self._context.texture(self.size_px, 1, alignment=1)
+
+    @property
+    def open(self) -> bool:
+        """Whether nobody has closed it or pressed Escape."""
+        glfw = self._glfw
+        escape = glfw.get_key(self._window, glfw.KEY_ESCAPE) == glfw.PRESS
+        return not (escape or glfw.window_should_close(self._window))
+
+    def show(self, image: ByteArray) -> None:
+        """Put (H, W) levels of the monitor's size on it; returns when the monitor has taken them.
+
+        Raises
+        ------
+        ValueError
+            If the picture is not of the monitor's size.
+        """
+        if image.shape != self.size_px[::-1]:
+            raise ValueError(f"a picture of {image.shape[::-1]} for a monitor of {self.size_px}")
+        self._texture.write(image.tobytes(), alignment=1)
+        self._context.screen.use()
+        self._context.viewport = (0, 0, *self.size_px)
+        self._texture.use(0)
+        self._triangle.render(self._context.TRIANGLES, vertices=3)
+        self._glfw.swap_buffers(self._window)
+        self._context.finish()
+        self._glfw.poll_events()
+
+    def close(self) -> None:
+        """Give the monitor back."""
+        self._context.release()
+        self._glfw.destroy_window(self._window)
+        self._glfw.terminate()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

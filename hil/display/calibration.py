@@ -1,0 +1,257 @@
+"""What a camera's pictures of the patterns tell: which pixel sees which, and how screen levels become its numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import msgspec
+import numpy as np
+from numpy.polynomial import chebyshev
+from scipy.interpolate import PchipInterpolator
+
+from hil.display.corner_code import BLOCK_COLUMNS, BLOCK_ROWS, CodePlace
+from hil.display.patterns import LEVELS, PERIOD_PX, SHIFTS, half_period_bits
+from simulator.errors import UserError
+from simulator.runtime.files import write_atomic
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from simulator.runtime.arrays import ByteArray, FloatArray
+
+SCHEMA, VERSION = "flyaround.display", 1
+GEOMETRY_DEGREE = 7
+SHADING_DEGREE = 4
+LEAST_MODULATION = 0.1
+"""Share of the white level's light that fringes must swing by for a pixel to count."""
+MOST_POINTS = 60_000
+OUTLIER_SIGMAS = 4.0
+DARKEST_PERCENTILE = 1.0
+CODE_CELL_PX = 8
+
+
+class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
+    """How a screen and a camera see each other.
+
+    Parameters
+    ----------
+    screen_px, camera_px : width and height.
+    homography : 3 x 3, row by row, from screen pixels to camera pixels; pixel (0, 0) is the centre of the first.
+    bend : Chebyshev coefficients, 8 x 8 for x and for y, of what is left [px] over the screen mapped to -1..1.
+    shading : Chebyshev coefficients, 5 x 5, of the light at level 255 over the screen [DN of the camera].
+    response : light of each of ``levels``, from 0 at level 0 to 1 at 255.
+    black_dn : the camera's number at level 0. white_dn : what white gives once the shading is evened out.
+    code_left_px, code_top_px, code_cell_px : place of the frame's code on the camera's picture.
+    geometry_rms_px : how far the measured points lie from the fitted map.
+    """
+
+    screen_px: tuple[int, int]
+    camera_px: tuple[int, int]
+    homography: list[float]
+    bend: list[list[list[float]]]
+    shading: list[list[float]]
+    levels: list[int]
+    response: list[float]
+    black_dn: float
+    white_dn: float
+    code_left_px: int
+    code_top_px: int
+    code_cell_px: int
+    geometry_rms_px: float
+    schema: str = SCHEMA
+    version: int = VERSION
+
+    @property
+    def code_place(self) -> CodePlace:
+        """Where the code lies on the camera's picture."""
+        return CodePlace(self.code_left_px, self.code_top_px, self.code_cell_px)
+
+    def camera_from_screen(self, screen_xy_px: FloatArray) -> FloatArray:
+        """(N, 2) camera pixels that see (N, 2) screen pixels."""
+        flat = np.asarray(self.homography, float).reshape(3, 3)
+        points = np.column_stack((screen_xy_px, np.ones(len(screen_xy_px)))) @ flat.T
+        straight = points[:, :2] / points[:, 2:]
+        unit = _unit(screen_xy_px, self.screen_px)
+        bend = [chebyshev.chebval2d(unit[:, 0], unit[:, 1], np.asarray(axis)) for axis in self.bend]
+        return np.asarray(straight + np.column_stack(bend))
+
+    def screen_light_dn(self, screen_xy_px: FloatArray) -> FloatArray:
+        """(N,) light of level 255 at screen pixels, as the camera sees it [DN]."""
+        unit = _unit(screen_xy_px, self.screen_px)
+        return np.asarray(chebyshev.chebval2d(unit[:, 0], unit[:, 1], np.asarray(self.shading)))
+
+    def levels_for(self, light: FloatArray) -> FloatArray:
+        """Screen levels, not rounded, that give these shares of level 255's light."""
+        fine = np.arange(256.0)
+        response = PchipInterpolator(np.asarray(self.levels, float), np.asarray(self.response))(fine)
+        return np.asarray(np.interp(light, np.maximum.accumulate(response), fine))
+
+
+def write_calibration(calibration: DisplayCalibration, path: Path) -> None:
+    """Write a calibration as JSON."""
+    write_atomic(path, msgspec.json.format(msgspec.json.encode(calibration), indent=1))
+
+
+def read_calibration(path: Path) -> DisplayCalibration:
+    """Read a calibration.
+
+    Raises
+    ------
+    UserError
+        If it is no calibration of this version.
+    """
+    try:
+        found = msgspec.json.decode(path.read_bytes(), type=DisplayCalibration)
+    except (OSError, msgspec.MsgspecError) as error:
+        raise UserError(
+            f"{path} is no calibration that flyaround hil display-calibrate wrote: {error}"
+        ) from error
+    if (found.schema, found.version) != (SCHEMA, VERSION):
+        raise UserError(
+            f"{path} is {found.schema} version {found.version}, wanted: {SCHEMA} version {VERSION}"
+        )
+    return found
+
+
+def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> DisplayCalibration:
+    """Calibrate from the camera's pictures of `calibration_patterns`.
+
+    Parameters
+    ----------
+    grabs : by pattern's name, (H, W) numbers of a camera without gamma; means of several pictures where there are.
+    screen_px : width and height of the screen.
+
+    Raises
+    ------
+    UserError
+        If a picture is missing or the screen cannot be found in them.
+    """
+    wanted = [f"level_{level:03}" for level in LEVELS]
+    wanted += [f"{axis}_phase_{k}" for axis in "xy" for k in range(SHIFTS)]
+    missing = [name for name in wanted if name not in grabs]
+    if missing:
+        raise UserError(
+            f"there is no picture of {missing[0]}; grab every pattern that hil display --patterns shows"
+        )
+    dark, bright = grabs["level_000"], grabs["level_255"]
+    swing = bright - dark
+    seen = {axis: _decode(grabs, axis, size, dark, swing) for axis, size in zip("xy", screen_px, strict=True)}
+    valid = np.isfinite(seen["x"]) & np.isfinite(seen["y"])
+    if np.count_nonzero(valid) < (GEOMETRY_DEGREE + 1) ** 2 * 10:
+        raise UserError(
+            "the screen is not found in the pictures: let it fill most of the camera's view, in focus, at an exposure "
+            "at which white is not burnt out"
+        )
+    rows, columns = np.nonzero(valid)
+    step = max(1, len(rows) // MOST_POINTS)
+    rows, columns = rows[::step], columns[::step]
+    camera = np.column_stack((columns, rows)).astype(float)
+    screen = np.column_stack((seen["x"][rows, columns], seen["y"][rows, columns]))
+    flat, bend, rms, kept = _fit_map(screen, camera, screen_px)
+    shading = _fit_surface(_unit(screen[kept], screen_px), swing[rows, columns][kept], SHADING_DEGREE)
+    response = [float(np.median((grabs[f"level_{g:03}"] - dark)[valid] / swing[valid])) for g in LEVELS]
+    height_px, width_px = dark.shape
+    draft = DisplayCalibration(
+        screen_px=screen_px,
+        camera_px=(width_px, height_px),
+        homography=[float(x) for x in flat.ravel()],
+        bend=[axis.tolist() for axis in bend],
+        shading=shading.tolist(),
+        levels=list(LEVELS),
+        response=[float(x) for x in np.maximum.accumulate(response)],
+        black_dn=float(np.median(dark[valid])),
+        white_dn=float(np.percentile(swing[valid], DARKEST_PERCENTILE)),
+        code_left_px=0,
+        code_top_px=0,
+        code_cell_px=CODE_CELL_PX,
+        geometry_rms_px=rms,
+    )
+    left, top = _code_corner(valid)
+    return msgspec.structs.replace(draft, code_left_px=left, code_top_px=top)
+
+
+def _decode(
+    grabs: Mapping[str, FloatArray], axis: str, size_px: int, dark: FloatArray, swing: FloatArray
+) -> FloatArray:
+    """(H, W) screen coordinate along an axis that each camera pixel sees [px]; NaN where it sees none."""
+    angles = 2 * np.pi * np.arange(SHIFTS) / SHIFTS
+    shifted = [grabs[f"{axis}_phase_{k}"] for k in range(SHIFTS)]
+    sine = sum(np.sin(a) * g for a, g in zip(angles, shifted, strict=True))
+    cosine = sum(np.cos(a) * g for a, g in zip(angles, shifted, strict=True))
+    phase = np.arctan2(sine, cosine) % (2 * np.pi)
+    half = np.zeros(dark.shape, int)
+    above = np.zeros(dark.shape, int)
+    for bit in reversed(range(half_period_bits(size_px))):
+        name = f"{axis}_code_{bit}"
+        if name not in grabs:
+            raise UserError(
+                f"there is no picture of {name}; grab every pattern that hil display --patterns shows"
+            )
+        above = ((grabs[name] - dark) > swing / 2).astype(int) ^ above
+        half |= above << bit
+    # a half period misread at its border is told by the phase, which is near 0 or a whole turn there
+    near_start, near_end = phase < np.pi / 2, phase > 3 * np.pi / 2
+    period = np.where(near_start, (half + 1) // 2, np.where(near_end, (half + 1) // 2 - 1, half // 2))
+    at = (period + phase / (2 * np.pi)) * PERIOD_PX
+    modulation = np.hypot(sine, cosine) * 2 / SHIFTS
+    lit = (swing > LEAST_MODULATION * np.percentile(swing, 99)) & (modulation > LEAST_MODULATION * swing)
+    inside = (at > -1) & (at < size_px)
+    return np.where(lit & inside, at, np.nan)
+
+
+def _fit_map(
+    screen: FloatArray, camera: FloatArray, screen_px: tuple[int, int]
+) -> tuple[FloatArray, list[FloatArray], float, FloatArray]:
+    """Homography and bend from screen to camera, their rms [px], and which points were kept."""
+    found, _ = cv2.findHomography(screen, camera, cv2.RANSAC, 20.0)
+    if found is None:
+        raise UserError("the pictures of the fringes do not show a flat screen")
+    flat = np.asarray(found, float)
+    points = np.column_stack((screen, np.ones(len(screen)))) @ flat.T
+    left_over = camera - points[:, :2] / points[:, 2:]
+    unit = _unit(screen, screen_px)
+    kept = np.hypot(*left_over.T) < 50 * max(1.0, float(np.median(np.hypot(*left_over.T))))
+    bend: list[FloatArray] = []
+    rms = 0.0
+    for _ in range(3):
+        bend = [_fit_surface(unit[kept], left_over[kept, i], GEOMETRY_DEGREE) for i in range(2)]
+        error = np.column_stack(
+            [left_over[:, i] - chebyshev.chebval2d(unit[:, 0], unit[:, 1], bend[i]) for i in range(2)]
+        )
+        distance = np.hypot(*error.T)
+        rms = float(np.sqrt(np.mean(distance[kept] ** 2)))
+        kept = distance < max(OUTLIER_SIGMAS * rms, 1e-9)
+    return flat, bend, rms, kept
+
+
+def _fit_surface(unit: FloatArray, values: FloatArray, degree: int) -> FloatArray:
+    """Chebyshev coefficients (degree + 1, degree + 1) by least squares."""
+    basis = chebyshev.chebvander2d(unit[:, 0], unit[:, 1], [degree, degree])
+    solution = np.linalg.lstsq(basis, values, rcond=None)[0]
+    return np.asarray(solution.reshape(degree + 1, degree + 1))
+
+
+def _unit(screen_xy_px: FloatArray, screen_px: tuple[int, int]) -> FloatArray:
+    """Screen pixels as -1..1 along both axes."""
+    size = np.asarray(screen_px, float)
+    return np.asarray(2 * screen_xy_px / (size - 1) - 1)
+
+
+def _code_corner(valid: ByteArray | FloatArray) -> tuple[int, int]:
+    """Column and row of the code's block, nearest to the picture's upper left corner, all of it on the screen."""
+    width, height = BLOCK_COLUMNS * CODE_CELL_PX, BLOCK_ROWS * CODE_CELL_PX
+    solid = cv2.morphologyEx(np.asarray(valid, np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    whole = cv2.erode(
+        solid,
+        np.ones((height, width), np.uint8),
+        anchor=(0, 0),
+        borderType=cv2.BORDER_CONSTANT,
+        borderValue=0,
+    )
+    rows, columns = np.nonzero(whole)
+    if len(rows) == 0:
+        raise UserError("the screen is too small in the camera's view to hold the frame's code")
+    first = int(np.argmin(rows + columns))
+    return int(columns[first]), int(rows[first])

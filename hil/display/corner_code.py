@@ -1,0 +1,127 @@
+"""A code in a corner of a picture: frame number and time, error-checked, that anyone can read back from the pixels.
+
+The block is 18 x 10 square cells. Its first row and first column are white, the rest of its rim is black, which gives
+the levels. Inside, row by row, are 128 bits, the most significant first, white for 1: frame number (32), nanoseconds
+since 1970-01-01 UTC (64), CRC-32 of these twelve bytes (32, as in zlib). All numbers are big-endian.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+COLUMNS, ROWS = 16, 8
+BLOCK_COLUMNS, BLOCK_ROWS = COLUMNS + 2, ROWS + 2
+PAYLOAD = struct.Struct(">IQ")
+CHECK = struct.Struct(">I")
+LEAST_CONTRAST = 8.0
+"""Difference of the rim's levels below which there is no code [DN of the picture]."""
+
+
+@dataclass(frozen=True)
+class CornerCode:
+    """What the code says.
+
+    Parameters
+    ----------
+    frame_id : number of the frame, below 2**32. time_ns : nanoseconds since 1970-01-01 UTC, below 2**64.
+    """
+
+    frame_id: int
+    time_ns: int
+
+
+@dataclass(frozen=True)
+class CodePlace:
+    """Where the code lies in a picture.
+
+    Parameters
+    ----------
+    left_px, top_px : first column and row of the block. cell_px : width and height of a cell.
+    """
+
+    left_px: int = 0
+    top_px: int = 0
+    cell_px: int = 6
+
+    @property
+    def box_px(self) -> tuple[int, int, int, int]:
+        """Columns and rows of the block, the ends not included: left, top, right, bottom."""
+        right, bottom = self.left_px + BLOCK_COLUMNS * self.cell_px, self.top_px + BLOCK_ROWS * self.cell_px
+        return self.left_px, self.top_px, right, bottom
+
+    def fits(self, height_px: int, width_px: int) -> bool:
+        """Whether the block lies inside a picture of that size."""
+        left, top, right, bottom = self.box_px
+        return left >= 0 and top >= 0 and right <= width_px and bottom <= height_px
+
+
+def code_cells(code: CornerCode) -> NDArray[np.bool_]:
+    """(10, 18) cells of a code's block, true for white."""
+    payload = PAYLOAD.pack(code.frame_id, code.time_ns)
+    bits = np.unpackbits(np.frombuffer(payload + CHECK.pack(zlib.crc32(payload)), np.uint8))
+    cells = np.zeros((BLOCK_ROWS, BLOCK_COLUMNS), bool)
+    cells[0, :] = True
+    cells[:, 0] = True
+    cells[1:-1, 1:-1] = bits.reshape(ROWS, COLUMNS)
+    return cells
+
+
+def draw_code(
+    image: NDArray[np.unsignedinteger], code: CornerCode, place: CodePlace, white_dn: int
+) -> NDArray[np.unsignedinteger]:
+    """A copy of a picture with the code drawn into it.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3) digital numbers. white_dn : the number for white; black is 0.
+
+    Raises
+    ------
+    ValueError
+        If the block does not lie inside the picture.
+    """
+    if not place.fits(image.shape[0], image.shape[1]):
+        raise ValueError(
+            f"a code at {place.box_px} does not fit a picture of {image.shape[1]} x {image.shape[0]}"
+        )
+    left, top, right, bottom = place.box_px
+    drawn = image.copy()
+    block = np.kron(code_cells(code), np.ones((place.cell_px, place.cell_px), bool))
+    levels = np.where(block, white_dn, 0).astype(image.dtype)
+    drawn[top:bottom, left:right] = levels if image.ndim == 2 else levels[..., None]
+    return drawn
+
+
+def read_code(image: NDArray[Any], place: CodePlace) -> CornerCode | None:
+    """The code in a picture, or `None` where there is none or its check fails.
+
+    Each cell is judged by the mean of its middle half, against the mean of the rim's white and black.
+    """
+    if not place.fits(image.shape[0], image.shape[1]):
+        return None
+    left, top, right, bottom = place.box_px
+    grey = image[top:bottom, left:right].astype(np.float64)
+    if grey.ndim == 3:
+        grey = grey.mean(axis=2)
+    cells = grey.reshape(BLOCK_ROWS, place.cell_px, BLOCK_COLUMNS, place.cell_px)
+    margin = place.cell_px // 4
+    inner = slice(margin, place.cell_px - margin)
+    levels = cells[:, inner, :, inner].mean(axis=(1, 3))
+    white = np.concatenate((levels[0, 1:-1], levels[1:-1, 0])).mean()
+    black = np.concatenate((levels[-1, 1:-1], levels[1:-1, -1])).mean()
+    if white - black < LEAST_CONTRAST:
+        return None
+    bits = levels[1:-1, 1:-1] > (white + black) / 2
+    data = np.packbits(bits.ravel()).tobytes()
+    payload, check = data[: PAYLOAD.size], data[PAYLOAD.size :]
+    if CHECK.unpack(check)[0] != zlib.crc32(payload):
+        return None
+    return CornerCode(*PAYLOAD.unpack(payload))

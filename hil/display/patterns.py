@@ -1,0 +1,59 @@
+"""Pictures for a screen that tell a camera which of its pixels sees which of the screen's, and how bright.
+
+Shifted sine fringes under a Gray code: Sansoni, Carocci and Rodella (1999), Applied Optics 38(31), 6565. Eight shifts
+cancel the harmonics that a screen's gamma makes of a sine, up to the sixth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from simulator.runtime.arrays import ByteArray
+
+PERIOD_PX = 48
+SHIFTS = 8
+LEVELS = tuple(round(255 * k / 16) for k in range(17))
+Axis = Literal["x", "y"]
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """A picture to show: its name, which a grabbed picture's file carries too, and (H, W) screen levels."""
+
+    name: str
+    image: ByteArray
+
+
+def half_period_bits(size_px: int) -> int:
+    """Bits of the Gray code that numbers the half periods along an axis of that many pixels."""
+    return max(1, int(np.ceil(2 * size_px / PERIOD_PX) - 1).bit_length())
+
+
+def calibration_patterns(width_px: int, height_px: int) -> Iterator[Pattern]:
+    """All patterns for a screen of that size, in the order of showing: levels, then fringes and codes of x and of y."""
+    for level in LEVELS:
+        yield Pattern(f"level_{level:03}", np.full((height_px, width_px), level, np.uint8))
+    axes: tuple[tuple[Axis, int], ...] = (("x", width_px), ("y", height_px))
+    for axis, size in axes:
+        at = np.arange(size)
+        for k in range(SHIFTS):
+            wave = 127.5 + 127.5 * np.cos(2 * np.pi * (at / PERIOD_PX - k / SHIFTS))
+            yield Pattern(
+                f"{axis}_phase_{k}", _spread(np.rint(wave).astype(np.uint8), axis, width_px, height_px)
+            )
+        half = 2 * at // PERIOD_PX
+        gray = half ^ (half >> 1)
+        for bit in range(half_period_bits(size)):
+            row = (255 * ((gray >> bit) & 1)).astype(np.uint8)
+            yield Pattern(f"{axis}_code_{bit}", _spread(row, axis, width_px, height_px))
+
+
+def _spread(row: ByteArray, axis: Axis, width_px: int, height_px: int) -> ByteArray:
+    column = row[None, :] if axis == "x" else row[:, None]
+    return np.ascontiguousarray(np.broadcast_to(column, (height_px, width_px)))

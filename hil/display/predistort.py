@@ -1,0 +1,68 @@
+"""A frame as it must stand on the screen for the camera to see it as it was drawn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.display.calibration import DisplayCalibration
+    from simulator.runtime.arrays import ByteArray
+
+
+class Predistorter:
+    """Maps frames to a screen by a calibration; the tables are made once.
+
+    Parameters
+    ----------
+    calibration : of the screen and the camera that looks at it.
+    """
+
+    def __init__(self, calibration: DisplayCalibration) -> None:
+        width, height = calibration.screen_px
+        columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
+        points = np.column_stack((columns.ravel(), rows.ravel()))
+        camera = calibration.camera_from_screen(points).astype(np.float32)
+        self._camera_x = camera[:, 0].reshape(height, width)
+        self._camera_y = camera[:, 1].reshape(height, width)
+        light = np.maximum(calibration.screen_light_dn(points), calibration.white_dn)
+        self._gain = (calibration.white_dn / light).reshape(height, width).astype(np.float32)
+        self._levels = calibration.levels_for(np.linspace(0.0, 1.0, 4097)).astype(np.float32)
+        self.calibration = calibration
+
+    def screen_image(self, image: NDArray[Any], white: float) -> ByteArray:
+        """(screen H, screen W) levels that show a frame.
+
+        Parameters
+        ----------
+        image : (H, W) numbers of the camera's size, linear in light. white : the number that is shown as white.
+
+        Raises
+        ------
+        UserError
+            If the frame is not of the calibrated camera's size.
+        """
+        width, height = self.calibration.camera_px
+        if image.shape != (height, width):
+            raise UserError(
+                f"the frame is {image.shape[1]} x {image.shape[0]} px and the calibrated camera {width} x {height}: "
+                "give the scenario that camera (docs/hil.md)"
+            )
+        light = np.asarray(image, np.float32) / np.float32(white)
+        on_screen = cv2.remap(
+            light,
+            self._camera_x,
+            self._camera_y,
+            cv2.INTER_CUBIC,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=0.0,
+        )
+        wanted = np.clip(on_screen * self._gain, 0.0, 1.0)
+        levels = self._levels[np.rint(wanted * (len(self._levels) - 1)).astype(np.intp)]
+        return np.rint(levels).astype(np.uint8)

@@ -1,0 +1,101 @@
+"""A sink that puts frames on a screen, pre-distorted for the camera that looks at it, with a code to match by."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from hil.display.corner_code import CodePlace, CornerCode, draw_code
+from simulator.errors import UserError
+
+if TYPE_CHECKING:
+    from hil.display.predistort import Predistorter
+    from simulator.frame import Frame
+    from simulator.runtime.arrays import ByteArray
+
+
+class Screen(Protocol):
+    """What shows pictures: a monitor, or a recorder in tests."""
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+
+    def show(self, image: ByteArray) -> None:
+        """Show (H, W) levels."""
+
+
+@dataclass(frozen=True)
+class ShownFrame:
+    """A frame that was shown: its number, its mid-exposure and when it was shown, since 1970-01-01 UTC [ns]."""
+
+    frame_id: int
+    time_ns: int
+    shown_ns: int
+
+
+def nanoseconds_utc(epoch_utc: str) -> int:
+    """Nanoseconds since 1970-01-01 UTC of an ISO time; microseconds are exact."""
+    moment = datetime.fromisoformat(epoch_utc)
+    whole = int(moment.replace(microsecond=0).timestamp())
+    return whole * 1_000_000_000 + moment.microsecond * 1000
+
+
+class ScreenSink:
+    """Shows each frame that it is handed.
+
+    Parameters
+    ----------
+    screen : where. predistorter : by a calibration; `None` shows frames as they are, in the screen's middle.
+    code : draw the code of frame number and time. hold_s : how long each frame stays at least [s].
+    """
+
+    def __init__(
+        self, screen: Screen, predistorter: Predistorter | None, *, code: bool = True, hold_s: float = 0.0
+    ) -> None:
+        self._screen, self._predistorter, self._code, self._hold_s = screen, predistorter, code, hold_s
+        self.shown: list[ShownFrame] = []
+
+    @property
+    def code_place(self) -> CodePlace:
+        """Where the code lies on the frame."""
+        return CodePlace() if self._predistorter is None else self._predistorter.calibration.code_place
+
+    def write(self, frame: Frame) -> None:
+        """Show one frame.
+
+        Raises
+        ------
+        UserError
+            If it is in colour, or does not fit the screen or the calibration.
+        """
+        if frame.image.ndim != 2:
+            raise UserError('a screen shows one channel: write bands = "mono" under [output] of the scenario')
+        white = 2**frame.scene.sensor.bits - 1
+        time_ns = nanoseconds_utc(frame.scene.epoch_utc)
+        image = frame.image
+        if self._code:
+            image = draw_code(image, CornerCode(frame.scene.frame_index, time_ns), self.code_place, white)
+        if self._predistorter is None:
+            levels = self._centred(np.rint(image * (255 / white)).astype(np.uint8))
+        else:
+            levels = self._predistorter.screen_image(image, white)
+        self._screen.show(levels)
+        self.shown.append(ShownFrame(frame.scene.frame_index, time_ns, time.time_ns()))
+        time.sleep(self._hold_s)
+
+    def _centred(self, image: ByteArray) -> ByteArray:
+        width, height = self._screen.size_px
+        if image.shape[0] > height or image.shape[1] > width:
+            raise UserError(
+                f"the frame is {image.shape[1]} x {image.shape[0]} px and the screen {width} x {height}: "
+                "calibrate (hil display --patterns), or give the scenario a smaller camera"
+            )
+        top, left = (height - image.shape[0]) // 2, (width - image.shape[1]) // 2
+        whole = np.zeros((height, width), np.uint8)
+        whole[top : top + image.shape[0], left : left + image.shape[1]] = image
+        return whole
