@@ -22,9 +22,10 @@ from hil.display.predistort import Predistorter
 from hil.display.screen_sink import ScreenSink
 from simulator.dataset.formats.native import encode_png, read_png
 from simulator.errors import UserError
-from simulator.loop import plan_flight, run_frames
-from simulator.render.renderer import Renderer
+from simulator.frame import Frame
+from simulator.loop import open_frames, run_frames
 from simulator.runtime.files import empty_folder, write_atomic
+from simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
     from gui.full_screen import FullScreen
@@ -74,9 +75,13 @@ def display(
         return
     plan = plan_flight(load_flown(str(scenario), "hil display"), n=n)
     predistorter = None if calibration is None else Predistorter(read_calibration(calibration))
-    with FullScreen(monitor) as screen, Renderer() as renderer:
+    # the window's context and the renderer's do not share a thread: frames come from a process of their own
+    with (
+        FullScreen(monitor) as screen,
+        open_frames(Frame.image_and_truth, processes=1, first=plan.scene(0)) as producer,
+    ):
         sink = ScreenSink(screen, predistorter, code=code, hold_s=0.0 if step else hold_s)
-        for k, _ in enumerate(run_frames(plan, renderer, [sink], labels=False)):
+        for k, _ in enumerate(run_frames(plan, producer, [sink], labels=False)):
             _wait(f"frame {k}", step=step)
             if not screen.open:
                 break

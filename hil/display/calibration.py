@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from simulator.runtime.arrays import ByteArray, FloatArray
+    from simulator.runtime.arrays import BoolArray, FloatArray
 
 SCHEMA, VERSION = "flyaround.display", 1
 GEOMETRY_DEGREE = 7
@@ -239,7 +239,7 @@ def _unit(screen_xy_px: FloatArray, screen_px: tuple[int, int]) -> FloatArray:
     return np.asarray(2 * screen_xy_px / (size - 1) - 1)
 
 
-def _code_corner(valid: ByteArray | FloatArray) -> tuple[int, int]:
+def _code_corner(valid: BoolArray) -> tuple[int, int]:
     """Column and row of the code's block, nearest to the picture's upper left corner, all of it on the screen."""
     width, height = BLOCK_COLUMNS * CODE_CELL_PX, BLOCK_ROWS * CODE_CELL_PX
     solid = cv2.morphologyEx(np.asarray(valid, np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
