@@ -23,10 +23,9 @@ from simulator.dataset.clipping import ClippingSummary
 from simulator.errors import UserError
 from simulator.labels.request import parse_labels
 from simulator.scenario.load import load_scenario
-from simulator.scenario.picture import environment_section
 from simulator.scenario.plan import Plan, plan_flight
 from simulator.scenario.recipes import RecipePlan, list_recipes, plan_recipe
-from simulator.scene.environments import environment_preset
+from simulator.scene.environments import environment_preset, environment_section
 from simulator.scene.state import Bands, Quality
 
 

@@ -21,8 +21,8 @@ from simulator.errors import UserError
 from simulator.labels.request import LabelRequest, parse_labels
 from simulator.labels.truth import read_truth
 from simulator.render.earth.map_textures import EarthMaps, begin_earth_maps, begin_maps_of
-from simulator.scenario.picture import environment_section
 from simulator.scenario.poses import PosePlan, read_poses
+from simulator.scene.environments import environment_section
 from simulator.scene.state import Bands, SceneState
 from simulator.targets.library import load_target
 from simulator.targets.model import Target
@@ -84,10 +84,10 @@ def render(
         flown = load_flown(scenario or "", "render")
         if environment is not None:
             flown = msgspec.structs.replace(flown, environment=environment_section(environment))
-        if flown.environment_model.earth:
+        if flown.environment.layers().earth:
             # two at a time: an empty cache is filled while the target is built and flown
             in_bands = bands or flown.output.bands
-            prefetched[in_bands] = begin_earth_maps(in_bands, flown.environment_model, flown.epoch_utc)
+            prefetched[in_bands] = begin_earth_maps(in_bands, flown.environment.layers(), flown.epoch_utc)
         from simulator.scenario.plan import plan_flight  # noqa: PLC0415 - slow to import: maps are read before
 
         plan = plan_flight(flown, times=(time_s,), seed=seed, bands=bands, quality=quality_preset(quality))

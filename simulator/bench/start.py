@@ -22,7 +22,7 @@ from simulator.render.earth.map_textures import begin_earth_maps
 from simulator.scenario.load import load_scenario
 scenario = load_scenario("{SCENE}")
 bands = scenario.output.bands
-begun = begin_earth_maps(bands, scenario.environment_model, scenario.epoch_utc)
+begun = begin_earth_maps(bands, scenario.environment.layers(), scenario.epoch_utc)
 from simulator.frame import take_frame
 from simulator.scenario.plan import plan_flight
 from simulator.render.renderer import Renderer

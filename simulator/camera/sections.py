@@ -35,7 +35,7 @@ _CurvePoint = tuple[Annotated[float, Meta(ge=200, le=2000)], _Share]
 
 
 class DetectorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Keys of `[sensor.detector]`, each as in `simulator.camera.detector.sensor.Detector`; what is left out stays.
+    """Keys of `[sensor.detector]`: what of the detector to change; what is left out stays.
 
     ``quantum_efficiency_curve`` is a list of [wavelength in nm, electrons per photon], ascending; it takes the place of
     ``quantum_efficiency``.
@@ -81,7 +81,7 @@ class DetectorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
 
 
 class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Section `[optics]`: the lens besides its distortion, each key as in `simulator.camera.detector.optics.Optics`.
+    """Section `[optics]`: the lens besides its distortion.
 
     ``kernel_file`` names a measured PSF beside the scenario: a .npy, text with one row of numbers a line, or a grey
     picture (.png, .tif) with its black level taken off, which is divided by its sum. ``transmission_curve`` is a list

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from msgspec import Meta
+
+from simulator.runtime.sections import Section
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -15,23 +18,20 @@ MEMORY_LAGS = 12
 """What happened longer ago has faded below 1e-5 and is not looked at."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class AutoExposure:
-    """How the exposure is set.
+class AutoExposure(Section, frozen=True, kw_only=True):
+    """With this section the exposure follows what the camera sees, with lag; ``exposure_s`` is not used.
 
-    Parameters
-    ----------
-    level : signal that the metered radiance is brought to, 1 at full scale.
-    share : of what is lit on the image, by area, that stays below the metered radiance.
-    lag_s : time in which the logarithm of the exposure covers 63 % of a step [s].
-    shortest_s, longest_s : limits [s]; where nothing is lit the longest is wanted.
+    ``level``: signal, 1 at full scale, that ``share`` of what is lit on the image stays below.
     """
 
-    level: float = 0.5
-    share: float = 0.9
-    lag_s: float = 2.0
-    shortest_s: float = 1e-5
-    longest_s: float = 0.1
+    # the metered radiance is brought to the level; share is by area
+    level: Annotated[float, Meta(gt=0, le=1)] = 0.5
+    share: Annotated[float, Meta(gt=0, le=1)] = 0.9
+    # time in which the logarithm of the exposure covers 63 % of a step
+    lag_s: Annotated[float, Meta(ge=0.01, le=600)] = 2.0
+    # limits; where nothing is lit the longest is wanted
+    shortest_s: Annotated[float, Meta(gt=0, le=10)] = 1e-5
+    longest_s: Annotated[float, Meta(gt=0, le=10)] = 0.1
 
     def wanted_s(self, radiance_w_m2_sr: float, full_scale_j_m2_sr: float) -> float:
         """Exposure that brings a radiance to the level [s].

@@ -6,7 +6,6 @@ import datetime as dt
 import math
 import re
 import tomllib
-from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -102,7 +101,7 @@ def _with_environment(raw: dict[str, Any]) -> dict[str, Any]:
     section = raw.get("environment")
     if not isinstance(section, dict) or section.get("preset") not in ENVIRONMENTS:
         return raw
-    return {**raw, "environment": {**asdict(ENVIRONMENTS[section["preset"]]), **section}}
+    return {**raw, "environment": {**msgspec.structs.asdict(ENVIRONMENTS[section["preset"]]), **section}}
 
 
 def _camera(camera: str | CameraFile, where: str, folder: Path) -> CameraFile:

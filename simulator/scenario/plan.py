@@ -114,10 +114,10 @@ class Plan:
             seed=self.seed,
             quality=self.quality,
             bands=self.bands,
-            environment=scenario.environment_model,
+            environment=scenario.environment.layers(),
             shutter=scenario.shutter_model,
             optics=scenario.optics_model,
-            lamp=scenario.lamp_model,
+            lamp=scenario.lamp,
         )
 
     def shifted(self, times_s: tuple[float, ...]) -> Plan:

@@ -19,9 +19,9 @@ from simulator.camera.sections import OpticsSection, read_part, read_sensor
 from simulator.errors import UserError
 from simulator.imaging.auto_exposure import AutoExposure
 from simulator.runtime.sections import Section
-from simulator.scenario.picture import EnvironmentSection, LampSection, Output, SensorSection
+from simulator.scenario.picture import Output, SensorSection
+from simulator.scene.environments import EnvironmentSection
 from simulator.scene.illumination.lamp import Lamp
-from simulator.scene.state import Environment
 from simulator.world.attitude.target_attitude import Attitude
 from simulator.world.flight.recording import Replay
 from simulator.world.guidance.command_script import Steered
@@ -57,7 +57,7 @@ AnyChaser = (
 class Scenario(Section, frozen=True, kw_only=True):
     """A scenario file, read and checked.
 
-    After `simulator.scenario.load.load_scenario` the camera is the camera itself, not its name, and an orbit or
+    After loading the camera is the camera itself, not its name, and an orbit or
     attitude from a file or a TLE is the state itself, so that a scenario stands alone.
     """
 
@@ -79,7 +79,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     sensor: SensorSection = SensorSection()
     optics: OpticsSection = OpticsSection()
     environment: EnvironmentSection = EnvironmentSection()
-    lamp: LampSection | None = None
+    lamp: Lamp | None = None
     output: Output = Output()
 
     @property
@@ -133,11 +133,6 @@ class Scenario(Section, frozen=True, kw_only=True):
         return self.optics.optics()
 
     @property
-    def lamp_model(self) -> Lamp | None:
-        """The lamp on the chaser; None for none."""
-        return None if self.lamp is None else Lamp(**msgspec.structs.asdict(self.lamp))
-
-    @property
     def auto_exposure(self) -> AutoExposure | None:
         """How the exposure follows the light; None for a fixed one.
 
@@ -154,17 +149,10 @@ class Scenario(Section, frozen=True, kw_only=True):
                 f"scenario {self.name}: sensor.auto_exposure.shortest_s {section.shortest_s:g} is longer than "
                 f"longest_s {section.longest_s:g}; exchange them"
             )
-        return AutoExposure(**msgspec.structs.asdict(section))
+        return section
 
     @property
     def shutter_model(self) -> Shutter:
         """When rows are exposed."""
         s = self.sensor
         return Shutter(kind=s.shutter, readout_s=s.readout_s, motion_blur=s.motion_blur)
-
-    @property
-    def environment_model(self) -> Environment:
-        """The switches as the scene has them."""
-        switches = msgspec.structs.asdict(self.environment)
-        del switches["preset"]  # the file's reader has put in what it means
-        return Environment(**switches)

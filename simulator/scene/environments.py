@@ -1,14 +1,54 @@
-"""Named environments: what is drawn behind the target, as scenarios and commands call it."""
+"""Environments: which layers of the world are drawn behind the target, and the named ones of scenarios and commands."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
+
+import msgspec
+from msgspec import Meta
 
 from simulator.errors import UserError
-from simulator.scene.state import Environment
 
 EnvironmentName = Literal["full", "thesis", "undifferentiated", "airless", "space"]
+
+
+class Environment(msgspec.Struct, frozen=True, kw_only=True):
+    """Which layers of the world are drawn. Each Earth layer has its own optics and its own switch.
+
+    Parameters
+    ----------
+    seasons : land and ice of the date, August's otherwise. relief : shading of mountains. sea_ice : as in most years.
+    undifferentiated : land, sea and clouds reflect alike, as a plain globe does.
+    atmosphere_thickness_km : height of the air's top.
+    """
+
+    earth: bool = True
+    clouds: bool = True
+    ocean_glint: bool = True
+    night_lights: bool = True
+    atmosphere: bool = True
+    stars: bool = True
+    sun: bool = True
+    earthshine: bool = True
+    moon: bool = True
+    planets: bool = True
+    seasons: bool = True
+    relief: bool = True
+    sea_ice: bool = True
+    undifferentiated: bool = False
+    atmosphere_thickness_km: Annotated[float, Meta(ge=5, le=200)] = 100.0
+
+
+class EnvironmentSection(Environment, frozen=True, forbid_unknown_fields=True):
+    """Which layers of the world are drawn: those of ``preset``, except where a key of the file says otherwise."""
+
+    preset: EnvironmentName = "full"
+
+    def layers(self) -> Environment:
+        """The switches alone; the file's reader has put in what the preset means."""
+        return Environment(**{name: getattr(self, name) for name in Environment.__struct_fields__})
+
+
 _FULL = Environment()
 NOTHING = Environment(
     earth=False,
@@ -23,16 +63,16 @@ NOTHING = Environment(
     planets=False,
     sea_ice=False,
 )
-"""No body, no light but the Sun's: a base for `dataclasses.replace`."""
+"""No body, no light but the Sun's: a base for `msgspec.structs.replace`."""
 ENVIRONMENTS: dict[EnvironmentName, Environment] = {
     "full": _FULL,
     # the air of the SVD thesis ends at 25 km
-    "thesis": replace(_FULL, atmosphere_thickness_km=25.0),
+    "thesis": msgspec.structs.replace(_FULL, atmosphere_thickness_km=25.0),
     # its counter-example: one optics for land, sea and clouds
-    "undifferentiated": replace(_FULL, undifferentiated=True),
-    "airless": replace(_FULL, atmosphere=False),
+    "undifferentiated": msgspec.structs.replace(_FULL, undifferentiated=True),
+    "airless": msgspec.structs.replace(_FULL, atmosphere=False),
     # black space, and no light from the Earth on the target
-    "space": replace(_FULL, earth=False, earthshine=False, moon=False),
+    "space": msgspec.structs.replace(_FULL, earth=False, earthshine=False, moon=False),
 }
 
 
@@ -50,4 +90,17 @@ def environment_preset(name: str) -> Environment:
     raise UserError(
         f"unknown environment '{name}'; choose from {', '.join(get_args(EnvironmentName))}, "
         "or set its layers in a scenario's [environment]"
+    )
+
+
+def environment_section(name: str) -> EnvironmentSection:
+    """The section of a named environment, every layer as it has it.
+
+    Raises
+    ------
+    UserError
+        If there is none of that name.
+    """
+    return msgspec.convert(
+        {"preset": name, **msgspec.structs.asdict(environment_preset(name))}, EnvironmentSection
     )

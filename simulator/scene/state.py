@@ -12,42 +12,16 @@ from simulator.camera.detector.sensor import Sensor
 from simulator.camera.detector.shutter import Shutter
 from simulator.camera.lens.camera_model import Camera
 from simulator.runtime.arrays import Quat, Vec3, vec3
+from simulator.scene.environments import ENVIRONMENTS, Environment
+from simulator.scene.illumination.bands import Bands
 from simulator.scene.illumination.lamp import Lamp
 from simulator.world.ephemeris.bodies import BodyName
 from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import matrix_from_quat
 
-Bands = Literal["mono", "rgb"]
+__all__ = ["Bands", "Environment", "Quality", "SceneState", "TargetRef"]
 Quality = Literal["draft", "default", "high"]
 _PERFECT_LENS = Optics()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Environment:
-    """Which layers of the world are drawn. Each Earth layer has its own optics and its own switch.
-
-    Parameters
-    ----------
-    seasons : land and ice of the date, August's otherwise. relief : shading of mountains. sea_ice : as in most years.
-    undifferentiated : land, sea and clouds reflect alike, as a plain globe does.
-    atmosphere_thickness_km : height of the air's top.
-    """
-
-    earth: bool = True
-    clouds: bool = True
-    ocean_glint: bool = True
-    night_lights: bool = True
-    atmosphere: bool = True
-    stars: bool = True
-    sun: bool = True
-    earthshine: bool = True
-    moon: bool = True
-    planets: bool = True
-    seasons: bool = True
-    relief: bool = True
-    sea_ice: bool = True
-    undifferentiated: bool = False
-    atmosphere_thickness_km: float = 100.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +73,7 @@ class SceneState:
     shutter: Shutter = field(default_factory=Shutter)
     quality: Quality = "default"
     bands: Bands = "mono"
-    environment: Environment = Environment()
+    environment: Environment = ENVIRONMENTS["full"]
     target: TargetRef
     q_camera_from_target_wxyz: Quat
     t_camera_from_target_m: Vec3

@@ -3,6 +3,7 @@
 import hashlib
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 
 from simulator.camera.detector.sensor import Sensor
@@ -15,7 +16,7 @@ from simulator.world.frames.rotation import quat_from_matrix, quat_from_rotvec, 
 
 AU_M = 149_597_870_700.0
 CAMERA = Camera(width_px=320, height_px=240, fx_px=600.0, fy_px=590.0, cx_px=161.3, cy_px=118.6)
-NOTHING = replace(environments.NOTHING, seasons=False, relief=False)
+NOTHING = msgspec.structs.replace(environments.NOTHING, seasons=False, relief=False)
 
 
 def quad(name, material, corners_m):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from simulator.camera.detector.sunlight import MONO_BAND_NM, RGB_BANDS_NM, sun_i
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import Bands
 
+Bands = Literal["mono", "rgb"]
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
 
 

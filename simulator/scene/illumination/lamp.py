@@ -2,41 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 
-from simulator.runtime.arrays import FloatArray, Vec3
+from simulator.runtime.arrays import FloatArray
+from simulator.runtime.sections import MetresXyz, Section
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from simulator.scene.state import Bands
+    from simulator.scene.illumination.bands import Bands
 
 Profile = Literal["led", "gaussian", "flat"]
 FLAT_EDGE = 0.03  # of the half angle: over it a flat beam falls to nothing
 
 
-@dataclass(frozen=True, kw_only=True)
-class Lamp:
-    """A small lamp that shines along the camera's boresight, of the Sun's colour.
+class Lamp(Section, frozen=True, kw_only=True):
+    """With this section the chaser carries a lit lamp that shines along the camera's boresight.
 
-    Parameters
-    ----------
-    power_w : radiant power of the whole beam within the panchromatic band [W].
-    half_angle_deg : off its axis the intensity is half of that on it; a flat beam ends there.
-    profile : ``led``, a power of the cosine, as bare diodes and those behind lenses shine; ``gaussian`` in the angle;
-        ``flat``, even inside its cone.
-    offset_m : place of the lamp in the camera frame (right, down, forward) [m]. It throws no shadows: beside the
-        camera they would be seen, by the ratio of this to the range.
+    ``power_w`` is of the whole beam in the panchromatic band; the intensity falls to half at ``half_angle_deg`` (a
+    ``flat`` beam ends there). ``offset_m`` is its place right of, below and before the camera; it throws no shadows.
     """
 
-    power_w: float
-    half_angle_deg: float = 20.0
+    # of the Sun's colour
+    power_w: Annotated[float, Meta(gt=0, le=1e6)]
+    half_angle_deg: Annotated[float, Meta(ge=0.5, le=80)] = 20.0
+    # led: a power of the cosine, as bare diodes and those behind lenses shine; gaussian in the angle; flat in its cone
     profile: Profile = "led"
-    offset_m: Vec3 = (0.0, 0.0, 0.0)
+    # beside the camera shadows would be seen, by the ratio of this to the range
+    offset_m: MetresXyz = (0.0, 0.0, 0.0)
 
     @property
     def shape(self) -> float:

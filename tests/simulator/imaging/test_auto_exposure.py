@@ -9,7 +9,6 @@ from simulator.imaging.auto_exposure import AutoExposure, ExposureTrack
 from simulator.imaging.image_formation import expose
 from simulator.imaging.metering import metered_radiance_w_m2_sr
 from simulator.scenario.load import load_scenario
-from simulator.scenario.picture import AutoExposureSection
 from simulator.scenario.plan import plan_flight
 
 
@@ -42,7 +41,7 @@ def test_limits_and_darkness():
 def _with_auto(scenario, **settings):
     from msgspec.structs import replace
 
-    section = AutoExposureSection(**settings)
+    section = AutoExposure(**settings)
     return replace(scenario, sensor=replace(scenario.sensor, auto_exposure=section))
 
 

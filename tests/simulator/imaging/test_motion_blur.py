@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -90,7 +91,7 @@ def test_ground_passes_at_the_speed_over_the_height():
     assert ways[0] == pytest.approx((-4e4 * 70 / 500e3, 0.0), abs=1e-3)
     # half a degree off the nadir the ground is 30 m lower
     assert ways[1] == pytest.approx((-4e4 * 70 / 500e3, 0.0), abs=2e-2)
-    empty = replace(scene, environment=replace(scene.environment, earth=False))
+    empty = replace(scene, environment=msgspec.structs.replace(scene.environment, earth=False))
     assert background_px(empty, replace(then, environment=empty.environment), pixels) == pytest.approx(pixels)
 
 

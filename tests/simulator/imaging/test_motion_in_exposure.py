@@ -111,7 +111,7 @@ def test_a_rolling_shutter_bends_a_spinning_edge(renderer, draw_kit, plate):
 
 def test_stars_draw_trails_as_long_as_the_camera_turns(renderer, draw_kit, plate):
     speck = draw_kit.target([draw_kit.plate("speck", "white", (0, 0, -50.0), 0.001)], [draw_kit.white()])
-    sky = replace(draw_kit.nothing, stars=True)
+    sky = msgspec.structs.replace(draw_kit.nothing, stars=True)
     still = draw_kit.scene(speck, t_m=(0, 0, Z_M), off_nadir_deg=150.0, environment=sky)
     pixels, light = stars_in_view(still, build_view(still), None, None)[:2]
     size = np.array([still.camera.width_px, still.camera.height_px])

@@ -33,7 +33,7 @@ def test_the_first_frame_needs_no_program_that_was_not_compiled_ahead(bands, nam
         runs.append((options.get("ahead", False), len(renderer._programs._built) - before))
 
     monkeypatch.setattr(EarthPass, "run", watched)
-    begun = begin_earth_maps(bands, scenario.environment_model, scene.epoch_utc)
+    begun = begin_earth_maps(bands, scenario.environment.layers(), scene.epoch_utc)
     with Renderer(begun={bands: begun}) as renderer:
         first = renderer.render(scene, plan.target).radiance
         again = renderer.render(scene, plan.target).radiance

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import time
 import tomllib
@@ -20,9 +19,9 @@ from simulator.camera.lens.files import list_cameras, load_camera
 from simulator.errors import UserError
 from simulator.scenario.flight import fly, frame_times
 from simulator.scenario.load import list_scenarios, load_scenario, scenario_json_schema
-from simulator.scenario.picture import EnvironmentSection, SensorSection, environment_section
+from simulator.scenario.picture import SensorSection
 from simulator.scenario.scenario import Scenario
-from simulator.scene.environments import ENVIRONMENTS
+from simulator.scene.environments import ENVIRONMENTS, environment_section
 from simulator.scene.state import Environment
 from simulator.targets.model import MassProperties, Target
 from simulator.world.constants import EARTH_RADIUS_M
@@ -190,15 +189,12 @@ def test_a_file_stands_for_itself(tmp_path: Path) -> None:
     assert scenario.name == "mine"
     assert scenario.camera_model == load_camera("speed")
     assert scenario.sensor_model == sensor_preset("speed")
-    assert scenario.environment_model == Environment()
+    assert scenario.environment.layers() == Environment()
     # what a data set records reads back as the same scenario
     assert msgspec.convert(msgspec.to_builtins(scenario), Scenario) == scenario
 
 
 def test_sections_follow_what_they_describe() -> None:
-    assert set(EnvironmentSection.__struct_fields__) - {"preset"} == {
-        f.name for f in dataclasses.fields(Environment)
-    }
     presets = msgspec.inspect.type_info(SensorSection).fields
     assert next(f.type.values for f in presets if f.name == "preset") == tuple(sorted(list_sensor_presets()))
 
@@ -300,12 +296,12 @@ def test_frame_times() -> None:
 def test_named_environments_and_what_the_file_says_over_them(name: str, tmp_path: Path) -> None:
     def environment_of(lines: str) -> Environment:
         text = GOOD.replace("stars = true", lines)
-        return load_scenario(write(tmp_path, text)).environment_model
+        return load_scenario(write(tmp_path, text)).environment.layers()
 
     named = environment_of(f'preset = "{name}"')
     assert named == ENVIRONMENTS[name]
     section = environment_section(name)
-    assert all(getattr(section, f.name) == getattr(named, f.name) for f in dataclasses.fields(named))
-    assert environment_of(f'preset = "{name}"\natmosphere_thickness_km = 100.0') == dataclasses.replace(
+    assert all(getattr(section, f.name) == getattr(named, f.name) for f in msgspec.structs.fields(named))
+    assert environment_of(f'preset = "{name}"\natmosphere_thickness_km = 100.0') == msgspec.structs.replace(
         named, atmosphere_thickness_km=100.0
     )

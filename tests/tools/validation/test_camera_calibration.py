@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
@@ -45,7 +46,7 @@ def test_a_flat_board_sees_the_whole_sky_and_is_evenly_lit_by_it(renderer):
         scene,
         q_camera_from_eci_wxyz=tuple(quat_from_matrix(R)),
         r_target_eci_m=tuple(np.array(scene.r_camera_eci_m) + R.T @ [0, 0, distance_m]),
-        environment=replace(NOTHING, earthshine=True),
+        environment=msgspec.structs.replace(NOTHING, earthshine=True),
     )
     light = renderer.render(scene, board).radiance
     white = cv2.erode((light > 0.5 * light.max()).astype(np.uint8), np.ones((5, 5))) > 0

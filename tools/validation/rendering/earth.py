@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from simulator.camera.lens.camera_model import Camera
@@ -170,7 +171,7 @@ def _limb_profile() -> tuple[FloatArray, FloatArray]:
 
 def _twin_db(renderer: Renderer, bands: Bands, hour: int) -> float:
     """PSNR of the drawn air beyond the limb [dB]."""
-    world = replace(NOTHING, earth=True, atmosphere=True)
+    world = msgspec.structs.replace(NOTHING, earth=True, atmosphere=True)
     camera = Camera(width_px=SIZE, height_px=SIZE, fx_px=300.0, fy_px=300.0, cx_px=63.5, cy_px=63.5)
     ref = TargetRef(name="tango", sha256=load_target("tango").sha256)
     scene = scene_above(
@@ -208,7 +209,7 @@ def _twin_db(renderer: Renderer, bands: Bands, hour: int) -> float:
 
 def _moon(renderer: Renderer) -> list[Row]:
     out = []
-    world = replace(NOTHING, moon=True)
+    world = msgspec.structs.replace(NOTHING, moon=True)
     field = 0.012
     for phase in (5.0, 50.0, 100.0):
         light = [_moon_irradiance(renderer, np.radians(p), world, field) for p in (phase, -phase)]
@@ -259,7 +260,7 @@ def _moon_irradiance(renderer: Renderer, phase_rad: float, world: Environment, f
 
 def _sun_and_stars(renderer: Renderer) -> list[Row]:
     field = 0.02
-    world = replace(NOTHING, sun=True)
+    world = msgspec.structs.replace(NOTHING, sun=True)
     ref = TargetRef(name="tango", sha256=load_target("tango").sha256)
     scene = scene_above(
         "2026-03-20T12:00:00Z",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from simulator.camera.detector.electrons import electrons_per_radiance
@@ -126,7 +127,7 @@ def _empty(
 
 
 def _draw(renderer: Renderer, scene: SceneState, **changes: bool) -> FloatArray:
-    world: Environment = replace(scene.environment, **changes)
+    world: Environment = msgspec.structs.replace(scene.environment, **changes)
     scene = replace(scene, environment=world)
     return np.asarray(renderer.render(scene, load_target("tango")).radiance, float)
 
@@ -234,7 +235,7 @@ def penumbra_difference(points: int = 400) -> float:
 
 def moonlight_difference(renderer: Renderer) -> float:
     """Largest relative difference of a moonlit night from the same ground by day, in the Moon's share of the light."""
-    world = replace(NOTHING, earth=True, clouds=True, ocean_glint=True, moon=True)
+    world = msgspec.structs.replace(NOTHING, earth=True, clouds=True, ocean_glint=True, moon=True)
     camera = square_camera(96, 140.0)
     day = _empty("2026-06-20T08:30:00Z", (38.0, 24.0, 420.0), camera, world, 40.0, 30.0)
     sun = np.asarray(day.r_sun_eci_m)

@@ -1,9 +1,9 @@
 """The Earth's layers: months, relief, parallax of the clouds, presets."""
 
 import ctypes
-from dataclasses import replace
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
@@ -66,7 +66,7 @@ def test_snow_in_winter_and_the_same_place_in_summer(draw):
     place = (52.0, 65.0, 500.0)
     winter, summer = draw("2026-01-20T08:00:00Z", place), draw("2026-08-10T08:00:00Z", place)
     assert np.median(winter) > 1.2 * np.median(summer)
-    never = replace(CLEAR, seasons=False)
+    never = msgspec.structs.replace(CLEAR, seasons=False)
     assert np.median(draw("2026-01-20T08:00:00Z", place, never)) < 0.6 * np.median(winter)
     assert (
         np.abs(draw("2026-08-15T08:00:00Z", place, never) / draw("2026-08-15T08:00:00Z", place) - 1).max()
@@ -76,9 +76,12 @@ def test_snow_in_winter_and_the_same_place_in_summer(draw):
 
 def test_mountains_turn_to_the_sun(draw):
     place = (46.5, 10.0, 500.0)
-    bare = replace(CLEAR, atmosphere=False)
+    bare = msgspec.structs.replace(CLEAR, atmosphere=False)
     morning, evening = (draw(f"2026-07-10T{h}:00:00Z", place, bare) for h in ("05", "17"))
-    flat = [draw(f"2026-07-10T{h}:00:00Z", place, replace(bare, relief=False)) for h in ("05", "17")]
+    flat = [
+        draw(f"2026-07-10T{h}:00:00Z", place, msgspec.structs.replace(bare, relief=False))
+        for h in ("05", "17")
+    ]
     a, b = (x / y - (x / y).mean() for x, y in zip((morning, evening), flat, strict=True))
     assert a.std() > 0.05
     assert (a * b).mean() / (a.std() * b.std()) < -0.3  # what is lit in the morning is dark in the evening
@@ -86,14 +89,14 @@ def test_mountains_turn_to_the_sun(draw):
 
 @pytest.mark.parametrize("quality", ["default", "high"])
 def test_the_ground_stays_where_it_is_whatever_the_height_of_the_clouds(draw, monkeypatch, quality):
-    world = replace(CLEAR, atmosphere=False)
+    world = msgspec.structs.replace(CLEAR, atmosphere=False)
     view = {"off_nadir_deg": 45.0, "quality": quality}
     low, high = [], []
     for kept, height_km in ((low, 0.0), (high, 6.0)):
         monkeypatch.setattr(passes, "CLOUD_KM", height_km)
         kept += [
             draw("2026-07-10T10:00:00Z", (26.0, 14.0, 500.0), w, **view)
-            for w in (world, replace(world, clouds=True))
+            for w in (world, msgspec.structs.replace(world, clouds=True))
         ]
     assert low[0].std() / low[0].mean() > 0.02  # there is detail to be moved
     assert np.allclose(low[0], high[0], rtol=1e-4)
@@ -104,10 +107,12 @@ def test_the_ground_stays_where_it_is_whatever_the_height_of_the_clouds(draw, mo
 def test_land_sea_and_cloud_alike_is_another_picture(draw):
     world = Environment(stars=False, moon=False)
     place, epoch = (-5.0, -33.0, 700.0), "2026-03-20T14:30:00Z"
-    alike = draw(epoch, place, replace(world, undifferentiated=True))
+    alike = draw(epoch, place, msgspec.structs.replace(world, undifferentiated=True))
     assert np.abs(alike - draw(epoch, place, world)).mean() > 0.5
     # without optics of their own neither glint nor relief has a say
-    again = draw(epoch, place, replace(world, undifferentiated=True, ocean_glint=False, relief=False))
+    again = draw(
+        epoch, place, msgspec.structs.replace(world, undifferentiated=True, ocean_glint=False, relief=False)
+    )
     assert np.array_equal(alike, again)
 
 
@@ -195,12 +200,15 @@ def test_the_edges_of_the_sea_ice_enclose_the_extent_of_the_month():
 
 
 def test_ice_is_where_and_when_it_should_be(draw):
-    bare = replace(CLEAR, atmosphere=False)
+    bare = msgspec.structs.replace(CLEAR, atmosphere=False)
     view = {"off_nadir_deg": 20.0, "azimuth_deg": 180.0}
 
     def gain(epoch, latitude, longitude, **more):
         place = (latitude, longitude, 700.0)
-        light, dark = (draw(epoch, place, replace(bare, sea_ice=on), **view, **more) for on in (True, False))
+        light, dark = (
+            draw(epoch, place, msgspec.structs.replace(bare, sea_ice=on), **view, **more)
+            for on in (True, False)
+        )
         return light.mean() / dark.mean()
 
     for more in ({}, {"quality": "high"}, {"bands": "rgb"}):
@@ -243,7 +251,7 @@ def test_the_edge_of_the_ice_is_no_line_and_its_day_no_draw(draw):
 
 @pytest.mark.parametrize(("bands", "quality"), [("mono", "default"), ("rgb", "default"), ("rgb", "high")])
 def test_shallow_water_shines(draw, bands, quality):
-    bare = replace(CLEAR, atmosphere=False, ocean_glint=False)
+    bare = msgspec.structs.replace(CLEAR, atmosphere=False, ocean_glint=False)
     small = Camera(width_px=32, height_px=32, fx_px=200.0, fy_px=200.0, cx_px=15.5, cy_px=15.5)
 
     def sea(latitude, longitude):
@@ -260,7 +268,7 @@ def test_shallow_water_shines(draw, bands, quality):
 
 def test_cells_that_do_not_look_for_shallow_water_would_find_none(draw, monkeypatch):
     assert np.array_equal(make_mask(), decode_map(WHERE, cv2.IMREAD_GRAYSCALE, None))
-    bare = replace(CLEAR, atmosphere=False, ocean_glint=False)
+    bare = msgspec.structs.replace(CLEAR, atmosphere=False, ocean_glint=False)
     wide = Camera(width_px=192, height_px=128, fx_px=140.0, fy_px=140.0, cx_px=95.5, cy_px=63.5)
     for place in ((27.0, -72.0, 700.0), (5.0, -47.0, 700.0)):  # beside banks, and a river's plume
         view = (f"2026-06-10T{17 if place[0] > 20 else 15}:00:00Z", place, bare)
@@ -272,7 +280,7 @@ def test_cells_that_do_not_look_for_shallow_water_would_find_none(draw, monkeypa
 
 
 def test_forests_are_as_dark_as_canopies_are_and_no_darker(draw):
-    bare = replace(CLEAR, atmosphere=False)
+    bare = msgspec.structs.replace(CLEAR, atmosphere=False)
     small = Camera(width_px=32, height_px=32, fx_px=200.0, fy_px=200.0, cx_px=15.5, cy_px=15.5)
     # the Amazon with the Sun at the zenith; the ground is up to 1.8 times as bright towards the Sun
     light = draw("2026-09-20T16:15:00Z", (-3.0, -66.0, 500.0), bare, camera=small, bands="rgb").mean((0, 1))

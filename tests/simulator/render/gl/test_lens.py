@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
@@ -86,7 +87,7 @@ def test_the_limb_and_the_sun_lie_where_the_camera_projects_them(renderer, draw_
         camera=camera,
         sun_camera=direction,
         off_nadir_deg=150.0,
-        environment=replace(draw_kit.nothing, sun=True),
+        environment=msgspec.structs.replace(draw_kit.nothing, sun=True),
     )
     image = renderer.render(scene, target).radiance
     y, x = np.mgrid[: camera.height_px, : camera.width_px]
@@ -101,7 +102,7 @@ def test_the_limb_and_the_sun_lie_where_the_camera_projects_them(renderer, draw_
         camera=camera,
         sun_camera=(0.0, -0.5, 1.0),
         off_nadir_deg=66.0,
-        environment=replace(draw_kit.nothing, earth=True),
+        environment=msgspec.structs.replace(draw_kit.nothing, earth=True),
     )
     bright = renderer.render(earth, target).radiance > 0
     rays = camera.rays(np.stack([x, y], -1).astype(float)) @ matrix_from_quat(earth.q_camera_from_eci_wxyz)

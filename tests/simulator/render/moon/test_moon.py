@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -54,7 +55,7 @@ def _facing(phase_rad):
 
 @pytest.mark.parametrize("phase_deg", [5.0, 50.0, 100.0])
 def test_the_moons_light_is_the_published_one(renderer, draw_kit, speck, phase_deg):
-    only = replace(draw_kit.nothing, moon=True)
+    only = msgspec.structs.replace(draw_kit.nothing, moon=True)
     irradiance = []
     for phase in np.radians([phase_deg, -phase_deg]):
         q, sun = _facing(phase)
@@ -88,7 +89,7 @@ def test_phase_of_the_lommel_seeliger_disc():
 def test_the_moon_hides_stars_sun_and_earth(renderer, draw_kit, speck):
     q, _ = _facing(0.0)
     behind = {"camera_eci": (MOON_M + 4e6, 0, 0), "look_eci": (-1, 0, 0), "moon_eci": (MOON_M, 0, 0)}
-    sky = replace(draw_kit.nothing, earth=True, sun=True, stars=True)
+    sky = msgspec.structs.replace(draw_kit.nothing, earth=True, sun=True, stars=True)
     scene = _scene(
         draw_kit,
         speck,
@@ -100,13 +101,15 @@ def test_the_moon_hides_stars_sun_and_earth(renderer, draw_kit, speck):
     )
     open_sky = renderer.render(scene, speck).radiance
     assert open_sky.max() > 1e5
-    hidden = renderer.render(replace(scene, environment=replace(sky, moon=True)), speck).radiance
+    hidden = renderer.render(
+        replace(scene, environment=msgspec.structs.replace(sky, moon=True)), speck
+    ).radiance
     assert hidden.max() < 1.0  # its night side
 
 
 def test_earthrise_and_a_moon_behind_the_earth(renderer, draw_kit, speck):
     q, _ = _facing(0.0)
-    world = replace(draw_kit.nothing, earth=True, moon=True)
+    world = msgspec.structs.replace(draw_kit.nothing, earth=True, moon=True)
     # 100 km up, over the Moon's limb seen from the Earth
     place = np.array([MOON_M, 1_837_400.0, 0])
     scene = _scene(
@@ -114,8 +117,12 @@ def test_earthrise_and_a_moon_behind_the_earth(renderer, draw_kit, speck):
         environment=world, q_moon_from_eci_wxyz=q, fov_rad=0.9, size=128,
     )  # fmt: skip
     image = renderer.render(scene, speck).radiance
-    earth = renderer.render(replace(scene, environment=replace(world, moon=False)), speck).radiance
-    moon = renderer.render(replace(scene, environment=replace(world, earth=False)), speck).radiance
+    earth = renderer.render(
+        replace(scene, environment=msgspec.structs.replace(world, moon=False)), speck
+    ).radiance
+    moon = renderer.render(
+        replace(scene, environment=msgspec.structs.replace(world, earth=False)), speck
+    ).radiance
     assert (earth > 0).sum() > 5
     assert (moon > 0).sum() > 500
     # exactly, but for moonlight on the Earth's night
@@ -124,10 +131,13 @@ def test_earthrise_and_a_moon_behind_the_earth(renderer, draw_kit, speck):
     # from low orbit with the Earth in between
     scene = _scene(
         draw_kit, speck, camera_eci=(-7e6, 0, 0), look_eci=(1, 0, 0), moon_eci=(MOON_M, 0, 0),
-        sun_eci=(-AU_M, 0.1 * AU_M, 0), environment=replace(draw_kit.nothing, moon=True), q_moon_from_eci_wxyz=q,
+        sun_eci=(-AU_M, 0.1 * AU_M, 0), q_moon_from_eci_wxyz=q,
+        environment=msgspec.structs.replace(draw_kit.nothing, moon=True),
     )  # fmt: skip
     assert renderer.render(scene, speck).radiance.max() > 1
-    alone = renderer.render(replace(scene, environment=replace(draw_kit.nothing, earth=True)), speck).radiance
+    alone = renderer.render(
+        replace(scene, environment=msgspec.structs.replace(draw_kit.nothing, earth=True)), speck
+    ).radiance
     both = renderer.render(replace(scene, environment=world), speck).radiance
     assert np.array_equal(alone, both)
 
@@ -183,7 +193,7 @@ def test_the_high_preset_draws_grazed_ground_as_its_pixels_show_it(renderer, dra
     def at(size, quality):
         return _scene(
             draw_kit, speck, camera_eci=place, look_eci=(0.42, 0.9, 0), moon_eci=(MOON_M, 0, 0), size=size,
-            sun_eci=(MOON_M - 0.25 * AU_M, -AU_M, 0), environment=replace(draw_kit.nothing, moon=True),
+            sun_eci=(MOON_M - 0.25 * AU_M, -AU_M, 0), environment=msgspec.structs.replace(draw_kit.nothing, moon=True),
             q_moon_from_eci_wxyz=q, fov_rad=0.35, quality=quality,
         )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -45,7 +46,7 @@ def test_without_air_the_night_is_the_day_in_the_moons_light(renderer, speck, ba
 
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
 def test_air_takes_of_moonlight_what_it_takes_of_sunlight(renderer, speck, bands):
-    day, night = by_day_and_by_moonlight(speck, replace(NO_AIR, atmosphere=True), bands)
+    day, night = by_day_and_by_moonlight(speck, msgspec.structs.replace(NO_AIR, atmosphere=True), bands)
     lit, moonlit = (renderer.render(scene, speck).radiance for scene in (day, night))
     if bands == "rgb":
         lit, moonlit = lit[..., 0], moonlit[..., 0]
@@ -58,15 +59,17 @@ def test_air_takes_of_moonlight_what_it_takes_of_sunlight(renderer, speck, bands
 def test_a_new_moon_and_no_moon_leave_the_night_dark(renderer, speck):
     _, night = by_day_and_by_moonlight(speck, NO_AIR)
     new = replace(night, r_moon_eci_m=vec3(-np.asarray(night.r_moon_eci_m)))
-    none = replace(night, environment=replace(NO_AIR, moon=False))
+    none = replace(night, environment=msgspec.structs.replace(NO_AIR, moon=False))
     assert renderer.render(night, speck).radiance.mean() > 1e-5
     for scene in (new, none):
         assert renderer.render(scene, speck).radiance.max() < 1e-8
 
 
 def test_the_day_is_the_same_with_and_without_a_moon_behind_the_earth(renderer, speck):
-    day, _ = by_day_and_by_moonlight(speck, replace(NO_AIR, atmosphere=True, night_lights=True))
+    day, _ = by_day_and_by_moonlight(
+        speck, msgspec.structs.replace(NO_AIR, atmosphere=True, night_lights=True)
+    )
     sun = np.asarray(day.r_sun_eci_m)
     behind = replace(day, r_moon_eci_m=vec3(-sun / np.linalg.norm(sun) * 3.844e8))
-    none = replace(behind, environment=replace(behind.environment, moon=False))
+    none = replace(behind, environment=msgspec.structs.replace(behind.environment, moon=False))
     assert np.array_equal(*(renderer.render(s, speck).radiance for s in (behind, none)))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
@@ -43,7 +44,7 @@ def _rays(camera):
 
 @pytest.mark.parametrize(("latitude_deg", "azimuth_deg"), [(0.0, 40.0), (50.0, 200.0), (85.0, 300.0)])
 def test_limb_is_the_ellipsoids(renderer, draw_kit, speck, latitude_deg, azimuth_deg):
-    environment = replace(draw_kit.nothing, earth=True)
+    environment = msgspec.structs.replace(draw_kit.nothing, earth=True)
     scene = draw_kit.scene(
         speck,
         t_m=FAR,
@@ -81,7 +82,7 @@ def test_limb_is_the_ellipsoids(renderer, draw_kit, speck, latitude_deg, azimuth
 
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
 def test_limb_glow_is_the_double_precision_twins(renderer, draw_kit, speck, bands):
-    environment = replace(draw_kit.nothing, earth=True, atmosphere=True)
+    environment = msgspec.structs.replace(draw_kit.nothing, earth=True, atmosphere=True)
     higher = MultipleScattering(np.asarray(air_tables(bands, 100e3).multiple, float), 100e3)
     for sun in ((0.3, -0.5, -1), (0.9, -0.1, 0.3), (0, 0.1, 1)):
         scene = draw_kit.scene(
@@ -112,7 +113,7 @@ def test_limb_glow_is_the_double_precision_twins(renderer, draw_kit, speck, band
 
 
 def test_target_hides_the_earth(renderer, draw_kit, speck):
-    environment = replace(draw_kit.nothing, earth=True, atmosphere=True)
+    environment = msgspec.structs.replace(draw_kit.nothing, earth=True, atmosphere=True)
     scene = draw_kit.scene(speck, sun_camera=(0.3, 0.2, -1), environment=environment)
     seen = renderer.render(scene, speck, labels=True)
     alone = renderer.render(replace(scene, environment=draw_kit.nothing), speck, labels=True)
@@ -132,7 +133,7 @@ def test_night_is_dark_but_for_cities(renderer, draw_kit, speck):
     # above northern Italy, the Sun behind the Earth
     place = {"latitude_deg": 45.3, "longitude_deg": 9.5, "t_m": FAR, "sun_camera": (0.0, 0.0, 1.0)}
     night = renderer.render(draw_kit.scene(speck, **place, environment=lights), speck).radiance
-    off = replace(lights, night_lights=False, moon=False)
+    off = msgspec.structs.replace(lights, night_lights=False, moon=False)
     dark = renderer.render(draw_kit.scene(speck, **place, environment=off), speck).radiance
     place["sun_camera"] = (0.2, 0.1, -1.0)
     day = renderer.render(draw_kit.scene(speck, **place, environment=lights), speck).radiance
@@ -149,7 +150,7 @@ def test_each_switch_changes_its_own_layer(renderer, draw_kit, speck):
 
     def draw(**changes):
         return renderer.render(
-            draw_kit.scene(speck, **place, environment=replace(full, **changes)), speck
+            draw_kit.scene(speck, **place, environment=msgspec.structs.replace(full, **changes)), speck
         ).radiance
 
     base = draw()
@@ -191,7 +192,7 @@ def _pointing(scene, direction_eci):
 
 
 def test_star_is_where_it_should_be_and_as_bright(renderer, draw_kit, speck):
-    scene = draw_kit.scene(speck, t_m=FAR, environment=replace(draw_kit.nothing, stars=True))
+    scene = draw_kit.scene(speck, t_m=FAR, environment=msgspec.structs.replace(draw_kit.nothing, stars=True))
     field = stars(scene.epoch_utc, "mono")
     # Vega, Hipparcos 91262: J2000 18h36m56.34s +38d47m01.3s, drifting 0.35 arcsec a year, V = 0.03
     ra, dec = np.radians([(18 + 36 / 60 + 56.34 / 3600) * 15, 38 + 47 / 60 + 1.3 / 3600])
@@ -224,7 +225,9 @@ def test_stars_drawn_and_added_when_the_picture_is_read_give_one_picture(
 ):
     # a plate before a part of the stars, and among those added some whose pixels lie half beyond the border
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.9)], [draw_kit.white()])
-    scene = draw_kit.scene(target, environment=replace(draw_kit.nothing, stars=True), bands=bands)
+    scene = draw_kit.scene(
+        target, environment=msgspec.structs.replace(draw_kit.nothing, stars=True), bands=bands
+    )
     shared = renderer.render(scene, target).radiance
     run, added = StarPass.run, []
 
@@ -255,7 +258,7 @@ def test_sun_disc_holds_the_suns_irradiance(renderer, draw_kit, speck):
         t_m=FAR,
         off_nadir_deg=180,
         sun_camera=(0.02, 0.03, 1.0),
-        environment=replace(draw_kit.nothing, sun=True),
+        environment=msgspec.structs.replace(draw_kit.nothing, sun=True),
     )
     image = renderer.render(scene, speck).radiance.astype(float)
     solid_angle = _rays(scene.camera)[..., 2] ** 3 / (600.0 * 590.0)
@@ -267,6 +270,6 @@ def test_sun_disc_holds_the_suns_irradiance(renderer, draw_kit, speck):
 
 
 def test_earth_hides_the_sun_and_stars(renderer, draw_kit, speck):
-    environment = replace(draw_kit.nothing, earth=True, sun=True, stars=True)
+    environment = msgspec.structs.replace(draw_kit.nothing, earth=True, sun=True, stars=True)
     scene = draw_kit.scene(speck, t_m=FAR, sun_camera=(0.02, 0.03, 1.0), environment=environment)
     assert not renderer.render(scene, speck).radiance.any()

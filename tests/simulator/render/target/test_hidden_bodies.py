@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -28,7 +29,7 @@ def behind(request, draw_kit):
         lit = draw_kit.scene(
             target,
             sun_camera=BEHIND if request.param == "sun" else (0.0, 0.3, -1.0),
-            environment=replace(draw_kit.nothing, **{request.param: True}),
+            environment=msgspec.structs.replace(draw_kit.nothing, **{request.param: True}),
             sun_visible_fraction=0.0,
         )
         if request.param == "moon":

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -180,7 +181,7 @@ def test_no_light_in_eclipse_but_earthshine(renderer, draw_kit):
         target,
         off_nadir_deg=180.0,
         sun_camera=(0, 0, 1),
-        environment=replace(draw_kit.nothing, earthshine=True, clouds=True),
+        environment=msgspec.structs.replace(draw_kit.nothing, earthshine=True, clouds=True),
         sun_visible_fraction=0.0,
     )
     value = renderer.render(shine, target).radiance[118, 161]
