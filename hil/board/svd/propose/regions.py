@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import pkgutil
-from functools import lru_cache
 from typing import List, Optional, Tuple
 
 import cv2
@@ -13,14 +10,7 @@ import numpy as np
 from hil.board.svd.image.edge_field import drop_specks, gradient, gradient_noise, thin_edges
 from hil.board.svd.image.region import Region, overlap
 from hil.board.svd.image.weak_gradients import WeakGradientElimination, marginal_interval
-from hil.board.svd.propose.saliency import (
-    CELL_PX,
-    WEIGHTS,
-    SaliencyWeights,
-    boxes,
-    saliency_map,
-    straight_segments,
-)
+from hil.board.svd.propose.saliency import CELL_PX, boxes, saliency_map, shipped_weights, straight_segments
 
 Array = np.ndarray
 
@@ -120,7 +110,7 @@ def propose_regions(
     if busy >= 0.2:
         # behind the craft lies texture: what is made has straight lines, and many of them together
         segments = straight_segments(small)
-        weights = _weights()
+        weights = shipped_weights()
         if weights is not None:
             likely = saliency_map(small, noise_small, weights, segments, (gx, gy))
             if _on_craft(mask, likely) > OWN_EDGES:
@@ -139,14 +129,6 @@ def propose_regions(
     if not any(overlap(cdf, o) > 0.85 for o in regions):
         regions.append(cdf)
     return regions, busy, likely
-
-
-@lru_cache(maxsize=1)
-def _weights() -> Optional[SaliencyWeights]:
-    """The map's weights, None where they were left out of an installation."""
-    # a bundle is a zip file: its members are read through the importer
-    data = pkgutil.get_data("hil.board.svd.propose", WEIGHTS)
-    return None if data is None else SaliencyWeights.read(io.BytesIO(data))
 
 
 def straight_windows(

@@ -6,7 +6,10 @@ and long segments at several reaches do: two layers of weights trained on render
 
 from __future__ import annotations
 
+import io
+import pkgutil
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import BinaryIO, List, Optional, Tuple, Union
 
 import cv2
@@ -53,6 +56,14 @@ class SaliencyWeights:
                 f["second"],
                 float(f["second_bias"]),
             )
+
+
+@lru_cache(maxsize=1)
+def shipped_weights() -> Optional[SaliencyWeights]:
+    """The weights of this package, None where they were left out of an installation."""
+    # a bundle is a zip file: its members are read through the importer
+    data = pkgutil.get_data("hil.board.svd.propose", WEIGHTS)
+    return None if data is None else SaliencyWeights.read(io.BytesIO(data))
 
 
 def measures(

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import pkgutil
-
 import cv2
 import numpy as np
 import pytest
@@ -13,15 +10,15 @@ from hil.board.svd.estimator import BUSY
 from hil.board.svd.image.edge_field import drop_specks
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.propose.regions import _busy_share, clusters, propose_regions
-from hil.board.svd.propose.saliency import CELL_PX, WEIGHTS, SaliencyWeights, boxes, saliency_map
+from hil.board.svd.propose.saliency import CELL_PX, SaliencyWeights, boxes, saliency_map, shipped_weights
 from tools.train.saliency import train
 
 
 @pytest.fixture(scope="module")
 def weights() -> SaliencyWeights:
-    data = pkgutil.get_data("hil.board.svd", WEIGHTS)
-    assert data is not None
-    return SaliencyWeights.read(io.BytesIO(data))
+    weights = shipped_weights()
+    assert weights is not None
+    return weights
 
 
 def clouds(seed: int) -> np.ndarray:
