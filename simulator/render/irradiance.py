@@ -1,4 +1,4 @@
-"""Light of the Earth (and the Moon) on the spacecraft, as a field over directions.
+"""Earth-shine and moon-shine on the spacecraft, as an irradiance field over directions.
 
 The visible part of the Earth is sampled from the target's place: each sample's radiance is the Sun's light there times
 the albedo of ground and clouds there. The field is kept in two forms: irradiance on a plate of any normal, as a
@@ -49,20 +49,20 @@ def basis(directions: FloatArray, axis: FloatArray) -> FloatArray:
     d = np.asarray(directions, float)
     x, y, z = np.moveaxis(d, -1, 0)
     return np.stack(
-        [np.ones_like(x), x, y, z, x * y, y * z, z * x, 3 * z * z - 1, x * x - y * y, _fourth(d @ axis)],
+        [np.ones_like(x), x, y, z, x * y, y * z, z * x, 3 * z * z - 1, x * x - y * y, _legendre_4(d @ axis)],
         axis=-1,
     )
 
 
-def _fourth(cosine: FloatArray) -> FloatArray:
+def _legendre_4(cosine: FloatArray) -> FloatArray:
     """Fourth Legendre polynomial."""
     c2 = cosine * cosine
     return np.asarray((35 * c2 * c2 - 30 * c2 + 3) / 8)
 
 
-def spiral(count: int, lowest_cosine: float = -1.0) -> FloatArray:
-    """(count, 3) directions even in solid angle over a cap about +z."""
-    share, around = _turns(count)
+def spherical_fibonacci(count: int, lowest_cosine: float = -1.0) -> FloatArray:
+    """(count, 3) spherical Fibonacci points: directions even in solid angle over a cap about +z."""
+    share, around = _fibonacci_angles(count)
     c = 1 - share * (1 - lowest_cosine)
     s = np.sqrt(np.maximum(1 - c * c, 0))
     directions = np.empty((count, 3))
@@ -71,14 +71,14 @@ def spiral(count: int, lowest_cosine: float = -1.0) -> FloatArray:
 
 
 @lru_cache(maxsize=16)
-def _turns(count: int) -> tuple[FloatArray, FloatArray]:
-    """Of the points of a spiral: the share of the cap above each, and the cosine and sine of its turn."""
+def _fibonacci_angles(count: int) -> tuple[FloatArray, FloatArray]:
+    """Of spherical Fibonacci points: the share of the cap above each, and the cosine and sine of its azimuth."""
     k = np.arange(count) + 0.5
     turn = k * np.pi * (3 - np.sqrt(5))
     return k / count, np.stack([np.cos(turn), np.sin(turn)])
 
 
-def axes_about(z: FloatArray) -> FloatArray:
+def orthonormal_basis(z: FloatArray) -> FloatArray:
     """(3, 3) rows: two unit vectors across a third one, which is the last."""
     # by numbers: numpy takes longer for one cross product than for all else of a frame's light
     a, b, c = (float(v) for v in z)
@@ -88,14 +88,14 @@ def axes_about(z: FloatArray) -> FloatArray:
     return np.array([[x, y, w], [b * w - c * y, c * x - a * w, a * y - b * x], [a, b, c]])
 
 
-_NORMALS = spiral(_PLATES)
+_NORMALS = spherical_fibonacci(_PLATES)
 _DESIGN = basis(_NORMALS, np.array([0.0, 0.0, 1.0]))  # its last column is the axis's
 
 
-def _fitted(axis: FloatArray, irradiance: FloatArray) -> FloatArray:
+def _fit_irradiance(axis: FloatArray, irradiance: FloatArray) -> FloatArray:
     """(10, n) coefficients, least squares, of the irradiance (P, n) of plates of the normals ``_NORMALS``."""
     design = _DESIGN.copy()
-    design[:, 9] = _fourth(_NORMALS @ axis)
+    design[:, 9] = _legendre_4(_NORMALS @ axis)
     return np.asarray(np.linalg.solve(design.T @ design, design.T @ irradiance), float)
 
 
@@ -114,7 +114,7 @@ def uniform_light(radiance_w_m2_sr: FloatArray) -> SkyLight:
     return SkyLight(irradiance, linear, -2.0, np.array([0.0, 0.0, 1.0]))
 
 
-def light_of_samples(
+def field_of_samples(
     directions: FloatArray,
     radiance: FloatArray,
     solid_angle_sr: float,
@@ -127,7 +127,7 @@ def light_of_samples(
     Parameters
     ----------
     directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1].
-    also_w_m2 : (P, n) irradiance of other light, as `moon_on_plates` gives it.
+    also_w_m2 : (P, n) irradiance of other light, as `moon_plate_irradiance` gives it.
     """
     falling = np.maximum(_NORMALS @ directions.T, 0) @ radiance * solid_angle_sr
     if also_w_m2 is not None:
@@ -138,10 +138,10 @@ def light_of_samples(
     normal_equations = design.T @ design
     normal_equations[_GRADIENT, _GRADIENT] += 1e-4 * len(directions)
     linear = np.linalg.solve(normal_equations, design.T @ radiance)
-    return SkyLight(_fitted(axis, falling), np.asarray(linear.T, float), disc_cosine, axis)
+    return SkyLight(_fit_irradiance(axis, falling), np.asarray(linear.T, float), disc_cosine, axis)
 
 
-def earth_light(
+def earth_shine(
     r_target_itrs_m: FloatArray,
     sun_itrs: FloatArray,
     R_camera_from_itrs: FloatArray,
@@ -155,18 +155,18 @@ def earth_light(
     ----------
     sun_itrs : unit vector to the Sun. sun_w_m2 : irradiance of the Sun at the Earth, per band.
     albedo : (H, W) of a Lambert surface, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
-    also_w_m2 : as of `light_of_samples`.
+    also_w_m2 : as of `field_of_samples`.
     """
     distance = float(np.linalg.norm(r_target_itrs_m))
     sine = min(EARTH_RADIUS_M / distance, 1.0)
     rim = float(np.sqrt(1 - sine * sine))
     zenith = r_target_itrs_m / distance
-    cap = spiral(_SAMPLES, rim)
+    cap = spherical_fibonacci(_SAMPLES, rim)
     c = cap[:, 2]
     # in Earth's radii
     above = distance / EARTH_RADIUS_M
     along = above * c - np.sqrt(np.maximum(1 - above**2 * (1 - c * c), 0))
-    axes = axes_about(zenith)
+    axes = orthonormal_basis(zenith)
     axes[2] = -zenith
     rays = cap @ axes
     ground = above * zenith + along[:, None] * rays
@@ -176,7 +176,7 @@ def earth_light(
     column = ((np.arctan2(ground[:, 1], ground[:, 0]) / (2 * np.pi) + 0.5) * width).astype(int) % width
     light = albedo[row, column] / np.pi * np.maximum(ground @ sun_itrs, 0)
     solid_angle = 2 * np.pi * (1 - rim) / _SAMPLES
-    return light_of_samples(
+    return field_of_samples(
         rays @ R_camera_from_itrs.T,
         light[:, None] * sun_w_m2,
         solid_angle,
@@ -186,7 +186,7 @@ def earth_light(
     )
 
 
-def moon_irradiance(
+def moon_shine(
     r_moon_from_target_m: FloatArray,
     sun: FloatArray,
     R_camera: FloatArray,
@@ -200,13 +200,13 @@ def moon_irradiance(
     sun : unit vector to the Sun, the frame of ``r_moon_from_target_m``. R_camera : from that frame to the camera's.
     axis : of the field that these belong to, camera frame.
     """
-    return _fitted(axis, moon_on_plates(r_moon_from_target_m, sun, R_camera, sun_w_m2))
+    return _fit_irradiance(axis, moon_plate_irradiance(r_moon_from_target_m, sun, R_camera, sun_w_m2))
 
 
-def moon_on_plates(
+def moon_plate_irradiance(
     r_moon_from_target_m: FloatArray, sun: FloatArray, R_camera: FloatArray, sun_w_m2: FloatArray
 ) -> FloatArray:
-    """(P, n) irradiance of the Moon on the plates that a field is fitted to; parameters as of `moon_irradiance`."""
+    """(P, n) irradiance of the Moon on the plates that a field is fitted to; parameters as of `moon_shine`."""
     direction = r_moon_from_target_m / np.linalg.norm(r_moon_from_target_m)
     share = moonlight_share(r_moon_from_target_m, sun)
     return np.asarray(np.maximum(_NORMALS @ (R_camera @ direction), 0)[:, None] * (sun_w_m2 * share))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.earth.albedo import albedo_of_day
-from simulator.render.irradiance import SkyLight, earth_light, moon_on_plates, no_light
+from simulator.render.irradiance import SkyLight, earth_shine, moon_plate_irradiance, no_light
 from simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
 from simulator.scene.illumination.moonlight import moonlight_share
 from simulator.scene.illumination.refraction import sunlight_past_earth
@@ -124,5 +124,5 @@ def sky_light(scene: SceneState) -> SkyLight:
     sun_w_m2 = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun)))
     environment = scene.environment
     albedo = albedo_of_day(scene.epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
-    moon = moon_on_plates(np.asarray(scene.r_moon_eci_m) - r_target, sun_eci, R_ce, sun_w_m2)
-    return earth_light(R_ie @ r_target, R_ie @ sun_eci, R_ce @ R_ie.T, sun_w_m2, albedo, moon)
+    moon = moon_plate_irradiance(np.asarray(scene.r_moon_eci_m) - r_target, sun_eci, R_ce, sun_w_m2)
+    return earth_shine(R_ie @ r_target, R_ie @ sun_eci, R_ce @ R_ie.T, sun_w_m2, albedo, moon)

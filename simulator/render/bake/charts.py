@@ -1,4 +1,4 @@
-"""Charts of a mesh: every flat face laid out in one atlas of texels, for light that is baked on surfaces.
+"""Charts of a mesh: every flat face laid out in one texture atlas, for light that is baked on surfaces.
 
 A chart is what of a part lies in one plane. It is a rectangle of nodes from border to border, so that nothing of its
 neighbour in the atlas is ever blended in; a face smaller than half a texel is one node.
@@ -93,7 +93,7 @@ def make_charts(
     normal = across / np.maximum(area, 1e-30)[:, None]
     for attempt in range(20):
         chart, border = cut_charts(positions_m, groups, triangles, normal, texel_m, touching=attempt == 0)
-        face, axes, low, extent, counts = _laid_out(
+        face, axes, low, extent, counts = _lay_out(
             corners, normals[triangles], chart, border, across, texel_m
         )
         if int(counts.prod(axis=1).sum()) <= MOST_NODES:
@@ -101,7 +101,7 @@ def make_charts(
         texel_m *= 1.0 if attempt == 0 else 1.4
     count = len(counts)
     step = np.where(counts > 1, extent / np.maximum(counts - 1, 1), np.maximum(extent, 1e-9))
-    size_px, corner = _packed(counts)
+    size_px, corner = _pack_shelves(counts)
     pairs, which = np.unique(triangles.astype(np.int64) * count + chart[:, None], return_inverse=True)
     origin, owner = pairs // count, pairs % count
     along = np.einsum("vac,vc->va", axes[owner], positions_m[origin]) - low[owner]
@@ -119,7 +119,7 @@ def make_charts(
     # a plane on which no chart lies over another
     shift = corner * texel_m - low
     xy = np.einsum("tac,tkc->tka", axes[chart], corners) + shift[chart, None]
-    triangle, shares = _located(wanted + shift[of_node], of_node, xy, chart, nodes, area)
+    triangle, shares = _nearest_on_charts(wanted + shift[of_node], of_node, xy, chart, nodes, area)
     smooth = np.einsum("nk,nkc->nc", shares, normals[triangles[triangle]])
     return Charts(
         origin=origin,
@@ -141,7 +141,7 @@ def make_charts(
     )
 
 
-def _laid_out(
+def _lay_out(
     corners_m: FloatArray,
     corner_normals: FloatArray,
     chart: IntArray,
@@ -187,8 +187,8 @@ def _axes(corners_m: FloatArray, border: BoolArray, chart: IntArray, face: Float
     return np.stack([first, np.cross(face, first)], axis=1)
 
 
-def _packed(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
-    """Size of the atlas and (C, 2) corners of rectangles laid on shelves, the highest first."""
+def _pack_shelves(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
+    """Size of the atlas and (C, 2) corners of its rectangles: shelf packing, the highest first."""
     width = max(64, int(counts[:, 0].max()), int(np.sqrt(1.05 * counts.prod(axis=1).sum())))
     width = -(-width // 16) * 16
     corner = np.zeros_like(counts)
@@ -203,7 +203,7 @@ def _packed(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
     return (width, y + shelf), corner
 
 
-def _located(
+def _nearest_on_charts(
     wanted: FloatArray, of_node: IntArray, xy: FloatArray, chart: IntArray, nodes: IntArray, area: FloatArray
 ) -> tuple[IntArray, FloatArray]:
     """Triangle (N,) and barycentric shares (N, 3) of the place on its chart that is nearest to each node.
@@ -230,7 +230,7 @@ def _located(
         node = piece[node]
         own = chart[candidates[met]] == of_node[asking[node]]
         node, met = node[own], met[own]
-        w = _shares(wanted[asking[node]], corners[met])
+        w = _barycentric(wanted[asking[node]], corners[met])
         inside = w.min(axis=1) >= 0
         at = asking[node[inside]]
         triangle[at], shares[at], found[node[inside]] = candidates[met[inside]], w[inside], True
@@ -242,7 +242,9 @@ def _located(
         _, near = cKDTree(middles).query(np.column_stack([wanted[off], far * of_node[off]]), k=_NEAREST)
         near = np.minimum(near, len(candidates) - 1)
         own = chart[candidates[near]] == of_node[off, None]
-        w = _shares(np.repeat(wanted[off], _NEAREST, axis=0), corners[near.ravel()]).reshape(-1, _NEAREST, 3)
+        w = _barycentric(np.repeat(wanted[off], _NEAREST, axis=0), corners[near.ravel()]).reshape(
+            -1, _NEAREST, 3
+        )
         best = np.argmax(np.where(own, w.min(axis=2), -np.inf), axis=1)
         row = np.arange(len(off))
         w = np.clip(w[row, best], 0, None)
@@ -250,12 +252,12 @@ def _located(
     return triangle, shares
 
 
-def _shares(points: FloatArray, corners: FloatArray) -> FloatArray:
+def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
     """(K, 3) barycentric coordinates of points (K, 2) in triangles (K, 3, 2)."""
     a, b, c = (corners[:, k] - points for k in range(3))
-    w = np.stack([_turn(b, c), _turn(c, a), _turn(a, b)], axis=1)
+    w = np.stack([_cross_2d(b, c), _cross_2d(c, a), _cross_2d(a, b)], axis=1)
     return np.asarray(w / w.sum(axis=1, keepdims=True))
 
 
-def _turn(p: FloatArray, q: FloatArray) -> FloatArray:
+def _cross_2d(p: FloatArray, q: FloatArray) -> FloatArray:
     return np.asarray(p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0])

@@ -1,4 +1,7 @@
-"""Bodies that lie flat on a face of another: solar cells, foils, labels. Coarse shadow maps need not hold them."""
+"""Coplanar decals: thin bodies that lie flat on a face of another, as solar cells, foils and labels do.
+
+Coarse shadow maps may leave them out.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 HIGHEST = 1.5e-3
-"""Of the mesh's radius: what stands higher on a face is not looked at."""
+"""Of the mesh's radius: a thicker body is no decal."""
 _PLACE = 2e-6  # of the radius: corners nearer than this are one
 _MOST_TRIANGLES = 128  # of a body that is looked at
 _TURN = 1e-3  # by which a body's top may be turned from the face that it lies on
@@ -22,9 +25,9 @@ _MOST_PAIRS = 2_000_000  # of corners, and triangles that may be below them
 
 
 def decal_heights(positions_m: FloatArray, triangles: IntArray, radius_m: float) -> Float32Array:
-    """(T,) of triangles of bodies that lie flat on a face of another: how far their tops stand out of it [m].
+    """(T,) height of each triangle's decal above the face that it lies on [m]; infinite where it belongs to none.
 
-    Infinite for all others, those that stand out by more than `HIGHEST` of the radius among them.
+    A body thicker than `HIGHEST` of the radius is no decal.
 
     Parameters
     ----------
@@ -38,7 +41,7 @@ def decal_heights(positions_m: FloatArray, triangles: IntArray, radius_m: float)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     double_area = np.linalg.norm(normals, axis=1)
     normals /= np.maximum(double_area, 1e-30)[:, None]
-    order, starts = _bodies(positions_m, triangles, _PLACE * radius_m)
+    order, starts = _connected_bodies(positions_m, triangles, _PLACE * radius_m)
     counts = np.diff(starts, append=len(order))
     body = np.empty(len(order), int)
     body[order] = np.repeat(np.arange(len(starts)), counts)
@@ -59,13 +62,15 @@ def decal_heights(positions_m: FloatArray, triangles: IntArray, radius_m: float)
         of = body[members[first // 3]]
         for n in (exact, -exact):
             floor = floors[normals[floors] @ n > 1 - _TURN**2]
-            stands = _heights_on(positions_m[vertex], of, corners[floor], n, highest)
+            stands = _heights_above(positions_m[vertex], of, corners[floor], n, highest)
             heights[members] = np.minimum(heights[members], stands[body[members]])
     return heights
 
 
-def _bodies(positions_m: FloatArray, triangles: IntArray, step_m: float) -> tuple[IntArray, IntArray]:
-    """Triangles in the order of the bodies that hang together, and where each body begins."""
+def _connected_bodies(
+    positions_m: FloatArray, triangles: IntArray, step_m: float
+) -> tuple[IntArray, IntArray]:
+    """Triangles ordered by connected body, and the first of each body."""
     cell = np.rint(positions_m / step_m).astype(np.int64)
     cell -= cell.min(axis=0)
     span = cell.max(axis=0) + 1
@@ -79,10 +84,10 @@ def _bodies(positions_m: FloatArray, triangles: IntArray, step_m: float) -> tupl
     return order, np.flatnonzero(np.diff(of[order], prepend=-1))
 
 
-def _heights_on(
+def _heights_above(
     places_m: FloatArray, body: IntArray, floor_m: FloatArray, n: FloatArray, highest_m: float
 ) -> Float32Array:
-    """(B,) by how far some bodies stand out of faces below; infinite where not all of one has any.
+    """(B,) height of bodies above the faces below them; infinite where a body lies partly on none.
 
     Parameters
     ----------
@@ -110,13 +115,13 @@ def _heights_on(
     for first in range(0, len(points), step):
         part = slice(first, first + step)
         fits = (offset <= high[body[part], None]) & (offset >= low[body[part], None] - highest_m)
-        below[part] = np.where(fits & _inside(points[part], floor), offset, -np.inf).max(axis=1)
+        below[part] = np.where(fits & _points_in_triangles(points[part], floor), offset, -np.inf).max(axis=1)
     np.minimum.at(lowest, body, below)
     stands = high - lowest
     return np.where(stands < highest_m, stands, np.inf).astype(np.float32)
 
 
-def _inside(points: FloatArray, triangles: FloatArray) -> BoolArray:
+def _points_in_triangles(points: FloatArray, triangles: FloatArray) -> BoolArray:
     """(K, F) which points (K, 2) lie in which triangles (F, 3, 2), counter-clockwise."""
     found = np.ones((len(points), len(triangles)), bool)
     for a, b in ((0, 1), (1, 2), (2, 0)):

@@ -1,4 +1,4 @@
-"""How near each edge of a mesh has another one beside it: the two sides of a gap, of a thin plate, of a strut."""
+"""Gaps between edges that run side by side: the two sides of a slit, of a thin plate, of a strut."""
 
 from __future__ import annotations
 

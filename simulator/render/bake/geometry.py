@@ -1,4 +1,4 @@
-"""A target's mesh as it is drawn: charts, what may show, edges, large bodies; worked out once and kept in the cache."""
+"""The baked geometry of a target's mesh: charts, exposed faces, edges, occluders and hulls, cached."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from simulator.render.bake.charts import Charts, make_charts
 from simulator.render.bake.coplanar_decals import decal_heights
-from simulator.render.bake.hidden_faces import inside, remove_hidden_faces
+from simulator.render.bake.hidden_faces import inside_bodies, remove_hidden_faces
 from simulator.render.bake.mesh_edges import MeshEdges, find_edges
 from simulator.render.bake.occluders import BOX, Boxes, ConvexShell, convex_bodies, find_shells
 from simulator.runtime.cache import entry_name
@@ -33,7 +33,7 @@ VERSION = 1
 
 @dataclass(frozen=True, eq=False)
 class ExposedTriangles:
-    """The triangles that can show from somewhere outside: a mesh's own, less what its plates cover.
+    """The triangles that can be seen from somewhere outside: the mesh's own, less what its bodies cover.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class ExposedTriangles:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BakedMesh:
-    """What is known of a target's mesh, uploaded or not.
+    """What is baked of a target's mesh, uploaded or not.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class BakedMesh:
         with the sign turned [m]. shells : large bodies that hide others.
     shown : what pictures are drawn from. charts : how its faces are laid out in an atlas, by the borders of which the
         mesh is cut. edges : that can show as lines.
-    decal_height_m : (T,) of ``shown``, how far a flat body stands out of what it lies on.
+    decal_height_m : (T,) of ``shown``: height of a decal above the face that it lies on, infinite elsewhere.
     """
 
     values: Float32Array
@@ -84,7 +84,7 @@ class BakedMesh:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Geometry(BakedMesh):
-    """A shape with what is uploaded beside its vertices; see `mesh.GpuMesh`.
+    """A baked mesh with what is uploaded beside its vertices; see `target.mesh.GpuMesh`.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class MergedParts:
 def geometry_of(
     merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int], texel: float
 ) -> Geometry:
-    """The geometry of a target, from the cache where it was made before.
+    """Bakes the geometry of a target, or reads it from the cache.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def _make(merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int]
     uncovered = remove_hidden_faces(corners, bodies if closed else (), radius)
     values = uncovered.extended(own.view(np.float32).reshape(len(own), -1), triangles)
     drawn = uncovered.triangles(triangles, len(own))
-    drawn = drawn[~inside(values[:, :3].astype(float)[drawn], bodies if closed else (), radius)]
+    drawn = drawn[~inside_bodies(values[:, :3].astype(float)[drawn], bodies if closed else (), radius)]
     drawn_corners = values[:, :3].astype(float)[drawn]
     uv = merged.uv
     return Geometry(

@@ -1,4 +1,4 @@
-"""Faces of a craft that its other bodies lie upon: plates stacked on plates hide them from everywhere.
+"""Hidden-face removal: cuts from a mesh what its own convex bodies cover from every viewpoint.
 
 A closed convex body that touches a face covers a convex piece of it. Whatever comes from outside to that piece goes
 through the body first, so the piece need not be drawn: a large hidden face takes a rasteriser as long as a seen one.
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 _LEAST_FACE = 0.15  # of the square of the radius: the strips left over cost more than smaller faces
 _LEAST_SHARE = 0.3  # of a face that must be covered
 _TOUCH = 2e-6  # of the radius: nearer is upon it
-_MOST_TRIANGLES = 200_000  # of a finer mesh none are looked for inside of its bodies
+_MOST_TRIANGLES = 200_000  # of a finer mesh none are looked for inside its bodies
 _OPPOSED = 1 - 1e-6
 _RIM = 0.002  # of a triangle's height, kept along its sides: neighbours' corners stay where they were
 
 
 @dataclass(frozen=True, eq=False)
 class ExposedFaces:
-    """A mesh's triangles without what lies under other bodies.
+    """A mesh's triangles less the pieces that lie under other bodies.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class ExposedFaces:
 def remove_hidden_faces(
     corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: float
 ) -> ExposedFaces:
-    """Cut from a closed mesh's large triangles what its convex bodies cover.
+    """Cuts from the large triangles of a closed mesh what its convex bodies cover.
 
     Parameters
     ----------
@@ -75,11 +75,11 @@ def remove_hidden_faces(
     best = {t: (_LEAST_SHARE * double[t] / 2, np.empty((0, 3))) for t in large}
     for shell in bodies:
         for t in large[_may_cover(shell, corners_m[large], across[large] / double[large, None], radius_m)]:
-            covered = _covered(corners_m[t], shell, radius_m)
+            covered = _covered_piece(corners_m[t], shell, radius_m)
             if (area := _area(covered @ corners_m[t])) > best[t][0]:
                 best[t] = area, covered
     cut = [t for t in large if len(best[t][1])]
-    pieces = [_around(best[t][1]) for t in cut]
+    pieces = [_triangulate_around(best[t][1]) for t in cut]
     kept = np.ones(len(corners_m), bool)
     kept[cut] = False
     return ExposedFaces(
@@ -89,12 +89,13 @@ def remove_hidden_faces(
     )
 
 
-def inside(corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: float) -> BoolArray:
+def inside_bodies(corners_m: FloatArray, bodies: Sequence[ConvexShell], radius_m: float) -> BoolArray:
     """(T,) triangles of a closed mesh that lie in one of its convex bodies, or upon it and look into it.
 
-    Screws' feet, the ends of struts: nobody outside sees them. Bodies thinner than `relief.HIGHEST` hide nothing here:
-    coarse shadow maps may leave them out, and need what lies under them. What reaches an edge of the body stays: a
-    neighbour may meet the body along that edge, and a raster's rounding of corners opens single pixels between the two.
+    Screws' feet, the ends of struts: nobody outside sees them. Bodies thinner than `coplanar_decals.HIGHEST` hide
+    nothing here: coarse shadow maps may leave them out, and need what lies under them. What reaches an edge of the
+    body stays: a neighbour may meet the body along that edge, and a raster's rounding of corners opens single pixels
+    between the two.
 
     Parameters
     ----------
@@ -136,19 +137,19 @@ def _may_cover(shell: ConvexShell, corners_m: FloatArray, normals: FloatArray, r
     return np.asarray(np.where(upon, into, inside).all(axis=1))
 
 
-def _covered(corners_m: FloatArray, shell: ConvexShell, radius_m: float) -> FloatArray:
+def _covered_piece(corners_m: FloatArray, shell: ConvexShell, radius_m: float) -> FloatArray:
     """(N, 3) barycentric corners of what a shell covers of a triangle, none where that is nothing."""
     piece = np.eye(3)
     for k in range(3):
-        piece = _cut(piece, _RIM - piece[:, k])
+        piece = _clip_polygon(piece, _RIM - piece[:, k])
     for away in (corners_m @ shell.planes[:, :3].T + shell.planes[:, 3]).T:
         if np.abs(away).max() >= _TOUCH * radius_m and len(piece):
-            piece = _cut(piece, piece @ away + MARGIN * radius_m)
+            piece = _clip_polygon(piece, piece @ away + MARGIN * radius_m)
     return piece
 
 
-def _cut(polygon: FloatArray, away: FloatArray) -> FloatArray:
-    """The part of a convex polygon (N, n) where a value given at its corners is below zero."""
+def _clip_polygon(polygon: FloatArray, away: FloatArray) -> FloatArray:
+    """Clips a convex polygon (N, n) to where a value given at its corners is negative (Sutherland-Hodgman)."""
     out = []
     for k in range(len(polygon)):
         last, a, b = polygon[k - 1], away[k - 1], away[k]
@@ -167,15 +168,15 @@ def _area(polygon_m: FloatArray) -> float:
     return float(np.linalg.norm(np.cross(fan[:-1], fan[1:]).sum(axis=0)) / 2)
 
 
-def _around(hole: FloatArray) -> list[FloatArray]:
-    """Triangles (3, 3) of a triangle without a convex hole; corners barycentric, in the triangle's own turn."""
-    ring = _bridged(hole)
+def _triangulate_around(hole: FloatArray) -> list[FloatArray]:
+    """Ear clipping of a triangle with a convex hole: barycentric triangles (3, 3), wound as the triangle is."""
+    ring = _bridge_hole(hole)
     pieces: list[FloatArray] = []
     while len(ring) > 3:
         for k in range(len(ring)):
             ear = np.array([ring[k - 1], ring[k], ring[(k + 1) % len(ring)]])
             others = [p for j, p in enumerate(ring) if j not in {(k - 1) % len(ring), k, (k + 1) % len(ring)}]
-            if np.linalg.det(ear) > 0 and not any(_within(ear, p) for p in others):
+            if np.linalg.det(ear) > 0 and not any(_point_in_ear(ear, p) for p in others):
                 break
         else:
             raise AssertionError("a polygon without an ear")
@@ -185,16 +186,16 @@ def _around(hole: FloatArray) -> list[FloatArray]:
     return pieces
 
 
-def _bridged(hole: FloatArray) -> list[FloatArray]:
-    """The triangle's corners and the hole's, backwards, as one ring: joined by a seam between the nearest two."""
+def _bridge_hole(hole: FloatArray) -> list[FloatArray]:
+    """The triangle and its hole as one polygon: joined by a seam between their nearest corners."""
     outer, inner = list(np.eye(3)), list(hole[::-1])
     away = np.linalg.norm(hole[::-1][None] - np.eye(3)[:, None], axis=2)
     i, j = (int(n) for n in np.unravel_index(np.argmin(away), away.shape))
     return [*outer[: i + 1], *inner[j:], *inner[: j + 1], *outer[i:]]
 
 
-def _within(ear: FloatArray, point: FloatArray) -> bool:
-    """Whether a point lies inside of a triangle, its corners and edges left out."""
+def _point_in_ear(ear: FloatArray, point: FloatArray) -> bool:
+    """Whether a point lies strictly inside a triangle."""
     if np.abs(ear - point).max(axis=1).min() < 1e-12:
         return False
     turns = [np.linalg.det(np.array([ear[k - 1], ear[k], point])) for k in range(3)]

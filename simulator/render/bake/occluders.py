@@ -1,4 +1,4 @@
-"""What of a craft its large convex bodies hide from a place: found by planes before anything is drawn.
+"""Occlusion culling: what the large convex bodies of a craft hide from a place, before anything is drawn.
 
 A craft's box or panel is a convex shell. From a place outside, the region that it hides is convex too: inside of its
 faces that look at the place, and inside of the planes through the place and its silhouette. Boxes of triangles or edges
@@ -56,7 +56,7 @@ class ConvexShell:
     turns: FloatArray
     area_m2: float
 
-    def hides(self, place: FloatArray) -> FloatArray | None:
+    def hidden_region(self, place: FloatArray) -> FloatArray | None:
         """(P, 4) planes of the region hidden from a place; ``None`` where nothing is, or too near to tell.
 
         Parameters
@@ -119,7 +119,7 @@ class Boxes:
         return Boxes(np.ascontiguousarray(extents.T, np.float32), of)
 
     def ranks(self, place: FloatArray) -> IntArray:
-        """(B,) how far the boxes' farthest points are, 0 the nearest; ``place`` as in `ConvexShell.hides`.
+        """(B,) how far the boxes' farthest points are, 0 the nearest; ``place`` as in `ConvexShell.hidden_region`.
 
         As whole numbers of 16 bits, which are sorted in a fifth of the time. So small boxes come before the large faces
         that they stand on, and a depth test drops what they hide of those.
@@ -147,10 +147,10 @@ class Boxes:
 
 
 def hidden(shells: Sequence[ConvexShell], boxes: Boxes, place: FloatArray, radius_m: float) -> BoolArray:
-    """(B,) boxes that some convex shell hides from a place; ``place`` as in `ConvexShell.hides`."""
+    """(B,) boxes that some convex shell hides from a place; ``place`` as in `ConvexShell.hidden_region`."""
     found = np.zeros(boxes.extents_m.shape[1], bool)
     for shell in shells:
-        planes = shell.hides(place)
+        planes = shell.hidden_region(place)
         if planes is not None:
             found |= boxes.inside(planes, MARGIN * radius_m)
     return found
@@ -171,8 +171,8 @@ def convex_bodies(parts: Sequence[Part], radius_m: float) -> list[ConvexShell]:
         least = _LEAST_BODY * shells[0].area_m2 if shells else 0.0
         if areas[k] < least:
             break
-        for body in _bodies(corners[k], _PLACE * radius_m, least):
-            shell = _convex(body, radius_m)
+        for body in _connected_bodies(corners[k], _PLACE * radius_m, least):
+            shell = _as_convex_shell(body, radius_m)
             if shell is not None:
                 shells.append(shell)
         shells.sort(key=lambda shell: -shell.area_m2)
@@ -189,12 +189,12 @@ def find_shells(bodies: Sequence[ConvexShell], radius_m: float) -> tuple[ConvexS
     kept: list[ConvexShell] = []
     for shell in bodies:
         small = shell.area_m2 < _LEAST_SHARE * bodies[0].area_m2
-        if len(kept) < _MOST and not small and all(_stands_out(shell, of) > _APART * radius_m for of in kept):
+        if len(kept) < _MOST and not small and all(_protrusion(shell, of) > _APART * radius_m for of in kept):
             kept.append(shell)
     return tuple(kept)
 
 
-def _stands_out(shell: ConvexShell, of: ConvexShell) -> float:
+def _protrusion(shell: ConvexShell, of: ConvexShell) -> float:
     """How far a shell stands out of another one's planes [m]."""
     corners = shell.ends_m.reshape(-1, 3)
     return float((corners @ of.planes[:, :3].T + of.planes[:, 3]).max())
@@ -208,7 +208,7 @@ class _Body:
     places: IntArray
 
 
-def _bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> list[_Body]:
+def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> list[_Body]:
     """The largest bodies of a part's triangles (T, 3, 3) that have few of them; corners a step apart are one.
 
     Parameters
@@ -232,7 +232,7 @@ def _bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> list[_Body
     return [_Body(corners_m[of], places[of]) for of in members]
 
 
-def _convex(body: _Body, radius_m: float) -> ConvexShell | None:
+def _as_convex_shell(body: _Body, radius_m: float) -> ConvexShell | None:
     """A body as a convex shell, if it is closed and convex."""
     corners, places = body.corners_m, body.places
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -18,7 +18,7 @@ from scipy.sparse import coo_matrix
 from simulator.render.bake.baked_visibility import decode_visibility, encode_visibility, trace_visibility
 from simulator.render.bake.geometry import VERTEX
 from simulator.render.bake.ray_cast import make_tracer
-from simulator.render.irradiance import spiral
+from simulator.render.irradiance import spherical_fibonacci
 from simulator.runtime.cache import entry_name
 from simulator.runtime.cached_arrays import cached_arrays
 from simulator.runtime.prebuilt import prebuilt_array
@@ -94,7 +94,7 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
         return solve_radiosity(charts, seen, reflectance[materials], patch, closed=mesh.is_closed)
 
     visibility, interreflected = (np.asarray(array) for array in cached_arrays((f"{key}-sky", key), bake))
-    directions = spiral(DIRECTIONS)
+    directions = spherical_fibonacci(DIRECTIONS)
     basis = (harmonics(directions) * (INTERREFLECTION_STEP * 4 * np.pi / DIRECTIONS)).astype(np.float32)
     sky = np.stack([product_in_blocks(basis.T, band.astype(np.float32)) for band in interreflected])
     return RadianceTransfer(visibility, interreflected, sky, directions)
@@ -115,13 +115,19 @@ def _prebuilt_visibility(key: str, mesh: BakedMesh, patch: int) -> NodeVisibilit
         return None
     numbers = _patches(mesh.charts, patch)[0]
     return decode_visibility(
-        np.asarray(codes, codes.dtype), numbers, mesh.charts, mesh.planes[:, :3], spiral(DIRECTIONS)
+        np.asarray(codes, codes.dtype),
+        numbers,
+        mesh.charts,
+        mesh.planes[:, :3],
+        spherical_fibonacci(DIRECTIONS),
     )
 
 
 def _traced_visibility(mesh: BakedMesh) -> NodeVisibility:
     tracer = make_tracer(_vertices(mesh)["position_m"][mesh.triangles])
-    return trace_visibility(mesh.charts, mesh.planes[:, :3], tracer, spiral(DIRECTIONS), mesh.radius_m)
+    return trace_visibility(
+        mesh.charts, mesh.planes[:, :3], tracer, spherical_fibonacci(DIRECTIONS), mesh.radius_m
+    )
 
 
 def _vertices(mesh: BakedMesh) -> np.typing.NDArray[np.void]:

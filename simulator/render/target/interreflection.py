@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.bake.radiance_transfer import INTERREFLECTION_STEP, PATCH, baked_transfer, harmonics
-from simulator.render.irradiance import axes_about, spiral
+from simulator.render.irradiance import orthonormal_basis, spherical_fibonacci
 from simulator.scene.illumination.bands import reflectance
 
 if TYPE_CHECKING:
@@ -160,8 +160,8 @@ def _between(directions: FloatArray, towards: FloatArray) -> tuple[IntArray, Flo
 def sky_harmonics(sky: SkyLight, R_camera_from_target: FloatArray) -> FloatArray:
     """(n, 9) coefficients of the sky's radiance in `transfer.harmonics`, target frame."""
     lowest = max(sky.disc_cosine, -1.0)
-    cap = spiral(_SKY_SAMPLES, lowest)
-    d = cap @ axes_about(sky.axis)
+    cap = spherical_fibonacci(_SKY_SAMPLES, lowest)
+    d = cap @ orthonormal_basis(sky.axis)
     linear = sky.radiance_w_m2_sr
     radiance = np.maximum(d @ linear[:, :3].T + linear[:, 3], 0)
     solid_angle = 2 * np.pi * max(1 - lowest, 0.0) / _SKY_SAMPLES

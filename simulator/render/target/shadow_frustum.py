@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.irradiance import axes_about
+from simulator.render.irradiance import orthonormal_basis
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
@@ -26,7 +26,7 @@ def light_matrix(center_m: FloatArray, radius_m: float, along: FloatArray) -> Fl
     The box is turned about the light: edges of a craft follow its axes, and one along a map's rows would lie half a
     texel off over all its length.
     """
-    x, y, z = axes_about(along)
+    x, y, z = orthonormal_basis(along)
     c, s = math.cos(_TURN_RAD), math.sin(_TURN_RAD)
     R = np.array([c * x + s * y, c * y - s * x, z]) / (radius_m * WIDER)
     matrix = np.eye(4)

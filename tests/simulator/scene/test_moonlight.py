@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.irradiance import moon_on_plates
+from simulator.render.irradiance import moon_plate_irradiance
 from simulator.scene.illumination.moonlight import moonlight_share
 
 SUN = np.array([1.0, 0.0, 0.0])
@@ -33,7 +33,7 @@ def test_the_light_of_the_phases(phase_deg, magnitudes):
 
 def test_a_plate_near_the_moon_is_lit_by_the_square_too():
     sun_w_m2 = np.array([500.0])
-    lit = [moon_on_plates(-SUN * d, SUN, np.eye(3), sun_w_m2).max() for d in (192.2e6, 384.4e6)]
+    lit = [moon_plate_irradiance(-SUN * d, SUN, np.eye(3), sun_w_m2).max() for d in (192.2e6, 384.4e6)]
     assert lit[0] / lit[1] == pytest.approx(4.0, rel=1e-6)
     # the plates look in even directions: the best one is within some degrees of the Moon
     assert lit[1] == pytest.approx(500.0 * AT_MEAN_DISTANCE, rel=0.05)

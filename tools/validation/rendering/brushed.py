@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.irradiance import spiral
+from simulator.render.irradiance import spherical_fibonacci
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.targets.model import Material
 from tools.validation.rendering.lit_ball import draw_lit_ball
@@ -64,7 +64,7 @@ def furnace_row(renderer: Renderer) -> Row:
     for rotvec in ((0.0, 0.0, 0.0), (0.7, 0.0, 0.0), (0.0, 0.7, 0.0)):
         bare = stage(target, camera, (0, 0, 5.0), rotvec)
         total, R = 0.0, bare.camera_from_target.R
-        for sun in spiral(count, 0.0) * (1, 1, -1):
+        for sun in spherical_fibonacci(count, 0.0) * (1, 1, -1):
             scene = stage(target, camera, (0, 0, 5.0), rotvec, sun_camera=R @ sun)
             total += float(renderer.render(scene, target).radiance[2, 2])
         light = sun_irradiance_w_m2("mono", float(np.linalg.norm(scene.r_sun_eci_m)))[0]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.irradiance import basis, light_of_samples, spiral, uniform_light
+from simulator.render.irradiance import basis, field_of_samples, spherical_fibonacci, uniform_light
 from simulator.render.view import SUN_RADIUS_M
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from simulator.targets.library import load_target
@@ -197,10 +197,10 @@ def _furnace(renderer: Renderer) -> Row:
 def _even_earth() -> Row:
     """Largest error of irradiance on plates of every direction 500 km over an evenly bright Earth, of the highest."""
     rim = float(np.sqrt(1 - (6371.0 / 6871.0) ** 2))
-    directions = spiral(50_000, rim)
+    directions = spherical_fibonacci(50_000, rim)
     angle = 2 * np.pi * (1 - rim) / len(directions)
-    light = light_of_samples(directions, np.ones((len(directions), 1)), angle, rim, np.array([0.0, 0.0, 1.0]))
-    plates = spiral(300)
+    light = field_of_samples(directions, np.ones((len(directions), 1)), angle, rim, np.array([0.0, 0.0, 1.0]))
+    plates = spherical_fibonacci(300)
     exact = np.clip(plates @ directions.T, 0, None).sum(axis=1) * angle
     error = np.abs((basis(plates, light.axis) @ light.irradiance_w_m2)[:, 0] - exact).max() / exact.max()
     return Row(

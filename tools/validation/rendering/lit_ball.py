@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.irradiance import spiral
+from simulator.render.irradiance import spherical_fibonacci
 from simulator.render.view import SUN_RADIUS_M
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
 from tools.validation.stage import ball, bare_target, square_camera, stage
@@ -59,7 +59,7 @@ def draw_lit_ball(
     towards = np.asarray(scene.sun_direction_camera)
     side = np.cross(towards, [0, 1.0, 0])
     side /= np.linalg.norm(side)
-    cap = spiral(points_of_sun, float(np.cos(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M)))
+    cap = spherical_fibonacci(points_of_sun, float(np.cos(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M)))
     chosen = (n @ towards > _LIT) & (-(n * rays).sum(axis=1) > _FACING)
     return LitBall(
         normals=n[chosen],

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.render.irradiance import spiral
+from simulator.render.irradiance import spherical_fibonacci
 from simulator.render.view import SUN_RADIUS_M
 from simulator.runtime.cache import entry_name
 from simulator.runtime.cached_arrays import cached_array
@@ -221,7 +221,7 @@ def _suns(scene: SceneState) -> dict[str, Any]:
     sun = np.asarray(scene.sun_direction_camera)
     x = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
     x = x / np.linalg.norm(x)
-    cap = spiral(SUN_POINTS, float(np.cos(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M)))
+    cap = spherical_fibonacci(SUN_POINTS, float(np.cos(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M)))
     irradiance = float(sun_irradiance_w_m2("mono", ASTRONOMICAL_UNIT_M)[0]) * scene.sun_visible_fraction
     return {
         f"sun{k}": {

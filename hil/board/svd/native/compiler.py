@@ -67,7 +67,7 @@ SIMD_FLAGS = {"avx2": "-mavx2"}
 LONGEST_S = 600.0
 
 
-def cache_folder() -> Path:
+def library_folder() -> Path:
     """``kernels`` in ``FLYAROUND_CACHE_DIR`` or in the user's cache folder."""
     chosen = os.environ.get("FLYAROUND_CACHE_DIR")
     if chosen:
@@ -102,7 +102,7 @@ def compiled_library() -> ctypes.CDLL:
     flags = (*FLAGS, *_simd_flags())
     key = hashlib.sha256(repr((sorted(texts.items()), flags, version, platform.machine())).encode())
     stem = f"kernels-{key.hexdigest()[:20]}"
-    with own_folder(cache_folder()) as cache:
+    with own_folder(library_folder()) as cache:
         handle = load_cached(cache, stem) if cache else None
         if handle is not None:
             return handle

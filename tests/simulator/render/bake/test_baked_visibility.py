@@ -7,7 +7,7 @@ import trimesh
 from simulator.render.bake.baked_visibility import decode_visibility, encode_visibility, trace_visibility
 from simulator.render.bake.charts import make_charts
 from simulator.render.bake.ray_cast import EmbreeTracer, GridTracer
-from simulator.render.irradiance import spiral
+from simulator.render.irradiance import spherical_fibonacci
 from simulator.targets.library import load_target
 
 
@@ -24,7 +24,7 @@ def looked(mesh, texel_m, tracer=EmbreeTracer):
     charts = make_charts(points, normals, np.zeros(len(points)), triangles, texel_m)
     radius = float(np.linalg.norm(points, axis=1).max())
     planes = np.asarray(mesh.face_normals, np.float32)
-    return charts, trace_visibility(charts, planes, tracer(corners), spiral(128), radius)
+    return charts, trace_visibility(charts, planes, tracer(corners), spherical_fibonacci(128), radius)
 
 
 def open_share(seen):
@@ -99,7 +99,11 @@ def test_what_is_seen_comes_back_from_its_code_in_the_same_order():
     patch = np.random.default_rng(2).integers(0, 40, len(charts.chart))
     patch = np.unique(patch, return_inverse=True)[1]
     again = decode_visibility(
-        encode_visibility(seen, patch), patch, charts, np.asarray(mesh.face_normals, np.float32), spiral(128)
+        encode_visibility(seen, patch),
+        patch,
+        charts,
+        np.asarray(mesh.face_normals, np.float32),
+        spherical_fibonacci(128),
     )
     assert len(seen.node) > 1000
     assert seen.hit_back.any()

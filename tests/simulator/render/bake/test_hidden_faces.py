@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.render.bake.hidden_faces import inside, remove_hidden_faces
+from simulator.render.bake.hidden_faces import inside_bodies, remove_hidden_faces
 from simulator.render.bake.occluders import MARGIN, convex_bodies
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box
@@ -80,7 +80,7 @@ def test_feet_in_a_body_or_upon_it_are_found_and_flush_faces_are_not():
     )
     meshes = [box(*extent) for extent in (body, foot, sunk, flush)]
     corners = merge(meshes).positions_m.astype(float)[merge(meshes).triangles]
-    found = inside(corners, convex_bodies([part_of(mesh) for mesh in meshes], 1.0), 1.0).reshape(4, 12)
+    found = inside_bodies(corners, convex_bodies([part_of(mesh) for mesh in meshes], 1.0), 1.0).reshape(4, 12)
     up = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2].reshape(4, 12)
     assert not found[0].any()
     assert np.array_equal(found[1], up[1] < -1e-3)
@@ -94,7 +94,7 @@ def test_under_a_thin_plate_everything_stays_since_coarse_shadow_maps_leave_the_
         meshes = [box(*extent) for extent in (plate, foil)]
         corners = merge(meshes).positions_m.astype(float)[merge(meshes).triangles]
         corners[12:, :, 2] = np.maximum(corners[12:, :, 2], 0.0)  # all of the foil lies in the plate
-        found = inside(corners, convex_bodies([part_of(meshes[0])], 1.0), 1.0)
+        found = inside_bodies(corners, convex_bodies([part_of(meshes[0])], 1.0), 1.0)
         assert found[12:].any() == hides
 
 
@@ -106,5 +106,5 @@ def test_what_meets_a_bodys_edge_stays_since_rounding_opens_pixels_between_the_t
     )
     meshes = [box(*extent) for extent in (body, beside)]
     corners = merge(meshes).positions_m.astype(float)[merge(meshes).triangles]
-    found = inside(corners, convex_bodies([part_of(mesh) for mesh in meshes], 1.0), 1.0)
+    found = inside_bodies(corners, convex_bodies([part_of(mesh) for mesh in meshes], 1.0), 1.0)
     assert not found.any()

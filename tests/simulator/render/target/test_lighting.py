@@ -7,10 +7,10 @@ from simulator.render.earth.albedo import albedo_map, albedo_of_day
 from simulator.render.irradiance import (
     SkyLight,
     basis,
-    earth_light,
-    light_of_samples,
-    moon_irradiance,
-    spiral,
+    earth_shine,
+    field_of_samples,
+    moon_shine,
+    spherical_fibonacci,
     uniform_light,
 )
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
@@ -67,7 +67,7 @@ def test_rough_white_metal_returns_all_sunlight(renderer, draw_kit, roughness, o
     turn = np.radians(off_deg)
     total, weight, count = 0.0, 0.0, 240
     small = draw_kit.camera.__class__(width_px=9, height_px=9, fx_px=600.0, fy_px=600.0, cx_px=4.0, cy_px=4.0)
-    for sun in spiral(count, 0.0):
+    for sun in spherical_fibonacci(count, 0.0):
         # hemisphere around the plate's normal, which is -z before the turn
         c, s = np.cos(turn), np.sin(turn)
         towards = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ (sun * (1, 1, -1))
@@ -80,10 +80,10 @@ def test_rough_white_metal_returns_all_sunlight(renderer, draw_kit, roughness, o
 @pytest.mark.parametrize("radius_deg", [20.0, 65.0, 90.0])
 def test_irradiance_of_an_even_disc_on_plates(radius_deg):
     rim = np.cos(np.radians(radius_deg))
-    directions = spiral(20_000, rim)
+    directions = spherical_fibonacci(20_000, rim)
     angle = 2 * np.pi * (1 - rim) / len(directions)
-    light = light_of_samples(directions, np.ones((len(directions), 1)), angle, rim, np.array([0, 0, 1.0]))
-    normals = spiral(500)
+    light = field_of_samples(directions, np.ones((len(directions), 1)), angle, rim, np.array([0, 0, 1.0]))
+    normals = spherical_fibonacci(500)
     exact = np.clip(normals @ directions.T, 0, None).sum(axis=1) * angle
     error = (basis(normals, light.axis) @ light.irradiance_w_m2)[:, 0] - exact
     assert np.abs(error).max() < (0.01 if radius_deg > 60 else 0.03) * exact.max()
@@ -97,13 +97,13 @@ def test_earthshine_follows_the_lit_and_cloudy_part_of_the_earth():
     zenith, sun = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
     even = np.full((1, 1), 0.3, np.float32)
     place = zenith * 7.0e6
-    half = earth_light(place, sun, np.eye(3), np.array([1000.0]), even)
+    half = earth_shine(place, sun, np.eye(3), np.array([1000.0]), even)
     towards_day, towards_night = (
         basis(np.array([d]), half.axis) @ half.irradiance_w_m2 for d in ((-0.6, 0.8, 0), (-0.6, -0.8, 0))
     )
     assert towards_day[0, 0] > 3 * towards_night[0, 0] > 0
     # over the subsolar point of an even Earth: below its albedo times the view factor, for it darkens to the rim
-    noon = earth_light(place, zenith, np.eye(3), np.array([1000.0]), even)
+    noon = earth_shine(place, zenith, np.eye(3), np.array([1000.0]), even)
     down = (basis(-zenith[None], noon.axis) @ noon.irradiance_w_m2)[0, 0]
     factor = (6_371_008.8 / 7.0e6) ** 2
     assert 0.75 * 300 * factor < down < 300 * factor
@@ -133,9 +133,9 @@ def test_earthshine_sees_the_ice_of_the_season():
 def test_moonshine_of_a_full_moon_is_a_third_of_a_lux():
     sun = np.array([-1.0, 0.0, 0.0])
     lux, east, north = np.array([133_000.0]), np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
-    full = moon_irradiance(3.844e8 * east, sun, np.eye(3), lux, east)
+    full = moon_shine(3.844e8 * east, sun, np.eye(3), lux, east)
     assert (basis(east, east) @ full)[0] == pytest.approx(0.33, rel=0.15)
-    half = moon_irradiance(3.844e8 * north, sun, np.eye(3), lux, north)
+    half = moon_shine(3.844e8 * north, sun, np.eye(3), lux, north)
     assert (basis(north, north) @ half)[0] < 0.15 * 0.33
 
 
