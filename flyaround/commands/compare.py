@@ -18,10 +18,10 @@ from hil.evaluate.worker import board_model
 from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.lens.files import load_camera
 from simulator.compare.comparison import compare_pictures
-from simulator.compare.figures import FIGURES
-from simulator.compare.likeness import FoundPose
+from simulator.compare.image_statistics import FIGURES
 from simulator.compare.page import write_comparison
 from simulator.compare.references import read_references
+from simulator.compare.similar_view import PoseEstimate
 from simulator.render.renderer import Renderer
 from simulator.runtime.files import empty_folder
 from simulator.targets.library import load_target
@@ -79,11 +79,13 @@ def compare(
     say(f"page: {output / 'index.html'}")
 
 
-def _estimated(target: Target, reference: Reference) -> FoundPose | None:
+def _estimated(target: Target, reference: Reference) -> PoseEstimate | None:
     """The estimator's pose; one that it declines is not sure."""
     camera = CameraIntrinsics.from_dict(msgspec.to_builtins(reference.camera))
     result = make_estimator(board_model(target), camera, "svd", None, None, ()).estimate(
         reference.image, None
     )
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
-    return None if q is None or t is None else FoundPose(Pose.of("camera", "target", q, t), result.accepted)
+    return (
+        None if q is None or t is None else PoseEstimate(Pose.of("camera", "target", q, t), result.accepted)
+    )

@@ -10,7 +10,7 @@ import time
 import numpy as np
 
 from simulator.bench.parts import PartCost, cost
-from simulator.camera.detector.image_noise import begin_noise
+from simulator.camera.detector.image_noise import start_noise
 from simulator.camera.detector.presets import list_sensor_presets, sensor_preset
 from simulator.imaging.image_formation import digitise, expose
 
@@ -32,7 +32,7 @@ def bench_sensor() -> tuple[PartCost, ...]:
         picture[2 * third :] = np.linspace(0, 1.2 / unit, SHAPE[1], dtype=np.float32)
         laps = []
         for k in range(LAPS + WARM_UP):
-            noise = begin_noise(SHAPE, sensor, 1, k)
+            noise = start_noise(SHAPE, sensor, 1, k)
             time.sleep(AHEAD_S)
             start = time.perf_counter()
             digitise(expose(picture, sensor, EXPOSURE_S), sensor, 1, k, EXPOSURE_S, noise=noise)

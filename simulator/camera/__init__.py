@@ -1,1 +1,1 @@
-"""Intrinsics, optics and sensor. No GL, no world."""
+"""The camera: `lens` bends and projects, `detector` turns light into digital numbers. No GL, no world, no scene."""

@@ -1,1 +1,1 @@
-"""Our pictures beside pictures of others: figures, the choice of the like view, the page."""
+"""Our pictures beside pictures of others: statistics, the most similar view of ours, the page."""

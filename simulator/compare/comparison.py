@@ -7,8 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator.compare.figures import GRADIENT_LARGEST_DN, binary_edges, edge_threshold, look_at, moved_dn
-from simulator.compare.likeness import FoundPose, exposed_like, find_like
+from simulator.compare.image_statistics import (
+    GRADIENT_LARGEST_DN,
+    binary_edges,
+    edge_threshold,
+    histogram_distance_dn,
+    image_statistics,
+)
+from simulator.compare.similar_view import PoseEstimate, find_similar_view, matched_exposure
 from simulator.imaging.image_formation import digitise_scene, expose_scene
 from simulator.scene.environments import ENVIRONMENTS
 
@@ -17,14 +23,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from simulator.compare.figures import Look
+    from simulator.compare.image_statistics import ImageStatistics
     from simulator.compare.references import Reference
     from simulator.render.renderer import Renderer
     from simulator.runtime.arrays import ByteArray
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
-    PoseFinder = Callable[[Reference], FoundPose | None]
+    PoseFinder = Callable[[Reference], PoseEstimate | None]
 
 AIRS = {"100 km": ENVIRONMENTS["full"], "25 km": ENVIRONMENTS["thesis"], "none": ENVIRONMENTS["airless"]}
 """The atmospheres whose binary edges are compared: ours, the thesis's, none."""
@@ -44,8 +50,8 @@ class Pair:
     reference: Reference
     scene: SceneState
     image: ByteArray
-    theirs: Look
-    ours: Look
+    theirs: ImageStatistics
+    ours: ImageStatistics
     edges: dict[str, NDArray[np.bool_]]
     histogram_moved_dn: float
     gradient_moved_dn: float
@@ -84,12 +90,12 @@ def compare_pictures(
     """
     pairs = []
     for k, reference in enumerate(references):
-        found = find_pose(reference) if reference.pose is None else FoundPose(reference.pose, sure=True)
-        like = find_like(renderer, reference, target, found, sensor=sensor)
+        found = find_pose(reference) if reference.pose is None else PoseEstimate(reference.pose, sure=True)
+        like = find_similar_view(renderer, reference, target, found, sensor=sensor)
         radiance = renderer.render(like.scene, target).radiance
-        scene = exposed_like(like.scene, radiance, reference.image)
+        scene = matched_exposure(like.scene, radiance, reference.image)
         image = _picture(scene, radiance)
-        theirs, ours = look_at(reference.image), look_at(image)
+        theirs, ours = image_statistics(reference.image), image_statistics(image)
         pairs.append(
             Pair(
                 reference=reference,
@@ -98,8 +104,8 @@ def compare_pictures(
                 theirs=theirs,
                 ours=ours,
                 edges=edges_by_atmosphere(renderer, scene, target, image),
-                histogram_moved_dn=moved_dn(theirs.histogram, ours.histogram, 256.0),
-                gradient_moved_dn=moved_dn(
+                histogram_moved_dn=histogram_distance_dn(theirs.histogram, ours.histogram, 256.0),
+                gradient_moved_dn=histogram_distance_dn(
                     theirs.gradient_histogram, ours.gradient_histogram, GRADIENT_LARGEST_DN
                 ),
                 same_view=like.same_view,
@@ -121,7 +127,7 @@ def edges_by_atmosphere(
     image : the scene's picture under its own air; the threshold is its.
     """
     threshold = edge_threshold(image)
-    if look_at(image).space:
+    if image_statistics(image).space:
         return {"100 km": binary_edges(image, threshold)}
     edges = {}
     for name, air in AIRS.items():

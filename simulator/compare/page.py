@@ -9,7 +9,13 @@ import cv2
 import numpy as np
 
 from simulator.compare.comparison import summary
-from simulator.compare.figures import FIGURES, GRADIENT_LARGEST_DN, binary_edges, edge_threshold, sobel
+from simulator.compare.image_statistics import (
+    FIGURES,
+    GRADIENT_LARGEST_DN,
+    binary_edges,
+    edge_threshold,
+    sobel,
+)
 from simulator.runtime.files import write_atomic, write_json
 
 if TYPE_CHECKING:
@@ -19,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from simulator.compare.comparison import Pair
-    from simulator.compare.figures import Look
+    from simulator.compare.image_statistics import ImageStatistics
     from simulator.runtime.arrays import ByteArray, FloatArray
 
 SOBEL_GAIN = 4.0  # of the gradient images: 64 DN per pixel is white
@@ -142,7 +148,7 @@ def _under(air: str) -> str:
     return "ours, no air" if air == "none" else f"ours, {air} of air"
 
 
-def _edge_note(side: str, look: Look) -> str:
+def _edge_note(side: str, look: ImageStatistics) -> str:
     return f"{side}: {100 * look.edges:.2f} % edges"
 
 

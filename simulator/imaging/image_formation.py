@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simulator.camera.detector.electrons import detect, detector_sigma, electrons_per_radiance, white_balance
-from simulator.camera.detector.image_noise import arithmetic_of, begin_noise, draw_noise
+from simulator.camera.detector.image_noise import arithmetic_of, draw_noise, start_noise
 from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.psf import blur, defocus_px
 from simulator.camera.detector.shading import veiling_glare, vignetting
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from simulator.camera.detector.image_noise import RecipeNoise
+    from simulator.camera.detector.image_noise import ImageNoise
     from simulator.camera.detector.sensor import Sensor
     from simulator.camera.lens.camera_model import Camera
     from simulator.runtime.arrays import Float32Array, FloatArray
@@ -111,7 +111,7 @@ def digitise(
     frame_index: int,
     exposure_s: float = 0.0,
     band_gain: ArrayLike = 1.0,
-    noise: Callable[[], RecipeNoise] | None = None,
+    noise: Callable[[], ImageNoise] | None = None,
 ) -> NDArray[np.unsignedinteger]:
     """Digital numbers of an exposed signal: by the detector, or clip, speckle, Gaussian noise, clip, quantise.
 
@@ -124,7 +124,7 @@ def digitise(
     sensor : noise recipe and bit depth.
     seed, frame_index : key of this frame's random numbers.
     exposure_s, band_gain : for a detector in electrons: dark current, and the `white_balance` of a colour image.
-    noise : what `begin_noise` gave for this sensor, seed, frame and shape; drawn here without it.
+    noise : what `start_noise` gave for this sensor, seed, frame and shape; drawn here without it.
 
     Returns
     -------
@@ -156,11 +156,11 @@ def digitise(
     return out.reshape(signal.shape)
 
 
-def prefetch_scene_noise(scene: SceneState) -> Callable[[], RecipeNoise]:
+def prefetch_scene_noise(scene: SceneState) -> Callable[[], ImageNoise]:
     """Draw the additive noise of a scene's picture on another thread; the result is for `digitise_scene`."""
     bands = len(bands_of(scene.bands))
     size = (scene.camera.height_px, scene.camera.width_px)
-    return begin_noise(size if bands == 1 else (*size, bands), scene.sensor, scene.seed, scene.frame_index)
+    return start_noise(size if bands == 1 else (*size, bands), scene.sensor, scene.seed, scene.frame_index)
 
 
 def expose_scene(scene: SceneState, radiance_w_m2_sr: Float32Array) -> Float32Array:
@@ -185,7 +185,7 @@ def digitise_scene(
     scene: SceneState,
     signal: Float32Array,
     sensor: Sensor | None = None,
-    noise: Callable[[], RecipeNoise] | None = None,
+    noise: Callable[[], ImageNoise] | None = None,
 ) -> NDArray[np.unsignedinteger]:
     """Digital numbers of an exposed scene.
 

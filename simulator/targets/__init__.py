@@ -1,1 +1,1 @@
-"""Parametric spacecraft: geometry, materials, keypoints, wireframe; the target file. No GL, no world."""
+"""Targets: geometry, materials, keypoints, wireframe, mass; target files and imported meshes. No GL, no world."""

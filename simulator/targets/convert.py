@@ -12,20 +12,20 @@ import numpy as np
 from simulator.runtime.arrays import Vec3
 from simulator.targets.model import Edge, Keypoint, MassProperties, Occluders
 from simulator.targets.records import (
-    BoardModel,
+    BoardModelRecord,
     EdgeRecord,
-    FrameRecord,
     KeypointRecord,
     MassRecord,
     OccludersRecord,
     OutlinesRecord,
+    ReferenceFrameRecord,
     TargetRecord,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from simulator.targets.model import Material, Part, Picture, Target
+    from simulator.targets.model import Material, Part, Target, TextureImage
 
 
 def _keypoints(points: Sequence[Keypoint]) -> tuple[KeypointRecord, ...]:
@@ -49,7 +49,7 @@ def content_sha256(
     keypoints: Sequence[Keypoint],
     wireframe: Sequence[Edge],
     occluders: Occluders,
-    pictures: Sequence[Picture] = (),
+    pictures: Sequence[TextureImage] = (),
 ) -> str:
     """SHA-256 of everything that a picture or a label of the target depends on.
 
@@ -106,7 +106,7 @@ def record_of(target: Target) -> TargetRecord:
         wireframe=_wireframe(target.wireframe),
         occluders=_occluders(target.occluders),
         mass=MassRecord(target.mass.mass_kg, target.mass.com_m, target.mass.inertia_kg_m2),
-        frames={name: FrameRecord(o, a) for name, (o, a) in target.frames.items()},
+        frames={name: ReferenceFrameRecord(o, a) for name, (o, a) in target.frames.items()},
         symmetry_wxyz=target.symmetry,
         notes=target.notes,
         crinkle={m.name: m.crinkle for m in target.materials if m.crinkle > 0},
@@ -115,9 +115,9 @@ def record_of(target: Target) -> TargetRecord:
     )
 
 
-def board_model(target: Target, outlines: OutlinesRecord | None = None) -> BoardModel:
+def board_model(target: Target, outlines: OutlinesRecord | None = None) -> BoardModelRecord:
     """The target as a board knows it."""
-    return BoardModel(
+    return BoardModelRecord(
         schema="flyaround.board_model",
         version=1,
         name=target.name,

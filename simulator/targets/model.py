@@ -22,7 +22,7 @@ class Material:
     anisotropy : KHR_materials_anisotropy's strength, 0..1: how much wider a brushed metal's highlight is across its
         grain. grain : direction of the brushing, target frame, as it lies on each face; any length.
     turned : the grain runs around that direction, as a lathe leaves it, instead of along it.
-    base_color_texture : name of a `Picture` (sRGB) that multiplies ``base_color`` where the part has texture
+    base_color_texture : name of a `TextureImage` (sRGB) that multiplies ``base_color`` where the part has texture
         coordinates; none when empty.
     metallic_roughness_texture : a picture whose green and blue multiply ``roughness`` and ``metallic``.
     normal_texture : a picture of normals in the tangent frame, green towards the picture's top.
@@ -49,7 +49,7 @@ class Material:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Picture:
+class TextureImage:
     """A texture as a PNG or JPEG file, by name; rows from the top, repeated outside 0..1."""
 
     name: str
@@ -150,4 +150,4 @@ class Target:
     symmetry: tuple[tuple[float, float, float, float], ...] = ()
     notes: str = ""
     occluders: Occluders = field(default_factory=Occluders)
-    pictures: tuple[Picture, ...] = ()
+    pictures: tuple[TextureImage, ...] = ()

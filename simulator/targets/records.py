@@ -51,7 +51,7 @@ class MassRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     inertia_kg_m2: Mat3
 
 
-class FrameRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ReferenceFrameRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A named frame on the craft: origin [m] and axis (unit vector)."""
 
     origin_m: Vec3
@@ -74,7 +74,7 @@ class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     wireframe: tuple[EdgeRecord, ...] = ()
     occluders: OccludersRecord = OccludersRecord()
     mass: MassRecord
-    frames: dict[str, FrameRecord] = {}
+    frames: dict[str, ReferenceFrameRecord] = {}
     symmetry_wxyz: tuple[Quat, ...] = ()
     notes: str = ""
     crinkle: dict[str, Fraction] = {}
@@ -119,7 +119,7 @@ class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     members: tuple[tuple[int, ...], ...]
 
 
-class BoardModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class BoardModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What a board needs of a target to estimate its pose: a few thousand faces at most."""
 
     schema: Literal["flyaround.board_model"]
@@ -142,4 +142,4 @@ def target_json_schema() -> dict[str, Any]:
 
 def board_json_schema() -> dict[str, Any]:
     """JSON Schema (draft 2020-12) of the board file."""
-    return msgspec.json.schema(BoardModel)
+    return msgspec.json.schema(BoardModelRecord)

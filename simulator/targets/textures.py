@@ -7,7 +7,7 @@ import warnings
 from typing import Any
 
 from simulator.errors import UserError
-from simulator.targets.model import Picture
+from simulator.targets.model import TextureImage
 
 MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 MOST_SIDE_PX, MOST_PIXELS = 16_384, 8192 * 8192
@@ -50,7 +50,7 @@ def check_picture(data: bytes, where: str) -> None:
         raise UserError(f"{where} has {size[0]:,} x {size[1]:,} pixels; make it smaller, at most 8192 x 8192")
 
 
-def pictures_of(document: dict[str, Any], blob: bytes) -> tuple[Picture, ...]:
+def pictures_of(document: dict[str, Any], blob: bytes) -> tuple[TextureImage, ...]:
     """The embedded pictures of a document."""
     out = []
     for k, image in enumerate(document.get("images") or []):
@@ -59,11 +59,13 @@ def pictures_of(document: dict[str, Any], blob: bytes) -> tuple[Picture, ...]:
         data = blob[start : start + view["byteLength"]]
         if len(data) < view["byteLength"]:
             raise ValueError("a picture runs past the end of its buffer")
-        out.append(Picture(name=str(image.get("name") or f"picture-{k + 1}"), data=data))
+        out.append(TextureImage(name=str(image.get("name") or f"picture-{k + 1}"), data=data))
     return tuple(out)
 
 
-def texture_name(document: dict[str, Any], info: dict[str, Any] | None, pictures: tuple[Picture, ...]) -> str:
+def texture_name(
+    document: dict[str, Any], info: dict[str, Any] | None, pictures: tuple[TextureImage, ...]
+) -> str:
     """The name of the picture that a texture reference means; empty when there is none."""
     if info is None:
         return ""

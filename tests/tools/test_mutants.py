@@ -19,7 +19,7 @@ from tools.mutants import judge, python_bugs, shader_bugs
 from tools.mutants.__main__ import noticed, table
 from tools.mutants.bug import difference
 from tools.mutants.scope import LEFT_OUT, files
-from tools.mutants.tests_of import Choice
+from tools.mutants.tests_of import SelectedTests
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -166,7 +166,7 @@ def test_a_judge_tells_what_is_seen_from_what_is_not(tmp_path: Path) -> None:
         after = _SMALL.replace(old, new)
         bug = python_bugs.Bug("small.py", 1, what, 0)
         # no time at all, so that what hangs is stopped after a minute of the processor
-        cases.append(judge.Case(bug, "small.py", _SMALL, after, Choice(("test_small.py",), 0.0)))
+        cases.append(judge.Case(bug, "small.py", _SMALL, after, SelectedTests(("test_small.py",), 0.0)))
     judge.judge(cases, [copy], lambda case, verdict: heard.update({case.what.kind: verdict.word}))
     assert heard == {"seen": "killed", "unseen": "survived", "counted": "timeout"}
     assert (copy.tree / "small.py").read_text() == _SMALL
@@ -196,5 +196,5 @@ def test_a_judge_that_is_interrupted_leaves_no_tests_running(
 
 def _interrupted() -> Iterator[judge.Case]:
     bug = python_bugs.bugs_of("a.py", "y = a + b\n")[0]
-    yield judge.Case(bug, "a.py", "y = a + b\n", "y = a - b\n", Choice(("a",), 1.0))
+    yield judge.Case(bug, "a.py", "y = a + b\n", "y = a - b\n", SelectedTests(("a",), 1.0))
     raise KeyboardInterrupt

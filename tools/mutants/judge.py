@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tools.mutants.bug import Bug
-    from tools.mutants.tests_of import Choice
+    from tools.mutants.tests_of import SelectedTests
 
 _LIBRARIES = [
     "numpy",
@@ -249,7 +249,7 @@ class Case:
     file: str
     before: str
     after: str
-    choice: Choice
+    choice: SelectedTests
 
 
 def judge(cases: Iterable[Case], copies: Sequence[Copy], told: Callable[[Case, Verdict], None]) -> None:

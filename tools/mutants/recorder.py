@@ -20,7 +20,7 @@ FOLDER = "FLYAROUND_MUTANTS_RECORD"
 """Environment variable: where the record goes, as ``lines`` (coverage's own file) and ``tests.json``."""
 
 
-class Recorder:
+class CoverageRecorder:
     """One coverage context a test; a test's fixtures count as its own."""
 
     def __init__(self, folder: Path) -> None:
@@ -69,6 +69,6 @@ class Recorder:
 def pytest_configure(config: pytest.Config) -> None:
     """Record where a folder is named."""
     if folder := os.environ.get(FOLDER):
-        recorder = Recorder(Path(folder))
+        recorder = CoverageRecorder(Path(folder))
         config.pluginmanager.register(recorder, "flyaround-mutants")
         recorder.start()

@@ -85,7 +85,7 @@ def record(root: Path, kept: Path, parts: Iterable[str] = tuple(PARTS)) -> None:
 
 
 @dataclass(frozen=True)
-class Choice:
+class SelectedTests:
     """Tests that may see a bug, most likely first, and how long they take in all [s]."""
 
     tests: tuple[str, ...]
@@ -177,7 +177,7 @@ class TestsOf:
                         counts[context] += 1
         return counts
 
-    def of_line(self, file: str, line: int, budget_s: float) -> Choice:
+    def of_line(self, file: str, line: int, budget_s: float) -> SelectedTests:
         """Tests for a bug in a line of Python, as many as the time allows."""
         lines = self.lines(file)
         run = set(lines.get(line, ()))
@@ -185,7 +185,7 @@ class TestsOf:
             run = self._by_name(file, line) or set().union(*lines.values())
         return self._ranked(run, file, budget_s)
 
-    def of_shader(self, file: str, budget_s: float) -> Choice:
+    def of_shader(self, file: str, budget_s: float) -> SelectedTests:
         """Tests that ask for a program which includes a shader."""
         roots = {root for root in self._shader_roots if file in self._included(root)}
         run = {
@@ -222,7 +222,7 @@ class TestsOf:
                 found = found.union(*(covered.get(k + 1, ()) for k, t in enumerate(now) if word.search(t)))
         return found
 
-    def _ranked(self, run: set[str], file: str, budget_s: float) -> Choice:
+    def _ranked(self, run: set[str], file: str, budget_s: float) -> SelectedTests:
         """The most telling first: those named after the file, then those that run little else, then quick ones."""
         stem = file.rsplit("/", maxsplit=1)[-1].split(".", maxsplit=1)[0]
         words = {w for w in re.split(r"_", stem) if len(w) > 3} | {stem}
@@ -245,7 +245,7 @@ class TestsOf:
         chosen = dict.fromkeys(self._asked(test) for test in chosen)
         # one file's tests together, since they share what is made for them
         files = {test.split("::")[0]: k for k, test in reversed(list(enumerate(chosen)))}
-        return Choice(tuple(sorted(chosen, key=lambda t: files[t.split("::")[0]])), spent)
+        return SelectedTests(tuple(sorted(chosen, key=lambda t: files[t.split("::")[0]])), spent)
 
     def _stands(self, test: str) -> bool:
         """Whether a recorded test is still in its file."""

@@ -72,7 +72,7 @@ def arithmetic_of(sensor: Sensor) -> Arithmetic:
 
 
 @dataclass(frozen=True, eq=False)
-class RecipeNoise:
+class ImageNoise:
     """The random part of one picture.
 
     Parameters
@@ -86,9 +86,9 @@ class RecipeNoise:
     factors: Float32Array | None
 
 
-def begin_noise(
+def start_noise(
     shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int
-) -> Callable[[], RecipeNoise]:
+) -> Callable[[], ImageNoise]:
     """Have a frame's noise drawn by another thread; the result, called once, waits for it.
 
     Parameters
@@ -106,7 +106,7 @@ def _thread(_process: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, thread_name_prefix="flyaround-noise")
 
 
-def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int) -> RecipeNoise:
+def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int) -> ImageNoise:
     """The noise of one picture, of a recipe and not of a detector in electrons."""
     size = shape[0], int(np.prod(shape[1:]))
     factors = None
@@ -116,13 +116,13 @@ def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: i
     arithmetic = arithmetic_of(sensor)
     half = 0.5 * arithmetic.steps_per_dn
     if sensor.gaussian_variance <= 0:
-        return RecipeNoise(np.full((1, 1), half, arithmetic.dtype), factors)
+        return ImageNoise(np.full((1, 1), half, arithmetic.dtype), factors)
     first, second = normal_tables(arithmetic.sigma_dn * arithmetic.steps_per_dn, arithmetic.dtype)
     drawn = random_bytes(bit_source(seed, frame_index, _ADDITIVE_KEY), (2, *size))
-    return RecipeNoise(_looked_up(drawn, first + first.dtype.type(half), second), factors)
+    return ImageNoise(_table_sums(drawn, first + first.dtype.type(half), second), factors)
 
 
-def _looked_up(drawn: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+def _table_sums(drawn: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
     """Sums of two tables' entries for bytes (2, rows, columns); in strips that OpenCV keeps to this thread.
 
     Its pool of threads spins while it waits, and takes the processors from the driver, which is drawing.

@@ -41,7 +41,7 @@ LARGEST_RADIUS = 1.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Outlines:
+class OccludingContours:
     """Outlines from V directions of N points each.
 
     Parameters
@@ -80,7 +80,7 @@ class _Surface:
     smooth: BoolArray
 
 
-def outlines_of(target: Target, views: int = VIEWS, points: int = POINTS) -> Outlines:
+def outlines_of(target: Target, views: int = VIEWS, points: int = POINTS) -> OccludingContours:
     """The outlines of a target from ``views`` directions spread evenly over the sphere."""
     surface = _surface(target)
     low, high = surface.positions_m.min(axis=0), surface.positions_m.max(axis=0)
@@ -88,7 +88,7 @@ def outlines_of(target: Target, views: int = VIEWS, points: int = POINTS) -> Out
     radius = float(np.linalg.norm(surface.positions_m - center, axis=1).max())
     directions = sphere_directions(views)
     rows = [_view(surface, center, radius, d, points) for d in directions]
-    return Outlines(
+    return OccludingContours(
         center_m=center,
         range_m=RANGE_RADII * radius,
         directions=directions,

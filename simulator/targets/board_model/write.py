@@ -14,12 +14,12 @@ from simulator.runtime.arrays import vec3
 from simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
 from simulator.runtime.files import write_atomic
 from simulator.targets.board_model.bsp_tree import build_tree
-from simulator.targets.board_model.contours import LARGEST_RADIUS, RANGE_RADII, Outlines, outlines_of
+from simulator.targets.board_model.contours import LARGEST_RADIUS, RANGE_RADII, OccludingContours, outlines_of
 from simulator.targets.board_model.outer_faces import outer_triangles, paired
 from simulator.targets.convert import board_model
 from simulator.targets.detail import DETAILS
 from simulator.targets.library import built_in_targets, cache_name, load_target
-from simulator.targets.records import BoardModel, FacesRecord, OutlinesRecord
+from simulator.targets.records import BoardModelRecord, FacesRecord, OutlinesRecord
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,12 +55,12 @@ def write_board_model(target: Target, path: Path) -> None:
     write_atomic(path, msgspec.json.encode(board_record(target)))
 
 
-def board_record(target: Target) -> BoardModel:
+def board_record(target: Target) -> BoardModelRecord:
     """All that the board file holds of ``target``."""
     return msgspec.structs.replace(board_model(target, cached_outlines(target)), faces=cached_faces(target))
 
 
-def packed(o: Outlines) -> OutlinesRecord:
+def packed(o: OccludingContours) -> OutlinesRecord:
     """Outlines in their small form; positions to a part in 8192 of the craft's radius, normals to half a degree."""
     radius = o.range_m / RANGE_RADII
     step, radius_step = radius / POSITION_STEPS, radius * LARGEST_RADIUS / 255

@@ -11,7 +11,7 @@ from simulator.targets.builders.mass import Lump, mass_properties
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.check_target import check_target
 from simulator.targets.convert import content_sha256
-from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Picture, Target
+from simulator.targets.model import Edge, Keypoint, MassProperties, Material, Occluders, Target, TextureImage
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ def assemble(
     frames: dict[str, tuple[Vec3, Vec3]],
     symmetry: tuple[Quat, ...] = (),
     notes: str = "",
-    pictures: tuple[Picture, ...] = (),
+    pictures: tuple[TextureImage, ...] = (),
 ) -> Target:
     """A target of the pieces, with those of ``materials`` that they use.
 
@@ -72,7 +72,7 @@ def assemble_lumped(
     frames: dict[str, tuple[Vec3, Vec3]],
     symmetry: tuple[Quat, ...] = (),
     notes: str,
-    pictures: tuple[Picture, ...] = (),
+    pictures: tuple[TextureImage, ...] = (),
 ) -> Target:
     """``assemble`` from keypoints by name, coarse closed bodies and a mass list.
 

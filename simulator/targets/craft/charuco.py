@@ -33,7 +33,7 @@ from simulator.targets.craft.chessboard import (
     squares,
 )
 from simulator.targets.detail import Detail
-from simulator.targets.model import Material, Picture, Target
+from simulator.targets.model import Material, Target, TextureImage
 
 DICTIONARY = cv2.aruco.DICT_4X4_50
 MARKER_M = 0.030
@@ -71,7 +71,7 @@ def build_calibration_board(detail: Detail = "full") -> Target:  # noqa: ARG001 
         "Calibration board (ChArUco), 11 x 8 squares of 40 mm",
         Piece("squares_light", PRINTED.name, tiles, uv),
         materials=(PRINTED,),
-        pictures=(Picture(name=MARKERS, data=two_tone_png(_ink(), (INK_SRGB, PAPER_SRGB))),),
+        pictures=(TextureImage(name=MARKERS, data=two_tone_png(_ink(), (INK_SRGB, PAPER_SRGB))),),
         notes=NOTES,
     )
 

@@ -23,7 +23,7 @@ from simulator.targets.craft.assemble import assemble_lumped
 from simulator.targets.craft.finishes import BARE_ALUMINIUM
 from simulator.targets.craft.wire import face_edges
 from simulator.targets.detail import Detail
-from simulator.targets.model import Edge, Material, Picture, Target
+from simulator.targets.model import Edge, Material, Target, TextureImage
 from simulator.targets.tango.labels import box_edges
 
 COLUMNS, ROWS = 11, 8
@@ -55,7 +55,7 @@ def board(
     *,
     notes: str,
     materials: tuple[Material, ...] = (),
-    pictures: tuple[Picture, ...] = (),
+    pictures: tuple[TextureImage, ...] = (),
 ) -> Target:
     """A board with the given light squares; its dark squares, plate, labels and mass are the same for all."""
     return assemble_lumped(

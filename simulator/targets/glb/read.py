@@ -25,7 +25,7 @@ from simulator.targets.convert import (
     wireframe_of,
 )
 from simulator.targets.detail import split_level
-from simulator.targets.model import Material, Part, Picture, Target
+from simulator.targets.model import Material, Part, Target, TextureImage
 from simulator.targets.records import TargetRecord
 from simulator.targets.textures import pictures_of, texture_name
 
@@ -168,7 +168,7 @@ def _extras(document: dict[str, Any]) -> object:
 
 
 def _material(
-    document: dict[str, Any], m: dict[str, Any], record: TargetRecord, pictures: tuple[Picture, ...]
+    document: dict[str, Any], m: dict[str, Any], record: TargetRecord, pictures: tuple[TextureImage, ...]
 ) -> Material:
     pbr = m.get("pbrMetallicRoughness", {})
     r, g, b = (float(c) for c in pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])

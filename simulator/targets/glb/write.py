@@ -22,7 +22,7 @@ from simulator.targets.textures import mime_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from simulator.targets.model import Material, Part, Picture, Target
+    from simulator.targets.model import Material, Part, Target, TextureImage
 
 # glTF 2.0 specification: sections 5.11.5 (use of a buffer), 3.6.2.2 (numbers), 5.24.4 (triangles), 5.26 (samplers)
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, TRIANGLES = 34962, 34963, 5126, 5125, 4
@@ -102,7 +102,7 @@ def _chunks(document: Json, blob: bytes) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def _gltf_material(m: Material, pictures: tuple[Picture, ...]) -> Json:
+def _gltf_material(m: Material, pictures: tuple[TextureImage, ...]) -> Json:
     pbr: Json = {
         "baseColorFactor": [*m.base_color, 1.0],
         "metallicFactor": m.metallic,
@@ -159,7 +159,7 @@ def _append(document: Json, blob: bytearray, data: NDArray[Any], use: int) -> in
     return len(document["accessors"]) - 1
 
 
-def _append_pictures(document: Json, blob: bytearray, pictures: tuple[Picture, ...]) -> None:
+def _append_pictures(document: Json, blob: bytearray, pictures: tuple[TextureImage, ...]) -> None:
     """Embed the pictures after the vertex data, as one texture each, in order."""
     if not pictures:
         return

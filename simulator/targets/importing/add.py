@@ -19,7 +19,7 @@ from simulator.targets.importing.read.mesh_file import read_mesh
 from simulator.targets.importing.read.raw_model import unique_names
 from simulator.targets.importing.read.textures import bake_textures
 from simulator.targets.importing.repair.cleanup import (
-    Tally,
+    RepairCounts,
     check_surface,
     oriented,
     welded_body,
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
     from simulator.runtime.arrays import FloatArray
     from simulator.targets.importing.read.raw_model import RawModel
-    from simulator.targets.importing.repair.topology import Body
+    from simulator.targets.importing.repair.topology import MeshBody
     from simulator.targets.model import Material, Part
 
 
@@ -123,7 +123,7 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
 
 def read_surface(
     path: Path, options: ImportOptions
-) -> tuple[RawModel, list[Body], float, list[Material], list[Part], list[str]]:
+) -> tuple[RawModel, list[MeshBody], float, list[Material], list[Part], list[str]]:
     """A mesh file read, placed, checked, repaired and shaded: everything of an import but labels and mass.
 
     Returns
@@ -172,11 +172,11 @@ def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None
         raise UserError(f"{error}; or add --units m to take it as a plain mesh with new keypoints") from error
 
 
-def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[list[Body], float]:
+def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[list[MeshBody], float]:
     """Welded, reduced, filled and outward bodies, and the craft's extent [m]."""
     low, high = bounds(model)
     extent = float((high - low).max())
-    tally = Tally()
+    tally = RepairCounts()
     bodies = []
     for part in model.parts:
         body = welded_body(part, low, extent, tally)
@@ -192,7 +192,7 @@ def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[
         before = sum(len(b.triangles) for b in bodies)
         original, bodies = bodies, decimate(bodies, options.decimate)
         off = deviation(original, bodies)
-        bodies = [without_slivers(b, extent, Tally()) for b in bodies]
+        bodies = [without_slivers(b, extent, RepairCounts()) for b in bodies]
         bodies = [b for b in bodies if len(b.triangles)]
         after = sum(len(b.triangles) for b in bodies)
         summary = (
@@ -229,7 +229,7 @@ def _bodies(model: RawModel, options: ImportOptions, lines: list[str]) -> tuple[
 
 
 def _parts(
-    bodies: list[Body], materials: list[Material], options: ImportOptions, lines: list[str]
+    bodies: list[MeshBody], materials: list[Material], options: ImportOptions, lines: list[str]
 ) -> list[Part]:
     parts: list[Part] = []
     taken = absent = wrong = 0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.detector.image_noise import LEAST_AHEAD, begin_noise
+from simulator.camera.detector.image_noise import LEAST_AHEAD, start_noise
 from simulator.camera.detector.presets import sensor_preset
 from simulator.imaging.image_formation import digitise
 
@@ -15,8 +15,8 @@ from simulator.imaging.image_formation import digitise
 def test_noise_drawn_ahead_changes_no_byte(shape: tuple[int, ...], preset: str, bits: int) -> None:
     sensor = replace(sensor_preset(preset), bits=bits)
     signal = np.random.default_rng(1).random(shape, np.float32)
-    ahead = begin_noise(shape, sensor, 5, 9)
-    begin_noise(shape, sensor, 5, 10)()  # another frame's, between the two
+    ahead = start_noise(shape, sensor, 5, 9)
+    start_noise(shape, sensor, 5, 10)()  # another frame's, between the two
     assert np.array_equal(digitise(signal, sensor, 5, 9, noise=ahead), digitise(signal, sensor, 5, 9))
 
 

@@ -13,7 +13,14 @@ from typer.testing import CliRunner
 from flyaround.cli import app
 from simulator.camera.lens.files import load_camera
 from simulator.compare.comparison import Pair, compare_pictures
-from simulator.compare.figures import binary_edges, edge_threshold, look_at, moved_dn, noise_dn, sobel
+from simulator.compare.image_statistics import (
+    binary_edges,
+    edge_threshold,
+    histogram_distance_dn,
+    image_statistics,
+    noise_dn,
+    sobel,
+)
 from simulator.compare.page import write_comparison
 from simulator.compare.references import fitted, read_references, read_speed_labels
 from simulator.dataset.single_frames import save_picture
@@ -44,7 +51,9 @@ def test_the_noise_of_a_noisy_plane_is_found_beside_an_edge() -> None:
 
 def test_a_histogram_moved_by_ten_is_ten_away() -> None:
     image = np.random.default_rng(1).integers(20, 90, (64, 64)).astype(np.uint8)
-    assert moved_dn(look_at(image).histogram, look_at(image + 10).histogram, 256.0) == pytest.approx(10.0)
+    assert histogram_distance_dn(
+        image_statistics(image).histogram, image_statistics(image + 10).histogram, 256.0
+    ) == pytest.approx(10.0)
 
 
 def test_a_square_has_edges_where_its_sides_are() -> None:
@@ -55,7 +64,7 @@ def test_a_square_has_edges_where_its_sides_are() -> None:
     assert edges[28:32, 50].any()
     assert not edges[40:60, 40:60].any()
     assert not edges[:20].any()
-    assert look_at(image).space
+    assert image_statistics(image).space
 
 
 @pytest.fixture(scope="module")

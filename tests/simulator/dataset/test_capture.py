@@ -21,7 +21,7 @@ from simulator.frame import take_frame
 from simulator.labels.truth import read_truth, truth_json_schema
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
-from tools.validation.labels.faults import spoil
+from tools.validation.labels.faults import inject_fault
 
 pytestmark = pytest.mark.gl
 
@@ -302,7 +302,7 @@ def test_a_frame_whose_labels_disagree_is_kept_apart_and_named_in_the_card(tmp_p
 
     def careless(renderer, scene, target, *, labels):
         frame = take_frame(renderer, scene, target, labels=labels)
-        return frame if scene.frame_index != 1 else spoil("mask moved", frame)
+        return frame if scene.frame_index != 1 else inject_fault("mask moved", frame)
 
     monkeypatch.setattr(drawing, "take_frame", careless)
     folder = tmp_path / "set"

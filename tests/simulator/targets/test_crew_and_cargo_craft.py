@@ -27,7 +27,7 @@ from simulator.targets.glb.read import load_glb
 from simulator.targets.glb.write import write_glb
 from simulator.targets.library import list_targets
 from simulator.targets.model import Part, Target
-from simulator.targets.records import BoardModel
+from simulator.targets.records import BoardModelRecord
 
 
 @dataclass(frozen=True)
@@ -325,7 +325,7 @@ def test_board_file_holds_the_labels(name: str) -> None:
     data = msgspec.json.encode(
         board_model(target)
     )  # with outlines: tests/simulator/targets/board_model/test_contours.py
-    board = msgspec.json.decode(data, type=BoardModel)
+    board = msgspec.json.decode(data, type=BoardModelRecord)
     assert board.sha256 == target.sha256
     assert len(board.wireframe) == len(target.wireframe)
     assert [k.name for k in board.keypoints] == [k.name for k in target.keypoints]

@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from simulator.frame import take_frame
-from tools.validation.labels.faults import SPOILERS, spoil
+from tools.validation.labels.faults import FAULTS, inject_fault
 from tools.validation.labels.frames import cached_target, random_frame
 from tools.validation.labels.report import _check, check_one, dataset_card, newest, page, summary
 
@@ -46,17 +46,17 @@ def test_every_way_of_spoiling_is_caught(renderer):
     tried = set()
     for k in _cheap_frames():
         scene, request = random_frame(3, k)
-        left = [kind for kind in SPOILERS if kind not in tried]
+        left = [kind for kind in FAULTS if kind not in tried]
         if scene.shutter.is_rolling or not left:
             continue
         frame = take_frame(renderer, scene, cached_target(scene.target.name), labels=request)
         card = dataset_card(renderer, frame, 3)
         for kind in left:
-            spoilt = spoil(kind, frame)
+            spoilt = inject_fault(kind, frame)
             if spoilt is not None:
                 tried.add(kind)
                 assert _check(k, spoilt, card), kind
-    assert len(tried) >= len(SPOILERS) - 2
+    assert len(tried) >= len(FAULTS) - 2
 
 
 @pytest.mark.parametrize("k", [6006, 9405, 9447])

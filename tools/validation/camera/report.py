@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector.image_noise import begin_noise
+from simulator.camera.detector.image_noise import start_noise
 from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.presets import list_sensor_presets, sensor_preset
 from simulator.camera.detector.sensor import Detector
@@ -237,7 +237,7 @@ def cost(_seed: int) -> Section:
         runs = []
         for k in range(7):
             cpu = time.process_time()
-            noise = begin_noise(light.shape, sensor, 1, k)
+            noise = start_noise(light.shape, sensor, 1, k)
             time.sleep(_RENDERER_S)
             wall = time.perf_counter()
             digitise(expose(light, sensor, 1e-3, 1.0, optics), sensor, 1, k, 1e-3, noise=noise)

@@ -1,4 +1,4 @@
-"""Ways to spoil one label of a frame, record and hashes kept in agreement, for the test of the check itself."""
+"""Faults planted in one label of a frame, record and hashes kept in agreement, for the test of the check itself."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ ENOUGH_PX = 400
 """A craft of fewer pixels can be so thin that a label's neighbour is as right as itself."""
 
 
-def spoil(kind: str, frame: Frame) -> Frame | None:
+def inject_fault(kind: str, frame: Frame) -> Frame | None:
     """A copy of a frame with one wrong label; None where the frame does not have it, or is too small to tell."""
     if frame.mask is None or frame.truth is None or np.count_nonzero(frame.mask) < ENOUGH_PX:
         return None
-    return SPOILERS[kind](frame)
+    return FAULTS[kind](frame)
 
 
 def _record(change: Callable[[dict[str, Any]], bool]) -> Callable[[Frame], Frame | None]:
@@ -146,7 +146,7 @@ def _offset(clean: NDArray[Any]) -> NDArray[Any]:
     )
 
 
-SPOILERS: dict[str, Callable[[Frame], Frame | None]] = {
+FAULTS: dict[str, Callable[[Frame], Frame | None]] = {
     "mask moved": _shifted_mask,
     "keypoint moved by 0.001 px": _record(_moved_keypoint),
     "hidden keypoint shown": _record(_hidden_keypoint_shown),

@@ -35,7 +35,7 @@ from simulator.frame import Frame, take_frame
 from simulator.labels.truth import read_truth
 from simulator.render.renderer import Renderer
 from simulator.runtime.files import write_atomic
-from tools.validation.labels.faults import SPOILERS, spoil
+from tools.validation.labels.faults import FAULTS, inject_fault
 from tools.validation.labels.frames import cached_target, random_frame
 
 if TYPE_CHECKING:
@@ -71,9 +71,9 @@ def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
         "faults": faults,
     }
     if k % SPOILT_EVERY == 0 and not faults:
-        kinds, first = list(SPOILERS), k // SPOILT_EVERY % len(SPOILERS)
+        kinds, first = list(FAULTS), k // SPOILT_EVERY % len(FAULTS)
         for kind in kinds[first:] + kinds[:first]:
-            spoilt = spoil(kind, frame)
+            spoilt = inject_fault(kind, frame)
             if spoilt is not None:
                 result |= {"spoilt": kind, "caught": bool(_check(k, spoilt, card))}
                 break

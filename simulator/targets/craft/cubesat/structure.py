@@ -36,7 +36,7 @@ CORNERS = (("nx", "ny", -1, -1), ("px", "ny", 1, -1), ("px", "py", 1, 1), ("nx",
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
+class RailFrame:
     """Outer size of the rails [m]."""
 
     x_m: float
@@ -64,13 +64,13 @@ class Frame:
         return self.z_m / 2 - RAIL_END_M
 
 
-U1 = Frame(x_m=0.100, y_m=0.100, z_m=0.1135)
-U3 = Frame(x_m=0.100, y_m=0.100, z_m=0.3405)
-U6 = Frame(x_m=0.2263, y_m=0.100, z_m=0.3660)
+U1 = RailFrame(x_m=0.100, y_m=0.100, z_m=0.1135)
+U3 = RailFrame(x_m=0.100, y_m=0.100, z_m=0.3405)
+U6 = RailFrame(x_m=0.2263, y_m=0.100, z_m=0.3660)
 
 
 def structure(
-    frame: Frame,
+    frame: RailFrame,
     detail: Detail,
     *,
     rings_z_m: tuple[float, ...] = (),
@@ -103,14 +103,14 @@ def structure(
     return pieces
 
 
-def _side_plates(frame: Frame) -> list[Mesh]:
+def _side_plates(frame: RailFrame) -> list[Mesh]:
     fx, fy, (x, y, _), z = frame.face_x_m, frame.face_y_m, frame.half, frame.face_z_m - 0.004
     px = box((fx - PLATE_M, -y + RAIL_M, -z), (fx, y - RAIL_M, z))
     py = box((-x + RAIL_M, fy - PLATE_M, -z), (x - RAIL_M, fy, z))
     return [px, px.mirrored(0), py, py.mirrored(1)]
 
 
-def _end_plates(frame: Frame) -> list[Mesh]:
+def _end_plates(frame: RailFrame) -> list[Mesh]:
     x, y, z = frame.half[0] - RECESS_M, frame.half[1] - RECESS_M, frame.face_z_m
     # a cross in outline: the rails run through its corners
     top = [
@@ -121,7 +121,7 @@ def _end_plates(frame: Frame) -> list[Mesh]:
     return [*top, *(m.mirrored(2) for m in top)]
 
 
-def _ribs(frame: Frame, rings_z_m: tuple[float, ...]) -> list[Mesh]:
+def _ribs(frame: RailFrame, rings_z_m: tuple[float, ...]) -> list[Mesh]:
     """Bars across the sides, half a millimetre below the rails."""
     x, y, _ = frame.half
     out = RECESS_M - RIB_M
@@ -139,7 +139,7 @@ def _ribs(frame: Frame, rings_z_m: tuple[float, ...]) -> list[Mesh]:
     return bars
 
 
-def _bolts(frame: Frame, detail: Detail) -> list[Mesh]:
+def _bolts(frame: RailFrame, detail: Detail) -> list[Mesh]:
     """Countersunk screws in the rails' sides and in the end plates."""
     x, y, z = frame.half
     heights = np.linspace(-z + 0.012, z - 0.012, max(2, round(frame.z_m / 0.05)))
@@ -161,7 +161,7 @@ def _bolts(frame: Frame, detail: Detail) -> list[Mesh]:
     return meshes
 
 
-def _screws(frame: Frame, heights_m: tuple[float, ...], lift_m: float, detail: Detail) -> list[Mesh]:
+def _screws(frame: RailFrame, heights_m: tuple[float, ...], lift_m: float, detail: Detail) -> list[Mesh]:
     """Button heads along the panel boards of all four sides."""
     meshes = []
     for face, width, along in ((frame.face_x_m, frame.y_m, 1), (frame.face_y_m, frame.x_m, 0)):
@@ -178,7 +178,7 @@ def _screws(frame: Frame, heights_m: tuple[float, ...], lift_m: float, detail: D
     return meshes
 
 
-def corner_keypoints(frame: Frame) -> dict[str, Vec3]:
+def corner_keypoints(frame: RailFrame) -> dict[str, Vec3]:
     """Outer corners of the rails' ends: the eight points that a dispenser touches.
 
     The rails are rounded by a chamfer, so the points lie on the end faces, at the chamfer's corners.
@@ -192,7 +192,7 @@ def corner_keypoints(frame: Frame) -> dict[str, Vec3]:
     }
 
 
-def rail_edges(frame: Frame) -> list[Edge]:
+def rail_edges(frame: RailFrame) -> list[Edge]:
     """Edges of the four rails: all of the upright ones, and the outlines of their ends."""
     x, y, z = frame.half
     edges = []
@@ -208,7 +208,7 @@ def _inner(edge: Edge, sx: int, sy: int) -> bool:
     return any(n[0] * sx < 0 or n[1] * sy < 0 for n in edge.normals)
 
 
-def body_occluder(frame: Frame) -> Mesh:
+def body_occluder(frame: RailFrame) -> Mesh:
     """The whole structure as one box."""
     x, y, z = frame.half
     return box((-x, -y, -z + RAIL_END_M), (x, y, z - RAIL_END_M))

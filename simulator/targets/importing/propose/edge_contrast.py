@@ -15,7 +15,7 @@ import numpy as np
 from simulator.runtime.arrays import Float32Array, FloatArray
 from simulator.targets.geometry import sphere_directions
 from simulator.targets.importing.propose.surface_points import SurfacePoints, surface_points
-from simulator.targets.importing.repair.topology import Body
+from simulator.targets.importing.repair.topology import MeshBody
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,7 +35,7 @@ AMBIENT = 0.02
 
 
 def contrast_of(
-    bodies: list[Body],
+    bodies: list[MeshBody],
     materials: Sequence[Material],
     a_m: FloatArray,
     b_m: FloatArray,

@@ -12,7 +12,7 @@ from simulator.runtime.arrays import FloatArray, IntArray, vec3
 from simulator.targets.builders.mesh import across
 from simulator.targets.importing.propose.wireframe import crease_edges
 from simulator.targets.importing.repair.decimate import decimate
-from simulator.targets.importing.repair.topology import Body, apart, edge_table, used_vertices
+from simulator.targets.importing.repair.topology import MeshBody, apart, edge_table, used_vertices
 from simulator.targets.model import Keypoint
 
 WANTED = 16
@@ -23,7 +23,7 @@ CLOSEST = 0.02
 TURN_COS = float(np.cos(np.deg2rad(25.0)))
 
 
-def propose_keypoints(bodies: list[Body], extent: float) -> tuple[Keypoint, ...]:
+def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, ...]:
     """Up to sixteen vertices of the mesh: corners where creases meet or end, and the tips of its hull.
 
     The first is the one farthest from the middle, each next the one farthest from those before it; what is seen
@@ -36,7 +36,7 @@ def propose_keypoints(bodies: list[Body], extent: float) -> tuple[Keypoint, ...]
     # rounding, then order, so that equal distances are settled by place and not by the file's order
     order = np.lexsort(np.round(points / (1e-6 * extent)).T)
     points, is_corner = points[order], is_corner[order]
-    seen = times_seen(bodies, points)
+    seen = visible_directions_count(bodies, points)
     visible = seen >= FEWEST_VIEWS
     if visible.sum() >= WANTED:
         points, is_corner, seen = points[visible], is_corner[visible], seen[visible]
@@ -61,7 +61,7 @@ def propose_keypoints(bodies: list[Body], extent: float) -> tuple[Keypoint, ...]
     )
 
 
-def _candidates(bodies: list[Body]) -> tuple[FloatArray, np.ndarray]:
+def _candidates(bodies: list[MeshBody]) -> tuple[FloatArray, np.ndarray]:
     pieces = [apart(b) for b in bodies]
     corners = [b.positions_m[_corner_vertices(b)] for b in pieces]
     used = [b.positions_m[used_vertices(b.triangles, len(b.positions_m))] for b in bodies]
@@ -77,7 +77,7 @@ def _candidates(bodies: list[Body]) -> tuple[FloatArray, np.ndarray]:
     return points[first], is_corner[first]
 
 
-def _corner_vertices(body: Body) -> np.ndarray:
+def _corner_vertices(body: MeshBody) -> np.ndarray:
     """Vertices where three or more creases meet, or two at a real bend."""
     ends, _, _ = crease_edges(body, edge_table(body.triangles))
     if not len(ends):
@@ -119,7 +119,7 @@ TOLERANCE = 0.012
 DIRECTIONS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 
 
-def times_seen(bodies: list[Body], points_m: FloatArray) -> IntArray:
+def visible_directions_count(bodies: list[MeshBody], points_m: FloatArray) -> IntArray:
     """(K,) from how many of 26 directions each point (K, 3) is not hidden by the bodies."""
     if sum(len(b.triangles) for b in bodies) > MOST_TRIANGLES:
         bodies = decimate(bodies, MOST_TRIANGLES)

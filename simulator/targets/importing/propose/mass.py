@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simulator.runtime.arrays import FloatArray, vec3
-from simulator.targets.importing.repair.topology import Body
+from simulator.targets.importing.repair.topology import MeshBody
 from simulator.targets.model import MassProperties
 
 DENSITY_KG_M3 = 250.0
@@ -16,7 +16,7 @@ HOLLOW = 1e-3
 
 
 def mass_properties_of(
-    bodies: list[Body], mass_kg: float | None, density_kg_m3: float | None
+    bodies: list[MeshBody], mass_kg: float | None, density_kg_m3: float | None
 ) -> tuple[MassProperties, str]:
     """Mass, centre of mass and inertia, and one line on how they were found.
 

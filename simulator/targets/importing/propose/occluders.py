@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from simulator.runtime.arrays import FloatArray, IntArray
 from simulator.targets.geometry import sphere_directions
 from simulator.targets.importing.propose.surface_points import surface_points
-from simulator.targets.importing.repair.topology import Body
+from simulator.targets.importing.repair.topology import MeshBody
 from simulator.targets.model import Occluders
 
 POINTS = 120_000
@@ -45,7 +45,7 @@ class _Leaf:
     excess: float
 
 
-def propose_occluders(bodies: list[Body], extent: float) -> Occluders:
+def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
     """Convex bodies of together at most some 600 triangles whose outline is nearly the craft's."""
     surface = surface_points(bodies, POINTS)
     order = np.argsort(surface.piece, kind="stable")

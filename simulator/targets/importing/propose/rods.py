@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from simulator.runtime.arrays import BoolArray, FloatArray, vec3
-from simulator.targets.importing.repair.topology import Body, edge_table, face_bodies
+from simulator.targets.importing.repair.topology import MeshBody, edge_table, face_bodies
 from simulator.targets.model import Edge
 
 SLENDER = 5.0
@@ -19,7 +19,7 @@ THICKEST, SHORTEST = 0.05, 0.03
 FEWEST_FACES = 12
 
 
-def rods_of(body: Body, extent: float) -> list[Edge]:
+def rods_of(body: MeshBody, extent: float) -> list[Edge]:
     """The connected pieces that are rods."""
     count, label = face_bodies(body.triangles, edge_table(body.triangles))
     order = np.argsort(label, kind="stable")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulator.runtime.arrays import FloatArray, IntArray
-from simulator.targets.importing.repair.topology import Body, edge_table, face_bodies
+from simulator.targets.importing.repair.topology import MeshBody, edge_table, face_bodies
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class SurfacePoints:
     pieces: int
 
 
-def surface_points(bodies: list[Body], count: int) -> SurfacePoints:
+def surface_points(bodies: list[MeshBody], count: int) -> SurfacePoints:
     """About ``count`` points, evenly by area and the same for the same bodies, and every vertex of the bodies.
 
     Stratified along the list of faces, so that small faces get their share; seeded.

@@ -13,7 +13,7 @@ import numpy as np
 from simulator.runtime.arrays import BoolArray, FloatArray, IntArray, Vec3, vec3
 from simulator.targets.importing.propose.edge_contrast import contrast_of
 from simulator.targets.importing.propose.rods import along_rods, rods_of
-from simulator.targets.importing.repair.topology import Body, EdgeTable, apart, edge_table
+from simulator.targets.importing.repair.topology import EdgeTable, MeshBody, apart, edge_table
 from simulator.targets.model import Edge
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class _Stretch:
 
 
 def propose_wireframe(
-    bodies: list[Body], extent: float, materials: Sequence[Material]
+    bodies: list[MeshBody], extent: float, materials: Sequence[Material]
 ) -> tuple[tuple[Edge, ...], int]:
     """Edges by how well they show, the best first, and how many more there were than are kept.
 
@@ -139,7 +139,7 @@ def _both_sides(normals: FloatArray) -> tuple[Vec3, ...]:
     return tuple(rows) if len(rows) == 2 else (rows[0], vec3(-np.asarray(rows[0])))
 
 
-def crease_edges(body: Body, table: EdgeTable) -> tuple[IntArray, FloatArray, FloatArray]:
+def crease_edges(body: MeshBody, table: EdgeTable) -> tuple[IntArray, FloatArray, FloatArray]:
     """Sharp and open edges: ends (C, 2), normal left of the edge and right of it (C, 3), NaN where no face is."""
     unit = body.face_vectors
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
@@ -158,7 +158,7 @@ def crease_edges(body: Body, table: EdgeTable) -> tuple[IntArray, FloatArray, Fl
     return np.concatenate([ends, rim]), np.concatenate([left, rim_face]), np.concatenate([right, blank])
 
 
-def _stretches(body: Body, extent: float) -> list[_Stretch]:
+def _stretches(body: MeshBody, extent: float) -> list[_Stretch]:
     ends, left, right = crease_edges(body, edge_table(body.triangles))
     if not len(ends):
         return []

@@ -39,7 +39,7 @@ from simulator.targets.importing.read.raw_model import (
     unique_names,
 )
 from simulator.targets.importing.read.textures import LARGEST_PICTURE_BYTES, PictureReader
-from simulator.targets.model import Material, Picture
+from simulator.targets.model import Material, TextureImage
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -104,7 +104,7 @@ class _Reader:
         self.notes: list[str] = []
         self.files: dict[Path, bytes] = {}
         packed = [self._buffer(b, blob, k) for k, b in enumerate(document.get("buffers", []))]
-        self.pictures: dict[int, Picture] = {}
+        self.pictures: dict[int, TextureImage] = {}
         self.reader = PictureReader(path, self.notes)
         self.lost: set[str] = set()
         self.grain: dict[int, FloatArray] = {}

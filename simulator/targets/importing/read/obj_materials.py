@@ -10,7 +10,7 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.runtime.untrusted_files import find_beside, read_regular
 from simulator.targets.importing.read.textures import LARGEST_PICTURE_BYTES, PictureReader
-from simulator.targets.model import Material, Picture
+from simulator.targets.model import Material, TextureImage
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -40,7 +40,7 @@ class ObjMaterial:
     """A material and its base-colour picture, if any; and what of it is not read."""
 
     material: Material
-    picture: Picture | None
+    picture: TextureImage | None
     lost: tuple[str, ...] = ()
 
 
@@ -61,7 +61,7 @@ class MaterialLibraries:
     """
 
     def __init__(self, path: Path, libraries: list[str]) -> None:
-        self._pictures: dict[Path, Picture] = {}
+        self._pictures: dict[Path, TextureImage] = {}
         self._reader = PictureReader(path)
         self._fields: dict[str, tuple[Path, dict[str, str]]] = {}
         names = list(dict.fromkeys(libraries))
@@ -127,7 +127,7 @@ class MaterialLibraries:
         )
         return ObjMaterial(surface, found, tuple(sorted(k for k in fields if k in OTHER_MAPS)))
 
-    def _picture(self, place: Path, material: str, text: str) -> Picture:
+    def _picture(self, place: Path, material: str, text: str) -> TextureImage:
         """The picture of a line map_Kd: options such as -s 1 1 1 stand before the name, which may hold spaces."""
         file = text.replace("\\", "/")
         for name in (file, file.split()[-1]):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from simulator.runtime.arrays import FloatArray, IntArray
-from simulator.targets.model import Material, Picture
+from simulator.targets.model import Material, TextureImage
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -60,7 +60,7 @@ class RawModel:
     in_metres: bool = False
     up: str | None = None
     notes: list[str] = field(default_factory=list)
-    pictures: dict[str, Picture] = field(default_factory=dict)
+    pictures: dict[str, TextureImage] = field(default_factory=dict)
 
     @property
     def triangle_count(self) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.runtime.arrays import vec3
 from simulator.targets.importing.read.raw_model import unique_names
-from simulator.targets.model import Material, Picture
+from simulator.targets.model import Material, TextureImage
 from simulator.targets.textures import check_picture, mime_of, picture_size
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class PictureReader:
     pixels: int = 0
     n_bytes: int = 0
 
-    def read(self, name: str, data: bytes) -> Picture:
+    def read(self, name: str, data: bytes) -> TextureImage:
         """A picture under a name.
 
         Raises
@@ -89,9 +89,9 @@ class PictureReader:
             image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
             self.notes.append(f"texture {name!r} reduced from {before} to {size[0]} x {size[1]}")
         elif mime_of(data):
-            return Picture(name=name, data=data)
+            return TextureImage(name=name, data=data)
         written = cv2.imencode(".png", image[..., ::-1])[1]
-        return Picture(name=name, data=np.asarray(written).tobytes())
+        return TextureImage(name=name, data=np.asarray(written).tobytes())
 
 
 def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
@@ -136,7 +136,7 @@ def without_textures(material: Material) -> Material:
     return replace(material, base_color_texture="", metallic_roughness_texture="", normal_texture="")
 
 
-def mean_colour(picture: Picture) -> FloatArray:
+def mean_colour(picture: TextureImage) -> FloatArray:
     """(3,) mean linear colour of a texture."""
     image = decode_image(picture.data)
     if image is None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.errors import UserError
-from simulator.targets.importing.repair.topology import Body, components, edge_table, used_vertices, weld
+from simulator.targets.importing.repair.topology import MeshBody, components, edge_table, used_vertices, weld
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
@@ -22,7 +22,7 @@ ALMOST_CLOSED = 0.02
 
 
 @dataclass
-class Tally:
+class RepairCounts:
     """How much was repaired, over all parts."""
 
     merged: int = 0
@@ -55,16 +55,16 @@ class Tally:
         return out
 
 
-def welded_body(part: RawPart, low: FloatArray, extent: float, tally: Tally) -> Body:
+def welded_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCounts) -> MeshBody:
     """The part with each place once, without faces that have no area or come twice."""
     used = used_vertices(part.triangles, len(part.positions_m))
     places, index = weld(part.positions_m[used], low, extent)
-    tally.merged += len(used) - len(places)
+    counts.merged += len(used) - len(places)
     number = np.empty(len(part.positions_m), np.int64)
     number[used] = index
     triangles = number[part.triangles]
     normals = None if part.normals is None else part.normals[part.triangles]
-    body = Body(
+    body = MeshBody(
         name=part.name,
         # as the target file will hold them
         positions_m=places.astype(np.float32).astype(float),
@@ -73,19 +73,19 @@ def welded_body(part: RawPart, low: FloatArray, extent: float, tally: Tally) -> 
         corner_normals=normals,
         corner_uv=part.corner_uv,
     )
-    return without_slivers(body, extent, tally)
+    return without_slivers(body, extent, counts)
 
 
-def without_slivers(body: Body, extent: float, tally: Tally) -> Body:
+def without_slivers(body: MeshBody, extent: float, counts: RepairCounts) -> MeshBody:
     """Drop faces thinner than float32 can tell, and second copies of a face in either winding."""
     p = body.positions_m[body.triangles]
     longest = np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2).max(axis=1)
     twice_area = np.linalg.norm(body.face_vectors, axis=1)
     thin = twice_area <= np.maximum(THINNEST * extent * longest, 2e-14)
-    tally.zero_area += int(thin.sum())
+    counts.zero_area += int(thin.sum())
     body = body.kept(~thin)
     again = _copies(body.triangles)
-    tally.twice += int(again.sum())
+    counts.twice += int(again.sum())
     return body.kept(~again)
 
 
@@ -103,7 +103,7 @@ def _copies(triangles: IntArray) -> BoolArray:
     return again
 
 
-def oriented(body: Body, where: str, tally: Tally, *, lenient: bool) -> Body:
+def oriented(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool) -> MeshBody:
     """Wind every connected piece consistently and outwards.
 
     Closed pieces by their volume; open ones by the file's normals where it has some, else as most of their area is.
@@ -136,8 +136,8 @@ def oriented(body: Body, where: str, tally: Tally, *, lenient: bool) -> Body:
     piece = piece.ravel()
     flip ^= _look_inwards(body, table, piece, flip)[piece] & ~one_sided
     if flip.any():
-        tally.turned += int(flip.sum())
-        tally.parts_turned.append(body.name)
+        counts.turned += int(flip.sum())
+        counts.parts_turned.append(body.name)
     triangles = body.triangles.copy()
     triangles[flip] = triangles[flip][:, ::-1]
     normals = body.corner_normals
@@ -151,7 +151,7 @@ def oriented(body: Body, where: str, tally: Tally, *, lenient: bool) -> Body:
     return replace(body, triangles=triangles, corner_normals=normals, corner_uv=uv)
 
 
-def _look_inwards(body: Body, table: EdgeTable, piece: IntArray, flip: BoolArray) -> BoolArray:
+def _look_inwards(body: MeshBody, table: EdgeTable, piece: IntArray, flip: BoolArray) -> BoolArray:
     """Whether each piece, wound consistently by ``flip``, still has to be turned as a whole."""
     n = int(piece.max(initial=-1)) + 1
     sign = np.where(flip, -1.0, 1.0)
@@ -176,7 +176,7 @@ def _look_inwards(body: Body, table: EdgeTable, piece: IntArray, flip: BoolArray
 
 
 def check_surface(
-    body: Body, where: str, *, keep_holes: bool, keep_non_manifold: bool, tried_to_fill: bool = False
+    body: MeshBody, where: str, *, keep_holes: bool, keep_non_manifold: bool, tried_to_fill: bool = False
 ) -> tuple[int, int, int]:
     """Holes and edges of three faces: refused by name unless they are to be kept.
 
@@ -220,6 +220,6 @@ def check_surface(
     return holes, len(ends), int(bad.sum())
 
 
-def _place(body: Body, ends: IntArray) -> str:
+def _place(body: MeshBody, ends: IntArray) -> str:
     middle = body.positions_m[ends].mean(axis=0)
     return "(" + ", ".join(f"{x:.3f}" for x in middle) + ") m"

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
-    from simulator.targets.importing.repair.topology import Body
+    from simulator.targets.importing.repair.topology import MeshBody
 
 NEAREST = 1e-5
 """Of the craft: nearer surfaces share depths at ten times its size, for depth is kept in 24 bits of a float."""
@@ -34,12 +34,12 @@ MOST_PAIRS = 20_000_000
 CHUNK = 200_000
 
 
-class TooMany(Exception):  # noqa: N818 - no fault, but an end to the search
+class TooManyFacesError(Exception):
     """More faces lie in one plane than can be compared."""
 
 
 @dataclass(frozen=True, eq=False)
-class Faces:
+class FaceTable:
     """Triangles of all bodies, and what tells whether two that coincide can both be seen.
 
     Parameters
@@ -56,7 +56,7 @@ class Faces:
     material: IntArray
 
     @staticmethod
-    def of(bodies: list[Body]) -> Faces:
+    def of(bodies: list[MeshBody]) -> FaceTable:
         """All faces of bodies that have some."""
         corners, closed, body, piece, outward = [], [], [], [], []
         count = 0
@@ -74,7 +74,7 @@ class Faces:
             body.append(np.full(len(p), k))
             piece.append(of_face + count)
             count += n
-        return Faces(
+        return FaceTable(
             corners_m=np.concatenate(corners),
             outward=np.concatenate(outward),
             closed=np.concatenate(closed),
@@ -129,7 +129,7 @@ def coincident_pairs(
                 few = np.where((area[few[:, 0]] < area[few[:, 1]])[:, None], few[:, ::-1], few)
                 apart = within[few].max(axis=1)
                 found.append(few[_overlap(corners_m, unit, few, apart, 2 * nearest)])
-    except TooMany:
+    except TooManyFacesError:
         return None
     return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
 
@@ -176,7 +176,7 @@ def _candidates(
         grid = PlaneGrid.over(np.concatenate([low[faces][:, flat].T, high[faces][:, flat].T]))
         listed = np.diff(grid.first)
         if float((listed.astype(float) ** 2).sum()) > 2 * MOST_PAIRS:
-            raise TooMany
+            raise TooManyFacesError
         for f, m in zip(grid.first[:-1][listed > 1], listed[listed > 1], strict=True):
             members = faces[grid.listed[f : f + m]]
             i, j = np.triu_indices(m, 1)
@@ -210,9 +210,9 @@ def _overlap(
     return np.asarray(overlap)
 
 
-def coincidence_lines(bodies: list[Body], extent_m: float) -> list[str]:
+def coincidence_lines(bodies: list[MeshBody], extent_m: float) -> list[str]:
     """A line for the user on faces that will flicker against each other; none where there are none."""
-    faces = Faces.of(bodies)
+    faces = FaceTable.of(bodies)
     pairs = coincident_pairs(faces.corners_m, extent_m)
     if pairs is None:
         return ["too many faces lie in one plane to look for those that coincide: look at the contact sheet"]

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from simulator.runtime.arrays import FloatArray, IntArray
 from simulator.targets.geometry import distance_to_triangles
-from simulator.targets.importing.repair.topology import Body
+from simulator.targets.importing.repair.topology import MeshBody
 
 SAMPLES = 20_000
 NEAREST = 6
@@ -30,7 +30,7 @@ class Deviation:
     largest_m: float
 
 
-def decimate(bodies: list[Body], most: int) -> list[Body]:
+def decimate(bodies: list[MeshBody], most: int) -> list[MeshBody]:
     """Bodies with at most ``most`` triangles together; pieces smaller than a cluster are gone."""
     low = np.min([b.positions_m.min(axis=0) for b in bodies], axis=0)
     high = np.max([b.positions_m.max(axis=0) for b in bodies], axis=0)
@@ -55,14 +55,14 @@ def decimate(bodies: list[Body], most: int) -> list[Body]:
     return [b for b in reduced if len(b.triangles)]
 
 
-def _cells(body: Body, low: FloatArray, cell_m: float) -> IntArray:
+def _cells(body: MeshBody, low: FloatArray, cell_m: float) -> IntArray:
     """(V,) number of the occupied cell that each vertex is in."""
     c = ((body.positions_m - low) / cell_m + 0.5).astype(np.int64)
     key = (c[:, 0] << 42) | (c[:, 1] << 21) | c[:, 2]
     return np.unique(key, return_inverse=True)[1].ravel()
 
 
-def _collapsed(body: Body, cell: IntArray) -> IntArray:
+def _collapsed(body: MeshBody, cell: IntArray) -> IntArray:
     """Numbers of the faces that keep three cells, each set of cells once."""
     t = cell[body.triangles]
     kept = np.flatnonzero((t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 2] != t[:, 0]))
@@ -74,11 +74,11 @@ def _collapsed(body: Body, cell: IntArray) -> IntArray:
     return kept[np.sort(first)]
 
 
-def _clustered(body: Body, cell: IntArray, cell_m: float) -> Body:
+def _clustered(body: MeshBody, cell: IntArray, cell_m: float) -> MeshBody:
     faces = _collapsed(body, cell)
     points = _best_points(body, cell, cell_m)
     used, index = np.unique(cell[body.triangles[faces]], return_inverse=True)
-    return Body(
+    return MeshBody(
         name=body.name,
         positions_m=points[used].astype(np.float32).astype(float),
         triangles=index.reshape(-1, 3),
@@ -86,7 +86,7 @@ def _clustered(body: Body, cell: IntArray, cell_m: float) -> Body:
     )
 
 
-def _best_points(body: Body, cell: IntArray, cell_m: float) -> FloatArray:
+def _best_points(body: MeshBody, cell: IntArray, cell_m: float) -> FloatArray:
     """(C, 3) point of each cell with least sum of squared distances to the planes of its faces."""
     n = int(cell.max()) + 1
     count = np.bincount(cell, minlength=n)
@@ -111,7 +111,7 @@ def _best_points(body: Body, cell: IntArray, cell_m: float) -> FloatArray:
     return mean + np.clip(step, -cell_m / 2, cell_m / 2)
 
 
-def deviation(before: list[Body], after: list[Body]) -> Deviation:
+def deviation(before: list[MeshBody], after: list[MeshBody]) -> Deviation:
     """Distances of a sample of the original vertices to the nearest triangles of the reduced surface."""
     vertices = np.concatenate([b.positions_m for b in before])
     sample = vertices[:: len(vertices) // SAMPLES + 1]

@@ -11,12 +11,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.targets.importing.repair.coincident_faces import NEAREST, Faces, coincident_pairs, six_volumes
+from simulator.targets.importing.repair.coincident_faces import (
+    NEAREST,
+    FaceTable,
+    coincident_pairs,
+    six_volumes,
+)
 from simulator.targets.importing.repair.topology import edge_table, face_bodies
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray, IntArray
-    from simulator.targets.importing.repair.topology import Body
+    from simulator.targets.importing.repair.topology import MeshBody
 
 THIN = 1e-4
 """Volume over area to the 3/2 below which a closed surface is a double sheet; a sphere has 0.094."""
@@ -28,7 +33,7 @@ BEFORE_GLASS = 0.01
 class Capped:
     """Bodies after their openings were looked at: ``filled`` openings were capped, ``left`` were not."""
 
-    bodies: list[Body]
+    bodies: list[MeshBody]
     filled: int
     left: int
 
@@ -45,9 +50,9 @@ class _Cap:
     width_m: float
 
 
-def cap_solids(bodies: list[Body], extent_m: float) -> Capped:
+def cap_solids(bodies: list[MeshBody], extent_m: float) -> Capped:
     """The bodies with the openings of those pieces capped that become solids."""
-    found = Faces.of(bodies)
+    found = FaceTable.of(bodies)
     caps: list[_Cap] = []
     openings = 0
     count = 0
@@ -67,7 +72,7 @@ def cap_solids(bodies: list[Body], extent_m: float) -> Capped:
     return Capped(out, len(caps), openings - len(caps))
 
 
-def _rings(body: Body, piece: IntArray) -> tuple[list[tuple[IntArray, int]], dict[int, bool]]:
+def _rings(body: MeshBody, piece: IntArray) -> tuple[list[tuple[IntArray, int]], dict[int, bool]]:
     """Simple rings of open edges with a face of each, and of each open piece whether its edges are such rings."""
     table = edge_table(body.triangles)
     half = table.first[table.open]
@@ -94,7 +99,7 @@ def _rings(body: Body, piece: IntArray) -> tuple[list[tuple[IntArray, int]], dic
     return loops, whole
 
 
-def _cap(body: Body, number: int, piece: int, first_piece: int, loop: IntArray, owner: int) -> _Cap:
+def _cap(body: MeshBody, number: int, piece: int, first_piece: int, loop: IntArray, owner: int) -> _Cap:
     """A fan about the ring's middle, wound against the ring: as the faces beyond it would be."""
     outline = body.positions_m[loop]
     middle = outline.mean(axis=0).astype(np.float32).astype(float)
@@ -108,7 +113,7 @@ def _cap(body: Body, number: int, piece: int, first_piece: int, loop: IntArray, 
     return _Cap(number, int(piece) + first_piece, loop, int(body.face_material[owner]), corners, width)
 
 
-def _solid_pieces(faces: Faces, caps: list[_Cap]) -> set[int]:
+def _solid_pieces(faces: FaceTable, caps: list[_Cap]) -> set[int]:
     """The pieces that enclose a volume with their caps."""
     if not caps:
         return set()
@@ -122,7 +127,7 @@ def _solid_pieces(faces: Faces, caps: list[_Cap]) -> set[int]:
     return {c.piece for c in caps if volume[c.piece] > THIN * area[c.piece] ** 1.5}
 
 
-def _clashing(faces: Faces, caps: list[_Cap], extent_m: float) -> set[int]:
+def _clashing(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
     """The pieces a cap of which lies on another face, or just before or behind one of another piece."""
     if not caps:
         return set()
@@ -157,7 +162,7 @@ def _outward_sign(corners: FloatArray, piece: IntArray) -> FloatArray:
     return np.where(volume < 0, -1.0, 1.0)[piece]
 
 
-def _with_caps(body: Body, caps: list[_Cap]) -> Body:
+def _with_caps(body: MeshBody, caps: list[_Cap]) -> MeshBody:
     if not caps:
         return body
     points, faces, materials = [body.positions_m], [body.triangles], [body.face_material]

@@ -9,17 +9,17 @@ import numpy as np
 
 from simulator.runtime.arrays import vec3
 from simulator.targets.importing.read.textures import mean_colour, without_textures
-from simulator.targets.importing.repair.topology import Body
+from simulator.targets.importing.repair.topology import MeshBody
 from simulator.targets.model import Material
 
 if TYPE_CHECKING:
-    from simulator.targets.model import Picture
+    from simulator.targets.model import TextureImage
 
 MOST_MATERIALS = 250
 """The renderer keeps a material's number in eight bits."""
 
 
-def used_materials(bodies: list[Body], materials: list[Material]) -> tuple[list[Material], list[str]]:
+def used_materials(bodies: list[MeshBody], materials: list[Material]) -> tuple[list[Material], list[str]]:
     """Materials in use, renumbered in the bodies; beyond the limit the rarest become their nearest in colour."""
     area = np.zeros(len(materials))
     for b in bodies:
@@ -42,11 +42,11 @@ def used_materials(bodies: list[Body], materials: list[Material]) -> tuple[list[
 
 
 def plain_where_unwrapped(
-    bodies: list[Body], materials: list[Material], pictures: dict[str, Picture]
+    bodies: list[MeshBody], materials: list[Material], pictures: dict[str, TextureImage]
 ) -> tuple[list[Material], list[str]]:
     """Give faces without texture coordinates a plain material of their texture's mean colour."""
     out, notes = list(materials), []
-    users: dict[int, list[Body]] = {}
+    users: dict[int, list[MeshBody]] = {}
     for b in bodies:
         for k in np.unique(b.face_material):
             users.setdefault(int(k), []).append(b)

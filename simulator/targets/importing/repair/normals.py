@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from simulator.runtime.arrays import BoolArray, FloatArray
-    from simulator.targets.importing.repair.topology import Body
+    from simulator.targets.importing.repair.topology import MeshBody
     from simulator.targets.model import Material
 
 BEST_COSINE = 0.1
 """A corner's normal must look the way its face does at least by this much; smooth rims stay above it."""
 
 
-def normals_fit(body: Body) -> bool:
+def normals_fit(body: MeshBody) -> bool:
     """Whether the file's normals can be used: there, finite, not zero, and on the faces' own side."""
     n = body.corner_normals
     if n is None or not np.isfinite(n).all():
@@ -34,7 +34,7 @@ def normals_fit(body: Body) -> bool:
     return bool((np.einsum("fkj,fj->fk", n / length[..., None], face) > BEST_COSINE).mean() > 0.999)
 
 
-def smooth_normals(body: Body) -> FloatArray:
+def smooth_normals(body: MeshBody) -> FloatArray:
     """(F, 3, 3) unit normals: faces that meet at less than the crease angle are smoothed into each other.
 
     Weights are the angles at the corner (Thuermer and Wuethrich 1998).
@@ -68,7 +68,7 @@ def smooth_normals(body: Body) -> FloatArray:
     return _flat_where_wrong(normals, unit)
 
 
-def file_normals(body: Body) -> FloatArray:
+def file_normals(body: MeshBody) -> FloatArray:
     """(F, 3, 3) the file's normals at unit length, flat on the few faces they do not fit."""
     n = body.corner_normals
     if n is None:
@@ -85,7 +85,7 @@ def _flat_where_wrong(normals: FloatArray, unit: FloatArray) -> FloatArray:
     return out
 
 
-def parts_of(body: Body, normals: FloatArray, materials: Sequence[Material]) -> list[Part]:
+def parts_of(body: MeshBody, normals: FloatArray, materials: Sequence[Material]) -> list[Part]:
     """One part per material of the body, corners with equal place and normal shared."""
     out = []
     used = np.unique(body.face_material)

@@ -15,7 +15,7 @@ GRID_BITS = 21
 
 
 @dataclass(eq=False, kw_only=True)
-class Body:
+class MeshBody:
     """A part with each place once.
 
     Parameters
@@ -34,10 +34,10 @@ class Body:
     corner_normals: FloatArray | None = None
     corner_uv: FloatArray | None = None
 
-    def kept(self, faces: BoolArray) -> Body:
+    def kept(self, faces: BoolArray) -> MeshBody:
         """The body with some of its faces."""
         normals = None if self.corner_normals is None else self.corner_normals[faces]
-        return Body(
+        return MeshBody(
             name=self.name,
             positions_m=self.positions_m,
             triangles=self.triangles[faces],
@@ -133,12 +133,12 @@ def face_bodies(triangles: IntArray, table: EdgeTable) -> tuple[int, IntArray]:
     return components(table.pairs // 3, len(triangles))
 
 
-def apart(body: Body) -> Body:
+def apart(body: MeshBody) -> MeshBody:
     """The body with its connected pieces on vertices of their own, so that pieces that touch keep all their edges."""
     _, piece = face_bodies(body.triangles, edge_table(body.triangles))
     count = len(body.positions_m)
     used, index = np.unique(piece[:, None] * count + body.triangles, return_inverse=True)
-    return Body(
+    return MeshBody(
         name=body.name,
         positions_m=body.positions_m[used % count],
         triangles=index.reshape(-1, 3),

@@ -10,7 +10,7 @@ import pytest
 from simulator.errors import UserError
 from simulator.targets.craft.charuco import charuco_board, model_from_opencv_m
 from simulator.targets.library import load_target
-from simulator.targets.model import Picture
+from simulator.targets.model import TextureImage
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
 
 pytestmark = pytest.mark.gl
@@ -34,7 +34,7 @@ def textured(draw_kit, picture, **names):
     part = replace(part, uv=(part.positions_m[:, :2] + 0.5).astype(np.float32))
     target = draw_kit.target([part], [material])
     digest = hashlib.sha256(target.sha256.encode() + picture).hexdigest()
-    return replace(target, pictures=(Picture(name="p", data=picture),), sha256=digest)
+    return replace(target, pictures=(TextureImage(name="p", data=picture),), sha256=digest)
 
 
 @pytest.mark.parametrize("bands", ["mono", "rgb"])

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from simulator.camera.detector.presets import sensor_preset
-from simulator.compare.figures import look_at, moved_dn, noise_dn
+from simulator.compare.image_statistics import histogram_distance_dn, image_statistics, noise_dn
 from simulator.compare.references import fitted
 from simulator.imaging.image_formation import expose_scene
 from simulator.labels.boxes import amodal_box
@@ -42,7 +42,7 @@ SHORTEST_S, LONGEST_S = 1e-6, 10.0
 
 
 @dataclass(frozen=True)
-class FoundPose:
+class PoseEstimate:
     """Camera from target in a reference; not ``sure``: it must win over other views by its looks."""
 
     pose: Pose
@@ -50,7 +50,7 @@ class FoundPose:
 
 
 @dataclass(frozen=True, eq=False)
-class Like:
+class SimilarView:
     """Our counterpart of a reference.
 
     Parameters
@@ -64,15 +64,15 @@ class Like:
     likeness: float | None
 
 
-def find_like(
+def find_similar_view(
     renderer: Renderer,
     reference: Reference,
     target: Target,
-    found: FoundPose | None,
+    found: PoseEstimate | None,
     *,
     sensor: str | None = None,
     seed: int = 0,
-) -> Like:
+) -> SimilarView:
     """The candidate nearest to a reference.
 
     Parameters
@@ -80,7 +80,7 @@ def find_like(
     found : pose of the craft; attitude and place are the candidates' own without.
     sensor : preset instead of one that is as noisy as the reference.
     """
-    space = look_at(reference.image).space
+    space = image_statistics(reference.image).space
     plan = plan_recipe(RECIPES[space], CANDIDATES, seed=seed, quality="draft")
     small_camera = fitted(
         reference.camera, SMALL_PX, round(SMALL_PX * reference.camera.height_px / reference.camera.width_px)
@@ -94,9 +94,9 @@ def find_like(
         for pose in _poses(found):
             scene = sample if pose is None else scene_with_pose(sample, target, pose, k)
             radiance = renderer.render(scene, target).radiance
-            scene = exposed_like(scene, radiance, reference.image)
+            scene = matched_exposure(scene, radiance, reference.image)
             drawn = np.clip(expose_scene(scene, radiance) * 255, 0, 255).astype(np.uint8)
-            apart = moved_dn(_histogram(drawn), _histogram(wanted), 256) / HISTOGRAM_DN
+            apart = histogram_distance_dn(_histogram(drawn), _histogram(wanted), 256) / HISTOGRAM_DN
             likeness = None if pose is None else _likeness(scene, target, drawn, wanted)
             score = apart + 1 - (OTHER_VIEW if likeness is None else likeness)
             ranked.append((score, scene, likeness))
@@ -105,23 +105,23 @@ def find_like(
         scene,
         camera=reference.camera,
         quality="default",
-        sensor=as_noisy(reference.image) if sensor is None else sensor_preset(sensor),
+        sensor=sensor_as_noisy_as(reference.image) if sensor is None else sensor_preset(sensor),
     )
-    return Like(scene, likeness is not None, likeness)
+    return SimilarView(scene, likeness is not None, likeness)
 
 
-def as_noisy(image: ByteArray) -> Sensor:
+def sensor_as_noisy_as(image: ByteArray) -> Sensor:
     """SPEED's sensor with the Gaussian noise that a picture has."""
     return replace(sensor_preset("speed"), gaussian_variance=(noise_dn(image) / 255) ** 2)
 
 
-def _poses(found: FoundPose | None) -> tuple[Pose | None, ...]:
+def _poses(found: PoseEstimate | None) -> tuple[Pose | None, ...]:
     if found is None:
         return (None,)
     return (found.pose,) if found.sure else (found.pose, None)
 
 
-def exposed_like(scene: SceneState, radiance: Float32Array, image: ByteArray) -> SceneState:
+def matched_exposure(scene: SceneState, radiance: Float32Array, image: ByteArray) -> SceneState:
     """The scene with the exposure that brings its bright end to the picture's, above its black level."""
     black, bright = np.percentile(image, (1.0, BRIGHT_PERCENT))
     wanted = (min(float(bright), CLIPPED_DN) - min(float(black), 64.0)) / 255

@@ -38,7 +38,7 @@ FIGURES = {
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Look:
+class ImageStatistics:
     """Figures of one 8-bit grey picture.
 
     Parameters
@@ -92,7 +92,7 @@ def _smooth_gradient(image: ByteArray) -> Float32Array:
     return sobel(np.asarray(cv2.GaussianBlur(image.astype(np.float32), (0, 0), EDGE_BLUR_PX), np.float32))
 
 
-def look_at(image: ByteArray) -> Look:
+def image_statistics(image: ByteArray) -> ImageStatistics:
     """Figures of a (H, W) 8-bit picture."""
     gradient = sobel(image)
     black, bright = (float(v) for v in np.percentile(image, (1, 99)))
@@ -101,7 +101,7 @@ def look_at(image: ByteArray) -> Look:
     border = max(round(BORDER_SHARE * image.shape[0]), 1)
     frame = np.ones(image.shape, bool)
     frame[border:-border, border:-border] = False
-    return Look(
+    return ImageStatistics(
         histogram=np.bincount(image.ravel(), minlength=256) / image.size,
         gradient_histogram=shares / image.size,
         mean_dn=float(image.mean()),
@@ -132,6 +132,6 @@ def noise_dn(image: ByteArray) -> float:
     return float(np.sqrt(np.pi / 2) / 6 * np.median(blocks))
 
 
-def moved_dn(a: FloatArray, b: FloatArray, largest: float) -> float:
+def histogram_distance_dn(a: FloatArray, b: FloatArray, largest: float) -> float:
     """Earth mover's distance of two histograms over the same bins, in units of the axis that ends at ``largest``."""
     return float(np.abs(np.cumsum(a) - np.cumsum(b)).sum() * largest / len(a))
