@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from hil.board.svd import CameraIntrinsics, make_estimator
-from hil.board.svd.published.published_estimator import FaithfulEstimator
-from hil.board.svd.published.settings import SVD_2018, SVD_THESIS, FaithfulConfig
+from hil.board.svd.published.published_estimator import PublishedEstimator
+from hil.board.svd.published.settings import SVD_2018, SVD_THESIS, PublishedConfig
 from hil.evaluate.frame_record import frame_record
 from hil.evaluate.frames import EvaluatedFrame
 from hil.evaluate.metrics import summarise
@@ -48,13 +48,13 @@ def test_a_wrong_model_is_wrong_by_what_was_asked_and_stays_joined() -> None:
     assert np.array_equal(wrong_model(model, 0.005).vertices_m, wrong.vertices_m)
 
 
-def configs(choices: Sequence[MethodChoice]) -> list[FaithfulConfig]:
+def configs(choices: Sequence[MethodChoice]) -> list[PublishedConfig]:
     model = board_model(load_target("cubesat-1u"))
     camera = CameraIntrinsics(320, 240, 500.0, 500.0, 159.5, 119.5)
     made = []
     for c in choices:
         estimator = make_estimator(model, camera, c.method, c.solver, c.streams, c.steps)
-        assert isinstance(estimator, FaithfulEstimator)
+        assert isinstance(estimator, PublishedEstimator)
         made.append(estimator.config)
     return made
 
@@ -83,7 +83,7 @@ def test_each_row_of_the_ablation_is_one_step_from_a_published_method_and_the_la
 
 def test_no_method_of_the_studies_is_measured_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "hil.board.svd.methods.FaithfulEstimator", lambda _model, _camera, config: str(config)
+        "hil.board.svd.methods.PublishedEstimator", lambda _model, _camera, config: str(config)
     )
     model, camera = None, CameraIntrinsics(320, 240, 500.0, 500.0, 159.5, 119.5)
     made = {make_estimator(model, camera, c.method, c.solver, c.streams, c.steps) for c in PUBLISHED}  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from hil.board.svd.base import Estimator
 from hil.board.svd.estimator import PoseEstimator
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.published.published_estimator import FaithfulEstimator
+from hil.board.svd.published.published_estimator import PublishedEstimator
 from hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS, SVD_2018, SVD_THESIS
 from hil.board.svd.tracking.tracking_estimator import TrackingEstimator
 
@@ -64,4 +64,4 @@ def make_estimator(
         if step not in STEPS:
             raise BoardModelError(f"unknown step {step!r}: choose from {', '.join(STEPS)}")
         config = replace(config, **STEPS[step])
-    return FaithfulEstimator(model, camera, config)
+    return PublishedEstimator(model, camera, config)

@@ -84,7 +84,7 @@ def stage_pictures(
         for k, r in enumerate(regions):
             a, b = (int(r.x0), int(r.y0)), (int(r.x1), int(r.y1))
             cv2.rectangle(canvas, a, b, GREEN if k == 0 else ORANGE, 4 if k == 0 else 2)
-        grown = trace.get("faithful_region")
+        grown = trace.get("published_region")
         if grown is not None:
             cv2.rectangle(canvas, (int(grown.x0), int(grown.y0)), (int(grown.x1), int(grown.y1)), BLUE, 2)
         out["region"] = _whole(canvas, "regions of interest")
@@ -249,12 +249,12 @@ def _view(image: Array, top: float, corner: Array, scale: float) -> Array:
 
 def _streams(trace: Trace) -> Dict[str, Array]:
     """Segments of each stream and the merged ones, full-resolution pixels."""
-    faithful = trace.get("faithful_streams")
-    if faithful is not None:
+    published = trace.get("published_streams")
+    if published is not None:
         names = {"wge": "WGE stream", "sh": "S&H stream", "lsd": "LSD stream"}
-        streams = {names[k]: v for k, v in faithful.by_name.items()}
-        own = {names[k].replace("stream", "merged"): v for k, v in faithful.merged.items()}
-        return {**streams, **own, "all merged": faithful.lines}
+        streams = {names[k]: v for k, v in published.by_name.items()}
+        own = {names[k].replace("stream", "merged"): v for k, v in published.merged.items()}
+        return {**streams, **own, "all merged": published.lines}
     field, lines = trace.get("stream_field"), trace.get("merged")
     if field is None or lines is None:
         return {}
@@ -269,28 +269,28 @@ def _streams(trace: Trace) -> Dict[str, Array]:
 
 def _points(trace: Trace, back: Array, corner: Array, scale: float) -> Dict[str, Array]:
     """Corners and ellipses, where the method looks for them."""
-    faithful = trace.get("faithful_streams")
+    published = trace.get("published_streams")
     out: Dict[str, Array] = {}
-    if faithful is not None and len(faithful.corners):
+    if published is not None and len(published.corners):
         canvas = back.copy() // 2
-        for u, v in ((faithful.corners - corner + 0.5) * scale - 0.5) * 16:
+        for u, v in ((published.corners - corner + 0.5) * scale - 0.5) * 16:
             cv2.circle(canvas, (int(u), int(v)), 16 * 5, ORANGE, 1, cv2.LINE_AA, 4)
-        label(canvas, f"Harris corners: {len(faithful.corners)}")
+        label(canvas, f"Harris corners: {len(published.corners)}")
         out["harris"] = canvas
-    if faithful is not None and faithful.ellipses:
+    if published is not None and published.ellipses:
         canvas = back.copy() // 2
-        for e in faithful.ellipses:
+        for e in published.ellipses:
             uv = np.rint(((e.points() - corner + 0.5) * scale - 0.5) * 16).astype(np.int32)
             cv2.polylines(canvas, [uv], True, GREEN, 1, cv2.LINE_AA, 4)
-        label(canvas, f"ellipses: {len(faithful.ellipses)}")
+        label(canvas, f"ellipses: {len(published.ellipses)}")
         out["ellipses"] = canvas
     return out
 
 
 def _groups(trace: Trace) -> Dict[str, Array]:
-    figures = trace.get("figures")
-    if figures is not None:
-        return {kind: figures.of(kind) for kind in GROUP_COLOURS if kind != "proximity_pair"}
+    groups = trace.get("point_groups")
+    if groups is not None:
+        return {kind: groups.of(kind) for kind in GROUP_COLOURS if kind != "proximity_pair"}
     field, chains = trace.get("stream_field"), trace.get("chains")
     if field is None or chains is None or not len(chains.points):
         return {}

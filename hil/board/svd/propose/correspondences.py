@@ -35,7 +35,7 @@ def stretch_arms(chains: Chains, factors: Tuple[float, ...] = ARM_LENGTHS) -> Ar
 
 def pose_hypotheses(
     figures_px: Array,
-    model_figures: Array,
+    model_point_groups: Array,
     camera: CameraIntrinsics,
     region: Region,
     centre_m: Array,
@@ -46,7 +46,7 @@ def pose_hypotheses(
 
     Parameters
     ----------
-    figures_px : (T, 4, 2) field pixels. model_figures : (M, 4, 3) [m].
+    figures_px : (T, 4, 2) field pixels. model_point_groups : (M, 4, 3) [m].
 
     Notes
     -----
@@ -54,12 +54,12 @@ def pose_hypotheses(
     centred near it.
     """
     none = (np.zeros((0, 4)), np.zeros((0, 3)))
-    if not len(figures_px) or not len(model_figures):
+    if not len(figures_px) or not len(model_point_groups):
         return none
     full = (figures_px + 0.5) * field.factor - 0.5 + (field.x0, field.y0)
     rays = undistorted_rays(camera, full.reshape(-1, 2)).reshape(-1, 4, 2)
-    T, M = len(rays), len(model_figures)
-    obj = np.broadcast_to(model_figures[None], (T, M, 4, 3)).reshape(-1, 4, 3)
+    T, M = len(rays), len(model_point_groups)
+    obj = np.broadcast_to(model_point_groups[None], (T, M, 4, 3)).reshape(-1, 4, 3)
     img = np.broadcast_to(rays[:, None], (T, M, 4, 2)).reshape(-1, 4, 2)
     # a picture figure and its model are wound alike when the face looks at the camera; the batch holds each
     # model figure both ways round, so half of the pairs fall out here by their own geometry

@@ -9,8 +9,8 @@ import numpy as np
 from hil.board.svd.geometry.camera import CameraIntrinsics, undistorted_rays
 from hil.board.svd.propose.pnp import from_rotvecs, point_solver
 from hil.board.svd.propose.three_points import three_point_poses
-from hil.board.svd.published.point_groups import Figures
-from hil.board.svd.published.settings import FaithfulConfig
+from hil.board.svd.published.point_groups import PointGroups
+from hil.board.svd.published.settings import PublishedConfig
 
 Array = np.ndarray
 Pairs = Tuple[Array, Array]
@@ -30,7 +30,7 @@ ORDER = (
 )
 
 
-def correspondences(image: Figures, model: Figures, budget: int = BUDGET) -> Iterator[Pairs]:
+def correspondences(image: PointGroups, model: PointGroups, budget: int = BUDGET) -> Iterator[Pairs]:
     """Pairs of one combination at a time: picture points (N, P, 2) and model points (N, P, 3), P four to six.
 
     Notes
@@ -53,7 +53,7 @@ def correspondences(image: Figures, model: Figures, budget: int = BUDGET) -> Ite
         yield points, target
 
 
-def _pairs(image: Figures, model: Figures, kind: str, *, with_antenna: bool) -> Array:
+def _pairs(image: PointGroups, model: PointGroups, kind: str, *, with_antenna: bool) -> Array:
     """(N, 4) indices: picture group, model group, picture antenna, model antenna."""
     counts = [len(image.of(kind)), len(model.of(kind)), 1, 1]
     if with_antenna:
@@ -62,7 +62,7 @@ def _pairs(image: Figures, model: Figures, kind: str, *, with_antenna: bool) -> 
 
 
 def solve_all(
-    image: Figures, model: Figures, camera: CameraIntrinsics, config: FaithfulConfig
+    image: PointGroups, model: PointGroups, camera: CameraIntrinsics, config: PublishedConfig
 ) -> Tuple[Array, Array, int]:
     """Every pose of every pair: q (N, 4), t (N, 3), and the number of pairs solved.
 
@@ -73,7 +73,7 @@ def solve_all(
     """
     rng = np.random.default_rng(2018)
     needed = _needed(config.solver)
-    rays = Figures(
+    rays = PointGroups(
         {
             kind: undistorted_rays(camera, p.reshape(-1, 2)).reshape(p.shape)
             for kind, p in image.by_kind.items()

@@ -14,7 +14,7 @@ from hil.board.svd.image.region import Region
 from hil.board.svd.image.segment_merging import merge_segments
 from hil.board.svd.image.weak_gradients import WeakGradientElimination, marginal_interval, prewitt
 from hil.board.svd.published.ellipses import EllipseFit, hough_ellipses
-from hil.board.svd.published.settings import FaithfulConfig
+from hil.board.svd.published.settings import PublishedConfig
 
 Array = np.ndarray
 
@@ -134,7 +134,7 @@ def _parabola(a: Array, b: Array, c: Array) -> Array:
 
 
 def find_streams(
-    image: Array, wge: WeakGradientElimination, region: Region, config: FaithfulConfig
+    image: Array, wge: WeakGradientElimination, region: Region, config: PublishedConfig
 ) -> Streams:
     """Every stream of ``config`` in a region; edges outside of it are dropped by not being looked at.
 

@@ -38,7 +38,7 @@ LEAST_SIZE = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class Figures:
+class PointGroups:
     """Groups by kind, each (N, P, 2) or (N, P, 3) points in an order that pairs them.
 
     Notes
@@ -55,7 +55,7 @@ class Figures:
         return self.by_kind[kind]
 
 
-def image_figures(segments: Array, diagonal_px: float) -> Figures:
+def image_point_groups(segments: Array, diagonal_px: float) -> PointGroups:
     """Groups among merged segments (N, 4)."""
     lines = Lines.of(segments)
     corners = proximity_pairs(lines, 0.08 * diagonal_px)
@@ -76,10 +76,10 @@ def image_figures(segments: Array, diagonal_px: float) -> Figures:
         ),
         "antenna": np.array([_axis(lines.ends[i], lines.ends[j]) for i, j in rods]).reshape(-1, 2, 2),
     }
-    return Figures({kind: _largest(points, LARGEST[kind]) for kind, points in by_kind.items()})
+    return PointGroups({kind: _largest(points, LARGEST[kind]) for kind, points in by_kind.items()})
 
 
-def model_figures(model: BoardModel) -> Figures:
+def model_point_groups(model: BoardModel) -> PointGroups:
     """Groups of the wireframe, in every order that a group of the picture could be paired in.
 
     The published wireframe holds panel, body and antennas alone; groups of smaller parts are left out likewise.
@@ -93,7 +93,7 @@ def model_figures(model: BoardModel) -> Figures:
     ends = ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > 0.5 * LEAST_SIZE * model.radius_m]
     rods = np.array([[e.a_m, e.b_m] for e in model.wireframe if e.radius_m > 0]).reshape(-1, 2, 3)
     corners = _model_corners(ends)
-    return Figures(
+    return PointGroups(
         {
             "closed_tetrad": closed,
             "open_tetrad": np.concatenate([closed, closed[:, :1]], axis=1),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import List, Tuple
+from typing import List, NamedTuple, Tuple
 
 import numpy as np
 
@@ -32,8 +32,8 @@ from hil.board.svd.published.corners import (
 from hil.board.svd.published.correspondence_search import solve_all
 from hil.board.svd.published.ellipses import circle_poses, model_circles
 from hil.board.svd.published.line_streams import Streams, cdf_box, find_streams
-from hil.board.svd.published.point_groups import Figures, image_figures, model_figures
-from hil.board.svd.published.settings import FaithfulConfig
+from hil.board.svd.published.point_groups import PointGroups, image_point_groups, model_point_groups
+from hil.board.svd.published.settings import PublishedConfig
 from hil.board.svd.refine.final_edges import choose
 
 Array = np.ndarray
@@ -51,11 +51,25 @@ LEAST_CORNERS = 7
 # Where the frame cuts a line is no corner: ends this near its border do not count [px].
 BORDER_PX = 2.5
 
-# error over its cap, q, t, covariance, share of the picture's corners met, their number
-Scored = Tuple[float, Array, Array, Array, float, float]
+
+class ScoredPose(NamedTuple):
+    """A pose after Gauss-Newton on corners.
+
+    Parameters
+    ----------
+    error : reprojection error over its cap. q, t : (4,), (3,). covariance : (6, 6). inliers : share of the image's
+        corners that the model's meet. met : their number.
+    """
+
+    error: float
+    q: Array
+    t: Array
+    covariance: Array
+    inliers: float
+    met: float
 
 
-class FaithfulEstimator(Estimator):
+class PublishedEstimator(Estimator):
     """A published method, keeping nothing between pictures.
 
     Parameters
@@ -63,10 +77,10 @@ class FaithfulEstimator(Estimator):
     model, camera : as ``Estimator``. config : which method, and any step from it towards ours.
     """
 
-    def __init__(self, model: BoardModel, camera: CameraIntrinsics, config: FaithfulConfig) -> None:
+    def __init__(self, model: BoardModel, camera: CameraIntrinsics, config: PublishedConfig) -> None:
         super().__init__(model, camera)
         self.config, self.method = config, config.name
-        self.figures = model_figures(model)
+        self.groups = model_point_groups(model)
         self.corners = model_corners(model)
         self.circles = model_circles(model) if "ellipse" in config.streams else ()
         # the tables of ours are dear: only where a step towards ours asks for them
@@ -85,7 +99,7 @@ class FaithfulEstimator(Estimator):
         frame.keep("regions", regions)
         frame.count("regions", len(regions))
         frame.mark("roi")
-        found: List[Scored] = []
+        found: List[ScoredPose] = []
         candidates: List[Candidate] = []
         for region in regions:
             if region.diagonal_px >= SMALLEST_PX:
@@ -109,32 +123,19 @@ class FaithfulEstimator(Estimator):
         image: Array,
         wge: WeakGradientElimination,
         region: Region,
-        found: List[Scored],
+        found: List[ScoredPose],
         candidates: List[Candidate],
     ) -> None:
-        streams = find_streams(image, wge, region, self.config)
+        """Lines, groups, poses by PnP and their ranking in one region, added to what was found in others."""
+        streams = self._streams(frame, image, wge, region)
         region = streams.region
-        frame.keep("faithful_streams", streams)
-        frame.keep("faithful_region", region)
-        frame.count("lines", len(streams.lines))
-        frame.count("ellipses", len(streams.ellipses))
-        frame.mark("lines")
-        figures = image_figures(streams.lines, region.diagonal_px)
-        frame.keep("figures", figures)
-        for kind, points in figures.by_kind.items():
+        groups = image_point_groups(streams.lines, region.diagonal_px)
+        frame.keep("point_groups", groups)
+        for kind, points in groups.by_kind.items():
             frame.count(kind, len(points))
         frame.mark("groups")
-        q, t, solved = solve_all(figures, self.figures, self.camera, self.config)
-        if self.circles and streams.ellipses:
-            cq, ct = circle_poses(streams.ellipses, self.circles, self.camera)
-            q, t = np.concatenate([q, cq]), np.concatenate([t, ct])
-        frame.count("pairs", solved)
-        frame.count("hypotheses", len(q))
-        frame.mark("pnp")
-        if len(q):
-            ok = plausible(q, t, self.model, self.camera, region)
-            q, t = q[ok], t[ok]
-        points = _picture_corners(figures, streams, image.shape)
+        q, t = self._poses(frame, groups, streams)
+        points = _picture_corners(groups, streams, image.shape)
         if not len(q) or not len(points):
             return
         image_corners = corner_map(points, region)
@@ -152,6 +153,32 @@ class FaithfulEstimator(Estimator):
         elif self.config.rank == "corners":
             candidates += self._judge(frame, q, t, region)
 
+    def _streams(
+        self, frame: Observation, image: Array, wge: WeakGradientElimination, region: Region
+    ) -> Streams:
+        """Line streams, ellipses and corners of a region."""
+        streams = find_streams(image, wge, region, self.config)
+        frame.keep("published_streams", streams)
+        frame.keep("published_region", streams.region)
+        frame.count("lines", len(streams.lines))
+        frame.count("ellipses", len(streams.ellipses))
+        frame.mark("lines")
+        return streams
+
+    def _poses(self, frame: Observation, groups: PointGroups, streams: Streams) -> Tuple[Array, Array]:
+        """Plausible poses q (N, 4), t (N, 3) of pairs of groups, and of pairs of circles and ellipses."""
+        q, t, solved = solve_all(groups, self.groups, self.camera, self.config)
+        if self.circles and streams.ellipses:
+            cq, ct = circle_poses(streams.ellipses, self.circles, self.camera)
+            q, t = np.concatenate([q, cq]), np.concatenate([t, ct])
+        frame.count("pairs", solved)
+        frame.count("hypotheses", len(q))
+        frame.mark("pnp")
+        if len(q):
+            ok = plausible(q, t, self.model, self.camera, streams.region)
+            q, t = q[ok], t[ok]
+        return q, t
+
     def _rank_on_corners(self, q: Array, t: Array, image: CornerMap) -> Tuple[Array, Array]:
         """The best few by reprojection error (2018) or by inliers (RANSAC, thesis), distinct ones."""
         error, inliers = reprojection(q, t, self.corners, self.camera, image)
@@ -167,7 +194,7 @@ class FaithfulEstimator(Estimator):
                 break
         return q[chosen], t[chosen]
 
-    def _refine(self, q: Array, t: Array, image: CornerMap, region: Region) -> List[Scored]:
+    def _refine(self, q: Array, t: Array, image: CornerMap, region: Region) -> List[ScoredPose]:
         """Each pose after Gauss-Newton, those that drifted away dropped."""
         q, t, covariance = refine_on_corners(q, t, self.corners, self.camera, image, self.model.radius_m)
         ok = plausible(q, t, self.model, self.camera, region)
@@ -176,16 +203,16 @@ class FaithfulEstimator(Estimator):
         share = error / image.cap_px
         met = inliers * len(image.points)
         return [
-            (float(share[k]), q[k], t[k], covariance[k], float(inliers[k]), float(met[k]))
+            ScoredPose(float(share[k]), q[k], t[k], covariance[k], float(inliers[k]), float(met[k]))
             for k in range(len(q))
         ]
 
-    def _finish_on_corners(self, frame: Observation, found: List[Scored]) -> PoseResult:
+    def _finish_on_corners(self, frame: Observation, found: List[ScoredPose]) -> PoseResult:
         if not found:
             return self._declined(frame, "no target found")
-        found.sort(key=lambda f: f[0])
+        found.sort(key=lambda f: f.error)
         error, q, t, covariance, inliers, met = found[0]
-        rival = min((f[0] for f in found if differs(f[1], f[2], q, t)), default=1.0)
+        rival = min((f.error for f in found if differs(f.q, f.t, q, t)), default=1.0)
         sure = float(np.clip(inliers * min(1.0, (rival / max(error, 1e-6) - 1.0) / 0.6), 0.0, 1.0))
         reason = ""
         if inliers < LEAST_INLIERS or met < LEAST_CORNERS:
@@ -203,7 +230,7 @@ class FaithfulEstimator(Estimator):
             frame.counts,
             None,
             covariance,
-            alternatives([(f[1], f[2], -f[0]) for f in found], q, t),
+            alternatives([(f.q, f.t, -f.error) for f in found], q, t),
             self.method,
         )
 
@@ -251,9 +278,9 @@ class FaithfulEstimator(Estimator):
         return self._decided(frame, fit, evidence, others)
 
 
-def _picture_corners(figures: Figures, streams: Streams, shape: Tuple[int, ...]) -> Array:
+def _picture_corners(groups: PointGroups, streams: Streams, shape: Tuple[int, ...]) -> Array:
     """(N, 2) corners and line ends inside a picture of ``shape``, near-duplicates dropped."""
-    parts = [figures.of("proximity_pair")[:, 1], streams.lines.reshape(-1, 2), streams.corners]
+    parts = [groups.of("proximity_pair")[:, 1], streams.lines.reshape(-1, 2), streams.corners]
     points = np.concatenate([np.zeros((0, 2)), *parts])
     last = np.array([shape[1] - 1.0, shape[0] - 1.0])
     points = points[((points >= BORDER_PX) & (points <= last - BORDER_PX)).all(axis=1)]

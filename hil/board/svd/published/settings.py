@@ -10,7 +10,7 @@ SOLVERS = ("epnp", "p3p", "ap3p", "sqpnp", "iterative", "ippe")
 
 
 @dataclass(frozen=True)
-class FaithfulConfig:
+class PublishedConfig:
     """One published method, or a step from one towards ours.
 
     Parameters
@@ -62,8 +62,8 @@ OF_OURS: Dict[str, Dict[str, Any]] = {
 # Steps away from a published method, each alone or several: what the ablation takes.
 STEPS: Dict[str, Dict[str, Any]] = {**OF_THESIS, **OF_OURS}
 
-SVD_2018 = FaithfulConfig("svd-2018")
-SVD_THESIS = FaithfulConfig(
+SVD_2018 = PublishedConfig("svd-2018")
+SVD_THESIS = PublishedConfig(
     "svd-thesis",
     solver="p3p",
     ransac=True,

@@ -37,6 +37,9 @@ STRENGTH = 0.04
 # An edge stands out of its profile by this many sigma of the noise.
 STRONG = 4.5
 
+# Gauss-Newton steps at each reduction.
+STEPS = 6
+
 # The derivative of a Gaussian of one pixel, for unit steps.
 _DERIVATIVE = np.array([-0.0585, -0.2597, 0.0, 0.2597, 0.0585], np.float32) / 0.7534 * 1.0
 
@@ -63,7 +66,7 @@ class TrackFit:
     polarity: Array
 
 
-def thinned(visible: Array, most: int = SAMPLES) -> Array:
+def evenly_chosen(visible: Array, most: int = SAMPLES) -> Array:
     """Indices of at most ``most`` of the visible samples, evenly."""
     idx = np.flatnonzero(visible)
     return idx if len(idx) <= most else idx[np.linspace(0, len(idx) - 1, most).astype(int)]
@@ -98,7 +101,7 @@ def track_edges(
     """
     R = quat.matrix(q)
     visible, _ = visible_samples(samples, occ, -R.T @ t)
-    idx = thinned(visible)
+    idx = evenly_chosen(visible)
     if len(idx) < 8:
         return None
     if empty:
@@ -147,54 +150,29 @@ def _one_scale(
     factor: int,
     polarity: Array,
 ) -> Optional[TrackFit]:
+    """The pose aligned at one reduction of the image; None where too little of it is in view."""
     pr = project(samples, camera, quat.matrix(q)[None], t[None], idx[None])
     at, n = pr.pixels[0], pr.normals[0]
-    crop = _crop(image, at, factor * (REACH + KERNEL + 2))
-    if crop is None:
+    edges = _edge_candidates(image, noise, at, n, factor, polarity[idx])
+    if edges is None:
         return None
-    small, x0, y0 = crop
-    if factor > 1:
-        h, w = (s // factor for s in small.shape)
-        small = cv2.resize(small[: h * factor, : w * factor], (w, h), interpolation=cv2.INTER_AREA)
-    profile = _profiles(np.asarray(small, np.float32), ((at - (x0, y0)) + 0.5) / factor - 0.5, n)
-    offset, strength = _peaks(profile, noise / factor)
-    # a candidate of the other polarity than this edge has had is another edge
-    known = polarity[idx]
-    sign = np.sign(strength)
-    strength = np.abs(strength) * np.where(sign * known[:, None] < -0.4, 0.3, 1.0)
-    candidate = np.where(strength > STRONG, offset * factor, np.nan)
-    gate = 0.35 * REACH * factor
+    candidate, strength, sign = edges
     fit_q, fit_t = q, t
-    H, rms, choice = np.eye(6), 9.9, np.zeros(len(idx), int)
-    r = np.zeros(len(idx))
-    weight = np.zeros(len(idx))
-    steps = 6
-    for k in range(steps):
+    H, choice = np.eye(6), np.zeros(len(idx), int)
+    r, weight = np.zeros(len(idx)), np.zeros(len(idx))
+    for k in range(STEPS):
         now = project(samples, camera, quat.matrix(fit_q)[None], fit_t[None], idx[None])
-        moved = np.einsum("mi,mi->m", now.pixels[0] - at, n)
-        gaps = candidate - moved[:, None]
-        # near before strong, but a faint near one does not beat a clear one a little farther off
-        cost = np.where(np.isfinite(gaps), np.abs(gaps) / factor - STRENGTH * np.minimum(strength, 40.0), 1e9)
-        choice = cost.argmin(axis=1)
-        r = gaps[np.arange(len(gaps)), choice]
-        ok = np.isfinite(r)
-        r = np.where(ok, r, 0.0)
-        spread = max(0.4 * factor, 1.4826 * float(np.median(np.abs(r[ok]))) if ok.any() else factor)
-        limit = min(4.0 * spread, max(gate * (1.0 - k / steps) * 3.0, 3.0 * factor))
-        weight = ok * tukey(r, limit)
+        gaps = candidate - np.einsum("mi,mi->m", now.pixels[0] - at, n)[:, None]
+        r, weight, choice = _weighted_residuals(gaps, strength, factor, k)
         J = jacobian(now, camera, fit_t[None])
-        step, normal = gauss_newton_step(
-            J, r[None], weight[None], parameter_scale(float(fit_t[2]), radius_m), 1e-5
-        )
+        scale = parameter_scale(float(fit_t[2]), radius_m)
+        step, normal = gauss_newton_step(J, r[None], weight[None], scale, 1e-5)
         if not np.isfinite(step).all():
             return None
         fit_q, fit_t, H = quat.turned(fit_q, step[0, :3]), fit_t + step[0, 3:], normal[0]
-    used = float(weight.sum())
-    rms = float(np.sqrt((weight * r * r).sum() / max(used, 1e-9)))
-    rows = np.arange(len(idx))
-    learnt = polarity.copy()
-    sure = weight > 0.5
-    learnt[idx[sure]] = 0.7 * learnt[idx[sure]] + 0.3 * sign[rows, choice][sure]
+    rms = float(np.sqrt((weight * r * r).sum() / max(float(weight.sum()), 1e-9)))
+    learnt, sure = polarity.copy(), weight > 0.5
+    learnt[idx[sure]] = 0.7 * learnt[idx[sure]] + 0.3 * sign[np.arange(len(idx)), choice][sure]
     return TrackFit(
         fit_q,
         fit_t,
@@ -205,6 +183,49 @@ def _one_scale(
         int((weight > 0.2).sum()),
         learnt,
     )
+
+
+def _edge_candidates(
+    image: Array, noise: float, at: Array, n: Array, factor: int, polarity: Array
+) -> Optional[Tuple[Array, Array, Array]]:
+    """Offsets [px], strengths [sigma] and signs (M, CANDIDATES) of edges across each sample; None out of view.
+
+    Parameters
+    ----------
+    at, n : (M, 2) samples and their normals on the image. polarity : (M,) what each sample's edge has been.
+    """
+    crop = _crop(image, at, factor * (REACH + KERNEL + 2))
+    if crop is None:
+        return None
+    small, x0, y0 = crop
+    if factor > 1:
+        h, w = (s // factor for s in small.shape)
+        small = cv2.resize(small[: h * factor, : w * factor], (w, h), interpolation=cv2.INTER_AREA)
+    profile = _profiles(np.asarray(small, np.float32), ((at - (x0, y0)) + 0.5) / factor - 0.5, n)
+    offset, strength = _peaks(profile, noise / factor)
+    # a candidate of the other polarity than this edge has had is another edge
+    sign = np.sign(strength)
+    strength = np.abs(strength) * np.where(sign * polarity[:, None] < -0.4, 0.3, 1.0)
+    return np.where(strength > STRONG, offset * factor, np.nan), strength, sign
+
+
+def _weighted_residuals(gaps: Array, strength: Array, factor: int, k: int) -> Tuple[Array, Array, Array]:
+    """Residual [px], weight and number of the candidate chosen for each sample, in iteration ``k``.
+
+    Parameters
+    ----------
+    gaps : (M, CANDIDATES) from the model's edge to each candidate [px], NaN where there is none.
+    """
+    # near before strong, but a faint near one does not beat a clear one a little farther off
+    cost = np.where(np.isfinite(gaps), np.abs(gaps) / factor - STRENGTH * np.minimum(strength, 40.0), 1e9)
+    choice = cost.argmin(axis=1)
+    r = gaps[np.arange(len(gaps)), choice]
+    ok = np.isfinite(r)
+    r = np.where(ok, r, 0.0)
+    spread = max(0.4 * factor, 1.4826 * float(np.median(np.abs(r[ok]))) if ok.any() else factor)
+    gate = 0.35 * REACH * factor
+    limit = min(4.0 * spread, max(gate * (1.0 - k / STEPS) * 3.0, 3.0 * factor))
+    return r, ok * tukey(r, limit), choice
 
 
 def _crop(image: Array, at: Array, margin: float) -> "Optional[Tuple[Array, int, int]]":

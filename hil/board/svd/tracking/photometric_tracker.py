@@ -1,4 +1,4 @@
-"""A look at the whole picture while tracking: the craft drawn with its shadows, the Sun where the last look left it."""
+"""Photometric alignment while tracking: a synthetic view with cast shadows, the Sun near where it was last."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PICTURE_PX, BLURS = 120, (1.2, 0.6)
 # What another pose than the likeliest must explain more: a drawing this small tells a tilt of 5 deg no better.
 WORTH = 0.02
 
-# Variance over that of ``photo_step``: it is told for the end of an alignment of poses from anywhere; those looked at
+# Variance over that of ``photo_step``: it is told for the end of an alignment of poses from anywhere; those seen
 # here are nearly right (fly-arounds of Tango at 7 to 11 m, three starts).
 HELD = 0.6
 
@@ -37,8 +37,8 @@ SUN_PX, SUN_STEP_RAD = 96, float(np.radians(4.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """What the picture says of a pose.
+class PhotometricTrack:
+    """A tracked pose by its synthetic view.
 
     Parameters
     ----------
@@ -57,20 +57,20 @@ def find_sun(craft: PreparedTarget, frame: Observation, pose: Pose) -> Optional[
     return None if found is None else quat.matrix(pose[0]) @ found.direction
 
 
-def look(
+def align_photometrically(
     craft: PreparedTarget,
     frame: Observation,
     poses: Tuple[Pose, ...],
     sun: Optional[Array],
     *,
     follow_sun: bool = True,
-) -> Look:
-    """The pose that explains the picture best, aligned on it.
+) -> PhotometricTrack:
+    """The pose whose synthetic view explains the image best, refined on it.
 
     Parameters
     ----------
     poses : where it may be, the likeliest first: edges that hold on to others lead away from a good prediction, and
-        a target that changes its rates away from its own. sun : of the last look. follow_sun : it may have
+        a target that changes its rates away from its own. sun : of the last call. follow_sun : it may have
         moved.
     """
     faces, camera = faces_of(craft), craft.camera.pinhole
@@ -83,7 +83,7 @@ def look(
         first = 0
     drawn, fit = shadings[first], PhotoFit(*poses[first], 9.9, np.eye(6))
     if painted is not None and follow_sun:
-        painted, drawn = _followed(craft, canvas, fit, painted, drawn)
+        painted, drawn = _followed_sun(craft, canvas, fit, painted, drawn)
     for k, blur in enumerate(BLURS):
         if k:
             drawn = photo_draw(fit.q, fit.t, faces, canvas, camera, painted)
@@ -92,7 +92,7 @@ def look(
             break
         fit = step
     fit = replace(fit, covariance=HELD * fit.covariance)
-    return Look(fit, None if painted is None else quat.matrix(fit.q) @ painted.direction)
+    return PhotometricTrack(fit, None if painted is None else quat.matrix(fit.q) @ painted.direction)
 
 
 def _canvas(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch:
@@ -100,7 +100,7 @@ def _canvas(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch
     return replace(make_canvas(craft, frame, craft_box(craft, *pose), PICTURE_PX), exact=True)
 
 
-def _followed(
+def _followed_sun(
     craft: PreparedTarget, canvas: ImagePatch, fit: PhotoFit, sun: Sunlight, drawn: Shading
 ) -> Tuple[Sunlight, Shading]:
     """The Sun, or one beside it whose shadows explain the picture better, and the craft drawn with those.

@@ -16,7 +16,7 @@ from hil.board.svd.image.noise import noise_sigma
 from hil.board.svd.image.observation import Observation, Trace
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.tracking.edge_tracker import TrackFit, track_edges
-from hil.board.svd.tracking.photometric_tracker import find_sun, look
+from hil.board.svd.tracking.photometric_tracker import align_photometrically, find_sun
 from hil.board.svd.tracking.pose_filter import TrackState, first_state, innovation, predict, update
 
 Array = np.ndarray
@@ -33,7 +33,7 @@ FIRST_RAD, FIRST_ACROSS, FIRST_ALONG = float(np.radians(1.0)), 0.001, 0.006
 # What a fit must show to be taken in, and the confidence below which tracking ends.
 LEAST_FOUND, LEAST_USED, WORST_RMS_PX, LEAST_CONFIDENCE = 0.3, 25, 2.5, 0.5
 
-# Below this confidence the whole picture is asked as well, and above this sigma of the attitude [rad]: edges of a
+# Below this confidence the synthetic view is asked as well, and above this sigma of the attitude [rad]: edges of a
 # craft that shows little else than one face leave its tilt open, and agree on a wrong one.
 SURE, OPEN_RAD = 0.9, float(np.radians(0.6))
 
@@ -44,10 +44,10 @@ UNFORESEEN_RAD = float(np.radians(1.8))
 # The same of edges that lead this far from the prediction: 95 % of right innovations are shorter.
 SURPRISE = 12.6
 
-# So many frames in a row may rest on edges alone: a drift of theirs looks sure, and is caught by the picture.
+# So many frames in a row may rest on edges alone: a drift of theirs aligned sure, and is caught by the picture.
 ALONE = 5
 
-# Edges this near to the prediction need no choice between the two [rad]; the Sun is followed in one look of so many.
+# Edges this near to the prediction need no choice between the two [rad]; the Sun is followed in one alignment of three.
 NEAR_RAD, FOLLOWED = float(np.radians(1.0)), 3
 
 # 99.99 % of right innovations are shorter: chi squared of 6 degrees of freedom.
@@ -85,7 +85,7 @@ class TrackingEstimator(Estimator):
         self.polarity = np.zeros(len(self.craft.samples))
         self.missed = 0
         self.alone = 0
-        self.looks = 0
+        self.aligned = 0
         self.empty = False
         self.sun: Optional[Array] = None
 
@@ -121,27 +121,7 @@ class TrackingEstimator(Estimator):
 
     def _track(self, frame: Observation, state: TrackState) -> Optional[PoseResult]:
         """The pose by tracking; None when it does not hold."""
-        craft = self.craft
-        reach = self._reach(state)
-        if reach is None or state.t[2] < 1.2 * craft.radius_m:
-            return None
-        frame.mark("predict")
-        frame.noise = self._noise(frame.image, state)
-        frame.mark("prepare")
-        fit = track_edges(
-            frame.image,
-            frame.noise,
-            state.q,
-            state.t,
-            craft.samples,
-            craft.occ,
-            self.camera,
-            craft.radius_m,
-            reach,
-            self.polarity,
-            empty=self.empty,
-        )
-        frame.mark("align")
+        fit = self._by_edges(frame, state)
         if fit is None or fit.used < LEAST_USED or fit.rms_px > WORST_RMS_PX or fit.found < LEAST_FOUND:
             return None
         sure = track_confidence(fit)
@@ -151,7 +131,7 @@ class TrackingEstimator(Estimator):
         doubt |= largest_sigma(state.P[:3, :3]) > UNFORESEEN_RAD
         doubt |= update(state, q, t, covariance)[1] > SURPRISE
         before, polarity = state, fit.polarity
-        if doubt and craft.model.faces is not None:
+        if doubt and self.craft.model.faces is not None:
             q, t, covariance = self._by_picture(frame, state, fit)
             # edges that the picture has just contradicted teach nothing, and are not believed on the next frame
             if distance_of(fit, q, t) > SURPRISE:
@@ -179,6 +159,30 @@ class TrackingEstimator(Estimator):
             self.method,
         )
 
+    def _by_edges(self, frame: Observation, state: TrackState) -> Optional[TrackFit]:
+        """The predicted pose aligned on the edges near it; None when the prediction is too vague or too near."""
+        craft, reach = self.craft, self._reach(state)
+        if reach is None or state.t[2] < 1.2 * craft.radius_m:
+            return None
+        frame.mark("predict")
+        frame.noise = self._noise(frame.image, state)
+        frame.mark("prepare")
+        fit = track_edges(
+            frame.image,
+            frame.noise,
+            state.q,
+            state.t,
+            craft.samples,
+            craft.occ,
+            self.camera,
+            craft.radius_m,
+            reach,
+            self.polarity,
+            empty=self.empty,
+        )
+        frame.mark("align")
+        return fit
+
     def _by_picture(
         self, frame: Observation, state: TrackState, edges: TrackFit
     ) -> "tuple[Array, Array, Array]":
@@ -190,9 +194,11 @@ class TrackingEstimator(Estimator):
             frame.background = float(np.median(self._strip(frame.image, state.t)))
         poses = ((state.q, state.t), (edges.q, edges.t))
         near = quat.angle_rad(state.q, edges.q) < NEAR_RAD
-        self.looks += 1
-        follow = self.looks % FOLLOWED == 0
-        seen = look(self.craft, frame, poses[1:] if near else poses, self.sun, follow_sun=follow)
+        self.aligned += 1
+        follow = self.aligned % FOLLOWED == 0
+        seen = align_photometrically(
+            self.craft, frame, poses[1:] if near else poses, self.sun, follow_sun=follow
+        )
         self.sun = seen.sun
         frame.count("picture", 1)
         frame.mark("picture")

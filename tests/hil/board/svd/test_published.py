@@ -13,7 +13,7 @@ from hil.board.svd.image.region import Region
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.propose.pnp import solve_points
 from hil.board.svd.propose.three_points import three_point_poses
-from hil.board.svd.published import published_estimator as faithful
+from hil.board.svd.published import published_estimator as published
 from hil.board.svd.published.corners import corner_map, model_corners, refine_on_corners, reprojection
 from hil.board.svd.published.ellipses import (
     EllipseFit,
@@ -29,9 +29,9 @@ from hil.board.svd.published.line_streams import (
     harris_corners,
     sobel_edges,
 )
-from hil.board.svd.published.point_groups import image_figures, model_figures
-from hil.board.svd.published.published_estimator import FaithfulEstimator
-from hil.board.svd.published.settings import SOLVERS, SVD_2018, SVD_THESIS, FaithfulConfig
+from hil.board.svd.published.point_groups import image_point_groups, model_point_groups
+from hil.board.svd.published.published_estimator import PublishedEstimator
+from hil.board.svd.published.settings import SOLVERS, SVD_2018, SVD_THESIS, PublishedConfig
 
 CAMERA = CameraIntrinsics(640, 480, 900.0, 900.0, 319.5, 239.5)
 HALF = np.array([0.5, 0.4, 0.15])
@@ -70,30 +70,30 @@ Q, T = quat.normalise(np.array([0.8, 0.45, -0.35, 0.2])), np.array([0.15, -0.1, 
 
 
 def test_the_wireframe_of_a_box_has_its_groups() -> None:
-    figures = model_figures(MODEL)
+    groups = model_point_groups(MODEL)
     # six faces, each from its four corners in two senses
-    assert figures.of("closed_tetrad").shape == (6 * 8, 4, 3)
-    assert figures.of("open_tetrad").shape == (6 * 8, 5, 3)
-    assert len(figures.of("open_triad")) == 6 * 8
+    assert groups.of("closed_tetrad").shape == (6 * 8, 4, 3)
+    assert groups.of("open_tetrad").shape == (6 * 8, 5, 3)
+    assert len(groups.of("open_triad")) == 6 * 8
     # 8 corners of three edges: three pairs each, both ways round
-    assert len(figures.of("proximity_pair")) == 8 * 3 * 2
-    assert figures.of("antenna").shape == (2, 2, 3)
+    assert len(groups.of("proximity_pair")) == 8 * 3 * 2
+    assert groups.of("antenna").shape == (2, 2, 3)
 
 
 def test_a_drawn_face_and_rod_are_grouped() -> None:
     quad = np.array([[100.0, 100], [300, 120], [290, 260], [110, 250]])
     sides = [np.concatenate([quad[k], quad[(k + 1) % 4]]) for k in range(4)]
     rod = [np.array([320.0, 100, 400, 60]), np.array([322.0, 106, 402, 66])]
-    figures = image_figures(np.array([*sides, *rod]), 300.0)
-    assert len(figures.of("closed_tetrad")) == 1
-    found = figures.of("closed_tetrad")[0]
+    groups = image_point_groups(np.array([*sides, *rod]), 300.0)
+    assert len(groups.of("closed_tetrad")) == 1
+    found = groups.of("closed_tetrad")[0]
     assert np.abs(np.sort(found, axis=0) - np.sort(quad, axis=0)).max() < 1.0
-    assert len(figures.of("antenna")) == 1
-    assert figures.of("antenna")[0].mean(axis=0) == pytest.approx([361, 83], abs=0.5)
+    assert len(groups.of("antenna")) == 1
+    assert groups.of("antenna")[0].mean(axis=0) == pytest.approx([361, 83], abs=0.5)
     # with one side missing the face is an open triad, with one broken corner an open tetrad
-    assert len(image_figures(np.array(sides[:3]), 300.0).of("open_triad")) == 1
+    assert len(image_point_groups(np.array(sides[:3]), 300.0).of("open_triad")) == 1
     broken = np.array([*sides[:3], np.concatenate([quad[3], 0.75 * quad[0] + 0.25 * quad[3]])])
-    assert len(image_figures(broken, 300.0).of("open_tetrad")) >= 1
+    assert len(image_point_groups(broken, 300.0).of("open_tetrad")) >= 1
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -213,7 +213,7 @@ def test_a_saturated_part_does_not_hide_the_rest_from_the_sobel_stream() -> None
 
 
 @pytest.mark.parametrize("config", [SVD_2018, SVD_THESIS])
-def test_exact_lines_give_the_pose(config: FaithfulConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exact_lines_give_the_pose(config: PublishedConfig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Everything after the streams, on the outline of a box that is drawn without error."""
     seen = [f for f, n in enumerate(NORMALS) if (quat.matrix(Q) @ n) @ (quat.matrix(Q) @ (n * HALF) + T) < 0]
     sides = {tuple(sorted((FACES[f][k], FACES[f][(k + 1) % 4]))) for f in seen for k in range(4)}
@@ -222,8 +222,8 @@ def test_exact_lines_give_the_pose(config: FaithfulConfig, monkeypatch: pytest.M
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     region = Region(*low, *high, "test")
     streams = Streams(lines, {"wge": lines}, np.zeros((0, 2)), (), np.zeros((1, 1), bool), region)
-    monkeypatch.setattr(faithful, "find_streams", lambda *_: streams)
-    result = FaithfulEstimator(box(), CAMERA, config).estimate(drawn("square").astype(np.uint8))
+    monkeypatch.setattr(published, "find_streams", lambda *_: streams)
+    result = PublishedEstimator(box(), CAMERA, config).estimate(drawn("square").astype(np.uint8))
     assert result.q_camera_from_target_wxyz is not None
     assert result.t_camera_from_target_m is not None
     # the box looks the same after a half turn about each of its axes
