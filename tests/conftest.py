@@ -29,17 +29,20 @@ def renderers():
 def renderer(renderers, request):
     """One GL context for all tests of a file that draw, and for those of the files after it.
 
-    A file of tests of what is left out or interpolated says THRIFTY = True: with a GPU nothing is.
+    A file of tests of what is left out or interpolated says SOFTWARE_PATH = True: with a GPU nothing is.
     """
     from simulator.render.renderer import Renderer
 
-    thrifty = getattr(request.module, "THRIFTY", None)
+    software_path = getattr(request.module, "SOFTWARE_PATH", None)
     if renderers:
-        wanted = renderers[0].info.is_software if thrifty is None else thrifty
-        if renderers[0]._thrifty != wanted or len(renderers[0]._programs._built) > MOST_PROGRAMS:
+        wanted = renderers[0].info.is_software if software_path is None else software_path
+        if (
+            renderers[0].takes_software_path != wanted
+            or len(renderers[0]._device.programs._built) > MOST_PROGRAMS
+        ):
             renderers.pop().close()
     if not renderers:
-        renderers.append(Renderer(thrifty=thrifty))
+        renderers.append(Renderer(software_path=software_path))
     return renderers[0]
 
 

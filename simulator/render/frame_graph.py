@@ -14,7 +14,7 @@ from simulator.render.gl.fences import flush
 from simulator.render.gl.timing import StageClock
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Container, Iterable, Iterator
 
     import moderngl
 
@@ -39,8 +39,8 @@ class FrameResources:
     def __init__(self) -> None:
         self._values: dict[str, object] = {}
 
-    def __contains__(self, resource: Resource[T]) -> bool:
-        return resource.name in self._values
+    def __contains__(self, resource: object) -> bool:
+        return isinstance(resource, Resource) and resource.name in self._values
 
     def __getitem__(self, resource: Resource[T]) -> T:
         """The resource's value; `KeyError` if it was never written."""
@@ -113,16 +113,17 @@ class FrameGraph:
         If a pass reads what is neither given nor written by a pass before it.
     """
 
-    def __init__(self, passes: Iterable[Pass], given: Iterable[Resource[object]] = ()) -> None:
+    def __init__(self, passes: Iterable[Pass], given: Container[Resource[object]] = ()) -> None:
         self._passes = tuple(passes)
-        known = set(given)
+        written: set[Resource[object]] = set()
         for one in self._passes:
-            missing = [resource.name for resource in (*one.reads, *one.optional) if resource not in known]
+            reads = (resource for resource in (*one.reads, *one.optional) if resource not in written)
+            missing = [resource.name for resource in reads if resource not in given]
             if missing:
                 raise FrameGraphError(
                     f"pass {one.name} reads {', '.join(missing)}, which no pass before it writes"
                 )
-            known.update(one.writes)
+            written.update(one.writes)
 
     def __iter__(self) -> Iterator[Pass]:
         return iter(self._passes)
@@ -142,13 +143,13 @@ class FrameGraph:
         """
         clock = StageClock(context, finish=timed)
         for one in self._passes:
-            if any(resources.find(resource) is None for resource in one.reads):
-                for resource in one.writes:
-                    if resource not in resources:
-                        resources[resource] = None
-                continue
-            one.run(PassResources(resources, one))
-            if one.submits:
-                flush(context)
-            clock.lap(one.name)
+            runs = all(resources.find(resource) is not None for resource in one.reads)
+            if runs:
+                one.run(PassResources(resources, one))
+                if one.submits:
+                    flush(context)
+                clock.lap(one.name)
+            for resource in one.writes:
+                if resource not in resources:
+                    resources[resource] = None
         return clock.stage_ms

@@ -76,11 +76,10 @@ class FrameImages:
         if self._covered is not None:
             draw_to(self._label_framebuffer)
             self._label_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=self._covered.viewport)
-        # all of it, until ``mark_covered`` says what
-        self._covered = PixelRect(0, 0, *self.size)
+        self._covered = None
 
-    def mark_covered(self, rect: PixelRect | None) -> None:
-        """Remember the pixels of the coverage that the target may have written."""
+    def mark_covered(self, rect: PixelRect) -> None:
+        """Remember the pixels of the coverage that the target is about to write."""
         self._covered = rect
 
     def read_radiance(self, *, quads: bool = False) -> Float32Array:

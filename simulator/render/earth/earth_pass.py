@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from operator import itemgetter
+from functools import partial
 from typing import TYPE_CHECKING
 
 import moderngl
@@ -25,22 +25,22 @@ from simulator.render.earth.terrain_detail import valley_texture
 from simulator.render.gl.fences import draw_to, flush
 from simulator.render.gl.mipmaps import (
     draw_one_point,
-    level_textures,
     mipmap_chain,
     mipmapped_texture,
     release_mipmapped,
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
     from concurrent.futures import Future
 
     from simulator.render.earth.air_tables import AirTables
     from simulator.render.earth.map_textures import EarthMaps
+    from simulator.render.earth.screen_tiles import ScreenTiles, TileKind
     from simulator.render.frame_images import FrameImages
     from simulator.render.gl.mipmaps import MipmapChain
     from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.software.tiles import ScreenTiles, TileKind
-    from simulator.runtime.arrays import Float32Array, IntArray
+    from simulator.runtime.arrays import Float32Array
     from simulator.scene.state import Bands, Environment, SceneState
 
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE
@@ -86,52 +86,37 @@ class Air:
 
 
 @dataclass(frozen=True)
-class _Draw:
+class EarthDraw:
     """What one draw call sets.
 
     Parameters
     ----------
-    smooth, fine : its tiles are. in_quads : it goes four pixels to a texel. blended : it is added to what is there.
-    level : of `TileKind`; ``None`` where no map is read from another level than its first.
+    framebuffer, viewport : what it draws into. blended : it is added to what is there.
+    tile_px : side of its tiles. level : of `TileKind`; ``None`` where no map is read from another level than its first.
     """
 
-    smooth: bool
-    fine: bool
-    in_quads: bool
-    blended: bool
     program: Program
+    framebuffer: moderngl.Framebuffer
+    viewport: tuple[int, int, int, int]
+    blended: bool
+    tile_px: float
     detail: moderngl.Texture
     level: float | None
 
 
-class _Around:
-    """The air at the corners of smooth tiles: upper left, upper right, lower left, lower right.
+@dataclass(frozen=True, eq=False)
+class EarthFrame:
+    """What a frame's Earth is drawn from.
 
     Parameters
     ----------
-    whole, fine : (N, M, V) of the tiles, (9 P, V) of the fine ones.
+    moon_in_front : the Moon is nearer, and may hide it.
     """
 
-    def __init__(self, tiles: ScreenTiles, whole: Float32Array, fine: Float32Array) -> None:
-        self._tiles, self._whole, self._fine = tiles, whole, fine
-
-    def whole(self, centers_px: Float32Array) -> Float32Array:
-        """(K, 4 V) of tiles, by their middles."""
-        row, column = self._tiles.place(centers_px)
-        return self._four(self._whole, (row, column))
-
-    def fine(self, centers_px: Float32Array) -> Float32Array:
-        """(K, 4 V) of fine tiles, by their middles."""
-        which, row, column = self._tiles.fine_place(centers_px)
-        return self._four(self._fine.reshape(-1, 3, 3, self._fine.shape[1]), (row, column), which)
-
-    @staticmethod
-    def _four(
-        air: Float32Array, place: tuple[IntArray, IntArray], which: IntArray | None = None
-    ) -> Float32Array:
-        first = () if which is None else (which,)
-        at = [air[(*first, place[0] + down, place[1] + right)] for down in (0, 1) for right in (0, 1)]
-        return np.stack(at, axis=-1).reshape(len(place[0]), -1)
+    images: FrameImages
+    tiles: ScreenTiles
+    scene: SceneState
+    moon_in_front: bool
 
 
 class EarthPass:
@@ -140,7 +125,8 @@ class EarthPass:
     Parameters
     ----------
     begun : of a scene of these bands; it is waited for here.
-    thrifty : as of `simulator.render.renderer.Renderer`.
+    precompiles : draw one tile of each kind alone, while other threads go on: a software driver compiles the programs
+        then.
     """
 
     def __init__(
@@ -150,9 +136,9 @@ class EarthPass:
         bands: Bands,
         begun: EarthMaps,
         *,
-        thrifty: bool = True,
+        precompiles: bool = False,
     ) -> None:
-        self._thrifty = thrifty
+        self._precompiles = precompiles
         self._context, self._programs = context, programs
         self.bands = 1 if bands == "mono" else 3
         self._airs: dict[float, Air] = {}
@@ -163,7 +149,6 @@ class EarthPass:
         self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
         self._months = {k: self._mapped(levels) for k, levels in begun.months.result().items()}
         self._detail_levels = begun.detail.result()
-        self._details = level_textures(context, self._detail_levels)
         self._detail: moderngl.Texture | None = None
         self._valleys: moderngl.Texture | None = None  # of `high`
         self._relief = self._mapped(begun.relief.result())
@@ -181,7 +166,7 @@ class EarthPass:
 
     def release(self) -> None:
         """Free maps, tables and vertices; the programs are the library's."""
-        maps = [*self._details, self._detail, self._valleys, self._relief, *self._maps, self._shoals]
+        maps = [self._detail, self._valleys, self._relief, *self._maps, self._shoals]
         maps += self._months.values()
         maps += [] if self._ice is None else [self._ice[1]]
         for texture in maps:
@@ -208,9 +193,9 @@ class EarthPass:
             self._months[month] = self._mapped(mipmap_chain(month_gain(month, self.bands), globe=True))
         return self._months[month]
 
-    def _program(
-        self, environment: Environment, kind: TileKind, *, behind: bool, high: bool, quads: bool, dark: bool
-    ) -> Program:
+    def _program(self, frame: EarthFrame, kind: TileKind, *, quads: bool) -> Program:
+        environment, behind = frame.scene.environment, frame.moon_in_front
+        high, dark = frame.scene.quality == "high", frame.tiles.dark and kind.night
         key = (environment, kind, behind, high, quads, dark, self._programs.lens)
         if key not in self._kept:
             defines = self._defines(environment, kind, behind=behind, high=high, quads=quads, dark=dark)
@@ -219,7 +204,7 @@ class EarthPass:
                 "earth/earth.frag",
                 defines,
                 _SAMPLERS[self.bands],
-                flat_uniforms=not kind.smooth,
+                many_fragments=not kind.smooth,
             )
         return self._kept[key]
 
@@ -260,50 +245,47 @@ class EarthPass:
             **TABLE_DEFINES,
         }
 
-    def run(
-        self,
-        images: FrameImages,
-        tiles: ScreenTiles,
-        corners: tuple[Float32Array, Float32Array] | None,
-        scene: SceneState,
-        *,
-        behind: bool,
-        quads: bool = False,
-        ahead: bool = False,
-    ) -> None:
-        """Add the Earth's light to ``images``.
+    def run(self, frame: EarthFrame) -> None:
+        """Add the Earth's light to the images."""
+        tiles = frame.tiles
+        for kind, centers in tiles.centers_px.items():
+            draw = EarthDraw(
+                self._program(frame, kind, quads=False),
+                frame.images.sky_framebuffer,
+                (0, 0, *tiles.extent_px),
+                kind.covered,
+                float(tiles.size_px),
+                self._mipmapped_detail(self._context.LINEAR_MIPMAP_LINEAR),
+                kind.level,
+            )
+            self._run(frame, [(draw, partial(np.asarray, centers))])
+
+    def _run(self, frame: EarthFrame, draws: Iterable[tuple[EarthDraw, Callable[[], Float32Array]]]) -> None:
+        """Draw tiles.
 
         Parameters
         ----------
-        corners : the air in front of the ground, of all tiles (`AirPass.corners`) and of the fine ones (`AirPass.at`).
-        behind : the Moon is nearer, and may hide it.
-        quads : draw smooth tiles four pixels to a texel, and not into the image itself; those that the target may
-            cover are added to what is there.
-        ahead : draw one tile of each kind alone, while other threads go on: a software driver compiles its programs
-            then.
+        draws : the draw calls, each with what gives its vertices (K, 2 + 4 n) once the one before is under way: the
+            tiles' middles [px], and values at their corners.
         """
-        environment = scene.environment
-        # beyond the image's end: a point is dropped when its middle is outside
-        width, height = tiles.extent_px
-        images.sky_framebuffer.viewport = (0, 0, width, height)
-        if quads:
-            images.quad_framebuffer.viewport = (0, 0, width // 2, height // 2)
+        scene, environment = frame.scene, frame.scene.environment
         self._context.blend_func = self._context.ONE, self._context.ONE
         month = season(scene.epoch_utc) if environment.seasons else AUGUST
-        textures = self._textures(images, self.air(environment.atmosphere_thickness_km).frame) | {
+        textures = self._textures(frame.images, self.air(environment.atmosphere_thickness_km).frame) | {
             "t_relief": self._relief,
             "t_before": self._month(month.before),
             "t_after": self._month(month.after),
         }
         if scene.quality == "high":
             textures["t_valleys"] = self._high_valleys()
-        if any(kind.icy or kind.shoal for kind in tiles.centers_px):
+        if any(kind.icy or kind.shoal for kind in frame.tiles.centers_px):
             textures |= self._waters(ice_day(scene))
-        around = None if corners is None else _Around(tiles, *corners)
-        for draw, centers in self._draws(tiles, scene, behind=behind, quads=quads).items():
+        for draw, vertices_of in draws:
             # large textures that the last draw did not have may end its scene
             flush(self._context)
-            draw_to(images.quad_framebuffer if draw.in_quads else images.sky_framebuffer)
+            draw_to(draw.framebuffer)
+            # beyond the image's end: a point is dropped when its middle is outside
+            draw.framebuffer.viewport = draw.viewport
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
             blend = self._context.BLEND if draw.blended else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
@@ -315,51 +297,17 @@ class EarthPass:
             program, level = draw.program, draw.level or 0.0
             program.bind_textures(**textures, t_detail=draw.detail)
             program.set("u_season", month.share)
-            program.set("u_extent_px", tiles.extent_px)
-            program.set("u_tile_px", tiles.size_px / 2 if draw.fine else float(tiles.size_px))
+            program.set("u_extent_px", frame.tiles.extent_px)
+            program.set("u_tile_px", draw.tile_px)
             program.set("u_level", (level - LOG2_TEXEL_KM, level - math.log2(DETAIL_TEXEL_KM)))
-            vertices = np.concatenate(centers)
-            values = 0
-            if around is not None and draw.smooth:
-                air = around.fine(vertices) if draw.fine else around.whole(vertices)
-                vertices, values = np.concatenate([vertices, air], axis=1), air.shape[1]
-            buffer, array = self._array_of(program, values)
+            vertices = vertices_of()
+            buffer, array = self._array_of(program, vertices.shape[1] - 2)
             buffer.orphan(vertices.nbytes)
             buffer.write(vertices)
-            if ahead:
+            if self._precompiles:
                 draw_one_point(array)
             else:
                 array.render(vertices=len(vertices))
-
-    def _draws(
-        self, tiles: ScreenTiles, scene: SceneState, *, behind: bool, quads: bool
-    ) -> dict[_Draw, list[Float32Array]]:
-        """Middles of the tiles of each draw call: kinds that differ in nothing that is drawn come together."""
-        draws: dict[_Draw, list[Float32Array]] = {}
-        high = scene.quality == "high"
-        # what goes into one image comes together too: a driver that changes images finishes the first
-        for kind, centers in sorted(tiles.centers_px.items(), key=itemgetter(0)):
-            in_quads = quads and kind.smooth
-            # larger than life the maps have one level; a driver that need not ask is quicker
-            magnified = not high and kind.smooth and kind.level <= LOG2_TEXEL_KM
-            draw = _Draw(
-                kind.smooth,
-                kind.fine,
-                in_quads,
-                kind.covered and not in_quads,
-                self._program(
-                    scene.environment,
-                    kind,
-                    behind=behind,
-                    high=high,
-                    quads=in_quads,
-                    dark=tiles.dark and kind.night,
-                ),
-                self._detail_of(kind, scene.quality),
-                None if magnified else kind.level,
-            )
-            draws.setdefault(draw, []).append(centers)
-        return draws
 
     def _array_of(self, program: Program, values: int) -> tuple[moderngl.Buffer, moderngl.VertexArray]:
         """Vertices of a program: middles of tiles, and four by four the values at their corners."""
@@ -374,19 +322,11 @@ class EarthPass:
             self._arrays[program] = (buffer, array)
         return self._arrays[program]
 
-    def _detail_of(self, kind: TileKind, quality: str) -> moderngl.Texture:
-        """The detail with all its levels, or the one level that a smooth tile needs: the driver then has no choice.
-
-        Half of a trilinear look-up's cost is its second level, which the eye of the default preset does not miss.
-        """
-        level = kind.level - math.log2(DETAIL_TEXEL_KM)
-        if kind.smooth and quality != "high":
-            return self._details[min(max(round(level), 0), len(self._details) - 1)]
+    def _mipmapped_detail(self, smaller: int) -> moderngl.Texture:
+        """The detail with all its levels; ``smaller`` is OpenGL's filter between them."""
         if self._detail is None:
             self._detail = mipmapped_texture(self._context, self._detail_levels)
-        two = quality == "high" or not self._thrifty
-        smallest = self._context.LINEAR_MIPMAP_LINEAR if two else self._context.LINEAR_MIPMAP_NEAREST
-        self._detail.filter = (smallest, self._context.LINEAR)
+        self._detail.filter = (smaller, self._context.LINEAR)
         return self._detail
 
     def _high_valleys(self) -> moderngl.Texture:

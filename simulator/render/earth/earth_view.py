@@ -43,6 +43,11 @@ class EarthView:
     azimuth: tuple[float, float]
 
     @property
+    def fills_image(self) -> bool:
+        """Whether the Earth fills the image: rays that all meet the ground see nothing behind it."""
+        return self.rect is not None and self.sky_rows is None
+
+    @property
     def sun_cosine(self) -> float:
         """Cosine of the Sun's angle from the camera's zenith."""
         return float(self.camera @ self.sun / np.linalg.norm(self.camera))

@@ -11,12 +11,13 @@ import moderngl
 
 from simulator.render.gl.patches import MOST_PIECES
 from simulator.render.gl.tessellation import control_stage, evaluation_stage
-from simulator.render.software.flat_varyings import LEAST_SLOTS, SPARE_SLOTS, flat_varyings
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from simulator.render.gl.uniform_block import UniformBlock
+    from simulator.render.gl.uniform_block import Field, UniformBlock
+
+    ShaderRewrite = Callable[[str, str, Sequence[Field]], tuple[str, str]]
 
 GLSL_VERSION = "#version 410 core"
 FULL_SCREEN = "common/full_screen.vert"
@@ -69,7 +70,8 @@ class ProgramLibrary:
     blocks : uniform blocks; each is declared in every shader and connected where it is used.
 
     With ``lens`` set, programs are made for a lens that distorts: they look up their rays in a texture, and meshes
-    that go through ``raster_position`` are cut until they can bend.
+    that go through ``raster_position`` are cut until they can bend. ``rewrite`` takes the texts of a vertex and a
+    fragment shader, includes expanded, and the members of all blocks, and gives texts that draw the same.
     """
 
     def __init__(self, context: moderngl.Context, blocks: Iterable[UniformBlock]) -> None:
@@ -78,7 +80,7 @@ class ProgramLibrary:
         self._built: dict[tuple[object, ...], Program] = {}
         self._asked: dict[tuple[object, ...], Program] = {}  # the same, by what was asked for word by word
         self.lens = False
-        self._slots = int(context.info.get("GL_MAX_VARYING_VECTORS", LEAST_SLOTS)) - SPARE_SLOTS
+        self.rewrite: ShaderRewrite | None = None
 
     def get(
         self,
@@ -88,7 +90,7 @@ class ProgramLibrary:
         samplers: tuple[str, ...] = (),
         *,
         varyings: tuple[str, ...] = (),
-        flat_uniforms: bool = False,
+        many_fragments: bool = False,
     ) -> Program:
         """The program of two shader files, compiled at first use.
 
@@ -97,8 +99,8 @@ class ProgramLibrary:
         fragment : ``None`` for a program that draws nothing: what its vertices give is written to a buffer.
         defines : preprocessor constants. Value ``""`` defines the bare name.
         samplers : names of the samplers; sampler ``k`` reads texture unit ``k``. varyings : without a fragment shader,
-            what is written. flat_uniforms : the fragment shader takes its uniforms as flat inputs (`flat_varyings`):
-            for programs that draw many more fragments than vertices.
+            what is written. many_fragments : it draws many more fragments than vertices, so that work may move from
+            those to these: ``rewrite`` is asked.
         """
         # passes ask in every frame: in the same words they are answered without sorting and printing them
         values = tuple(defines.values())  # 1 and 1.0 are equal, and other words
@@ -108,10 +110,8 @@ class ProgramLibrary:
         key = (vertex, fragment, tuple(sorted((k, str(v)) for k, v in defines.items())), samplers, self.lens)
         if key not in self._built:
             own, pixel = read_source(vertex), None if fragment is None else read_source(fragment)
-            if flat_uniforms and pixel is not None:
-                own, pixel = flat_varyings(
-                    own, pixel, (f for b in self._blocks for f in b.fields), self._slots
-                )
+            if many_fragments and pixel is not None and self.rewrite is not None:
+                own, pixel = self.rewrite(own, pixel, [f for b in self._blocks for f in b.fields])
             known = {"LENS": int(self.lens), **defines}
             blocks = "".join(block.glsl for block in self._blocks)
 

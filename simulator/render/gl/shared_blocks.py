@@ -101,7 +101,7 @@ MATERIALS = (
 
 
 @dataclass(frozen=True, eq=False)
-class Blocks:
+class UniformBlocks:
     """Every uniform block of one renderer."""
 
     frame: UniformBlock
@@ -113,9 +113,9 @@ class Blocks:
     shadow: UniformBlock
 
     @staticmethod
-    def create(context: moderngl.Context) -> Blocks:
+    def create(context: moderngl.Context) -> UniformBlocks:
         """Allocate the blocks."""
-        return Blocks(
+        return UniformBlocks(
             UniformBlock(context, "Frame", 0, FRAME),
             UniformBlock(context, "TargetTransforms", 1, TARGET),
             UniformBlock(context, "Materials", 2, MATERIALS),

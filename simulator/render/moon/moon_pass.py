@@ -122,7 +122,7 @@ class MoonPass:
                 **TABLE_DEFINES,
             },
             samplers,
-            flat_uniforms=True,
+            many_fragments=True,
         )
         share = np.ones((256, 4), np.float32)
         if moon.shadow_share is not None:

@@ -12,11 +12,14 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from simulator.render.target.viewport_fit import TILE_PX, all_tiles, tile_centers
+
 if TYPE_CHECKING:
     from simulator.render.projection import PixelRect
-    from simulator.runtime.arrays import BoolArray, FloatArray, IntArray
+    from simulator.render.target.mesh import GpuMesh
+    from simulator.render.target.viewport_fit import Placement
+    from simulator.runtime.arrays import FloatArray, IntArray
 
-TILE_PX = 8
 _MASK_PX = 2  # of the picture that the hulls are filled into
 _FOUR_BYTES = np.uint32  # a tile's row there
 _SHIFT = 4  # bits of a corner's fraction there
@@ -24,9 +27,14 @@ _AROUND = np.ones((3, 3), np.uint8)
 _FARTHEST = 1 << 14  # OpenCV's corners must fit in whole numbers with the fraction's bits to spare
 
 
-def whole(rect: PixelRect) -> FloatArray:
-    """Centres (K, 2) [px] of all the tiles of a rectangle that begins at whole tiles."""
-    return _centers(np.ones((-(-rect.height // TILE_PX), -(-rect.width // TILE_PX)), bool), rect)
+def target_tiles(mesh: GpuMesh, place: Placement) -> FloatArray:
+    """Centres (K, 2) [px] of the tiles that the target may touch.
+
+    Those of all of its rectangle where a lens bends it, or part of it is behind the camera.
+    """
+    if place.hull_px is None:
+        return all_tiles(place.rect)
+    return hull_tiles(place.rect, place.hull_px, mesh.hull_parts)
 
 
 def hull_tiles(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> FloatArray:
@@ -52,13 +60,4 @@ def hull_tiles(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> Float
     # a pixel whose corner is touched counts, and OpenCV's fill leaves out what it touches by less than half
     cv2.dilate(mask, _AROUND, dst=mask)
     inner = mask[1:-1, 1:-1].reshape(rows, step, -1).max(axis=1)  # one axis after the other is quicker
-    return _centers(inner.view(_FOUR_BYTES) != 0, rect)
-
-
-def _centers(tiles: BoolArray, rect: PixelRect) -> FloatArray:
-    row, column = np.nonzero(tiles)
-    middle = (TILE_PX - 1) / 2
-    centers = np.empty((len(row), 2))
-    centers[:, 0] = column * TILE_PX + (rect.x0 + middle)
-    centers[:, 1] = row * TILE_PX + (rect.y0 + middle)
-    return centers
+    return tile_centers(inner.view(_FOUR_BYTES) != 0, rect)

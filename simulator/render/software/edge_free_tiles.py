@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.software.coverage_mask import TILE_PX
+from simulator.render.target.viewport_fit import TILE_PX
 
 if TYPE_CHECKING:
     from simulator.render.projection import PixelRect

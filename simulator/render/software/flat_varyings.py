@@ -11,7 +11,9 @@ import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable, Sequence
+
+    import moderngl
 
     from simulator.render.gl.uniform_block import Field
 
@@ -22,6 +24,12 @@ SPARE_SLOTS = 4
 _PLAIN = re.compile(r"^uniform (float|vec[234]|mat[34]|u?int|[iu]vec[234]) ([\w, ]+);.*$", re.MULTILINE)
 _WORD = re.compile(r"\w+")
 _MAIN = re.compile(r"^void main\(\)", re.MULTILINE)
+
+
+def rewriter(context: moderngl.Context) -> Callable[[str, str, Sequence[Field]], tuple[str, str]]:
+    """`flat_varyings` with the slots that a driver has, for `ProgramLibrary`."""
+    slots = int(context.info.get("GL_MAX_VARYING_VECTORS", LEAST_SLOTS)) - SPARE_SLOTS
+    return lambda vertex, fragment, fields: flat_varyings(vertex, fragment, fields, slots)
 
 
 def flat_varyings(vertex: str, fragment: str, fields: Iterable[Field], slots: int) -> tuple[str, str]:

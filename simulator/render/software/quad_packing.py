@@ -9,13 +9,18 @@ from simulator.render.gl.fences import draw_to
 if TYPE_CHECKING:
     import moderngl
 
+    from simulator.render.earth.screen_tiles import ScreenTiles
     from simulator.render.frame_images import FrameImages
     from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.software.tiles import ScreenTiles
     from simulator.runtime.arrays import Float32Array
 
 LEAST_SHARE = 0.4
 """Of the image that must gain: reading texels of four takes as long as a tenth of the Earth's pixels."""
+
+
+def worth_packing(images: FrameImages, tiles: ScreenTiles) -> bool:
+    """Whether the Earth's smooth tiles should be drawn four pixels to a texel."""
+    return images.can_pack_quads and tiles.smooth_share > LEAST_SHARE
 
 
 class QuadPackingPass:

@@ -14,14 +14,21 @@ import numpy as np
 from simulator.render.gl.buffer_pool import BufferPool
 from simulator.render.gl.context import release
 from simulator.render.gl.fences import draw_to, flush
-from simulator.render.software.coverage_mask import TILE_PX
+from simulator.render.gl.programs import FULL_SCREEN
 from simulator.render.software.edge_free_tiles import crossed_tiles
+from simulator.render.target.sample_pattern import lattice_defines
+from simulator.render.target.shade_pass import ShadePass, light_defines
+from simulator.render.target.viewport_fit import TILE_PX
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import moderngl
 
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.render.projection import PixelRect
+    from simulator.render.target.mesh import GpuMesh
+    from simulator.render.target.sample_pattern import Lattice
     from simulator.render.target.visible_edges import EdgeView, SeenEdges
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.targets.model import Target
@@ -34,6 +41,7 @@ MOST_CRINKLED = 0.3  # of a craft's surface
 LEAST_BENT = 0.1  # of a craft's surface, for tiles of bent faces to be worth a look
 _BENT = 0.99985  # cosine of the angle, one degree, between a bent face's plane and its normals
 _NOTHING = -1.5  # below are tiles that show nothing of the target, shaders/target/smooth_corners.frag
+SAMPLERS = (*(name for name in ShadePass.SAMPLERS if name != "t_slope"), "t_tiles")
 _NAMES = ("in_corners", "in_green", "in_blue")
 
 
@@ -117,14 +125,34 @@ class SmoothShadingPass:
         self._fills: dict[int, moderngl.VertexArray] = {}
         self._values = context.buffer(reserve=8, dynamic=True)
 
+    def program(
+        self, lattice: Lattice, bands: int, mesh: GpuMesh, shadow_window: int, *, curved: bool
+    ) -> Program:
+        """The program that shades the corners of tiles no edge comes near, of a mesh without textures.
+
+        Parameters
+        ----------
+        curved : tiles of curved faces may be interpolated too.
+        """
+        defines = {**light_defines(bands, mesh, shadow_window), **lattice_defines(lattice)}
+        if curved:
+            defines["BENT"] = ""
+        return self._programs.get(
+            FULL_SCREEN,
+            "target/smooth_corners.frag",
+            {**defines, "TILE_PX": TILE_PX},
+            SAMPLERS,
+            many_fragments=True,
+        )
+
     def shade_corners(
-        self, tiles_px: FloatArray, program: Program, textures: dict[str, moderngl.Texture], bands: int
+        self, tiles_px: FloatArray, program: Program, textures: Mapping[str, moderngl.Texture], bands: int
     ) -> SmoothTiles:
         """Shade tiles at their corners; waits for the driver.
 
         Parameters
         ----------
-        tiles_px : (K, 2) centres of tiles that no edge comes near. program : of `ShadePass.smooth_program`.
+        tiles_px : (K, 2) centres of tiles that no edge comes near. program : of `program`.
         textures : by the names of its samplers. bands : 1 or 3.
         """
         rows = -(-len(tiles_px) // COLUMNS)
@@ -153,15 +181,20 @@ class SmoothShadingPass:
         rest = ~even & (corners[:, 0] > _NOTHING)
         return SmoothTiles(tiles_px[even], corners[even], tiles_px[rest])
 
-    def fill(self, tiles: SmoothTiles, rect: PixelRect, bands: int) -> None:
-        """Draw the tiles that may be interpolated into the framebuffer in use, whose viewport holds ``rect``."""
+    def fill(
+        self, tiles: SmoothTiles, framebuffer: moderngl.Framebuffer, rect: PixelRect, bands: int
+    ) -> None:
+        """Draw the tiles that may be interpolated; ``rect`` holds them all."""
         if not len(tiles.centers_px):
             return
         program = self._programs.get(
             "target/smooth_fill.vert", "target/smooth_fill.frag", {"BANDS": bands, "TILE_PX": TILE_PX}
         )
         columns, rows = (-(-side // TILE_PX) * TILE_PX for side in (rect.width, rect.height))
-        program.set("u_window", (rect.x0, rect.y0, columns, rows))
+        window = (rect.x0, rect.y0, columns, rows)
+        draw_to(framebuffer)
+        framebuffer.viewport = window
+        program.set("u_window", window)
         self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
         vertices = np.concatenate([tiles.centers_px.astype(np.float32), tiles.corners], axis=1)
         self._values.orphan(vertices.nbytes)

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.software.back_face_culling import CulledVertexArray
     from simulator.render.target.mesh import GpuMesh
+    from simulator.render.target.mesh_array import MeshArray
     from simulator.render.target.textures import Textures
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Bands
@@ -98,13 +98,7 @@ class GBufferPass:
         return self._programs.get("target/gbuffer.vert", "target/gbuffer.frag", defines, self.SAMPLERS)
 
     def run(
-        self,
-        mesh: GpuMesh,
-        array: CulledVertexArray,
-        size: tuple[int, int],
-        camera_m: FloatArray,
-        *,
-        cut: bool,
+        self, mesh: GpuMesh, array: MeshArray, size: tuple[int, int], camera_m: FloatArray, *, cut: bool
     ) -> SampleImages:
         """Draw the samples of one lattice window.
 

@@ -1,6 +1,7 @@
 """Label pass: what the target shows at each pixel's centre (depth, normal, part), and its whole silhouette.
 
-One sample a pixel, at its centre: mask, depth, normals and parts come from one raster and so have one support.
+One sample a pixel, at its centre: mask, depth, normals and parts come from one raster and so have one support. On
+every driver only what can show is drawn: of faces in one plane the one beneath would win here and there.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from simulator.render.gl.context import release
 from simulator.render.gl.fences import draw_to, flush
 from simulator.render.projection import PixelRect, clip_from_camera, window_from_pixel
-from simulator.render.software.back_face_culling import CulledVertexArray
+from simulator.render.target.visible_triangles import CulledVertexArray
 from simulator.render.uniform_values import lens_values
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from simulator.camera.lens.camera_model import Camera
     from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.gl.shared_blocks import Blocks
+    from simulator.render.gl.shared_blocks import UniformBlocks
     from simulator.render.target.mesh import GpuMesh
     from simulator.runtime.arrays import BoolArray, Float32Array, FloatArray
     from simulator.targets.model import Target
@@ -87,7 +88,7 @@ class PendingSurfaces:
 class LabelPass:
     """Draws the target once more at one sample a pixel. Reads the mesh; owns what it writes."""
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: Blocks) -> None:
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: UniformBlocks) -> None:
         self._context, self._lens, self._library = context, blocks.lens, programs
         self._arrays: dict[str, _Arrays] = {}
         self._aside = context.framebuffer([context.texture((1, 1), 1)])

@@ -11,10 +11,10 @@ from simulator.render.target.shadow_frustum import SurfacePatches
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from simulator.render.software.back_face_culling import CulledVertexArray
     from simulator.render.target.edge_pass import EdgeBuffers
     from simulator.render.target.interreflection import ReturnedLight
     from simulator.render.target.mesh import GpuMesh
+    from simulator.render.target.mesh_array import MeshArray
     from simulator.render.target.textures import Textures
     from simulator.targets.model import Target
 
@@ -23,15 +23,13 @@ MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others 
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A target on the GPU with a vertex array per program; ``is_smooth``, ``is_curved`` as `smooth_shading` says."""
+    """A target on the GPU with a vertex array per program."""
 
     mesh: GpuMesh
-    shadow: CulledVertexArray
-    gbuffer: CulledVertexArray
+    shadow: MeshArray
+    gbuffer: MeshArray
     edges: EdgeBuffers
     returned: ReturnedLight
-    is_smooth: bool
-    is_curved: bool
     textures: Textures | None = None
 
     @cached_property

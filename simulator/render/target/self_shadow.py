@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from simulator.camera.lens.camera_model import Camera
     from simulator.render.gl.programs import ProgramLibrary
-    from simulator.render.gl.shared_blocks import Blocks
+    from simulator.render.gl.shared_blocks import UniformBlocks
     from simulator.render.target.resident_targets import Loaded
     from simulator.render.target.viewport_fit import Placement
     from simulator.render.view import View
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 class SelfShadow:
     """Draws the map of what of a target the Sun sees, at the size that a view asks for."""
 
-    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: Blocks) -> None:
+    def __init__(self, context: moderngl.Context, programs: ProgramLibrary, blocks: UniformBlocks) -> None:
         self._context, self._programs, self._blocks = context, programs, blocks
         self._passes: dict[int, ShadowPass] = {}
 

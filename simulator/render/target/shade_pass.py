@@ -9,11 +9,10 @@ import numpy as np
 from simulator.render.bake.radiance_transfer import LARGEST_SLOPE
 from simulator.render.gl.fences import draw_to
 from simulator.render.gl.mipmaps import draw_one_point
-from simulator.render.gl.programs import FULL_SCREEN
-from simulator.render.software.coverage_mask import TILE_PX
 from simulator.render.target.edge_pass import edge_defines
 from simulator.render.target.gbuffer_pass import normal_bits
 from simulator.render.target.sample_pattern import lattice_defines
+from simulator.render.target.viewport_fit import TILE_PX
 from simulator.scene.illumination.lamp import Profile
 
 if TYPE_CHECKING:
@@ -38,7 +37,6 @@ class ShadePass:
 
     SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_open", "t_returned")
     TEXTURED = ("t_texel", "t_detail")
-    SMOOTH_SAMPLERS = tuple(name for name in SAMPLERS if name != "t_slope")
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary) -> None:
         self._context = context
@@ -64,7 +62,7 @@ class ShadePass:
         """
         most = MAX_SURFACES_FAR if lattice.samples > FAR_SAMPLES else MAX_SURFACES
         defines = {
-            **_defines(bands, mesh, shadow_window),
+            **light_defines(bands, mesh, shadow_window),
             **lattice_defines(lattice),
             **edge_defines(exact=exact),
             "MAX_SURFACES": MAX_SURFACES_EXACT if exact else most,
@@ -76,27 +74,7 @@ class ShadePass:
             "target/shade.frag",
             defines,
             self.SAMPLERS + self.TEXTURED * (mesh.uv is not None),
-            flat_uniforms=True,
-        )
-
-    def smooth_program(
-        self, lattice: Lattice, bands: int, mesh: GpuMesh, shadow_window: int, *, bent: bool
-    ) -> Program:
-        """The program that looks at tiles no edge comes near, of a mesh without textures.
-
-        Parameters
-        ----------
-        bent : tiles of bent faces may be interpolated too.
-        """
-        defines = {**_defines(bands, mesh, shadow_window), **lattice_defines(lattice)}
-        if bent:
-            defines["BENT"] = ""
-        return self._programs.get(
-            FULL_SCREEN,
-            "target/smooth_corners.frag",
-            {**defines, "TILE_PX": TILE_PX},
-            (*self.SMOOTH_SAMPLERS, "t_tiles"),
-            flat_uniforms=True,
+            many_fragments=True,
         )
 
     def run(
@@ -141,7 +119,7 @@ class ShadePass:
             self._arrays[program].render(vertices=len(tiles))
 
 
-def _defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, object]:
+def light_defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, object]:
     """Defines of a mesh's light: what its materials lack is left out."""
     switches = {
         "TEXTURED": mesh.uv is not None,

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     import moderngl
 
     from simulator.render.gl.programs import ProgramLibrary
-    from simulator.render.software.back_face_culling import CulledVertexArray
     from simulator.render.target.mesh import GpuMesh
+    from simulator.render.target.mesh_array import MeshArray
     from simulator.render.view import View
     from simulator.runtime.arrays import BoolArray, FloatArray
     from simulator.scene.state import Quality
@@ -100,7 +100,7 @@ class ShadowPass:
 
     def run(
         self,
-        array: CulledVertexArray,
+        array: MeshArray,
         view: View,
         light_from_target: FloatArray,
         without: BoolArray | None = None,

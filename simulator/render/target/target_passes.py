@@ -9,42 +9,38 @@ import numpy as np
 
 from simulator.render.bake.charts import TEXEL
 from simulator.render.bake.radiance_transfer import PATCH
-from simulator.render.gl.fences import flush
-from simulator.render.projection import PixelRect, clip_from_camera
-from simulator.render.software.back_face_culling import CulledVertexArray
-from simulator.render.software.coverage_mask import whole
-from simulator.render.software.smooth_shading import SmoothShadingPass, is_curved, is_smooth, split_tiles
+from simulator.render.projection import clip_from_camera
 from simulator.render.target.edge_pass import EdgeBuffers, EdgePass
 from simulator.render.target.gbuffer_pass import GBufferPass, TexturedGBufferPass
 from simulator.render.target.interreflection import ReturnedLight
 from simulator.render.target.label_pass import LabelPass, Surfaces
 from simulator.render.target.materials import material_values
 from simulator.render.target.mesh import upload
+from simulator.render.target.mesh_array import WholeMesh
 from simulator.render.target.resident_targets import Loaded, LoadedTargets
 from simulator.render.target.self_shadow import SelfShadow
 from simulator.render.target.shade_pass import ShadePass
 from simulator.render.target.textures import Textures
-from simulator.render.target.viewport_fit import (
-    TILE_REACH_PX,
-    choose_lattice,
-    locate,
-    outline_px,
-    target_tiles,
-)
+from simulator.render.target.viewport_fit import TILE_REACH_PX, choose_lattice, locate
 from simulator.render.target.visible_edges import EdgeView
 from simulator.render.uniform_values import lens_values
 from simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     import moderngl
     from numpy.typing import ArrayLike
 
+    from simulator.camera.lens.camera_model import Camera
     from simulator.render.frame_images import FrameImages
-    from simulator.render.gl.programs import Program, ProgramLibrary
-    from simulator.render.gl.shared_blocks import Blocks
-    from simulator.render.gl.timing import StageClock
+    from simulator.render.gl.programs import ProgramLibrary
+    from simulator.render.gl.shared_blocks import UniformBlocks
+    from simulator.render.projection import PixelRect
+    from simulator.render.target.mesh_array import Culling
+    from simulator.render.target.sample_pattern import Lattice
+    from simulator.render.target.shadow_pass import ShadowChoice
+    from simulator.render.target.viewport_fit import Placement
     from simulator.render.view import View
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import Bands, SceneState
@@ -55,27 +51,49 @@ FINE_TEXEL, FINE_PATCH = 0.012, 2
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
-    """The target's samples, ready to be shaded.
+class PlacedTarget:
+    """A target on the GPU and in the image: what its passes have in common.
 
     Parameters
     ----------
-    rect : pixels that the target may cover. tiles_px : (K, 2) centres of the tiles of those.
-    edged_px, edgeless_px : the same, those that edges come near and those that none does.
-    program, textures : of the shading. smooth_program : of the tiles without edges. stamp : of the samples' image.
-    returned : light from other parts; that of the frame is worked out last, when what comes from Earth and Moon is
-        known.
+    size, origin : of the samples' framebuffer and of its counters. tiles_px : (K, 2) centres of the tiles that the
+        target may touch.
     """
 
-    rect: PixelRect
+    loaded: Loaded
+    place: Placement
+    camera: Camera
+    lattice: Lattice
+    size: tuple[int, int]
+    origin: tuple[int, int]
     tiles_px: FloatArray
-    edged_px: FloatArray
-    edgeless_px: FloatArray
-    program: Program
-    smooth_program: Program | None
+
+    @property
+    def rect(self) -> PixelRect:
+        """Pixels that the target may cover."""
+        return self.place.rect
+
+    @property
+    def edge_view(self) -> EdgeView:
+        """Where its edges are looked at from."""
+        place = self.place
+        return EdgeView(self.camera, place.rect, place.near_far_m[0], place.camera_from_target)
+
+
+@dataclass(frozen=True, eq=False)
+class TargetSamples:
+    """What the samples see, by the names of the shading's samplers; ``stamp`` tells this frame's from older ones."""
+
     textures: dict[str, moderngl.Texture]
     stamp: int
-    returned: ReturnedLight
+
+
+@dataclass(frozen=True, eq=False)
+class TargetShadow:
+    """The target as the Sun sees it: the map, and how the shading reads it."""
+
+    map: moderngl.Texture
+    choice: ShadowChoice
 
 
 class TargetPasses:
@@ -83,22 +101,24 @@ class TargetPasses:
 
     The preset `high` has its own, with nodes of baked light closer together. Labels are drawn from the other.
 
+    A driver collects commands until the next framebuffer's first one comes, or until it is told to begin. So each of
+    `draw_samples`, `draw_shadow` and `draw_edges` should be handed over at once: a software driver's threads draw one
+    while the next is being prepared. The samples come first, which take longest.
+
     Parameters
     ----------
-    thrifty : as of `simulator.render.renderer.Renderer`.
+    culling : which triangles and tiles are drawn.
     """
 
     def __init__(
-        self, context: moderngl.Context, programs: ProgramLibrary, blocks: Blocks, *, thrifty: bool
+        self, context: moderngl.Context, programs: ProgramLibrary, blocks: UniformBlocks, culling: Culling
     ) -> None:
-        self._thrifty = thrifty
-        self._context, self._programs, self._blocks = context, programs, blocks
+        self._context, self._programs, self._blocks, self._culling = context, programs, blocks, culling
         self._shadow = SelfShadow(context, programs, blocks)
         self._gbuffer = GBufferPass(context, programs)
         self._textured: TexturedGBufferPass | None = None  # made with the first mesh that has textures
         self._edges = EdgePass(context, programs)
         self._shade = ShadePass(context, programs)
-        self._smooth = SmoothShadingPass(context, programs)
         self._labels = LabelPass(context, programs, blocks)
         self._loaded = LoadedTargets(self._upload, self._labels.forget)
 
@@ -110,47 +130,43 @@ class TargetPasses:
             self._textured = self._textured or TexturedGBufferPass(context, self._programs)
             textures = Textures(context, target)
         gbuffer = self._gbuffer if mesh.uv is None or self._textured is None else self._textured
+        # textures are bound by stretches of the index buffer
+        geometry_array = self._culling.mesh_array if mesh.uv is None else WholeMesh
         return Loaded(
             mesh,
-            CulledVertexArray(context, mesh, self._shadow.program, whole=not self._thrifty),
-            # textures are bound by stretches of the index buffer
-            CulledVertexArray(
-                context, mesh, gbuffer.program(mesh).gl, whole=mesh.uv is not None or not self._thrifty
-            ),
+            self._culling.mesh_array(context, mesh, self._shadow.program),
+            geometry_array(context, mesh, gbuffer.program(mesh).gl),
             EdgeBuffers(context, mesh.edges, mesh),
             ReturnedLight(context, mesh, FINE_PATCH if fine else PATCH),
-            is_smooth(target),
-            is_curved(target),
             textures,
         )
 
-    def sample(self, scene: SceneState, view: View, target: Target, clock: StageClock) -> Sampled | None:
-        """Draw what the samples of the target's pixels see, and its shadows; nothing where it touches no pixel.
-
-        The order keeps a software driver's threads busy: they draw one thing while the next is being prepared. The
-        samples come first, which take longest. A driver collects commands until the next framebuffer's first one comes,
-        or until it is told to begin: it is told to, or its threads would rest while that pass is worked out.
-        """
+    def place(self, scene: SceneState, view: View, target: Target) -> PlacedTarget | None:
+        """Fit viewport, depth range and samples to the target; `None` where it touches no pixel."""
         loaded = self._loaded.get(target, fine=scene.quality == "high")
         loaded.returned.begin(scene.bands)
         mesh, camera = loaded.mesh, scene.camera
         place = locate(mesh, _matrix(view.R_camera_from_target, view.t_camera_from_target_m), camera)
         if place is None:
             return None
-        bent = self._programs.lens  # edges are curves then, and not weighted
-        tiles = target_tiles(mesh, place) if self._thrifty else whole(place.rect)
+        tiles = self._culling.target_tiles(mesh, place)
         if not len(tiles):
             return None
-        # nearly always the same lattice whoever draws: the whole rectangle, which a GPU is given, has more samples
-        extent = tiles if self._thrifty else outline_px(place)
-        pixel_m = place.pixel_m(camera)
-        lattice = choose_lattice(
-            scene.quality, place, extent, pixel_m, dense=bent or loaded.textures is not None
-        )
+        # edges are curves through a lens that bends, and not weighted
+        dense = self._programs.lens or loaded.textures is not None
+        outline = self._culling.outline_px(place, tiles)
+        lattice = choose_lattice(scene.quality, place, outline, place.pixel_m(camera), dense=dense)
         size, origin = lattice.window(tiles, TILE_REACH_PX)
-        lattice_clip = clip_from_camera(camera, *place.near_far_m, lattice.buffer_from_pixel(origin), size)
-        if bent:
-            self._blocks.lens.write(lens_values(camera, lattice_clip, place.camera_from_target))
+        placed = PlacedTarget(loaded, place, camera, lattice, size, origin, tiles)
+        self._write_blocks(placed, scene.bands)
+        return placed
+
+    def _write_blocks(self, placed: PlacedTarget, bands: Bands) -> None:
+        place, size, origin = placed.place, placed.size, placed.origin
+        to_buffer = placed.lattice.buffer_from_pixel(origin)
+        lattice_clip = clip_from_camera(placed.camera, *place.near_far_m, to_buffer, size)
+        if self._programs.lens:
+            self._blocks.lens.write(lens_values(placed.camera, lattice_clip, place.camera_from_target))
         self._blocks.target.write(
             {
                 "u_lattice_clip_from_target": lattice_clip @ place.camera_from_target,
@@ -159,79 +175,68 @@ class TargetPasses:
                 "u_lattice_px": [*size, 0, 0],
             }
         )
-        self._blocks.materials.write(material_values(mesh.materials, scene.bands))
-        clock.lap("target.setup")
+        self._blocks.materials.write(material_values(placed.loaded.mesh.materials, bands))
+
+    def draw_samples(self, scene: SceneState, placed: PlacedTarget) -> TargetSamples:
+        """Draw what the samples of the target's pixels see."""
+        loaded, place, size = placed.loaded, placed.place, placed.size
         texels: dict[str, moderngl.Texture] = {}
         if self._textured is None or loaded.textures is None:
-            samples = self._gbuffer.run(mesh, loaded.gbuffer, size, place.camera_target_m, cut=place.is_cut)
+            camera_m = place.camera_target_m
+            samples = self._gbuffer.run(loaded.mesh, loaded.gbuffer, size, camera_m, cut=place.is_cut)
         else:
             samples = self._textured.run_textured(
-                loaded.gbuffer.array, size, mesh, loaded.textures, scene.bands, cut=place.is_cut
+                loaded.gbuffer.array, size, loaded.mesh, loaded.textures, scene.bands, cut=place.is_cut
             )
             texels = dict(zip(self._shade.TEXTURED, samples.texels, strict=True))
-        flush(self._context)
-        clock.lap("target.geometry")
-        shadow_map, choice = self._shadow.draw(scene, view, loaded, place)
-        flush(self._context)
-        clock.lap("target.shadow")
-        exact = scene.quality == "high"
-        edge_view = EdgeView(camera, place.rect, place.near_far_m[0], place.camera_from_target)
-        edges = self._edges.begin(None if bent else loaded.edges, edge_view, exact=exact)
-        slope = self._edges.run(edges, lattice)
-        flush(self._context)
-        edged, edgeless, even = tiles, tiles[:0], None
-        bands = len(bands_of(scene.bands))
-        if (
-            self._thrifty
-            and not exact
-            and place.hull_px is not None
-            and loaded.is_smooth
-            and scene.lamp is None
-        ):
-            edged, edgeless = split_tiles(tiles, loaded.edges.seen, edge_view)
-            if len(edgeless):
-                even = self._shade.smooth_program(lattice, bands, mesh, choice.window, bent=loaded.is_curved)
-        clock.lap("target.edges")
-        return Sampled(
-            place.rect,
-            tiles,
-            edged,
-            edgeless,
-            self._shade.program(lattice, bands, mesh, choice.window, scene.lamp, exact=exact),
-            even,
-            {
-                "t_surface": samples.surface,
-                "t_depth": samples.depth,
-                "t_shadow": shadow_map,
-                "t_slope": slope,
-                **texels,
-            },
-            samples.stamp,
-            loaded.returned,
+        return TargetSamples(
+            {"t_surface": samples.surface, "t_depth": samples.depth, **texels}, samples.stamp
         )
 
-    def compile_ahead(self, sampled: Sampled, bands: Bands, images: FrameImages) -> None:
-        """Have the driver compile the shading while light is baked; what it draws is to be cleared."""
-        textures = sampled.textures | sampled.returned.stand_ins(bands)
-        tiles, program = sampled.edged_px[:1], sampled.program
-        if len(tiles):
-            self._shade.run(images.target_framebuffer, sampled.rect, tiles, program, textures, ahead=True)
+    def draw_shadow(self, scene: SceneState, view: View, placed: PlacedTarget) -> TargetShadow:
+        """Draw the target as the Sun sees it."""
+        return TargetShadow(*self._shadow.draw(scene, view, placed.loaded, placed.place))
 
-    def shade(self, sampled: Sampled, view: View, bands: Bands, images: FrameImages) -> None:
-        """Have the driver draw radiance and coverage into ``images``, in the light of ``view``."""
-        light = sampled.returned.update(bands, view)
-        textures = {**sampled.textures, "t_open": light.visibility, "t_returned": light.returned}
-        sampled.program.set("u_stamp", sampled.stamp)
-        program, tiles, even = sampled.smooth_program, sampled.edged_px, None
-        if program is not None:
-            program.set("u_stamp", sampled.stamp)
-            looked_up = {name: textures[name] for name in self._shade.SMOOTH_SAMPLERS}
-            even = self._smooth.shade_corners(sampled.edgeless_px, program, looked_up, len(bands_of(bands)))
-            tiles = np.concatenate([tiles, even.others_px])
-        self._shade.run(images.target_framebuffer, sampled.rect, tiles, sampled.program, textures)
-        if even is not None:
-            self._smooth.fill(even, sampled.rect, len(bands_of(bands)))
-        flush(self._context)
+    def draw_edges(self, scene: SceneState, placed: PlacedTarget) -> moderngl.Texture:
+        """Draw the slopes of the samples' weights, by which edges share out their pixels."""
+        buffers = None if self._programs.lens else placed.loaded.edges
+        edges = self._edges.begin(buffers, placed.edge_view, exact=scene.quality == "high")
+        return self._edges.run(edges, placed.lattice)
+
+    def shade(
+        self,
+        scene: SceneState,
+        placed: PlacedTarget,
+        tiles_px: FloatArray,
+        samples: TargetSamples,
+        shadow: TargetShadow,
+        textures: Mapping[str, moderngl.Texture],
+        images: FrameImages,
+        *,
+        one_tile: bool = False,
+    ) -> None:
+        """Draw radiance and coverage into ``images``.
+
+        Parameters
+        ----------
+        tiles_px : (K, 2) centres of the tiles to shade, pixel by pixel.
+        textures : slopes and light, by the names of the shading's samplers.
+        one_tile : draw the first alone, while other threads go on: a software driver compiles the program then.
+        """
+        mesh, exact, bands = placed.loaded.mesh, scene.quality == "high", len(bands_of(scene.bands))
+        program = self._shade.program(
+            placed.lattice, bands, mesh, shadow.choice.window, scene.lamp, exact=exact
+        )
+        program.set("u_stamp", samples.stamp)
+        images.mark_covered(placed.rect)
+        self._shade.run(
+            images.target_framebuffer,
+            placed.rect,
+            tiles_px,
+            program,
+            {**samples.textures, "t_shadow": shadow.map, **textures},
+            ahead=one_tile,
+        )
 
     def begin_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
         """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.render.projection import PixelRect, lens_bounds_px
-from simulator.render.software.coverage_mask import TILE_PX, hull_tiles, whole
 from simulator.render.target.sample_pattern import SEVEN, Lattice, rotated
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
     from simulator.render.target.mesh import GpuMesh
-    from simulator.runtime.arrays import FloatArray
+    from simulator.runtime.arrays import BoolArray, FloatArray
     from simulator.scene.state import Quality
 
+TILE_PX = 8
+"""Side of the screen tiles in which the target's pixels are shaded."""
 MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
 # lattices to try in order, and the largest buffer [samples] it may take
 LATTICES: dict[str, tuple[tuple[Lattice, float], ...]] = {
@@ -71,6 +72,21 @@ class Placement:
         return np.asarray(-self.camera_from_target[:3, :3].T @ self.camera_from_target[:3, 3])
 
 
+def all_tiles(rect: PixelRect) -> FloatArray:
+    """Centres (K, 2) [px] of all the tiles of a rectangle that begins at whole tiles."""
+    return tile_centers(np.ones((-(-rect.height // TILE_PX), -(-rect.width // TILE_PX)), bool), rect)
+
+
+def tile_centers(tiles: BoolArray, rect: PixelRect) -> FloatArray:
+    """Centres (K, 2) [px] of some tiles (rows, columns) of a rectangle."""
+    row, column = np.nonzero(tiles)
+    middle = (TILE_PX - 1) / 2
+    centers = np.empty((len(row), 2))
+    centers[:, 0] = column * TILE_PX + (rect.x0 + middle)
+    centers[:, 1] = row * TILE_PX + (rect.y0 + middle)
+    return centers
+
+
 def locate(
     mesh: GpuMesh, camera_from_target: FloatArray, camera: Camera, *, clip: bool = True
 ) -> Placement | None:
@@ -115,20 +131,10 @@ def locate(
     )
 
 
-def target_tiles(mesh: GpuMesh, place: Placement) -> FloatArray:
-    """Centres (K, 2) [px] of the tiles that the target may touch.
-
-    Those of all of its rectangle where a lens bends it, or part of it is behind the camera.
-    """
-    if place.hull_px is None:
-        return whole(place.rect)
-    return hull_tiles(place.rect, place.hull_px, mesh.hull_parts)
-
-
 def outline_px(place: Placement) -> FloatArray:
-    """(K, 2) places [px] that span what the target may touch, without looking for its tiles; as `target_tiles` else."""
+    """(K, 2) places [px] that span what the target may touch, without looking for its tiles; of all tiles else."""
     if place.hull_px is None:
-        return whole(place.rect)
+        return all_tiles(place.rect)
     rect = place.rect
     return np.clip(place.hull_px.T, [rect.x0, rect.y0], [rect.x1 - 1, rect.y1 - 1])
 

@@ -25,14 +25,14 @@ def test_the_first_frame_needs_no_program_that_was_not_compiled_ahead(bands, nam
     scenario = load_scenario(name)
     plan = plan_flight(scenario, n=1, bands=bands)
     scene = replace(plan.scene(0), camera=smaller(scenario.camera_model, 128))
-    runs, run = [], EarthPass.run
+    runs, run = [], EarthPass._run
 
-    def watched(self, *arguments, **options):
-        before = len(renderer._programs._built)
-        run(self, *arguments, **options)
-        runs.append((options.get("ahead", False), len(renderer._programs._built) - before))
+    def watched(self, *arguments):
+        before = len(renderer._device.programs._built)
+        run(self, *arguments)
+        runs.append((self._precompiles, len(renderer._device.programs._built) - before))
 
-    monkeypatch.setattr(EarthPass, "run", watched)
+    monkeypatch.setattr(EarthPass, "_run", watched)
     begun = begin_earth_maps(bands, scenario.environment.layers(), scene.epoch_utc)
     with Renderer(begun={bands: begun}) as renderer:
         first = renderer.render(scene, plan.target).radiance

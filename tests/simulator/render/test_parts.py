@@ -11,16 +11,15 @@ from simulator.render.gl.shared_blocks import EARTH, FRAME, MATERIALS, TARGET
 from simulator.render.gl.uniform_block import Field, UniformBlock
 from simulator.render.projection import PixelRect
 from simulator.render.software import tiles
-from simulator.render.software.coverage_mask import whole
 from simulator.render.target.viewport_fit import LATTICES as PRESETS
-from simulator.render.target.viewport_fit import TINY_LATTICE
+from simulator.render.target.viewport_fit import TINY_LATTICE, all_tiles
 from simulator.render.view import build_view
 from simulator.runtime import cached_arrays as cache
 from simulator.scene.illumination.atmosphere import earth_atmosphere, ground_irradiance, optical_depth_to_top
 from simulator.scene.state import Environment
 
 LATTICES = {lattice for choices in PRESETS.values() for lattice, _ in choices} | {TINY_LATTICE}
-THRIFTY = True
+SOFTWARE_PATH = True
 
 
 @pytest.mark.parametrize("lattice", sorted(LATTICES, key=str), ids=lambda lattice: f"{lattice.samples}")
@@ -51,7 +50,7 @@ def test_lattice_window_holds_every_sample(lattice):
 
 @pytest.mark.gl
 def test_block_layout_is_the_drivers(renderer):
-    context = renderer._gl
+    context = renderer._device.context
     for number, fields in enumerate(
         (FRAME, TARGET, MATERIALS, EARTH, (Field("float", "a"), Field("vec3", "b")))
     ):
@@ -72,7 +71,7 @@ def test_block_layout_is_the_drivers(renderer):
 
 @pytest.mark.gl
 def test_a_missing_or_unknown_member_is_an_error(renderer):
-    block = UniformBlock(renderer._gl, "Probe", 7, (Field("vec4", "one"), Field("vec4", "two")))
+    block = UniformBlock(renderer._device.context, "Probe", 7, (Field("vec4", "one"), Field("vec4", "two")))
     with pytest.raises(KeyError, match="two"):
         block.write({"one": [0, 0, 0, 0]})
     with pytest.raises(KeyError, match="three"):
@@ -81,7 +80,7 @@ def test_a_missing_or_unknown_member_is_an_error(renderer):
 
 @pytest.mark.gl
 def test_setting_a_uniform_that_is_not_used_is_nothing(renderer):
-    library = ProgramLibrary(renderer._gl, ())
+    library = ProgramLibrary(renderer._device.context, ())
     program = library.get("common/full_screen.vert", "target/shadow.frag", {})
     program.set("u_removed_by_the_compiler", 3.0)
     assert library.get("common/full_screen.vert", "target/shadow.frag", {}) is program
@@ -118,7 +117,7 @@ def test_tiles_cover_what_the_earth_touches_once(draw_kit):
     for off_nadir, full in ((0.0, True), (68.0, False), (180.0, False)):
         view = build_view(draw_kit.scene(target, camera=camera, off_nadir_deg=off_nadir))
         earth = earth_view(view, camera, earth_atmosphere("mono"))
-        cut = tiles.earth_tiles(earth, camera, whole(PixelRect(50, 50, 60, 60)), "2026-03-20")
+        cut = tiles.earth_tiles(earth, camera, all_tiles(PixelRect(50, 50, 60, 60)), "2026-03-20")
         seen = np.zeros((150, 200), int)
         for x, y in np.concatenate([*cut.centers_px.values(), np.zeros((0, 2))]) + 0.5 - cut.size_px / 2:
             seen[round(y) : round(y) + cut.size_px, round(x) : round(x) + cut.size_px] += 1

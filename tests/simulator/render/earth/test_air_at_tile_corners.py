@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simulator.camera.lens.camera_model import Camera
-from simulator.render import renderer as renderer_module
+from simulator.render import drawing
 from simulator.render.earth.air_pass import AirPass
 from simulator.render.earth.air_tables import GROUND_MU_MIN, GROUND_SAMPLES
 from simulator.render.projection import directions
@@ -12,7 +12,7 @@ from simulator.scene.state import Environment, TargetRef
 from simulator.scene.viewpoint import scene_above
 
 pytestmark = pytest.mark.gl
-THRIFTY = True
+SOFTWARE_PATH = True
 CAMERA = Camera(width_px=64, height_px=64, fx_px=180.0, fy_px=180.0, cx_px=31.5, cy_px=31.5)
 
 
@@ -23,12 +23,12 @@ def _ground(renderer, earth, columns_px, rows_px, thickness_km):
     along = d @ earth.camera
     disc = 1 - (earth.camera @ earth.camera - along**2)
     foot = earth.camera - (along + np.sqrt(disc))[..., None] * d
-    return foot @ earth.sun, renderer._earths["mono"].air(thickness_km).tables.ground[:, 0]
+    return foot @ earth.sun, renderer._draw.earth("mono").air(thickness_km).tables.ground[:, 0]
 
 
 def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, draw_kit, monkeypatch):
     seen = {}
-    corners, view = AirPass.corners, renderer_module.earth_view
+    corners, view = AirPass.corners, drawing.earth_view
 
     def kept_corners(self, columns_px, rows_px, *, all_ground):
         seen.update(air=corners(self, columns_px, rows_px, all_ground=all_ground), grid=(columns_px, rows_px))
@@ -39,7 +39,7 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
         return seen["earth"]
 
     monkeypatch.setattr(AirPass, "corners", kept_corners)
-    monkeypatch.setattr(renderer_module, "earth_view", kept_view)
+    monkeypatch.setattr(drawing, "earth_view", kept_view)
     speck = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     world = Environment(stars=False, moon=False)
     ref = TargetRef(name=speck.name, sha256=speck.sha256)
@@ -59,7 +59,7 @@ def test_light_straight_below_at_the_terminator_is_the_ground_s_own(renderer, dr
 
 def test_cubics_between_every_other_corner_are_nearer_than_a_tile_s_plane(renderer, draw_kit, monkeypatch):
     seen = {}
-    corners, view = AirPass.corners, renderer_module.earth_view
+    corners, view = AirPass.corners, drawing.earth_view
 
     def both(self, columns_px, rows_px, *, all_ground):
         coarse = corners(self, columns_px, rows_px, all_ground=all_ground)
@@ -72,7 +72,7 @@ def test_cubics_between_every_other_corner_are_nearer_than_a_tile_s_plane(render
         return seen["earth"]
 
     monkeypatch.setattr(AirPass, "corners", both)
-    monkeypatch.setattr(renderer_module, "earth_view", kept_view)
+    monkeypatch.setattr(drawing, "earth_view", kept_view)
     speck = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     ref = TargetRef(name=speck.name, sha256=speck.sha256)
     world = Environment(stars=False, moon=False)

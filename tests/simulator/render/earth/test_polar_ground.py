@@ -15,8 +15,8 @@ GROUND = Environment(stars=False, moon=False, clouds=False, atmosphere=False, se
 
 
 @pytest.fixture(scope="module")
-def lavish():
-    with Renderer(thrifty=False) as renderer:
+def plain():
+    with Renderer(software_path=False) as renderer:
         yield renderer
 
 
@@ -27,7 +27,7 @@ def lavish():
     [(74.0, 100.0, 1000.0, 0.065), (74.0, 100.0, 2000.0, 0.11), (80.0, -80.0, 1000.0, 0.065)],
 )
 def test_polar_ground_is_the_mean_of_finer_pixels(
-    lavish, draw_kit, latitude_deg, longitude_deg, altitude_km, most
+    plain, draw_kit, latitude_deg, longitude_deg, altitude_km, most
 ):
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.001)], [draw_kit.white()])
     pictures = []
@@ -49,8 +49,8 @@ def test_polar_ground_is_the_mean_of_finer_pixels(
             altitude_m=altitude_km * 1e3,
             sun_camera=(0.3, -0.2, -1.0),
         )
-        lavish.make_current()
-        drawn = lavish.render(replace(scene, environment=GROUND), target).radiance.astype(float)
+        plain.make_current()
+        drawn = plain.render(replace(scene, environment=GROUND), target).radiance.astype(float)
         pictures.append(drawn.reshape(HEIGHT, k, WIDTH, k).mean(axis=(1, 3)))
     one, parts = pictures
     beside = np.s_[: HEIGHT // 2 - 10]  # above the plate

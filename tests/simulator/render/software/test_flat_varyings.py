@@ -61,10 +61,10 @@ def test_pictures_are_the_same_with_uniforms(renderer, draw_kit, monkeypatch, ba
     ]
     target = draw_kit.target([box, foil], materials)
     scene = draw_kit.scene(target, rotvec_rad=(0.3, 0.5, 0.1), sun_camera=(0.5, 0.4, -1), bands=bands)
-    monkeypatch.setattr(even, "LEAST_CELLS", 1)
+    monkeypatch.setattr(even, "LEAST_TILES", 1)
     handed = renderer.render(scene, target).radiance.copy()
     with Renderer() as other:
-        monkeypatch.setattr(other._programs, "_slots", 0)
+        monkeypatch.setattr(other._device.programs, "rewrite", None)
         plain = other.render(scene, target).radiance.copy()
     assert handed.max() > 0
     assert np.array_equal(handed, plain)

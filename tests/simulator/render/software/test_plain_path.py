@@ -24,8 +24,8 @@ VIEWS = [
 
 @pytest.fixture(scope="module")
 def renderers():
-    with Renderer(thrifty=True) as thrifty, Renderer(thrifty=False) as lavish:
-        yield thrifty, lavish
+    with Renderer(software_path=True) as spared, Renderer(software_path=False) as plain:
+        yield spared, plain
 
 
 def _blocks(image):
@@ -40,19 +40,19 @@ def _blocks(image):
 def test_a_picture_hardly_depends_on_what_is_left_out(renderers, name, bands):
     plan = plan_flight(load_scenario(name), n=1)
     scene = replace(plan.scene(0), camera=scaled(plan.camera, 0.25), bands=bands)
-    thrifty, lavish = (one.render(scene, plan.target, labels=True) for one in renderers)
+    spared, plain = (one.render(scene, plan.target, labels=True) for one in renderers)
     # the same samples, however they are found; shares of slivers are told in steps of 0.00025
-    np.testing.assert_allclose(thrifty.coverage, lavish.coverage, atol=3e-4)
-    craft = thrifty.coverage > 0.99
-    off = np.abs(thrifty.radiance - lavish.radiance)[craft]
-    of_craft = thrifty.radiance[craft]
+    np.testing.assert_allclose(spared.coverage, plain.coverage, atol=3e-4)
+    craft = spared.coverage > 0.99
+    off = np.abs(spared.radiance - plain.radiance)[craft]
+    of_craft = spared.radiance[craft]
     # tiles without edges are interpolated: within 2 % of the craft's brightest, by a thousandth in the mean
     assert off.max() < 0.02 * of_craft.max()
     assert off.mean() < 1e-3 * of_craft.mean()
     # ground of one level of detail a tile, which may be half a level sharper: the same brightness, other cloud edges
-    assert lavish.radiance.mean() == pytest.approx(thrifty.radiance.mean(), rel=0.01)
-    blocks = _blocks(thrifty.radiance)
-    assert np.abs(blocks - _blocks(lavish.radiance)).max() < 0.06 * blocks.max()
+    assert plain.radiance.mean() == pytest.approx(spared.radiance.mean(), rel=0.01)
+    blocks = _blocks(spared.radiance)
+    assert np.abs(blocks - _blocks(plain.radiance)).max() < 0.06 * blocks.max()
 
 
 @pytest.mark.gl
@@ -73,7 +73,7 @@ def test_the_lattice_is_the_same_though_its_buffer_is_not(renderers, monkeypatch
 
 
 @pytest.mark.gl
-def test_a_lavish_picture_is_the_same_again(renderers):
+def test_a_plain_picture_is_the_same_again(renderers):
     plan = plan_flight(load_scenario("tango-earth-10m"), n=2)
     first, other = (replace(plan.scene(k), camera=scaled(plan.camera, 0.25)) for k in (0, 1))
     once = renderers[1].render(first, plan.target).radiance

@@ -10,7 +10,6 @@ import pytest
 
 from simulator.bench.scenes import bench_scenes
 from simulator.camera.lens.camera_model import Camera
-from simulator.render import renderer as renderer_module
 from simulator.render.earth.earth_view import earth_view
 from simulator.render.gl.depth_buffer import MOST_RANGES
 from simulator.render.gl.mipmaps import (
@@ -22,12 +21,14 @@ from simulator.render.gl.mipmaps import (
 )
 from simulator.render.projection import PixelRect
 from simulator.render.renderer import Renderer
-from simulator.render.software import back_face_culling as facing_module
 from simulator.render.software import coverage_mask as cover
-from simulator.render.software.coverage_mask import TILE_PX, hull_tiles
+from simulator.render.software import quad_packing
+from simulator.render.software.coverage_mask import hull_tiles
 from simulator.render.software.tiles import earth_tiles
 from simulator.render.target import resident_targets as loaded_targets
 from simulator.render.target import target_passes
+from simulator.render.target import visible_triangles as culling
+from simulator.render.target.viewport_fit import TILE_PX
 from simulator.render.view import build_view
 from simulator.runtime.cached_arrays import cached_array
 from simulator.scene.illumination.atmosphere import earth_atmosphere
@@ -35,7 +36,7 @@ from simulator.scene.state import Environment
 from simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl
-THRIFTY = True
+SOFTWARE_PATH = True
 
 POSES = (
     ((0.1, -0.05, 4.0), (0.3, 0.4, 0.2)),
@@ -52,12 +53,12 @@ def test_triangles_and_tiles_left_out_change_no_pixel(renderer, draw_kit, t_m, r
     counts = []
 
     def all_triangles(mesh, place, *, without=None, ordered=True):
-        counts.append(len(mesh.triangles) / len(facing(mesh, place, without=without, ordered=ordered)))
+        counts.append(len(mesh.triangles) / len(visible(mesh, place, without=without, ordered=ordered)))
         # low relief is left out of shadow maps on purpose; what plates cover is back in the picture
         return mesh.triangles if without is None else mesh.shown.triangles[~without]
 
-    facing = facing_module.facing
-    monkeypatch.setattr(facing_module, "facing", all_triangles)
+    visible = culling.visible_triangles
+    monkeypatch.setattr(culling, "visible_triangles", all_triangles)
     whole = renderer.render(scene, tango, labels=True)
     assert min(counts) > 1.5
     assert np.abs(whole.radiance - lean.radiance).max() < 1e-4 * whole.radiance.max()
@@ -128,7 +129,7 @@ def test_pixels_drawn_by_fours_are_those_drawn_one_by_one(
     scene = replace(scene, bands=bands)
     quads = renderer.render(scene, tango, labels=True)
     assert "earth.quad_packing" in quads.stage_ms
-    monkeypatch.setattr(renderer_module, "LEAST_SHARE", 2.0)
+    monkeypatch.setattr(quad_packing, "LEAST_SHARE", 2.0)
     singles = renderer.render(scene, tango, labels=True)
     assert "earth.quad_packing" not in singles.stage_ms
     view = build_view(scene)
@@ -179,7 +180,7 @@ def test_levels_of_a_kept_map_are_means_of_four_texels(renderer, tmp_path, monke
     monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
     made = np.random.default_rng(1).integers(0, 256, (38, 100, 4), np.uint8)
     image = cached_array("map", lambda: made)
-    texture = mipmapped_texture(renderer._gl, mipmap_chain(image, globe=False))
+    texture = mipmapped_texture(renderer._device.context, mipmap_chain(image, globe=False))
     renderer.check("uploading levels")
     assert {path.name for path in tmp_path.iterdir()} == {"map.npy", f"map-levels-{VERSION}.npy"}
     texture.use(0)
@@ -190,7 +191,7 @@ def test_levels_of_a_kept_map_are_means_of_four_texels(renderer, tmp_path, monke
         means = cv2.resize(made.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
         # each level is rounded anew
         assert np.abs(found - means).max() <= (1 if level == 1 else 6)
-    assert renderer._gl.error == "GL_NO_ERROR"
+    assert renderer._device.context.error == "GL_NO_ERROR"
     release_mipmapped(texture)
 
 

@@ -11,7 +11,7 @@ from simulator.targets.model import Part
 from tests.harness.boxes import closed_box
 
 pytestmark = pytest.mark.gl
-THRIFTY = True
+SOFTWARE_PATH = True
 
 
 def test_every_tile_that_a_line_crosses_is_known():

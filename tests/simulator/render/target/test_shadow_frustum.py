@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from simulator.render.bake.geometry import VERTEX
-from simulator.render.software.back_face_culling import facing
 from simulator.render.target.mesh import upload
 from simulator.render.target.shadow_frustum import SurfacePatches, light_matrix, light_window
+from simulator.render.target.visible_triangles import visible_triangles
 from simulator.targets.library import load_target
 from simulator.targets.model import Material
 from simulator.world.frames.rotation import matrix_from_quat
@@ -39,7 +39,7 @@ def test_a_shadow_on_a_long_craft_is_where_geometry_says(renderer, draw_kit):
 
 @pytest.mark.parametrize("name", ["tianzhou", "tango"])
 def test_the_window_holds_all_that_shows(renderer, draw_kit, name):
-    mesh = upload(renderer._gl, load_target(name))
+    mesh = upload(renderer._device.context, load_target(name))
     positions = np.frombuffer(mesh.vertices.read(), VERTEX)["position_m"].astype(float)
     patches = SurfacePatches.of(mesh, positions)
     rng, camera, smaller = np.random.default_rng(7), draw_kit.camera, 0
@@ -54,7 +54,7 @@ def test_the_window_holds_all_that_shows(renderer, draw_kit, name):
         window = light_window(patches, camera, camera_from_target, light, closed=mesh.is_closed)
         smaller += window.half < 1
         place = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
-        shown = facing(mesh, np.append(place, 1.0)) if mesh.is_closed else mesh.triangles
+        shown = visible_triangles(mesh, np.append(place, 1.0)) if mesh.is_closed else mesh.triangles
         # points all over the triangles that face the camera, and in the image
         weights = rng.dirichlet(np.ones(3), len(shown))
         points = np.einsum("ij,ijk->ik", weights, positions[shown])

@@ -24,8 +24,7 @@ class CulledVertexArray:
 
     Parameters
     ----------
-    program : what draws it. more : further buffers with a value per vertex, as in `GpuMesh.vertex_array`.
-    whole : draw all triangles, in the mesh's order.
+    program : what draws it; one that cuts its triangles draws them all. more : as in `GpuMesh.vertex_array`.
     """
 
     def __init__(
@@ -34,29 +33,21 @@ class CulledVertexArray:
         mesh: GpuMesh,
         program: moderngl.Program,
         *more: tuple[moderngl.Buffer, str, str],
-        whole: bool = False,
     ) -> None:
         self._mesh = mesh
         self._indices: moderngl.Buffer | None = None
-        if not whole and not (program.extra or {}).get("patches"):
+        if not (program.extra or {}).get("patches"):
             self._indices = context.buffer(
                 reserve=max(mesh.triangles.nbytes, mesh.shown.triangles.nbytes), dynamic=True
             )
         self.array = mesh.vertex_array(context, program, *more, indices=self._indices)
 
     def render(self, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True) -> None:
-        """Draw what can show from a place.
-
-        Parameters
-        ----------
-        place : (4,) homogeneous, target frame: a point (x, y, z, 1) [m] or the direction (x, y, z, 0) of one far away.
-        without : (T,) of ``mesh.shown``: what to leave out. ordered : the nearest first; where depth alone is drawn it
-            gains nothing.
-        """
+        """Draw what can show from a place; parameters as of `MeshArray.render`."""
         if self._indices is None:
             self.array.render()
             return
-        seen = facing(self._mesh, place, without=without, ordered=ordered)
+        seen = visible_triangles(self._mesh, place, without=without, ordered=ordered)
         self._indices.orphan()
         self._indices.write(seen)
         self.array.render(vertices=seen.size)
@@ -68,12 +59,12 @@ class CulledVertexArray:
             self._indices.release()
 
 
-def facing(
+def visible_triangles(
     mesh: GpuMesh, place: FloatArray, *, without: BoolArray | None = None, ordered: bool = True
 ) -> np.typing.NDArray[np.uint32]:
     """(K, 3) triangles of a mesh that may show from a place; where ``ordered`` those in the nearest boxes first.
 
-    Of closed shells those that face it, or hardly look away; parameters as in `CulledVertexArray.render`.
+    Of closed shells those that face it, or hardly look away; parameters as of `MeshArray.render`.
     """
     shown, boxes = mesh.shown, mesh.shown.boxes
     show = ~hidden(mesh.shells, boxes, place, mesh.radius_m)

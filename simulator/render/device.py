@@ -1,0 +1,80 @@
+"""One OpenGL context with what all passes share: uniform blocks, programs, the lens's rays, the frame's images."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from simulator.render.frame_images import FrameImages
+from simulator.render.gl.context import create_context, describe
+from simulator.render.gl.fences import keep_fences
+from simulator.render.gl.lens_rays import RayTextures
+from simulator.render.gl.programs import RAYS_UNIT, ProgramLibrary
+from simulator.render.gl.shared_blocks import UniformBlocks
+from simulator.scene.illumination.bands import bands_of
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.render.gl.context import GlInfo
+    from simulator.scene.state import SceneState
+
+
+class Device:
+    """The driver, and what belongs to no single pass.
+
+    Parameters
+    ----------
+    device_index, context : as of `simulator.render.renderer.Renderer`.
+    """
+
+    def __init__(self, device_index: int | None = None, context: moderngl.Context | None = None) -> None:
+        self._owns_context = context is None
+        self.context = create_context(device_index) if context is None else context
+        self.info: GlInfo = describe(self.context)
+        if self.info.is_software:
+            keep_fences(self.context)
+        self.blocks = UniformBlocks.create(self.context)
+        self.programs = ProgramLibrary(self.context, self.blocks.all())
+        self._rays = RayTextures(self.context)
+        self._images: FrameImages | None = None
+
+    def make_current(self) -> None:
+        """Take the thread's OpenGL for this own context: another may have been made since."""
+        if self._owns_context:
+            self.context.__enter__()  # type: ignore[no-untyped-call]
+
+    def check(self, what: str) -> None:
+        """Raise when OpenGL recorded an error: moderngl itself stays silent about most of them."""
+        error = self.context.error
+        if error != "GL_NO_ERROR":
+            raise RuntimeError(f"OpenGL reports {error} after {what} on {self.info.renderer}")
+
+    def prepare(self, scene: SceneState) -> None:
+        """Bind what every pass reads, and choose programs for the scene's lens."""
+        self.make_current()
+        for block in self.blocks.all():
+            block.bind()
+        self.programs.lens = not scene.camera.distortion.is_none
+        if self.programs.lens:
+            self._rays.of(scene.camera).use(RAYS_UNIT)
+
+    def images_for(self, scene: SceneState) -> FrameImages:
+        """The images of a scene's size and bands; what is in them is the last frame's."""
+        size, bands = (scene.camera.width_px, scene.camera.height_px), len(bands_of(scene.bands))
+        if self._images is None or (self._images.size, self._images.bands) != (size, bands):
+            if self._images is not None:
+                self._images.release()
+            self._images = FrameImages(self.context, *size, bands)
+            self.check(f"allocating images of {size[0]} x {size[1]}")
+        return self._images
+
+    def close(self) -> None:
+        """Free images and rays, and the context if it is this device's own."""
+        if self._images is not None:
+            self._images.release()
+            self._images = None
+        self._rays.release()
+        if self._owns_context:
+            # EGL keeps a context, and all its textures, for as long as it is a thread's current one
+            self.context.__exit__(None, None, None)  # type: ignore[no-untyped-call]
+            self.context.release()

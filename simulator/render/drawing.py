@@ -1,0 +1,280 @@
+"""What each pass of a frame does: takes its resources, and has the body that they belong to draw."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from simulator.render.earth.earth_pass import EarthFrame
+from simulator.render.earth.earth_view import earth_view
+from simulator.render.earth.map_textures import begin_earth_maps, stand_ins
+from simulator.render.earth.screen_tiles import uniform_tiles
+from simulator.render.frame_resources import (
+    AIR,
+    AIR_TABLES,
+    COVERAGE,
+    EARTH,
+    EARTH_PASS,
+    EARTH_TILES,
+    EDGE_SLOPES,
+    GIVEN_SKY_LIGHT,
+    MODEL,
+    MOON,
+    PICTURE,
+    RADIANCE,
+    SAMPLES,
+    SCENE,
+    SHADOW,
+    STARLIGHT,
+    TARGET,
+    TARGET_LIGHT,
+    TARGET_TILES,
+    VIEW,
+)
+from simulator.render.irradiance import no_light
+from simulator.render.moon.moon_pass import MoonPass
+from simulator.render.moon.moon_view import moon_view
+from simulator.render.projection import PixelRect
+from simulator.render.sky.star_pass import StarPass
+from simulator.render.sky.sun_pass import SunPass
+from simulator.render.target.target_passes import TargetPasses
+from simulator.render.uniform_values import earth_values, frame_values, moon_values
+from simulator.render.view import build_view, sky_light
+from simulator.scene.illumination.bands import bands_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    import moderngl
+
+    from simulator.render.device import Device
+    from simulator.render.drawing_path import DrawingPath
+    from simulator.render.earth.earth_pass import EarthPass
+    from simulator.render.earth.map_textures import EarthMaps
+    from simulator.render.frame_graph import PassResources
+    from simulator.scene.state import Bands, SceneState
+
+
+class Drawing:
+    """The bodies of one renderer, uploaded when they are first drawn, and the functions of its passes.
+
+    Parameters
+    ----------
+    begun : `begin_earth_maps` of the first scenes to be drawn.
+    """
+
+    def __init__(
+        self, device: Device, path: DrawingPath, begun: Mapping[Bands, EarthMaps] | None = None
+    ) -> None:
+        self._device, self._path = device, path
+        self._targets: dict[bool, TargetPasses] = {}
+        self._stars = StarPass(device.context, device.programs)
+        self._sun = SunPass(device.context, device.programs)
+        self._moon: MoonPass | None = None
+        self._earths: dict[Bands, EarthPass] = {}
+        # of the first scene that needs them, until they are uploaded
+        self._begun: dict[Bands, EarthMaps] = dict(begun or {})
+
+    # what is uploaded
+
+    @property
+    def target(self) -> TargetPasses:
+        """The spacecraft's passes for the lens at hand: programs and vertex arrays with it and without are apart."""
+        device, lens = self._device, self._device.programs.lens
+        if lens not in self._targets:
+            self._targets[lens] = TargetPasses(
+                device.context, device.programs, device.blocks, self._path.culling
+            )
+        return self._targets[lens]
+
+    def earth(self, bands: Bands) -> EarthPass:
+        """The Earth for some bands; waits for its maps when it is first drawn."""
+        if bands not in self._earths:
+            begun = self._begun.pop(bands)
+            self._earths[bands] = self._path.earth_pass(
+                self._device.context, self._device.programs, bands, begun
+            )
+            self._device.check("uploading the Earth's maps")
+        return self._earths[bands]
+
+    def begin_maps(self, scene: SceneState) -> None:
+        """Have a first frame's Earth decoded while its craft is made ready."""
+        if scene.environment.earth and scene.bands not in self._earths and scene.bands not in self._begun:
+            self._begun[scene.bands] = begin_earth_maps(scene.bands, scene.environment, scene.epoch_utc)
+
+    def maps_of(self, bands: Bands) -> EarthMaps | None:
+        """The maps that are being decoded for some bands; ``None`` once they are uploaded, or if nothing asked."""
+        return self._begun.get(bands)
+
+    @contextmanager
+    def stand_in_earth(self, scene: SceneState) -> Iterator[None]:
+        """An Earth of small black maps, for a while: it draws one tile of each kind."""
+        device, maps = self._device, stand_ins(scene.bands, scene.environment, scene.epoch_utc)
+        earth = self._path.earth_pass(device.context, device.programs, scene.bands, maps, precompiles=True)
+        self._earths[scene.bands] = earth
+        try:
+            yield
+        finally:
+            del self._earths[scene.bands]
+            earth.release()
+
+    def release(self) -> None:
+        """Free everything."""
+        for target in self._targets.values():
+            target.release()
+        for earth in self._earths.values():
+            earth.release()
+        if self._moon is not None:
+            self._moon.release()
+
+    # the passes
+
+    def set_up(self, r: PassResources) -> None:
+        """Work out the view, without light of Earth and Moon on the target yet."""
+        scene, given = r[SCENE], r.find(GIVEN_SKY_LIGHT)
+        r[VIEW] = view = build_view(scene, given or no_light(len(bands_of(scene.bands))))
+        self._device.blocks.frame.write(frame_values(scene, view))
+
+    def clear(self, r: PassResources) -> None:
+        """Empty the frame's images."""
+        images = self._device.images_for(r[SCENE])
+        images.clear(PixelRect(0, 0, *images.size))
+        r[RADIANCE] = r[COVERAGE] = images
+
+    def place_target(self, r: PassResources) -> None:
+        """Find where the target is drawn, and how densely it is sampled."""
+        r[TARGET] = target = self.target.place(r[SCENE], r[VIEW], r[MODEL])
+        r[TARGET_TILES] = None if target is None else target.tiles_px
+
+    def draw_samples(self, r: PassResources) -> None:
+        """Draw what the target's samples see."""
+        r[SAMPLES] = self.target.draw_samples(r[SCENE], r[TARGET])
+
+    def draw_shadow(self, r: PassResources) -> None:
+        """Draw what of the target the Sun sees."""
+        r[SHADOW] = self.target.draw_shadow(r[SCENE], r[VIEW], r[TARGET])
+
+    def draw_edges(self, r: PassResources) -> None:
+        """Draw how the target's edges share out their pixels."""
+        r[EDGE_SLOPES] = self.target.draw_edges(r[SCENE], r[TARGET])
+
+    def light_sky(self, r: PassResources) -> None:
+        """Work out the light of Earth and Moon on the target, from maps that a first frame waits for here."""
+        scene, view = r[SCENE], r[VIEW]
+        if r.find(GIVEN_SKY_LIGHT) is None:
+            begun = self.maps_of(scene.bands)
+            if begun is not None:
+                begun.albedo.result()
+            view = replace(view, sky=sky_light(scene))
+        r[VIEW] = view
+        self._device.blocks.frame.write(frame_values(scene, view))
+
+    def find_moon(self, r: PassResources) -> None:
+        """Find the Moon in the image."""
+        if r[SCENE].environment.moon:
+            r[MOON] = moon = moon_view(r[SCENE])
+            self._device.blocks.moon.write(moon_values(moon))
+
+    def find_earth(self, r: PassResources) -> None:
+        """Find the Earth in the image, and the air about it."""
+        scene, environment = r[SCENE], r[SCENE].environment
+        if not environment.earth:
+            return
+        r[EARTH_PASS] = earth_pass = self.earth(scene.bands)
+        air = earth_pass.air(environment.atmosphere_thickness_km).tables.air
+        r[AIR] = air if environment.atmosphere else None
+        r[EARTH] = earth = earth_view(r[VIEW], scene.camera, air if environment.atmosphere else None)
+        self._device.blocks.earth.write(earth_values(r[VIEW], earth, air))
+
+    def cut_tiles(self, r: PassResources) -> None:
+        """Cut what the Earth may touch into tiles, all alike."""
+        if r[EARTH].rect is not None:
+            r[EARTH_TILES] = uniform_tiles(r[EARTH], r[SCENE].camera)
+
+    def fill_air_tables(self, r: PassResources) -> None:
+        """Draw this frame's tables of the air's light and transmittance."""
+        air = r[EARTH_PASS].air(r[SCENE].environment.atmosphere_thickness_km).frame
+        air.run(r[EARTH])
+        r[AIR_TABLES] = air.tables
+
+    def light_target(self, r: PassResources) -> None:
+        """Work out the light that the target's parts give each other."""
+        r[TARGET_LIGHT] = r[TARGET].loaded.returned.update(r[SCENE].bands, r[VIEW])
+
+    def shade_target(self, r: PassResources) -> None:
+        """Shade the target's pixels."""
+        light = r[TARGET_LIGHT]
+        self._shade(r, {"t_open": light.visibility, "t_returned": light.returned})
+
+    def _shade(
+        self, r: PassResources, light: Mapping[str, moderngl.Texture], *, one_tile: bool = False
+    ) -> None:
+        tiles = r[TARGET_TILES][:1] if one_tile else r[TARGET_TILES]
+        textures = {"t_slope": r[EDGE_SLOPES], **light}
+        self.target.shade(
+            r[SCENE], r[TARGET], tiles, r[SAMPLES], r[SHADOW], textures, r[RADIANCE], one_tile=one_tile
+        )
+
+    def draw_earth(self, r: PassResources) -> None:
+        """Add ground, clouds and air."""
+        r[EARTH_PASS].run(earth_frame(r))
+
+    def draw_stars(self, r: PassResources) -> None:
+        """Add stars and planets: those that the target may hide now, the others when the picture is read."""
+        environment, earth, target = r[SCENE].environment, r.find(EARTH), r.find(TARGET)
+        if (earth is not None and earth.fills_image) or not (environment.stars or environment.planets):
+            return
+        r[STARLIGHT] = self._stars.run(
+            r[SCENE],
+            r[VIEW],
+            r[RADIANCE],
+            earth,
+            r.find(AIR),
+            r.find(MOON),
+            None if target is None else target.rect,
+        )
+
+    def draw_moon(self, r: PassResources) -> None:
+        """Add the Moon."""
+        moon, earth = r[MOON], r.find(EARTH)
+        if moon.rect is None or (earth is not None and earth.fills_image and not moon.in_front):
+            return
+        if self._moon is None:
+            self._moon = MoonPass(self._device.context, self._device.programs)
+            self._device.check("uploading the Moon's map")
+        fine = r[SCENE].quality == "high"
+        self._moon.run(r[RADIANCE], moon, earth=earth is not None, air=r.find(AIR_TABLES), fine=fine)
+
+    def draw_sun(self, r: PassResources) -> None:
+        """Add the Sun's disc."""
+        earth, moon = r.find(EARTH), r.find(MOON)
+        if (earth is not None and earth.fills_image) or not r[SCENE].environment.sun:
+            return
+        self._sun.run(
+            r[RADIANCE],
+            r[VIEW],
+            r[SCENE].camera,
+            earth=earth is not None,
+            air=r.find(AIR_TABLES),
+            moon=moon is not None and moon.rect is not None,
+        )
+
+    def read_picture(self, r: PassResources) -> None:
+        """Wait for the driver and take the picture."""
+        radiance = r[RADIANCE].read_radiance()
+        starlight = r.find(STARLIGHT)
+        if starlight is not None:
+            starlight.add_to(radiance)
+        r[PICTURE] = radiance
+
+    def compile_shading(self, r: PassResources) -> None:
+        """Have the driver compile the target's shading while its light is baked, by drawing a tile to be cleared."""
+        if len(r[TARGET_TILES]):
+            self._shade(r, r[TARGET].loaded.returned.stand_ins(r[SCENE].bands), one_tile=True)
+
+
+def earth_frame(r: PassResources) -> EarthFrame:
+    """What the Earth is drawn from, of a pass that declared it."""
+    moon = r.find(MOON)
+    return EarthFrame(r[RADIANCE], r[EARTH_TILES], r[SCENE], moon is not None and moon.in_front)

@@ -1,0 +1,51 @@
+"""How a driver is spared work, if at all: one interface, and the plain path, which spares it nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from simulator.render.earth.earth_pass import EarthPass
+from simulator.render.target.mesh_array import Culling, NoCulling
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import moderngl
+
+    from simulator.render.earth.map_textures import EarthMaps
+    from simulator.render.frame_graph import Pass
+    from simulator.render.gl.programs import ProgramLibrary
+    from simulator.scene.state import Bands
+
+
+class DrawingPath(Protocol):
+    """What may differ between drivers: how much Python finds out before they draw, and by which passes."""
+
+    @property
+    def culling(self) -> Culling:
+        """Which of the target's triangles and tiles are drawn."""
+
+    def earth_pass(
+        self,
+        context: moderngl.Context,
+        programs: ProgramLibrary,
+        bands: Bands,
+        begun: EarthMaps,
+        *,
+        precompiles: bool = False,
+    ) -> EarthPass:
+        """What draws the Earth; parameters as of `EarthPass`."""
+
+    def adapt(self, passes: Sequence[Pass]) -> list[Pass]:
+        """The passes of the plain path, some in another way, with others between them."""
+
+
+class PlainPath:
+    """What a GPU runs: whole meshes, uniform tiles, every pixel shaded."""
+
+    culling = NoCulling()
+    earth_pass = EarthPass
+
+    def adapt(self, passes: Sequence[Pass]) -> list[Pass]:
+        """The passes as they are."""
+        return list(passes)

@@ -1,0 +1,166 @@
+"""Tiles of the screen that the Earth and its air touch: what a tile's pixels may see, and how large it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simulator.render.projection import PixelRect
+
+if TYPE_CHECKING:
+    from simulator.camera.lens.camera_model import Camera
+    from simulator.render.earth.earth_view import EarthView
+    from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
+
+TILE_RAD = 0.0107
+"""32 pixels of a SPEED camera: the ground point bends by less than a tenth of a pixel in between."""
+_SMALLEST_PX, _LARGEST_PX = 8, 32
+ICE_SINE = 0.73
+"""Of the latitude (47 degrees): the sea is open nearer to the equator."""
+
+
+@dataclass(frozen=True, order=True)
+class TileKind:
+    """What the tiles of one draw call have in common.
+
+    Parameters
+    ----------
+    smooth : all ground, away from limb and poles. covered : the target may be in front.
+    night : some of it is dark enough for city lights. icy : some of it is near sea ice, or may be.
+    shoal : some of it is near water that is shallow or turbid.
+    level : log2 of a pixel's footprint [km], smooth tiles only.
+    air : none of it is ground. fine : tiles half as wide as the others, nearer to the limb; smooth ones only.
+    """
+
+    air: bool
+    fine: bool
+    smooth: bool
+    covered: bool
+    night: bool
+    icy: bool
+    shoal: bool
+    level: float
+
+
+@dataclass(frozen=True, eq=False)
+class ScreenTiles:
+    """The tiles to draw, squares of whole pixels.
+
+    Parameters
+    ----------
+    size_px : side of a tile. centers_px : (K, 2) float32 middles of each kind's tiles; pixel edges lie at .5.
+    extent_px : width and height of all tiles together, from the image's corner to beyond its end.
+    dark : some ground in view has no more light of the Sun than the Moon may give.
+    others_px : (L, 2) of all the image's tiles but the smooth ones.
+    halved : (P,) rows and columns of tiles that are drawn as two by two fine ones, counted in tiles.
+    """
+
+    size_px: int
+    extent_px: tuple[int, int]
+    centers_px: dict[TileKind, Float32Array]
+    others_px: Float32Array
+    dark: bool
+    halved: tuple[IntArray, IntArray]
+
+    def size_of(self, kind: TileKind) -> float:
+        """Side of a kind's tiles [px]."""
+        return self.size_px / 2 if kind.fine else float(self.size_px)
+
+    @property
+    def smooth_share(self) -> float:
+        """Share of the image's tiles that are smooth."""
+        width, height = self.extent_px
+        return 1 - len(self.others_px) * self.size_px**2 / (width * height)
+
+    @property
+    def all_smooth(self) -> bool:
+        """Whether the Earth's tiles are smooth, every one."""
+        return all(kind.smooth for kind in self.centers_px)
+
+    @property
+    def corners_px(self) -> tuple[FloatArray, FloatArray]:
+        """(M,) columns and (N,) rows of the corners of all the image's tiles."""
+        width, height = self.extent_px
+        return tile_edges(width, self.size_px), tile_edges(height, self.size_px)
+
+    @property
+    def fine_corners_px(self) -> Float32Array:
+        """(P, 3, 3, 2) corners of the fine tiles in each of the halved ones, row by row."""
+        row, column = self.halved
+        steps = np.arange(3, dtype=np.float32) * np.float32(self.size_px / 2) - np.float32(0.5)
+        x = column[:, None, None] * self.size_px + steps[None, None, :]
+        y = row[:, None, None] * self.size_px + steps[None, :, None]
+        return np.stack(np.broadcast_arrays(x, y), axis=-1).astype(np.float32)
+
+    def fine_place(self, centers_px: Float32Array) -> tuple[IntArray, IntArray, IntArray]:
+        """(K,) of fine tiles, by their middles (K, 2): which of ``halved`` holds them, row and column in it."""
+        shape = tuple(side // self.size_px for side in reversed(self.extent_px))
+        which = np.zeros(shape, np.int64)
+        which[self.halved] = np.arange(len(self.halved[0]))
+        half_column, half_row = (
+            ((centers_px + np.float32(0.5)) / np.float32(self.size_px / 2)).astype(np.int64).T
+        )
+        return which[half_row // 2, half_column // 2], half_row % 2, half_column % 2
+
+    def place(self, centers_px: Float32Array) -> tuple[IntArray, IntArray]:
+        """(K,) rows and columns of tiles, counted in tiles, by their middles (K, 2)."""
+        column, row = ((centers_px + np.float32(0.5)) / np.float32(self.size_px)).astype(np.int64).T
+        return row, column
+
+    def covered(self) -> PixelRect | None:
+        """Pixels that hold the tiles that the target may be in front of."""
+        found = [(self.size_of(kind), at) for kind, at in self.centers_px.items() if kind.covered]
+        if not found:
+            return None
+        low = np.min([at.min(axis=0) + 0.5 - size / 2 for size, at in found], axis=0)
+        high = np.max([at.max(axis=0) + 0.5 + size / 2 for size, at in found], axis=0)
+        return PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
+
+
+def tile_size_px(camera: Camera) -> int:
+    """Side of the tiles that a camera's image is cut into, from its top left corner [px]."""
+    # a multiple of four: derivatives are taken between neighbours of two by two texels of two by two pixels
+    return min(max(4 * round(TILE_RAD / camera.pixel_angle_rad() / 4), _SMALLEST_PX), _LARGEST_PX)
+
+
+def uniform_tiles(earth: EarthView, camera: Camera) -> ScreenTiles:
+    """The tiles that Earth and air may touch as one kind, which any pixel may be: nothing is worked out of them."""
+    size, rect = tile_size_px(camera), earth.rect
+    columns, rows = -(-camera.width_px // size), -(-camera.height_px // size)
+    radius = float(np.linalg.norm(earth.camera))
+    # the farthest from the equator that is in view, and a degree
+    latitude = abs(np.arcsin(earth.camera[2] / radius)) + np.arccos(1 / max(radius, 1.0)) + np.radians(1.0)
+    kind = TileKind(
+        air=False,
+        fine=False,
+        smooth=False,
+        covered=True,
+        night=True,
+        icy=bool(np.sin(min(latitude, np.pi / 2)) > ICE_SINE),
+        shoal=True,
+        level=0.0,
+    )
+    every = _middles(0, 0, columns, rows, size)
+    none = np.zeros(0, np.int64)
+    touched = (
+        every[:0]
+        if rect is None
+        else _middles(rect.x0 // size, rect.y0 // size, -(-rect.x1 // size), -(-rect.y1 // size), size)
+    )
+    return ScreenTiles(size, (size * columns, size * rows), {kind: touched}, every, True, (none, none))
+
+
+@lru_cache(maxsize=8)
+def _middles(x0: int, y0: int, x1: int, y1: int, size: int) -> Float32Array:
+    """(K, 2) middles [px] of the tiles from column ``x0`` and row ``y0`` to before ``x1`` and ``y1``."""
+    column, row = np.meshgrid(np.arange(x0, x1), np.arange(y0, y1))
+    middles = np.stack([column.ravel(), row.ravel()], axis=1).astype(np.float32)
+    return (middles + np.float32(0.5)) * np.float32(size) - np.float32(0.5)
+
+
+def tile_edges(length_px: int, size: int) -> FloatArray:
+    """Edges of the tiles along one side; the last lies at the image's end or beyond."""
+    return np.asarray(np.arange(-(-length_px // size) + 1) * float(size) - 0.5)

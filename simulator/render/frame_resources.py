@@ -1,0 +1,58 @@
+"""What the passes of a frame hand on to each other, by name and type."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from simulator.render.frame_graph import Resource
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from simulator.render.earth.earth_pass import EarthPass
+    from simulator.render.earth.earth_view import EarthView
+    from simulator.render.earth.screen_tiles import ScreenTiles
+    from simulator.render.frame_images import FrameImages
+    from simulator.render.irradiance import SkyLight
+    from simulator.render.moon.moon_view import MoonView
+    from simulator.render.sky.star_pass import Spread
+    from simulator.render.target.interreflection import AtlasTextures
+    from simulator.render.target.target_passes import PlacedTarget, TargetSamples, TargetShadow
+    from simulator.render.view import View
+    from simulator.runtime.arrays import Float32Array, FloatArray
+    from simulator.scene.illumination.atmosphere import Atmosphere
+    from simulator.scene.state import SceneState
+    from simulator.targets.model import Target
+
+SCENE: Resource[SceneState] = Resource("scene")
+MODEL: Resource[Target] = Resource("target model")
+VIEW: Resource[View] = Resource("view")
+"""The scene in the camera's coordinates; the light of Earth and Moon on the target comes into it last."""
+
+GIVEN_SKY_LIGHT: Resource[SkyLight] = Resource("given sky light")
+"""Light on the target in place of that of Earth and Moon, for proofs."""
+
+RADIANCE: Resource[FrameImages] = Resource("radiance")
+COVERAGE: Resource[FrameImages] = Resource("coverage")
+"""Two of the frame's images: the target is drawn into both, the sky is added to the first by what the second leaves."""
+
+TARGET: Resource[PlacedTarget] = Resource("target")
+TARGET_TILES: Resource[FloatArray] = Resource("target tiles")
+"""(K, 2) centres of the tiles to be shaded pixel by pixel."""
+SAMPLES: Resource[TargetSamples] = Resource("samples")
+SHADOW: Resource[TargetShadow] = Resource("shadow map")
+EDGE_SLOPES: Resource[moderngl.Texture] = Resource("edge slopes")
+TARGET_LIGHT: Resource[AtlasTextures] = Resource("target light")
+"""Light that the target's parts give each other, on the atlas of its charts."""
+
+MOON: Resource[MoonView] = Resource("moon")
+EARTH_PASS: Resource[EarthPass] = Resource("earth pass")
+"""The Earth's maps on the GPU, and what draws them."""
+EARTH: Resource[EarthView] = Resource("earth")
+AIR: Resource[Atmosphere] = Resource("air")
+AIR_TABLES: Resource[list[moderngl.Texture]] = Resource("air tables")
+EARTH_TILES: Resource[ScreenTiles] = Resource("earth tiles")
+
+STARLIGHT: Resource[Spread] = Resource("starlight")
+"""Light of points that is added to the picture when it is read."""
+PICTURE: Resource[Float32Array] = Resource("picture")
