@@ -13,6 +13,7 @@ from simulator.contact_sheets.scenario_sheet import smaller
 from simulator.render.earth.earth_pass import EarthPass
 from simulator.render.earth.map_textures import begin_earth_maps
 from simulator.render.renderer import Renderer
+from simulator.render.software.smooth_earth import SmoothEarthPass
 from simulator.runtime.cache import cache_folder
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
@@ -25,14 +26,18 @@ def test_the_first_frame_needs_no_program_that_was_not_compiled_ahead(bands, nam
     scenario = load_scenario(name)
     plan = plan_flight(scenario, n=1, bands=bands)
     scene = replace(plan.scene(0), camera=smaller(scenario.camera_model, 128))
-    runs, run = [], EarthPass._run
+    runs = []
 
-    def watched(self, *arguments):
-        before = len(renderer._device.programs._built)
-        run(self, *arguments)
-        runs.append((self._precompiles, len(renderer._device.programs._built) - before))
+    def watch(run):
+        def watched(self, *arguments, **options):
+            before = len(renderer._device.programs._built)
+            run(self, *arguments, **options)
+            runs.append((self._precompiles, len(renderer._device.programs._built) - before))
 
-    monkeypatch.setattr(EarthPass, "_run", watched)
+        return watched
+
+    monkeypatch.setattr(EarthPass, "run", watch(EarthPass.run))
+    monkeypatch.setattr(SmoothEarthPass, "run_smooth", watch(SmoothEarthPass.run_smooth))
     begun = begin_earth_maps(bands, scenario.environment.layers(), scene.epoch_utc)
     with Renderer(begun={bands: begun}) as renderer:
         first = renderer.render(scene, plan.target).radiance
@@ -54,6 +59,7 @@ FRAME = """
 import hashlib
 from simulator.scenario.plan import plan_flight
 from simulator.render.renderer import Renderer
+from simulator.render.software.smooth_earth import SmoothEarthPass
 from simulator.scenario.load import load_scenario
 plan = plan_flight(load_scenario("tango-earth-10m-1024"), n=1)
 with Renderer() as renderer:

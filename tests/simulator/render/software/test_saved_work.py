@@ -21,14 +21,13 @@ from simulator.render.gl.mipmaps import (
 )
 from simulator.render.projection import PixelRect
 from simulator.render.renderer import Renderer
-from simulator.render.software import coverage_mask as cover
-from simulator.render.software import quad_packing
+from simulator.render.software import quad_packing, software_path
 from simulator.render.software.coverage_mask import hull_tiles
 from simulator.render.software.tiles import earth_tiles
 from simulator.render.target import resident_targets as loaded_targets
 from simulator.render.target import target_passes
 from simulator.render.target import visible_triangles as culling
-from simulator.render.target.viewport_fit import TILE_PX
+from simulator.render.target.viewport_fit import TILE_PX, all_tiles
 from simulator.render.view import build_view
 from simulator.runtime.cached_arrays import cached_array
 from simulator.scene.illumination.atmosphere import earth_atmosphere
@@ -65,9 +64,9 @@ def test_triangles_and_tiles_left_out_change_no_pixel(renderer, draw_kit, t_m, r
     assert np.array_equal(whole.coverage, lean.coverage)
     # every tile of the rectangle, on the same lattice's window
     tiles = []
-    target_tiles = target_passes.target_tiles
+    target_tiles = software_path.target_tiles
     monkeypatch.setattr(
-        target_passes, "target_tiles", lambda *a: tiles.append(target_tiles(*a)) or cover.whole(a[1].rect)
+        software_path, "target_tiles", lambda *a: tiles.append(target_tiles(*a)) or all_tiles(a[1].rect)
     )
     everywhere = renderer.render(scene, tango, labels=True)
     outside = everywhere.coverage.copy()
@@ -181,8 +180,8 @@ def test_levels_of_a_kept_map_are_means_of_four_texels(renderer, tmp_path, monke
     made = np.random.default_rng(1).integers(0, 256, (38, 100, 4), np.uint8)
     image = cached_array("map", lambda: made)
     texture = mipmapped_texture(renderer._device.context, mipmap_chain(image, globe=False))
-    renderer.check("uploading levels")
-    assert {path.name for path in tmp_path.iterdir()} == {"map.npy", f"map-levels-{VERSION}.npy"}
+    renderer._device.check("uploading levels")
+    assert {path.name for path in tmp_path.iterdir()} == {"map.npy", f"map-levels-v{VERSION}.npy"}
     texture.use(0)
     library = gl_library()
     for level, (w, h) in ((1, (50, 19)), (6, (1, 1))):
