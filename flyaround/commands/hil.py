@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
@@ -24,6 +24,8 @@ from hil.host.ledger.report import write_report
 from hil.host.ledger.summary import LedgerSummary
 from hil.host.link_process.ipc import LinkConfig
 from hil.host.plan_frames import check_one_channel, frames_of_plan
+from hil.host.recording.ros_log import RosLog
+from hil.host.recording.space_packets import SpacePacketSink
 from hil.host.run import RunConfig, run_host
 from hil.host.truth.policy import truth_kept_home
 from simulator.errors import UserError
@@ -31,6 +33,9 @@ from simulator.runtime.files import empty_folder
 from simulator.scenario.plan import plan_flight
 from simulator.targets.board_model.write import write_board_model
 from simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from hil.host.recording.recorder import Recorder
 
 # Seconds for a pose, and for a board to connect, where --timeout does not say.
 POSE_S, CONNECT_S = 30.0, 60.0
@@ -82,6 +87,24 @@ def host(
             help="Frames in a row without an answer in time after which the board counts as gone; 0: never.",
         ),
     ] = 3,
+    mcap: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also write pictures, truth, answers and timing as ROS 2 messages to this .mcap file."
+        ),
+    ] = None,
+    live: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=65535, help="Serve the same live to Foxglove or Lichtblick on this local port."
+        ),
+    ] = None,
+    ccsds: Annotated[
+        str | None,
+        typer.Option(
+            help="Also write truth and answers as CCSDS space packets to a file or udp://127.0.0.1:PORT."
+        ),
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed (default: the scenario's).")] = None,
     workers: Annotated[
         int, typer.Option(min=1, max=64, help="Processes that draw in turn: more frames a second.")
@@ -126,6 +149,7 @@ def host(
         connect_timeout_s=wait_s or timeout_s or CONNECT_S,
         target_name=plan.target.name,
         target_sha256=plan.target.sha256,
+        recorders=_recorders(mcap, live, ccsds, log),
     )
     with progress_bar("frames to the board", quiet=as_json) as progress:
         done = 0
@@ -161,6 +185,21 @@ def host(
             stderr=True,
         )
         raise typer.Exit(1)
+
+
+def _recorders(
+    mcap: Path | None, live: int | None, ccsds: str | None, log: Path | None
+) -> tuple[Recorder, ...]:
+    """What else listens to the run, opened now so that a mistake is told before anything is drawn."""
+    recorders: list[Recorder] = []
+    if mcap is not None or live is not None:
+        ros_log = RosLog(mcap, None if live is None else ("127.0.0.1", live))
+        recorders.append(ros_log)
+        if live is not None:
+            say(f"live view: ws://127.0.0.1:{ros_log.port} in Foxglove or Lichtblick", stderr=True)
+    if ccsds is not None:
+        recorders.append(SpacePacketSink(ccsds, None if log is None else log / "telemetry.xtce.xml"))
+    return tuple(recorders)
 
 
 def _print_summary(summary: LedgerSummary, log: Path | None, *, as_json: bool) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from datetime import datetime
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from hil.display.corner_code import CodePlace, CornerCode, draw_code
 from simulator.errors import UserError
+from simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
     from hil.display.predistort import Predistorter
@@ -36,13 +36,6 @@ class ShownFrame:
     frame_id: int
     time_ns: int
     shown_ns: int
-
-
-def nanoseconds_utc(epoch_utc: str) -> int:
-    """Nanoseconds since 1970-01-01 UTC of an ISO time; microseconds are exact."""
-    moment = datetime.fromisoformat(epoch_utc)
-    whole = int(moment.replace(microsecond=0).timestamp())
-    return whole * 1_000_000_000 + moment.microsecond * 1000
 
 
 class ScreenSink:

@@ -25,6 +25,7 @@ from hil.host.ledger.summary import (
 )
 from hil.host.link_process.host_link import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, HostLink
 from hil.host.link_process.ipc import FrameResult, LinkConfig
+from hil.host.recording.recorder import Recorder
 from hil.host.rows import ledger_row
 from hil.host.signals import signals_held
 from hil.host.truth.policy import truth_kept_home, with_truth_endpoint
@@ -66,6 +67,7 @@ class RunConfig:
     window : most frames under way at once; the board may ask for fewer.
     deadline_s : a pose later than this counts as a miss; realtime's default is the frame interval.
     target_name, target_sha256 : the target that is flown; a board with another model is refused.
+    recorders : told each frame and its outcome; closed with the books.
     """
 
     link: LinkConfig
@@ -75,6 +77,7 @@ class RunConfig:
     deadline_s: float | None = None
     target_name: str = ""
     target_sha256: str = ""
+    recorders: tuple[Recorder, ...] = ()
 
 
 def run_host(
@@ -109,7 +112,7 @@ def run_host(
     if warning:
         logger.warning("%s", warning)
     terms = with_truth_endpoint(kept)
-    run = BoardSink(terms, on_row)
+    run = BoardSink(terms, on_row, config.recorders)
     with HostLink(terms) as link:
         # ports first, so that a taken one is reported before anything is drawn or written
         run.link = link
@@ -191,8 +194,14 @@ class BoardSink:
 
     link: HostLink
 
-    def __init__(self, config: LinkConfig, on_row: Callable[[LedgerRow], None] | None) -> None:
+    def __init__(
+        self,
+        config: LinkConfig,
+        on_row: Callable[[LedgerRow], None] | None,
+        recorders: tuple[Recorder, ...] = (),
+    ) -> None:
         self.config = config
+        self._recorders = list(recorders)
         self.writer: LedgerWriter | None = None
         self.rows: list[LedgerRow] = []
         self.is_lost = False
@@ -253,6 +262,15 @@ class BoardSink:
             self.writer = None
             raise
 
+    def _tell(self, what: Callable[[Recorder], None]) -> None:
+        """Tell the recorders; one that fails (a full disk) is left, and the run and its ledger go on."""
+        for recorder in tuple(self._recorders):
+            try:
+                what(recorder)
+            except (OSError, RuntimeError) as error:
+                self._recorders.remove(recorder)
+                logger.warning("%s stops: %s", type(recorder).__name__, error)
+
     def interval_ms(self) -> float | None:
         """Median time from frame to frame."""
         times = sorted(row.t_s for row in self.rows)
@@ -278,6 +296,7 @@ class BoardSink:
         finally:
             if self.writer is not None:
                 self.writer.close()
+            self._tell(lambda recorder: recorder.close())
 
     def _close_books(self, ended: Ended, config: RunConfig) -> LedgerSummary:
         """Frames without an outcome are dropped, the summary is written."""
@@ -340,6 +359,7 @@ class BoardSink:
             due_ns=due_ns,
             truth=None if self.config.truth == "off" or frame.truth is None else truth_document(frame.truth),
         )
+        self._tell(lambda recorder: recorder.frame(frame))
 
     def wait_for_outcomes(self) -> None:
         """Wait until every frame that was handed over has its outcome; the link process sees to that."""
@@ -355,8 +375,10 @@ class BoardSink:
             self._add(result)
 
     def _add(self, result: FrameResult) -> None:
-        row = ledger_row(self._open.pop(result.frame_id), result)
+        frame = self._open.pop(result.frame_id)
+        row = ledger_row(frame, result)
         self.rows.append(row)
+        self._tell(lambda recorder: recorder.row(frame, row))
         if self.writer is not None:
             self.writer.add(row)
         if self._on_row is not None:

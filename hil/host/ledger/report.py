@@ -11,6 +11,7 @@ import msgspec
 from hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
 from hil.host.ledger.plots import draw_plots
 from hil.host.ledger.summary import RUN_JSON, SUMMARY_JSON, LedgerSummary, RunTerms, summarise
+from hil.host.recording.chrome_trace import write_trace
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic
 from simulator.runtime.untrusted_files import read_regular
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 REPORT_HTML = "report.html"
+TRACE_JSON = "trace.json"
 # of run.json and of summary.json: thousands of times what they take
 MOST_BYTES = 1 << 24
 PLOT_FOLDER = "report"
@@ -54,7 +56,7 @@ th:first-child,td:first-child{text-align:left}th{border-top:0;color:#7b8794;font
 
 
 def write_report(folder: Path) -> Path:
-    """Write ``report.html`` into a ledger folder; returns its path.
+    """Write ``report.html`` and ``trace.json`` into a ledger folder; returns the page's path.
 
     A ledger without summary.json (the host was killed) is summarised from its rows and from run.json.
 
@@ -75,6 +77,7 @@ def write_report(folder: Path) -> Path:
         ) from error
     path = folder / REPORT_HTML
     write_atomic(path, _page(summary, names).encode())
+    write_trace(rows, folder / TRACE_JSON)
     return path
 
 

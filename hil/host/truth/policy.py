@@ -76,6 +76,11 @@ def is_private(url: str) -> bool:
     scheme, host, port = _parsed(url)
     if scheme != "tcp":
         return True
+    return is_loopback(host, port)
+
+
+def is_loopback(host: str, port: int) -> bool:
+    """Whether a host's name means this machine alone; false where it means nothing."""
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     except OSError:

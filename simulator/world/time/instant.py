@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import dataclass
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import erfa
@@ -119,3 +120,10 @@ def tdb_minus_tt_s(tt1: float, tt2: float) -> float:
     SOFA routine ``iauDtdb`` (Fairhead & Bretagnon 1990: 3 ns).
     """
     return float(erfa.dtdb(tt1, tt2, (tt1 + tt2 + 0.5) % 1.0, 0.0, 0.0, 0.0))
+
+
+def nanoseconds_utc(epoch_utc: str) -> int:
+    """Nanoseconds since 1970-01-01 UTC, leap seconds not counted, of an ISO time; microseconds are exact."""
+    moment = datetime.fromisoformat(epoch_utc)
+    whole = int(moment.replace(microsecond=0).timestamp())
+    return whole * 1_000_000_000 + moment.microsecond * 1000
