@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.images.area_average import readable, shrunk
+from hil.board.svd.native.images.area_average import area_average, readable
 
 Array = np.ndarray
 
@@ -175,7 +175,7 @@ def _smaller(picture: Array, width: int, height: int) -> bool:
     return height <= picture.shape[0] and width <= picture.shape[1] and readable(picture)
 
 
-@accelerated(shrunk, _smaller)
+@accelerated(area_average, _smaller)
 def area_mean(picture: Array, width: int, height: int) -> Array:
     """(height, width) float32 means of what each pixel covers, rounded where the picture's are whole numbers."""
     return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), np.float32)

@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.board.svd.native.backend import accelerated
 from hil.board.svd.native.images.area_average import readable
-from hil.board.svd.native.images.noise import masked
+from hil.board.svd.native.images.noise import noise_medians
 
 Array = np.ndarray
 
@@ -48,7 +48,7 @@ def _readable_bytes(image: Array, *_: float) -> bool:
     return image.dtype == np.uint8 and readable(image)
 
 
-@accelerated(masked, _readable_bytes)
+@accelerated(noise_medians, _readable_bytes)
 def _masked(image: Array, step: int, full_scale: float) -> Tuple[float, int, float]:
     """Median of the mask, how many of its pixels lie well inside the scale, and the median over them."""
     rows = [image[y : y + 3] for y in range(0, image.shape[0] - 2, 3 * step)]

@@ -13,7 +13,7 @@ from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.native.backend import accelerated
 from hil.board.svd.native.photometric import face_gains as native
-from hil.board.svd.native.photometric.image_formation import BLURS_PX, reach
+from hil.board.svd.native.photometric.image_formation import LEAST_BLUR_PX, blur_reach
 
 Array = np.ndarray
 
@@ -200,7 +200,7 @@ def coverage(shading: Shading, canvas: ImagePatch, most: int, blur_px: float, ro
     byte = shading.group.dtype == np.uint8
     slots = cv2.LUT(shading.group, slot[:256]) if byte else np.take(slot, shading.group, mode="clip")
     # one more than the blur reaches: what it mirrors at the box's edge is empty then
-    far = reach(blur_px) + 1
+    far = blur_reach(blur_px) + 1
     x0, y0, x1, y1 = _boxes(slots, len(chosen), f)
     x0, y0 = np.maximum(x0 - far, 0), np.maximum(y0 - far, 0)
     x1, y1 = np.minimum(x1 + 1 + far, w), np.minimum(y1 + 1 + far, h)
@@ -215,7 +215,7 @@ def coverage(shading: Shading, canvas: ImagePatch, most: int, blur_px: float, ro
         # a mean of 0 and f^2 over f x f pixels is a whole number
         share = cv2.resize(mask * np.uint8(f * f), (right - left, bottom - top), interpolation=cv2.INTER_AREA)
         own = plane[top:bottom, left:right]
-        if blur_px > BLURS_PX:
+        if blur_px > LEAST_BLUR_PX:
             cv2.GaussianBlur(share.astype(np.float32), (0, 0), blur_px, dst=own)
         else:
             own[:] = share
@@ -332,4 +332,4 @@ def _borders(centre: Array) -> Array:
 
 def blurred(image: Array, sigma: float) -> Array:
     """The image (h, w) or (h, w, channels) through a Gaussian, as it is where that is narrower than a pixel."""
-    return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > BLURS_PX else image
+    return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > LEAST_BLUR_PX else image

@@ -30,7 +30,7 @@ BORDER_PX = 0.48
 NARROW_PX = 1.2
 
 
-@accelerated(native.order)
+@accelerated(native.order_faces)
 def order_faces(faces: Faces, C_m: Array) -> Array:
     """Faces that look at the camera centre ``C_m`` (3,), the farthest first."""
     gain, base, ids, node = faces.painting_places

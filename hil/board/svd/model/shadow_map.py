@@ -195,7 +195,7 @@ class SunTable:
         darkest = canvas.kept["darkest"]
         return self._unexplained(faces, shading, canvas, camera, R, t, some, pixels, darkest, float(dim))
 
-    @accelerated(native.costs)
+    @accelerated(native.sun_costs)
     def _unexplained(
         self,
         faces: Faces,

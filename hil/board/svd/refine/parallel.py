@@ -244,7 +244,7 @@ def _middle(craft: PreparedTarget, canvas: ImagePatch, c: Candidate) -> Array:
     return _mean_pixel(seen) / canvas.scale
 
 
-@accelerated(native.middle)
+@accelerated(native.mean_pixel)
 def _mean_pixel(seen: Array) -> Array:
     """(2,) mean column and row of the pixels that show the craft; NaN where none does."""
     rows, columns = np.nonzero(seen)

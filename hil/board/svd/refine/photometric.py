@@ -170,7 +170,7 @@ def _in_bytes(shading: Shading, *_: object) -> bool:
     return shading.group.dtype == np.uint8
 
 
-@accelerated(native_step.gram, _in_bytes)
+@accelerated(native_step.normal_products, _in_bytes)
 def _gram(
     shading: Shading,
     faces: Faces,

@@ -5,18 +5,18 @@
 #include "images/area_average.h"
 
 /* Pixels that one reduced pixel covers along one axis: n whole ones from first on, and shares of those beside. */
-struct cover {
+struct group_coverage {
     int64_t first, n;
     float before, whole, after; /* weights; of none where it is zero */
 };
 
 /* What the reduced pixel i of m covers of n pixels. */
-static struct cover covered(int64_t i, int64_t n, int64_t m)
+static struct group_coverage covered(int64_t i, int64_t n, int64_t m)
 {
     const double scale = (double)n / (double)m, low = (double)i * scale, high = low + scale;
     const double cell = fmin(scale, (double)n - low);
     int64_t first = (int64_t)ceil(low), end = (int64_t)floor(high);
-    struct cover c;
+    struct group_coverage c;
 
     end = end < n - 1 ? end : n - 1;
     first = first < end ? first : end;
@@ -96,9 +96,9 @@ static void sum_rows(const struct region *r, int64_t y, int64_t n, float *restri
         add_row(r, y + k, 1.0f, sum);
 }
 
-int fly_shrink(const struct region *r, int64_t h, int64_t w, float *out)
+int fly_downsample(const struct region *r, int64_t h, int64_t w, float *out)
 {
-    struct cover *across = malloc((size_t)w * sizeof *across);
+    struct group_coverage *across = malloc((size_t)w * sizeof *across);
     float *sum = malloc((size_t)r->w * sizeof *sum);
     int64_t x, y, k;
 
@@ -110,7 +110,7 @@ int fly_shrink(const struct region *r, int64_t h, int64_t w, float *out)
     for (x = 0; x < w; x++)
         across[x] = covered(x, r->w, w);
     for (y = 0; y < h; y++) {
-        const struct cover c = covered(y, r->h, h);
+        const struct group_coverage c = covered(y, r->h, h);
         sum_rows(r, c.first, c.n, sum);
         for (x = 0; x < r->w; x++)
             sum[x] *= c.whole;
@@ -127,7 +127,7 @@ int fly_shrink(const struct region *r, int64_t h, int64_t w, float *out)
             continue;
         }
         for (x = 0; x < w; x++) {
-            const struct cover *a = across + x;
+            const struct group_coverage *a = across + x;
             const float *s = sum + a->first;
             float total = 0.0f;
             for (k = 0; k < a->n; k++)
@@ -148,10 +148,12 @@ int fly_shrink(const struct region *r, int64_t h, int64_t w, float *out)
     return 0;
 }
 
-/* edge_field.py's shrink: pixels (h, w) of so many bytes each, stride of them from row to row, into out (high, wide). */
-int64_t fly_shrunk(const void *pixels, int64_t bytes, int64_t stride, int64_t h, int64_t w, int64_t high, int64_t wide,
+/* edge_field.py's shrink: pixels (h, w) of so many bytes each, stride of them from row to row, into out (high,
+ * wide). */
+int64_t fly_area_average(const void *pixels, int64_t bytes, int64_t stride, int64_t h, int64_t w, int64_t high,
+                         int64_t wide,
                    float *out)
 {
     const struct region r = {pixels, bytes, h, w, stride};
-    return fly_shrink(&r, high, wide, out);
+    return fly_downsample(&r, high, wide, out);
 }

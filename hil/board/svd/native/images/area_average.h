@@ -1,6 +1,6 @@
 /* Regions of a picture reduced by area averaging: edge_field.py (shrink), as OpenCV's INTER_AREA does it. */
-#ifndef FLYAROUND_AREA_H
-#define FLYAROUND_AREA_H
+#ifndef FLYAROUND_AREA_AVERAGE_H
+#define FLYAROUND_AREA_AVERAGE_H
 
 #include <stdint.h>
 
@@ -13,7 +13,7 @@ struct region {
 
 /* The region reduced to (h, w), neither larger than its own, into out, rounded where its pixels are whole numbers; -1
  * where there is no memory. */
-int fly_shrink(const struct region *r, int64_t h, int64_t w, float *out);
+int fly_downsample(const struct region *r, int64_t h, int64_t w, float *out);
 
 /* A value of the region. */
 float fly_pixel(const struct region *r, int64_t y, int64_t x);

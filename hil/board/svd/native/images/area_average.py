@@ -33,12 +33,12 @@ def region(image: Array) -> tuple:  # type: ignore[type-arg]
     return at, *(ctypes.c_int64(n) for n in (image.itemsize, stride, *image.shape))
 
 
-def shrunk(library: ctypes.CDLL, image: Array, width: int, height: int) -> Array:
+def area_average(library: ctypes.CDLL, image: Array, width: int, height: int) -> Array:
     """(height, width) float32 of a ``readable`` picture that is no smaller; rounded where that holds whole numbers."""
     if not (0 < height <= image.shape[0] and 0 < width <= image.shape[1]):
         raise ValueError(f"a kernel reduces, not {image.shape} to {height, width}")
     out = np.empty((height, width), np.float32)
-    run = library.fly_shrunk
+    run = library.fly_area_average
     run.restype = ctypes.c_int64
     if run(*region(image), ctypes.c_int64(height), ctypes.c_int64(width), ctypes.c_void_p(out.ctypes.data)):
         raise MemoryError("no memory to reduce a picture")

@@ -10,7 +10,8 @@
 
 #include "raster/face_mesh.h"
 
-/* Cosine of the tolerance of directions, 22.5 deg, and the chance that a direction lies within it; share of a rectangle that its pixels
+/* Cosine of the tolerance of directions, 22.5 deg, and the chance that a direction lies within it; share of a
+ * rectangle that its pixels
  * must fill; bins of strength. */
 #define COSINE 0.92387953251128674
 #define CHANCE (22.5 / 180.0)
@@ -22,7 +23,8 @@ struct way {
     float along, down;
 };
 
-/* The picture's level lines: direction and strength of each pixel, what is used or has none, and the region that grows. */
+/* The picture's level lines: direction and strength of each pixel, what is used or has none, and the region that
+ * grows. */
 struct field {
     int64_t h, w;
     struct way *way;
@@ -192,7 +194,8 @@ static double narrower(struct field *f, double width)
         f->used[at] = 0;
         if (distance((double)(seed % f->w), (double)(seed / f->w), (double)(at % f->w), (double)(at / f->w)) < width) {
             const double c = f->way[seed].along, s = f->way[seed].down;
-            const double off = atan2(c * f->way[at].down - s * f->way[at].along, c * f->way[at].along + s * f->way[at].down);
+            const double off = atan2(c * f->way[at].down - s * f->way[at].along,
+                                     c * f->way[at].along + s * f->way[at].down);
             sum += off;
             squares += off * off;
             number += 1.0;
@@ -231,7 +234,7 @@ static int shortened(struct field *f, struct rectangle *r)
 /* Segments of a picture (h, w), two each way at least: x1 y1 x2 y2 [px of it] into out (most, 4); how many, -1 where
  * there is no memory.
  */
-int64_t fly_segments(const uint8_t *picture, int64_t h, int64_t w, double least, int64_t most, double *out)
+int64_t fly_line_segments(const uint8_t *picture, int64_t h, int64_t w, double least, int64_t most, double *out)
 {
     const double tests = 2.5 * (log10((double)w) + log10((double)h)) + log10(11.0);
     const int64_t fewest = (int64_t)(-tests / log10(CHANCE)), pixels = h * w;

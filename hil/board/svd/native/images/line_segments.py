@@ -42,7 +42,7 @@ def segments(library: ctypes.CDLL, picture: Array, least: float) -> Array:
         return np.zeros((0, 4))
     # none has fewer than two pixels
     out = np.empty((h * w // 2, 4))
-    run = library.fly_segments
+    run = library.fly_line_segments
     run.restype = ctypes.c_int64
     found = run(
         ctypes.c_void_p(checked_pointer(given, "uint8")),

@@ -43,7 +43,8 @@ static double median(const int64_t *count, int64_t n)
 }
 
 /* Into out (3,): the mask's median over strips of three rows, step strips apart; how many of these pixels lie well
- * inside the scale, by noise of that size; and the median over them. h and w at least three; -1 where there is no memory.
+ * inside the scale, by noise of that size; and the median over them. h and w at least three; -1 where there is no
+ * memory.
  */
 int64_t fly_noise(const uint8_t *image, int64_t bytes, int64_t stride, int64_t h, int64_t w, int64_t step,
                   double full_scale, double *out)

@@ -12,7 +12,9 @@ from hil.board.svd.native.images.area_average import region
 Array = np.ndarray
 
 
-def masked(library: ctypes.CDLL, image: Array, step: int, full_scale: float) -> Tuple[float, int, float]:
+def noise_medians(
+    library: ctypes.CDLL, image: Array, step: int, full_scale: float
+) -> Tuple[float, int, float]:
     """Median of Immerkaer's mask, number of pixels well inside the scale, and the median over them.
 
     Parameters

@@ -83,7 +83,7 @@ static void waves(const float *size, const float *cosine, const float *sine, con
  * bumps : (3, views, n) size, cosine and sine. said : as above, n a multiple of eight. harmonics : (HARMONICS + 1,)
  * of a bump. circle : (turns, 2) cosine and sine of a turn. -1 where there is no memory.
  */
-int64_t fly_likelihood(const float *bumps, const float *said, const float *harmonics, const float *circle,
+int64_t fly_attitude_likelihood(const float *bumps, const float *said, const float *harmonics, const float *circle,
                        int64_t views, int64_t turns, int64_t n, float *out)
 {
     float *x = malloc((size_t)(2 * n + 2 * (HARMONICS + 1) * turns) * sizeof *x), *c = x + 2 * n;

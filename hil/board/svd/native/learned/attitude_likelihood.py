@@ -31,7 +31,7 @@ def likelihood(library: ctypes.CDLL, bumps: Array, said: Array, harmonics: Array
     out, at = np.empty(views * turns, np.float32), ctypes.c_void_p
     given = contiguous(said, "float32"), contiguous(harmonics, "float32"), contiguous(circle, "float32")
     shapes = (4, n), (HARMONICS + 1,), (turns, 2)
-    run = library.fly_likelihood
+    run = library.fly_attitude_likelihood
     run.restype = ctypes.c_int64
     failed = run(
         at(checked_pointer(bumps, "float32", (3, views, n))),
@@ -114,7 +114,7 @@ def explained(
     )
     share, move = np.empty(len(view)), np.empty(len(view), np.int64)
     at = [ctypes.c_void_p(checked_pointer(*one)) for one in given]
-    library.fly_attitudes(
+    library.fly_subspace_match(
         at[0],
         ctypes.c_int64(side),
         *at[1:3],

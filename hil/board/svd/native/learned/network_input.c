@@ -115,7 +115,7 @@ static int crop_image(const struct camera *c, struct crop g, double *place, floa
         wide = (int64_t)larger(2.0, nearbyint((double)part.w / factor));
     }
     small = malloc((size_t)(high * wide) * sizeof *small);
-    if (small == NULL || fly_shrink(&part, high, wide, small)) {
+    if (small == NULL || fly_downsample(&part, high, wide, small)) {
         free(small);
         return -1;
     }

@@ -203,7 +203,7 @@ static void held_by(const int16_t *shapes, const float *worth, const struct smal
  * with their worth (views, SHAPES). weight : (SIDE, SIDE) the window's square. taken_up :
  * (views,) share that as many shapes explain of noise.
  */
-void fly_attitudes(const float *picture, int64_t side, const int64_t *view, const int64_t *turn, int64_t n,
+void fly_subspace_match(const float *picture, int64_t side, const int64_t *view, const int64_t *turn, int64_t n,
                    const double *circle, const double *sizes, const float *wide, const int16_t *basis,
                    const float *worth, const float *weight, const double *taken_up, double *share, int64_t *move)
 {

@@ -51,11 +51,13 @@ static void enlarge(const float *small, int64_t sh, int64_t sw, int64_t h, int64
 /* What the background differs from its level by, and its part of the picture.
  *
  * gray : (h, w) the picture, shown the background's mean value on it, level its brightness. core, centre : (h, w) as of
- * fly_shade. empty : (h, w) the background's share of each pixel. blur : of means of 4 x 4. Out: behind (h, w), and
+ * fly_face_gains. empty : (h, w) the background's share of each pixel. blur : of means of 4 x 4. Out: behind (h,
+ * w), and
  * empty times it added to picture (h, w). Returns -1 where there is no memory; h and w are 2 at least.
  */
-int64_t fly_behind(const float *gray, const uint8_t *core, const uint8_t *centre, int64_t h, int64_t w, double shown,
-                   double level, const struct response *r, const struct gauss *blur, const float *empty, float *behind,
+int64_t fly_background(const float *gray, const uint8_t *core, const uint8_t *centre, int64_t h, int64_t w,
+                       double shown,
+                   double level, const struct response *r, const struct gaussian *blur, const float *empty, float *behind,
                    float *picture)
 {
     const int64_t sh = h / REDUCED > 2 ? h / REDUCED : 2, sw = w / REDUCED > 2 ? w / REDUCED : 2, n = h * w;
@@ -72,13 +74,13 @@ int64_t fly_behind(const float *gray, const uint8_t *core, const uint8_t *centre
         own[i] = (float)(core[i] & (centre[i] == 0));
         value[i] = own[i] * (gray[i] - mean);
     }
-    if (fly_shrink(&a, sh, sw, small) == 0 && fly_shrink(&b, sh, sw, part) == 0 && fly_blur(small, sh, sw, blur, num) == 0
-        && fly_blur(part, sh, sw, blur, den) == 0) {
+    if (fly_downsample(&a, sh, sw, small) == 0 && fly_downsample(&b, sh, sw, part) == 0
+        && fly_blur(small, sh, sw, blur, num) == 0 && fly_blur(part, sh, sw, blur, den) == 0) {
         for (i = 0; i < sh * sw; i++)
             num[i] /= den[i] + LITTLE;
         enlarge(num, sh, sw, h, w, rows, behind);
         if (r->sigma > 0)
-            fly_brighter(r, behind, n, shown, level, behind);
+            fly_brightness_differences(r, behind, n, shown, level, behind);
         for (i = 0; i < n; i++)
             picture[i] += empty[i] * behind[i];
         done = 0;

@@ -62,7 +62,7 @@ static void spans(struct drawing d, const uint8_t *chosen, int64_t n, struct spa
     }
 }
 
-int64_t fly_choose(const uint8_t *centre, int64_t pixels, int64_t most, uint8_t *chosen)
+int64_t fly_choose_groups(const uint8_t *centre, int64_t pixels, int64_t most, uint8_t *chosen)
 {
     int64_t count[256] = {0}, i, start, n = 1;
     int some[256], labels = 0, g, best;
@@ -141,7 +141,7 @@ static void counted(struct drawing d, uint8_t group, int64_t y, struct span s, u
         out[s.from + x] = (float)count[x];
 }
 
-/* Scratch of a group's shares: see fly_cover_rows. */
+/* Scratch of a group's shares: see fly_coverage_rows. */
 struct scratch {
     struct span *hold, *reached, *asked, *needed; /* (h,) */
     struct span *work;                            /* (h + 2 reach,) */
@@ -157,7 +157,8 @@ struct noted {
 };
 
 /* Row y of a group blurred across: columns to of part, where the group is in those of hold. */
-static void across(struct drawing d, uint8_t group, int64_t y, struct span hold, struct span to, const struct gauss *g,
+static void across(struct drawing d, uint8_t group, int64_t y, struct span hold, struct span to,
+                   const struct gaussian *g,
                    const struct scratch *s)
 {
     const int64_t r = g->reach, w = d.w;
@@ -168,16 +169,16 @@ static void across(struct drawing d, uint8_t group, int64_t y, struct span hold,
     memset(s->line, 0, (size_t)(w + 2 * r) * sizeof *s->line);
     counted(d, group, y, hold, s->count, own);
     for (x = 1; x <= r && hold.from <= r; x++)
-        own[-x] = own[fly_mirrored(-x, w)];
+        own[-x] = own[fly_reflect_101(-x, w)];
     for (x = 1; x <= r && hold.to >= w - r; x++)
-        own[w - 1 + x] = own[fly_mirrored(w - 1 + x, w)];
+        own[w - 1 + x] = own[fly_reflect_101(w - 1 + x, w)];
     for (x = 0; x <= 2 * r; x++)
         p[x] = s->line + to.from + x;
-    fly_weighed(p, g, s->part + y * w + to.from, to.to - to.from);
+    fly_convolve_lines(p, g, s->part + y * w + to.from, to.to - to.from);
 }
 
 /* Shares of a group, which is in the columns span of each row, noted; where no row of pixels is, none is worked out. */
-static struct noted *note(struct drawing d, uint8_t group, const struct span *span, const struct gauss *g,
+static struct noted *note(struct drawing d, uint8_t group, const struct span *span, const struct gaussian *g,
                           const struct rows *rows, const struct scratch *s, int32_t *count, struct noted *to)
 {
     const float part = 1.0f / (float)(d.f * d.f);
@@ -229,11 +230,11 @@ static struct noted *note(struct drawing d, uint8_t group, const struct span *sp
             continue;
         const struct span all_of = lines(a, w);
         for (j = -r; j <= r; j++) {
-            const int64_t from = y + j >= 0 && y + j < d.h ? y + j : fly_mirrored(y + j, d.h);
+            const int64_t from = y + j >= 0 && y + j < d.h ? y + j : fly_reflect_101(y + j, d.h);
             const int some = from >= top && from < end && s->needed[from].from < s->needed[from].to;
             p[r + j] = some ? s->part + from * w + all_of.from : s->nothing;
         }
-        fly_weighed(p, g, s->row + all_of.from, all_of.to - all_of.from);
+        fly_convolve_lines(p, g, s->row + all_of.from, all_of.to - all_of.from);
         for (i = rows->first[y * w + a.from]; i < rows->first[y * w + a.to]; i++) {
             const float v = s->row[rows->x[i]] * part;
             const int counts = v > LITTLE;
@@ -268,8 +269,8 @@ static void *laid_out(struct drawing d, int64_t reach, struct scratch *s)
     return block;
 }
 
-int fly_cover_rows(struct drawing d, const uint8_t *chosen, int64_t n, struct gauss g, const struct rows *rows,
-                   struct cover *c)
+int fly_coverage_rows(struct drawing d, const uint8_t *chosen, int64_t n, struct gaussian g, const struct rows *rows,
+                   struct group_coverage *c)
 {
     struct scratch s;
     void *block = laid_out(d, g.reach, &s);

@@ -246,7 +246,7 @@ static void thin_levels(const struct pieces *p, const float *gray, int64_t f, co
         covered[p->piece[i].own] += more[p->piece[i].at];
     for (round = 0; round < 2; round++) {
         memset(step, 0, sizeof step);
-        fly_shown(r, drawn, p->cells, shown, NULL);
+        fly_response(r, drawn, p->cells, shown, NULL);
         for (i = 0; i < p->n; i++) {
             const int64_t at = p->piece[i].at;
             step[p->piece[i].own] += (double)(here[at] - shown[at]);
@@ -269,7 +269,7 @@ static void thin_levels(const struct pieces *p, const float *gray, int64_t f, co
         picture[p->cell[i]] = drawn[i];
 }
 
-/* Scratch of fly_shade, one piece of memory. */
+/* Scratch of fly_face_gains, one piece of memory. */
 struct scratch {
     uint8_t *new, *to, *solid, *kind;
     float *value, *work;
@@ -306,7 +306,7 @@ static void *laid_out(int64_t faces, int64_t groups, int64_t h, int64_t w, int64
  * value; empty : (h, w) the background's share of each pixel, unless NULL.
  * Returns the number of groups, 0 where a byte holds too few, -1 where there is no memory.
  */
-int64_t fly_shade(const int32_t *seen, const uint8_t *dark, const uint16_t *labels, int64_t faces, int64_t groups,
+int64_t fly_face_gains(const int32_t *seen, const uint8_t *dark, const uint16_t *labels, int64_t faces, int64_t groups,
                   const float *gray, int64_t h, int64_t w, int64_t f, double sigma, const struct response *r,
                   uint8_t *group, uint8_t *centre, uint8_t *core, float *picture, double *level, int64_t *area,
                   double *shown, float *empty)
@@ -330,7 +330,7 @@ int64_t fly_shade(const int32_t *seen, const uint8_t *dark, const uint16_t *labe
         relabel(s.stretch, count, s.to, h * w * f * f, group);
         middles(d, centre, s.solid);
         cores(centre, s.solid, h, w, s.kind, core);
-        fly_means(centre, s.kind, gray, h * w, n, sigma, level, area, s.value, (struct run *)(void *)s.work);
+        fly_robust_means(centre, s.kind, gray, h * w, n, sigma, level, area, s.value, (struct run *)(void *)s.work);
         *shown = level[0];
         for (g = 0; g < n; g++) {
             level[g] = fly_brightness(r, level[g]);
@@ -341,7 +341,7 @@ int64_t fly_shade(const int32_t *seen, const uint8_t *dark, const uint16_t *labe
         if (s.pieces.n > 0)
             thin_levels(&s.pieces, gray, f, r, n, level, picture, s.work);
         if (empty != NULL)
-            fly_share(d, 0, empty);
+            fly_pixel_share(d, 0, empty);
     }
     free(block);
     return n;

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Optional, Tuple
 import numpy as np
 
 from hil.board.svd.native.arrays import checked_pointer, contiguous, pointer
-from hil.board.svd.native.photometric.image_formation import Held, gauss
-from hil.board.svd.native.photometric.image_formation import shown as shown_by
+from hil.board.svd.native.photometric.image_formation import NativeStruct, gaussian, response_tables
 
 if TYPE_CHECKING:
     from hil.board.svd.geometry.faces import Faces
@@ -42,7 +41,7 @@ def shade(
     )
     picture, share = np.empty((h, w), np.float32), np.empty((h, w) if empty else (0, 0), np.float32)
     level, area, ground = np.empty(256), np.empty(256, np.int64), np.empty(1)
-    run, at = library.fly_shade, ctypes.c_void_p
+    run, at = library.fly_face_gains, ctypes.c_void_p
     run.restype = ctypes.c_int64
     n = run(
         at(checked_pointer(seen, "int32", group.shape)),
@@ -62,16 +61,16 @@ def shade(
     return (group, level[:n], picture, centre, area[:n], core, share, ground) if n else NotImplemented
 
 
-def _of_craft(faces: Faces, canvas: ImagePatch) -> Held:
+def _of_craft(faces: Faces, canvas: ImagePatch) -> NativeStruct:
     """What ``shade`` is told of a craft and a canvas, kept for the next pose."""
     of, held = canvas.kept.get("shade", (None, None))
     if of is not faces:
         (h, w), n = canvas.gray.shape, len(faces.corners)
         arrays, response = (
             (contiguous(faces.labels, "uint16"), contiguous(canvas.gray, "float32")),
-            shown_by(canvas.response),
+            response_tables(canvas.response),
         )
-        held = Held(
+        held = NativeStruct(
             (
                 ctypes.c_void_p(checked_pointer(arrays[0], "uint16", (n + 1,))),
                 ctypes.c_int64(n),
@@ -98,7 +97,7 @@ def with_background(
     _, level, picture, centre, core, empty, shown = made
     h, w = canvas.gray.shape
     gray, out = contiguous(canvas.gray, "float32"), np.empty((h, w), np.float32)
-    run, at = library.fly_behind, ctypes.c_void_p
+    run, at = library.fly_background, ctypes.c_void_p
     run.restype = ctypes.c_int64
     done = run(
         at(checked_pointer(gray, "float32", (h, w))),
@@ -108,8 +107,8 @@ def with_background(
         ctypes.c_int64(w),
         ctypes.c_double(float(shown[0])),
         ctypes.c_double(float(level[0])),
-        shown_by(canvas.response).at,
-        gauss(blur_px).at,
+        response_tables(canvas.response).at,
+        gaussian(blur_px).at,
         at(checked_pointer(empty, "float32", (h, w))),
         at(checked_pointer(out, "float32")),
         at(checked_pointer(picture, "float32", (h, w))),
@@ -136,7 +135,7 @@ def unexplained(
     told, picture, group = canvas.kept["told"], shading.picture, shading.group
     h, w = canvas.gray.shape
     picture = contiguous(picture, "float32")
-    run, at = library.fly_explained, ctypes.c_void_p
+    run, at = library.fly_photometric_cost, ctypes.c_void_p
     run.restype = ctypes.c_double
     out = run(
         at(checked_pointer(picture, "float32", (h, w))),
@@ -155,7 +154,7 @@ def _comparison(
     bound: float,
     none: Optional[Array],
     covered: float,
-) -> Held:
+) -> NativeStruct:
     """What ``unexplained`` is told of a canvas, the same for every pose.
 
     Parameters
@@ -166,8 +165,8 @@ def _comparison(
     h, w = canvas.gray.shape
     gray = contiguous(canvas.blurred(blurs_px[1]), "float32")
     bare = None if none is None else contiguous(none, "float32")
-    optics, score, cover = (gauss(b) for b in blurs_px)
-    response, at = shown_by(canvas.response), ctypes.c_void_p
+    optics, score, cover = (gaussian(b) for b in blurs_px)
+    response, at = response_tables(canvas.response), ctypes.c_void_p
     told = (
         *(ctypes.c_int64(side) for side in (h, w, canvas.fine)),
         optics.at,
@@ -182,4 +181,4 @@ def _comparison(
     )
     # the blurs' weights and the response's tables live as long as the canvas, too
     arrays = *optics.arrays, *score.arrays, *cover.arrays, *response.arrays, gray
-    return Held(told, arrays if bare is None else (*arrays, bare))
+    return NativeStruct(told, arrays if bare is None else (*arrays, bare))

@@ -11,7 +11,7 @@
 /* Pixels of a row that are counted together. */
 #define STRIP 256
 
-int64_t fly_mirrored(int64_t i, int64_t n)
+int64_t fly_reflect_101(int64_t i, int64_t n)
 {
     if (n < 2)
         return 0;
@@ -59,7 +59,7 @@ static void weigh_far(const float *const *p, const float *taps, int64_t r, float
     }
 }
 
-void fly_weighed(const float *const *p, const struct gauss *g, float *out, int64_t n)
+void fly_convolve_lines(const float *const *p, const struct gaussian *g, float *out, int64_t n)
 {
     /* a constant reach keeps the sums in registers */
     switch (g->reach) {
@@ -75,7 +75,7 @@ void fly_weighed(const float *const *p, const struct gauss *g, float *out, int64
     }
 }
 
-void fly_blur_with(const float *src, int64_t h, int64_t w, struct gauss g, float *dst, float *part, float *line)
+void fly_blur_with(const float *src, int64_t h, int64_t w, struct gaussian g, float *dst, float *part, float *line)
 {
     const float *p[2 * WIDEST + 1];
     const int64_t r = g.reach;
@@ -91,19 +91,19 @@ void fly_blur_with(const float *src, int64_t h, int64_t w, struct gauss g, float
         const float *row = src + y * w;
         memcpy(line + r, row, (size_t)w * sizeof *line);
         for (x = 1; x <= r; x++) {
-            line[r - x] = row[fly_mirrored(-x, w)];
-            line[r + w - 1 + x] = row[fly_mirrored(w - 1 + x, w)];
+            line[r - x] = row[fly_reflect_101(-x, w)];
+            line[r + w - 1 + x] = row[fly_reflect_101(w - 1 + x, w)];
         }
-        fly_weighed(p, &g, part + y * w, w);
+        fly_convolve_lines(p, &g, part + y * w, w);
     }
     for (y = 0; y < h; y++) {
         for (j = -r; j <= r; j++)
-            p[r + j] = part + fly_mirrored(y + j, h) * w;
-        fly_weighed(p, &g, dst + y * w, w);
+            p[r + j] = part + fly_reflect_101(y + j, h) * w;
+        fly_convolve_lines(p, &g, dst + y * w, w);
     }
 }
 
-int fly_blur(const float *src, int64_t h, int64_t w, const struct gauss *g, float *dst)
+int fly_blur(const float *src, int64_t h, int64_t w, const struct gaussian *g, float *dst)
 {
     float *part = malloc((size_t)(h * w + w + 2 * g->reach + 1) * sizeof *part);
 
@@ -123,7 +123,7 @@ static float nearest(float x)
 
 static float between(float x, float low, float high) { return x < low ? low : x > high ? high : x; }
 
-void fly_shown(const struct response *r, const float *x, int64_t n, float *mean, float *slope)
+void fly_response(const struct response *r, const float *x, int64_t n, float *mean, float *slope)
 {
     const float full = (float)r->full, sigma = (float)r->sigma;
     int64_t i;
@@ -186,7 +186,8 @@ double fly_brightness(const struct response *r, double mean)
 /* Stretches of like length that a table's points are found by. */
 #define CELLS 256
 
-void fly_brighter(const struct response *r, const float *away, int64_t n, double mean, double level, float *out)
+void fly_brightness_differences(const struct response *r, const float *away, int64_t n, double mean, double level,
+                                float *out)
 {
     const int64_t last = r->entries - 1;
     const double low = r->below[0], end = r->below[last], per = CELLS / (end - low);
@@ -225,7 +226,7 @@ static void shared(const uint8_t *restrict top, const uint8_t *restrict end, int
         share[x] = (float)(craft ? count[x] : 4 - count[x]) * 0.25f;
 }
 
-void fly_share(struct drawing d, int craft, float *share)
+void fly_pixel_share(struct drawing d, int craft, float *share)
 {
     const int64_t wide = d.w * d.f;
     int64_t x, y, a, b;

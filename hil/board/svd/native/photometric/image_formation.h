@@ -1,8 +1,8 @@
 /* Pictures on a canvas, and what is done to all of them: face_gains.py (blurred), response.py. Rows first, (h, w);
  * numbers are the picture's own units [grey levels] unless said otherwise.
  */
-#ifndef FLYAROUND_PICTURES_H
-#define FLYAROUND_PICTURES_H
+#ifndef FLYAROUND_IMAGE_FORMATION_H
+#define FLYAROUND_IMAGE_FORMATION_H
 
 #include <stdint.h>
 #include <stdlib.h>
@@ -14,7 +14,7 @@
 #define WIDEST 64
 
 /* A Gaussian as OpenCV makes it: 2 reach + 1 taps, symmetric; a reach of zero is no blur. */
-struct gauss {
+struct gaussian {
     const float *taps;
     int64_t reach;
 };
@@ -36,27 +36,28 @@ struct drawing {
 };
 
 /* Place i on a line of n, mirrored at its ends without repeating them (BORDER_REFLECT_101). */
-int64_t fly_mirrored(int64_t i, int64_t n);
+int64_t fly_reflect_101(int64_t i, int64_t n);
 
 /* out (n,) = what the taps give of the lines p[0 .. 2 reach], of which out is none. */
-void fly_weighed(const float *const *p, const struct gauss *g, float *out, int64_t n);
+void fly_convolve_lines(const float *const *p, const struct gaussian *g, float *out, int64_t n);
 
 /* The picture src (h, w) blurred into dst, which may not be src; part (h, w) and line (w + 2 reach) are scratch. */
-void fly_blur_with(const float *src, int64_t h, int64_t w, struct gauss g, float *dst, float *part, float *line);
+void fly_blur_with(const float *src, int64_t h, int64_t w, struct gaussian g, float *dst, float *part, float *line);
 
 /* The same with scratch of its own; -1 where there is no memory. */
-int fly_blur(const float *src, int64_t h, int64_t w, const struct gauss *g, float *dst);
+int fly_blur(const float *src, int64_t h, int64_t w, const struct gaussian *g, float *dst);
 
 /* Share (h, w) of each pixel that faces cover (craft 1), or that none does (0). */
-void fly_share(struct drawing d, int craft, float *share);
+void fly_pixel_share(struct drawing d, int craft, float *share);
 
 /* Mean value shown of n brightnesses x, and its derivative where slope is not NULL (Response.of); x may be mean. */
-void fly_shown(const struct response *r, const float *x, int64_t n, float *mean, float *slope);
+void fly_response(const struct response *r, const float *x, int64_t n, float *mean, float *slope);
 
 /* Brightness that has this mean (Response.brightness). */
 double fly_brightness(const struct response *r, double mean);
 
 /* The same of n differences from a mean, as differences from a level; out may be away. */
-void fly_brighter(const struct response *r, const float *away, int64_t n, double mean, double level, float *out);
+void fly_brightness_differences(const struct response *r, const float *away, int64_t n, double mean, double level,
+                                float *out);
 
 #endif

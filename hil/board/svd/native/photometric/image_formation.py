@@ -21,11 +21,11 @@ Array = np.ndarray
 WIDEST = 64
 
 # What is narrower is no blur [px].
-BLURS_PX = 0.2
+LEAST_BLUR_PX = 0.2
 
 
-class _Gauss(ctypes.Structure):
-    """image_formation.h: struct gauss."""
+class _Gaussian(ctypes.Structure):
+    """image_formation.h: struct gaussian."""
 
     _fields_ = [("taps", ctypes.c_void_p), ("reach", ctypes.c_int64)]
 
@@ -41,37 +41,37 @@ class _Response(ctypes.Structure):
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class NativeStruct:
     """A structure of a kernel, by reference, and the arrays that it names."""
 
     at: Any
     arrays: Tuple[Array, ...]
 
 
-def reach(sigma_px: float) -> int:
+def blur_reach(sigma_px: float) -> int:
     """How far OpenCV's Gaussian of this width reaches in a float picture [px]."""
-    return (int(np.rint(8 * sigma_px + 1)) | 1) // 2 if sigma_px > BLURS_PX else 0
+    return (int(np.rint(8 * sigma_px + 1)) | 1) // 2 if sigma_px > LEAST_BLUR_PX else 0
 
 
 @functools.lru_cache(maxsize=256)
-def gauss(sigma_px: float) -> Held:
-    """OpenCV's Gaussian; none where it is narrower than ``BLURS_PX``.
+def gaussian(sigma_px: float) -> NativeStruct:
+    """OpenCV's Gaussian; none where it is narrower than ``LEAST_BLUR_PX``.
 
     Raises
     ------
     ValueError
         If it is wider than a kernel takes.
     """
-    r = reach(sigma_px)
+    r = blur_reach(sigma_px)
     if r > WIDEST:
         raise ValueError(f"a kernel blurs by {WIDEST} px at most, not {r}")
     taps = cv2.getGaussianKernel(2 * r + 1, sigma_px, cv2.CV_32F) if r else np.ones(1, np.float32)
     taps = np.ascontiguousarray(taps, np.float32)
-    return Held(ctypes.byref(_Gauss(taps.ctypes.data, r)), (taps,))
+    return NativeStruct(ctypes.byref(_Gaussian(taps.ctypes.data, r)), (taps,))
 
 
 @functools.lru_cache(maxsize=16)
-def shown(curve: Response) -> Held:
+def response_tables(curve: Response) -> NativeStruct:
     """The response and its tables."""
     lift, share = (np.ascontiguousarray(a, np.float32) for a in response.tables())
     x, below = (np.ascontiguousarray(curve.sigma * a, np.float64) for a in response.means())
@@ -80,4 +80,4 @@ def shown(curve: Response) -> Held:
     held = _Response(
         float(curve.sigma), float(curve.full), *(a.ctypes.data for a in arrays), len(x), min(end, 1 << 40)
     )
-    return Held(ctypes.byref(held), arrays)
+    return NativeStruct(ctypes.byref(held), arrays)

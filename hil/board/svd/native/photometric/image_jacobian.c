@@ -5,7 +5,7 @@
 
 #include "photometric/image_jacobian.h"
 
-static void planes(const struct moving *m, float *near)
+static void planes(const struct pose_motion *m, float *near)
 {
     int64_t k;
     int j;
@@ -24,7 +24,7 @@ static void planes(const struct moving *m, float *near)
     }
 }
 
-static inline const float *plane_of(const struct moving *m, const struct rays *r, int32_t face)
+static inline const float *plane_of(const struct pose_motion *m, const struct rays *r, int32_t face)
 {
     return r->near + 4 * (face < 0 ? 0 : face > m->faces ? m->faces : face);
 }
@@ -39,7 +39,7 @@ struct part {
     int some; /* whether there are any */
 };
 
-static inline struct part moved(const struct moving *m, const struct rays *r, const int across, float x, float y,
+static inline struct part moved(const struct pose_motion *m, const struct rays *r, const int across, float x, float y,
                                 int32_t a, int32_t b, double change)
 {
     const float *na = plane_of(m, r, a), *nb = plane_of(m, r, b);
@@ -82,13 +82,13 @@ static int alike(const uint8_t *row, const uint8_t *below, int64_t x)
 }
 
 /* Brightness of a group where the background differs from its level by ground. */
-static inline double light(const struct moving *m, uint8_t group, double ground)
+static inline double light(const struct pose_motion *m, uint8_t group, double ground)
 {
     return m->level[group] + (group == 0 ? ground : 0.0);
 }
 
 /* What a border on the right of drawn pixel x of a row makes, at the coordinate y of its ray. */
-static void put_right(const struct moving *m, const struct rays *r, const uint8_t *row, const int32_t *face,
+static void put_right(const struct pose_motion *m, const struct rays *r, const uint8_t *row, const int32_t *face,
                       int64_t x, float y, double ground, float *cell, uint8_t *any)
 {
     const int64_t c = r->column[x];
@@ -109,7 +109,7 @@ static void put_right(const struct moving *m, const struct rays *r, const uint8_
 }
 
 /* What a border below drawn pixel x of a row makes, at the coordinate y of its ray, of which share is asked for. */
-static void put_below(const struct moving *m, const struct rays *r, const uint8_t *row, const uint8_t *below,
+static void put_below(const struct pose_motion *m, const struct rays *r, const uint8_t *row, const uint8_t *below,
                       const int32_t *face, const int32_t *face_below, int64_t x, float y, double share, double ground,
                       float *cell, uint8_t *any)
 {
@@ -123,7 +123,7 @@ static void put_below(const struct moving *m, const struct rays *r, const uint8_
     any[c] = 1;
 }
 
-void fly_moving_row(const struct moving *m, const struct rays *r, struct drawing d, int64_t y, float *cell,
+void fly_jacobian_row(const struct pose_motion *m, const struct rays *r, struct drawing d, int64_t y, float *cell,
                     uint8_t *any)
 {
     const int64_t wide = d.w * d.f, high = d.h * d.f, above = y * d.f - 1, last = (y + 1) * d.f - 1;
@@ -152,7 +152,7 @@ void fly_moving_row(const struct moving *m, const struct rays *r, struct drawing
     }
 }
 
-float *fly_rays_of(const struct moving *m, struct drawing d, struct rays *r)
+float *fly_patch_rays(const struct pose_motion *m, struct drawing d, struct rays *r)
 {
     const int64_t wide = d.w * d.f;
     float *block = malloc((size_t)(4 * (m->faces + 1) + 4 * wide) * sizeof *block);
@@ -180,18 +180,19 @@ float *fly_rays_of(const struct moving *m, struct drawing d, struct rays *r)
 }
 
 /* Derivatives (6, h, w) of the drawn picture by turn and shift, not blurred (motion_images.py); -1 : no memory. */
-int64_t fly_motion(const struct moving *m, const uint8_t *group, int64_t h, int64_t w, int64_t f, float *out)
+int64_t fly_image_jacobian(const struct pose_motion *m, const uint8_t *group, int64_t h, int64_t w, int64_t f,
+                           float *out)
 {
     const struct drawing d = {group, h, w, f};
     struct rays r;
-    float *block = fly_rays_of(m, d, &r), *cell = malloc((size_t)(WIDE * w) * sizeof *cell);
+    float *block = fly_patch_rays(m, d, &r), *cell = malloc((size_t)(WIDE * w) * sizeof *cell);
     uint8_t *any = calloc((size_t)w, 1);
     const int64_t done = block != NULL && cell != NULL && any != NULL ? 0 : -1;
     int64_t x, y, j;
 
     for (y = 0; done == 0 && y < h; y++) {
         memset(cell, 0, (size_t)(WIDE * w) * sizeof *cell);
-        fly_moving_row(m, &r, d, y, cell, any);
+        fly_jacobian_row(m, &r, d, y, cell, any);
         for (j = 0; j < 6; j++)
             for (x = 0; x < w; x++)
                 out[(j * h + y) * w + x] = cell[WIDE * x + j];

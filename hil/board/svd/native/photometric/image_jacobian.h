@@ -1,6 +1,6 @@
 /* What a pose does to the drawn picture: motion_images.py. Camera axes: x right, y down, z forward. */
-#ifndef FLYAROUND_MOTION_H
-#define FLYAROUND_MOTION_H
+#ifndef FLYAROUND_IMAGE_JACOBIAN_H
+#define FLYAROUND_IMAGE_JACOBIAN_H
 
 #include "photometric/image_formation.h"
 
@@ -11,7 +11,7 @@
 typedef float lanes __attribute__((vector_size(4 * WIDE), may_alias));
 
 /* A drawn craft that moves. */
-struct moving {
+struct pose_motion {
     const int32_t *seen;  /* (h f, w f) face + 1 */
     const double *level;  /* (256,) brightness of each group */
     const float *behind;  /* (h, w) what the background differs from its level by, or NULL */
@@ -34,12 +34,12 @@ struct rays {
 };
 
 /* The rays of a canvas; one piece of memory, to be freed, NULL where there is none. */
-float *fly_rays_of(const struct moving *m, struct drawing d, struct rays *r);
+float *fly_patch_rays(const struct pose_motion *m, struct drawing d, struct rays *r);
 
 /* Derivatives cell (w, WIDE) of row y of the canvas, by turn about the target's origin and shift, added to what is
  * there, the last two left alone; any (w,) : becomes 1 where there are some.
  */
-void fly_moving_row(const struct moving *m, const struct rays *r, struct drawing d, int64_t y, float *cell,
+void fly_jacobian_row(const struct pose_motion *m, const struct rays *r, struct drawing d, int64_t y, float *cell,
                     uint8_t *any);
 
 #endif

@@ -22,7 +22,8 @@ struct sums {
 };
 
 /* Products of the weighted rows from one to before another. */
-static void add_rows(const struct rows *rows, const struct cover *c, int64_t from, int64_t to, struct sums *sum)
+static void add_rows(const struct rows *rows, const struct group_coverage *c, int64_t from, int64_t to,
+                     struct sums *sum)
 {
     const lanes pose = {1, 1, 1, 1, 1, 1, 0, 0}, left = {0, 0, 0, 0, 0, 0, 1, 0};
     lanes own[7] = {{0}};
@@ -54,7 +55,7 @@ static void add_rows(const struct rows *rows, const struct cover *c, int64_t fro
 }
 
 /* Products G (n + 7, n + 7) of the weighted rows: brightnesses, pose, residual; sum is scratch. */
-static void products(const struct rows *rows, const struct cover *c, int64_t n, struct sums *sum, double *G)
+static void products(const struct rows *rows, const struct group_coverage *c, int64_t n, struct sums *sum, double *G)
 {
     const int64_t side = n + 7;
     int64_t i, j, start;
@@ -82,7 +83,7 @@ static void products(const struct rows *rows, const struct cover *c, int64_t n, 
 /* Memory of a step, freed whole. */
 struct memory {
     struct rows rows;
-    struct cover cover;
+    struct group_coverage cover;
     struct sums *sums;
     float *shown, *slope, *drawn, *sample;
     void *block;
@@ -121,13 +122,14 @@ static int laid_out(int64_t h, int64_t w, struct memory *m)
  *
  * d's arrays : the craft drawn at the pose, m what moves it, centre (h, w) groups at middles, picture (h, w) drawn.
  * gray : (h, w) the picture through blur. optics : blur of the optics; both : it and blur together. noise : of gray
- * where it is blurred. slack, tukey : see fly_weigh_rows. most : groups whose brightness is found.
+ * where it is blurred. slack, tukey : see fly_robust_weights. most : groups whose brightness is found.
  * Out: G (n + 7, n + 7) with room for MOST + 7, and sum of the weights.
  * Returns n + 1000 times the rows that count, -1 where there is no memory.
  */
-int64_t fly_step(const struct moving *m, const uint8_t *group, const uint8_t *centre, const float *picture,
+int64_t fly_normal_equations(const struct pose_motion *m, const uint8_t *group, const uint8_t *centre,
+                             const float *picture,
                  const float *gray, int64_t h, int64_t w, int64_t f, const struct response *r,
-                 const struct gauss *optics, const struct gauss *blur, const struct gauss *both, double noise,
+                 const struct gaussian *optics, const struct gaussian *blur, const struct gaussian *both, double noise,
                  double slack, double tukey, int64_t most, double *G, double *weights)
 {
     const struct drawing d = {group, h, w, f};
@@ -144,19 +146,20 @@ int64_t fly_step(const struct moving *m, const uint8_t *group, const uint8_t *ce
         return -1;
     const int flat = !(r->sigma > 0);
     const double least = TELLS * noise / (fabs(m->t[2]) * (double)f);
-    struct look v = {s.drawn, flat ? NULL : s.sample, gray, centre, *both, (float)(least / m->step_u), (float)(least / m->step_v)};
+    struct residual_images v = {s.drawn, flat ? NULL : s.sample, gray, centre, *both, (float)(least / m->step_u),
+        (float)(least / m->step_v)};
     if (fly_blur(picture, h, w, optics, s.drawn) != 0)
         goto end;
-    fly_shown(r, s.drawn, h * w, s.shown, flat ? NULL : s.slope);
+    fly_response(r, s.drawn, h * w, s.shown, flat ? NULL : s.slope);
     if (fly_blur(s.shown, h, w, blur, s.drawn) != 0 || (!flat && fly_blur(s.slope, h, w, blur, s.sample) != 0))
         goto end;
-    if (fly_pixels_moved(m, d, &v, &s.rows) != 0)
+    if (fly_residual_rows(m, d, &v, &s.rows) != 0)
         goto end;
-    *weights = fly_weigh_rows(&s.rows, noise, slack, tukey, s.shown);
+    *weights = fly_robust_weights(&s.rows, noise, slack, tukey, s.shown);
     for (i = 0; i < s.rows.n; i++)
         counts += s.rows.weight[i] > 0;
-    n = fly_choose(centre, h * w, most, chosen);
-    if (fly_cover_rows(d, chosen, n, *both, &s.rows, &s.cover) != 0)
+    n = fly_choose_groups(centre, h * w, most, chosen);
+    if (fly_coverage_rows(d, chosen, n, *both, &s.rows, &s.cover) != 0)
         goto end;
     products(&s.rows, &s.cover, n, s.sums, G);
     out = n + 1000 * counts;

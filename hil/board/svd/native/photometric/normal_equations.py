@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Tuple
 import numpy as np
 
 from hil.board.svd.native.arrays import checked_pointer, contiguous, pointer
-from hil.board.svd.native.photometric.image_formation import Held, gauss, shown
+from hil.board.svd.native.photometric.image_formation import NativeStruct, gaussian, response_tables
 
 if TYPE_CHECKING:
     from hil.board.svd.geometry.camera import CameraIntrinsics
@@ -25,8 +25,8 @@ MOST, ROOM = 63, (63 + 7) ** 2
 PACK = 1000
 
 
-class _Moving(ctypes.Structure):
-    """image_jacobian.h: struct moving."""
+class _PoseMotion(ctypes.Structure):
+    """image_jacobian.h: struct pose_motion."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("seen", "level", "behind", "normal", "offset")),
@@ -36,16 +36,16 @@ class _Moving(ctypes.Structure):
     ]
 
 
-def _moving(
+def _pose_motion(
     shading: Shading, faces: Faces, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
-) -> Held:
+) -> NativeStruct:
     h, w = canvas.gray.shape
     level = np.zeros(256)
     level[: len(shading.level)] = shading.level
     behind = None if shading.behind is None else contiguous(shading.behind, "float32")
     seen, R, t = contiguous(shading.seen, "int32"), contiguous(R, "float64"), contiguous(t, "float64")
     planes, rays = _of_craft(faces, canvas, camera)
-    held = _Moving(
+    held = _PoseMotion(
         checked_pointer(seen, "int32", (h * canvas.fine, w * canvas.fine)),
         pointer(level),
         None if behind is None else checked_pointer(behind, "float32", (h, w)),
@@ -55,20 +55,20 @@ def _moving(
         *rays,
     )
     kept = (seen, level, R, t, *planes.arrays)
-    return Held(ctypes.byref(held), kept if behind is None else (*kept, behind))
+    return NativeStruct(ctypes.byref(held), kept if behind is None else (*kept, behind))
 
 
 def _of_craft(
     faces: Faces, canvas: ImagePatch, camera: CameraIntrinsics
-) -> Tuple[Held, Tuple[float, float, float, float]]:
-    """Planes of a craft and rays of a canvas as ``struct moving`` has them, kept for the next pose."""
+) -> Tuple[NativeStruct, Tuple[float, float, float, float]]:
+    """Planes of a craft and rays of a canvas as ``struct pose_motion`` has them, kept for the next pose."""
     of, told = canvas.kept.get("moving", ((None, None), None))
     if of[0] is not faces or of[1] is not camera:
         n, (across, down) = len(faces.corners), canvas.scale
         arrays = contiguous(faces.normals, "float64"), contiguous(faces.offset, "float64")
         planes = checked_pointer(arrays[0], "float64", (n, 3)), checked_pointer(arrays[1], "float64", (n,)), n
         told = (
-            Held(planes, arrays),
+            NativeStruct(planes, arrays),
             # as ``ImagePatch.rays``
             (
                 (0.5 / across - 0.5 + canvas.x0 - camera.cx_px) / camera.fx_px,
@@ -93,8 +93,8 @@ def motion_images(
     """As ``motion.motion_images``, of groups that a byte holds."""
     (h, w), f = canvas.gray.shape, canvas.fine
     out = np.empty((6, h, w), np.float32)
-    moving = _moving(shading, faces, canvas, camera, R, t)
-    run = library.fly_motion
+    moving = _pose_motion(shading, faces, canvas, camera, R, t)
+    run = library.fly_image_jacobian
     run.restype = ctypes.c_int64
     done = run(
         moving.at,
@@ -109,7 +109,7 @@ def motion_images(
     return out
 
 
-def gram(
+def normal_products(
     library: ctypes.CDLL,
     shading: Shading,
     faces: Faces,
@@ -138,8 +138,8 @@ def gram(
     (h, w), f = canvas.gray.shape, canvas.fine
     out, total = np.empty(ROOM), np.zeros(1)
     gray, picture = contiguous(canvas.blurred(blurs_px[1]), "float32"), contiguous(shading.picture, "float32")
-    moving = _moving(shading, faces, canvas, camera, R, t)
-    run, at = library.fly_step, ctypes.c_void_p
+    moving = _pose_motion(shading, faces, canvas, camera, R, t)
+    run, at = library.fly_normal_equations, ctypes.c_void_p
     run.restype = ctypes.c_int64
     packed = run(
         moving.at,
@@ -150,8 +150,8 @@ def gram(
         ctypes.c_int64(h),
         ctypes.c_int64(w),
         ctypes.c_int64(f),
-        shown(canvas.response).at,
-        *(gauss(b).at for b in blurs_px),
+        response_tables(canvas.response).at,
+        *(gaussian(b).at for b in blurs_px),
         ctypes.c_double(noise),
         ctypes.c_double(slack),
         ctypes.c_double(tukey),

@@ -32,10 +32,10 @@ static double bounded(const float *e, int64_t n, float bound)
  * which hold where the craft, through cover's blur, covers no more than covered; NULL where they hold nowhere.
  * Returns -1 where there is no memory.
  */
-double fly_explained(const float *picture, const uint8_t *group, int64_t h, int64_t w, int64_t f,
-                     const struct gauss *optics, const struct response *r, const float *gray,
-                     const struct gauss *score, double noise, double bound, const float *none,
-                     const struct gauss *cover, double covered)
+double fly_photometric_cost(const float *picture, const uint8_t *group, int64_t h, int64_t w, int64_t f,
+                     const struct gaussian *optics, const struct response *r, const float *gray,
+                     const struct gaussian *score, double noise, double bound, const float *none,
+                     const struct gaussian *cover, double covered)
 {
     const struct drawing d = {group, h, w, f};
     const int64_t n = h * w;
@@ -50,12 +50,12 @@ double fly_explained(const float *picture, const uint8_t *group, int64_t h, int6
     if (block == NULL)
         return -1.0;
     fly_blur_with(picture, h, w, *optics, a, part, line);
-    fly_shown(r, a, n, a, NULL);
+    fly_response(r, a, n, a, NULL);
     fly_blur_with(a, h, w, *score, b, part, line);
     for (i = 0; i < n; i++)
         b[i] = (gray[i] - b[i]) * scale;
     if (none != NULL) {
-        fly_share(d, 1, a);
+        fly_pixel_share(d, 1, a);
         fly_blur_with(a, h, w, *cover, share, part, line);
         for (i = 0; i < n; i++)
             b[i] = share[i] > least ? b[i] : none[i];

@@ -22,7 +22,7 @@ float *fly_aligned(float *a)
 }
 
 /* A row of derivatives blurred across: few pixels have any, so each is spread to where it reaches. */
-static void spread(const float *cell, const uint8_t *any, int64_t w, struct gauss g, struct across out)
+static void spread(const float *cell, const uint8_t *any, int64_t w, struct gaussian g, struct across out)
 {
     const int64_t r = g.reach;
     int64_t p, x;
@@ -30,7 +30,7 @@ static void spread(const float *cell, const uint8_t *any, int64_t w, struct gaus
     memset(out.cell, 0, (size_t)(WIDE * w) * sizeof *out.cell);
     memset(out.hit, 0, (size_t)w);
     for (p = -r; p < w + r; p++) {
-        const int64_t from = p >= 0 && p < w ? p : fly_mirrored(p, w);
+        const int64_t from = p >= 0 && p < w ? p : fly_reflect_101(p, w);
         const int64_t low = p - r > 0 ? p - r : 0, high = p + r < w - 1 ? p + r : w - 1;
         if (!any[from])
             continue;
@@ -45,8 +45,8 @@ static void spread(const float *cell, const uint8_t *any, int64_t w, struct gaus
 /* Squared slope of a picture at a pixel by Sobel's masks. */
 static float edge(const float *a, int64_t h, int64_t w, int64_t x, int64_t y)
 {
-    const int64_t above = y > 0 ? y - 1 : fly_mirrored(-1, h), under = y + 1 < h ? y + 1 : fly_mirrored(h, h);
-    const int64_t l = x > 0 ? x - 1 : fly_mirrored(-1, w), r = x + 1 < w ? x + 1 : fly_mirrored(w, w);
+    const int64_t above = y > 0 ? y - 1 : fly_reflect_101(-1, h), under = y + 1 < h ? y + 1 : fly_reflect_101(h, h);
+    const int64_t l = x > 0 ? x - 1 : fly_reflect_101(-1, w), r = x + 1 < w ? x + 1 : fly_reflect_101(w, w);
     const float *up = a + above * w, *at = a + y * w, *down = a + under * w;
     const float gx = 0.125f * ((up[r] - up[l]) + 2.0f * (at[r] - at[l]) + (down[r] - down[l]));
     const float gy = 0.125f * ((down[l] - up[l]) + 2.0f * (down[x] - up[x]) + (down[r] - up[r]));
@@ -55,7 +55,8 @@ static float edge(const float *a, int64_t h, int64_t w, int64_t x, int64_t y)
 }
 
 /* A pixel that the pose moves, its blurred derivatives in a. */
-static inline void take(const struct look *v, struct drawing d, int64_t x, int64_t y, const lanes *a, struct rows *out)
+static inline void take(const struct residual_images *v, struct drawing d, int64_t x, int64_t y, const lanes *a,
+                        struct rows *out)
 {
     const int64_t at = y * d.w + x, n = out->n++;
     lanes *to = (lanes *)(void *)(out->d + WIDE * n);
@@ -86,7 +87,7 @@ static inline void weigh(const lanes *const *cell, int64_t x, const float *taps,
 }
 
 /* Row y from the rows about it, blurred across already: its pixels whose derivatives count. hit (w,) is scratch. */
-static void blurred_row(const struct across *ring, int64_t size, const struct look *v, struct drawing d,
+static void blurred_row(const struct across *ring, int64_t size, const struct residual_images *v, struct drawing d,
                                int64_t y, uint8_t *hit, struct rows *out)
 {
     const int64_t r = v->optics.reach;
@@ -95,7 +96,7 @@ static void blurred_row(const struct across *ring, int64_t size, const struct lo
 
     memset(hit, 0, (size_t)d.w);
     for (j = -r; j <= r; j++) {
-        const struct across *row = ring + fly_mirrored(y + j, d.h) % size;
+        const struct across *row = ring + fly_reflect_101(y + j, d.h) % size;
         cell[r + j] = (const lanes *)(const void *)row->cell;
         join(hit, row->hit, d.w);
     }
@@ -119,11 +120,11 @@ static void blurred_row(const struct across *ring, int64_t size, const struct lo
     out->first[(y + 1) * d.w] = (int32_t)out->n;
 }
 
-int fly_pixels_moved(const struct moving *m, struct drawing d, const struct look *v, struct rows *out)
+int fly_residual_rows(const struct pose_motion *m, struct drawing d, const struct residual_images *v, struct rows *out)
 {
     const int64_t r = v->optics.reach, size = d.h < 2 * r + 1 ? d.h : 2 * r + 1, line = WIDE * d.w;
     struct rays rays;
-    float *block = fly_rays_of(m, d, &rays), *cells = malloc((size_t)(line * (size + 1) + WIDE) * sizeof *cells);
+    float *block = fly_patch_rays(m, d, &rays), *cells = malloc((size_t)(line * (size + 1) + WIDE) * sizeof *cells);
     uint8_t *any = malloc((size_t)((size + 2) * d.w)), *const hit = any + d.w;
     struct across *ring = malloc((size_t)size * sizeof *ring);
     const int ready = block != NULL && cells != NULL && ring != NULL && any != NULL;
@@ -137,7 +138,7 @@ int fly_pixels_moved(const struct moving *m, struct drawing d, const struct look
     for (y = 0; ready && y < d.h; y++) {
         memset(own, 0, (size_t)line * sizeof *own);
         memset(any, 0, (size_t)d.w);
-        fly_moving_row(m, &rays, d, y, own, any);
+        fly_jacobian_row(m, &rays, d, y, own, any);
         spread(own, any, d.w, v->optics, ring[y % size]);
         for (; done < d.h && (done + r <= y || y == d.h - 1); done++)
             blurred_row(ring, size, v, d, done, hit, out);
@@ -178,7 +179,7 @@ static float ranked(float *a, int64_t n, int64_t k)
     return a[k];
 }
 
-double fly_weigh_rows(struct rows *rows, double noise, double slack, double tukey, float *sample)
+double fly_robust_weights(struct rows *rows, double noise, double slack, double tukey, float *sample)
 {
     const float per_edge = (float)slack, quiet = (float)(noise * noise);
     float spread[2];

@@ -1,6 +1,6 @@
 /* The pixels of a canvas that a pose moves: photometric.py (photo_step, _weights). */
-#ifndef FLYAROUND_ROWS_H
-#define FLYAROUND_ROWS_H
+#ifndef FLYAROUND_RESIDUALS_H
+#define FLYAROUND_RESIDUALS_H
 
 #include "photometric/image_jacobian.h"
 
@@ -16,11 +16,11 @@ struct rows {
     int64_t n;
 };
 
-/* How a step looks at the pictures: see fly_step. */
-struct look {
+/* How a step looks at the pictures: see fly_normal_equations. */
+struct residual_images {
     const float *drawn, *slope, *gray; /* (h, w) */
     const uint8_t *centre;
-    struct gauss optics;
+    struct gaussian optics;
     float least_x, least_y; /* derivatives by a shift across and down from which a pixel counts */
 };
 
@@ -28,11 +28,11 @@ struct look {
 float *fly_aligned(float *a);
 
 /* All pixels that the pose moves, row by row, so that what is blurred stays near; -1 where there is no memory. */
-int fly_pixels_moved(const struct moving *m, struct drawing d, const struct look *v, struct rows *out);
+int fly_residual_rows(const struct pose_motion *m, struct drawing d, const struct residual_images *v, struct rows *out);
 
 /* Weight of each residual: from its noise, how far borders may still be off (squared, slack), and Tukey's bound
  * (squared, tukey). sample (n,) is scratch. Returns the sum.
  */
-double fly_weigh_rows(struct rows *rows, double noise, double slack, double tukey, float *sample);
+double fly_robust_weights(struct rows *rows, double noise, double slack, double tukey, float *sample);
 
 #endif

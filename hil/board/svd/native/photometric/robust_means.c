@@ -144,7 +144,7 @@ static int64_t runs_of(const uint8_t *centre, const uint8_t *kind, int64_t pixel
     return n;
 }
 
-void fly_means(const uint8_t *centre, const uint8_t *kind, const float *gray, int64_t pixels, int64_t groups,
+void fly_robust_means(const uint8_t *centre, const uint8_t *kind, const float *gray, int64_t pixels, int64_t groups,
                double sigma, double *level, int64_t *area, float *value, struct run *run)
 {
     const int64_t runs = runs_of(centre, kind, pixels, run);

@@ -2,8 +2,8 @@
  * function is the reference, and runs wherever nothing was compiled. Arrays are C-contiguous, their shapes in the
  * comments; numbers from outside (poses, pixels) may be anything, NaN and infinity included.
  */
-#ifndef FLYAROUND_KERNELS_H
-#define FLYAROUND_KERNELS_H
+#ifndef FLYAROUND_FACE_MESH_H
+#define FLYAROUND_FACE_MESH_H
 
 #include <stddef.h>
 #include <stdint.h>

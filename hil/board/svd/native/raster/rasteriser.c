@@ -401,7 +401,8 @@ static void project(const double c[3][BLOCK], int64_t n, const double *R, const 
     }
 }
 
-/* rasteriser.py's draw_faces: faces order (n,) seen by a pinhole at R (3, 3), t (3,) into seen (h, w), which holds zeros. */
+/* rasteriser.py's draw_faces: faces order (n,) seen by a pinhole at R (3, 3), t (3,) into seen (h, w), which holds
+ * zeros. */
 void fly_draw_faces(const struct faces *f, const int64_t *order, int64_t n, const double *R, const double *t,
                     const struct view *view, double least, int exact, int32_t *seen, int64_t h, int64_t w)
 {
@@ -451,7 +452,7 @@ static void farthest_first(int64_t *out, double *away, int64_t n)
  * Fuchs, Kedem and Naylor (1980): from any place everything behind a node's plane is farther than what is on it.
  * Returns how many; -1 where memory is short.
  */
-int64_t fly_order(const struct faces *f, const double *C, int64_t *out)
+int64_t fly_order_faces(const struct faces *f, const double *C, int64_t *out)
 {
     int64_t members = f->first[f->nodes], n = 0, held = 0, i;
     /* a node waits once for its own members and once as a child */

@@ -36,7 +36,7 @@ class _View(ctypes.Structure):
     _fields_ = [(name, ctypes.c_double) for name in ("fx", "fy", "cx", "cy", "x0", "y0", "across", "down")]
 
 
-def view(camera: CameraIntrinsics, canvas: ImagePatch) -> ctypes.Structure:
+def pinhole_view(camera: CameraIntrinsics, canvas: ImagePatch) -> ctypes.Structure:
     """What a canvas shows of a pinhole's picture: struct view, kept for the next pose."""
     of, held = canvas.kept.get("view", (None, None))
     if of is not camera:
@@ -95,11 +95,11 @@ def _one_parent(children: Array) -> Array:
     return out
 
 
-def order(library: ctypes.CDLL, faces: Faces, C_m: Array) -> Array:
+def order_faces(library: ctypes.CDLL, faces: Faces, C_m: Array) -> Array:
     """As ``rasteriser.order_faces``."""
     packed = PackedFaces.of(faces)
     C, out = contiguous(C_m, "float64"), np.empty(packed.members, np.int64)
-    run = library.fly_order
+    run = library.fly_order_faces
     run.restype = ctypes.c_int64
     n = run(
         ctypes.byref(packed.pointers),
@@ -131,7 +131,7 @@ def draw_faces(
         ctypes.c_int64(len(some)),
         ctypes.c_void_p(checked_pointer(R, "float64", (3, 3))),
         ctypes.c_void_p(checked_pointer(t, "float64", (3,))),
-        ctypes.byref(view(camera, canvas)),
+        ctypes.byref(pinhole_view(camera, canvas)),
         ctypes.c_double(least_px),
         ctypes.c_int(canvas.exact),
         ctypes.c_void_p(pointer(seen)),

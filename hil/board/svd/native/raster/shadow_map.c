@@ -10,7 +10,7 @@
  *
  * axes : (3, 3) of the picture and the direction to the Sun. out : origin (2,), then pitch [m].
  */
-void fly_sun_polygons(const struct faces *f, const int64_t *order, int64_t n, const double *axes, int64_t side,
+void fly_shadow_map_polygons(const struct faces *f, const int64_t *order, int64_t n, const double *axes, int64_t side,
                       double *p, double *out)
 {
     double low[2] = {DBL_MAX, DBL_MAX}, high[2] = {-DBL_MAX, -DBL_MAX}, wide, tall, pitch;
@@ -39,7 +39,8 @@ void fly_sun_polygons(const struct faces *f, const int64_t *order, int64_t n, co
  *
  * at : origin (2,), then pitch [m]. Returns 0; -1 where memory is short.
  */
-int fly_sun_heights(const struct faces *f, const double *axes, const double *at, const int32_t *seen, int64_t side,
+int fly_shadow_map_heights(const struct faces *f, const double *axes, const double *at, const int32_t *seen,
+                           int64_t side,
                     float *height)
 {
     float *plane = malloc((size_t)(3 * f->faces + 3) * sizeof *plane), *x = malloc((size_t)(side + 1) * sizeof *x);
@@ -119,7 +120,8 @@ static void behind(const struct sun *sun, const float inverse[3], float along[3]
     }
 }
 
-/* shadow_map.py's Sunlight.shadows: drawn pixels (h, w) that look at the Sun but lie behind something, into dark (h, w),
+/* shadow_map.py's Sunlight.shadows: drawn pixels (h, w) that look at the Sun but lie behind something, into dark
+ * (h, w),
  * which holds zeros.
  *
  * seen : (h, w) face + 1 at the pose R (3, 3), t (3,). Returns 0; -1 where memory is short.
@@ -187,7 +189,7 @@ int fly_shadows(const struct faces *f, const struct sun *sun, const struct view 
 }
 
 /* course.py's _middle: mean column and row of the pixels of seen (h, w) that show the craft; returns how many. */
-int64_t fly_middle(const int32_t *seen, int64_t h, int64_t w, double *out)
+int64_t fly_mean_pixel(const int32_t *seen, int64_t h, int64_t w, double *out)
 {
     int64_t columns = 0, rows = 0, n = 0, x, y;
 

@@ -1,6 +1,6 @@
 /* What the Sun's kernels share: shadow_map.py. */
-#ifndef FLYAROUND_SUN_H
-#define FLYAROUND_SUN_H
+#ifndef FLYAROUND_SHADOW_MAP_H
+#define FLYAROUND_SHADOW_MAP_H
 
 #include <math.h>
 
@@ -37,7 +37,8 @@ static inline void times_transposed(const double *M, const double *x, double *ou
 }
 
 /* Inverse depth of a face's plane along a ray (u, v, 1): sum of inverse[k] times the ray (rays_to_faces). */
-static inline void inverse_depth(const struct faces *f, int64_t face, const double *R, const double *t, float inverse[3])
+static inline void inverse_depth(const struct faces *f, int64_t face, const double *R, const double *t,
+                                 float inverse[3])
 {
     double n[3], d;
     int k;

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Optional, Tuple
 import numpy as np
 
 from hil.board.svd.native.arrays import checked_pointer, contiguous
-from hil.board.svd.native.raster.rasteriser import PackedFaces, fill_faces, order, view
+from hil.board.svd.native.raster.rasteriser import PackedFaces, fill_faces, order_faces, pinhole_view
 
 if TYPE_CHECKING:
     from hil.board.svd.geometry.camera import CameraIntrinsics
@@ -42,8 +42,8 @@ class _Table(ctypes.Structure):
     ]
 
 
-class _LookedAt(ctypes.Structure):
-    """shadow_map.h: struct looked_at."""
+class _SunImage(ctypes.Structure):
+    """shadow_map.h: struct sun_image."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("seen", "centre", "good", "gray", "group")),
@@ -62,7 +62,7 @@ def polygons(
     frame : (3, 3) axes of the picture and the direction to the Sun. n : its side [px].
     """
     p, out = np.empty((len(order), 4, 2)), np.empty(3)
-    library.fly_sun_polygons(
+    library.fly_shadow_map_polygons(
         ctypes.byref(PackedFaces.of(faces).pointers),
         ctypes.c_void_p(checked_pointer(order, "int64")),
         ctypes.c_int64(len(order)),
@@ -79,7 +79,7 @@ def heights(
 ) -> Array:
     """(n, n) float32 heights [m] of what the Sun sees (n, n) int32."""
     at, out = np.array([*origin, pitch_m]), np.empty(seen.shape, np.float32)
-    failed = library.fly_sun_heights(
+    failed = library.fly_shadow_map_heights(
         ctypes.byref(PackedFaces.of(faces).pointers),
         ctypes.c_void_p(checked_pointer(frame, "float64", (3, 3))),
         ctypes.c_void_p(checked_pointer(at, "float64", (3,))),
@@ -95,7 +95,7 @@ def seen_from_the_sun(
     library: ctypes.CDLL, faces: Faces, s: Array, axes: Array, n: int
 ) -> Tuple[Array, float, Array, Array]:
     """As ``shadow_map._seen_from_the_sun``."""
-    some, frame = order(library, faces, s * 1e6), np.vstack([axes, s])
+    some, frame = order_faces(library, faces, s * 1e6), np.vstack([axes, s])
     p, origin, pitch = polygons(library, faces, some, frame, n)
     seen = fill_faces(library, p, some, (n, n), 0.5)
     return origin, pitch, heights(library, faces, frame, origin, pitch, seen), seen
@@ -116,7 +116,7 @@ def shadows(
     failed = library.fly_shadows(
         ctypes.byref(PackedFaces.of(faces).pointers),
         ctypes.byref(sun.packed[0]),
-        ctypes.byref(view(camera, canvas)),
+        ctypes.byref(pinhole_view(camera, canvas)),
         ctypes.c_void_p(checked_pointer(R, "float64", (3, 3))),
         ctypes.c_void_p(checked_pointer(t, "float64", (3,))),
         ctypes.c_void_p(checked_pointer(seen, "int32")),
@@ -165,7 +165,7 @@ def packed_table(
     return _Table(*at, len(height), height.shape[1]), arrays
 
 
-def costs(
+def sun_costs(
     library: ctypes.CDLL,
     table: Any,  # noqa: ANN401 - SunTable
     faces: Faces,
@@ -196,7 +196,7 @@ def costs(
     )
     kind = "uint8" if shading.centre.dtype == np.uint8 else "uint16"
     centre = contiguous(shading.centre, kind)
-    picture = _LookedAt(
+    picture = _SunImage(
         checked_pointer(shading.seen, "int32", (h * canvas.fine, w * canvas.fine)),
         checked_pointer(centre, kind, (h, w)),
         checked_pointer(good, "bool"),
@@ -217,7 +217,7 @@ def costs(
         ctypes.byref(PackedFaces.of(faces).pointers),
         ctypes.byref(table.packed[0]),
         ctypes.byref(picture),
-        ctypes.byref(view(camera, canvas)),
+        ctypes.byref(pinhole_view(camera, canvas)),
         ctypes.c_void_p(checked_pointer(R, "float64", (3, 3))),
         ctypes.c_void_p(checked_pointer(t, "float64", (3,))),
         ctypes.c_double(dim),
@@ -230,10 +230,10 @@ def costs(
     return out if points >= LEAST_POINTS else None
 
 
-def middle(library: ctypes.CDLL, seen: Array) -> Array:
+def mean_pixel(library: ctypes.CDLL, seen: Array) -> Array:
     """(2,) mean column and row of the pixels of ``seen`` (h, w) that show the craft; NaN where none does."""
     out = np.empty(2)
-    run = library.fly_middle
+    run = library.fly_mean_pixel
     run.restype = ctypes.c_int64
     n = run(
         ctypes.c_void_p(checked_pointer(seen, "int32")),

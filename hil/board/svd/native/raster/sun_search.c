@@ -23,7 +23,7 @@ struct sun_table {
 };
 
 /* The drawn craft and the picture, for the Sun's search. */
-struct looked_at {
+struct sun_image {
     const int32_t *seen;   /* (h * fine, w * fine) face + 1 */
     const void *centre;    /* (h, w) label at a canvas pixel's middle: uint8 or uint16 */
     const uint8_t *good;   /* (labels,) whether pixels of it may be looked at */
@@ -33,7 +33,7 @@ struct looked_at {
     float darkest;         /* least of ``gray`` */
 };
 
-static int may(const struct looked_at *p, int64_t at)
+static int may(const struct sun_image *p, int64_t at)
 {
     int64_t label = p->bytes == 1 ? ((const uint8_t *)p->centre)[at] : ((const uint16_t *)p->centre)[at];
     return label < p->labels && p->good[label];
@@ -77,7 +77,7 @@ static int32_t renumbered(int32_t *number, int64_t old, int64_t *count)
  *
  * numbers : (groups + faces,) scratch. inside : (h * w,) scratch.
  */
-static void gather(const struct faces *f, const struct looked_at *p, const struct view *view, const double *R,
+static void gather(const struct faces *f, const struct sun_image *p, const struct view *view, const double *R,
                    const double *t, double dim, int64_t most, int32_t *numbers, int32_t *inside, struct points *out)
 {
     int64_t n = 0, k, wide = p->w * p->fine;
@@ -259,7 +259,7 @@ static void spread(const struct points *p, float *scratch, float *lowest, float 
  * dim : brightness that is as good as none. most : points that are looked at. Returns how many were, whose costs
  * stand where they are 40; -1 where memory is short.
  */
-int64_t fly_sun_costs(const struct faces *f, const struct sun_table *table, const struct looked_at *picture,
+int64_t fly_sun_costs(const struct faces *f, const struct sun_table *table, const struct sun_image *picture,
                       const struct view *view, const double *R, const double *t, double dim, int64_t most,
                       const int64_t *some, int64_t n, double *costs)
 {

@@ -114,8 +114,9 @@ static int hit(const float *restrict rows, int64_t room, int64_t n, const float 
     return 0;
 }
 
-/* visibility.py's visible_samples from C (3,) [m]: visible (S,) and outline (S,). Returns 0; -1 where memory is short. */
-int fly_visible(const struct samples *s, const struct occluders *o, const double *C, uint8_t *visible,
+/* visibility.py's visible_samples from C (3,) [m]: visible (S,) and outline (S,). Returns 0; -1 where memory is
+ * short. */
+int fly_visible_samples(const struct samples *s, const struct occluders *o, const double *C, uint8_t *visible,
                 uint8_t *outline)
 {
     int64_t room = (o->triangles + BLOCK) / BLOCK * BLOCK, n, i;

@@ -70,7 +70,7 @@ def visible_samples(
     """As ``visibility.visible_samples``."""
     C = contiguous(C_m, "float64")
     visible, outline = np.empty(len(samples), bool), np.empty(len(samples), bool)
-    failed = library.fly_visible(
+    failed = library.fly_visible_samples(
         ctypes.byref(packed_samples(samples)[0]),
         ctypes.byref(packed_occluders(occ)[0]),
         ctypes.c_void_p(checked_pointer(C, "float64", (3,))),

@@ -14,7 +14,7 @@ from hil.board.svd.image.edge_field import area_mean
 from hil.board.svd.image.line_segments import lsd_stream
 from hil.board.svd.image.noise import noise_sigma
 from hil.board.svd.native import backend
-from hil.board.svd.native.images.area_average import shrunk
+from hil.board.svd.native.images.area_average import area_average
 from hil.board.svd.native.learned import attitude_likelihood as kernel
 from hil.board.svd.native.learned.convolution import Layers, convolutions
 from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, turning_bumps
@@ -65,12 +65,12 @@ def test_area_means_are_opencvs(kind: type) -> None:
     for width, height, x, y in sizes:
         part = picture[y:, x:]
         exact = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA).astype(float)
-        off = np.abs(shrunk(native(), part, width, height) - exact)
+        off = np.abs(area_average(native(), part, width, height) - exact)
         # whole numbers are rounded: a half may fall to either side
         assert np.quantile(off, 0.995) < 1e-4
         assert off.max() < (1e-4 if kind is np.float32 else 1.01)
     with pytest.raises(ValueError, match="a kernel reduces"):
-        shrunk(native(), picture, 340, 212)
+        area_average(native(), picture, 340, 212)
     # what no kernel reads is reduced all the same: columns apart, and as many rows as there are not
     assert area_mean(picture[:, ::2], 40, 30).shape == (30, 40)
     assert area_mean(picture[:5], 40, 8).shape == (8, 40)

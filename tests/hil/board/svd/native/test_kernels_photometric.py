@@ -160,4 +160,4 @@ def test_poses_and_pictures_that_are_none_harm_nothing(craft: BoardModel) -> Non
                 )
                 assert images.shape == (6, *shape)
                 moving = (shading, faces, small, CAMERA, np.eye(3), np.array(place, float))
-                step.gram(native, *moving, (0.5, 2.0, 2.06), 1.0, 0.2, 16.0, 40)
+                step.normal_products(native, *moving, (0.5, 2.0, 2.06), 1.0, 0.2, 16.0, 40)
