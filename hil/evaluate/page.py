@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import html
 from typing import TYPE_CHECKING
 
-import cv2
 import msgspec
 
 from hil.board.svd import BoardModel, CameraIntrinsics
@@ -15,7 +13,9 @@ from hil.evaluate.grey import grey
 from hil.evaluate.plots import CAPTIONS, draw_plots
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.labels.truth import read_truth
-from simulator.runtime.files import write_atomic
+from simulator.reports.markup import Content, Markup, element, markup
+from simulator.reports.page import Page, gallery, note, picture, plot, table
+from simulator.reports.pictures import write_jpeg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -24,9 +24,10 @@ if TYPE_CHECKING:
     from hil.evaluate.frames import EvaluatedFrame
     from hil.evaluate.metrics import MethodMetrics, Metrics, Summary
     from simulator.dataset.card import DatasetCard
+    from simulator.runtime.arrays import ByteArray
 
 INDEX = "index.html"
-PLOT_FOLDER = "page"
+TILE_FOLDER = "page"
 
 # Failures shown of each kind and method, the worst first.
 SHOWN = 8
@@ -39,23 +40,26 @@ ABOUT = {
     "accepted": "accepted and not coarse: the ones that do harm, infeasible frames included",
 }
 
-STYLE = """
-body{font:15px/1.5 system-ui,sans-serif;color:#1f2933;background:#f5f7fa;margin:0}
-main{max-width:1180px;margin:0 auto;padding:32px 24px 64px}
-h1{font-size:26px;margin:0 0 2px}h2{font-size:19px;margin:34px 0 8px}h3{font-size:15px;margin:18px 0 6px}
-p.dim,figcaption{color:#627080;font-size:13px;margin:2px 0 8px}
-figure{background:#fff;border:1px solid #e4e7eb;border-radius:8px;padding:14px;margin:0 0 16px}
-figure img{width:100%;height:auto;display:block}
-.scroll{overflow-x:auto}
-table{border-collapse:collapse;background:#fff;border:1px solid #e4e7eb;width:100%}
-td,th{padding:6px 12px;text-align:right;border-top:1px solid #e4e7eb;white-space:nowrap;
-font-variant-numeric:tabular-nums}
-th:first-child,td:first-child{text-align:left}th{border-top:0;color:#627080;font-weight:600;font-size:13px}
-td small{color:#7b8794}
-.tiles{display:grid;grid-template-columns:repeat(auto-fill,minmax(260px,1fr));gap:12px}
-.tiles figure{padding:0;overflow:hidden;margin:0}.tiles figcaption{padding:6px 10px 8px;margin:0}
-.key b{color:#009e73}.key i{color:#e69f00;font-style:normal;font-weight:700}
-"""
+ABOUT_METHODS = (
+    "Success: share of feasible frames whose best pose, accepted or not, is within 5 deg and 5 % (coarse), 0.5 deg "
+    "and 0.5 % of range (fine). Errors: over accepted frames, infeasible ones too, unless said. Small figures: 95 % "
+    "intervals, Wilson's for shares, bootstrap for errors. Along the camera's axes: mean \N{PLUS-MINUS SIGN} standard "
+    "deviation."
+)
+
+KEY = element(
+    "p",
+    element("b", "green"),
+    ": where the target is; ",
+    element("i", "orange"),
+    ": the estimate, an arrow towards it where it lies elsewhere; grey: beyond the picture.",
+    class_="dim key",
+)
+
+# What stands where there is no number, and between the ends of an interval.
+NONE = "\N{EN DASH}"
+
+STYLE = ".key b{color:#009e73}.key i{color:#e69f00;font-style:normal;font-weight:700}"
 
 
 def write_page(
@@ -66,60 +70,41 @@ def write_page(
     metrics: Metrics,
     rows: Sequence[EvaluatedFrame],
 ) -> Path:
-    """Write ``index.html`` with its plots and tiles into a report folder; returns its path."""
-    place = report / PLOT_FOLDER
-    place.mkdir(exist_ok=True)
+    """Write ``index.html`` and its tiles into a report folder; returns the page's path."""
     labels = list(metrics.by_method)
-    plots = draw_plots(rows, labels, place)
-    camera = CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera))
-    parts = [
-        "<!doctype html><html lang=en><meta charset=utf-8><title>Pose estimation</title>",
-        f"<meta name=viewport content='width=device-width'><style>{STYLE}</style><main>",
-        "<h1>Pose estimation beside the truth</h1>",
-        (
-            f"<p class=dim>{html.escape(card.scenario_name)}, seed {card.seed}, "
-            f"target {html.escape(card.target.name)}, "
-            f"{metrics.n} frames, {metrics.n_feasible} feasible; model {html.escape(model.sha256[:12])}; "
-            f"kernels {html.escape(metrics.kernels)}; pictures: {html.escape(metrics.pictures)}</p>"
-        ),
-        "<h2>Methods</h2>",
-        _methods_table(list(metrics.by_method.values())),
-        (
-            "<p class=dim>Success: share of feasible frames whose best pose, accepted or not, is within 5 deg and 5 % "
-            "(coarse), 0.5 deg and 0.5 % of range (fine). Errors: over accepted frames, infeasible ones too, unless "
-            "said. Small figures: 95 % intervals, Wilson's for shares, bootstrap for errors. Along the camera's axes: "
-            "mean &plusmn; standard deviation.</p>"
-        ),
-    ]
-    if plots:
-        parts.append("<h2>Errors and time</h2>")
-    parts += [
-        f"<figure><img src='{PLOT_FOLDER}/{name}.png' alt='{name}'><figcaption>{html.escape(CAPTIONS[name])}"
-        "</figcaption></figure>"
-        for name in plots
-    ]
-    for label, m in metrics.by_method.items():
-        parts.append(f"<h2>{html.escape(label)}</h2><h3>By range</h3>")
-        parts.append(_groups_table([(_bin_name(b.from_m, b.to_m), b) for b in m.by_range]))
-        parts.append("<h3>By class</h3>")
-        parts.append(_groups_table(list(m.by_class.items())))
-    parts.append("<h2>Failures</h2>")
-    parts.append(
-        "<p class='dim key'><b>green</b>: where the target is; <i>orange</i>: the estimate, an arrow towards it where "
-        "it lies elsewhere; grey: beyond the picture.</p>"
+    page = Page("Pose estimation", "Pose estimation beside the truth", style=STYLE)
+    page.add(
+        note(
+            f"{card.scenario_name}, seed {card.seed}, target {card.target.name}, {metrics.n} frames, "
+            f"{metrics.n_feasible} feasible; model {model.sha256[:12]}; kernels {metrics.kernels}; "
+            f"pictures: {metrics.pictures}"
+        )
     )
+    page.section("Methods", _methods_table(list(metrics.by_method.values())), note(ABOUT_METHODS))
+    plots = draw_plots(rows, labels)
+    if plots:
+        page.section("Errors and time", [plot(png, CAPTIONS[name], alt=name) for name, png in plots.items()])
+    for label, m in metrics.by_method.items():
+        by_range = _groups_table([(_bin_name(b.from_m, b.to_m), b) for b in m.by_range])
+        by_class = _groups_table(list(m.by_class.items()))
+        page.section(label, element("h3", "By range"), by_range, element("h3", "By class"), by_class)
+    page.section("Failures", KEY)
+    place = report / TILE_FOLDER
+    place.mkdir(exist_ok=True)
+    camera = CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera))
     for label in labels:
-        parts += _gallery(place, folder, model, camera, label, [r for r in rows if r.method == label])
-    parts.append("</main></html>")
-    path = report / INDEX
-    write_atomic(path, "\n".join(parts).encode())
-    return path
+        page.add(_failures(place, folder, model, camera, label, [r for r in rows if r.method == label]))
+    return page.write(report / INDEX)
 
 
-def _share(value: float | None, interval: tuple[float, float] | None) -> str:
+def _share(value: float | None, interval: tuple[float, float] | None) -> Content:
     if value is None or interval is None:
-        return "&ndash;"
-    return f"{100 * value:.1f} % <small>{100 * interval[0]:.1f}&ndash;{100 * interval[1]:.1f}</small>"
+        return NONE
+    return f"{100 * value:.1f} % ", _small(f"{100 * interval[0]:.1f}", f"{100 * interval[1]:.1f}")
+
+
+def _small(low: str, high: str) -> Markup:
+    return element("small", f"{low}{NONE}{high}")
 
 
 # Where a unit's numbers grow long, the next one and how many of the first it holds.
@@ -128,7 +113,7 @@ LARGER = {"mm": ("m", 1e3), "ms": ("s", 1e3)}
 
 def _number(value: float | None, unit: str, factor: float = 1.0) -> str:
     if value is None:
-        return "&ndash;"
+        return NONE
     x = value * factor
     if unit in LARGER and abs(x) >= LARGER[unit][1]:
         unit, many = LARGER[unit]
@@ -141,14 +126,16 @@ def _digits(x: float) -> str:
     return f"{x:.0f}" if abs(x) >= 100 else f"{x:.3g}"
 
 
-def _ranged(value: float | None, interval: tuple[float, float] | None, unit: str, factor: float = 1.0) -> str:
+def _ranged(
+    value: float | None, interval: tuple[float, float] | None, unit: str, factor: float = 1.0
+) -> Content:
     text = _number(value, unit, factor)
     if value is None or interval is None:
         return text
     # in the unit of the value itself
     if unit in LARGER and abs(value * factor) >= LARGER[unit][1]:
         factor /= LARGER[unit][1]
-    return f"{text} <small>{_digits(interval[0] * factor)}&ndash;{_digits(interval[1] * factor)}</small>"
+    return f"{text} ", _small(_digits(interval[0] * factor), _digits(interval[1] * factor))
 
 
 def _axes(
@@ -158,23 +145,26 @@ def _axes(
     factor: float = 1.0,
 ) -> str:
     if middle is None or spread is None:
-        return "&ndash;"
+        return NONE
     if unit in LARGER and max(map(abs, (*middle, *spread))) * factor >= LARGER[unit][1]:
         unit, many = LARGER[unit]
         factor /= many
     both = zip(middle, spread, strict=True)
-    return ", ".join(f"{_digits(m * factor)} &plusmn; {_digits(s * factor)}" for m, s in both) + f" {unit}"
+    return (
+        ", ".join(f"{_digits(m * factor)} \N{PLUS-MINUS SIGN} {_digits(s * factor)}" for m, s in both)
+        + f" {unit}"
+    )
 
 
-def _wrong(m: MethodMetrics) -> str:
+def _wrong(m: MethodMetrics) -> Content:
     if m.false_accept is None:
         return "none accepted"
     count = round(m.false_accept * m.n_accepted)
-    return f"{count} of {m.n_accepted}: {_share(m.false_accept, m.false_accept_wilson)}"
+    return f"{count} of {m.n_accepted}: ", _share(m.false_accept, m.false_accept_wilson)
 
 
-def _methods_table(methods: Sequence[MethodMetrics]) -> str:
-    lines: tuple[tuple[str, Callable[[MethodMetrics], str]], ...] = (
+def _methods_table(methods: Sequence[MethodMetrics]) -> Markup:
+    lines: tuple[tuple[str, Callable[[MethodMetrics], Content]], ...] = (
         ("frames, feasible", lambda m: f"{m.n}, {m.n_feasible}"),
         ("coarse success", lambda m: _share(m.coarse_success, m.coarse_success_wilson)),
         ("fine success", lambda m: _share(m.fine_success, m.fine_success_wilson)),
@@ -203,81 +193,83 @@ def _methods_table(methods: Sequence[MethodMetrics]) -> str:
         ("time p50, p95", lambda m: f"{_number(m.time_ms_p50, 'ms')}, {_number(m.time_ms_p95, 'ms')}"),
         ("failures", lambda m: ", ".join(f"{n} {kind}" for kind, n in m.failures.items()) or "none"),
     )
-    head = "".join(f"<th>{html.escape(m.method)}</th>" for m in methods)
-    body = "".join(
-        f"<tr><td>{name}</td>{''.join(f'<td>{value(m)}</td>' for m in methods)}</tr>" for name, value in lines
-    )
-    return f"<div class=scroll><table><tr><th></th>{head}</tr>{body}</table></div>"
+    head = ("", *(m.method for m in methods))
+    return table(head, [(name, *(value(m) for m in methods)) for name, value in lines])
 
 
-def _groups_table(groups: Sequence[tuple[str, Summary]]) -> str:
-    head = "".join(
-        f"<th>{name}</th>"
-        for name in (
-            "",
-            "frames",
-            "feasible",
-            "accepted",
-            "coarse",
-            "fine",
-            "available",
-            "median E_R",
-            "median E_T",
-            "mean E_T",
+GROUP_COLUMNS = (
+    "",
+    "frames",
+    "feasible",
+    "accepted",
+    "coarse",
+    "fine",
+    "available",
+    "median E_R",
+    "median E_T",
+    "mean E_T",
+)
+
+
+def _groups_table(groups: Sequence[tuple[str, Summary]]) -> Markup:
+    rows = [
+        (
+            name,
+            s.n,
+            s.n_feasible,
+            s.n_accepted,
+            _share(s.coarse_success, s.coarse_success_wilson),
+            _share(s.fine_success, s.fine_success_wilson),
+            _share(s.availability, s.availability_wilson),
+            _number(s.median_E_R_deg, "deg"),
+            _number(s.median_E_T_m, "mm", 1e3),
+            _number(s.mean_E_T_m, "mm", 1e3),
         )
-    )
-    body = "".join(
-        f"<tr><td>{html.escape(name)}</td><td>{s.n}</td><td>{s.n_feasible}</td><td>{s.n_accepted}</td>"
-        f"<td>{_share(s.coarse_success, s.coarse_success_wilson)}</td>"
-        f"<td>{_share(s.fine_success, s.fine_success_wilson)}</td>"
-        f"<td>{_share(s.availability, s.availability_wilson)}</td>"
-        f"<td>{_number(s.median_E_R_deg, 'deg')}</td><td>{_number(s.median_E_T_m, 'mm', 1e3)}</td>"
-        f"<td>{_number(s.mean_E_T_m, 'mm', 1e3)}</td></tr>"
         for name, s in groups
-    )
-    return f"<div class=scroll><table><tr>{head}</tr>{body}</table></div>"
+    ]
+    return table(GROUP_COLUMNS, rows)
 
 
 def _bin_name(low: float, high: float | None) -> str:
     return f"from {low:g} m" if high is None else f"{low:g} to {high:g} m"
 
 
-def _gallery(
+def _failures(
     place: Path,
     folder: Path,
     model: BoardModel,
     camera: CameraIntrinsics,
     label: str,
     rows: Sequence[EvaluatedFrame],
-) -> list[str]:
-    parts = []
+) -> Markup:
+    """One method's failures by kind: each with the worst of its frames."""
     wrong = [r for r in rows if r.record.accepted and not r.record.coarse]
-    kinds = [("accepted", wrong), *((kind, [r for r in rows if r.failure == kind]) for kind in KINDS)]
-    for kind, found in kinds:
+    kinds = {"accepted": wrong, **{kind: [r for r in rows if r.failure == kind] for kind in KINDS}}
+    parts = []
+    for kind, found in kinds.items():
         if not found:
             continue
         worst = sorted(found, key=lambda r: -(r.record.E_R_deg or 180.0))[:SHOWN]
-        count = sum(r.failure == kind for r in rows) if kind != "accepted" else len(wrong)
         title = "falsely accepted" if kind == "accepted" else kind
-        parts.append(
-            f"<h3>{html.escape(label)}: {title} ({count})</h3><p class=dim>{ABOUT[kind]}</p><div class=tiles>"
-        )
+        tiles = []
         for r in worst:
-            paths = frame_paths(folder, r.frame)
-            truth, image = read_truth(paths.truth), read_png(paths.image)
-            estimate = None if r.q_wxyz is None else (r.q_wxyz, r.t_m)
-            true = (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
-            tile = failure_tile(grey(image), truth.box_px, model, camera, true, estimate)
-            name = f"{label.replace(' ', '-')}-{kind}-{r.frame:06d}.jpg"
-            _, data = cv2.imencode(".jpg", tile, [cv2.IMWRITE_JPEG_QUALITY, 88])
-            write_atomic(place / name, data.tobytes())
-            errors = (
-                "no pose" if r.record.E_T_m is None else f"{r.record.E_R_deg:.1f} deg, {r.record.E_T_m:.2f} m"
-            )
-            why = f"; {html.escape(r.reason)}" if r.reason else ""
-            parts.append(
-                f"<figure><img src='{PLOT_FOLDER}/{name}' alt='frame {r.frame}'><figcaption>frame {r.frame}, "
-                f"{r.record.range_m:.1f} m: {errors}{why}</figcaption></figure>"
-            )
-        parts.append("</div>")
-    return parts or [f"<p class=dim>{html.escape(label)}: none.</p>"]
+            source = f"{TILE_FOLDER}/{label.replace(' ', '-')}-{kind}-{r.frame:06d}.jpg"
+            write_jpeg(place.parent / source, _tile(folder, model, camera, r))
+            tiles.append(picture(source, _caption(r), alt=f"frame {r.frame}"))
+        parts.append(
+            markup(element("h3", f"{label}: {title} ({len(found)})"), note(ABOUT[kind]), gallery(tiles))
+        )
+    return markup(parts) if parts else note(f"{label}: none.")
+
+
+def _tile(folder: Path, model: BoardModel, camera: CameraIntrinsics, r: EvaluatedFrame) -> ByteArray:
+    paths = frame_paths(folder, r.frame)
+    truth, image = read_truth(paths.truth), read_png(paths.image)
+    estimate = None if r.q_wxyz is None else (r.q_wxyz, r.t_m)
+    true = (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
+    return failure_tile(grey(image), truth.box_px, model, camera, true, estimate)[..., ::-1]
+
+
+def _caption(r: EvaluatedFrame) -> str:
+    errors = "no pose" if r.record.E_T_m is None else f"{r.record.E_R_deg:.1f} deg, {r.record.E_T_m:.2f} m"
+    return f"frame {r.frame}, {r.record.range_m:.1f} m: {errors}" + (f"; {r.reason}" if r.reason else "")

@@ -9,18 +9,27 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from hil.evaluate.decision import reliability, trade_off
-from simulator.reports.plots import DIM, INK, figure_with_axes
+from simulator.reports.plots import (
+    BLUE,
+    DIM,
+    GREEN,
+    INK,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    figure_with_axes,
+    png,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from matplotlib.axes import Axes
 
     from hil.evaluate.frames import EvaluatedFrame
 
-# Okabe and Ito: told apart by everybody.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 PALETTE = (*COLOURS, "#274c77", "#8ab17d", "#9d4edd", "#7b8794", "#b56576", "#6d597a", "#355070", "#bc6c25")
 # Keeps a line in sight among dots of its own colour.
 HALO = [withStroke(linewidth=4, foreground="white")]
@@ -44,21 +53,17 @@ CAPTIONS = {
 }
 
 
-def draw_plots(rows: Sequence[EvaluatedFrame], labels: Sequence[str], folder: Path) -> list[str]:
-    """Write every plot that has something to show; their names, keys of ``CAPTIONS``."""
+def draw_plots(rows: Sequence[EvaluatedFrame], labels: Sequence[str]) -> dict[str, bytes]:
+    """PNG of every plot that has something to show, by its name, a key of ``CAPTIONS``."""
     by_method = {label: [r for r in rows if r.method == label] for label in labels}
-    made = []
-    for name, figure in (
-        ("range", _against_range(by_method)),
-        ("axes", _along_axes(by_method)),
-        ("histograms", _histograms(by_method)),
-        ("decision", decision_figure(by_method)),
-        ("stages", _stages(by_method)),
-    ):
-        if figure is not None:
-            figure.savefig(folder / f"{name}.png", dpi=110)
-            made.append(name)
-    return made
+    figures = {
+        "range": _against_range(by_method),
+        "axes": _along_axes(by_method),
+        "histograms": _histograms(by_method),
+        "decision": decision_figure(by_method),
+        "stages": _stages(by_method),
+    }
+    return {name: png(figure) for name, figure in figures.items() if figure is not None}
 
 
 def _posed(rows: Sequence[EvaluatedFrame]) -> list[EvaluatedFrame]:

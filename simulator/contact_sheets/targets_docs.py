@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.contact_sheets.target_views import OBLIQUE, draw_labels, draw_view
-from simulator.contact_sheets.targets_page import facts, jpeg
+from simulator.contact_sheets.targets_page import facts
 from simulator.errors import write_error
 from simulator.render.renderer import Renderer
+from simulator.reports.pictures import write_jpeg
 from simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def write_docs(targets: Sequence[Target], folder: Path, progress: Callable[[int,
         for done, target in enumerate(targets):
             views = [draw_view(renderer, target, eye, *TILE) for eye in OBLIQUE]
             row = np.concatenate([views[0].image, views[2].image, draw_labels(views[1], target)], axis=1)
-            write_atomic(place / f"{target.name}.jpg", jpeg(row, QUALITY))
+            write_jpeg(place / f"{target.name}.jpg", row, QUALITY)
             lines.append(_section(target))
             progress(done + 1, len(targets))
     path = folder / "targets.md"

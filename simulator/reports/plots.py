@@ -1,7 +1,8 @@
-"""How this package's reports plot: one ink, one grid, axes without a box."""
+"""How this package's reports plot: one ink, one grid, axes without a box; light, or dark for dark pages."""
 
 from __future__ import annotations
 
+from io import BytesIO
 from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
@@ -10,18 +11,43 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 INK, DIM, GRID = "#1f2933", "#7b8794", "#e4e7eb"
+DARK_INK, DARK_GRID, DARK_PAPER = "#d7dde5", "#2b3440", "#12171e"
+
+# Okabe and Ito: told apart by everybody.
+BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 
 
-def figure_with_axes(rows: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
-    """A figure 11 inches wide and its axes, row by row; height in inches."""
-    figure = Figure(figsize=(11, height), layout="constrained", facecolor="white")
-    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+def figure_with_axes(
+    rows: int,
+    columns: int,
+    height: float,
+    *,
+    width: float = 11,
+    widths: tuple[float, ...] | None = None,
+    dark: bool = False,
+) -> tuple[Figure, list[Axes]]:
+    """A figure and its axes, row by row; width and height in inches, ``widths`` the columns' relative ones."""
+    ink, frame, grid, paper = (
+        (DARK_INK, DARK_GRID, DARK_GRID, DARK_PAPER) if dark else (INK, DIM, GRID, "white")
+    )
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor=paper)
+    axes = list(figure.subplots(rows, columns, squeeze=False, width_ratios=widths).ravel())
     for ax in axes:
-        ax.grid(color=GRID, lw=0.8)
+        ax.set_facecolor(paper)
+        ax.grid(color=grid, lw=0.8)
         ax.set_axisbelow(True)
-        ax.tick_params(colors=INK, labelsize=9)
+        ax.tick_params(colors=ink, labelsize=9)
+        ax.xaxis.label.set_color(ink)
+        ax.yaxis.label.set_color(ink)
         for side in ("top", "right"):
             ax.spines[side].set_visible(False)
         for side in ("left", "bottom"):
-            ax.spines[side].set_color(DIM)
+            ax.spines[side].set_color(frame)
     return figure, axes
+
+
+def png(figure: Figure, dpi: int = 110) -> bytes:
+    """A figure as PNG bytes."""
+    data = BytesIO()
+    figure.savefig(data, dpi=dpi)
+    return data.getvalue()

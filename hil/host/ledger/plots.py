@@ -10,11 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from hil.host.ledger.frames_csv import ACCEPTED, DECLINED
-from simulator.reports.plots import DIM, INK, figure_with_axes
+from simulator.reports.plots import DIM, INK, figure_with_axes, png
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from pathlib import Path
 
     from matplotlib.axes import Axes
 
@@ -223,12 +222,7 @@ PLOTS: dict[str, Callable[[Sequence[LedgerRow], float | None], Figure | None]] =
 }
 
 
-def draw_plots(rows: Sequence[LedgerRow], deadline_ms: float | None, folder: Path) -> list[str]:
-    """Draw what the rows have data for; returns the names, in the order of the report."""
-    drawn = []
-    for name, plot in PLOTS.items():
-        figure = plot(rows, deadline_ms)
-        if figure is not None:
-            figure.savefig(folder / f"{name}.png", dpi=130)
-            drawn.append(name)
-    return drawn
+def draw_plots(rows: Sequence[LedgerRow], deadline_ms: float | None) -> dict[str, bytes]:
+    """PNG of each plot that the rows have data for, by name, in the order of the report."""
+    figures = {name: plot(rows, deadline_ms) for name, plot in PLOTS.items()}
+    return {name: png(figure, dpi=130) for name, figure in figures.items() if figure is not None}

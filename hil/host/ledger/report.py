@@ -1,8 +1,7 @@
-"""A page people look at, made from any ledger folder: report.html and its plots."""
+"""The report of a run, made from any ledger folder: one page with its plots."""
 
 from __future__ import annotations
 
-import html
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -13,7 +12,8 @@ from hil.host.ledger.plots import draw_plots
 from hil.host.ledger.summary import RUN_JSON, SUMMARY_JSON, LedgerSummary, RunTerms, summarise
 from hil.host.recording.chrome_trace import write_trace
 from simulator.errors import UserError
-from simulator.runtime.files import write_atomic
+from simulator.reports.markup import Markup, element, markup
+from simulator.reports.page import Page, key_figures, link, note, plot, table
 from simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
@@ -27,7 +27,8 @@ REPORT_HTML = "report.html"
 TRACE_JSON = "trace.json"
 # of run.json and of summary.json: thousands of times what they take
 MOST_BYTES = 1 << 24
-PLOT_FOLDER = "report"
+
+WRONG_LABEL = "accepted poses wrong"
 
 CAPTIONS = {
     "latency": "From the first byte of the frame to the pose back, on the link process's monotonic clock.",
@@ -38,21 +39,6 @@ CAPTIONS = {
     "stages": "Medians do not add up to the median of the whole; link times rest on the clock offset.",
     "errors": "Against the truth as the host knows it; an accepted pose beyond 5 deg or 5 % of the range is wrong.",
 }
-
-STYLE = """
-body{font:15px/1.5 system-ui,sans-serif;color:#1f2933;background:#f5f7fa;margin:0}
-main{max-width:1080px;margin:0 auto;padding:32px 24px 64px}
-h1{font-size:26px;margin:0 0 2px}p.dim,figcaption{color:#7b8794;font-size:13px;margin:2px 0 0}
-.tiles{display:flex;flex-wrap:wrap;gap:12px;margin:22px 0}
-.tile{background:#fff;border:1px solid #e4e7eb;border-radius:8px;padding:12px 18px;flex:1 1 130px}
-.tile b{display:block;font-size:22px;font-variant-numeric:tabular-nums}
-.tile span{color:#7b8794;font-size:13px}.tile.bad b{color:#c8453b}
-figure{background:#fff;border:1px solid #e4e7eb;border-radius:8px;padding:14px;margin:0 0 16px}
-img{width:100%;height:auto;display:block}
-table{border-collapse:collapse;background:#fff;border:1px solid #e4e7eb;border-radius:8px;width:100%}
-td,th{padding:6px 14px;text-align:right;border-top:1px solid #e4e7eb;font-variant-numeric:tabular-nums}
-th:first-child,td:first-child{text-align:left}th{border-top:0;color:#7b8794;font-weight:600;font-size:13px}
-"""
 
 
 def write_report(folder: Path) -> Path:
@@ -67,18 +53,9 @@ def write_report(folder: Path) -> Path:
     """
     rows = read_ledger(folder)
     summary = _summary(folder, rows)
-    plots = folder / PLOT_FOLDER
-    try:
-        plots.mkdir(exist_ok=True)
-        names = draw_plots(rows, summary.deadline_ms, plots)
-    except OSError as error:
-        raise UserError(
-            f"the report cannot be written to {folder} ({error.strerror}): copy the ledger elsewhere"
-        ) from error
-    path = folder / REPORT_HTML
-    write_atomic(path, _page(summary, names).encode())
+    page = _page(summary, draw_plots(rows, summary.deadline_ms)).write(folder / REPORT_HTML)
     write_trace(rows, folder / TRACE_JSON)
-    return path
+    return page
 
 
 def _summary(folder: Path, rows: Sequence[LedgerRow]) -> LedgerSummary:
@@ -135,9 +112,10 @@ def _read(path: Path, kind: type[T], what: str) -> T:
 
 def _text(value: float | None, unit: str, digits: int = 3) -> str:
     if value is None:
-        return "&ndash;"
+        return "\N{EN DASH}"
     # thousands are written out: 1362 ms, never 1.36e+03
-    return f"{value:.0f}&thinsp;{unit}" if abs(value) >= 10**digits else f"{value:.{digits}g}&thinsp;{unit}"
+    figure = f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
+    return f"{figure}\N{THIN SPACE}{unit}"
 
 
 def _truth(s: LedgerSummary) -> str:
@@ -147,12 +125,49 @@ def _truth(s: LedgerSummary) -> str:
 def _ended(s: LedgerSummary) -> str:
     if s.ended == "killed":
         return "the host was killed: no summary was written"
-    return s.ended.replace("_", " ") + (f": {html.escape(s.board_gone)}" if s.board_gone else "")
+    return s.ended.replace("_", " ") + (f": {s.board_gone}" if s.board_gone else "")
 
 
-def _page(s: LedgerSummary, names: Sequence[str]) -> str:
-    share = f"{s.accepted / s.sent:.0%}" if s.sent else "&ndash;"
-    tiles = [
+def _page(s: LedgerSummary, plots: dict[str, bytes]) -> Page:
+    board = "no board" if s.board is None else f"{s.board.name}, method {s.board.method}"
+    host = f"{s.machine.processor}, {s.machine.cpus} CPUs, {s.machine.system}"
+    line = (
+        f"{s.link.packets_sent} packets out, {s.link.packets_received} in, {s.link.packets_corrupt} damaged,"
+        f" {s.link.protocol_mistakes} protocol mistake(s), {s.link.sessions} session(s),"
+        f" clock exchange {_text(s.link.clock_round_trip_ms, 'ms')} round trip"
+    )
+    files = [link(FRAMES_CSV)]
+    if s.ended == "killed":
+        # what the summary would have said; this machine need not be the run's
+        board = host = line = "not recorded"
+    else:
+        files.append(link(SUMMARY_JSON))
+    causes = ", ".join(f"{n} {cause}" for cause, n in s.dropped.items()) or "none"
+    page = Page("Flyaround: hardware in the loop", "Hardware in the loop", width_px=1080)
+    page.add(note(_dotted(s.started_utc, s.mode, s.url, _truth(s), _ended(s))))
+    page.add(note(f"Board: {board}. Host: {host}."))
+    page.add(_key_figures(s))
+    page.add(
+        note(
+            f"{s.sent} sent = {s.accepted} accepted + {s.declined} declined + {s.dropped_total} dropped"
+            f" (causes: {causes}). Link: {line}."
+        )
+    )
+    page.add(element("br"), [plot(png, CAPTIONS[name], alt=name) for name, png in plots.items()])
+    if s.stages:
+        rows = [(t.name, *(f"{ms:.3f}" for ms in (t.p50_ms, t.p99_ms, t.max_ms))) for t in s.stages]
+        page.add(table(("board stage", "p50 [ms]", "p99 [ms]", "max [ms]"), rows))
+    page.add(note("Rows: ", _dotted(*files)))
+    return page
+
+
+def _dotted(*parts: str) -> Markup:
+    return markup(parts[0], *((" \N{MIDDLE DOT} ", part) for part in parts[1:]))
+
+
+def _key_figures(s: LedgerSummary) -> Markup:
+    share = f"{s.accepted / s.sent:.0%}" if s.sent else "\N{EN DASH}"
+    figures = [
         (f"{s.sent}", "frames sent"),
         (f"{s.accepted} ({share})", "poses accepted"),
         (f"{s.declined}", "declined"),
@@ -164,61 +179,7 @@ def _page(s: LedgerSummary, names: Sequence[str]) -> str:
         (_text(s.median_E_R_deg, "deg"), "median E_R, accepted"),
     ]
     if s.deadline_misses is not None:
-        tiles.insert(7, (f"{s.deadline_misses}", f"later than {_text(s.deadline_ms, 'ms')}"))
-    tile_html = "".join(f'<div class="tile"><b>{value}</b><span>{name}</span></div>' for value, name in tiles)
+        figures.insert(7, (f"{s.deadline_misses}", f"later than {_text(s.deadline_ms, 'ms')}"))
     if s.accepted_known:
-        bad = " bad" if s.accepted_wrong else ""
-        tile_html += (
-            f'<div class="tile{bad}"><b>{s.accepted_wrong} of {s.accepted_known}</b>'
-            "<span>accepted poses wrong</span></div>"
-        )
-    figures = "".join(
-        f'<figure><img src="{PLOT_FOLDER}/{name}.png" alt="{name}">'
-        f"<figcaption>{CAPTIONS[name]}</figcaption></figure>"
-        for name in names
-    )
-    stages = "".join(
-        f"<tr><td>{html.escape(t.name)}</td><td>{t.p50_ms:.3f}</td>"
-        f"<td>{t.p99_ms:.3f}</td><td>{t.max_ms:.3f}</td></tr>"
-        for t in s.stages
-    )
-    table = (
-        "<table><tr><th>board stage</th><th>p50 [ms]</th><th>p99 [ms]</th><th>max [ms]</th></tr>"
-        f"{stages}</table>"
-        if stages
-        else ""
-    )
-    causes = ", ".join(f"{n} {html.escape(cause)}" for cause, n in s.dropped.items()) or "none"
-    board = (
-        "no board"
-        if s.board is None
-        else f"{html.escape(s.board.name)}, method {html.escape(s.board.method)}"
-    )
-    host = f"{html.escape(s.machine.processor)}, {s.machine.cpus} CPUs, {html.escape(s.machine.system)}"
-    link = (
-        f"{s.link.packets_sent} packets out, {s.link.packets_received} in, {s.link.packets_corrupt} damaged,"
-        f" {s.link.protocol_mistakes} protocol mistake(s), {s.link.sessions} session(s),"
-        f" clock exchange {_text(s.link.clock_round_trip_ms, 'ms')} round trip"
-    )
-    files = f'<a href="{FRAMES_CSV}">{FRAMES_CSV}</a>'
-    if s.ended == "killed":
-        # what the summary would have said; this machine need not be the run's
-        board = host = link = "not recorded"
-    else:
-        files += f' &middot; <a href="{SUMMARY_JSON}">{SUMMARY_JSON}</a>'
-    return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>Flyaround: hardware in the loop</title>
-<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head><body><main>
-<h1>Hardware in the loop</h1>
-<p class="dim">{html.escape(s.started_utc)} &middot; {s.mode} &middot; {html.escape(s.url)}
-&middot; {_truth(s)} &middot; {_ended(s)}</p>
-<p class="dim">Board: {board}.
-Host: {host}.</p>
-<div class="tiles">{tile_html}</div>
-<p class="dim">{s.sent} sent = {s.accepted} accepted + {s.declined} declined + {s.dropped_total} dropped
-(causes: {causes}).
-Link: {link}.</p>
-<br>{figures}{table}
-<p class="dim">Rows: {files}</p>
-</main></body></html>
-"""
+        figures.append((f"{s.accepted_wrong} of {s.accepted_known}", WRONG_LABEL))
+    return key_figures(figures, bad=(WRONG_LABEL,) if s.accepted_wrong else ())

@@ -1,0 +1,56 @@
+"""HTML as values: every string is escaped on its way into a page, unless it is markup already."""
+
+from __future__ import annotations
+
+import html
+from typing import TYPE_CHECKING, TypeAlias
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+class Markup(str):
+    """HTML that goes into a page as it is."""
+
+    __slots__ = ()
+
+
+Content: TypeAlias = "str | int | float | Iterable[Content] | None"
+"""What an element may hold: text and numbers, which are escaped, `Markup`, nothing, or several of these."""
+
+VOID = frozenset({"br", "img", "link", "meta"})
+"""Elements without an end tag."""
+
+
+def markup(*content: Content) -> Markup:
+    """The contents one after another."""
+    return Markup("".join(_parts(content)))
+
+
+def element(name: str, /, *content: Content, **attributes: str | float | bool | None) -> Markup:
+    """An HTML element.
+
+    Parameters
+    ----------
+    attributes : by name, with ``class_`` for ``class`` and ``text_anchor`` for ``text-anchor``; ``None`` and ``False``
+        are left out, ``True`` has no value.
+    """
+    written = "".join(
+        f" {key.rstrip('_').replace('_', '-')}" + ("" if value is True else f'="{html.escape(str(value))}"')
+        for key, value in attributes.items()
+        if value is not None and value is not False
+    )
+    return Markup(f"<{name}{written}>" + ("" if name in VOID else f"{markup(*content)}</{name}>"))
+
+
+def _parts(content: Iterable[Content]) -> Iterable[str]:
+    for part in content:
+        match part:
+            case None:
+                pass
+            case Markup():
+                yield part
+            case str() | int() | float():
+                yield html.escape(str(part))
+            case _:
+                yield from _parts(part)

@@ -1,0 +1,161 @@
+"""A report as one HTML page: its skeleton and style, and the pieces that reports are made of."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from simulator.reports.markup import Content, Markup, element, markup
+from simulator.runtime.files import write_atomic
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+STYLE = """
+:root{--ink:#1f2933;--dim:#627080;--paper:#f5f7fa;--card:#fff;--line:#e4e7eb;--link:#1769aa;--bad:#c8453b}
+.dark{--ink:#d7dde5;--dim:#8a97a6;--paper:#12171e;--card:#1a212b;--line:#2b3440;--link:#7cc4ee;--bad:#ff8a80;
+color-scheme:dark}
+body{margin:0;background:var(--paper);color:var(--ink);font:15px/1.5 system-ui,sans-serif}
+main{margin:0 auto;padding:32px 24px 64px}
+h1{font-size:26px;line-height:1.25;margin:0 0 4px}
+h2{font-size:19px;margin:36px 0 8px}h3{font-size:15px;margin:20px 0 6px}
+p{margin:4px 0 10px;max-width:95ch}p.dim{max-width:none}a{color:var(--link)}
+.dim,figcaption{color:var(--dim);font-size:13px}.dim{margin:2px 0 8px}
+figure{background:var(--card);border:1px solid var(--line);border-radius:8px;margin:0;overflow:hidden}
+figure img,figure svg{width:100%;height:auto;display:block}figcaption{padding:6px 12px 8px}
+.plot{margin:0 0 16px;padding:14px 14px 6px}.plot figcaption{padding:6px 0 2px}
+.gallery{display:grid;gap:10px;margin:0 0 12px;align-items:start}
+.figures{display:flex;flex-wrap:wrap;gap:12px;margin:20px 0}
+.tile{background:var(--card);border:1px solid var(--line);border-radius:8px;padding:11px 16px;flex:1 1 130px}
+.tile b{display:block;white-space:nowrap;font-size:22px;line-height:1.35;font-variant-numeric:tabular-nums}
+.tile span{color:var(--dim);font-size:13px}.tile.bad b{color:var(--bad)}
+.scroll{overflow-x:auto;margin:8px 0 16px}
+table{border-collapse:collapse;background:var(--card);border:1px solid var(--line);width:100%}
+td,th{padding:6px 12px;text-align:right;border-top:1px solid var(--line);white-space:nowrap;
+font-variant-numeric:tabular-nums}
+td:first-child,th:first-child{text-align:left}th{border-top:0;color:var(--dim);font-weight:600;font-size:13px}
+td small{color:var(--dim)}
+@media(max-width:900px){.gallery{grid-template-columns:repeat(2,1fr)!important}}
+@media print{body{background:#fff}figure,.tile{break-inside:avoid}}
+"""
+
+
+@dataclass
+class Page:
+    """A report under construction.
+
+    Parameters
+    ----------
+    title : of the window. heading : of the page, the title where there is none.
+    dark : light ink on dark paper, for pages that are mostly pictures of space.
+    style : CSS of this page alone, after the common one.
+    """
+
+    title: str
+    heading: str | None = None
+    width_px: int = 1180
+    dark: bool = False
+    style: str = ""
+    parts: list[Markup] = field(default_factory=list)
+
+    def add(self, *content: Content) -> None:
+        """Append to the page."""
+        self.parts.append(markup(*content))
+
+    def section(self, heading: Content, *content: Content) -> None:
+        """Append a heading of the second level and what stands under it."""
+        self.add(element("h2", heading), *content)
+
+    def html(self) -> str:
+        """The whole document."""
+        head = markup(
+            element("meta", charset="utf-8"),
+            element("meta", name="viewport", content="width=device-width"),
+            element("title", self.title),
+            element("style", Markup(STYLE + self.style)),
+        )
+        heading = element("h1", self.heading or self.title)
+        body = element(
+            "main",
+            heading,
+            *(markup("\n", part) for part in self.parts),
+            style=f"max-width:{self.width_px}px",
+        )
+        document = element("html", "\n", element("head", head), "\n", _body(body, dark=self.dark), lang="en")
+        return f"<!doctype html>\n{document}\n"
+
+    def write(self, path: Path) -> Path:
+        """Write the page; returns its path.
+
+        Raises
+        ------
+        UserError
+            If the folder cannot be written.
+        """
+        write_atomic(path, self.html().encode())
+        return path
+
+
+def _body(main: Markup, *, dark: bool) -> Markup:
+    return element("body", "\n", main, "\n", class_="dark" if dark else None)
+
+
+def note(*content: Content) -> Markup:
+    """A paragraph of small print."""
+    return element("p", *content, class_="dim")
+
+
+def link(address: str, text: Content | None = None) -> Markup:
+    """A link, of the text of its address where there is no other."""
+    return element("a", address if text is None else text, href=address)
+
+
+def table(head: Sequence[Content], rows: Iterable[Sequence[Content]]) -> Markup:
+    """A table whose first column names its rows; a wide one scrolls by itself."""
+    lines = [element("tr", *(element("th", cell) for cell in head))]
+    lines += [element("tr", *(element("td", cell) for cell in row)) for row in rows]
+    return element("div", element("table", *lines), class_="scroll")
+
+
+def key_figures(figures: Iterable[tuple[Content, Content]], *, bad: Iterable[str] = ()) -> Markup:
+    """The few numbers that a reader looks for first: (value, label) each; labels in ``bad`` stand in red."""
+    marked = set(bad)
+    return element(
+        "div",
+        *(
+            element(
+                "div",
+                element("b", value),
+                element("span", label),
+                class_="tile bad" if label in marked else "tile",
+            )
+            for value, label in figures
+        ),
+        class_="figures",
+    )
+
+
+def picture(source: str, caption: Content, *, alt: str) -> Markup:
+    """A picture with its caption; ``source`` is a file beside the page, loaded when it comes into view."""
+    return element(
+        "figure", element("img", src=source, alt=alt, loading="lazy"), element("figcaption", caption)
+    )
+
+
+def plot(png: bytes, caption: Content, *, alt: str) -> Markup:
+    """A plot as wide as the page, carried inside it: the page can be sent as one file."""
+    source = "data:image/png;base64," + base64.b64encode(png).decode()
+    return element(
+        "figure",
+        element("img", src=source, alt=alt),
+        caption and element("figcaption", caption),
+        class_="plot",
+    )
+
+
+def gallery(pictures: Iterable[Content], *, columns: int | None = None, least_px: int = 260) -> Markup:
+    """Pictures side by side: ``columns`` of them, or as many as there is room for at ``least_px`` each."""
+    width = f"repeat({columns},1fr)" if columns else f"repeat(auto-fill,minmax({least_px}px,1fr))"
+    return element("div", *pictures, class_="gallery", style=f"grid-template-columns:{width}")

@@ -1,0 +1,31 @@
+"""Pictures of a report as files beside its page."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from simulator.runtime.files import write_atomic
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from simulator.runtime.arrays import ByteArray
+
+QUALITY = 88
+
+
+def jpeg(image: ByteArray, quality: int = QUALITY) -> bytes:
+    """A picture, grey (H, W) or RGB (H, W, 3), as JPEG bytes."""
+    bgr = image if image.ndim == 2 else image[..., ::-1]
+    ok, data = cv2.imencode(".jpg", np.ascontiguousarray(bgr), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not ok:
+        raise RuntimeError("OpenCV could not encode a JPEG")
+    return np.asarray(data).tobytes()
+
+
+def write_jpeg(path: Path, image: ByteArray, quality: int = QUALITY) -> None:
+    """Write a picture, grey or RGB, as a JPEG file."""
+    write_atomic(path, jpeg(image, quality))
