@@ -12,6 +12,7 @@ import pytest
 from flyaround.__main__ import run
 from hil.evaluate.failures import KINDS
 from hil.evaluate.metrics import metrics_json_schema
+from hil.evaluate.plots import CAPTIONS
 from simulator.dataset.capture import capture
 from simulator.scenario.recipes import plan_recipe
 
@@ -46,8 +47,11 @@ def test_metrics_follow_the_schema_and_the_table(dataset, tmp_path, capsys):
         assert metrics["median_E_R_deg"] == pytest.approx(np.median([float(r["E_R_deg"]) for r in accepted]))
 
     page = (report / "index.html").read_text()
-    for name in re.findall(r"src='([^']+)'", page):
-        assert (report / name).stat().st_size > 1000
+    shown = re.findall(r'src="([^"]+)"', page)
+    assert len(shown) >= len(CAPTIONS)
+    for source in shown:
+        plot = source.removeprefix("data:image/png;base64,")
+        assert (len(plot) if plot != source else (report / source).stat().st_size) > 1000
     # every feasible frame that was missed is put down to one stage
     missed = [r for r in both if r["feasible"] == "True" and not is_coarse(r)]
     assert all(r["failure"] in KINDS for r in missed)

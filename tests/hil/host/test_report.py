@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 import re
@@ -141,10 +142,12 @@ def test_a_report_of_any_ledger(tmp_path, rows):
     write(tmp_path, rows)
     page = write_report(tmp_path)
     text = page.read_text()
-    for picture in re.findall(r'src="([^"]+)"', text):
-        assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
+    for source in re.findall(r'src="([^"]+)"', text):
+        kind, data = source.split(",")
+        assert kind == "data:image/png;base64"
+        assert base64.b64decode(data, validate=True).startswith(b"\x89PNG")
     assert f"{len(rows)} sent = " in text
-    assert ("latency.png" in text) == any(r.e2e_ms is not None for r in rows)
+    assert ('alt="latency"' in text) == any(r.e2e_ms is not None for r in rows)
     write_report(tmp_path)  # again, over itself
 
 
@@ -258,7 +261,8 @@ def test_the_report_of_a_killed_run_says_what_it_was_told(tmp_path, truth):
     (tmp_path / RUN_JSON).write_bytes(msgspec.json.encode(terms))
     page = " ".join(write_report(tmp_path).read_text().split())
     assert (
-        f"realtime &middot; tcp://127.0.0.1:5600 &middot; truth {truth} &middot; the host was killed" in page
+        f"realtime \N{MIDDLE DOT} tcp://127.0.0.1:5600 \N{MIDDLE DOT} truth {truth} \N{MIDDLE DOT} the host was killed"
+        in page
     )
     # neither zeros for what nobody counted, nor this machine for the run's, nor a link to nothing
     assert "Board: not recorded. Host: not recorded." in page

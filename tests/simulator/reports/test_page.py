@@ -1,0 +1,94 @@
+"""Pages of reports: text is escaped wherever it comes from, and a page is one well-formed document."""
+
+from __future__ import annotations
+
+import base64
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simulator.reports.markup import VOID, Markup, element, markup
+from simulator.reports.page import Page, gallery, key_figures, link, note, picture, plot, table
+from simulator.reports.pictures import jpeg
+from simulator.reports.plots import figure_with_axes, png
+
+HOSTILE = "<script>alert('\"&')</script>"
+
+
+class Reader(HTMLParser):
+    """Text and open elements of a document."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag, attrs):
+        self.seen.append(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def read(html: str) -> Reader:
+    reader = Reader()
+    reader.feed(html)
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+@given(st.text(alphabet=st.characters(exclude_categories=("C",))))
+def test_any_text_comes_out_as_it_went_in(text: str) -> None:
+    assert read(element("p", text)).text == text
+    (found,) = re.findall(r'title="([^"]*)"', element("p", title=text))
+    assert not set(found) & set("<>\"'")
+
+
+def test_markup_is_not_escaped_twice() -> None:
+    assert element("b", element("i", "a < b")) == "<b><i>a &lt; b</i></b>"
+    assert markup("a", None, ["b", (1, Markup("<br>"))]) == "ab1<br>"
+
+
+def test_attributes_have_the_names_of_html() -> None:
+    found = element("text", class_="x", text_anchor="end", hidden=True, id=None, open=False)
+    assert found == '<text class="x" text-anchor="end" hidden></text>'
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_page_of_every_piece_is_well_formed_and_harmless(tmp_path: Path, *, dark: bool) -> None:
+    page = Page(HOSTILE, dark=dark, width_px=900)
+    page.add(note(HOSTILE), link("a.csv"), key_figures([(HOSTILE, HOSTILE), (3, "wrong")], bad=["wrong"]))
+    page.section(HOSTILE, table((HOSTILE, "b"), [(HOSTILE, 1.5)]))
+    page.add(gallery([picture("a.jpg", HOSTILE, alt=HOSTILE)], columns=3), plot(b"x", HOSTILE, alt=HOSTILE))
+    text = page.write(tmp_path / "index.html").read_text()
+    reader = read(text)
+    assert "script" not in reader.seen
+    assert reader.text.count(HOSTILE) == 10
+    assert 'class="tile bad"' in text
+    assert ('class="dark"' in text) is dark
+
+
+def test_a_plot_is_carried_in_the_page() -> None:
+    figure, (ax,) = figure_with_axes(1, 1, 2.0)
+    ax.plot([0, 1], [0, 1])
+    data = png(figure)
+    (source,) = re.findall(r'src="data:image/png;base64,([^"]+)"', plot(data, None, alt="a line"))
+    assert base64.b64decode(source) == data
+    assert data.startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (8, 8, 3)])
+def test_pictures_are_jpeg_files(shape: tuple[int, ...]) -> None:
+    assert jpeg(np.full(shape, 90, np.uint8)).startswith(b"\xff\xd8")
