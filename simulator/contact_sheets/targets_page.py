@@ -115,7 +115,8 @@ STYLE = """
 body{background:#111}h2{margin:2.5rem 0 0}
 .gallery{gap:6px;margin-bottom:6px}.gallery>img{width:100%;min-width:0;display:block;background:#000}
 .gallery figure{background:none;border:0;border-radius:0}.gallery figcaption{padding:2px 0}
-table{width:auto;background:none;border:0;margin:.5rem 0}td,th{border:0;padding:1px 1rem 1px 0;text-align:left;font-size:15px}
+table{width:auto;background:none;border:0;margin:.5rem 0}
+td,th{border:0;padding:1px 1rem 1px 0;text-align:left;font-size:15px}
 th{font-weight:400;color:var(--dim)}
 ul{list-style:none;padding:0;display:flex;flex-wrap:wrap;gap:4px 14px;font-size:13px}
 i{display:inline-block;width:14px;height:14px;margin-right:5px;vertical-align:-2px;border:1px solid #444}
