@@ -115,7 +115,7 @@ def test_a_dead_link_process_is_the_same_sentence_to_whoever_speaks_to_it():
             link.submit(
                 frame.image,
                 frame_id=0,
-                epoch_utc=frame.epoch_utc,
+                epoch_utc=frame.scene.epoch_utc,
                 t_s=0.0,
                 exposure_s=0.01,
                 bits=8,

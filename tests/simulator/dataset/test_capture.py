@@ -298,7 +298,7 @@ def test_an_interrupted_capture_is_valid_as_far_as_it_went(tmp_path, plan):
 
 def test_a_frame_whose_labels_disagree_is_kept_apart_and_named_in_the_card(tmp_path, plan, monkeypatch):
     """A mask that is drawn four pixels off in one frame: the picture goes to quarantine, resuming mends it."""
-    import simulator.dataset.drawers as drawing
+    import simulator.loop as drawing
 
     def careless(renderer, scene, target, *, labels):
         frame = take_frame(renderer, scene, target, labels=labels)

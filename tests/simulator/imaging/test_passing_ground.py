@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from simulator.contact_sheets.scenario_sheet import smaller
-from simulator.imaging import exposure
+from simulator.imaging import image_motion
 from simulator.imaging.exposure import drawings_of_ground, integrate
 from simulator.imaging.image_formation import expose_scene
 from simulator.imaging.image_motion import image_motion_px
@@ -92,7 +92,9 @@ def test_the_smear_is_the_mean_of_four_times_the_instants(renderer, plan, exposu
 
 def test_each_moment_of_an_exposure_is_worked_out_once(renderer, plan, monkeypatch):
     asked = []
-    monkeypatch.setattr(exposure, "scene_at", lambda scene, dt_s: asked.append(dt_s) or scene_at(scene, dt_s))
+    monkeypatch.setattr(
+        image_motion, "scene_at", lambda scene, dt_s: asked.append(dt_s) or scene_at(scene, dt_s)
+    )
     integrate(renderer, _exposed(plan, 0.1), plan.target)
     assert len(asked) == len(set(asked))
     assert len(asked) > 2
