@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 from simulator.errors import UserError, near_names
 from simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
 from simulator.runtime.prebuilt import prebuilt_bytes
-from simulator.targets.detail import DETAILS, Detail, level_name, split_level
 from simulator.targets.glb.read import load_glb, target_from
 from simulator.targets.installed import user_file, user_targets
+from simulator.targets.level_of_detail import DETAILS, Detail, level_name, split_level
 
 if TYPE_CHECKING:
     from simulator.targets.model import Target

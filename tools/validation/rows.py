@@ -63,11 +63,11 @@ def read_table(path: Path) -> FloatArray:
     UserError
         If it is not there.
     """
-    need(path)
+    require_reference(path)
     return np.genfromtxt(path, delimiter=",", skip_header=1)
 
 
-def need(path: Path) -> None:
+def require_reference(path: Path) -> None:
     """Refuse to go on without a reference output.
 
     Raises

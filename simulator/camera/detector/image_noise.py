@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 MIN_SHIFT = 4
 """Fewer steps than 16 a digital number are not fine enough: then the arithmetic is in floating point."""
-LEAST_AHEAD = 1 << 17
+MIN_THREADED_VALUES = 1 << 17
 """Values of a field that is worth a thread: waking one takes as long as to draw a smaller one."""
 _ADDITIVE_KEY, _SPECKLE_KEY = 0, 1
 _STRIP_VALUES = 1 << 17  # OpenCV shares out what has twice as many
@@ -95,7 +95,7 @@ def start_noise(
     ----------
     shape : (H, W) or (H, W, bands) of the picture.
     """
-    if sensor.detector is not None or int(np.prod(shape)) < LEAST_AHEAD:
+    if sensor.detector is not None or int(np.prod(shape)) < MIN_THREADED_VALUES:
         return lambda: draw_noise(shape, sensor, seed, frame_index)
     return _thread(os.getpid()).submit(draw_noise, shape, sensor, seed, frame_index).result
 

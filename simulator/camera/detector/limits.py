@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.camera.detector.sunlight import along, limits_nm
+from simulator.camera.detector.sunlight import limits_nm, sample_curve
 
 if TYPE_CHECKING:
     from simulator.camera.detector.optics import Optics
@@ -134,8 +134,8 @@ def response_problem(sensor: Sensor, optics: Optics, bands: int) -> str | None:
         return None
     for low, high in limits_nm(bands):
         wavelength_nm = np.arange(low, high) + 0.5
-        response = along(d.quantum_efficiency_curve, wavelength_nm, 1.0)
-        if not (response * along(optics.transmission_curve, wavelength_nm, 1.0)).any():
+        response = sample_curve(d.quantum_efficiency_curve, wavelength_nm, 1.0)
+        if not (response * sample_curve(optics.transmission_curve, wavelength_nm, 1.0)).any():
             return (
                 "sensor.detector.quantum_efficiency_curve and optics.transmission_curve leave no light between "
                 f"{low:g} and {high:g} nm, allowed: some in every band of the picture"

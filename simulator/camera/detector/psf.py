@@ -169,7 +169,7 @@ def kernel_transfer(
     return np.asarray(np.einsum("...i,ij,...j->...", wave_y, kernel, wave_x))
 
 
-def used_mtf(
+def applied_mtf(
     frequency_x: FloatArray, frequency_y: FloatArray, optics: Optics, sensor: Sensor, disc_px: float = 0.0
 ) -> FloatArray:
     """Transfer function of the blur as it is carried out; `optics_mtf` is that of the optics."""
@@ -179,7 +179,7 @@ def used_mtf(
         out = pyramid.transfer(frequency_x, frequency_y)
     elif kernel is not None:
         out = kernel_transfer(kernel, frequency_x, frequency_y)
-    sigma = _gaussian_on_top_px(optics, sensor, disc_px)
+    sigma = _residual_gaussian_px(optics, sensor, disc_px)
     if sigma > 0:
         taps = gaussian_taps(sigma)[None].astype(float)
         zero = np.zeros(np.shape(frequency_x))
@@ -187,7 +187,7 @@ def used_mtf(
     return np.asarray(np.abs(out))
 
 
-def _gaussian_on_top_px(optics: Optics, sensor: Sensor, disc_px: float) -> float:
+def _residual_gaussian_px(optics: Optics, sensor: Sensor, disc_px: float) -> float:
     """Standard deviation of the Gaussian that is not in the kernel [px]."""
     inside = optics.psf == "airy" or disc_px > 0
     return 0.0 if inside else float(np.sqrt(gaussian_variance_px2(optics, sensor)))
@@ -222,7 +222,7 @@ def blur(
     """The image through the point spread function, times ``gain`` (one a band); its border is repeated outwards."""
     pyramid = psf_pyramid(optics, sensor, disc_px)
     kernel = psf_kernel(optics, sensor, disc_px)
-    sigma = _gaussian_on_top_px(optics, sensor, disc_px)
+    sigma = _residual_gaussian_px(optics, sensor, disc_px)
     if isinstance(gain, np.ndarray):
         if pyramid is None and kernel is None and sigma > 0:
             return gaussian_blur(image, sigma, gain)

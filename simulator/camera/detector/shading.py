@@ -33,11 +33,13 @@ def vignetting(camera: Camera, optics: Optics) -> Float32Array | None:
         share *= cosine**4
     if optics.mechanical_vignetting > 0:
         shift = optics.mechanical_vignetting * np.sqrt(1 - cosine**2) / cosine
-        share *= common_area(shift, 1.0, optics.rim_radius) / common_area(np.zeros(1), 1.0, optics.rim_radius)
-    return _fine(camera, share)
+        share *= disc_overlap_area(shift, 1.0, optics.rim_radius) / disc_overlap_area(
+            np.zeros(1), 1.0, optics.rim_radius
+        )
+    return _interpolated(camera, share)
 
 
-def common_area(distance: FloatArray, a: float, b: float) -> FloatArray:
+def disc_overlap_area(distance: FloatArray, a: float, b: float) -> FloatArray:
     """Area that two discs of radii ``a`` and ``b`` share."""
     d = np.clip(distance, abs(a - b) + 1e-12, a + b - 1e-12)
     at_a = np.arccos(np.clip((d * d + a * a - b * b) / (2 * d * a), -1, 1))
@@ -68,8 +70,8 @@ def veiling_glare(
     ):
         return None
     # the square of the angle is smooth everywhere; what falls with it is not, near the Sun
-    field = _fine(camera, _square_deg2(_coarse_rays(camera), sun_direction))
-    patch = _around(camera, sun_direction)
+    field = _interpolated(camera, _square_deg2(_coarse_rays(camera), sun_direction))
+    patch = _window_around(camera, sun_direction)
     if patch is not None:
         # single precision on the grid is not enough for the smallest angles
         y, x = np.meshgrid(*(np.arange(s.start, s.stop) for s in patch), indexing="ij")
@@ -84,7 +86,7 @@ def _square_deg2(rays: FloatArray, sun_direction: FloatArray) -> FloatArray:
     return np.asarray(np.rad2deg(np.arccos(np.clip(rays @ sun_direction, -1, 1))) ** 2)
 
 
-def _around(camera: Camera, direction: FloatArray) -> tuple[slice, slice] | None:
+def _window_around(camera: Camera, direction: FloatArray) -> tuple[slice, slice] | None:
     """Rows and columns of the image near a direction; None where there are none."""
     if direction[2] <= 0:
         return None
@@ -105,7 +107,7 @@ def _coarse_rays(camera: Camera) -> FloatArray:
     return camera.rays(np.stack([x, y], axis=-1))
 
 
-def _fine(camera: Camera, coarse: FloatArray) -> Float32Array:
+def _interpolated(camera: Camera, coarse: FloatArray) -> Float32Array:
     """The grid's values at every pixel, by cubic splines."""
     down, across = _weights(coarse.shape[0], camera.height_px), _weights(coarse.shape[1], camera.width_px)
     return np.asarray(down @ (coarse.astype(np.float32) @ across.T), np.float32)

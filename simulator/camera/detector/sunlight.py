@@ -69,14 +69,16 @@ def _electrons_per_joule(
     for (low_nm, high_nm), number in zip(limits, each, strict=True):
         wavelength_nm = np.arange(low_nm, high_nm) + 0.5
         spectrum = _SPECTRUM_W_M2_NM[((wavelength_nm - _SPECTRUM_START_NM) // _SPECTRUM_STEP_NM).astype(int)]
-        response = along(efficiency_curve, wavelength_nm, number)
-        through = share * along(share_curve, wavelength_nm, 1.0)
+        response = sample_curve(efficiency_curve, wavelength_nm, number)
+        through = share * sample_curve(share_curve, wavelength_nm, 1.0)
         photons = spectrum * wavelength_nm * 1e-9 / (PLANCK_J_S * LIGHT_M_S)
         out.append(float(photons @ (response * through) / spectrum.sum()))
     return tuple(out)
 
 
-def along(curve: Sequence[tuple[float, float]], wavelength_nm: FloatArray, otherwise: float) -> FloatArray:
+def sample_curve(
+    curve: Sequence[tuple[float, float]], wavelength_nm: FloatArray, otherwise: float
+) -> FloatArray:
     """A curve at wavelengths (K,), nothing beyond its ends; ``otherwise`` where there is no curve."""
     if not curve:
         return np.full(len(wavelength_nm), otherwise)

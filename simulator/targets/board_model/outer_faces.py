@@ -100,7 +100,7 @@ def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[
         parts += added
     triangles, owner = triangles_of(parts)
     if len(triangles) > MOST_TRIANGLES:
-        return _most_telling(parts, len(levels[0]))
+        return _most_informative_parts(parts, len(levels[0]))
     if not len(triangles):
         return np.zeros((0, 3, 3)), []
     area = visible_area(triangles)
@@ -110,7 +110,7 @@ def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[
     return triangles[keep], [parts[k].material for k in owner[keep]]
 
 
-def _most_telling(parts: Sequence[Part], coarse: int) -> tuple[FloatArray, list[str]]:
+def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatArray, list[str]]:
     """The same of a craft with too many: its first ``coarse`` parts, and of the others what tells most of its attitude.
 
     A dish on a boom, horns and sensors are all that tells a round body from itself half a turn on.
@@ -126,7 +126,7 @@ def _most_telling(parts: Sequence[Part], coarse: int) -> tuple[FloatArray, list[
     surface[first] = visible_area(triangles[first]) > least
     asked = np.flatnonzero(seen & ~first)
     new = np.zeros(len(triangles))
-    new[asked] = _news(parts, triangles, owner, surface, asked, NEW * size)
+    new[asked] = _distinctiveness(parts, triangles, owner, surface, asked, NEW * size)
     side = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     shown = np.bincount(owner, 0.5 * np.linalg.norm(side, axis=1) * new, len(parts))
     number = np.bincount(owner, seen, len(parts)).astype(int)
@@ -141,7 +141,7 @@ def _most_telling(parts: Sequence[Part], coarse: int) -> tuple[FloatArray, list[
     return triangles[some], [parts[k].material for k in owner[some]]
 
 
-def _news(
+def _distinctiveness(
     parts: Sequence[Part],
     triangles_m: FloatArray,
     owner: IntArray,
@@ -174,7 +174,7 @@ def _news(
     return np.where(distance > 3.0 * within_m, ALOFT, other.astype(float))
 
 
-def paired(triangles_m: FloatArray, material: Sequence[str]) -> tuple[FloatArray, list[str]]:
+def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tuple[FloatArray, list[str]]:
     """Faces (F, 4, 3): triangles of one plane and material joined two by two where that is convex.
 
     Drawing two halves leaves a seam; a triangle left alone has its last corner twice.

@@ -15,9 +15,9 @@ from simulator.runtime.cache import cache_folder, entry_name, read_checked, stor
 from simulator.runtime.files import write_atomic
 from simulator.targets.board_model.bsp_tree import build_tree
 from simulator.targets.board_model.contours import LARGEST_RADIUS, RANGE_RADII, OccludingContours, outlines_of
-from simulator.targets.board_model.outer_faces import outer_triangles, paired
+from simulator.targets.board_model.outer_faces import merge_triangle_pairs, outer_triangles
 from simulator.targets.convert import board_model
-from simulator.targets.detail import DETAILS
+from simulator.targets.level_of_detail import DETAILS
 from simulator.targets.library import built_in_targets, cache_name, load_target
 from simulator.targets.records import BoardModelRecord, FacesRecord, OutlinesRecord
 
@@ -95,7 +95,7 @@ def cached_outlines(target: Target) -> OutlinesRecord:
 
 
 def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
-    """Outer faces of a craft, paired, and ordered by a tree; none where they are too many.
+    """Outer faces of a craft as convex quadrilaterals in the order of a BSP tree; `None` where they are too many.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
     triangles, material = outer_triangles(levels)
     if not len(triangles):
         return None
-    corners, of = paired(triangles, material)
+    corners, of = merge_triangle_pairs(triangles, material)
     area = 0.5 * np.linalg.norm(
         np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]), axis=1
     )

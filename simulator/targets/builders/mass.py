@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lump:
+class MassElement:
     """A uniform box, or a thin rod when ``tip_m`` is given.
 
     Parameters
@@ -44,7 +44,7 @@ class Lump:
         return self.mass_kg / 12 * np.diag(square.sum() - square)
 
 
-def mass_properties(lumps: Sequence[Lump]) -> MassProperties:
+def mass_properties(lumps: Sequence[MassElement]) -> MassProperties:
     """Mass, centre of mass and inertia of all lumps, by Steiner's theorem."""
     mass = sum(lump.mass_kg for lump in lumps)
     com = sum((lump.mass_kg * lump.centre() for lump in lumps), np.zeros(3)) / mass

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from simulator.runtime.arrays import Quat, Vec3
 from simulator.targets.builders.assembly import Piece, part_of
 from simulator.targets.builders.labels import named_keypoints, welded
-from simulator.targets.builders.mass import Lump, mass_properties
+from simulator.targets.builders.mass import MassElement, mass_properties
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.check_target import check_target
 from simulator.targets.convert import content_sha256
@@ -68,7 +68,7 @@ def assemble_lumped(
     keypoints: Mapping[str, Vec3],
     wireframe: Sequence[Edge],
     occluders: Sequence[Mesh],
-    lumps: Sequence[Lump],
+    lumps: Sequence[MassElement],
     frames: dict[str, tuple[Vec3, Vec3]],
     symmetry: tuple[Quat, ...] = (),
     notes: str,

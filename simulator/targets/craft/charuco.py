@@ -32,7 +32,7 @@ from simulator.targets.craft.chessboard import (
     lines_y_m,
     squares,
 )
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 from simulator.targets.model import Material, Target, TextureImage
 
 DICTIONARY = cv2.aruco.DICT_4X4_50

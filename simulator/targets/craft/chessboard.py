@@ -15,14 +15,14 @@ import numpy as np
 
 from simulator.runtime.arrays import FloatArray, Vec3
 from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import Lump
+from simulator.targets.builders.mass import MassElement
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.prism import prism, rectangle
 from simulator.targets.builders.solids import box
 from simulator.targets.craft.assemble import assemble_lumped
 from simulator.targets.craft.finishes import BARE_ALUMINIUM
 from simulator.targets.craft.wire import face_edges
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 from simulator.targets.model import Edge, Material, Target, TextureImage
 from simulator.targets.tango.labels import box_edges
 
@@ -72,7 +72,7 @@ def board(
         wireframe=_wireframe(),
         occluders=[_plate(0.0)],
         lumps=[
-            Lump(
+            MassElement(
                 name="plate",
                 mass_kg=MASS_KG,
                 centre_m=(0.0, 0.0, -PLATE_M / 2),

@@ -9,7 +9,7 @@ import numpy as np
 from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge, unit
 from simulator.targets.builders.solids import bar, cone, lathe, rod
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

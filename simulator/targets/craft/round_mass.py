@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulator.runtime.arrays import FloatArray
-from simulator.targets.builders.mass import Lump
+from simulator.targets.builders.mass import MassElement
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tube(Lump):
+class Tube(MassElement):
     """A uniform cylinder about z through ``centre_m``, hollow inside ``inner_m``.
 
     Parameters

@@ -9,7 +9,7 @@ import numpy as np
 from simulator.runtime.arrays import Vec3, vec3
 from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.labels import box_edges, moved_edges
-from simulator.targets.builders.mass import Lump
+from simulator.targets.builders.mass import MassElement
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.wing import (
     Wing,
@@ -95,12 +95,12 @@ class SideWings:
             edges += moved_edges(panel, MIRROR_X, (0, 0, 0), "nx_")
         return edges
 
-    def lumps(self, mass_kg: float) -> list[Lump]:
+    def lumps(self, mass_kg: float) -> list[MassElement]:
         """Each wing as a plate of ``mass_kg``."""
         w = self.wing
         middle = (w.tip_m + w.first_m) / 2
         return [
-            Lump(
+            MassElement(
                 name=f"wing {side}",
                 mass_kg=mass_kg,
                 centre_m=vec3(np.array([sign * middle, 0.0, self.z_m])),

@@ -11,7 +11,7 @@ from simulator.targets.builders.cells import cell_grid, clipped_rectangle
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.prism import rectangle
 from simulator.targets.builders.solids import box
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,14 +16,14 @@ import numpy as np
 
 from simulator.runtime.arrays import Vec3, vec3
 from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import Lump
+from simulator.targets.builders.mass import MassElement
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box, cone, rod, truss
 from simulator.targets.craft.assemble import assemble_lumped
 from simulator.targets.craft.hardware import socket_screws
 from simulator.targets.craft.place import both_sides
 from simulator.targets.craft.wire import axis_edge, face_edges
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 from simulator.targets.model import Edge, Target
 from simulator.targets.tango.antennas import build_antennas
 from simulator.targets.tango.body import build_body
@@ -212,23 +212,27 @@ def _occluders() -> list[Mesh]:
     return bodies
 
 
-def _lumps() -> list[Lump]:
+def _lumps() -> list[MassElement]:
     """Tango's 50 kg in the same shares as for the SPEED model (tango_mass.py), on this body."""
     x, y = 2 * BODY_X_M, 2 * BODY_Y_M
     lumps = [
-        Lump(
+        MassElement(
             name="avionics and battery", mass_kg=30.0, centre_m=(0, 0, 0.12), size_m=(x - 0.1, y - 0.1, 0.2)
         ),
-        Lump(name="bottom plate and instruments", mass_kg=5.6, centre_m=(0, 0, 0.011), size_m=(x, y, 0.022)),
-        Lump(name="side plates", mass_kg=4.8, centre_m=(0, 0, BODY_TOP_M / 2), size_m=(x, y, BODY_TOP_M)),
-        Lump(name="covers", mass_kg=2.8, centre_m=(0, 0, 0.14), size_m=(x, y, 0.25)),
-        Lump(
+        MassElement(
+            name="bottom plate and instruments", mass_kg=5.6, centre_m=(0, 0, 0.011), size_m=(x, y, 0.022)
+        ),
+        MassElement(
+            name="side plates", mass_kg=4.8, centre_m=(0, 0, BODY_TOP_M / 2), size_m=(x, y, BODY_TOP_M)
+        ),
+        MassElement(name="covers", mass_kg=2.8, centre_m=(0, 0, 0.14), size_m=(x, y, 0.25)),
+        MassElement(
             name="solar panel",
             mass_kg=4.2,
             centre_m=(0, 0, (PANEL_BOTTOM_M + PANEL_TOP_M) / 2),
             size_m=(2 * PANEL_X_M, 2 * PANEL_Y_M, 0.02),
         ),
-        Lump(
+        MassElement(
             name="bar",
             mass_kg=0.2,
             centre_m=(BAR_X_M, BAR_Y_M, BAR_LOW_M),
@@ -236,5 +240,5 @@ def _lumps() -> list[Lump]:
         ),
     ]
     for root, tip in zip(THESIS.antenna_roots, THESIS.antenna_tips, strict=True):
-        lumps.append(Lump(name="antenna", mass_kg=0.6, centre_m=vec3(np.array(root)), tip_m=tip))
+        lumps.append(MassElement(name="antenna", mass_kg=0.6, centre_m=vec3(np.array(root)), tip_m=tip))
     return lumps

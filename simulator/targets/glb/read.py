@@ -24,7 +24,7 @@ from simulator.targets.convert import (
     occluders_of,
     wireframe_of,
 )
-from simulator.targets.detail import split_level
+from simulator.targets.level_of_detail import split_level
 from simulator.targets.model import Material, Part, Target, TextureImage
 from simulator.targets.records import TargetRecord
 from simulator.targets.textures import pictures_of, texture_name

@@ -7,7 +7,7 @@ import numpy as np
 from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.mesh import merge, unit
 from simulator.targets.builders.solids import lathe
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 from simulator.targets.tango.dimensions import (
     ANTENNA_RADIUS_COLLAR_M,
     ANTENNA_RADIUS_STUB_M,

@@ -8,7 +8,7 @@ from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge, unit
 from simulator.targets.builders.prism import circle, prism
 from simulator.targets.builders.solids import bar, box, rod, truss
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 from simulator.targets.tango.dimensions import (
     ANTENNA_COLLAR_M,
     ANTENNA_RADIUS_COLLAR_M,

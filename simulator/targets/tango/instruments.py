@@ -8,7 +8,7 @@ from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.prism import circle, prism, rectangle
 from simulator.targets.builders.solids import box, cone, dome, lathe, rod
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 from simulator.targets.tango.dimensions import (
     BAR_HIGH_M,
     BAR_LOW_M,

@@ -9,7 +9,7 @@ from simulator.targets.builders.cells import cell_grid, clipped_rectangle
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import prism, rectangle
 from simulator.targets.builders.solids import box
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 from simulator.targets.tango.dimensions import FRAME_X_M, FRAME_Y_M, SPEED, STRIP_M, TangoDimensions
 
 BACK_SHEET_M = 0.0020

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.psf import gaussian_variance_px2, optics_mtf, psf_pyramid, used_mtf
+from simulator.camera.detector.psf import applied_mtf, gaussian_variance_px2, optics_mtf, psf_pyramid
 from simulator.camera.detector.sensor import Sensor
 
 SENSOR = Sensor(preset="t", blur_sigma_px=0.9, pixel_pitch_x_m=5e-6, pixel_pitch_y_m=5e-6)
@@ -21,7 +21,7 @@ def test_the_recipe_s_blur_and_the_lens_s_add_as_variances() -> None:
     kernel = ((0.0, 0.1, 0.0), (0.1, 0.6, 0.1), (0.0, 0.1, 0.0))
     assert gaussian_variance_px2(Optics(psf="kernel", kernel=kernel), SENSOR) == pytest.approx(0.81)
     wanted = np.exp(-2 * np.pi**2 * FREQUENCY**2 * (0.81 + 1.44))
-    used = used_mtf(FREQUENCY, 0 * FREQUENCY, Optics(psf="gaussian", psf_sigma_px=1.2), SENSOR)
+    used = applied_mtf(FREQUENCY, 0 * FREQUENCY, Optics(psf="gaussian", psf_sigma_px=1.2), SENSOR)
     np.testing.assert_allclose(used, wanted, atol=0.01)  # taps end at three sigma
 
 
@@ -30,5 +30,5 @@ def test_a_narrow_disc_of_defocus_is_drawn_by_the_pyramid_and_a_wide_one_is_not(
     optics = Optics(psf="airy", f_number=11.0, psf_sigma_px=0.5)
     assert psf_pyramid(optics, SENSOR, disc_px) is not None
     assert psf_pyramid(optics, SENSOR, 3.0) is None
-    used = used_mtf(FREQUENCY, 0 * FREQUENCY, optics, SENSOR, disc_px)
+    used = applied_mtf(FREQUENCY, 0 * FREQUENCY, optics, SENSOR, disc_px)
     np.testing.assert_allclose(used, optics_mtf(FREQUENCY, 0 * FREQUENCY, optics, SENSOR, disc_px), atol=0.02)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulator.camera.detector.image_noise import LEAST_AHEAD, start_noise
+from simulator.camera.detector.image_noise import MIN_THREADED_VALUES, start_noise
 from simulator.camera.detector.presets import sensor_preset
 from simulator.imaging.image_formation import digitise
 
@@ -21,7 +21,7 @@ def test_noise_drawn_ahead_changes_no_byte(shape: tuple[int, ...], preset: str, 
 
 
 def test_rows_and_frames_share_no_noise() -> None:
-    size = (512, LEAST_AHEAD // 256)
+    size = (512, MIN_THREADED_VALUES // 256)
     sensor = sensor_preset("speed")
     grey = np.full(size, 0.5, np.float32)
     first, second = (digitise(grey, sensor, 1, k).astype(float) - 127.5 for k in (0, 1))

@@ -6,7 +6,7 @@ import pytest
 
 from simulator.camera.detector import psf
 from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.psf import blur, optics_mtf, psf_kernel, psf_pyramid, used_mtf
+from simulator.camera.detector.psf import applied_mtf, blur, optics_mtf, psf_kernel, psf_pyramid
 from simulator.camera.detector.psf_pyramid import fit_pyramid
 from simulator.camera.detector.sensor import Sensor
 from simulator.camera.detector.shading import veiling_glare
@@ -73,7 +73,7 @@ def test_what_a_pyramid_does_is_what_it_says_and_near_the_optics():
     transfer = np.mean([np.abs(np.fft.rfft2(image)) for image in images], axis=0)
     f = np.fft.rfftfreq(201)
     fx, fy = np.meshgrid(f, np.fft.fftfreq(201))
-    used = used_mtf(fx, fy, optics, SQUARE)
+    used = applied_mtf(fx, fy, optics, SQUARE)
     # a point's own spread differs a little with its place on the coarser grids
     assert np.abs(transfer - used).max() < 0.01
     inner = np.hypot(fx, fy) < 0.45

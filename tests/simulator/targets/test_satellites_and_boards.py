@@ -16,9 +16,9 @@ import trimesh
 from simulator.errors import UserError
 from simulator.runtime.arrays import FloatArray
 from simulator.targets.convert import board_model
-from simulator.targets.detail import DETAILS, facets, level_name, split_level
 from simulator.targets.glb.read import load_glb
 from simulator.targets.glb.write import write_glb
+from simulator.targets.level_of_detail import DETAILS, facets, level_name, split_level
 from simulator.targets.library import ENTRIES, load_target
 from simulator.targets.model import Part, Target
 from simulator.targets.tango.build import build_tango

@@ -7,7 +7,13 @@ import pytest
 
 from simulator.camera.detector.presets import sensor_preset
 from tools.validation.camera.counts import electron_chance, reading_chance
-from tools.validation.camera.emva1288 import WAYS, evened, measure, measure_colours, photon_transfer
+from tools.validation.camera.emva1288 import (
+    READOUT_MODES,
+    measure,
+    measure_colours,
+    photon_transfer,
+    without_nonuniformity,
+)
 from tools.validation.camera.mtf import CASES, compare
 from tools.validation.camera.report import COLOUR_GOAL, GOALS, MTF_GOAL, OTHER_GOAL
 
@@ -22,12 +28,12 @@ def test_photon_transfer_gives_the_data_sheet_s_gain_and_read_noise():
         assert noise == pytest.approx(expected, rel=0.03)
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", READOUT_MODES)
 def test_electrons_per_digital_number_of_each_colour(way):
     """imx174 as a colour detector: 8.16 e/DN, over the white balance of sunlight in 100 nm bands."""
     found = measure_colours("imx174", way=way, levels=12)
     # photons of a white plate: irradiance (G173) x wavelength, 159.0 x 648.6, 184.75 x 549.7, 186.4 x 451.7
-    factors = np.array([1.0, 1.0155, 1.2248]) if way != WAYS[0] else np.ones(3)
+    factors = np.array([1.0, 1.0155, 1.2248]) if way != READOUT_MODES[0] else np.ones(3)
     assert [1 / m.given for m in found] == pytest.approx(8.16 / factors, rel=2e-3)
     for m in found:
         assert abs(m.error) <= COLOUR_GOAL, m
@@ -48,13 +54,13 @@ def test_counts_are_poisson(mean):
 @pytest.mark.parametrize("name", ["imx174", "cmv4000"])
 @pytest.mark.parametrize("share", [0.0, 1e-4, 0.01, 0.5, 0.99, 1.0, 1.2])
 def test_digital_numbers_follow_photons_well_and_read_noise(name, share):
-    sensor = evened(sensor_preset(name))
+    sensor = without_nonuniformity(sensor_preset(name))
     assert reading_chance(sensor, share * sensor.saturation_e)[2] > 1e-3
 
 
 @pytest.mark.parametrize("read_noise_e", [0.5, 1.9, 2.1])
 def test_a_detector_that_counts_electrons_shows_them_one_by_one(read_noise_e):
-    base = evened(sensor_preset("imx174"))
+    base = without_nonuniformity(sensor_preset("imx174"))
     detector = replace(base.detector, gain_e_per_dn=0.25, read_noise_e=read_noise_e, full_well_e=900.0)
     for mean_e in (0.3, 6.0, 200.0, 890.0):
         assert reading_chance(replace(base, detector=detector), mean_e)[2] > 1e-3

@@ -11,10 +11,10 @@ from simulator.scenario.recipes import plan_recipe
 from simulator.scene.environments import NOTHING
 from simulator.targets.library import load_target
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from tools.validation.bare_scene import bare_scene, square_camera
 from tools.validation.camera.calibration import LENSES, calibrate
 from tools.validation.camera.mtf import CASES, compare, drawn_edge
 from tools.validation.camera.report import MTF_GOAL
-from tools.validation.stage import square_camera, stage
 
 pytestmark = pytest.mark.gl
 
@@ -39,7 +39,7 @@ def test_a_drawn_slanted_edge_has_the_psf_s_transfer_function(renderer):
 def test_a_flat_board_sees_the_whole_sky_and_is_evenly_lit_by_it(renderer):
     board, distance_m = load_target("chessboard"), 20.0
     camera = square_camera(160, 160 * distance_m / 0.7)
-    scene = stage(board, camera, (0, 0, distance_m), (np.pi, 0, 0), sunlit=False, quality="high")
+    scene = bare_scene(board, camera, (0, 0, distance_m), (np.pi, 0, 0), sunlit=False, quality="high")
     # the camera looks up, so that the board looks down on the sunlit Earth
     R = np.diag([1.0, -1.0, -1.0]) @ matrix_from_quat(scene.q_camera_from_eci_wxyz)
     scene = replace(

@@ -69,7 +69,7 @@ def measure(name: str, *, seed: int = 5) -> list[Measured]:
     ]
 
 
-def evened(sensor: Sensor) -> Sensor:
+def without_nonuniformity(sensor: Sensor) -> Sensor:
     """The sensor with equal pixels and lines: noise of photons and of each pixel's read-out alone."""
     d = replace(
         _detector(sensor),
@@ -102,7 +102,7 @@ def photon_transfer(sensor: Sensor, seed: int) -> tuple[float, float]:
 
 COLOUR_SHAPE, COLOUR_LEVELS = (240, 320), 40
 COLOURS = ("red", "green", "blue")
-WAYS = ("raw mosaic", "three planes, white balanced", "interpolated mosaic, white balanced")
+READOUT_MODES = ("raw mosaic", "three planes, white balanced", "interpolated mosaic, white balanced")
 
 
 def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_LEVELS) -> list[Measured]:
@@ -114,10 +114,10 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
 
     Parameters
     ----------
-    way : one of ``WAYS``. levels : brightnesses of the plate.
+    way : one of ``READOUT_MODES``. levels : brightnesses of the plate.
     """
-    base = evened(sensor_preset(name))
-    raw, planes = way == WAYS[0], way == WAYS[1]
+    base = without_nonuniformity(sensor_preset(name))
+    raw, planes = way == READOUT_MODES[0], way == READOUT_MODES[1]
     detector = replace(_detector(base), colour_filter="none" if planes else "rggb", demosaic=not raw)
     sensor = replace(base, detector=detector)
     sunlight = sunlight_balance("rgb")
@@ -137,7 +137,7 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
             mean[k, c], variance[k, c] = (one.mean() + two.mean()) / 2, np.mean((one - two) ** 2) / 2
     out = []
     for c, colour in enumerate(COLOURS):
-        if way == WAYS[2]:
+        if way == READOUT_MODES[2]:
             found = float(np.polyfit(shares[:, c] * sensor.saturation_e, mean[:, c], 1)[0])
         else:
             # without the dark, whose few digital numbers a factor near one leaves as they are

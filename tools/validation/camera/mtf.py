@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.camera.detector.optics import Optics
-from simulator.camera.detector.psf import optics_mtf, used_mtf
+from simulator.camera.detector.psf import applied_mtf, optics_mtf
 from simulator.camera.detector.sensor import Sensor
 from simulator.imaging.image_formation import expose
 from simulator.targets.model import Material
-from tools.validation.stage import bare_target, flat_plate, square_camera, stage
+from tools.validation.bare_scene import bare_scene, bare_target, flat_plate, square_camera
 
 if TYPE_CHECKING:
     from simulator.render.renderer import Renderer
@@ -56,7 +56,7 @@ def drawn_edge(renderer: Renderer, quality: Quality = "high") -> FloatArray:
     # pixel (SIZE / 2, SIZE / 2) is half a pixel off the axis
     middle = 0.5 * z_m / focal_px
     turn = -np.arctan(SLANT)
-    scene = stage(
+    scene = bare_scene(
         target, square_camera(SIZE, focal_px), (middle, middle, z_m), (0.0, 0.0, turn), quality=quality
     )
     return np.asarray(renderer.render(scene, target).radiance, float)
@@ -113,6 +113,6 @@ def compare(case: str, picture: FloatArray | None = None) -> tuple[FloatArray, F
     angle = np.arctan(SLANT)
     fx, fy = FREQUENCIES * np.cos(angle), -FREQUENCIES * np.sin(angle)
     pixel = np.sinc(fx) * np.sinc(fy)
-    used = used_mtf(fx, fy, optics, sensor)
+    used = applied_mtf(fx, fy, optics, sensor)
     ideal = used if optics.psf == "kernel" else optics_mtf(fx, fy, optics, sensor)
     return found, ideal * pixel, used * pixel

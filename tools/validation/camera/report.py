@@ -23,7 +23,7 @@ from simulator.render.renderer import Renderer
 from simulator.runtime.files import write_atomic
 from tools.validation.camera.calibration import LENSES, calibrate
 from tools.validation.camera.counts import electron_chance, reading_chance
-from tools.validation.camera.emva1288 import WAYS, evened, measure, measure_colours
+from tools.validation.camera.emva1288 import READOUT_MODES, measure, measure_colours, without_nonuniformity
 from tools.validation.camera.mtf import CASES, FREQUENCIES, compare, drawn_edge
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def detector(seed: int) -> Section:
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for preset in _detectors():
-        for way in WAYS:
+        for way in READOUT_MODES:
             found = measure_colours(preset, way=way, seed=seed)
             worst = max(abs(m.error) for m in found)
             good &= worst <= COLOUR_GOAL
@@ -178,7 +178,7 @@ def photons(seed: int) -> Section:
     for mean_e in MEANS_E:
         add("electrons", mean_e, electron_chance(mean_e, seed=seed))
     for preset in _detectors():
-        sensor = evened(sensor_preset(preset))
+        sensor = without_nonuniformity(sensor_preset(preset))
         for share in SHARES:
             mean_e = float(np.round(share * sensor.saturation_e))
             add(f"{preset}, digital numbers", mean_e, reading_chance(sensor, mean_e, seed=seed))

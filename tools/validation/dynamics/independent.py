@@ -21,7 +21,7 @@ from simulator.world.orbit.moon_forces import MoonForces
 from simulator.world.orbit.propagation import propagate
 from simulator.world.orbit.spherical_harmonics import egm96
 from simulator.world.time.instant import Instant
-from tools.validation.rows import Row, arcsec, need, read_table
+from tools.validation.rows import Row, arcsec, read_table, require_reference
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -128,7 +128,7 @@ def against_skyfield(reference: Path) -> list[Row]:
 def against_astropy(reference: Path) -> Row:
     """GCRS to ITRS, polar motion and UT1 included, from the same table."""
     path = reference / "astropy.csv"
-    need(path)
+    require_reference(path)
     worst = 0.0
     with path.open(newline="") as file:
         for epoch, *values in list(csv.reader(file))[1:]:

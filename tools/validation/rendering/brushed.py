@@ -9,9 +9,9 @@ import numpy as np
 from simulator.render.irradiance import spherical_fibonacci
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.targets.model import Material
+from tools.validation.bare_scene import bare_scene, bare_target, flat_plate, square_camera
 from tools.validation.rendering.lit_ball import draw_lit_ball
 from tools.validation.rows import Row
-from tools.validation.stage import bare_target, flat_plate, square_camera, stage
 
 if TYPE_CHECKING:
     from simulator.render.renderer import Renderer
@@ -62,10 +62,10 @@ def furnace_row(renderer: Renderer) -> Row:
     target, camera = bare_target([flat_plate("p", (-1, 1), (-1, 1), 0.0)], [white]), square_camera(5, 2000.0)
     worst, count = 0.0, 300
     for rotvec in ((0.0, 0.0, 0.0), (0.7, 0.0, 0.0), (0.0, 0.7, 0.0)):
-        bare = stage(target, camera, (0, 0, 5.0), rotvec)
+        bare = bare_scene(target, camera, (0, 0, 5.0), rotvec)
         total, R = 0.0, bare.camera_from_target.R
         for sun in spherical_fibonacci(count, 0.0) * (1, 1, -1):
-            scene = stage(target, camera, (0, 0, 5.0), rotvec, sun_camera=R @ sun)
+            scene = bare_scene(target, camera, (0, 0, 5.0), rotvec, sun_camera=R @ sun)
             total += float(renderer.render(scene, target).radiance[2, 2])
         light = sun_irradiance_w_m2("mono", float(np.linalg.norm(scene.r_sun_eci_m)))[0]
         worst = max(worst, abs(total * 2 * np.pi / count / light - 1))

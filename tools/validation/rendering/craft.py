@@ -13,12 +13,12 @@ from simulator.render.view import SUN_RADIUS_M
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from simulator.targets.library import load_target
 from simulator.targets.model import Material
+from tools.validation.bare_scene import ball, bare_scene, bare_target, flat_plate, square_camera
 from tools.validation.rendering import brushed as rendering_brushed
 from tools.validation.rendering import lamp as rendering_lamp
 from tools.validation.rendering.lit_ball import draw_lit_ball
 from tools.validation.rendering.path_traced import Difference, difference, path_trace
 from tools.validation.rows import Row
-from tools.validation.stage import ball, bare_target, flat_plate, square_camera, stage
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -153,7 +153,7 @@ def penumbra_row(renderer: Renderer) -> Row:
     slope, turn = 0.5, 0.2
     camera = square_camera(size, 20_000.0)
     edge_x = -slope * height
-    scene = stage(
+    scene = bare_scene(
         target,
         camera,
         (-edge_x * np.cos(turn), -edge_x * np.sin(turn), 5.0),
@@ -188,7 +188,7 @@ def _furnace(renderer: Renderer) -> Row:
     for metallic, roughness in ((1.0, 0.1), (1.0, 0.5), (1.0, 1.0), (0.0, 0.5)):
         white = Material(name="m", base_color=(1.0, 1.0, 1.0), metallic=metallic, roughness=roughness)
         target = bare_target([ball(0.5)], [white])
-        scene = stage(target, square_camera(96, 400.0), (0, 0, 5.0), sunlit=False)
+        scene = bare_scene(target, square_camera(96, 400.0), (0, 0, 5.0), sunlit=False)
         seen = renderer.render(scene, target, labels=True, sky=uniform_light(np.array([7.0])))
         worst = max(worst, float(np.abs(seen.radiance[np.asarray(seen.coverage) > 0.999] / 7.0 - 1).max()))
     return Row(what="White furnace", against="the sky's radiance", unit="1", goal=0.01, measured=worst)
@@ -221,7 +221,7 @@ def edge_errors(renderer: Renderer, quality: Quality, angles_deg: ArrayLike = ED
     camera, errors = square_camera(128, 600.0), []
     for angle_deg in np.asarray(angles_deg, float):
         turn = np.radians(angle_deg)
-        scene = stage(target, camera, (0.0137, 0.0071, 5.0), (0, 0, turn), quality=quality)
+        scene = bare_scene(target, camera, (0.0137, 0.0071, 5.0), (0, 0, turn), quality=quality)
         cover = np.asarray(renderer.render(scene, target, labels=True).coverage, float)
         a, b = camera.project(scene.camera_from_target.apply(np.array([(0, -0.28, 0), (0, 0.28, 0)])))
         steep = abs(b[1] - a[1]) > abs(b[0] - a[0])
@@ -274,7 +274,7 @@ def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
     found: dict[Quality, list[tuple[Difference, Difference]]] = {"high": [], "default": []}
     noise = []
     for rotvec, sun, *samples in MITSUBA_VIEWS:
-        scene = stage(target, square_camera(320, 1450.0), (0, 0, 6.0), rotvec, sun_camera=sun)
+        scene = bare_scene(target, square_camera(320, 1450.0), (0, 0, 6.0), rotvec, sun_camera=sun)
         traced = path_trace(scene, target, MITSUBA_SKY_W_M2_SR, *(min(n, most_spp) for n in samples))
         for quality, differences in found.items():
             seen = renderer.render(

@@ -9,8 +9,8 @@ import numpy as np
 
 from simulator.scene.illumination.lamp import Lamp, Profile
 from simulator.targets.model import Material
+from tools.validation.bare_scene import bare_scene, bare_target, flat_plate, square_camera
 from tools.validation.rows import Row
-from tools.validation.stage import bare_target, flat_plate, square_camera, stage
 
 if TYPE_CHECKING:
     from simulator.render.renderer import Renderer
@@ -28,7 +28,7 @@ def rows(renderer: Renderer) -> list[Row]:
         images = []
         for material in (matt, black):
             target = bare_target([plate], [material])
-            scene = stage(target, camera, (0, 0, 4.0), (0.3, 0.4, 0.0), sunlit=False)
+            scene = bare_scene(target, camera, (0, 0, 4.0), (0.3, 0.4, 0.0), sunlit=False)
             images.append(np.asarray(renderer.render(replace(scene, lamp=lamp), target).radiance, float))
         n = scene.camera_from_target.R @ np.array([0, 0, -1.0])
         y, x = np.mgrid[: camera.height_px, : camera.width_px]

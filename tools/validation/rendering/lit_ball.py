@@ -10,7 +10,7 @@ import numpy as np
 from simulator.render.irradiance import spherical_fibonacci
 from simulator.render.view import SUN_RADIUS_M
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M, sun_irradiance_w_m2
-from tools.validation.stage import ball, bare_target, square_camera, stage
+from tools.validation.bare_scene import ball, bare_scene, bare_target, square_camera
 
 if TYPE_CHECKING:
     from simulator.render.renderer import Renderer
@@ -46,7 +46,7 @@ def draw_lit_ball(
 ) -> LitBall:
     """A ball of one material, ``size_px`` a side of the picture."""
     target, camera = bare_target([ball(_RADIUS_M)], [material]), square_camera(size_px, 3.75 * size_px)
-    scene = stage(target, camera, (0, 0, _RANGE_M), sun_camera=(0.5, -0.3, -0.8), quality=quality)
+    scene = bare_scene(target, camera, (0, 0, _RANGE_M), sun_camera=(0.5, -0.3, -0.8), quality=quality)
     seen = renderer.render(scene, target, labels=True)
     y, x = np.nonzero(np.asarray(seen.coverage) > 0.999)
     rays = np.stack(

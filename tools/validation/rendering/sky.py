@@ -22,8 +22,8 @@ from simulator.targets.library import load_target
 from simulator.world.constants import AU_M, EARTH_RADIUS_M, FLATTENING, SUN_RADIUS_M
 from simulator.world.ephemeris.eclipse import sun_visible_fraction
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
+from tools.validation.bare_scene import square_camera
 from tools.validation.rows import Row
-from tools.validation.stage import square_camera
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera

@@ -27,7 +27,7 @@ from simulator.targets.craft.change6.labels import (
 )
 from simulator.targets.craft.change6.wings import build_wings
 from simulator.targets.craft.finishes import FINISHES
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 from simulator.targets.model import Target
 
 NOTES = (

@@ -26,7 +26,7 @@ from simulator.targets.craft.change6.dimensions import (
 )
 from simulator.targets.craft.hardware import bolts, nozzle, sphere, thruster, tube
 from simulator.targets.craft.place import turn_z
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 
 
 def build_body(detail: Detail) -> list[Piece]:

@@ -18,7 +18,7 @@ from simulator.targets.craft.change6.dimensions import (
 )
 from simulator.targets.craft.hardware import cup, star_tracker, tube
 from simulator.targets.craft.place import both_sides, turn_z
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 
 
 def build_deck(detail: Detail) -> list[Piece]:

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from simulator.runtime.arrays import Vec3, vec3
-from simulator.targets.builders.mass import Lump
+from simulator.targets.builders.mass import MassElement
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.builders.prism import prism
 from simulator.targets.builders.solids import cone
@@ -90,10 +90,10 @@ def build_occluders() -> list[Mesh]:
     ]
 
 
-def build_lumps() -> list[Lump]:
+def build_lumps() -> list[MassElement]:
     """750 kg: propellant 460 and tanks 40 in four places, body 170, deck and docking 35, engine 20, wings 25."""
     lumps = [
-        Lump(
+        MassElement(
             name="tank",
             mass_kg=125.0,
             centre_m=(sx * TANK_XY_M, sy * TANK_XY_M, TANK_Z_M),
@@ -103,12 +103,16 @@ def build_lumps() -> list[Lump]:
         for sx, sy in itertools.product((-1, 1), repeat=2)
     ]
     lumps += [
-        Lump(name="body", mass_kg=170.0, centre_m=(0, 0, 0.55), size_m=(1.4, 1.4, 0.95)),
-        Lump(name="deck and docking", mass_kg=35.0, centre_m=(0, 0, BODY_TOP_M), size_m=(1.2, 1.2, 0.2)),
-        Lump(name="engine", mass_kg=20.0, centre_m=(0, 0, -0.2), size_m=(0.3, 0.3, 0.5)),
+        MassElement(name="body", mass_kg=170.0, centre_m=(0, 0, 0.55), size_m=(1.4, 1.4, 0.95)),
+        MassElement(
+            name="deck and docking", mass_kg=35.0, centre_m=(0, 0, BODY_TOP_M), size_m=(1.2, 1.2, 0.2)
+        ),
+        MassElement(name="engine", mass_kg=20.0, centre_m=(0, 0, -0.2), size_m=(0.3, 0.3, 0.5)),
     ]
     lumps += [
-        Lump(name="wing", mass_kg=12.5, centre_m=(0, s * WING_Y_M, WING_Z_M), size_m=(1.24, 1.24, 0.02))
+        MassElement(
+            name="wing", mass_kg=12.5, centre_m=(0, s * WING_Y_M, WING_Z_M), size_m=(1.24, 1.24, 0.02)
+        )
         for s in (-1, 1)
     ]
     return lumps

@@ -23,7 +23,7 @@ from simulator.targets.craft.change6.dimensions import (
     wing_outline,
 )
 from simulator.targets.craft.place import both_sides
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 
 
 def build_wings(detail: Detail) -> list[Piece]:

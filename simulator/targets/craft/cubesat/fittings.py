@@ -11,7 +11,7 @@ from simulator.targets.craft.finishes import FINISHES
 from simulator.targets.craft.hardware import cup, tape, tube
 from simulator.targets.craft.place import placed_pieces
 from simulator.targets.craft.solar import CellField, busbars, cells
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 from simulator.targets.model import Material
 
 CELL_X_M, CELL_Y_M = 0.040, 0.080

@@ -13,7 +13,7 @@ import itertools
 import numpy as np
 
 from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import Lump
+from simulator.targets.builders.mass import MassElement
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import rectangle
 from simulator.targets.builders.solids import box, cone
@@ -38,7 +38,7 @@ from simulator.targets.craft.cubesat.structure import (
 from simulator.targets.craft.cubesat.wings import Wings
 from simulator.targets.craft.hardware import star_tracker, thruster
 from simulator.targets.craft.wire import prism_edges, rim_point, ring_edges
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 from simulator.targets.model import Edge, Target
 
 WINGS = Wings(
@@ -172,13 +172,13 @@ def _wireframe() -> list[Edge]:
     return edges + [e for e in array if "_low_" not in e.name]
 
 
-def _lumps() -> list[Lump]:
+def _lumps() -> list[MassElement]:
     """10.0 kg: structure 1.6, avionics and battery 3.4, camera 1.9, cold gas 1.6, wings 1.1, faces 0.4."""
     return [
-        Lump(name="structure", mass_kg=1.6, centre_m=(0, 0, 0), size_m=(0.226, 0.1, 0.366)),
-        Lump(name="avionics", mass_kg=3.4, centre_m=(0.0, 0, 0.01), size_m=(0.2, 0.09, 0.2)),
-        Lump(name="camera", mass_kg=1.9, centre_m=(CAMERA_X_M, 0, -0.1), size_m=(0.09, 0.09, 0.15)),
-        Lump(name="cold gas", mass_kg=1.6, centre_m=(0.060, 0, 0.13), size_m=(0.09, 0.09, 0.09)),
-        Lump(name="face cells", mass_kg=0.4, centre_m=(0, 0.01, 0), size_m=(0.22, 0.098, 0.34)),
+        MassElement(name="structure", mass_kg=1.6, centre_m=(0, 0, 0), size_m=(0.226, 0.1, 0.366)),
+        MassElement(name="avionics", mass_kg=3.4, centre_m=(0.0, 0, 0.01), size_m=(0.2, 0.09, 0.2)),
+        MassElement(name="camera", mass_kg=1.9, centre_m=(CAMERA_X_M, 0, -0.1), size_m=(0.09, 0.09, 0.15)),
+        MassElement(name="cold gas", mass_kg=1.6, centre_m=(0.060, 0, 0.13), size_m=(0.09, 0.09, 0.09)),
+        MassElement(name="face cells", mass_kg=0.4, centre_m=(0, 0.01, 0), size_m=(0.22, 0.098, 0.34)),
         *WINGS.lumps(0.55),
     ]

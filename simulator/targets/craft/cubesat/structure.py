@@ -19,7 +19,7 @@ from simulator.targets.builders.assembly import Piece
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box
 from simulator.targets.craft.hardware import socket_screws
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 from simulator.targets.model import Edge
 from simulator.targets.tango.labels import box_edges
 

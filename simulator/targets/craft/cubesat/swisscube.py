@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from simulator.runtime.arrays import Vec3
 from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import Lump
+from simulator.targets.builders.mass import MassElement
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box, rod
 from simulator.targets.craft.assemble import assemble_lumped
@@ -35,7 +35,7 @@ from simulator.targets.craft.cubesat.structure import (
 )
 from simulator.targets.craft.hardware import socket_screws
 from simulator.targets.craft.wire import axis_edge
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 from simulator.targets.model import Target
 
 UHF_M, VHF_M = 0.180, 0.610
@@ -153,13 +153,15 @@ def _antenna_bodies() -> list[Mesh]:
     ]
 
 
-def _lumps() -> list[Lump]:
+def _lumps() -> list[MassElement]:
     """0.82 kg: frame 0.24, boards and battery 0.36, faces with cells 0.13, antenna board and payload 0.09."""
     return [
-        Lump(name="frame", mass_kg=0.24, centre_m=(0, 0, 0), size_m=(0.1, 0.1, 0.1135)),
-        Lump(name="boards and battery", mass_kg=0.362, centre_m=(0, 0, 0.004), size_m=(0.085, 0.085, 0.07)),
-        Lump(name="faces", mass_kg=0.13, centre_m=(0, 0, 0.003), size_m=(0.098, 0.098, 0.1)),
-        Lump(name="antenna board", mass_kg=0.08, centre_m=(0, 0, -0.045), size_m=(0.08, 0.08, 0.02)),
-        Lump(name="UHF tape", mass_kg=0.002, centre_m=(ROOT_M, 0.030, ANTENNA_Z_M), tip_m=UHF_TIP),
-        Lump(name="VHF tape", mass_kg=0.006, centre_m=(-0.030, ROOT_M, ANTENNA_Z_M), tip_m=VHF_TIP),
+        MassElement(name="frame", mass_kg=0.24, centre_m=(0, 0, 0), size_m=(0.1, 0.1, 0.1135)),
+        MassElement(
+            name="boards and battery", mass_kg=0.362, centre_m=(0, 0, 0.004), size_m=(0.085, 0.085, 0.07)
+        ),
+        MassElement(name="faces", mass_kg=0.13, centre_m=(0, 0, 0.003), size_m=(0.098, 0.098, 0.1)),
+        MassElement(name="antenna board", mass_kg=0.08, centre_m=(0, 0, -0.045), size_m=(0.08, 0.08, 0.02)),
+        MassElement(name="UHF tape", mass_kg=0.002, centre_m=(ROOT_M, 0.030, ANTENNA_Z_M), tip_m=UHF_TIP),
+        MassElement(name="VHF tape", mass_kg=0.006, centre_m=(-0.030, ROOT_M, ANTENNA_Z_M), tip_m=VHF_TIP),
     ]

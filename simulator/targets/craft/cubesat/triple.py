@@ -12,7 +12,7 @@ import numpy as np
 
 from simulator.runtime.arrays import Vec3
 from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import Lump
+from simulator.targets.builders.mass import MassElement
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.prism import circle, rectangle
 from simulator.targets.builders.prism import prism as plate
@@ -39,7 +39,7 @@ from simulator.targets.craft.cubesat.structure import (
 from simulator.targets.craft.cubesat.wings import Wings
 from simulator.targets.craft.hardware import star_tracker
 from simulator.targets.craft.wire import axis_edge, rim_point, ring_edges
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 from simulator.targets.model import Edge, Target
 
 WINGS = Wings(
@@ -176,13 +176,13 @@ def _wireframe() -> list[Edge]:
     return edges
 
 
-def _lumps() -> list[Lump]:
+def _lumps() -> list[MassElement]:
     """4.0 kg: structure 0.75, avionics and battery 1.35, telescope 1.15, wings 0.5, rest 0.25."""
     return [
-        Lump(name="structure", mass_kg=0.75, centre_m=(0, 0, 0), size_m=(0.1, 0.1, 0.3405)),
-        Lump(name="avionics", mass_kg=1.35, centre_m=(0, 0, 0.085), size_m=(0.09, 0.09, 0.15)),
-        Lump(name="telescope", mass_kg=1.15, centre_m=(0, 0, -0.085), size_m=(0.09, 0.09, 0.15)),
-        Lump(name="face cells", mass_kg=0.22, centre_m=(0, 0.01, 0), size_m=(0.098, 0.098, 0.32)),
+        MassElement(name="structure", mass_kg=0.75, centre_m=(0, 0, 0), size_m=(0.1, 0.1, 0.3405)),
+        MassElement(name="avionics", mass_kg=1.35, centre_m=(0, 0, 0.085), size_m=(0.09, 0.09, 0.15)),
+        MassElement(name="telescope", mass_kg=1.15, centre_m=(0, 0, -0.085), size_m=(0.09, 0.09, 0.15)),
+        MassElement(name="face cells", mass_kg=0.22, centre_m=(0, 0.01, 0), size_m=(0.098, 0.098, 0.32)),
         *WINGS.lumps(0.25),
-        Lump(name="antennas", mass_kg=0.03, centre_m=(0, 0, END_M), size_m=(0.2, 0.2, 0.01)),
+        MassElement(name="antennas", mass_kg=0.03, centre_m=(0, 0, END_M), size_m=(0.2, 0.2, 0.01)),
     ]

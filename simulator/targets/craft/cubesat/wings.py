@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 from simulator.runtime.arrays import Vec3
 from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import Lump
+from simulator.targets.builders.mass import MassElement
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.builders.prism import rectangle
 from simulator.targets.builders.solids import box
 from simulator.targets.craft.cubesat.fittings import WING_M, wing, wing_width_m
 from simulator.targets.craft.place import placed_pieces
 from simulator.targets.craft.wire import prism_edges
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 from simulator.targets.model import Edge
 
 
@@ -81,12 +81,12 @@ class Wings:
             edges += prism_edges(name, outline, WING_M, origin_m=(0, lo[1], 0), u=(1, 0, 0), v=(0, 0, -1))
         return edges
 
-    def lumps(self, mass_kg: float) -> list[Lump]:
+    def lumps(self, mass_kg: float) -> list[MassElement]:
         """Both wings, of ``mass_kg`` each."""
         span = self.reach_m - self.root_x_m
         size = (span, WING_M, self.size_m[1])
         return [
-            Lump(
+            MassElement(
                 name=f"wing {s}x",
                 mass_kg=mass_kg,
                 centre_m=(sx * (self.root_x_m + span / 2), self.y_m, 0),

@@ -16,7 +16,7 @@ from simulator.targets.craft.dragon.cargo_labels import (
 from simulator.targets.craft.dragon.cargo_shape import BAY_AZIMUTH_DEG, BAY_Z_M, PORT_M, SIDEWALL, WINGS
 from simulator.targets.craft.finishes import FINISHES
 from simulator.targets.craft.level import Level
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 from simulator.targets.model import Target
 
 NOTES = (

@@ -16,7 +16,7 @@ from simulator.targets.craft.dragon.crew_shape import PORT_M, TRUNK_LOW_M
 from simulator.targets.craft.dragon.crew_trunk import build_trunk
 from simulator.targets.craft.finishes import FINISHES
 from simulator.targets.craft.level import Level
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 from simulator.targets.model import Target
 
 NOTES = (

@@ -15,7 +15,7 @@ from simulator.targets.builders.labels import (
     turn_z,
     welded,
 )
-from simulator.targets.builders.mass import Lump, mass_properties
+from simulator.targets.builders.mass import MassElement, mass_properties
 from simulator.targets.builders.mesh import merge
 from simulator.targets.builders.solids import box
 from simulator.targets.craft.dragon.crew_nose import nose_cone
@@ -127,7 +127,7 @@ def build_mass() -> MassProperties:
         Tube(name="pressure vessel, crew, cargo", mass_kg=5600.0, centre_m=(0.05, 0, 1.45), radius_m=1.45,
              length_m=2.2),
         Tube(name="forward structure and port", mass_kg=900.0, centre_m=(0, 0, 3.35), radius_m=0.95, length_m=1.0),
-        Lump(name="nose cone", mass_kg=250.0, centre_m=vec3(nose), size_m=(1.0, 2.2, 2.2)),
+        MassElement(name="nose cone", mass_kg=250.0, centre_m=vec3(nose), size_m=(1.0, 2.2, 2.2)),
         Tube(name="trunk", mass_kg=1550.0, centre_m=(0, 0, -1.84), radius_m=1.85, length_m=3.62, inner_m=1.75),
         Tube(name="fins", mass_kg=200.0, centre_m=(0, 0, -3.0), radius_m=2.2, length_m=1.4, inner_m=1.85),
     )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simulator.runtime.arrays import Vec3
-from simulator.targets.builders.mass import Lump
+from simulator.targets.builders.mass import MassElement
 from simulator.targets.builders.mesh import Mesh
 from simulator.targets.builders.prism import rectangle
 from simulator.targets.builders.solids import box, cone
@@ -49,7 +49,7 @@ from simulator.targets.craft.envisat.wings import build_array, build_asar
 from simulator.targets.craft.finishes import FINISHES
 from simulator.targets.craft.place import placed, placed_point
 from simulator.targets.craft.wire import axis_edge, prism_edges, rim_point, ring_edges
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 from simulator.targets.model import Edge, Material, Target
 from simulator.targets.tango.labels import CORNERS, box_edges
 
@@ -161,7 +161,7 @@ def _occluders() -> list[Mesh]:
     ]
 
 
-def _lumps() -> list[Lump]:
+def _lumps() -> list[MassElement]:
     """7,828 kg, split so that centre of mass and inertia come near the published ones.
 
     ESA's debris-removal studies (e.Deorbit) quote for the dead craft x = -3.9 m of the centre of mass, and 17,000,
@@ -170,15 +170,15 @@ def _lumps() -> list[Lump]:
     y, z = 2 * BUS_HALF_Y_M, 2 * BUS_HALF_Z_M
     wing = 2 * ARRAY_HALF_Y_M
     return [
-        Lump(name="service module", mass_kg=2700.0, centre_m=(-1.35, 0, 0), size_m=(2.5, y, z)),
-        Lump(name="payload module", mass_kg=2700.0, centre_m=(-5.4, 0, 0), size_m=(5.4, y, z)),
-        Lump(name="end instruments", mass_kg=800.0, centre_m=(-9.3, 0, -0.25), size_m=(1.3, 3.4, 1.9)),
-        Lump(
+        MassElement(name="service module", mass_kg=2700.0, centre_m=(-1.35, 0, 0), size_m=(2.5, y, z)),
+        MassElement(name="payload module", mass_kg=2700.0, centre_m=(-5.4, 0, 0), size_m=(5.4, y, z)),
+        MassElement(name="end instruments", mass_kg=800.0, centre_m=(-9.3, 0, -0.25), size_m=(1.3, 3.4, 1.9)),
+        MassElement(
             name="Earth side instruments", mass_kg=480.0, centre_m=(-7.6, -0.2, 1.0), size_m=(3.8, 2.0, 0.5)
         ),
-        Lump(name="ASAR antenna", mass_kg=780.0, centre_m=ASAR_CENTRE, size_m=(1.3, 10.0, 0.2)),
-        Lump(name="solar array", mass_kg=338.0, centre_m=(8.6, 0, 0), size_m=(14.8, wing, 0.05)),
-        Lump(
+        MassElement(name="ASAR antenna", mass_kg=780.0, centre_m=ASAR_CENTRE, size_m=(1.3, 10.0, 0.2)),
+        MassElement(name="solar array", mass_kg=338.0, centre_m=(8.6, 0, 0), size_m=(14.8, wing, 0.05)),
+        MassElement(
             name="Ka-band antenna", mass_kg=30.0, centre_m=(KA_MAST_X_M, 0.75, -2.0), size_m=(0.8, 0.8, 0.8)
         ),
     ]

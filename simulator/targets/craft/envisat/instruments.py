@@ -20,7 +20,7 @@ from simulator.targets.craft.envisat.dimensions import (
     SKIN_M,
 )
 from simulator.targets.craft.hardware import cup, star_tracker
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 
 EARTH_M = BUS_HALF_Z_M - SKIN_M
 """z of the payload module's Earth face; the zenith face is opposite."""

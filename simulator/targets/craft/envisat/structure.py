@@ -18,7 +18,7 @@ from simulator.targets.craft.envisat.dimensions import (
 )
 from simulator.targets.craft.hardware import bolts, thruster, tube
 from simulator.targets.craft.place import both_sides
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 
 BAY_M = 1.85
 """The payload module is four bays long: a panel each side."""

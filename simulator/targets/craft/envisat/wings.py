@@ -29,7 +29,7 @@ from simulator.targets.craft.envisat.dimensions import (
 )
 from simulator.targets.craft.place import placed_pieces
 from simulator.targets.craft.solar import CellField, panel
-from simulator.targets.detail import Detail, facets
+from simulator.targets.level_of_detail import Detail, facets
 
 FIELDS: dict[Detail, CellField] = {
     "full": CellField(columns=9, rows=40, pitch_x_m=0.104, pitch_y_m=0.1225, gap_m=0.004, height_m=0.002),

@@ -9,7 +9,7 @@ from simulator.targets.craft.soyuz.fittings import build_fittings
 from simulator.targets.craft.soyuz.labels import build_keypoints, build_mass, build_occluders, build_wireframe
 from simulator.targets.craft.soyuz.modules import build_modules
 from simulator.targets.craft.soyuz.shape import COLLAR_M, SKIRT_LOW_M
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 from simulator.targets.model import Target
 
 NOTES = (

@@ -14,7 +14,7 @@ from simulator.targets.craft.tianzhou.labels import (
 )
 from simulator.targets.craft.tianzhou.modules import build_modules
 from simulator.targets.craft.tianzhou.shape import DRIVE_LOW_M, PORT_M
-from simulator.targets.detail import Detail
+from simulator.targets.level_of_detail import Detail
 from simulator.targets.model import Target
 
 NOTES = (

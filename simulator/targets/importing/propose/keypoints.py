@@ -12,7 +12,12 @@ from simulator.runtime.arrays import FloatArray, IntArray, vec3
 from simulator.targets.builders.mesh import across
 from simulator.targets.importing.propose.wireframe import crease_edges
 from simulator.targets.importing.repair.decimate import decimate
-from simulator.targets.importing.repair.topology import MeshBody, apart, edge_table, used_vertices
+from simulator.targets.importing.repair.topology import (
+    MeshBody,
+    edge_table,
+    used_vertices,
+    with_separate_components,
+)
 from simulator.targets.model import Keypoint
 
 WANTED = 16
@@ -62,7 +67,7 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
 
 
 def _candidates(bodies: list[MeshBody]) -> tuple[FloatArray, np.ndarray]:
-    pieces = [apart(b) for b in bodies]
+    pieces = [with_separate_components(b) for b in bodies]
     corners = [b.positions_m[_corner_vertices(b)] for b in pieces]
     used = [b.positions_m[used_vertices(b.triangles, len(b.positions_m))] for b in bodies]
     hulls = [_tips(points) for points in used]

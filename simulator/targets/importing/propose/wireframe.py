@@ -13,7 +13,12 @@ import numpy as np
 from simulator.runtime.arrays import BoolArray, FloatArray, IntArray, Vec3, vec3
 from simulator.targets.importing.propose.edge_contrast import contrast_of
 from simulator.targets.importing.propose.rods import along_rods, rods_of
-from simulator.targets.importing.repair.topology import EdgeTable, MeshBody, apart, edge_table
+from simulator.targets.importing.repair.topology import (
+    EdgeTable,
+    MeshBody,
+    edge_table,
+    with_separate_components,
+)
 from simulator.targets.model import Edge
 
 if TYPE_CHECKING:
@@ -57,7 +62,7 @@ def propose_wireframe(
     What counts is length times contrast times how often an edge is in view; slender round pieces become rods.
     """
     rods = [r for b in bodies for r in rods_of(b, extent)]
-    stretches = [s for b in bodies for s in _stretches(apart(b), extent)]
+    stretches = [s for b in bodies for s in _stretches(with_separate_components(b), extent)]
     stretches = [s for s in stretches if np.linalg.norm(s.b - s.a) >= SHORTEST * extent]
     if stretches:
         covered = along_rods(rods, np.array([s.a for s in stretches]), np.array([s.b for s in stretches]))

@@ -16,7 +16,7 @@ STRAIGHT = 0.8
 """Share of the faces' grain that must lie along one direction for that to be all of it."""
 
 
-def strength_and_turn(material: dict[str, Any], extension: str) -> tuple[float, float]:
+def anisotropy_of(material: dict[str, Any], extension: str) -> tuple[float, float]:
     """Strength 0..1 of a glTF material's anisotropy, and the angle [rad] from the tangent to its wide direction."""
     found = material.get("extensions", {}).get(extension, {})
     strength = float(np.clip(found.get("anisotropyStrength", 0.0), 0, 1))

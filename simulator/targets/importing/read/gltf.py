@@ -20,7 +20,7 @@ from simulator.targets.glb.read import (
     parse_json,
     read_chunks,
 )
-from simulator.targets.importing.read.brushed import common_grain, corners_of, face_grain, strength_and_turn
+from simulator.targets.importing.read.brushed import anisotropy_of, common_grain, corners_of, face_grain
 from simulator.targets.importing.read.draco import DRACO, unpack_draco
 from simulator.targets.importing.read.gltf_accessors import read_accessor
 from simulator.targets.importing.read.gltf_nodes import (
@@ -201,7 +201,7 @@ class _Reader:
         if "material" not in primitive:
             return
         number = int(primitive["material"])
-        strength, turn = strength_and_turn(self.document["materials"][number], ANISOTROPY)
+        strength, turn = anisotropy_of(self.document["materials"][number], ANISOTROPY)
         if strength == 0:
             return
         tangents = None
@@ -305,7 +305,7 @@ class _Reader:
             clearcoat_roughness=float(
                 np.clip(coat.get("clearcoatRoughnessFactor", Material.clearcoat_roughness), 0, 1)
             ),
-            anisotropy=strength_and_turn(m, ANISOTROPY)[0],
+            anisotropy=anisotropy_of(m, ANISOTROPY)[0],
             base_color_texture=self._picture(diffuse),
             metallic_roughness_texture=self._picture(pbr.get("metallicRoughnessTexture")),
             normal_texture=self._picture(m.get("normalTexture")),

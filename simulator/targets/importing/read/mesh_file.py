@@ -49,7 +49,7 @@ def read_mesh(path: Path) -> RawModel:
         raise UserError(f"cannot read {path}: {error.strerror}; check the path") from error
     if not data.strip():
         raise UserError(f"{path} is empty; export the model again")
-    found = kind_of(data)
+    found = detected_format(data)
     if found != kind:
         what = f"a .{found} file" if found in ENDINGS else found or "no mesh that is known"
         hint = (
@@ -70,7 +70,7 @@ def read_mesh(path: Path) -> RawModel:
     return model
 
 
-def kind_of(data: bytes) -> str:
+def detected_format(data: bytes) -> str:
     """The ending that a file's content deserves, or a few words on what it is, or nothing."""
     if data[:4] == b"glTF":
         return "glb"

@@ -133,7 +133,7 @@ def face_bodies(triangles: IntArray, table: EdgeTable) -> tuple[int, IntArray]:
     return components(table.pairs // 3, len(triangles))
 
 
-def apart(body: MeshBody) -> MeshBody:
+def with_separate_components(body: MeshBody) -> MeshBody:
     """The body with its connected pieces on vertices of their own, so that pieces that touch keep all their edges."""
     _, piece = face_bodies(body.triangles, edge_table(body.triangles))
     count = len(body.positions_m)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.targets.model import Material
-from tools.validation.stage import bare_target, flat_plate, square_camera, stage
+from tools.validation.bare_scene import bare_scene, bare_target, flat_plate, square_camera
 
 pytestmark = pytest.mark.gl
 
@@ -27,7 +27,7 @@ def _panel():
 @pytest.mark.parametrize("turn", [0.1, 0.35, 0.7])
 def test_gaps_between_cells_have_their_area(renderer, turn):
     target, camera = _panel(), square_camera(SIZE_PX, FOCAL_PX)
-    scene = stage(target, camera, (0.0031, 0.0017, RANGE_M), (0, 0, turn), quality="high")
+    scene = bare_scene(target, camera, (0.0031, 0.0017, RANGE_M), (0, 0, turn), quality="high")
     image = renderer.render(scene, target).radiance.astype(float)
     # share of each pixel that is gap, by 32 x 32 points
     at = (np.arange(SIZE_PX * 32) + 0.5) / 32 - 0.5
@@ -61,7 +61,7 @@ def test_pixels_of_the_preset_high_are_the_mean_of_what_they_hold(renderer, pain
     target = bare_target(parts, paints)
     pictures = []
     for fold in (1, 4):
-        scene = stage(
+        scene = bare_scene(
             target,
             square_camera(64 * fold, FOCAL_PX * fold),
             (0.0031, 0.0017, RANGE_M),

@@ -10,7 +10,7 @@ from simulator.render.bake.mesh_edges import find_edges
 from simulator.render.projection import PixelRect
 from simulator.render.target.visible_edges import EdgeView, SeenEdges
 from tests.harness.boxes import closed_box
-from tools.validation.stage import square_camera
+from tools.validation.bare_scene import square_camera
 
 GAP_M, THICK_M = 2e-3, 2.3e-3
 

@@ -28,7 +28,7 @@ from simulator.runtime.arrays import FloatArray
 from simulator.targets.board_model.contours import outlines_of
 from simulator.targets.board_model.write import packed, write_board_model
 from simulator.targets.builders.assembly import Piece
-from simulator.targets.builders.mass import Lump
+from simulator.targets.builders.mass import MassElement
 from simulator.targets.builders.mesh import Mesh, merge
 from simulator.targets.builders.solids import box, lathe
 from simulator.targets.craft.assemble import assemble_lumped
@@ -41,7 +41,7 @@ def body(mesh: Mesh) -> Target:
     return assemble_lumped(
         "body", "body", pieces=[Piece("body", "white-paint", mesh)], materials=[WHITE_PAINT],
         keypoints={}, wireframe=[], occluders=[mesh], frames={}, notes="",
-        lumps=[Lump(name="b", mass_kg=1.0, centre_m=(0, 0, 0), size_m=(1, 1, 1))],
+        lumps=[MassElement(name="b", mass_kg=1.0, centre_m=(0, 0, 0), size_m=(1, 1, 1))],
     )  # fmt: skip
 
 

@@ -78,7 +78,7 @@ def square_camera(size_px: int, focal_px: float) -> Camera:
     )
 
 
-def stage(
+def bare_scene(
     target: Target,
     camera: Camera,
     t_m: ArrayLike,
