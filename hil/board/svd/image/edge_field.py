@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.images.area_average import area_average, readable
+from hil.board.svd.native.images.image_functions import area_average, readable
 
 Array = np.ndarray
 

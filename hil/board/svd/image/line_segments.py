@@ -7,7 +7,7 @@ import numpy as np
 
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.images.line_segments import detect_segments
+from hil.board.svd.native.images.image_functions import detect_segments
 
 Array = np.ndarray
 

@@ -7,8 +7,7 @@ from typing import Tuple
 import numpy as np
 
 from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.images.area_average import readable
-from hil.board.svd.native.images.noise import noise_medians
+from hil.board.svd.native.images.image_functions import noise_medians, readable
 
 Array = np.ndarray
 

@@ -74,7 +74,7 @@ class Sunlight:
 
     @cached_property
     def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
-        """The picture as the kernels take it, and what keeps its arrays alive."""
+        """The picture as C takes it, and what keeps its arrays alive."""
         return native.packed_sun(
             np.vstack([self.axes, self.direction]), self.origin, self.pitch_m, self.height, self.seen
         )
@@ -227,7 +227,7 @@ class SunTable:
 
     @cached_property
     def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
-        """The table as the kernels take it, and what keeps its arrays alive."""
+        """The table as C takes it, and what keeps its arrays alive."""
         return native.packed_table(self.frames, self.origin, self.pitch_m, self.height)
 
     def sunlight(self, faces: Faces, k: int, n: int) -> Sunlight:

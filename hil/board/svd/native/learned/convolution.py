@@ -18,7 +18,7 @@ CHANNELS, LARGEST, MOST = 16, 4095, 2.0e9
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """Convolutions one after another in whole numbers, as the kernels take them.
+    """Convolutions one after another in whole numbers, as C takes them.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Optional, Sequence
 import numpy as np
 
 from hil.board.svd.native.arrays import checked_pointer, contiguous
-from hil.board.svd.native.images.area_average import region
+from hil.board.svd.native.images.image_functions import region
 
 if TYPE_CHECKING:
     from hil.board.svd.geometry.camera import CameraIntrinsics

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# Widest blur that a kernel takes [px].
+# Widest blur that C takes [px].
 WIDEST = 64
 
 # What is narrower is no blur [px].
@@ -42,7 +42,7 @@ class _Response(ctypes.Structure):
 
 @dataclass(frozen=True, eq=False)
 class NativeStruct:
-    """A structure of a kernel, by reference, and the arrays that it names."""
+    """A C structure by reference, and the arrays that it points to, kept alive."""
 
     at: Any
     arrays: Tuple[Array, ...]

@@ -21,7 +21,7 @@ Array = np.ndarray
 # Most groups with a brightness of their own (coverage.h), and a matrix with room for them.
 MOST, ROOM = 63, (63 + 7) ** 2
 
-# How the kernel tells two numbers in one.
+# C returns two counts in one number, the second times this.
 PACK = 1000
 
 
@@ -90,7 +90,7 @@ def motion_images(
     R: Array,
     t: Array,
 ) -> Array:
-    """As ``motion.motion_images``, of groups that a byte holds."""
+    """As ``motion_images.motion_images``, of groups that a byte holds."""
     (h, w), f = canvas.gray.shape, canvas.fine
     out = np.empty((6, h, w), np.float32)
     moving = _pose_motion(shading, faces, canvas, camera, R, t)
@@ -123,7 +123,7 @@ def normal_products(
     tukey: float,
     most: int,
 ) -> Tuple[Array, float, int]:
-    """What ``photometric.photo_step`` solves: products (K + 7, K + 7) of its weighted rows.
+    """As ``photometric._gram``: products (K + 7, K + 7) of its weighted rows.
 
     Parameters
     ----------

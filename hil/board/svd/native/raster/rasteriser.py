@@ -48,7 +48,7 @@ def pinhole_view(camera: CameraIntrinsics, canvas: ImagePatch) -> ctypes.Structu
 
 @dataclass(frozen=True, eq=False)
 class PackedFaces:
-    """Faces as the kernels take them: made once for each craft.
+    """Faces as C takes them: made once for each craft.
 
     Parameters
     ----------

@@ -131,7 +131,7 @@ def shadows(
 def packed_sun(
     frame: Array, origin: Array, pitch_m: float, height: Array, seen: Array
 ) -> Tuple[Any, Tuple[Array, ...]]:
-    """A shadow map as the kernels take it, and what keeps its arrays alive.
+    """A shadow map as C takes it, and what keeps its arrays alive.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def packed_sun(
 def packed_table(
     frames: Array, origin: Array, pitch_m: Array, height: Array
 ) -> Tuple[Any, Tuple[Array, ...]]:
-    """Shadow maps as the kernels take them, and what keeps their arrays alive; the arrays are those of ``SunTable``."""
+    """Shadow maps as C takes them, and what keeps their arrays alive; the arrays are those of ``SunTable``."""
     arrays = (
         contiguous(frames, "float64"),
         contiguous(origin, "float64"),

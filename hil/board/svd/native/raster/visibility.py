@@ -34,7 +34,7 @@ class _Occluders(ctypes.Structure):
 
 
 def packed_samples(samples: EdgeSamples) -> Tuple[Any, Tuple[Array, ...]]:
-    """The samples as the kernels take them, and what keeps their arrays alive; kept for the next call."""
+    """The samples as C takes them, and what keeps their arrays alive; kept for the next call."""
     if "packed" not in samples.kept:
         samples.kept["packed"] = _packed_samples(samples)
     held: Tuple[Any, Tuple[Array, ...]] = samples.kept["packed"]
@@ -51,7 +51,7 @@ def _packed_samples(samples: EdgeSamples) -> Tuple[Any, Tuple[Array, ...]]:
 
 
 def packed_occluders(occ: Occluders) -> Tuple[Any, Tuple[Array, ...]]:
-    """The triangles as the kernels take them, and what keeps their arrays alive; kept for the next call."""
+    """The triangles as C takes them, and what keeps their arrays alive; kept for the next call."""
     if "packed" not in occ.kept:
         occ.kept["packed"] = _packed_occluders(occ)
     held: Tuple[Any, Tuple[Array, ...]] = occ.kept["packed"]

@@ -92,7 +92,7 @@ class ProposalNetwork:
 
     @cached_property
     def layers(self) -> Optional[Layers]:
-        """The convolutions as the kernels take them."""
+        """The convolutions as C takes them."""
         return Layers.of(self.kernels, self.biases, STRIDES)
 
 

@@ -12,7 +12,7 @@ from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.vectors import length
 from hil.board.svd.image.edge_field import area_mean
 from hil.board.svd.native.backend import accelerated
-from hil.board.svd.native.images.area_average import readable
+from hil.board.svd.native.images.image_functions import readable
 from hil.board.svd.native.learned import network_input as native
 from hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
 

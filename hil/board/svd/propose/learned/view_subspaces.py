@@ -129,7 +129,7 @@ class ViewSubspaces:
 
     @cached_property
     def packed(self) -> Tuple[Array, Array]:
-        """The basis as the kernels take it."""
+        """The basis as C takes it."""
         return native.packed(self.basis)
 
     @property

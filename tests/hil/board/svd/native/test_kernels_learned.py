@@ -14,7 +14,7 @@ from hil.board.svd.image.edge_field import area_mean
 from hil.board.svd.image.line_segments import lsd_stream
 from hil.board.svd.image.noise import noise_sigma
 from hil.board.svd.native import backend
-from hil.board.svd.native.images.area_average import area_average
+from hil.board.svd.native.images.image_functions import area_average
 from hil.board.svd.native.learned import attitude_likelihood as kernel
 from hil.board.svd.native.learned.convolution import Layers, convolutions
 from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, turning_bumps
