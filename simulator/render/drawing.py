@@ -6,8 +6,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from simulator.render.earth.albedo import sky_light
 from simulator.render.earth.earth_pass import EarthFrame
-from simulator.render.earth.earth_view import earth_view
+from simulator.render.earth.earth_view import earth_values, earth_view
 from simulator.render.earth.map_textures import begin_earth_maps, stand_ins
 from simulator.render.earth.screen_tiles import uniform_tiles
 from simulator.render.frame_resources import (
@@ -32,16 +33,13 @@ from simulator.render.frame_resources import (
     TARGET_TILES,
     VIEW,
 )
-from simulator.render.irradiance import no_light
 from simulator.render.moon.moon_pass import MoonPass
-from simulator.render.moon.moon_view import moon_view
+from simulator.render.moon.moon_view import moon_values, moon_view
 from simulator.render.projection import PixelRect
 from simulator.render.sky.star_pass import StarPass
 from simulator.render.sky.sun_pass import SunPass
 from simulator.render.target.target_passes import TargetPasses
-from simulator.render.uniform_values import earth_values, frame_values, moon_values
-from simulator.render.view import build_view, sky_light
-from simulator.scene.illumination.bands import bands_of
+from simulator.render.view import build_view, frame_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -133,7 +131,7 @@ class Drawing:
     def set_up(self, r: PassResources) -> None:
         """Work out the view, without light of Earth and Moon on the target yet."""
         scene, given = r[SCENE], r.find(GIVEN_SKY_LIGHT)
-        r[VIEW] = view = build_view(scene, given or no_light(len(bands_of(scene.bands))))
+        r[VIEW] = view = build_view(scene, given)
         self._device.blocks.frame.write(frame_values(scene, view))
 
     def clear(self, r: PassResources) -> None:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.render.earth.albedo import albedo_of_day
-from simulator.render.irradiance import SkyLight, earth_shine, moon_plate_irradiance, no_light
+from simulator.render.gl.uniform_block import vec4_of_bands
+from simulator.render.irradiance import SkyLight, no_light
 from simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
 from simulator.scene.illumination.moonlight import moonlight_share
 from simulator.scene.illumination.refraction import sunlight_past_earth
@@ -17,6 +17,8 @@ from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere
 from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from simulator.runtime.arrays import FloatArray
     from simulator.scene.state import SceneState
 
@@ -65,7 +67,7 @@ def build_view(scene: SceneState, sky: SkyLight | None = None) -> View:
 
     Parameters
     ----------
-    sky : light on the target in place of the scene's Earth-shine and Moon-shine.
+    sky : light of Earth and Moon on the target (`sky_light`), or instead of it; ``None`` leaves it dark.
     """
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
@@ -91,7 +93,7 @@ def build_view(scene: SceneState, sky: SkyLight | None = None) -> View:
         sun_at_earth_w_m2=sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun))),
         sun_visible_fraction=scene.sun_visible_fraction,
         sun_share=_sun_share(scene, R_ie),
-        sky=sky_light(scene) if sky is None else sky,
+        sky=no_light(len(bands_of(scene.bands))) if sky is None else sky,
         nadir=R_ce @ (-r_camera / np.linalg.norm(r_camera)),
     )
 
@@ -112,17 +114,22 @@ def _sun_share(scene: SceneState, R_itrs_from_eci: FloatArray) -> FloatArray:
     return through * float(sun_fraction_past_sphere(r - moon, sun - moon, MOON_RADIUS_M))
 
 
-def sky_light(scene: SceneState) -> SkyLight:
-    """Earth-shine and Moon-shine, or darkness where the scene asks for none."""
-    bands = len(bands_of(scene.bands))
-    if not scene.environment.earthshine:
-        return no_light(bands)
-    R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
-    R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
-    r_target, r_sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
-    sun_eci = r_sun / np.linalg.norm(r_sun)
-    sun_w_m2 = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun)))
-    environment = scene.environment
-    albedo = albedo_of_day(scene.epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
-    moon = moon_plate_irradiance(np.asarray(scene.r_moon_eci_m) - r_target, sun_eci, R_ce, sun_w_m2)
-    return earth_shine(R_ie @ r_target, R_ie @ sun_eci, R_ce @ R_ie.T, sun_w_m2, albedo, moon)
+def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
+    """Members of the block ``Frame``."""
+    camera, sky = scene.camera, view.sky
+    u_sky, u_earth = np.zeros((10, 4)), np.zeros((3, 4))
+    u_sky[:, : sky.irradiance_w_m2.shape[1]] = sky.irradiance_w_m2
+    u_earth[: len(sky.radiance_w_m2_sr)] = sky.radiance_w_m2_sr
+    lamp = scene.lamp
+    return {
+        "u_intrinsics": [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px],
+        "u_sun_direction": [*view.sun_direction, view.sun_sine],
+        "u_sun_irradiance": vec4_of_bands(view.sun_irradiance_w_m2 * view.sun_share),
+        "u_sky": u_sky,
+        "u_earth_radiance": u_earth,
+        "u_earth_rim": [*sky.axis, sky.disc_cosine],
+        # a disc of half the sky lights from around the mean of normal and nadir, all of the sky from the normal
+        "u_nadir_direction": [*sky.axis, float(np.clip((1 + sky.disc_cosine) / 2, 0, 1))],
+        "u_lamp_place": [0.0] * 4 if lamp is None else [*lamp.offset_m, lamp.shape],
+        "u_lamp_intensity": [0.0] * 4 if lamp is None else vec4_of_bands(lamp.intensity_w_sr(scene.bands)),
+    }

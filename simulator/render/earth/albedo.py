@@ -11,11 +11,16 @@ import numpy as np
 
 from simulator.render.earth.maps import maps_entry, packed_maps
 from simulator.render.earth.sea_ice import sea_ice
+from simulator.render.irradiance import earth_shine, moon_plate_irradiance, no_light
 from simulator.runtime.cache import entry_name
 from simulator.runtime.cached_arrays import cached_array
+from simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2
+from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
+    from simulator.render.irradiance import SkyLight
     from simulator.runtime.arrays import Float32Array, FloatArray
+    from simulator.scene.state import SceneState
 
 EARTH_MEAN_ALBEDO = 0.30  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53
 SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55
@@ -83,3 +88,19 @@ def _mean(cells: FloatArray | Float32Array) -> float:
     """Mean of an equirectangular map over the sphere."""
     weight = np.cos((np.arange(len(cells)) + 0.5) / len(cells) * np.pi - np.pi / 2)[:, None]
     return float((cells * weight).sum() / (weight.sum() * cells.shape[1]))
+
+
+def sky_light(scene: SceneState) -> SkyLight:
+    """Earth-shine and Moon-shine, or darkness where the scene asks for none."""
+    bands = len(bands_of(scene.bands))
+    if not scene.environment.earthshine:
+        return no_light(bands)
+    R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
+    R_ie = matrix_from_quat(scene.q_itrs_from_eci_wxyz)
+    r_target, r_sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
+    sun_eci = r_sun / np.linalg.norm(r_sun)
+    sun_w_m2 = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(r_sun)))
+    environment = scene.environment
+    albedo = albedo_of_day(scene.epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
+    moon = moon_plate_irradiance(np.asarray(scene.r_moon_eci_m) - r_target, sun_eci, R_ce, sun_w_m2)
+    return earth_shine(R_ie @ r_target, R_ie @ sun_eci, R_ce @ R_ie.T, sun_w_m2, albedo, moon)

@@ -9,10 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.gl.uniform_block import vec4_of_bands
 from simulator.render.projection import PixelRect, directions
 from simulator.render.view import EQUATOR_M, POLE_M
+from simulator.scene.illumination.atmosphere import SUN_ANGULAR_RADIUS_RAD
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from simulator.camera.lens.camera_model import Camera
     from simulator.render.view import View
     from simulator.runtime.arrays import FloatArray
@@ -160,3 +164,29 @@ def _rect(
         int(min(np.ceil(y1), height)),
     )
     return rect if rect.width > 0 and rect.height > 0 else None
+
+
+def earth_values(view: View, earth: EarthView, air: Atmosphere) -> dict[str, ArrayLike]:
+    """Members of the block ``Earth``."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = earth.earth_from_camera
+    radius = float(np.linalg.norm(earth.camera))
+    mu = earth.sun_cosine
+    longitude = float(np.arctan2(earth.camera[1], earth.camera[0]))
+    moon = view.moon_itrs * np.array([1.0, 1.0, EQUATOR_M / POLE_M])
+    return {
+        "u_earth_from_camera": matrix,
+        "u_earth_camera": [*earth.camera, 1 / radius],
+        "u_earth_sun": [*earth.sun, mu],
+        "u_earth_moon": [*(moon / np.linalg.norm(moon)), view.moon_share],
+        "u_earth_irradiance": vec4_of_bands(view.sun_at_earth_w_m2),
+        "u_earth_limits": [max(np.sqrt(max(1 - mu * mu, 0.0)), 1e-6), earth.top2, EQUATOR_M / POLE_M, 0.0],
+        "u_earth_meridian": [np.cos(longitude), np.sin(longitude), longitude, 0.0],
+        "u_air_radius": [air.radius_m, air.top_m, radius * EQUATOR_M, SUN_ANGULAR_RADIUS_RAD],
+        "u_air_sun": [mu, 0.0, 0.0, 0.0],
+        "u_air_shape": [1 / air.rayleigh_height_m, 1 / air.mie_height_m, air.mie_g, 0.0],
+        "u_air_rayleigh": vec4_of_bands(air.rayleigh_m),
+        "u_air_mie_scattering": vec4_of_bands(air.mie_scattering_m),
+        "u_air_mie_extinction": vec4_of_bands(air.mie_extinction_m),
+        "u_air_ozone": vec4_of_bands(air.ozone_m),
+    }

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from simulator.runtime.arrays import FloatArray
+
 # GLSL type: (base alignment, size in bytes, numpy shape of float32), OpenGL 4.1 specification, 2.11.4 (std140)
 _STD140: dict[str, tuple[int, int, tuple[int, ...]]] = {
     "float": (4, 4, ()),
@@ -105,3 +107,8 @@ class UniformBlock:
         block = program.get(self.name, None)
         if isinstance(block, moderngl.UniformBlock):
             block.binding = self.binding
+
+
+def vec4_of_bands(bands: FloatArray) -> list[float]:
+    """One or three bands as the vec4 of a uniform block."""
+    return [*(float(v) for v in bands), *([0.0] * (4 - len(bands)))]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simulator.render.gl.uniform_block import vec4_of_bands
 from simulator.render.projection import PixelRect
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.scene.illumination.moonlight import MOON_RADIUS_M, moon_albedo
@@ -129,3 +130,21 @@ def disc_rect(camera: Camera, center_camera: FloatArray, sine: float) -> PixelRe
     x0, y0 = (max(int(v), 0) for v in low)
     x1, y1 = min(int(high[0]), camera.width_px), min(int(high[1]), camera.height_px)
     return PixelRect(x0, y0, x1, y1) if x1 > x0 and y1 > y0 else None
+
+
+def moon_values(moon: MoonView) -> dict[str, ArrayLike]:
+    """Members of the block ``Moon``."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = moon.moon_from_camera
+    longitude = float(np.arctan2(moon.camera[1], moon.camera[0]))
+    return {
+        "u_moon_from_camera": matrix,
+        "u_moon_camera": [*moon.camera, 0.0],
+        "u_moon_sun": [*moon.sun, 0.0],
+        "u_moon_earth": [*moon.earth, moon.earthlight],
+        "u_moon_meridian": [np.cos(longitude), np.sin(longitude), longitude, 0.0],
+        "u_moon_albedo": vec4_of_bands(moon.albedo),
+        "u_moon_irradiance": vec4_of_bands(moon.irradiance_w_m2),
+        "u_moon_shadow": [*moon.shadow, moon.shadow_reach],
+        "u_moon_shadow_axis": [*moon.shadow_axis, 0.0],
+    }

@@ -14,9 +14,9 @@ import numpy as np
 
 from simulator.render.gl.context import release
 from simulator.render.gl.fences import draw_to, flush
+from simulator.render.gl.lens_rays import lens_values
 from simulator.render.projection import PixelRect, clip_from_camera, window_from_pixel
 from simulator.render.target.visible_triangles import CulledVertexArray
-from simulator.render.uniform_values import lens_values
 
 if TYPE_CHECKING:
     import moderngl

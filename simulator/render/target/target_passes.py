@@ -9,6 +9,7 @@ import numpy as np
 
 from simulator.render.bake.charts import TEXEL
 from simulator.render.bake.radiance_transfer import PATCH
+from simulator.render.gl.lens_rays import lens_values
 from simulator.render.projection import clip_from_camera
 from simulator.render.target.edge_pass import EdgeBuffers, EdgePass
 from simulator.render.target.gbuffer_pass import GBufferPass, TexturedGBufferPass
@@ -23,7 +24,6 @@ from simulator.render.target.shade_pass import ShadePass
 from simulator.render.target.textures import Textures
 from simulator.render.target.viewport_fit import TILE_REACH_PX, choose_lattice, locate
 from simulator.render.target.visible_edges import EdgeView
-from simulator.render.uniform_values import lens_values
 from simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
