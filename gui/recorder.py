@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TextIO
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder, write_atomic
 from simulator.scenario.write import replay_scenario
-from simulator.world.flight.recording import LINES, Recording, first_line, line_of
+from simulator.world.flight.recording import CSV_SUFFIX, Recording, csv_header, csv_row
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -91,7 +91,7 @@ class Recorder:
         self._stop()
         replay = self._write_whole(folder, scenario) if self.long_enough else None
         with contextlib.suppress(OSError):
-            (folder / WHOLE).with_suffix(LINES).unlink(missing_ok=True)
+            (folder / WHOLE).with_suffix(CSV_SUFFIX).unlink(missing_ok=True)
         return replay
 
     @property
@@ -118,8 +118,8 @@ class Recorder:
         self.trouble, self._replay_due_s = None, self._clock() + REPLAY_EVERY_S
         try:
             (folder / REPLAY).unlink(missing_ok=True)
-            self._lines = (folder / WHOLE).with_suffix(LINES).open("w", encoding="ascii")
-            self._lines.write(first_line())
+            self._lines = (folder / WHOLE).with_suffix(CSV_SUFFIX).open("w", encoding="ascii")
+            self._lines.write(csv_header())
             self._lines.flush()
         except OSError as error:
             self._fail(error)
@@ -131,12 +131,12 @@ class Recorder:
             return
         folder, scenario = self._kept
         try:
-            self._lines.write(line_of(state))
+            self._lines.write(csv_row(state))
             # to the system, which keeps it when this program is killed
             self._lines.flush()
             if self.long_enough and self._clock() >= self._replay_due_s:
                 self._replay_due_s = self._clock() + REPLAY_EVERY_S
-                name = (folder / WHOLE).with_suffix(LINES).name
+                name = (folder / WHOLE).with_suffix(CSV_SUFFIX).name
                 _write_replay(folder, scenario, name, state.t_s)
         except (OSError, UserError) as error:
             self._fail(error)

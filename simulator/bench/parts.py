@@ -16,7 +16,7 @@ from simulator.scenario.plan import plan_flight
 from simulator.world.attitude.pointing import Pointing
 from simulator.world.attitude.rigid_body import propagate_attitude
 from simulator.world.constants import DAY_S, EARTH_RADIUS_M
-from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from simulator.world.guidance.paths import Hold
 from simulator.world.guidance.thruster_control import fly_controlled
 from simulator.world.guidance.thrusters import Thrusters
@@ -81,7 +81,7 @@ def bench_world() -> tuple[PartCost, ...]:
 
 def _start(degree: int, duration_s: float) -> tuple[FloatArray, FloatArray, EarthForces]:
     r, v = state_from_elements(Elements(semi_major_axis_m=EARTH_RADIUS_M + 600e3, inclination_rad=1.7))
-    sky = SkyTable.of(Instant.from_utc("2025-03-21T06:00:00Z"), duration_s)
+    sky = EphemerisTable.of(Instant.from_utc("2025-03-21T06:00:00Z"), duration_s)
     return r, v, EarthForces(sky=sky, harmonics=egm96(degree), forces=Forces(sun=True, moon=True))
 
 

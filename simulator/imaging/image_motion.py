@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.scene.motion import scene_at
+from simulator.scene.motion import propagated_scene
 from simulator.targets.joined_mesh import box_3d_m
 from simulator.world.ephemeris.bodies import BODIES
 from simulator.world.frames.rotation import matrix_from_quat
@@ -25,8 +25,8 @@ FASTEST_GROUND_M_S = 1.6e3
 
 
 def moments_of(scene: SceneState) -> Callable[[float], SceneState]:
-    """`scene_at` of one scene, which works out each moment once: an exposure's ends are asked for again and again."""
-    return cache(partial(scene_at, scene))
+    """`propagated_scene` of one scene, which works out each moment once: an exposure's ends are asked for again and again."""
+    return cache(partial(propagated_scene, scene))
 
 
 def image_motion_px(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.imaging.image_motion import image_motion_px
-from simulator.scene.motion import scene_at
+from simulator.scene.motion import propagated_scene
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
@@ -69,6 +69,6 @@ def pose_at_rows(scene: SceneState, points_target_m: FloatArray) -> tuple[SceneS
             if not np.isfinite(row):
                 then = scene
                 break
-            then = scene_at(scene, float(scene.shutter.row_time_s(row, scene.camera.height_px)))
+            then = propagated_scene(scene, float(scene.shutter.row_time_s(row, scene.camera.height_px)))
         scenes.append(then)
     return tuple(scenes)

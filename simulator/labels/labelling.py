@@ -27,7 +27,7 @@ from simulator.labels.surfaces import start_surfaces
 from simulator.labels.truth import Box, RowPose, Software, Truth, WireLabel
 from simulator.labels.wireframe import view_edges
 from simulator.runtime.arrays import ByteArray, Float32Array, vec3
-from simulator.scene.motion import scene_at
+from simulator.scene.motion import propagated_scene
 from simulator.targets.joined_mesh import box_3d_m, mesh_of
 
 if TYPE_CHECKING:
@@ -193,7 +193,7 @@ def row_poses(scene: SceneState) -> tuple[RowPose, ...]:
     poses = []
     for row in rows:
         dt = float(scene.shutter.row_time_s(row, height))
-        then = scene_at(scene, dt)
+        then = propagated_scene(scene, dt)
         poses.append(
             RowPose(
                 row_px=int(row),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.imaging.rolling_shutter import crop, row_bands
-from simulator.scene.motion import scene_at
+from simulator.scene.motion import propagated_scene
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,7 +41,9 @@ def surfaces(
         # rows beyond the image are exposed with its edge
         top, bottom = band.y0 - (m if k == 0 else 0), band.y1 + (m if k == len(bands) - 1 else 0)
         camera = crop(scene.camera, -m, top, scene.camera.width_px + 2 * m, bottom - top)
-        seen = renderer.surfaces(replace(scene_at(scene, band.dt_s), camera=camera), target, layers=layers)
+        seen = renderer.surfaces(
+            replace(propagated_scene(scene, band.dt_s), camera=camera), target, layers=layers
+        )
         if len(bands) == 1:
             return seen
         if found is None:

@@ -11,7 +11,7 @@ from simulator.scenario.flight import known_orbit
 from simulator.world.attitude.rigid_body import check_inertia
 from simulator.world.ephemeris.bodies import MOON
 from simulator.world.flight.recording import Replay
-from simulator.world.guidance.command_script import Steered
+from simulator.world.guidance.command_script import CommandScript
 from simulator.world.guidance.free_flight import RangeKeeping, SafeEllipse
 from simulator.world.guidance.paths import Glideslope
 from simulator.world.orbit.initial_orbit import ElementsOrbit
@@ -181,8 +181,10 @@ def _check_chaser(chaser: AnyChaser, where: str) -> None:
             f"{where}: section [chaser] starts {distance:.3g} m from the target, allowed: at least "
             f"{least:g} m (key chaser.minimum_start_range_m)"
         )
-    if chaser.thrusters is not None and (chaser.ballistic or isinstance(chaser, Steered)):
-        what = "steered by accelerations" if isinstance(chaser, Steered) else "free flight without thrust"
+    if chaser.thrusters is not None and (chaser.ballistic or isinstance(chaser, CommandScript)):
+        what = (
+            "steered by accelerations" if isinstance(chaser, CommandScript) else "free flight without thrust"
+        )
         raise UserError(
             f"{where}: section [chaser.thrusters] is given, but the chaser's mode is {what}: remove the section or "
             "choose another mode"
@@ -214,7 +216,7 @@ def _check_keep_out(chaser: AnyChaser, start: FloatArray, where: str) -> None:
                 f"allowed: at least {sphere.radius_m:g} m (key chaser.keep_out.radius_m)"
             )
         return
-    if chaser.acting_thrusters is None and not isinstance(chaser, Steered):
+    if chaser.acting_thrusters is None and not isinstance(chaser, CommandScript):
         raise UserError(
             f"{where}: section [chaser.keep_out] needs [chaser.thrusters], which would carry out an abort"
         )
@@ -233,7 +235,7 @@ def _check_wheels(chaser: AnyChaser, where: str) -> None:
     w = chaser.wheels
     if w is None:
         return
-    if isinstance(chaser, Steered) and not chaser.tracking:
+    if isinstance(chaser, CommandScript) and not chaser.tracking:
         raise UserError(
             f"{where}: section [chaser.wheels] is given, but chaser.tracking is false, so that the commands turn the "
             "camera: remove one of them"

@@ -12,7 +12,7 @@ from simulator.errors import UserError
 from simulator.scenario.messages import read_message
 from simulator.world.attitude.target_attitude import Attitude
 from simulator.world.ephemeris.bodies import MOON
-from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from simulator.world.flight.build import TargetStart, propagate_flight
 from simulator.world.flight.recording import Replay, recorded_tracks
 from simulator.world.messages.aem import read_aem_history
@@ -115,12 +115,12 @@ def force_model(
     """The forces asked for about a body, or None for the plain point mass with J2 (the Earth)."""
     known, degree = forces.with_masses(target_mass_kg, _CHASER_MASS_KG), forces.gravity_degree
     if body is MOON:
-        return MoonForces(epoch=epoch, sky=SkyTable.of(epoch, duration_s), forces=known)
+        return MoonForces(epoch=epoch, sky=EphemerisTable.of(epoch, duration_s), forces=known)
     if degree is None and not (forces.sun or forces.moon or forces.drag or forces.solar_pressure):
         return None
     degree = 2 if degree is None else degree
     return EarthForces(
-        sky=SkyTable.of(epoch, duration_s),
+        sky=EphemerisTable.of(epoch, duration_s),
         forces=known,
         harmonics=egm96(degree) if degree >= 2 else None,
     )

@@ -13,7 +13,7 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.runtime.arrays import quat, vec3
 from simulator.runtime.untrusted_files import read_regular
-from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import matrix_from_quat
 
@@ -150,5 +150,7 @@ def scene_with_pose(scene: SceneState, target: Target, pose: Pose, frame_index: 
         v_target_camera_m_s=(0.0, 0.0, 0.0),
         r_target_eci_m=vec3(r_target),
         v_target_eci_m_s=vec3(np.asarray(scene.v_camera_eci_m_s) + np.cross(omega, com)),
-        sun_visible_fraction=sun_fraction_past_both(r_target, scene.r_sun_eci_m, scene.r_moon_eci_m, pole),
+        sun_visible_fraction=sun_fraction_past_earth_and_moon(
+            r_target, scene.r_sun_eci_m, scene.r_moon_eci_m, pole
+        ),
     )

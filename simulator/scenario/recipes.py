@@ -28,7 +28,7 @@ from simulator.targets.library import list_targets, load_target
 from simulator.targets.model import Target
 from simulator.world.constants import EARTH_RADIUS_M, MU_EARTH_M3_S2
 from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.ephemeris.moon_orientation import q_moon_from_eci
 from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
@@ -230,7 +230,9 @@ class RecipePlan:
             r_moon_eci_m=vec3(r_moon),
             q_itrs_from_eci_wxyz=quat(q_ie),
             q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
-            sun_visible_fraction=sun_fraction_past_both(r_target, r_sun, r_moon, matrix_from_quat(q_ie)[2]),
+            sun_visible_fraction=sun_fraction_past_earth_and_moon(
+                r_target, r_sun, r_moon, matrix_from_quat(q_ie)[2]
+            ),
         )
 
 

@@ -24,7 +24,7 @@ from simulator.scene.environments import EnvironmentSection
 from simulator.scene.illumination.lamp import Lamp
 from simulator.world.attitude.target_attitude import Attitude
 from simulator.world.flight.recording import Replay
-from simulator.world.guidance.command_script import Steered
+from simulator.world.guidance.command_script import CommandScript
 from simulator.world.guidance.free_flight import FreeDrift, NaturalCircumnavigation, RangeKeeping, SafeEllipse
 from simulator.world.guidance.paths import (
     ForcedFlyaround,
@@ -50,7 +50,7 @@ AnyChaser = (
     | Waypoints
     | Glideslope
     | RangeKeeping
-    | Steered
+    | CommandScript
 )
 
 

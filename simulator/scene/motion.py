@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 EARTH_RATE_RAD_S = 7.292115e-5  # WGS 84
 
 
-def scene_at(scene: SceneState, dt_s: float) -> SceneState:
+def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
     """The scene ``dt_s`` seconds from its mid-exposure.
 
     Rates of rotation are held; the two craft fall freely from their velocities. Over a second in low orbit a

@@ -10,7 +10,7 @@ from simulator.camera.detector.presets import sensor_preset
 from simulator.runtime.arrays import quat, vec3
 from simulator.scene.state import Bands, Environment, Quality, SceneState
 from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.ephemeris.moon_orientation import q_moon_from_eci
 from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
@@ -109,6 +109,6 @@ def scene_above(
         r_sun_eci_m=vec3(sun),
         r_moon_eci_m=vec3(moon),
         q_itrs_from_eci_wxyz=quat(q_ie),
-        sun_visible_fraction=sun_fraction_past_both(r, sun, moon, matrix_from_quat(q_ie)[2]),
+        sun_visible_fraction=sun_fraction_past_earth_and_moon(r, sun, moon, matrix_from_quat(q_ie)[2]),
         q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
     )

@@ -20,7 +20,7 @@ from simulator.errors import UserError
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
 from simulator.scene.state import SceneState
-from simulator.world.flight.recording import Recording, first_line
+from simulator.world.flight.recording import Recording, csv_header
 from simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
 from simulator.world.guidance.keep_out import KeepOut
 from simulator.world.guidance.thrusters import Thrusters
@@ -379,7 +379,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path: Path) -> No
 
 def test_lines_that_are_no_flight_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "flight.csv"
-    for text in ("", "t_s,x\n0.0,1.0\n", first_line() + "0.0,1.0\n", first_line()):
+    for text in ("", "t_s,x\n0.0,1.0\n", csv_header() + "0.0,1.0\n", csv_header()):
         path.write_text(text)
         with pytest.raises(UserError, match=r"flight\.csv"):
             Recording.read(path)

@@ -35,7 +35,7 @@ from simulator.labels.layers import pixel_hash
 from simulator.labels.truth import Truth, read_truth
 from simulator.runtime.untrusted_files import read_regular, refuse_deep
 from simulator.targets.library import load_target
-from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -242,7 +242,7 @@ def _check_directions(truth: Truth) -> list[str]:
         if label is not None and not np.allclose(label, to_camera @ way / np.linalg.norm(way), atol=1e-9):
             wrong.append(f"{name} is not the direction that the scene's positions give")
     pole = matrix_from_quat(scene.q_itrs_from_eci_wxyz)[2]
-    seen = sun_fraction_past_both(target, sun, scene.r_moon_eci_m, pole)
+    seen = sun_fraction_past_earth_and_moon(target, sun, scene.r_moon_eci_m, pole)
     if abs(truth.sun_visible_fraction - seen) > 1e-9:
         wrong.append("sun_visible_fraction is not what Earth and Moon leave of the Sun's disc")
     if truth.exposure_s is not None and truth.exposure_s != scene.exposure_s:

@@ -10,7 +10,7 @@ import erfa
 import numpy as np
 
 from simulator.world.constants import AU_M
-from simulator.world.time.instant import Instant, guarded
+from simulator.world.time.instant import Instant, without_year_warning
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
@@ -83,13 +83,15 @@ class _Almanac:
 @lru_cache(maxsize=64)
 def _almanac(minute_utc: str) -> _Almanac:
     now = Instant.from_utc(f"{minute_utc}:00Z")
-    heliocentric, barycentric = guarded(erfa.epv00, now.tt1, now.tt2)
+    heliocentric, barycentric = without_year_warning(erfa.epv00, now.tt1, now.tt2)
     earth = np.asarray(heliocentric["p"], float)
     geocentric, magnitudes = [], []
     for planet in _PLANETS:
-        at = np.asarray(guarded(erfa.plan94, now.tt1, now.tt2, planet.number)["p"], float)
+        at = np.asarray(without_year_warning(erfa.plan94, now.tt1, now.tt2, planet.number)["p"], float)
         delay = float(np.linalg.norm(at - earth)) * _LIGHT_DAYS_PER_AU
-        at = np.asarray(guarded(erfa.plan94, now.tt1, now.tt2 - delay, planet.number)["p"], float)
+        at = np.asarray(
+            without_year_warning(erfa.plan94, now.tt1, now.tt2 - delay, planet.number)["p"], float
+        )
         seen = at - earth
         r, d = float(np.linalg.norm(at)), float(np.linalg.norm(seen))
         phase = np.degrees(np.arccos(np.clip(at @ seen / (r * d), -1, 1)))

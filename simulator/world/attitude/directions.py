@@ -32,7 +32,7 @@ _LEAST_SINE = 1e-3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Surroundings:
+class PointingContext:
     """What a target can point at over a flight.
 
     Parameters
@@ -51,13 +51,13 @@ class Surroundings:
         """The direction of that name: unit vector along GCRS axes and its derivative [s-1], over time."""
         match name:
             case "nadir" | "zenith":
-                return Radial(self.orbit, 1.0 if name == "zenith" else -1.0)
+                return RadialDirection(self.orbit, 1.0 if name == "zenith" else -1.0)
             case "along_track" | "cross_track":
-                return LvlhAxis(self.orbit, 1 if name == "along_track" else 2)
+                return LvlhAxisDirection(self.orbit, 1 if name == "along_track" else 2)
             case "chaser":
-                return Toward(self.relative)
+                return ChaserDirection(self.relative)
             case "sun":
-                return Sunward(self.orbit, self._sun())
+                return SunDirection(self.orbit, self._sun())
 
     def _sun(self) -> CubicSpline:
         """The apparent Sun from the central body, over the flight."""
@@ -73,7 +73,7 @@ class Surroundings:
 
 
 @dataclass(frozen=True, eq=False)
-class Radial:
+class RadialDirection:
     """Away from the central body (``sign`` 1) or towards it (-1)."""
 
     orbit: OrbitTrack
@@ -86,7 +86,7 @@ class Radial:
 
 
 @dataclass(frozen=True, eq=False)
-class LvlhAxis:
+class LvlhAxisDirection:
     """Along-track (``column`` 1) or cross-track (2)."""
 
     orbit: OrbitTrack
@@ -100,7 +100,7 @@ class LvlhAxis:
 
 
 @dataclass(frozen=True, eq=False)
-class Toward:
+class ChaserDirection:
     """To the chaser."""
 
     relative: Callable[[float], tuple[FloatArray, FloatArray]]
@@ -111,7 +111,7 @@ class Toward:
 
 
 @dataclass(frozen=True, eq=False)
-class Sunward:
+class SunDirection:
     """To the apparent Sun; ``where`` gives it from the central body [m]."""
 
     orbit: OrbitTrack

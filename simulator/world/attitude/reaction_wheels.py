@@ -68,7 +68,7 @@ class WheelTrack:
         """``q_camera_from_eci_wxyz`` and the rate relative to ECI, camera axes [rad s-1]."""
         h = self.wheels.period_s
         k = min(max(int(t_s // h), 0), len(self.error_rad) - 1)
-        q, omega, _ = turned(
+        q, omega, _ = wheel_step(
             self.wheels,
             (self.q_eci_from_camera_wxyz[k], self.omega_rad_s[k], self.momentum_nms[k]),
             self.torque_nm[k],
@@ -112,7 +112,7 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
         full = wheels.momentum_nms
         torque = np.clip(torque, (momentum - full) / h, (momentum + full) / h)
         rows.append(np.concatenate([q, omega, momentum, torque, [angle]]))
-        q, omega, momentum = turned(wheels, (q, omega, momentum), torque, h)
+        q, omega, momentum = wheel_step(wheels, (q, omega, momentum), torque, h)
         wanted_q, wanted_rate = next_q, next_rate
     table = np.array(rows)
     return WheelTrack(
@@ -125,7 +125,7 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
     )
 
 
-def turned(
+def wheel_step(
     wheels: Wheels, state: tuple[FloatArray, FloatArray, FloatArray], torque_nm: FloatArray, h: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Attitude, rate and wheels' momentum ``h`` seconds later under a held torque: one Runge-Kutta step."""

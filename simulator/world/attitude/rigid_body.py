@@ -11,7 +11,7 @@ import numpy as np
 
 from simulator.runtime.arrays import FloatArray
 from simulator.world.frames.rotation import matrix_from_quat, quat_normalize
-from simulator.world.orbit.dense_output import Pieces, integrate
+from simulator.world.orbit.dense_output import DenseOutput, integrate
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -39,7 +39,7 @@ class RigidBodyTrack:
     """
 
     duration_s: float
-    solution: Pieces
+    solution: DenseOutput
     inertia_kg_m2: FloatArray
     inverse_inertia: FloatArray
 

@@ -10,7 +10,7 @@ import numpy as np
 from simulator.errors import UserError
 from simulator.runtime.arrays import FloatArray
 from simulator.runtime.sections import Degrees, DirectionXyz, Rate, Section, TorqueNm
-from simulator.world.attitude.directions import DirectionName, Surroundings, TwoAxisTrack
+from simulator.world.attitude.directions import DirectionName, PointingContext, TwoAxisTrack
 from simulator.world.attitude.rigid_body import AttitudeTrack, propagate_attitude
 from simulator.world.attitude.torques import torque_on
 from simulator.world.frames.rotation import (
@@ -66,7 +66,7 @@ class Point(Section, frozen=True, kw_only=True):
     second_axis: DirectionXyz
     second_at: DirectionName
 
-    def track(self, around: Surroundings) -> TwoAxisTrack:
+    def track(self, around: PointingContext) -> TwoAxisTrack:
         """The attitude over the flight.
 
         Raises
@@ -130,7 +130,7 @@ class Attitude(Section, frozen=True, kw_only=True):
         return q
 
     def track(
-        self, q_eci_from_body_wxyz: FloatArray, inertia_kg_m2: ArrayLike, around: Surroundings
+        self, q_eci_from_body_wxyz: FloatArray, inertia_kg_m2: ArrayLike, around: PointingContext
     ) -> AttitudeTrack:
         """The attitude over the flight, unless a file gives it.
 

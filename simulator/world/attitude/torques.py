@@ -8,7 +8,7 @@ import numpy as np
 
 from simulator.runtime.arrays import Vec3
 from simulator.world.constants import MU_EARTH_M3_S2
-from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from simulator.world.frames.vectors import cross, length
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def torque_on(
     magnetic = bool(dipole.any())
     if not (gravity_gradient or magnetic):
         return (lambda _t, _R: fixed) if fixed.any() else None
-    sky = SkyTable.of(epoch, orbit.duration_s) if magnetic else None
+    sky = EphemerisTable.of(epoch, orbit.duration_s) if magnetic else None
     year = 2000.0 + (epoch.tt1 + epoch.tt2 - _J2000) / _YEAR_DAYS
 
     def torque(t_s: float, R_eci_from_body: FloatArray) -> FloatArray:

@@ -23,7 +23,7 @@ _DAY_SIDE_COSINE = (
 )
 
 
-def sun_fraction_past_both(
+def sun_fraction_past_earth_and_moon(
     r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike, r_moon_eci_m: ArrayLike, pole_eci: ArrayLike = GCRS_POLE
 ) -> float:
     """Share of the Sun's disc that neither the Earth nor the Moon hides from one spacecraft.

@@ -21,7 +21,7 @@ _STEP_S = 1800.0
 
 
 @dataclass(frozen=True, eq=False)
-class SkyTable:
+class EphemerisTable:
     """Piecewise cubics of what turns and moves about the Earth over a flight.
 
     Parameters
@@ -38,7 +38,7 @@ class SkyTable:
     R_itrs_from_tirs: FloatArray
 
     @staticmethod
-    def of(epoch: Instant, duration_s: float) -> SkyTable:
+    def of(epoch: Instant, duration_s: float) -> EphemerisTable:
         """The table from an hour before ``epoch`` to an hour after the flight's end."""
         nodes = np.arange(-2, int(np.ceil(duration_s / _STEP_S)) + 4) * _STEP_S
         from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import: maps are begun before
@@ -59,7 +59,7 @@ class SkyTable:
             ]
         )
         pieces = np.ascontiguousarray(CubicSpline(nodes, columns).c.transpose(1, 0, 2))
-        return SkyTable(pieces, start, rate, celestial_and_polar(epoch)[1])
+        return EphemerisTable(pieces, start, rate, celestial_and_polar(epoch)[1])
 
     def _row(self, t_s: float) -> FloatArray:
         at = t_s + 2 * _STEP_S

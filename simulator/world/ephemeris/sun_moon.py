@@ -8,7 +8,7 @@ import erfa
 import numpy as np
 
 from simulator.world.constants import AU_M, DAY_S, LIGHT_M_S
-from simulator.world.time.instant import guarded
+from simulator.world.time.instant import without_year_warning
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -20,7 +20,7 @@ _C_AU_DAY = LIGHT_M_S * DAY_S / AU_M
 
 def sun_geometric_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
     """Where the Sun is, not where it is seen: geocentric, GCRS axes (..., 3) [m]; for its attraction."""
-    heliocentric, _ = guarded(erfa.epv00, tt1, tt2)
+    heliocentric, _ = without_year_warning(erfa.epv00, tt1, tt2)
     return np.asarray(-heliocentric["p"] * AU_M, float)
 
 
@@ -52,7 +52,7 @@ def sun_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
     ----------
     SOFA routines ``iauEpv00`` (Earth, 5 km or 0.01 arcsec over 1900-2100) and ``iauAb``.
     """
-    heliocentric, barycentric = guarded(erfa.epv00, tt1, tt2)
+    heliocentric, barycentric = without_year_warning(erfa.epv00, tt1, tt2)
     sun_p = barycentric["p"] - heliocentric["p"]
     sun_v = barycentric["v"] - heliocentric["v"]
     light_days = np.linalg.norm(heliocentric["p"], axis=-1, keepdims=True) / _C_AU_DAY

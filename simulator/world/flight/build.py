@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from simulator.runtime.arrays import vec3
-from simulator.world.attitude.directions import Surroundings
+from simulator.world.attitude.directions import PointingContext
 from simulator.world.attitude.pointing import DOWN_AXES_LVLH
 from simulator.world.attitude.reaction_wheels import fly_wheels
 from simulator.world.attitude.target_attitude import Attitude, SteadyTrack
@@ -18,7 +18,7 @@ from simulator.world.ephemeris.earth_orientation import pole_eci
 from simulator.world.flight.flight import Flight
 from simulator.world.frames.lvlh import lvlh_frame
 from simulator.world.frames.rotation import quat_normalize
-from simulator.world.guidance.command_script import Steered, fly_script
+from simulator.world.guidance.command_script import CommandScript, fly_script
 from simulator.world.guidance.thruster_control import fly_controlled
 from simulator.world.orbit.gravity import Gravity
 from simulator.world.orbit.propagation import elements_from_state, propagate
@@ -92,23 +92,23 @@ def propagate_flight(
         n_rad_s=n,
         pointing=chaser.pointing,
         controlled=fly_controlled(orbit, chaser, n, thrusters, chaser.keep_out) if thrusters else None,
-        steered=fly_script(orbit, chaser, n) if isinstance(chaser, Steered) else None,
+        scripted=fly_script(orbit, chaser, n) if isinstance(chaser, CommandScript) else None,
         body=body,
         burns=burns,
     )
-    around = Surroundings(
+    around = PointingContext(
         orbit=orbit,
         body=body,
         epoch=epoch,
         duration_s=duration_s,
-        relative=flight.apart,
+        relative=flight.relative,
     )
     track = target.history
     if track is None:
         track = target.attitude.track(q0, target.inertia_kg_m2, around)
     flight = replace(flight, attitude=track)
     # the thrust of a script follows the camera's axes, which must stay as they were flown
-    if chaser.pointing.down == "auto" and flight.steered is None:
+    if chaser.pointing.down == "auto" and flight.scripted is None:
         flight = with_best_down(flight)
     return with_wheels(flight, chaser.wheels)
 
@@ -117,7 +117,7 @@ def with_wheels(flight: Flight, wheels: Wheels | None) -> Flight:
     """The flight with its camera turned by wheels after the pointing, or as it is."""
     if wheels is None:
         return flight
-    return replace(flight, wheels=fly_wheels(flight.looking, flight.duration_s, wheels))
+    return replace(flight, wheels=fly_wheels(flight.pointing_reference, flight.duration_s, wheels))
 
 
 def with_best_down(flight: Flight, samples: int = 61) -> Flight:

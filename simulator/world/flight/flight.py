@@ -10,7 +10,7 @@ import numpy as np
 from simulator.runtime.arrays import quat, vec3
 from simulator.world.ephemeris.bodies import EARTH, Body
 from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
-from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.ephemeris.moon_orientation import q_moon_from_eci
 from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
 from simulator.world.flight.state import WorldState
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from simulator.world.attitude.rigid_body import AttitudeTrack
     from simulator.world.flight.recording import Recording
     from simulator.world.guidance.chaser import Chaser
-    from simulator.world.guidance.command_script import SteeredTrack
+    from simulator.world.guidance.command_script import ScriptedTrack
     from simulator.world.guidance.thruster_control import ControlledTrack
     from simulator.world.orbit.burns import Burn
     from simulator.world.orbit.propagation import OrbitTrack
@@ -57,7 +57,7 @@ class Flight:
     n_rad_s: float
     pointing: Pointing
     controlled: ControlledTrack | None = None
-    steered: SteeredTrack | None = None
+    scripted: ScriptedTrack | None = None
     wheels: WheelTrack | None = None
     recording: Recording | None = None
     body: Body = EARTH
@@ -74,8 +74,8 @@ class Flight:
             return self.recording.chaser(t_s)
         frame = self.lvlh(t_s)
         p, v = self.relative(t_s, frame)
-        if self.steered is not None and not self.steered.script.tracking:
-            return self.steered(t_s)
+        if self.scripted is not None and not self.scripted.script.tracking:
+            return self.scripted(t_s)
         q, omega = self.wheels(t_s) if self.wheels else self.pointing.attitude(-p, -v, frame)
         return ChaserState(
             t_s=t_s,
@@ -132,7 +132,7 @@ class Flight:
             r_moon_eci_m=vec3(moon),
             q_itrs_from_eci_wxyz=quat(q_ie),
             q_moon_from_eci_wxyz=quat(q_moon_from_eci(now)),
-            sun_visible_fraction=sun_fraction_past_both(r, sun, moon, matrix_from_quat(q_ie)[2]),
+            sun_visible_fraction=sun_fraction_past_earth_and_moon(r, sun, moon, matrix_from_quat(q_ie)[2]),
             central_body=self.body.name,
         )
 
@@ -146,9 +146,14 @@ class Flight:
         r, v = self.orbit(t_s)
         return r_body + r, v_body + v, r_body
 
-    def relative(self, t_s: float, frame: Lvlh) -> tuple[FloatArray, FloatArray]:
-        """Chaser minus target along GCRS axes [m], [m s-1]; ``frame`` is `lvlh` at that time."""
-        told = self.recording.chaser if self.recording else self.steered
+    def relative(self, t_s: float, frame: Lvlh | None = None) -> tuple[FloatArray, FloatArray]:
+        """Chaser minus target along GCRS axes [m], [m s-1].
+
+        Parameters
+        ----------
+        frame : `lvlh` at that time, where it is known; else the quick one of the track.
+        """
+        told = self.recording.chaser if self.recording else self.scripted
         if told is not None:
             chaser = told(t_s)
             return np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
@@ -156,13 +161,9 @@ class Flight:
             return self.controlled(t_s)
         if self.guidance.ballistic:
             return self.orbit.relative(t_s)
-        return frame.to_eci(*self.guidance.state_lvlh(t_s, self.n_rad_s))
+        return (frame or self.orbit.frame(t_s)).to_eci(*self.guidance.state_lvlh(t_s, self.n_rad_s))
 
-    def apart(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Chaser minus target along GCRS axes [m], [m s-1]."""
-        return self.relative(t_s, self.orbit.frame(t_s))
-
-    def looking(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+    def pointing_reference(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """``q_camera_from_eci_wxyz`` and rate that the pointing asks for, by a quicker way than `chaser`."""
         frame = self.orbit.frame(t_s)
         p, v = self.relative(t_s, frame)

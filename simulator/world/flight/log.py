@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from simulator.runtime.arrays import FloatArray
     from simulator.world.flight.flight import Flight
-    from simulator.world.guidance.command_script import SteeredTrack
+    from simulator.world.guidance.command_script import ScriptedTrack
     from simulator.world.guidance.thruster_control import ControlledTrack
     from simulator.world.orbit.burns import Burn
 
@@ -39,7 +39,7 @@ class Event:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Push:
+class ThrustState:
     """What the chaser's thrusters do at one moment; None is not known.
 
     Parameters
@@ -73,29 +73,29 @@ class FlightLog:
         given: list[float] = []
         if f.controlled is not None:
             given = [float(np.linalg.norm(a)) * f.controlled.period_s for a in f.controlled.thrust_eci_m_s2]
-        elif f.steered is not None and f.recording is None:
-            spans = pairwise([*f.steered.times_s, f.duration_s])
+        elif f.scripted is not None and f.recording is None:
+            spans = pairwise([*f.scripted.times_s, f.duration_s])
             given = [
-                float(np.linalg.norm(_asked(f.steered, k))) * (end - start)
+                float(np.linalg.norm(_asked(f.scripted, k))) * (end - start)
                 for k, (start, end) in enumerate(spans)
             ]
         object.__setattr__(self, "_totals_m_s", [0.0, *accumulate(given)])
 
-    def push(self, t_s: float) -> Push:
+    def thrust_state(self, t_s: float) -> ThrustState:
         """What the chaser does at ``t_s``."""
         f = self.flight
         if f.recording is not None:
-            return Push(phase="replay")
+            return ThrustState(phase="replay")
         if f.controlled is not None:
             return self._controlled(f.controlled, t_s)
-        if f.steered is not None:
-            return self._steered(f.steered, t_s)
+        if f.scripted is not None:
+            return self._scripted(f.scripted, t_s)
         if f.guidance.ballistic:
             return _ballistic(f.guidance.phase(t_s), f.burns, t_s)
         # a path that is followed exactly: by what is not modelled
-        return Push(phase=f.guidance.phase(t_s))
+        return ThrustState(phase=f.guidance.phase(t_s))
 
-    def _controlled(self, track: ControlledTrack, t_s: float) -> Push:
+    def _controlled(self, track: ControlledTrack, t_s: float) -> ThrustState:
         k = min(max(int(t_s // track.period_s), 0), len(track.mass_kg) - 1)
         start = k * track.period_s
         a = track.thrust_eci_m_s2[k]
@@ -103,21 +103,21 @@ class FlightLog:
         if track.abort_s is not None and start >= track.abort_s:
             phase = "retreat" if _near(track, k) else "drift"
         over = t_s >= start + track.period_s
-        return Push(
+        return ThrustState(
             phase=phase,
             acceleration_lvlh_m_s2=vec3(track.orbit.frame(start).R_eci_from_lvlh.T @ a),
             mass_kg=track.end_mass_kg if over else float(track.mass_kg[k]),
             delta_v_m_s=self._totals_m_s[k] + float(np.linalg.norm(a)) * min(t_s - start, track.period_s),
         )
 
-    def _steered(self, track: SteeredTrack, t_s: float) -> Push:
+    def _scripted(self, track: ScriptedTrack, t_s: float) -> ThrustState:
         k = max(bisect_right(track.times_s, t_s) - 1, 0)
         start = track.times_s[k]
         a = _asked(track, k)
         frame = track.orbit.frame(start)
         moved = frame.R_eci_from_lvlh.T @ a
         phase = "guarded" if track.overruled[k] else "commanded" if a.any() else "coast"
-        return Push(
+        return ThrustState(
             phase=phase,
             acceleration_lvlh_m_s2=vec3(moved),
             delta_v_m_s=self._totals_m_s[k] + float(np.linalg.norm(a)) * (t_s - start),
@@ -142,11 +142,11 @@ class FlightLog:
                 found.append(Event(t_s=burn.end_s, kind="burn_end", what=f"end of the {burn.craft}'s burn"))
         if f.controlled is not None and f.controlled.abort_s is not None:
             found += _abort_events(f.controlled, f.controlled.abort_s)
-        if f.steered is not None and f.recording is None:
+        if f.scripted is not None and f.recording is None:
             starts = (
                 t
                 for t, before, now in zip(
-                    f.steered.times_s, [False, *f.steered.overruled], f.steered.overruled, strict=False
+                    f.scripted.times_s, [False, *f.scripted.overruled], f.scripted.overruled, strict=False
                 )
                 if now and not before
             )
@@ -159,7 +159,7 @@ class FlightLog:
     @property
     def delta_v_m_s(self) -> float | None:
         """Given over the whole flight [m s-1]; None where that is not known."""
-        return self.push(self.flight.duration_s).delta_v_m_s
+        return self.thrust_state(self.flight.duration_s).delta_v_m_s
 
     @property
     def propellant_kg(self) -> float | None:
@@ -168,7 +168,7 @@ class FlightLog:
         return None if track is None else float(track.mass_kg[0]) - track.end_mass_kg
 
 
-def _asked(track: SteeredTrack, k: int) -> FloatArray:
+def _asked(track: ScriptedTrack, k: int) -> FloatArray:
     """Acceleration of a step, along GCRS axes."""
     command = track.commands[k]
     camera = matrix_from_quat(track.states[k].q_camera_from_eci_wxyz).T @ np.array(
@@ -186,7 +186,7 @@ def _near(track: ControlledTrack, k: int) -> bool:
     return float(np.linalg.norm(track.position_eci_m[k])) <= reach
 
 
-def _ballistic(phase: str, burns: tuple[Burn, ...], t_s: float) -> Push:
+def _ballistic(phase: str, burns: tuple[Burn, ...], t_s: float) -> ThrustState:
     """Free flight, but for the chaser's burns."""
     total, push = 0.0, np.zeros(3)
     for burn in burns:
@@ -196,7 +196,9 @@ def _ballistic(phase: str, burns: tuple[Burn, ...], t_s: float) -> Push:
         total += share * float(np.linalg.norm(burn.delta_v_lvlh_m_s))
         if burn.duration_s > 0 and t_s < burn.end_s:
             push = push + np.array(burn.acceleration_lvlh_m_s2)
-    return Push(phase="burn" if push.any() else phase, acceleration_lvlh_m_s2=vec3(push), delta_v_m_s=total)
+    return ThrustState(
+        phase="burn" if push.any() else phase, acceleration_lvlh_m_s2=vec3(push), delta_v_m_s=total
+    )
 
 
 def _abort_events(track: ControlledTrack, abort_s: float) -> list[Event]:

@@ -45,7 +45,7 @@ _FIELDS = {
     "omega_camera_rad_s": 3,
 }
 """Arrays of the file and the width of each, named as in `WorldState`."""
-LINES = ".csv"
+CSV_SUFFIX = ".csv"
 """Ending of a recording as lines, which grows while it is flown; any other is an npz file."""
 MOST_BYTES = 2**29
 """Of a recording, packed or not: three million samples."""
@@ -97,7 +97,7 @@ class Recording:
         """
         try:
             data = read_regular(path, MOST_BYTES)
-            arrays = _from_lines(data.decode("ascii")) if path.suffix == LINES else _from_npz(data)
+            arrays = _from_lines(data.decode("ascii")) if path.suffix == CSV_SUFFIX else _from_npz(data)
         except OSError as error:
             raise UserError(f"recording {path} cannot be read: {error.strerror or error}") from error
         except _DAMAGED as error:
@@ -194,13 +194,13 @@ class RecordedAttitude:
         return self.recording.target_attitude(t_s)
 
 
-def first_line() -> str:
+def csv_header() -> str:
     """The names of a line's numbers, in order."""
     names = [f"{name}_{k}" if width > 1 else name for name, width in _FIELDS.items() for k in range(width)]
     return ",".join(names) + "\n"
 
 
-def line_of(state: WorldState) -> str:
+def csv_row(state: WorldState) -> str:
     """A state as a line of numbers, which read again are the same to the last bit."""
     values = (np.atleast_1d(getattr(state, name)).tolist() for name in _FIELDS)
     return ",".join(repr(float(value)) for part in values for value in part) + "\n"
@@ -217,9 +217,9 @@ def _from_npz(data: bytes) -> dict[str, FloatArray]:
 
 
 def _from_lines(text: str) -> dict[str, FloatArray]:
-    """Arrays of `first_line` and the whole lines after it. ValueError if they are not that."""
+    """Arrays of `csv_header` and the whole lines after it. ValueError if they are not that."""
     first, *rows = text.split("\n")[:-1]  # what comes after the last line's end was not finished
-    if first + "\n" != first_line():
+    if first + "\n" != csv_header():
         raise ValueError("its first line does not name the numbers of a flight")
     count = sum(_FIELDS.values())
     table = np.array([row.split(",") for row in rows], float).reshape(-1, count)

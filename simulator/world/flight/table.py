@@ -58,7 +58,7 @@ def _with_log(flight: Flight, rows: list[Row]) -> list[Row]:
     times = [float(row["t_s"] or 0.0) for row in rows]
     events = log.events(times, [float(row["sun_visible_fraction"] or 0.0) for row in rows])
     for k, (t, row) in enumerate(zip(times, rows, strict=True)):
-        push = log.push(t)
+        push = log.thrust_state(t)
         a, mass = push.acceleration_lvlh_m_s2, push.mass_kg
         row["phase"] = push.phase
         for i, axis in enumerate("xyz"):

@@ -29,11 +29,11 @@ class ScriptedCommand(Section, frozen=True, kw_only=True):
     acceleration_m_s2: SpeedXyz = (0.0, 0.0, 0.0)
     # lvlh: radial, along-track, cross-track; camera: right, down, forward
     axes: Literal["lvlh", "camera"] = "lvlh"
-    # of the camera relative to the stars, unless it keeps looking at the target
+    # of the camera relative to the stars, unless it keeps with_tracking_camera at the target
     rate_camera_deg_s: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
 
 
-class Steered(Chaser, tag_field="mode", tag="steered", frozen=True, kw_only=True):
+class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_only=True):
     """Free flight with an operator's commands, written down; ``tracking`` keeps the camera on the target."""
 
     position_lvlh_m: MetresXyz
@@ -70,7 +70,7 @@ class Steered(Chaser, tag_field="mode", tag="steered", frozen=True, kw_only=True
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SteeredTrack:
+class ScriptedTrack:
     """A steered flight: states and commands at the start of each step.
 
     Parameters
@@ -82,7 +82,7 @@ class SteeredTrack:
 
     orbit: OrbitTrack
     pointing: Pointing
-    script: Steered
+    script: CommandScript
     times_s: list[float]
     states: list[ChaserState]
     commands: list[Command]
@@ -94,10 +94,10 @@ class SteeredTrack:
         k = max(bisect_right(self.times_s, t_s) - 1, 0)
         since = t_s - self.times_s[k]
         now = self.states[k] if since == 0 else step(self.states[k], self.commands[k], since, self.orbit)
-        return looking(now, self.orbit, self.pointing) if self.script.tracking else now
+        return with_tracking_camera(now, self.orbit, self.pointing) if self.script.tracking else now
 
 
-def fly_script(orbit: OrbitTrack, script: Steered, n_rad_s: float) -> SteeredTrack:
+def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> ScriptedTrack:
     """Fly a script to the end of the target's track; its keep-out sphere is guarded, whatever the commands say.
 
     Parameters
@@ -112,13 +112,13 @@ def fly_script(orbit: OrbitTrack, script: Steered, n_rad_s: float) -> SteeredTra
         velocity_eci_m_s=vec3(v),
         q_camera_from_eci_wxyz=(1.0, 0.0, 0.0, 0.0),
     )
-    state = looking(blank, orbit, pointing)
+    state = with_tracking_camera(blank, orbit, pointing)
     times = script.times_s(orbit.duration_s)
     states, commands, guarded_s = [], [], None
     overrulings = []
     for t, end in zip(times, [*times[1:], orbit.duration_s], strict=True):
         if script.tracking:
-            state = looking(state, orbit, pointing)
+            state = with_tracking_camera(state, orbit, pointing)
         command = script.command(t)
         if script.tracking:
             command = replace(command, rate_camera_rad_s=state.omega_camera_rad_s)
@@ -132,7 +132,7 @@ def fly_script(orbit: OrbitTrack, script: Steered, n_rad_s: float) -> SteeredTra
         commands.append(command)
         overrulings.append(overruled)
         state = replace(step(state, command, end - t, orbit), t_s=end)
-    return SteeredTrack(
+    return ScriptedTrack(
         orbit=orbit,
         pointing=pointing,
         script=script,
@@ -144,7 +144,7 @@ def fly_script(orbit: OrbitTrack, script: Steered, n_rad_s: float) -> SteeredTra
     )
 
 
-def looking(state: ChaserState, orbit: OrbitTrack, pointing: Pointing) -> ChaserState:
+def with_tracking_camera(state: ChaserState, orbit: OrbitTrack, pointing: Pointing) -> ChaserState:
     """The state with its camera turned as the pointing has it."""
     p, v = np.array(state.position_eci_m), np.array(state.velocity_eci_m_s)
     q, omega = pointing.attitude(-p, -v, orbit.frame(state.t_s))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.world.relative.clohessy_wiltshire import transition_matrix
-from simulator.world.relative.thrusted_step import Held, relative_step
+from simulator.world.relative.thrusted_step import ThrustHold, relative_step
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
@@ -50,7 +50,7 @@ class ControlledTrack:
         k = min(max(int(t_s // self.period_s), 0), len(self.mass_kg) - 1)
         start = k * self.period_s
         state = self.position_eci_m[k], self.velocity_eci_m_s[k]
-        return relative_step(self.orbit, start, t_s - start, state, Held(self.thrust_eci_m_s2[k]))
+        return relative_step(self.orbit, start, t_s - start, state, ThrustHold(self.thrust_eci_m_s2[k]))
 
     @property
     def delta_v_m_s(self) -> float:
@@ -100,7 +100,7 @@ def fly_controlled(
         given, after = thrusters.fire(wanted, mass)
         thrust = frame.R_eci_from_lvlh @ given / h
         rows.append(np.array([*state[0].tolist(), *state[1].tolist(), *thrust.tolist(), mass]))
-        state = relative_step(orbit, t, min(h, orbit.duration_s - t), state, Held(thrust))
+        state = relative_step(orbit, t, min(h, orbit.duration_s - t), state, ThrustHold(thrust))
         mass = after
     table = np.array(rows)
     return ControlledTrack(

@@ -10,7 +10,7 @@ from sgp4.api import SGP4_ERRORS, Satrec
 
 from simulator.errors import UserError
 from simulator.world.ephemeris.earth_orientation import celestial_and_polar
-from simulator.world.time.instant import Instant, guarded
+from simulator.world.time.instant import Instant, without_year_warning
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
@@ -57,7 +57,7 @@ def state_from_tle(line1: str, line2: str, epoch: Instant) -> tuple[FloatArray, 
 def R_eci_from_teme(epoch: Instant) -> FloatArray:
     """(3, 3) rotation to GCRS from the true equator and mean equinox of date."""
     ut1 = epoch.ut1
-    angle = float(guarded(erfa.gmst82, *ut1)) - float(erfa.era00(*ut1))
+    angle = float(without_year_warning(erfa.gmst82, *ut1)) - float(erfa.era00(*ut1))
     c, s = np.cos(angle), np.sin(angle)
     R_cirs_from_teme = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(celestial_and_polar(epoch)[0].T @ R_cirs_from_teme)

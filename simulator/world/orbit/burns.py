@@ -38,18 +38,18 @@ class Burn(Section, frozen=True, kw_only=True):
         x, y, z = self.delta_v_lvlh_m_s
         return (x / self.duration_s, y / self.duration_s, z / self.duration_s)
 
-    def runs_over(self, start_s: float, end_s: float) -> bool:
+    def thrusts_throughout(self, start_s: float, end_s: float) -> bool:
         """Whether it pushes all through a span that no burn's start or end cuts."""
         return self.start_s <= start_s and end_s <= self.end_s and self.duration_s > 0
 
 
-def cuts_s(burns: tuple[Burn, ...], start_s: float, end_s: float) -> list[float]:
+def burn_edges_s(burns: tuple[Burn, ...], start_s: float, end_s: float) -> list[float]:
     """Starts and ends of burns strictly inside a span, in order [s]."""
     edges = {t for b in burns for t in (b.start_s, b.end_s)}
     return sorted(t for t in edges if start_s < t < end_s)
 
 
-def along_lvlh(push_lvlh: Vec3, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
+def eci_from_own_lvlh(push_lvlh: Vec3, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
     """A vector of the LVLH frame of a craft at (3,) ``r`` and ``v``, along GCRS axes."""
     r, v = r_eci_m.tolist(), v_eci_m_s.tolist()
     h = cross_of(r, v)

@@ -31,7 +31,7 @@ _MONOMIALS = _monomials()
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class DenseOutput:
     """A state over time.
 
     Parameters
@@ -65,9 +65,9 @@ class Pieces:
         return np.asarray(slopes @ self.coefficients[k]) / h
 
     @staticmethod
-    def joined(parts: Sequence[Pieces]) -> Pieces:
+    def joined(parts: Sequence[DenseOutput]) -> DenseOutput:
         """One after the other."""
-        return Pieces(
+        return DenseOutput(
             [t for p in parts for t in p.starts_s],
             [h for p in parts for h in p.lengths_s],
             np.concatenate([p.coefficients for p in parts]),
@@ -82,7 +82,7 @@ def integrate(
     rtol: float,
     atol: FloatArray | float,
     max_step_s: float,
-) -> Pieces:
+) -> DenseOutput:
     """Integrate a state over a span.
 
     Parameters
@@ -117,4 +117,4 @@ def integrate(
     nested = np.array([s.F for s in steps], float)
     coefficients = np.asarray(np.einsum("kj,skw->sjw", _MONOMIALS, nested), float)
     coefficients[:, 0] += [s.y_old for s in steps]
-    return Pieces([float(s.t_old) for s in steps], [float(s.h) for s in steps], coefficients)
+    return DenseOutput([float(s.t_old) for s in steps], [float(s.h) for s in steps], coefficients)

@@ -25,7 +25,7 @@ from simulator.world.ephemeris.eclipse import sun_visible_fraction
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
-    from simulator.world.ephemeris.ephemeris_table import SkyTable
+    from simulator.world.ephemeris.ephemeris_table import EphemerisTable
     from simulator.world.orbit.spherical_harmonics import HarmonicField
 
 _AIR_LAYERS = (
@@ -146,7 +146,7 @@ class EarthForces:
     harmonics : of degree 2 and up; None leaves a round Earth.
     """
 
-    sky: SkyTable
+    sky: EphemerisTable
     forces: Forces = GRAVITY_ALONE
     harmonics: HarmonicField | None = None
 

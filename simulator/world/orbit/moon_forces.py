@@ -19,11 +19,11 @@ from simulator.world.orbit.forces import (
     light_pressure,
     third_body,
 )
-from simulator.world.orbit.spherical_harmonics import HarmonicField, field
+from simulator.world.orbit.spherical_harmonics import HarmonicField, harmonic_field
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
-    from simulator.world.ephemeris.ephemeris_table import SkyTable
+    from simulator.world.ephemeris.ephemeris_table import EphemerisTable
     from simulator.world.orbit.forces import Surface
     from simulator.world.time.instant import Instant
 
@@ -46,7 +46,7 @@ class MoonForces:
     """
 
     epoch: Instant
-    sky: SkyTable
+    sky: EphemerisTable
     forces: Forces = GRAVITY_ALONE
 
     @property
@@ -107,4 +107,4 @@ def lunar_degree_2() -> HarmonicField:
     """
     C, S = np.zeros((3, 3)), np.zeros((3, 3))
     C[2, 0], C[2, 2] = _C20, _C22
-    return field(MU_MOON_M3_S2, MOON_RADIUS_M, C, S)
+    return harmonic_field(MU_MOON_M3_S2, MOON_RADIUS_M, C, S)

@@ -10,8 +10,8 @@ import numpy as np
 
 from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.frames.lvlh import Lvlh, lvlh_frame
-from simulator.world.orbit.burns import Burn, along_lvlh, cuts_s
-from simulator.world.orbit.dense_output import Pieces, integrate
+from simulator.world.orbit.burns import Burn, burn_edges_s, eci_from_own_lvlh
+from simulator.world.orbit.dense_output import DenseOutput, integrate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -115,7 +115,7 @@ def _angle_about(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:
 
 
 class Solution(Protocol):
-    """A state over time and its derivative: propagated (`simulator.world.orbit.dense_output.Pieces`) or recorded."""
+    """A state over time and its derivative: propagated (`simulator.world.orbit.dense_output.DenseOutput`) or recorded."""
 
     def __call__(self, t_s: float) -> FloatArray:
         """The state."""
@@ -153,8 +153,8 @@ class OrbitTrack:
         r, v = self(t_s)
         a = self.forces.target(t_s, r, v)
         for burn in self.burns:
-            if burn.runs_over(t_s, t_s):
-                a = a + along_lvlh(burn.acceleration_lvlh_m_s2, r, v)
+            if burn.thrusts_throughout(t_s, t_s):
+                a = a + eci_from_own_lvlh(burn.acceleration_lvlh_m_s2, r, v)
         return a
 
     def frame(self, t_s: float) -> Lvlh:
@@ -196,11 +196,11 @@ def propagate(
     y = np.concatenate([r_eci_m, v_eci_m_s, *(relative or ())])
     max_step_s = _SUNLIT_STEP_S if forces.solar_pressure else _MAX_STEP_S
     atol = np.repeat([1e-7, 1e-10, 1e-10, 1e-13], 3)[: len(y)]
-    edges = [0.0, *cuts_s(burns, 0.0, duration_s), duration_s]
+    edges = [0.0, *burn_edges_s(burns, 0.0, duration_s), duration_s]
     parts = []
     for start, end in pairwise(edges):
         y = _after_impulses(y, start, burns)
-        running = tuple(b for b in burns if b.runs_over(start, end))
+        running = tuple(b for b in burns if b.thrusts_throughout(start, end))
         parts.append(
             integrate(
                 _derivative(forces, running, with_chaser=len(y) > _TARGET_ONLY),
@@ -213,7 +213,7 @@ def propagate(
         )
         y = parts[-1](end)
     return OrbitTrack(
-        forces, duration_s, Pieces.joined(parts), tuple(b for b in burns if b.craft == "target")
+        forces, duration_s, DenseOutput.joined(parts), tuple(b for b in burns if b.craft == "target")
     )
 
 
@@ -223,7 +223,7 @@ def _after_impulses(y: FloatArray, t_s: float, burns: tuple[Burn, ...]) -> Float
     for burn in burns:
         if burn.duration_s > 0 or burn.start_s != t_s:
             continue
-        kick = along_lvlh(burn.delta_v_lvlh_m_s, y[:3], y[3:6])
+        kick = eci_from_own_lvlh(burn.delta_v_lvlh_m_s, y[:3], y[3:6])
         if burn.craft == "target":
             y[3:6] += kick
             kick = -kick
@@ -249,7 +249,7 @@ def _derivative(
     def burning(t: float, y: FloatArray) -> FloatArray:
         rate = free(t, y)
         for burn in running:
-            push = along_lvlh(burn.acceleration_lvlh_m_s2, y[:3], y[3:6])
+            push = eci_from_own_lvlh(burn.acceleration_lvlh_m_s2, y[:3], y[3:6])
             if burn.craft == "target":
                 rate[3:6] += push
                 push = -push

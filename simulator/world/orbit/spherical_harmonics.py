@@ -104,10 +104,10 @@ def egm96(degree: int) -> HarmonicField:
     if not 2 <= degree <= HIGHEST_DEGREE:
         raise ValueError(f"degree {degree} is not one of 2 to {HIGHEST_DEGREE}, which the coefficients reach")
     mu, radius, C, S = _coefficients()
-    return field(mu, radius, C[: degree + 1, : degree + 1], S[: degree + 1, : degree + 1])
+    return harmonic_field(mu, radius, C[: degree + 1, : degree + 1], S[: degree + 1, : degree + 1])
 
 
-def field(mu_m3_s2: float, radius_m: float, C: FloatArray, S: FloatArray) -> HarmonicField:
+def harmonic_field(mu_m3_s2: float, radius_m: float, C: FloatArray, S: FloatArray) -> HarmonicField:
     """A field from (degree + 1, degree + 1) normalised coefficients; those below degree 2 are not used."""
     degree = len(C) - 1
     size = degree + 2

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.world.orbit.burns import along_lvlh, cuts_s
+from simulator.world.orbit.burns import burn_edges_s, eci_from_own_lvlh
 from simulator.world.orbit.forces import attraction_difference
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class ThrustHold:
     """A thrust that stays as it is: (3,) acceleration along GCRS axes [m s-2]."""
 
     push: FloatArray
@@ -49,7 +49,7 @@ def relative_step(
     """
     if not orbit.burns:
         return _leg(orbit, t_s, h, state, thrust, 0.0)
-    edges = [t_s, *cuts_s(orbit.burns, t_s, t_s + h), t_s + h]
+    edges = [t_s, *burn_edges_s(orbit.burns, t_s, t_s + h), t_s + h]
     for a, b in pairwise(edges):
         if b > a:
             state = _leg(orbit, a, b - a, state, thrust, a - t_s)
@@ -64,7 +64,7 @@ def _kicked(
     p, v = state
     for burn in orbit.burns:
         if burn.duration_s == 0 and burn.start_s == t_s:
-            v = v - along_lvlh(burn.delta_v_lvlh_m_s, *orbit(t_s))
+            v = v - eci_from_own_lvlh(burn.delta_v_lvlh_m_s, *orbit(t_s))
     return p, v
 
 
@@ -86,8 +86,8 @@ def _leg(
     steady = orbit.forces.pair(t_s + h / 2, r_mid, v_mid, p_mid, v0)[1]
     steady = steady - np.array(attraction_difference(r_mid.tolist(), p_mid.tolist(), mu))
     for burn in orbit.burns:
-        if burn.runs_over(t_s, t_s + h):
-            steady = steady - along_lvlh(burn.acceleration_lvlh_m_s2, r_mid, v_mid)
+        if burn.thrusts_throughout(t_s, t_s + h):
+            steady = steady - eci_from_own_lvlh(burn.acceleration_lvlh_m_s2, r_mid, v_mid)
     middle = r_mid.tolist()
     first, half, last = (thrust(since_s + d) for d in (0.0, h / 2, h))
     sx, sy, sz = steady.tolist()

@@ -21,7 +21,7 @@ _FIRST_YEAR, _LAST_YEAR = 1972, 2099
 """UTC with whole leap seconds starts in 1972; the Earth's ephemeris (epv00) ends with 2100."""
 
 
-def guarded(function: Callable[..., Any], *args: Any) -> Any:  # noqa: ANN401 - erfa ships no types
+def without_year_warning(function: Callable[..., Any], *args: Any) -> Any:  # noqa: ANN401 - erfa ships no types
     """Call an erfa routine without its "dubious year" warning.
 
     erfa warns when a date lies beyond its table of leap seconds, five years after its release. A future
@@ -63,10 +63,10 @@ class Instant:
         if hour > 23 or minute > 59 or second >= 61:
             raise ValueError(f"{text!r} has an hour, minute or second that does not exist")
         try:
-            utc1, utc2 = guarded(erfa.dtf2d, "UTC", year, month, day, hour, minute, second)
+            utc1, utc2 = without_year_warning(erfa.dtf2d, "UTC", year, month, day, hour, minute, second)
         except erfa.ErfaError as error:
             raise ValueError(f"{text!r} is not a date of the calendar") from error
-        tt1, tt2 = erfa.taitt(*guarded(erfa.utctai, utc1, utc2))
+        tt1, tt2 = erfa.taitt(*without_year_warning(erfa.utctai, utc1, utc2))
         return Instant(float(tt1), float(tt2))
 
     def plus(self, seconds: float) -> Instant:
@@ -80,7 +80,7 @@ class Instant:
     @property
     def utc(self) -> tuple[float, float]:
         """Two-part quasi Julian date of UTC."""
-        utc1, utc2 = guarded(erfa.taiutc, *erfa.tttai(self.tt1, self.tt2))
+        utc1, utc2 = without_year_warning(erfa.taiutc, *erfa.tttai(self.tt1, self.tt2))
         return float(utc1), float(utc2)
 
     @property
@@ -106,7 +106,7 @@ class Instant:
 
     def iso(self) -> str:
         """ISO 8601 text in UTC with microseconds and a trailing Z."""
-        year, month, day, hmsf = guarded(erfa.d2dtf, "UTC", 6, *self.utc)
+        year, month, day, hmsf = without_year_warning(erfa.d2dtf, "UTC", 6, *self.utc)
         date = f"{int(year):04d}-{int(month):02d}-{int(day):02d}"
         h, m, s, f = (int(hmsf[field]) for field in "hmsf")
         return f"{date}T{h:02d}:{m:02d}:{s:02d}.{f:06d}Z"

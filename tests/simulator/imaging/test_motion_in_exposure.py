@@ -22,7 +22,7 @@ from simulator.render.view import build_view
 from simulator.runtime.arrays import vec3
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
-from simulator.scene.motion import scene_at
+from simulator.scene.motion import propagated_scene
 from simulator.world.frames.rotation import matrix_from_quat, rotation_angle_rad
 
 pytestmark = pytest.mark.gl
@@ -175,7 +175,7 @@ def test_the_scene_a_moment_later_is_the_propagated_one():
     plan = plan_flight(load_scenario("tango-flyaround"), times=(30.0,))
     scene = plan.scene(0)
     for dt in (-0.1, 0.02, 0.1):
-        guess = scene_at(scene, dt)
+        guess = propagated_scene(scene, dt)
         state = plan.flight.state(30.0 + dt)
         true = plan.scene_of(state, 0)
         assert rotation_angle_rad(guess.q_camera_from_target_wxyz, true.q_camera_from_target_wxyz) < 1e-5

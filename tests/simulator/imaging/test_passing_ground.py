@@ -14,7 +14,7 @@ from simulator.imaging.image_motion import image_motion_px
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
-from simulator.scene.motion import scene_at
+from simulator.scene.motion import propagated_scene
 
 pytestmark = pytest.mark.gl
 
@@ -51,7 +51,7 @@ def test_craft_and_ground_drawn_apart_add_up_to_the_picture(renderer, plan, band
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
 def test_a_sky_drawn_between_a_crafts_samples_and_its_shading_changes_neither(renderer, plan, bands):
     scene = replace(plan.scene(0), bands=bands)
-    later = scene_at(scene, 0.2)
+    later = propagated_scene(scene, 0.2)
     craft = renderer.render(scene, plan.target, layer="craft")
     ground = renderer.render(later, plan.target, layer="sky").radiance
     begun = renderer.begin_craft(scene, plan.target)
@@ -78,7 +78,7 @@ def test_the_smear_is_the_mean_of_four_times_the_instants(renderer, plan, exposu
     n = 4 * max(3, int(np.ceil(motion)))
     times = exposure_s * ((np.arange(n) + 0.5) / n - 0.5)
     expected = sum(
-        renderer.render(scene_at(scene, float(dt)), plan.target).radiance.astype(float) for dt in times
+        renderer.render(propagated_scene(scene, float(dt)), plan.target).radiance.astype(float) for dt in times
     )
     got = integrate(renderer, scene, plan.target)
     assert got.n_drawn < n / 2
@@ -93,7 +93,7 @@ def test_the_smear_is_the_mean_of_four_times_the_instants(renderer, plan, exposu
 def test_each_moment_of_an_exposure_is_worked_out_once(renderer, plan, monkeypatch):
     asked = []
     monkeypatch.setattr(
-        image_motion, "scene_at", lambda scene, dt_s: asked.append(dt_s) or scene_at(scene, dt_s)
+        image_motion, "propagated_scene", lambda scene, dt_s: asked.append(dt_s) or propagated_scene(scene, dt_s)
     )
     integrate(renderer, _exposed(plan, 0.1), plan.target)
     assert len(asked) == len(set(asked))

@@ -15,7 +15,7 @@ from simulator.labels.truth import KeypointState
 from simulator.runtime.arrays import vec3
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
-from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.frames.rotation import matrix_from_quat
 from tools.validation.labels.report import dataset_card
 
@@ -29,7 +29,7 @@ def _in_eclipse(scene):
     away = -np.asarray(scene.r_target_eci_m)
     sun = away / np.linalg.norm(away) * np.linalg.norm(scene.r_sun_eci_m)
     pole = matrix_from_quat(scene.q_itrs_from_eci_wxyz)[2]
-    share = sun_fraction_past_both(np.asarray(scene.r_target_eci_m), sun, scene.r_moon_eci_m, pole)
+    share = sun_fraction_past_earth_and_moon(np.asarray(scene.r_target_eci_m), sun, scene.r_moon_eci_m, pole)
     return replace(scene, r_sun_eci_m=vec3(sun), sun_visible_fraction=share)
 
 

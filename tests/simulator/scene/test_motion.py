@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.scenario.recipes import plan_recipe
-from simulator.scene.motion import scene_at
+from simulator.scene.motion import propagated_scene
 from simulator.world.orbit.gravity import Gravity
 from simulator.world.orbit.propagation import propagate
 
@@ -15,7 +15,7 @@ from simulator.world.orbit.propagation import propagate
 def test_both_craft_fall_freely(dt_s: float) -> None:
     """To second order in two seconds: the third is 1.3e-6 of the radius cubed in n dt, 12 mm; half the fall is 17 m."""
     scene = plan_recipe("eval-earth", 3, seed=5).scene(2)
-    then = scene_at(scene, dt_s)
+    then = propagated_scene(scene, dt_s)
     for r, v, r_then, v_then in (
         (scene.r_target_eci_m, scene.v_target_eci_m_s, then.r_target_eci_m, then.v_target_eci_m_s),
         (scene.r_camera_eci_m, scene.v_camera_eci_m_s, then.r_camera_eci_m, then.v_camera_eci_m_s),

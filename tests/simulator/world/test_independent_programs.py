@@ -8,7 +8,7 @@ import erfa
 import numpy as np
 
 from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
-from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
 from simulator.world.orbit.forces import EarthForces, Forces
 from simulator.world.orbit.propagation import propagate
@@ -46,7 +46,7 @@ def test_a_day_agrees_with_basilisk() -> None:
     """EGM96 20x20 + Sun + Moon at 600 km: 1 m after a day; 1 mm between the two over an orbit."""
     epoch = Instant.from_utc("2025-03-21T06:00:00Z")
     forces = EarthForces(
-        sky=SkyTable.of(epoch, 86400.0), harmonics=egm96(20), forces=Forces(sun=True, moon=True)
+        sky=EphemerisTable.of(epoch, 86400.0), harmonics=egm96(20), forces=Forces(sun=True, moon=True)
     )
     start, chaser = BASILISK[0, 1:4], BASILISK[0, 4:7]
     v, w = np.array([0.0, -1049.0, 7485.0]), np.array([0.0, -0.013, 0.002])

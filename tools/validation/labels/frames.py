@@ -16,10 +16,10 @@ from simulator.labels.truth import FlowLabel
 from simulator.runtime.arrays import vec3
 from simulator.scenario.recipes import Recipe, RecipePlan
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
-from simulator.scene.motion import scene_at
+from simulator.scene.motion import propagated_scene
 from simulator.scene.state import Environment
 from simulator.targets.library import list_targets, load_target
-from simulator.world.ephemeris.eclipse import sun_fraction_past_both
+from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def random_frame(seed: int, k: int) -> tuple[SceneState, LabelRequest]:
     layers = tuple(name for name in LAYERS if rng.random() < 0.8)
     if scene.shutter.is_rolling:
         layers = tuple(name for name in layers if name != "flow")
-    then = scene_at(scene, FLOW_S)
+    then = propagated_scene(scene, FLOW_S)
     flow = FlowLabel(
         t_s=then.t_s,
         q_camera_from_target_wxyz=then.q_camera_from_target_wxyz,
@@ -139,7 +139,7 @@ def _in_other_light(rng: Generator, scene: SceneState) -> SceneState:
     d = rng.standard_normal(3)
     sun = np.asarray(scene.r_target_eci_m) + ASTRONOMICAL_UNIT_M * d / np.linalg.norm(d)
     pole = matrix_from_quat(scene.q_itrs_from_eci_wxyz)[2]
-    share = sun_fraction_past_both(scene.r_target_eci_m, sun, scene.r_moon_eci_m, pole)
+    share = sun_fraction_past_earth_and_moon(scene.r_target_eci_m, sun, scene.r_moon_eci_m, pole)
     return replace(scene, r_sun_eci_m=vec3(sun), sun_visible_fraction=share)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from simulator.errors import UserError
-from simulator.world.attitude.directions import Surroundings
+from simulator.world.attitude.directions import PointingContext
 from simulator.world.attitude.target_attitude import Attitude, Point
 from simulator.world.attitude.torques import magnetic_field_t, torque_on
 from simulator.world.ephemeris.bodies import EARTH
@@ -28,7 +28,7 @@ EPOCH = Instant.from_utc("2026-03-20T12:00:00Z")
 SPAN = 3000.0
 R0, V0 = state_from_elements(Elements(semi_major_axis_m=7e6, inclination_rad=1.7, eccentricity=0.01))
 ORBIT = propagate(R0, V0, SPAN, Gravity(), (np.array([5.0, -8.0, 3.0]), np.array([0.01, 0.0, 0.02])))
-AROUND = Surroundings(orbit=ORBIT, body=EARTH, epoch=EPOCH, duration_s=SPAN, relative=ORBIT.relative)
+AROUND = PointingContext(orbit=ORBIT, body=EARTH, epoch=EPOCH, duration_s=SPAN, relative=ORBIT.relative)
 Q0 = quat_from_rotvec([0.4, -0.9, 0.2])
 J = np.diag([2.5, 2.7, 3.9])
 

@@ -13,7 +13,7 @@ from simulator.scenario.load import load_scenario
 from simulator.targets.library import load_target
 from simulator.world.constants import AU_M, EARTH_RADIUS_M, SUN_RADIUS_M
 from simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
-from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from simulator.world.frames.rotation import matrix_from_quat
 from simulator.world.orbit.forces import EarthForces, Forces, Surface
 from simulator.world.time.instant import Instant
@@ -146,7 +146,7 @@ def test_flight_light_pressure_and_drawn_earth_have_one_shadow() -> None:
     craft = Surface(mass_kg=100.0, area_m2=1.0)
     epoch = Instant.from_utc(flight.state(0.0).epoch_utc)
     push = EarthForces(
-        sky=SkyTable.of(epoch, 5900.0), forces=Forces(solar_pressure=True, target=craft, chaser=craft)
+        sky=EphemerisTable.of(epoch, 5900.0), forces=Forces(solar_pressure=True, target=craft, chaser=craft)
     )
     pull = EarthForces(sky=push.sky)
     for k in edges:

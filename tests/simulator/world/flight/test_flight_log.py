@@ -132,20 +132,22 @@ def test_every_column_is_documented_and_no_other(tmp_path: Path) -> None:
 def test_a_guard_that_overrules_is_told_where_it_does(tmp_path: Path) -> None:
     flight = _flight(tmp_path, STEERED)
     log = FlightLog(flight)
-    assert [log.push(t).phase for t in (5.0, 12.0)] == ["coast", "commanded"]
-    assert log.push(12.0).acceleration_lvlh_m_s2 == pytest.approx((0.0, 0.03, 0.0), abs=1e-9)
-    assert log.push(12.0).delta_v_m_s == pytest.approx(0.06, abs=1e-9)
+    assert [log.thrust_state(t).phase for t in (5.0, 12.0)] == ["coast", "commanded"]
+    assert log.thrust_state(12.0).acceleration_lvlh_m_s2 == pytest.approx((0.0, 0.03, 0.0), abs=1e-9)
+    assert log.thrust_state(12.0).delta_v_m_s == pytest.approx(0.06, abs=1e-9)
     guarded = [e for e in log.events() if e.kind == "guarded"]
-    assert guarded[0].t_s == flight.steered.guarded_s
-    assert log.push(guarded[0].t_s).phase == "guarded"
+    assert guarded[0].t_s == flight.scripted.guarded_s
+    assert log.thrust_state(guarded[0].t_s).phase == "guarded"
 
 
 def test_burns_count_and_the_targets_are_not_the_chasers(tmp_path: Path) -> None:
     flight = _flight(tmp_path, BURNS)
     log = FlightLog(flight)
-    assert [log.push(t).delta_v_m_s for t in (5.0, 20.0, 50.0, 90.0)] == pytest.approx([0.0, 0.05, 0.1, 0.15])
-    assert log.push(50.0).acceleration_lvlh_m_s2 == pytest.approx((0.005, 0.0, 0.0))
-    assert (log.push(50.0).phase, log.push(90.0).phase) == ("burn", "drift")
+    assert [log.thrust_state(t).delta_v_m_s for t in (5.0, 20.0, 50.0, 90.0)] == pytest.approx(
+        [0.0, 0.05, 0.1, 0.15]
+    )
+    assert log.thrust_state(50.0).acceleration_lvlh_m_s2 == pytest.approx((0.005, 0.0, 0.0))
+    assert (log.thrust_state(50.0).phase, log.thrust_state(90.0).phase) == ("burn", "drift")
     assert [(e.t_s, e.kind) for e in log.events()] == [
         (10.0, "burn"),
         (40.0, "burn"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.world.guidance.command_script import Steered, fly_script
+from simulator.world.guidance.command_script import CommandScript, fly_script
 from simulator.world.guidance.keep_out import KeepOut
 from simulator.world.orbit.gravity import Gravity
 from simulator.world.orbit.propagation import propagate
@@ -47,7 +47,7 @@ def test_in_the_corridor_it_acts_where_braking_would_only_just_stop_inside() -> 
 def test_a_flight_is_overruled_when_it_must_be_and_not_before() -> None:
     orbit = propagate((7.078e6, 0.0, 0.0), (0.0, 7504.0, 0.0), 40.0, Gravity(j2=0.0))
     speed, start = 0.5, 25.0
-    script = Steered(
+    script = CommandScript(
         position_lvlh_m=(0.0, -start, 0.0),
         velocity_lvlh_m_s=(0.0, speed, 0.0),
         brake_m_s2=BRAKE_M_S2,

@@ -8,7 +8,7 @@ import pytest
 
 from simulator.world.constants import MU_EARTH_M3_S2
 from simulator.world.frames.rotation import rotation_angle_rad
-from simulator.world.guidance.command_script import ScriptedCommand, Steered, SteeredTrack, fly_script
+from simulator.world.guidance.command_script import CommandScript, ScriptedCommand, ScriptedTrack, fly_script
 from simulator.world.guidance.free_flight import SafeEllipse
 from simulator.world.guidance.keep_out import KeepOut
 from simulator.world.orbit.gravity import Gravity
@@ -20,12 +20,12 @@ R0, V0 = state_from_elements(Elements(semi_major_axis_m=7e6, inclination_rad=1.0
 N = float(np.sqrt(MU_EARTH_M3_S2 / 7e6**3))
 
 
-def fly(script: Steered, span: float, keep_out: KeepOut | None = None) -> SteeredTrack:
+def fly(script: CommandScript, span: float, keep_out: KeepOut | None = None) -> ScriptedTrack:
     guarded = msgspec.structs.replace(script, keep_out=keep_out)
     return fly_script(propagate(R0, V0, span, ROUND), guarded, N)
 
 
-def lvlh(track: SteeredTrack, t: float) -> np.ndarray:
+def lvlh(track: ScriptedTrack, t: float) -> np.ndarray:
     s = track(t)
     p, v = np.array(s.position_eci_m), np.array(s.velocity_eci_m_s)
     return np.concatenate(track.orbit.frame(t).from_eci(p, v))
@@ -33,7 +33,7 @@ def lvlh(track: SteeredTrack, t: float) -> np.ndarray:
 
 def test_push_along_lvlh_follows_clohessy_wiltshire() -> None:
     a = np.array([0.001, -0.002, 0.0015])
-    script = Steered(
+    script = CommandScript(
         position_lvlh_m=(0.0, -20.0, 0.0),
         commands=(ScriptedCommand(start_s=50.0, duration_s=100.0, acceleration_m_s2=tuple(a)),),
     )
@@ -48,7 +48,7 @@ def test_push_along_lvlh_follows_clohessy_wiltshire() -> None:
 
 
 def test_push_along_the_camera_goes_to_the_target() -> None:
-    script = Steered(
+    script = CommandScript(
         position_lvlh_m=(0.0, -20.0, 0.0),
         commands=(
             ScriptedCommand(start_s=0.0, duration_s=10.0, acceleration_m_s2=(0.0, 0.0, 0.01), axes="camera"),
@@ -62,7 +62,7 @@ def test_push_along_the_camera_goes_to_the_target() -> None:
 
 
 def test_untracked_camera_turns_at_the_commanded_rate() -> None:
-    script = Steered(
+    script = CommandScript(
         position_lvlh_m=(0.0, -20.0, 0.0),
         tracking=False,
         commands=(
@@ -91,7 +91,7 @@ def test_no_command_gets_a_chaser_into_the_sphere(seed: int) -> None:
     commands.append(
         ScriptedCommand(start_s=0.0, duration_s=200.0, acceleration_m_s2=(0.0, 0.0, 0.03), axes="camera")
     )
-    script = Steered(position_lvlh_m=tuple(start), commands=tuple(commands))
+    script = CommandScript(position_lvlh_m=tuple(start), commands=tuple(commands))
     track = fly(script, 200.0, sphere)
     nearest = min(np.linalg.norm(lvlh(track, t)[:3]) for t in np.arange(0.0, 200.0, 0.5))
     assert nearest > 9.9
@@ -101,11 +101,13 @@ def test_no_command_gets_a_chaser_into_the_sphere(seed: int) -> None:
 def test_the_corridor_lets_in_and_keeps_from_leaving_sideways() -> None:
     corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_deg=np.degrees(0.25))
     forward = ScriptedCommand(start_s=0.0, duration_s=5.0, acceleration_m_s2=(0.0, 0.04, 0.0))
-    entering = fly(Steered(position_lvlh_m=(0.0, -20.0, 0.0), commands=(forward,)), 70.0, corridor)
+    entering = fly(CommandScript(position_lvlh_m=(0.0, -20.0, 0.0), commands=(forward,)), 70.0, corridor)
     assert entering.guarded_s is None
     assert np.linalg.norm(lvlh(entering, 70.0)[:3]) < 7.5
     sideways = ScriptedCommand(start_s=55.0, duration_s=20.0, acceleration_m_s2=(0.02, 0.0, 0.0))
-    leaving = fly(Steered(position_lvlh_m=(0.0, -20.0, 0.0), commands=(forward, sideways)), 120.0, corridor)
+    leaving = fly(
+        CommandScript(position_lvlh_m=(0.0, -20.0, 0.0), commands=(forward, sideways)), 120.0, corridor
+    )
     assert leaving.guarded_s is not None
     inside = [t for t in np.arange(0.0, 120.0, 0.5) if corridor.violated(lvlh(leaving, t)[:3])]
     # once overruled it is driven out, and is out again soon

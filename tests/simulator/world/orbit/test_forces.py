@@ -12,7 +12,7 @@ from scipy.special import lpmv
 
 from simulator.world.constants import AU_M, EARTH_RADIUS_M, MU_MOON_M3_S2, SOLAR_PRESSURE_PA
 from simulator.world.ephemeris.earth_orientation import R_itrs_from_eci, pole_eci
-from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from simulator.world.ephemeris.sun_moon import moon_geometric_m
 from simulator.world.frames.lvlh import lvlh_frame
 from simulator.world.orbit.forces import (
@@ -27,11 +27,11 @@ from simulator.world.orbit.forces import (
 )
 from simulator.world.orbit.gravity import Gravity
 from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
-from simulator.world.orbit.spherical_harmonics import _coefficients, egm96, field
+from simulator.world.orbit.spherical_harmonics import _coefficients, egm96, harmonic_field
 from simulator.world.time.instant import Instant
 
 EPOCH = Instant.from_utc("2025-03-21T06:00:00Z")
-SKY = SkyTable.of(EPOCH, 86400.0)
+SKY = EphemerisTable.of(EPOCH, 86400.0)
 R0, V0 = state_from_elements(
     Elements(semi_major_axis_m=EARTH_RADIUS_M + 600e3, inclination_rad=1.7, raan_rad=0.4)
 )
@@ -78,7 +78,9 @@ def test_zonal_part_is_the_closed_form_of_j2() -> None:
     g = Gravity()
     C[2, 0] = -g.j2 / np.sqrt(5)
     r = np.array([3e6, -5e6, 4e6])
-    whole = field(g.mu_m3_s2, g.radius_m, C, S).acceleration(r[None])[0] + attraction(r.tolist(), g.mu_m3_s2)
+    whole = harmonic_field(g.mu_m3_s2, g.radius_m, C, S).acceleration(r[None])[0] + attraction(
+        r.tolist(), g.mu_m3_s2
+    )
     assert np.allclose(whole, g.acceleration(r), rtol=1e-13)
 
 

@@ -12,8 +12,8 @@ from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
 from simulator.world.constants import AU_M, MOON_RADIUS_M, SOLAR_PRESSURE_PA
 from simulator.world.ephemeris.bodies import MOON
-from simulator.world.ephemeris.eclipse import sun_fraction_past_both
-from simulator.world.ephemeris.ephemeris_table import SkyTable
+from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
+from simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from simulator.world.ephemeris.moon_orientation import R_moon_from_eci
 from simulator.world.flight.ccsds_export import flight_messages
 from simulator.world.frames.rotation import matrix_from_quat
@@ -28,7 +28,7 @@ HOUR = 3600.0
 
 
 def test_the_same_orbit_comes_out_of_a_propagation_about_the_earth() -> None:
-    sky = SkyTable.of(EPOCH, HOUR)
+    sky = EphemerisTable.of(EPOCH, HOUR)
     r, v = state_from_elements(
         Elements(semi_major_axis_m=4e6, eccentricity=0.1, inclination_rad=2.0), MOON.mu_m3_s2
     )
@@ -46,7 +46,7 @@ def test_the_same_orbit_comes_out_of_a_propagation_about_the_earth() -> None:
 
 def test_light_pushes_a_lunar_craft_only_where_it_is_asked_for_and_lit() -> None:
     """Montenbruck & Gill, eq. 3.75; behind the Moon there is none, and the chaser's is its own."""
-    sky = SkyTable.of(EPOCH, HOUR)
+    sky = EphemerisTable.of(EPOCH, HOUR)
     craft = (Surface(mass_kg=50.0, area_m2=0.5), Surface(mass_kg=5.0, area_m2=0.5))
     _, sun_from_earth, moon = sky.at(0.0)
     away = -(sun_from_earth - moon) / np.linalg.norm(sun_from_earth - moon)
@@ -82,8 +82,8 @@ def test_flattening_turns_the_node_at_the_rate_of_its_formula() -> None:
     r, v = state_from_elements(Elements(semi_major_axis_m=a, inclination_rad=i), MOON.mu_m3_s2)
     n = np.sqrt(MOON.mu_m3_s2 / a**3)
     span = 4 * 2 * np.pi / n
-    forces = MoonForces(epoch=EPOCH, sky=SkyTable.of(EPOCH, span), forces=Forces(gravity_degree=2))
-    plain = MoonForces(epoch=EPOCH, sky=SkyTable.of(EPOCH, span))
+    forces = MoonForces(epoch=EPOCH, sky=EphemerisTable.of(EPOCH, span), forces=Forces(gravity_degree=2))
+    plain = MoonForces(epoch=EPOCH, sky=EphemerisTable.of(EPOCH, span))
 
     def node(f: MoonForces, t: float) -> float:
         track = propagate(R.T @ r, R.T @ v, span, f)
@@ -117,14 +117,14 @@ def test_scene_has_the_moon_where_the_orbit_is_about_it() -> None:
 def test_the_moon_and_the_earth_hide_the_sun() -> None:
     sun, moon = np.array([AU_M, 0.0, 0.0]), np.array([0.0, 3.8e8, 0.0])
     low = np.array([MOON_RADIUS_M + 100e3, 0.0, 0.0])
-    assert sun_fraction_past_both(moon + low, sun, moon) == 1.0
-    assert sun_fraction_past_both(moon - low, sun, moon) == 0.0
+    assert sun_fraction_past_earth_and_moon(moon + low, sun, moon) == 1.0
+    assert sun_fraction_past_earth_and_moon(moon - low, sun, moon) == 0.0
     # an eclipse of the Moon: its day side lies in the Earth's shadow
     behind = np.array([-3.8e8, 0.0, 0.0])
-    assert sun_fraction_past_both(behind + low, sun, behind) == 0.0
+    assert sun_fraction_past_earth_and_moon(behind + low, sun, behind) == 0.0
     # an annular or total eclipse of the Sun seen from an Earth orbit
     before = np.array([3.6e8, 0.0, 0.0])
-    assert sun_fraction_past_both(np.array([7e6, 0.0, 0.0]), sun, before) < 0.02
+    assert sun_fraction_past_earth_and_moon(np.array([7e6, 0.0, 0.0]), sun, before) < 0.02
 
 
 def test_messages_count_from_the_moon() -> None:
