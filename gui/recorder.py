@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from simulator.scenario.scenario import Scenario
-    from simulator.world.flight.state import WorldState
+    from simulator.world.flight.world_state import WorldState
 
 EVERY_S = 0.1
 """Simulated time between the states that are kept; at higher rates each step of the session is one."""

@@ -14,8 +14,13 @@ from simulator.runtime.arrays import Vec3, vec3
 from simulator.scenario.flight import fly
 from simulator.scenario.plan import plan_flight
 from simulator.world.frames.rotation import matrix_from_quat
-from simulator.world.guidance.manual_control import ChaserState, Command, guarded_command, step
-from simulator.world.relative.prediction import predicted_drift_lvlh_m
+from simulator.world.guidance.manual_control import (
+    ChaserState,
+    Command,
+    guarded_command,
+    predicted_drift_lvlh_m,
+    step,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
@@ -25,7 +30,7 @@ if TYPE_CHECKING:
     from simulator.scenario.scenario import Scenario
     from simulator.scene.state import SceneState
     from simulator.world.flight.flight import Flight
-    from simulator.world.flight.state import WorldState
+    from simulator.world.flight.world_state import WorldState
 
 Mode = Literal["guidance", "steer"]
 

@@ -12,7 +12,7 @@ from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from simulator.scene.state import SceneState
-    from simulator.world.flight.state import WorldState
+    from simulator.world.flight.world_state import WorldState
 
 
 @dataclass(frozen=True, kw_only=True)

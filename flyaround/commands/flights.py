@@ -26,7 +26,7 @@ from simulator.scenario.recipes import RECIPES
 from simulator.scenario.show import show_scenario
 from simulator.scenario.write import replay_scenario
 from simulator.world.flight.ccsds_export import flight_messages
-from simulator.world.flight.recording import record
+from simulator.world.flight.flight import record
 from simulator.world.flight.table import fly_table, summarise_flight
 
 

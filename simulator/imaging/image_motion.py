@@ -25,7 +25,7 @@ FASTEST_GROUND_M_S = 1.6e3
 
 
 def moments_of(scene: SceneState) -> Callable[[float], SceneState]:
-    """`propagated_scene` of one scene, which works out each moment once: an exposure's ends are asked for again and again."""
+    """`propagated_scene` of one scene, each moment worked out once: the ends of an exposure are asked for often."""
     return cache(partial(propagated_scene, scene))
 
 

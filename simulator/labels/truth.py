@@ -11,7 +11,7 @@ from simulator.camera.lens.camera_model import Camera
 from simulator.errors import UserError
 from simulator.runtime.arrays import Quat, Vec3
 from simulator.runtime.untrusted_files import read_regular, refuse_deep
-from simulator.scene.check import scene_problem
+from simulator.scene.limits import scene_problem
 from simulator.scene.state import SceneState
 
 MOST_BYTES = 64_000_000  # of a record: its wireframe and row poses take the most

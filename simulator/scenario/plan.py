@@ -20,7 +20,7 @@ from simulator.targets.model import Target
 if TYPE_CHECKING:
     from simulator.scenario.scenario import Scenario
     from simulator.world.flight.flight import Flight
-    from simulator.world.flight.state import WorldState
+    from simulator.world.flight.world_state import WorldState
 
 
 class FramePlan(Protocol):

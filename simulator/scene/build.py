@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from simulator.camera.detector.sensor import Sensor
     from simulator.camera.lens.camera_model import Camera
     from simulator.scene.illumination.lamp import Lamp
-    from simulator.world.flight.state import WorldState
+    from simulator.world.flight.world_state import WorldState
 
 
 def build_scene(

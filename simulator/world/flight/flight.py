@@ -13,17 +13,19 @@ from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
 from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.ephemeris.moon_orientation import q_moon_from_eci
 from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m
-from simulator.world.flight.state import WorldState
+from simulator.world.flight.recording import Recording
+from simulator.world.flight.world_state import WorldState
 from simulator.world.frames.lvlh import Lvlh, lvlh_frame
 from simulator.world.frames.rotation import matrix_from_quat
 from simulator.world.guidance.manual_control import ChaserState
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from simulator.runtime.arrays import FloatArray
     from simulator.world.attitude.pointing import Pointing
     from simulator.world.attitude.reaction_wheels import WheelTrack
     from simulator.world.attitude.rigid_body import AttitudeTrack
-    from simulator.world.flight.recording import Recording
     from simulator.world.guidance.chaser import Chaser
     from simulator.world.guidance.command_script import ScriptedTrack
     from simulator.world.guidance.thruster_control import ControlledTrack
@@ -172,3 +174,8 @@ class Flight:
     def _check(self, t_s: float) -> None:
         if not -_EDGE_S <= t_s <= self.duration_s + _EDGE_S:
             raise ValueError(f"t = {t_s} s is outside the flight of {self.duration_s} s")
+
+
+def record(flight: Flight, times_s: Iterable[float]) -> Recording:
+    """A flight sampled at times that start at 0."""
+    return Recording.of(flight.state(float(t)) for t in times_s)

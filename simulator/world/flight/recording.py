@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
     from simulator.world.attitude.rigid_body import AttitudeTrack
     from simulator.world.ephemeris.bodies import Body
-    from simulator.world.flight.flight import Flight
-    from simulator.world.flight.state import WorldState
+    from simulator.world.flight.world_state import WorldState
     from simulator.world.orbit.forces import ForceModel
     from simulator.world.time.instant import Instant
 
@@ -228,11 +227,6 @@ def _from_lines(text: str) -> dict[str, FloatArray]:
         arrays[name] = table[:, at] if width == 1 else table[:, at : at + width]
         at += width
     return arrays
-
-
-def record(flight: Flight, times_s: Iterable[float]) -> Recording:
-    """A flight sampled at times that start at 0."""
-    return Recording.of(flight.state(float(t)) for t in times_s)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,12 @@ from simulator.world.frames.rotation import (
     quat_multiply,
     quat_normalize,
 )
+from simulator.world.orbit.propagation import elements_from_state
 from simulator.world.relative.thrusted_step import relative_step
+from simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
 
 if TYPE_CHECKING:
+    from simulator.runtime.arrays import FloatArray
     from simulator.world.frames.lvlh import Lvlh
     from simulator.world.guidance.keep_out import KeepOut
     from simulator.world.orbit.propagation import OrbitTrack
@@ -117,3 +120,20 @@ def guarded_command(
     return replace(
         command, acceleration_camera_m_s2=(0.0, 0.0, 0.0), acceleration_lvlh_m_s2=vec3(allowed)
     ), True
+
+
+def predicted_drift_lvlh_m(
+    orbit: OrbitTrack, chaser: ChaserState, horizon_s: float, samples: int = 25
+) -> FloatArray:
+    """Free flight over a horizon, on any bound orbit, to first order in the distance: (samples, 3) LVLH [m].
+
+    Parameters
+    ----------
+    orbit : of the target. chaser : its state now. horizon_s : how far ahead. samples : from now to then.
+    """
+    mu = orbit.forces.mu_m3_s2
+    elements = elements_from_state(*orbit(chaser.t_s), mu)
+    frame = orbit.frame(chaser.t_s)
+    state = np.concatenate(frame.from_eci(np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)))
+    times = np.linspace(0.0, horizon_s, samples)
+    return np.array([(elliptic_transition_matrix(elements, float(t), mu) @ state)[:3] for t in times])

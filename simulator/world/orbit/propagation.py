@@ -115,7 +115,7 @@ def _angle_about(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:
 
 
 class Solution(Protocol):
-    """A state over time and its derivative: propagated (`simulator.world.orbit.dense_output.DenseOutput`) or recorded."""
+    """A state over time and its derivative: propagated (`DenseOutput`) or recorded."""
 
     def __call__(self, t_s: float) -> FloatArray:
         """The state."""

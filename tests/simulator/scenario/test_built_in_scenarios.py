@@ -19,13 +19,12 @@ from simulator.camera.lens.files import list_cameras, load_camera
 from simulator.errors import UserError
 from simulator.scenario.flight import fly, frame_times
 from simulator.scenario.load import list_scenarios, load_scenario, scenario_json_schema
-from simulator.scenario.picture import SensorSection
-from simulator.scenario.scenario import Scenario
+from simulator.scenario.scenario import Scenario, SensorSection
 from simulator.scene.environments import ENVIRONMENTS, environment_section
 from simulator.scene.state import Environment
 from simulator.targets.model import MassProperties, Target
 from simulator.world.constants import EARTH_RADIUS_M
-from simulator.world.flight.state import WorldState
+from simulator.world.flight.world_state import WorldState
 from simulator.world.frames.rotation import matrix_from_quat
 
 BOX = Target(

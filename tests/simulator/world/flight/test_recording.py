@@ -15,7 +15,8 @@ from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
 from simulator.scenario.write import replay_scenario
 from simulator.world.flight import recording
-from simulator.world.flight.recording import Recording, record
+from simulator.world.flight.flight import record
+from simulator.world.flight.recording import Recording
 from simulator.world.frames.rotation import rotation_angle_rad
 from simulator.world.guidance.manual_control import Command, step
 

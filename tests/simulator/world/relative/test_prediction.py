@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from simulator.runtime.arrays import vec3
-from simulator.world.guidance.manual_control import ChaserState
+from simulator.world.guidance.manual_control import ChaserState, predicted_drift_lvlh_m
 from simulator.world.orbit.gravity import Gravity
 from simulator.world.orbit.propagation import Elements, propagate, state_from_elements
-from simulator.world.relative.prediction import predicted_drift_lvlh_m
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.3])
