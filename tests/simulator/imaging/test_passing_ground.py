@@ -78,7 +78,8 @@ def test_the_smear_is_the_mean_of_four_times_the_instants(renderer, plan, exposu
     n = 4 * max(3, int(np.ceil(motion)))
     times = exposure_s * ((np.arange(n) + 0.5) / n - 0.5)
     expected = sum(
-        renderer.render(propagated_scene(scene, float(dt)), plan.target).radiance.astype(float) for dt in times
+        renderer.render(propagated_scene(scene, float(dt)), plan.target).radiance.astype(float)
+        for dt in times
     )
     got = integrate(renderer, scene, plan.target)
     assert got.n_drawn < n / 2
@@ -93,7 +94,9 @@ def test_the_smear_is_the_mean_of_four_times_the_instants(renderer, plan, exposu
 def test_each_moment_of_an_exposure_is_worked_out_once(renderer, plan, monkeypatch):
     asked = []
     monkeypatch.setattr(
-        image_motion, "propagated_scene", lambda scene, dt_s: asked.append(dt_s) or propagated_scene(scene, dt_s)
+        image_motion,
+        "propagated_scene",
+        lambda scene, dt_s: asked.append(dt_s) or propagated_scene(scene, dt_s),
     )
     integrate(renderer, _exposed(plan, 0.1), plan.target)
     assert len(asked) == len(set(asked))
