@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, NoReturn, Protocol, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, Self, TypeVar, cast, overload
 
 from simulator.frame import Frame, take_frame
 from simulator.labels.request import LabelRequest
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from simulator.scenario.plan import FramePlan
     from simulator.scene.state import Bands, SceneState
     from simulator.targets.model import Target
+
+    FrameLabels = bool | LabelRequest | Callable[[int], LabelRequest]
 
 MOST_DEATHS = 3
 """Times that drawing processes may die one after the other without a frame between, where they are started again."""
@@ -358,14 +360,36 @@ def whole_frame(frame: Frame) -> Frame:
     return frame
 
 
+@overload
 def run_frames(
     plan: FramePlan,
-    renderer: Renderer | FrameProducer[Taken],
-    sinks: Iterable[Sink[Taken]] = (),
+    renderer: Renderer,
+    sinks: Iterable[Sink[Frame]] = ...,
     *,
-    labels: bool | LabelRequest | Callable[[int], LabelRequest] = True,
+    labels: FrameLabels = ...,
+    numbers: Iterable[int] | None = ...,
+) -> Iterator[Frame]: ...
+
+
+@overload
+def run_frames(
+    plan: FramePlan,
+    renderer: FrameProducer[Taken],
+    sinks: Iterable[Sink[Taken]] = ...,
+    *,
+    labels: FrameLabels = ...,
+    numbers: Iterable[int] | None = ...,
+) -> Iterator[Taken]: ...
+
+
+def run_frames(
+    plan: FramePlan,
+    renderer: Renderer | FrameProducer[Any],
+    sinks: Iterable[Sink[Any]] = (),
+    *,
+    labels: FrameLabels = True,
     numbers: Iterable[int] | None = None,
-) -> Iterator[Taken]:
+) -> Iterator[Any]:
     """Draw frames of a plan, hand each to every sink, and yield it.
 
     Parameters
@@ -375,9 +399,7 @@ def run_frames(
     numbers : of the frames, in order; all of the plan unless given.
     """
     producer = (
-        renderer
-        if isinstance(renderer, FrameProducer)
-        else cast("FrameProducer[Taken]", _FramesHere(renderer, whole_frame, plan.target))
+        renderer if isinstance(renderer, FrameProducer) else _FramesHere(renderer, whole_frame, plan.target)
     )
     chosen = range(plan.n_frames) if numbers is None else numbers
     requests = (

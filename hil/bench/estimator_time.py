@@ -16,7 +16,7 @@ import numpy as np
 
 from hil.board.svd.native.backend import BACKEND_VARIABLE
 from simulator.bench.parts import PartCost, cost
-from simulator.frame import take_frame
+from simulator.loop import run_frames
 from simulator.render.renderer import Renderer
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import Plan, plan_flight
@@ -95,4 +95,5 @@ def _in_a_process(folder: Path, choice: str | None) -> tuple[PartCost, ...]:
 
 
 def _pictures(renderer: Renderer, plan: Plan, n: int) -> NDArray[np.unsignedinteger]:
-    return np.stack([take_frame(renderer, plan.scene(k), plan.target, labels=False).image for k in range(n)])
+    frames = run_frames(plan, renderer, labels=False, numbers=range(n))
+    return np.stack([frame.image for frame in frames])

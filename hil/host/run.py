@@ -13,7 +13,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from hil.host.ledger.frames_csv import LedgerRow, LedgerWriter
+from hil.host.ledger.frames_csv import LedgerRow, LedgerWriter, ledger_row
 from hil.host.ledger.summary import (
     RUN_JSON,
     SUMMARY_JSON,
@@ -26,7 +26,6 @@ from hil.host.ledger.summary import (
 from hil.host.link_process.host_link import CLOSE_TIMEOUT_S, QUICK_TIMEOUT_S, HostLink
 from hil.host.link_process.ipc import FrameResult, LinkConfig
 from hil.host.recording.recorder import Recorder
-from hil.host.rows import ledger_row
 from hil.host.signals import signals_held
 from hil.host.truth.policy import truth_kept_home, with_truth_endpoint
 from hil.link.packets.messages import HelloAck, Mode, TruthPolicy

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from simulator.dataset.formats.native import encode_png
-from simulator.frame import take_frame
+from simulator.loop import run_frames
 from simulator.render.renderer import Renderer
 from simulator.runtime.files import write_atomic
 from simulator.scenario.plan import plan_flight
@@ -42,9 +42,8 @@ def contact_sheet(scenario: Scenario, renderer: Renderer, width_px: int = WIDTH_
     plan = plan_flight(scenario, n=COLUMNS * ROWS, bands="rgb", quality="draft")
     plan = replace(plan, camera=smaller(plan.camera, width_px))
     tiles = []
-    for k in range(plan.n_frames):
-        scene = plan.scene(k)
-        frame = take_frame(renderer, scene, plan.target, labels=False)
+    for frame in run_frames(plan, renderer, labels=False):
+        scene = frame.scene
         depth = scene.sensor.bits - 8
         tile = np.ascontiguousarray(frame.image >> depth, dtype=np.uint8)
         distance = float(np.linalg.norm(scene.t_camera_from_target_m))

@@ -35,7 +35,7 @@ _SHORT_VALUES = 3 << 16  # of more threads
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
+class ViewingConditions:
     """What the optics need to know of a frame besides its picture.
 
     Parameters
@@ -56,7 +56,7 @@ def expose(
     exposure_s: float,
     band_gain: ArrayLike = 1.0,
     optics: Optics | None = None,
-    around: Surroundings | None = None,
+    around: ViewingConditions | None = None,
 ) -> Float32Array:
     """Noise-free signal on the detector: vignetting and glare, exposure, the PSF.
 
@@ -87,7 +87,7 @@ def expose(
     return blur(image, optics, sensor, disc_px, by_band)
 
 
-def _through_the_lens(image: Float32Array, optics: Optics, around: Surroundings) -> Float32Array:
+def _through_the_lens(image: Float32Array, optics: Optics, around: ViewingConditions) -> Float32Array:
     """Vignetting and veiling glare; the picture itself where there is neither."""
     share = vignetting(around.camera, optics)
     if share is not None:
@@ -170,7 +170,7 @@ def expose_scene(scene: SceneState, radiance_w_m2_sr: Float32Array) -> Float32Ar
     ----------
     radiance_w_m2_sr : (H, W) or (H, W, 3) [W m-2 sr-1], row 0 at the top.
     """
-    around = Surroundings(
+    around = ViewingConditions(
         camera=scene.camera,
         target_distance_m=float(np.linalg.norm(scene.t_camera_from_target_m)),
         sun_direction=np.array(scene.sun_direction_camera),

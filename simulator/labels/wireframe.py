@@ -20,7 +20,7 @@ import numpy as np
 from simulator.camera.lens.camera_model import Distortion
 from simulator.labels.projected_mesh import seen_from_camera
 from simulator.labels.visibility import SURFACE_TOLERANCE_M
-from simulator.runtime.memory import kept_with
+from simulator.runtime.memory import cached_per_object
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
@@ -149,7 +149,7 @@ class _Wires:
         return seen
 
 
-@kept_with
+@cached_per_object
 def _wires(target: Target) -> _Wires:
     edges = target.wireframe
     owner = np.array([k for k, edge in enumerate(edges) for _ in edge.normals], np.int64)

@@ -39,7 +39,7 @@ def keep_freed_memory() -> bool:
     return all(mallopt(*one) for one in wanted)
 
 
-def kept_with(make: Callable[[_Owner], _Made]) -> Callable[[_Owner], _Made]:
+def cached_per_object(make: Callable[[_Owner], _Made]) -> Callable[[_Owner], _Made]:
     """Have a function of one object remember what it made of each for as long as that object lives, and no longer.
 
     For what is worked out of a spacecraft: a cache of its last arguments would hold dozens of them, with megabytes

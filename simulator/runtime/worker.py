@@ -32,7 +32,7 @@ _START_TIMEOUT_S = 60.0
 _END_TIMEOUT_S = 1.0  # for a process that is told to drop its work; then it is killed
 
 
-class Resource(Protocol):
+class WorkerResource(Protocol):
     """What a worker holds while it lives: a renderer, for example."""
 
     @property
@@ -78,7 +78,7 @@ class WorkerProcess(Generic[T]):
         self,
         work: Callable[..., T],
         *,
-        open_resource: Callable[[], AbstractContextManager[Resource]],
+        open_resource: Callable[[], AbstractContextManager[WorkerResource]],
         capacity: int = 2,
         name: str = "worker process",
     ) -> None:
@@ -306,7 +306,7 @@ class _Results:
 def _serve(
     pipe: Connection,
     work: Callable[..., object],
-    open_resource: Callable[[], AbstractContextManager[Resource]],
+    open_resource: Callable[[], AbstractContextManager[WorkerResource]],
 ) -> None:
     """Run in the child: do what arrives until told to stop or left alone."""
     # Ctrl-C is the parent's to handle; it then closes us

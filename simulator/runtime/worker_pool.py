@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
-from simulator.runtime.worker import Resource, WorkerProcess
+from simulator.runtime.worker import WorkerProcess, WorkerResource
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -31,7 +31,7 @@ class WorkerPool(Generic[T]):
         work: Callable[..., T],
         count: int,
         *,
-        open_resource: Callable[[], AbstractContextManager[Resource]],
+        open_resource: Callable[[], AbstractContextManager[WorkerResource]],
         capacity: int = 2,
         name: str = "worker process",
     ) -> None:

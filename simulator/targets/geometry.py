@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simulator.runtime.arrays import FloatArray
-from simulator.runtime.memory import kept_with
+from simulator.runtime.memory import cached_per_object
 
 if TYPE_CHECKING:
     from simulator.targets.model import Part
@@ -39,7 +39,7 @@ def distance_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray
     return np.where(inside, height, best)
 
 
-@kept_with
+@cached_per_object
 def is_closed(part: Part) -> bool:
     """Whether every edge is met once in each direction, and the shell's signed volume is positive."""
     # corners that share a place are one, whatever their normals

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from simulator.runtime.memory import kept_with
+from simulator.runtime.memory import cached_per_object
 from simulator.targets.geometry import is_closed
 
 if TYPE_CHECKING:
@@ -100,13 +100,13 @@ def box_corners_m(positions_m: Sequence[NDArray[np.floating]]) -> FloatArray:
     return np.asarray(low + bits * (high - low))
 
 
-@kept_with
+@cached_per_object
 def mesh_of(target: Target) -> JoinedMesh:
     """``JoinedMesh.of``, kept for the targets in use."""
     return JoinedMesh.of(target)
 
 
-@kept_with
+@cached_per_object
 def box_3d_m(target: Target) -> FloatArray:
     """(8, 3) corners of the box about the mesh, model axes, read only; corner k is high in x, y, z by bits 4, 2, 1."""
     # of the parts as they are: every picture asks, and the joined mesh serves labels alone

@@ -13,7 +13,7 @@ import numpy as np
 
 from simulator.dataset.check.geometry import PIXEL_TOLERANCE_PX, in_lens, project_with_opencv
 from simulator.dataset.check.row_poses import pose_of_row
-from simulator.runtime.memory import kept_with
+from simulator.runtime.memory import cached_per_object
 from simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class Triangles:
         return bool(surely.any()), bool(perhaps.any())
 
 
-@kept_with
+@cached_per_object
 def triangles_of(target: Target) -> Triangles:
     """`Triangles`, kept for the targets in use."""
     return Triangles(target)

@@ -12,7 +12,14 @@ from simulator.dataset.check.geometry import doubtful_pixels, project_with_openc
 from simulator.dataset.check.mask_statistics import is_binary
 from simulator.dataset.check.ray_casting import ray_caster
 from simulator.dataset.check.row_poses import pose_of_row
-from simulator.dataset.check.sampled_rays import DEPTH_M, DEPTH_RELATIVE, Layers, Probe, Prober, sample_pixels
+from simulator.dataset.check.sampled_rays import (
+    DEPTH_M,
+    DEPTH_RELATIVE,
+    Layers,
+    RaySampler,
+    SampledRays,
+    sample_pixels,
+)
 from simulator.imaging.rolling_shutter import BAND_PX
 from simulator.labels.layers import layer_hash
 from simulator.labels.visibility import SURFACE_TOLERANCE_M
@@ -168,16 +175,16 @@ def _check_amodal(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
 
 def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Target) -> list[str]:
     """Mask, silhouette and sampled pixels of all layers against the mesh."""
-    prober = Prober(truth, target)
+    sampler = RaySampler(truth, target)
     if "amodal" in layers and truth.amodal_origin_px is not None:
         # which is the visible mask on the image
         whole = np.asarray(layers["amodal"], np.uint8)
-        wrong = _check_mask(truth, whole, truth.amodal_origin_px, target, prober, "amodal mask")
+        wrong = _check_mask(truth, whole, truth.amodal_origin_px, target, sampler, "amodal mask")
     else:
-        wrong = _check_mask(truth, mask, (0, 0), target, prober, "mask")
+        wrong = _check_mask(truth, mask, (0, 0), target, sampler, "mask")
     if "parts" in layers and truth.parts != tuple(part.name for part in target.parts):
         wrong.append("the parts' names are not the target's")
-    pixels = sample_pixels(truth, mask, layers, prober)
+    pixels = sample_pixels(truth, mask, layers, sampler)
     for name, is_right in (
         ("mask", _mask_agrees),
         ("depth", partial(_depth_agrees, _depth_in_a_band(truth))),
@@ -186,7 +193,7 @@ def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Ta
         layer = mask if name == "mask" else layers.get(name)
         if layer is not None:
             wrong += _sentence(
-                name, (p for p in pixels if not prober.agrees(p, partial(is_right, layer[p[1], p[0]])))
+                name, (p for p in pixels if not sampler.agrees(p, partial(is_right, layer[p[1], p[0]])))
             )
     if "normals" in layers and len(pixels):
         rays = rays_with_opencv(truth.camera, pixels.astype(float))
@@ -194,11 +201,11 @@ def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Ta
             p
             for p, ray in zip(pixels, rays, strict=True)
             if mask[p[1], p[0]]
-            and not prober.agrees(p, partial(_normal_agrees, layers["normals"][p[1], p[0]], ray))
+            and not sampler.agrees(p, partial(_normal_agrees, layers["normals"][p[1], p[0]], ray))
         )
         wrong += _sentence("normals", bad)
     if "flow" in layers:
-        wrong += _check_flow(truth, layers["flow"], pixels, prober)
+        wrong += _check_flow(truth, layers["flow"], pixels, sampler)
     return wrong
 
 
@@ -211,8 +218,8 @@ def _sentence(name: str, bad: Iterable[IntArray]) -> list[str]:
     return [f"{name} is not the mesh's at {number} sampled pixels, the first at {tuple(map(int, first[0]))}"]
 
 
-def _mask_agrees(value: int, probe: Probe) -> bool:
-    return bool(len(probe.z_m)) if value else probe.misses
+def _mask_agrees(value: int, rays: SampledRays) -> bool:
+    return bool(len(rays.z_m)) if value else rays.misses
 
 
 def _depth_in_a_band(truth: Truth) -> float:
@@ -220,30 +227,30 @@ def _depth_in_a_band(truth: Truth) -> float:
     return BAND_PX / 2 / min(truth.camera.fx_px, truth.camera.fy_px) if truth.row_poses else 0.0
 
 
-def _depth_agrees(in_band: float, z_m: float, probe: Probe) -> bool:
+def _depth_agrees(in_band: float, z_m: float, rays: SampledRays) -> bool:
     if not np.isfinite(z_m):
-        return probe.misses
+        return rays.misses
     tolerance = (DEPTH_RELATIVE + in_band) * z_m + DEPTH_M
-    return bool(len(probe.z_m)) and probe.z_m.min() - tolerance <= z_m <= probe.z_m.max() + tolerance
+    return bool(len(rays.z_m)) and rays.z_m.min() - tolerance <= z_m <= rays.z_m.max() + tolerance
 
 
-def _part_agrees(part: int, probe: Probe) -> bool:
-    return probe.misses if part == 0 else int(part) in probe.parts
+def _part_agrees(part: int, rays: SampledRays) -> bool:
+    return rays.misses if part == 0 else int(part) in rays.parts
 
 
-def _normal_agrees(normal: NDArray[np.float16], ray: FloatArray, probe: Probe) -> bool:
+def _normal_agrees(normal: NDArray[np.float16], ray: FloatArray, rays: SampledRays) -> bool:
     """Whether the normal is that of a surface there, turned towards the camera and not past its horizon."""
     away = np.array([*ray, 1.0]) / np.sqrt(ray @ ray + 1)
-    both = np.concatenate([probe.normals, -probe.normals])
+    both = np.concatenate([rays.normals, -rays.normals])
     both = both - np.maximum(both @ away, 0)[:, None] * away
     both /= np.maximum(np.linalg.norm(both, axis=1, keepdims=True), 1e-9)
     n = normal.astype(float)
     if np.any(np.linalg.norm(both - n, axis=1) < NORMAL_ANGLE_RAD):
         return True
-    return probe.nearby is not None and probe.nearby.has_normal(n, away, NORMAL_ANGLE_RAD)
+    return rays.showable is not None and rays.showable.has_normal(n, away, NORMAL_ANGLE_RAD)
 
 
-def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, prober: Prober) -> list[str]:
+def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampler: RaySampler) -> list[str]:
     """Sampled pixels: the point that a ray meets, seen from the next frame's pose."""
     if truth.flow is None:
         return ["there is optical flow, and the record does not say to which frame"]
@@ -256,12 +263,12 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, probe
     on = pixels[np.isfinite(flow[pixels[:, 1], pixels[:, 0]]).any(axis=1)]
     off = pixels[~np.isfinite(flow[pixels[:, 1], pixels[:, 0]]).all(axis=1)]
 
-    def has_none(pixel: IntArray, probe: Probe) -> bool:
+    def has_none(pixel: IntArray, rays: SampledRays) -> bool:
         ray = np.array([*rays_with_opencv(truth.camera, pixel[None].astype(float))[0], 1.0])
-        return probe.misses or bool(np.all((probe.z_m[:, None] * ray @ R.T + t)[:, 2] <= 1e-9))
+        return rays.misses or bool(np.all((rays.z_m[:, None] * ray @ R.T + t)[:, 2] <= 1e-9))
 
-    def is_right(pixel: IntArray, ray: FloatArray, probe: Probe) -> bool:
-        points = probe.z_m[:, None] * np.array([*ray, 1.0]) @ R.T + t
+    def is_right(pixel: IntArray, ray: FloatArray, rays: SampledRays) -> bool:
+        points = rays.z_m[:, None] * np.array([*ray, 1.0]) @ R.T + t
         points = points[points[:, 2] > 1e-9]
         if not len(points):
             return False
@@ -273,13 +280,13 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, probe
         return bool(np.all((value >= low - tolerance) & (value <= high + tolerance)))
 
     rays = rays_with_opencv(truth.camera, on.astype(float)) if len(on) else np.zeros((0, 2))
-    bad = (p for p, ray in zip(on, rays, strict=True) if not prober.agrees(p, partial(is_right, p, ray)))
-    missing = (p for p in off if not prober.agrees(p, partial(has_none, p)))
+    bad = (p for p, ray in zip(on, rays, strict=True) if not sampler.agrees(p, partial(is_right, p, ray)))
+    missing = (p for p in off if not sampler.agrees(p, partial(has_none, p)))
     return _sentence("flow", itertools.chain(bad, missing))
 
 
 def _check_mask(
-    truth: Truth, mask: ByteArray, origin_px: tuple[int, int], target: Target, prober: Prober, name: str
+    truth: Truth, mask: ByteArray, origin_px: tuple[int, int], target: Target, sampler: RaySampler, name: str
 ) -> list[str]:
     """A mask against the triangles filled on the CPU; single pixels that differ are asked of rays."""
     doubts = doubtful_pixels(truth, mask, target, origin_px)
@@ -288,6 +295,6 @@ def _check_mask(
     bad = (
         p
         for p in doubts
-        if not prober.agrees(p + np.array(origin_px), partial(_mask_agrees, mask[p[1], p[0]]))
+        if not sampler.agrees(p + np.array(origin_px), partial(_mask_agrees, mask[p[1], p[0]]))
     )
     return _sentence(name, bad)

@@ -25,7 +25,7 @@ ON_HORIZON = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Nearby:
+class ShowableTriangles:
     """Triangles that a raster may show at one pixel's centre.
 
     Parameters
@@ -56,9 +56,9 @@ class Nearby:
         )
 
 
-def nearby(
+def triangles_near(
     corners_px: FloatArray, inverse_z: FloatArray, normals: FloatArray, parts: IntArray, doubt_px: float
-) -> Nearby:
+) -> ShowableTriangles:
     """What may be shown at the origin of the plane of ``corners_px``.
 
     Parameters
@@ -79,7 +79,9 @@ def nearby(
     shown = nearest <= first
     n, e = normals[close], beyond[:, None, None]
     cones = n * (1 + 2 * e) - e * (np.roll(n, 1, axis=1) + np.roll(n, 2, axis=1))
-    return Nearby(nearest[shown], farthest[shown], parts[close][shown], cones[shown], bool(sure.any()))
+    return ShowableTriangles(
+        nearest[shown], farthest[shown], parts[close][shown], cones[shown], bool(sure.any())
+    )
 
 
 def _inverse_range(

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simulator.dataset.check.raster_tolerance import nearby
-from simulator.runtime.memory import kept_with
+from simulator.dataset.check.raster_tolerance import triangles_near
+from simulator.runtime.memory import cached_per_object
 from simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
-    from simulator.dataset.check.raster_tolerance import Nearby
+    from simulator.dataset.check.raster_tolerance import ShowableTriangles
     from simulator.runtime.arrays import FloatArray, IntArray
     from simulator.targets.model import Target
     from simulator.world.frames.pose import Pose
@@ -31,12 +31,12 @@ class Hits:
     normals: FloatArray
 
 
-@kept_with
+@cached_per_object
 def _part_of_triangle(target: Target) -> IntArray:
     return np.repeat(np.arange(1, len(target.parts) + 1), [len(part.triangles) for part in target.parts])
 
 
-@kept_with
+@cached_per_object
 def _normals(target: Target) -> FloatArray:
     return np.concatenate([part.normals for part in target.parts]).astype(float)
 
@@ -65,7 +65,7 @@ class RayCaster:
         rank = np.arange(len(order)) - np.repeat(first, count)
         return np.asarray(self._xy[order[rank < 3]].mean(axis=1))
 
-    def nearby(self, ray: FloatArray, px_per_ray: FloatArray, doubt_px: float) -> Nearby:
+    def triangles_near(self, ray: FloatArray, px_per_ray: FloatArray, doubt_px: float) -> ShowableTriangles:
         """Triangles that a raster may show at the pixel of the ray through (x, y, 1), camera frame.
 
         Parameters
@@ -80,7 +80,7 @@ class RayCaster:
             & (low[1] <= ray[1] + reach[1])
             & (high[1] >= ray[1] - reach[1])
         )
-        return nearby(
+        return triangles_near(
             (self._xy[near] - ray[:2]) @ px_per_ray.T,
             self._inverse[near],
             self._normals[self._triangles[near]] @ self._R.T,

@@ -17,7 +17,7 @@ from simulator.dataset.check.row_poses import pose_of_row
 from simulator.imaging.rolling_shutter import BAND_PX
 
 if TYPE_CHECKING:
-    from simulator.dataset.check.raster_tolerance import Nearby
+    from simulator.dataset.check.raster_tolerance import ShowableTriangles
     from simulator.labels.truth import Truth
     from simulator.runtime.arrays import ByteArray, FloatArray, IntArray
     from simulator.targets.model import Target
@@ -28,7 +28,7 @@ N_SAMPLES = 32
 N_ROLLING = 12  # a rolling shutter has a pose, and so a mesh to project, for each sample
 # A raster rounds vertices to 1/256 px.
 _RING = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], axis=1)
-PROBES = np.concatenate([[[0.0, 0.0]], 0.25 * _RING, 0.6 * _RING, _RING])
+OFFSETS_PX = np.concatenate([[[0.0, 0.0]], 0.25 * _RING, 0.6 * _RING, _RING])
 DOUBT_PX = 0.03
 DOUBT_LENS_PX = 0.06  # a bent edge is drawn in straight pieces
 DOUBT_ROLLING_PX = 0.03 + BAND_PX / 2  # its bands are drawn at their middle row's time
@@ -37,20 +37,20 @@ COPLANAR_M = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Probe:
+class SampledRays:
     """What rays about one pixel's centre meet first: depths, parts and normals (N, 3); whether one meets nothing.
 
-    ``nearby`` is what a raster's rounding may show there instead, when that was asked.
+    ``showable`` is what a raster's rounding may show there instead, when that was asked.
     """
 
     z_m: FloatArray
     parts: frozenset[int]
     normals: FloatArray
     misses: bool
-    nearby: Nearby | None = None
+    showable: ShowableTriangles | None = None
 
     @staticmethod
-    def of(along: list[Hits]) -> Probe:
+    def of(along: list[Hits]) -> SampledRays:
         """The first surfaces of some rays as one; at an outline every surface.
 
         There a raster's rounding may leave out the first and show the edge of what lies behind it.
@@ -58,7 +58,7 @@ class Probe:
         found = [h for h in along if len(h.z_m)]
         misses = len(found) < len(along)
         hits = found if misses else [_first(h) for h in found]
-        return Probe(
+        return SampledRays(
             np.concatenate([h.z_m for h in hits] or [np.zeros(0)]),
             frozenset(int(p) for h in hits for p in h.parts),
             np.concatenate([h.normals for h in hits] or [np.zeros((0, 3))]),
@@ -66,15 +66,15 @@ class Probe:
         )
 
 
-class Prober:
+class RaySampler:
     """Asks a target at a record's pose about pixels; each row of a rolling shutter has a pose of its own."""
 
     def __init__(self, truth: Truth, target: Target) -> None:
         self._truth, self._target = truth, target
         self._casters: dict[int, RayCaster] = {}
-        self._centers: dict[tuple[int, int], Probe] = {}
-        self._about: dict[tuple[int, int], Probe] = {}
-        self._near: dict[tuple[int, int], Probe] = {}
+        self._centers: dict[tuple[int, int], SampledRays] = {}
+        self._about: dict[tuple[int, int], SampledRays] = {}
+        self._near: dict[tuple[int, int], SampledRays] = {}
 
     def _caster(self, row: int) -> RayCaster:
         key = row if self._truth.row_poses else 0
@@ -82,7 +82,7 @@ class Prober:
             self._casters[key] = ray_caster(self._target, pose_of_row(self._truth, row))
         return self._casters[key]
 
-    def agrees(self, pixel: IntArray, is_right: Callable[[Probe], bool]) -> bool:
+    def agrees(self, pixel: IntArray, is_right: Callable[[SampledRays], bool]) -> bool:
         """Whether a label is right by the ray through a pixel's centre, or with the rays just about it, or else with
         what a raster's rounding may show of the triangles there.
         """
@@ -90,30 +90,32 @@ class Prober:
         if self._truth.row_poses:
             doubt_px = max(doubt_px, DOUBT_ROLLING_PX)
         return (
-            is_right(self._ask(pixel, self._centers, PROBES[:1]))
-            or is_right(self._ask(pixel, self._about, PROBES * doubt_px))
+            is_right(self._ask(pixel, self._centers, OFFSETS_PX[:1]))
+            or is_right(self._ask(pixel, self._about, OFFSETS_PX * doubt_px))
             or is_right(self._rounded(pixel, doubt_px))
         )
 
-    def _rounded(self, pixel: IntArray, doubt_px: float) -> Probe:
+    def _rounded(self, pixel: IntArray, doubt_px: float) -> SampledRays:
         """What the triangles about a pixel's centre may show of themselves once their corners are rounded."""
         key = (int(pixel[0]), int(pixel[1]))
         if key not in self._near:
             at = pixel + np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
             rays = rays_with_opencv(self._truth.camera, at)
             px_per_ray = np.linalg.inv(np.stack([rays[1] - rays[2], rays[3] - rays[4]], axis=1))
-            found = self._caster(key[1]).nearby(rays[0], px_per_ray, doubt_px)
+            found = self._caster(key[1]).triangles_near(rays[0], px_per_ray, doubt_px)
             z_m = np.concatenate([found.nearest_m, found.farthest_m])
             parts = frozenset(int(p) for p in found.parts)
-            self._near[key] = Probe(z_m, parts, np.zeros((0, 3)), not found.is_sure, found)
+            self._near[key] = SampledRays(z_m, parts, np.zeros((0, 3)), not found.is_sure, found)
         return self._near[key]
 
-    def _ask(self, pixel: IntArray, known: dict[tuple[int, int], Probe], probes_px: FloatArray) -> Probe:
+    def _ask(
+        self, pixel: IntArray, known: dict[tuple[int, int], SampledRays], offsets_px: FloatArray
+    ) -> SampledRays:
         key = (int(pixel[0]), int(pixel[1]))
         if key not in known:
             caster = self._caster(key[1])
-            rays = rays_with_opencv(self._truth.camera, pixel + probes_px)
-            known[key] = Probe.of([caster.hits(ray) for ray in rays])
+            rays = rays_with_opencv(self._truth.camera, pixel + offsets_px)
+            known[key] = SampledRays.of([caster.hits(ray) for ray in rays])
         return known[key]
 
     def where_parts_should_be(self, margin_px: float = 1.0) -> IntArray:
@@ -133,7 +135,7 @@ def _first(hits: Hits) -> Hits:
     return Hits(hits.z_m[:n], hits.parts[:n], hits.normals[:n])
 
 
-def sample_pixels(truth: Truth, mask: ByteArray, layers: Layers, prober: Prober) -> IntArray:
+def sample_pixels(truth: Truth, mask: ByteArray, layers: Layers, sampler: RaySampler) -> IntArray:
     """(K, 2) pixels x, y to ask about: at random on the mask and beside it, where a part is and where it should be."""
     rng = np.random.default_rng([truth.seed, truth.frame_index, 0x1ABE1])
     n = N_ROLLING if truth.row_poses else N_SAMPLES
@@ -145,5 +147,5 @@ def sample_pixels(truth: Truth, mask: ByteArray, layers: Layers, prober: Prober)
         parts = layers["parts"][on[:, 1], on[:, 0]]
         order = rng.permutation(len(on))
         _, first = np.unique(parts[order], return_index=True)
-        chosen += [on[order[first]], prober.where_parts_should_be()]
+        chosen += [on[order[first]], sampler.where_parts_should_be()]
     return np.concatenate(chosen) if chosen else np.zeros((0, 2), np.int64)

@@ -8,7 +8,7 @@ import weakref
 import numpy as np
 import pytest
 
-from simulator.runtime.memory import kept_with
+from simulator.runtime.memory import cached_per_object
 
 FAULTS = """
 import resource, sys
@@ -47,7 +47,7 @@ class Craft:
 def test_what_is_made_of_a_craft_lives_as_long_as_the_craft():
     made = []
 
-    @kept_with
+    @cached_per_object
     def numbers(craft):
         made.append(type(craft))
         return np.arange(3)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.dataset.check.raster_tolerance import nearby
+from simulator.dataset.check.raster_tolerance import triangles_near
 
 TO_CAMERA = np.tile([0.0, 0.0, -1.0], (3, 1))
 
@@ -18,7 +18,7 @@ def _square(x0, x1, z_m):
 def _ask(*squares):
     corners, inverse, normals = (np.concatenate(x) for x in zip(*squares, strict=True))
     parts = np.repeat(np.arange(1, len(squares) + 1), 2)
-    return nearby(corners, inverse, normals, parts, 0.03)
+    return triangles_near(corners, inverse, normals, parts, 0.03)
 
 
 @pytest.mark.parametrize(("border_px", "is_sure"), [(0.0, False), (0.005, False), (0.02, True)])
@@ -37,7 +37,7 @@ def test_what_lies_behind_a_sure_surface_is_not_shown_and_what_borders_on_the_ce
 def test_depth_of_a_steep_surface_is_known_to_the_doubt():
     """1/z falls by 0.01 a pixel: 0.03 px about the centre it is 0.1 +- 0.0003."""
     corners, _, normals = _square(-1.3, 1.7, 1.0)
-    found = nearby(corners, 0.1 - 0.01 * corners[..., 0], normals, np.array([1, 1]), 0.03)
+    found = triangles_near(corners, 0.1 - 0.01 * corners[..., 0], normals, np.array([1, 1]), 0.03)
     assert 1 / found.nearest_m.min() == pytest.approx(0.1003)
     assert 1 / found.farthest_m.max() == pytest.approx(0.0997)
 
@@ -53,7 +53,7 @@ def test_a_rod_thinner_than_the_rounding_shows_any_normal_of_its_facets_there_an
         for i in ((0, 1, 2), (0, 2, 3)):
             corners.append([quad[j] for j in i])
             normals.append([of[j] for j in i])
-    found = nearby(np.array(corners), np.full((4, 3), 0.2), np.array(normals), np.ones(4, int), 0.03)
+    found = triangles_near(np.array(corners), np.full((4, 3), 0.2), np.array(normals), np.ones(4, int), 0.03)
     ray = np.array([0.0, 0.0, 1.0])
 
     def shows(about_y_deg, about_x_deg=0.0):
@@ -80,7 +80,7 @@ def test_a_broad_facet_shows_no_normal_beyond_those_of_its_corners():
     corners, inverse, _ = _square(-1.3, 1.7, 5.0)
     turn = np.radians(np.where(corners[..., 0] < 0, -10.0, 10.0))
     normals = np.stack([np.sin(turn), 0 * turn, -np.cos(turn)], axis=-1)
-    found = nearby(corners, inverse, normals, np.array([1, 1]), 0.03)
+    found = triangles_near(corners, inverse, normals, np.array([1, 1]), 0.03)
 
     def shows(about_y_deg):
         a = np.radians(about_y_deg)

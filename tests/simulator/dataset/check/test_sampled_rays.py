@@ -19,12 +19,12 @@ def test_every_part_is_asked_about_once_though_it_be_a_pixel(*, rolling: bool) -
     for part, (y, x) in single.items():
         parts[y, x] = part
     should = np.array([[5, 6]])
-    prober = SimpleNamespace(where_parts_should_be=lambda: should)
+    sampler = SimpleNamespace(where_parts_should_be=lambda: should)
     truth = SimpleNamespace(seed=4, frame_index=9, row_poses=(1,) if rolling else ())
-    asked = {tuple(p) for p in sample_pixels(truth, mask, {"parts": parts}, prober).tolist()}
+    asked = {tuple(p) for p in sample_pixels(truth, mask, {"parts": parts}, sampler).tolist()}
     assert len(asked) > 10
     found = {part for part, (y, x) in single.items() if (x, y) in asked}
     # of a rolling shutter no pixel's part is known by geometry alone
     assert found == (set() if rolling else set(single))
     assert ((5, 6) in asked) is not rolling
-    assert sample_pixels(truth, 0 * mask, {}, prober).shape == (0, 2)
+    assert sample_pixels(truth, 0 * mask, {}, sampler).shape == (0, 2)
