@@ -1,4 +1,4 @@
-"""What a picture looks like in numbers: histogram, Sobel gradient, its histogram, noise, binary edges."""
+"""Statistics of a picture: histogram, Sobel gradient and its histogram, noise, binary edges."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FIGURES = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ImageStatistics:
-    """Figures of one 8-bit grey picture.
+    """Statistics of one 8-bit grey picture.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def _smooth_gradient(image: ByteArray) -> Float32Array:
 
 
 def image_statistics(image: ByteArray) -> ImageStatistics:
-    """Figures of a (H, W) 8-bit picture."""
+    """Statistics of an 8-bit picture (H, W)."""
     gradient = sobel(image)
     black, bright = (float(v) for v in np.percentile(image, (1, 99)))
     p50, p95, p99 = (float(v) for v in np.percentile(gradient, (50, 95, 99)))

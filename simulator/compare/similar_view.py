@@ -1,4 +1,4 @@
-"""Our picture of the same kind of view as a reference.
+"""The view of ours that is most similar to a reference picture.
 
 Candidates are samples of the evaluation recipes, drawn small; the nearest by histogram and, where a pose is at hand, by
 the look of the craft is drawn at full size.
@@ -111,7 +111,7 @@ def find_similar_view(
 
 
 def sensor_as_noisy_as(image: ByteArray) -> Sensor:
-    """SPEED's sensor with the Gaussian noise that a picture has."""
+    """SPEED's sensor with the Gaussian noise measured in a picture."""
     return replace(sensor_preset("speed"), gaussian_variance=(noise_dn(image) / 255) ** 2)
 
 

@@ -1,4 +1,4 @@
-"""What a target must satisfy before it is drawn, labelled or propagated."""
+"""Checks of a target: geometry, textures, labels and mass that can be drawn, labelled and propagated."""
 
 from __future__ import annotations
 

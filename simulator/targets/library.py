@@ -1,4 +1,4 @@
-"""Targets by name: built once by code, or shipped, kept as target files in the user's cache, always read from there.
+"""Targets by name: built by code or shipped, cached as target files, and always read from those files.
 
 What is drawn is therefore what was exported. Each target comes in three levels of detail: ``tango`` is Tango in
 full, ``tango@medium`` and ``tango@low`` have fewer triangles and the same labels. The SHA-256 covers the geometry, so

@@ -1,4 +1,4 @@
-"""Textures in a target file: pictures embedded in the buffer, and the references of materials to them."""
+"""Textures of a target: image formats and size limits, pictures embedded in glTF buffers, references to them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The detector in electrons: what a radiance gives, how noisy it is, and its digital numbers, grey or in colour."""
+"""The detector in electrons: response to radiance, noise, and digital numbers, grey or in colour."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def detect(
 
 
 def mosaic(signal: Float32Array, detector: Detector) -> Float32Array:
-    """(H, W) of (H, W, 3): each pixel keeps the band of its filter."""
+    """Colour filter mosaic (H, W) of three planes (H, W, 3): each pixel keeps the band of its filter."""
     out = np.empty(signal.shape[:2], np.float32)
     for k, name in enumerate(image_filter(detector)):
         y, x = divmod(k, 2)

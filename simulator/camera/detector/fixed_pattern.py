@@ -1,4 +1,4 @@
-"""What differs from pixel to pixel of one detector and stays: sensitivity, offset, dark current."""
+"""Fixed-pattern noise: photo-response (PRNU), offset (DSNU) and dark-current non-uniformity of one detector."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _KEY = 0x466C79  # keeps the pattern's random numbers apart from any frame's
 
 @dataclass(frozen=True, eq=False)
 class FixedPattern:
-    """Maps of the image's pixels, None where there is nothing to tell.
+    """Maps over the image's pixels; `None` for a term that is zero.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class FixedPattern:
 
 
 def fixed_pattern(detector: Detector, height: int, width: int) -> FixedPattern:
-    """The pattern of a detector's image.
+    """The fixed pattern of a detector, at the image's pixels.
 
     Each physical row has random numbers of its own, so that a region of interest sees the pixels that the whole
     image would.

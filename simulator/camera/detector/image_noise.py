@@ -1,4 +1,4 @@
-"""Noise of a recipe on a 0..1 image: fields of their own, so that they can be drawn before the picture is there.
+"""Additive and speckle noise of an image scaled to 0..1, drawn apart from the image and ahead of it.
 
 They depend on (seed, frame, size, recipe) alone. They are a few long calls that leave Python's lock alone, so that a
 thread draws it while the renderer's first commands keep one processor busy.
@@ -35,7 +35,7 @@ _STRIP_VALUES = 1 << 17  # OpenCV shares out what has twice as many
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """How digital numbers are counted on their way: in steps of an int16, or in floating point.
+    """Number format of an image on its way to digital numbers: int16 in fractions of one, or float32.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Arithmetic:
 
 
 def arithmetic_of(sensor: Sensor) -> Arithmetic:
-    """As many steps per digital number as sixteen bits hold with 4.3 sigma to spare."""
+    """The format for a sensor: as many steps per digital number as int16 holds with 4.3 sigma to spare."""
     full = 2**sensor.bits - 1
     sigma_dn = full * float(np.sqrt(sensor.gaussian_variance))
     brightest = full * (1 + np.sqrt(3 * sensor.speckle_variance)) + 4.3 * sigma_dn + 1
@@ -89,7 +89,7 @@ class ImageNoise:
 def start_noise(
     shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int
 ) -> Callable[[], ImageNoise]:
-    """Have a frame's noise drawn by another thread; the result, called once, waits for it.
+    """Draw a frame's noise in another thread; calling the result waits for it (once).
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def _thread(_process: int) -> ThreadPoolExecutor:
 
 
 def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int) -> ImageNoise:
-    """The noise of one picture, of a recipe and not of a detector in electrons."""
+    """The noise of one image, for a sensor that is a noise recipe."""
     size = shape[0], int(np.prod(shape[1:]))
     factors = None
     if sensor.speckle_variance > 0:

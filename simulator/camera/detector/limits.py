@@ -1,4 +1,4 @@
-"""Whether a sensor and its optics can be: every number finite and within what it means."""
+"""Valid ranges of the parameters of a sensor and its optics."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _DETECTOR = {
 
 
 def optics_problem(optics: Optics) -> str | None:
-    """What is wrong with the optics: field, value and what is allowed; None when nothing is."""
+    """First invalid parameter of the optics: field, value, allowed range; `None` if all are valid."""
     problem = _out_of_range(optics, _OPTICS, "optics") or _curve_problem(
         optics.transmission_curve, "optics.transmission_curve"
     )
@@ -85,7 +85,7 @@ def optics_problem(optics: Optics) -> str | None:
 
 
 def sensor_problem(sensor: Sensor) -> str | None:
-    """What is wrong with the sensor: field, value and what is allowed; None when nothing is."""
+    """First invalid parameter of the sensor: field, value, allowed range; `None` if all are valid."""
     ranges = {
         "full_scale_j_m2_sr": (1e-12, 1e6),
         "blur_sigma_px": (0.0, 10.0),

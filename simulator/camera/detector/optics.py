@@ -1,4 +1,4 @@
-"""What the lens does to the light besides bending it: aperture, transmission, vignetting, blur, glare."""
+"""Optics of the lens besides its distortion: aperture, transmission, vignetting, blur, glare."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PsfKind = Literal["none", "gaussian", "airy", "kernel"]
 
 @dataclass(frozen=True, kw_only=True)
 class Optics:
-    """The lens. The defaults are a perfect one: what blur there is comes from the sensor's recipe.
+    """Parameters of the lens; the defaults are a perfect lens (what blur there is comes from the sensor's recipe).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Photon noise: whole electrons by the Poisson law, exact where they can be counted on the fingers."""
+"""Photon noise: Poisson deviates in whole electrons, exact for small means, a normal expansion above."""
 
 from __future__ import annotations
 

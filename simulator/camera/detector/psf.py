@@ -172,7 +172,7 @@ def kernel_transfer(
 def applied_mtf(
     frequency_x: FloatArray, frequency_y: FloatArray, optics: Optics, sensor: Sensor, disc_px: float = 0.0
 ) -> FloatArray:
-    """Transfer function of the blur as it is carried out; `optics_mtf` is that of the optics."""
+    """Modulation transfer function of the blur that is applied; `optics_mtf` is that of the optics."""
     pyramid, kernel = psf_pyramid(optics, sensor, disc_px), psf_kernel(optics, sensor, disc_px)
     out = np.ones(np.shape(frequency_x), complex)
     if pyramid is not None:

@@ -1,4 +1,4 @@
-"""A wide convolution as small ones on a pyramid of coarser pictures: fast, and never negative.
+"""A wide convolution kernel as small kernels on the levels of an image pyramid: fast and never negative.
 
 Each level of the pyramid (Burt & Adelson 1983) has a few taps of its own, which are fitted to a transfer function by
 non-negative least squares: light has no negative taps, so that nothing beside the Sun's disc can turn dark. Going down

@@ -236,7 +236,7 @@ def _line_noise(count: int, sigma_e: float, seed: int, frame_index: int, key: in
 
 
 def bloom(charge: Float32Array, well_e: float, share: float) -> None:
-    """Let what is above the full well run over, in place: half up, half down its column, on and on.
+    """Blooming, in place: charge above the full well spills half up, half down its column until it fits.
 
     Parameters
     ----------

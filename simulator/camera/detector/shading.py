@@ -1,4 +1,4 @@
-"""What reaches a pixel of the light of its direction (vignetting), and what light strays there (veiling glare)."""
+"""Vignetting, the share of the light that reaches each pixel, and veiling glare, the Sun's scattered light."""
 
 from __future__ import annotations
 

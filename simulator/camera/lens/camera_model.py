@@ -164,7 +164,7 @@ def _border_xy(camera: Camera) -> FloatArray:
 
 
 def camera_problem(camera: Camera) -> str | None:
-    """What is wrong with a camera's lens: field, value and what is allowed; None when it can be used."""
+    """First invalid parameter of a camera's lens: field, value, allowed range; `None` if the lens can be used."""
     distortion = camera.distortion
     allowed = COEFFICIENT_COUNTS[distortion.model]
     if len(distortion.coefficients) not in allowed:

@@ -1,4 +1,4 @@
-"""Lens distortion in normalised image coordinates: forward, backward, and up to where it is one to one.
+"""Lens distortion in normalised image coordinates: forward, inverse, and the domain where it is one to one.
 
 Normalised coordinates are (x / z, y / z) of a point in the camera frame. Models and order of coefficients are OpenCV's:
 

@@ -1,4 +1,4 @@
-"""The order in which faces hide each other: a binary space partition by the planes of the large ones.
+"""Back-to-front order of faces from any side: a binary space partition by the planes of the large ones.
 
 A board without a depth buffer draws far faces first. The tree gives that order exactly for the large faces from
 any place; small ones lie in its cells whole, and are sorted by distance there.

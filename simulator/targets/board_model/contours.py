@@ -1,4 +1,4 @@
-"""Occluding contours of a craft from all sides: what a wireframe of creases cannot say of a round body.
+"""Occluding contours of a craft seen from all sides; a wireframe of creases has none for round bodies.
 
 For some hundred directions the outer outline is taken as points on the mesh itself, each with its outward normal and
 the surface's radius of curvature along the line of sight. From another direction the contour of a smooth body slides
@@ -63,7 +63,7 @@ class OccludingContours:
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """All triangles with the edges between them.
+    """The surface as one mesh: triangles and the edges between them.
 
     ``corner_normals`` (F, 3, 3); ``ends`` (E, 2) vertices of each edge; ``faces`` (E, 2) that meet there (the same one
     twice at a ``rim``); ``smooth`` (E,) whether their corner normals agree there.

@@ -1,4 +1,4 @@
-"""The faces of a craft that can be seen from outside, few enough for a board to draw them."""
+"""Outer faces of a craft, few enough for a board to draw them."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[
 
 
 def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatArray, list[str]]:
-    """The same of a craft with too many: its first ``coarse`` parts, and of the others what tells most of its attitude.
+    """The same for too many triangles: the ``coarse`` first parts and, of the others, the most informative on attitude.
 
     A dish on a boom, horns and sensors are all that tells a round body from itself half a turn on.
     """

@@ -56,7 +56,7 @@ def write_board_model(target: Target, path: Path) -> None:
 
 
 def board_record(target: Target) -> BoardModelRecord:
-    """All that the board file holds of ``target``."""
+    """The board model of a target: labels, occluders, outlines and faces."""
     return msgspec.structs.replace(board_model(target, cached_outlines(target)), faces=cached_faces(target))
 
 

@@ -1,4 +1,4 @@
-"""Free-form bodies: welded triangles shaded smooth up to a crease, slabs over grids, many copies of one mesh."""
+"""Free-form bodies: creased normals on welded triangles, slabs between grids, copies of a mesh."""
 
 from __future__ import annotations
 

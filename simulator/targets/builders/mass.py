@@ -45,7 +45,7 @@ class MassElement:
 
 
 def mass_properties(lumps: Sequence[MassElement]) -> MassProperties:
-    """Mass, centre of mass and inertia of all lumps, by Steiner's theorem."""
+    """Mass, centre of mass and inertia of all elements, by Steiner's theorem."""
     mass = sum(lump.mass_kg for lump in lumps)
     com = sum((lump.mass_kg * lump.centre() for lump in lumps), np.zeros(3)) / mass
     inertia = np.zeros((3, 3))

@@ -1,4 +1,4 @@
-"""Plates: a polygon with holes, cut by ears, and extruded to a closed prism."""
+"""Plates: a polygon with holes, triangulated by ear clipping and extruded to a closed prism."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Brushed metal of a glTF model: the one direction of each material's grain, from its faces' tangents."""
+"""Anisotropy of a glTF model's brushed metals: one grain direction a material, from its faces' tangents."""
 
 from __future__ import annotations
 

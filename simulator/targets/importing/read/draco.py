@@ -1,4 +1,4 @@
-"""Geometry that KHR_draco_mesh_compression packed, unpacked into plain accessors of the document."""
+"""KHR_draco_mesh_compression: compressed geometry decoded into plain accessors of the document."""
 
 from __future__ import annotations
 

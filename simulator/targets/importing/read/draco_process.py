@@ -1,4 +1,4 @@
-"""A process that decodes Draco streams: native code on a stranger's bytes, with bounded memory, apart from ours.
+"""A process of its own that decodes Draco streams: native code on untrusted bytes, with bounded memory.
 
 Its argument is the most bytes that a result may have. It reads streams from standard input, each after its length
 (uint64, little-endian), and writes to standard output a .npz archive: ``faces_K`` (F, 3) and ``K_ID`` (V, width) for

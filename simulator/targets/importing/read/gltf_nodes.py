@@ -1,4 +1,4 @@
-"""Where a glTF scene puts its meshes: the node tree walked once, and weighed before anything is read."""
+"""The node tree of a glTF scene: placed meshes, and their total size checked before anything is read."""
 
 from __future__ import annotations
 

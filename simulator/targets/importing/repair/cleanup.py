@@ -1,4 +1,4 @@
-"""What is safe to repair: duplicate vertices, faces without area, winding; what is not is refused by name."""
+"""Safe repairs: duplicate vertices, degenerate faces, winding. What is not safe to repair is refused by name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ALMOST_CLOSED = 0.02
 
 @dataclass
 class RepairCounts:
-    """How much was repaired, over all parts."""
+    """Counts of repairs over all parts."""
 
     merged: int = 0
     zero_area: int = 0
@@ -56,7 +56,7 @@ class RepairCounts:
 
 
 def welded_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCounts) -> MeshBody:
-    """The part with each place once, without faces that have no area or come twice."""
+    """The part with welded vertices, without degenerate and duplicate faces."""
     used = used_vertices(part.triangles, len(part.positions_m))
     places, index = weld(part.positions_m[used], low, extent)
     counts.merged += len(used) - len(places)

@@ -1,4 +1,4 @@
-"""Faces that lie in one plane and overlap: two surfaces at one depth, of which a picture shows now this, now that.
+"""Coplanar faces that overlap (z-fighting): two surfaces at one depth, between which pictures flicker.
 
 Planes are grouped, boxes compared within a group, and what is left is tested exactly: two triangles of one plane
 overlap unless one of their six edges separates them (the separating axis theorem).

@@ -1,4 +1,4 @@
-"""Openings of a surface: capped where that leaves a solid, and left open where it would not.
+"""Holes of a surface, capped where the result is a solid.
 
 A piece is capped as a whole or not at all: its openings are simple rings, what they close encloses a volume, and no
 cap lies on other faces. The windows and cells of a frame stay open: their glass is another part.

@@ -1,4 +1,4 @@
-"""Which faces meet at which edges: welding, edge tables, connected bodies. Indices only, no policy."""
+"""Mesh topology: welding, edge tables, connected components. Indices only, no policy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GRID_BITS = 21
 
 @dataclass(eq=False, kw_only=True)
 class MeshBody:
-    """A part with each place once.
+    """A triangle mesh with welded vertices.
 
     Parameters
     ----------
@@ -122,19 +122,19 @@ def edge_table(triangles: IntArray) -> EdgeTable:
 
 
 def components(links: IntArray, count: int) -> tuple[int, IntArray]:
-    """How many connected groups ``count`` things form by (K, 2) links, and the group of each."""
+    """Connected components of ``count`` nodes by (K, 2) links: their number and the component of each."""
     graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(count, count))
     number, label = connected_components(graph, directed=False)
     return int(number), label.astype(np.int64)
 
 
 def face_bodies(triangles: IntArray, table: EdgeTable) -> tuple[int, IntArray]:
-    """Connected bodies by edges of two faces: their number and the body of each face."""
+    """Connected components of faces over edges of two faces: their number and the component of each face."""
     return components(table.pairs // 3, len(triangles))
 
 
 def with_separate_components(body: MeshBody) -> MeshBody:
-    """The body with its connected pieces on vertices of their own, so that pieces that touch keep all their edges."""
+    """The body with no vertex shared between connected components, so that pieces that touch keep all edges."""
     _, piece = face_bodies(body.triangles, edge_table(body.triangles))
     count = len(body.positions_m)
     used, index = np.unique(piece[:, None] * count + body.triangles, return_inverse=True)
