@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from simulator.scenario.plan import Plan, plan_flight
     from simulator.scenario.poses import scene_at
     from simulator.scenario.scenario import Scenario
-    from simulator.scene.state import Environment, SceneState
+    from simulator.scene.environments import Environment
+    from simulator.scene.state import SceneState
     from simulator.targets.glb.read import load_glb
     from simulator.targets.glb.write import write_glb
     from simulator.targets.library import list_targets, load_target
@@ -79,7 +80,7 @@ __all__ = [
 # imported at first use: a program that only draws does not wait for what writes data sets
 _HOMES = {
     "Camera": "simulator.camera.lens.camera_model",
-    "Environment": "simulator.scene.state",
+    "Environment": "simulator.scene.environments",
     "Frame": "simulator.frame",
     "Plan": "simulator.scenario.plan",
     "Pose": "simulator.world.frames.pose",

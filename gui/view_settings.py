@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from simulator.scene.state import Bands, Environment, Quality
+from simulator.scene.environments import Environment
+from simulator.scene.illumination.bands import Bands
+from simulator.scene.state import Quality
 
 if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera

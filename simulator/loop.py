@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from simulator.render.gl.context import GlInfo
     from simulator.render.renderer import Renderer
     from simulator.scenario.plan import FramePlan
-    from simulator.scene.state import Bands, SceneState
+    from simulator.scene.illumination.bands import Bands
+    from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
     FrameLabels = bool | LabelRequest | Callable[[int], LabelRequest]

@@ -26,7 +26,8 @@ from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import Plan, plan_flight
 from simulator.scenario.recipes import RecipePlan, list_recipes, plan_recipe
 from simulator.scene.environments import environment_preset, environment_section
-from simulator.scene.state import Bands, Quality
+from simulator.scene.illumination.bands import Bands
+from simulator.scene.state import Quality
 
 
 def capture(

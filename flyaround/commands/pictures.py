@@ -23,7 +23,8 @@ from simulator.labels.truth import read_truth
 from simulator.render.earth.map_textures import EarthMaps, begin_earth_maps, begin_maps_of
 from simulator.scenario.poses import PosePlan, read_poses
 from simulator.scene.environments import environment_section
-from simulator.scene.state import Bands, SceneState
+from simulator.scene.illumination.bands import Bands
+from simulator.scene.state import SceneState
 from simulator.targets.library import load_target
 from simulator.targets.model import Target
 

@@ -17,6 +17,7 @@ from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.sensor import Detector, Sensor
 from simulator.camera.lens.camera_model import Camera
 from simulator.errors import UserError
+from simulator.runtime.sections import Section
 from simulator.runtime.untrusted_files import read_regular
 
 MOST_KERNEL_BYTES = 100_000_000
@@ -34,7 +35,7 @@ _Celsius = Annotated[float, Meta(ge=-273, le=200)]
 _CurvePoint = tuple[Annotated[float, Meta(ge=200, le=2000)], _Share]
 
 
-class DetectorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class DetectorSection(Section, frozen=True, kw_only=True):
     """Keys of `[sensor.detector]`: what of the detector to change; what is left out stays.
 
     ``quantum_efficiency_curve`` is a list of [wavelength in nm, electrons per photon], ascending; it takes the place of
@@ -80,7 +81,7 @@ class DetectorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
         return replace(base or Detector(), **changes)
 
 
-class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class OpticsSection(Section, frozen=True, kw_only=True):
     """Section `[optics]`: the lens besides its distortion.
 
     ``kernel_file`` names a measured PSF beside the scenario: a .npy, text with one row of numbers a line, or a grey
@@ -91,11 +92,11 @@ class OpticsSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
 
     f_number: Annotated[float, Meta(ge=0.5, le=64)] = 4.0
     transmission: Annotated[float, Meta(gt=0, le=1)] = 1.0
-    transmission_curve: list[_CurvePoint] = []
+    transmission_curve: list[_CurvePoint] = msgspec.field(default_factory=list)
     wavelength_nm: Annotated[float, Meta(ge=200, le=2000)] = 550.0
     psf: Literal["none", "gaussian", "airy", "kernel"] = "none"
     psf_sigma_px: Annotated[float, Meta(ge=0, le=10)] = 0.0
-    kernel: list[list[float]] = []
+    kernel: list[list[float]] = msgspec.field(default_factory=list)
     kernel_file: str = ""
     defocus: bool = False
     focus_distance_m: Annotated[float, Meta(ge=0, le=1e6)] = 0.0

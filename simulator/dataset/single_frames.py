@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from simulator.frame import Frame
     from simulator.labels.request import LabelRequest
     from simulator.render.earth.map_textures import EarthMaps
-    from simulator.scene.state import Bands, SceneState
+    from simulator.scene.illumination.bands import Bands
+    from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
 SUFFIXES = (".png", ".npy", ".exr")

@@ -51,7 +51,8 @@ if TYPE_CHECKING:
     from simulator.render.earth.earth_pass import EarthPass
     from simulator.render.earth.map_textures import EarthMaps
     from simulator.render.frame_graph import PassResources
-    from simulator.scene.state import Bands, SceneState
+    from simulator.scene.illumination.bands import Bands
+    from simulator.scene.state import SceneState
 
 
 class Drawing:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from simulator.render.earth.map_textures import EarthMaps
     from simulator.render.frame_graph import Pass
     from simulator.render.gl.programs import ProgramLibrary
-    from simulator.scene.state import Bands
+    from simulator.scene.illumination.bands import Bands
 
 
 class DrawingPath(Protocol):

@@ -46,7 +46,8 @@ if TYPE_CHECKING:
     from simulator.render.gl.context import GlInfo
     from simulator.render.irradiance import SkyLight
     from simulator.render.target.label_pass import Surfaces
-    from simulator.scene.state import Bands, SceneState
+    from simulator.scene.illumination.bands import Bands
+    from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
 _IMAGES = (RADIANCE, COVERAGE)

@@ -13,7 +13,8 @@ from simulator.imaging.auto_exposure import ExposureTrack
 from simulator.imaging.metering import wanted_exposure_s
 from simulator.scenario.flight import fly, frame_times
 from simulator.scene.build import build_scene
-from simulator.scene.state import Bands, Quality, SceneState, TargetRef
+from simulator.scene.illumination.bands import Bands
+from simulator.scene.state import Quality, SceneState, TargetRef
 from simulator.targets.library import load_target
 from simulator.targets.model import Target
 

@@ -23,7 +23,9 @@ from simulator.camera.lens.files import load_camera
 from simulator.errors import UserError
 from simulator.runtime.arrays import FloatArray, quat, vec3
 from simulator.scenario.board_poses import board_pose
-from simulator.scene.state import Bands, Environment, Quality, SceneState, TargetRef
+from simulator.scene.environments import Environment
+from simulator.scene.illumination.bands import Bands
+from simulator.scene.state import Quality, SceneState, TargetRef
 from simulator.targets.library import list_targets, load_target
 from simulator.targets.model import Target
 from simulator.world.constants import EARTH_RADIUS_M, MU_EARTH_M3_S2

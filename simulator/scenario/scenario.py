@@ -20,8 +20,9 @@ from simulator.errors import UserError
 from simulator.imaging.auto_exposure import AutoExposure
 from simulator.runtime.sections import Section
 from simulator.scene.environments import EnvironmentSection
+from simulator.scene.illumination.bands import Bands
 from simulator.scene.illumination.lamp import Lamp
-from simulator.scene.state import Bands, Quality
+from simulator.scene.state import Quality
 from simulator.world.attitude.target_attitude import Attitude
 from simulator.world.flight.recording import Replay
 from simulator.world.guidance.command_script import CommandScript

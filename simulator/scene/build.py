@@ -9,7 +9,9 @@ import numpy as np
 from simulator.camera.detector.optics import Optics
 from simulator.camera.detector.shutter import Shutter
 from simulator.runtime.arrays import Vec3, quat, vec3
-from simulator.scene.state import Bands, Environment, Quality, SceneState, TargetRef
+from simulator.scene.environments import Environment
+from simulator.scene.illumination.bands import Bands
+from simulator.scene.state import Quality, SceneState, TargetRef
 from simulator.world.frames.rotation import matrix_from_quat, quat_multiply
 
 if TYPE_CHECKING:

@@ -19,7 +19,6 @@ from simulator.world.ephemeris.bodies import BodyName
 from simulator.world.frames.pose import Pose
 from simulator.world.frames.rotation import matrix_from_quat
 
-__all__ = ["Bands", "Environment", "Quality", "SceneState", "TargetRef"]
 Quality = Literal["draft", "default", "high"]
 _PERFECT_LENS = Optics()
 

@@ -8,7 +8,9 @@ import numpy as np
 
 from simulator.camera.detector.presets import sensor_preset
 from simulator.runtime.arrays import quat, vec3
-from simulator.scene.state import Bands, Environment, Quality, SceneState
+from simulator.scene.environments import Environment
+from simulator.scene.illumination.bands import Bands
+from simulator.scene.state import Quality, SceneState
 from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
 from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.ephemeris.moon_orientation import q_moon_from_eci

@@ -12,8 +12,9 @@ import flyaround as fa
 from simulator.camera.lens.camera_model import Camera
 from simulator.runtime.arrays import quat, vec3
 from simulator.scenario.poses import scene_with_pose
+from simulator.scene.environments import Environment
 from simulator.scene.illumination.bands import sunlight_balance
-from simulator.scene.state import Environment, TargetRef
+from simulator.scene.state import TargetRef
 from simulator.scene.viewpoint import place_itrs_m, scene_above
 from simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
 from simulator.world.ephemeris.sun_moon import moon_eci_m, sun_eci_m

@@ -29,7 +29,7 @@ from simulator.labels.surfaces import surfaces
 from simulator.render.renderer import Renderer
 from simulator.runtime.arrays import quat, vec3
 from simulator.scenario.recipes import BASIC, RecipePlan, scaled_range_m
-from simulator.scene.state import Environment
+from simulator.scene.environments import Environment
 from simulator.targets.library import load_target
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 

@@ -20,7 +20,7 @@ from simulator.scene.illumination.multiple_scattering import multiple_scattering
 if TYPE_CHECKING:
     from simulator.runtime.arrays import Float32Array
     from simulator.scene.illumination.atmosphere import Atmosphere
-    from simulator.scene.state import Bands
+    from simulator.scene.illumination.bands import Bands
 
 RADII, COSINES = 64, 128  # of the transmittance table
 GROUND_SAMPLES = 512

@@ -41,7 +41,9 @@ if TYPE_CHECKING:
     from simulator.render.gl.mipmaps import MipmapChain
     from simulator.render.gl.programs import Program, ProgramLibrary
     from simulator.runtime.arrays import Float32Array
-    from simulator.scene.state import Bands, Environment, SceneState
+    from simulator.scene.environments import Environment
+    from simulator.scene.illumination.bands import Bands
+    from simulator.scene.state import SceneState
 
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 LOG2_TEXEL_KM = math.log2(4.97)  # of the maps at the equator, as in shaders/earth/point.glsl

@@ -23,7 +23,9 @@ from simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
 if TYPE_CHECKING:
     from simulator.render.gl.mipmaps import MipmapChain
     from simulator.runtime.arrays import Float32Array
-    from simulator.scene.state import Bands, Environment, SceneState
+    from simulator.scene.environments import Environment
+    from simulator.scene.illumination.bands import Bands
+    from simulator.scene.state import SceneState
 
 _T = TypeVar("_T")
 _ODD, _EVEN = (6, 12), (4, 8)  # of stand-ins: rows and columns that are no powers of two, and that are

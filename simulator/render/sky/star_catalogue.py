@@ -21,7 +21,7 @@ from simulator.render.sky.star_colours import (
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import Bands
+    from simulator.scene.illumination.bands import Bands
 
 CATALOGUE = "hipparcos2_hp9.npz"
 _CATALOGUE_EPOCH = datetime(1991, 4, 2, 13, 30, tzinfo=UTC)  # J1991.25

@@ -10,7 +10,7 @@ from simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
     from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import Bands
+    from simulator.scene.illumination.bands import Bands
 
 SUN_V_MAG = -26.76  # Willmer (2018), ApJS 236, 47, Vega system
 

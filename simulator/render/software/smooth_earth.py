@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from simulator.render.earth.screen_tiles import ScreenTiles, TileKind
     from simulator.render.gl.programs import ProgramLibrary
     from simulator.runtime.arrays import Float32Array, IntArray
-    from simulator.scene.state import Bands
+    from simulator.scene.illumination.bands import Bands
 
 
 class CornerAir:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from simulator.render.target.mesh_array import MeshArray
     from simulator.render.target.textures import Textures
     from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import Bands
+    from simulator.scene.illumination.bands import Bands
 
 STAMP_SHIFT = 28
 KEPT_BYTES = 320 << 20

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from simulator.render.target.mesh import GpuMesh
     from simulator.render.view import View
     from simulator.runtime.arrays import Float32Array, FloatArray, IntArray
-    from simulator.scene.state import Bands
+    from simulator.scene.illumination.bands import Bands
     from simulator.targets.model import Material
 
 _NEIGHBOURS = 5  # directions between which the Sun's is interpolated

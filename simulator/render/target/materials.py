@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import Bands
+    from simulator.scene.illumination.bands import Bands
     from simulator.targets.model import Material
 
 

@@ -43,7 +43,8 @@ if TYPE_CHECKING:
     from simulator.render.target.viewport_fit import Placement
     from simulator.render.view import View
     from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import Bands, SceneState
+    from simulator.scene.illumination.bands import Bands
+    from simulator.scene.state import SceneState
     from simulator.targets.model import Target
 
 # between nodes of baked light in the preset `high`, of the target's radius; and nodes along a patch that returns light

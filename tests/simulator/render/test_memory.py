@@ -18,7 +18,7 @@ from simulator.render.earth.terrain_detail import valley_texture
 from simulator.render.gl.context import create_context
 from simulator.render.renderer import Renderer
 from simulator.render.target.resident_targets import MOST_LOADED
-from simulator.scene.state import Environment
+from simulator.scene.environments import Environment
 from simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl

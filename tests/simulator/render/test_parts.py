@@ -15,8 +15,8 @@ from simulator.render.target.viewport_fit import LATTICES as PRESETS
 from simulator.render.target.viewport_fit import TINY_LATTICE, all_tiles
 from simulator.render.view import build_view
 from simulator.runtime import cached_arrays as cache
+from simulator.scene.environments import Environment
 from simulator.scene.illumination.atmosphere import earth_atmosphere, ground_irradiance, optical_depth_to_top
-from simulator.scene.state import Environment
 
 LATTICES = {lattice for choices in PRESETS.values() for lattice, _ in choices} | {TINY_LATTICE}
 SOFTWARE_PATH = True

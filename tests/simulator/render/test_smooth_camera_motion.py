@@ -7,7 +7,8 @@ import pytest
 
 from simulator.camera.lens.camera_model import Camera
 from simulator.runtime.arrays import quat, vec3
-from simulator.scene.state import Environment, TargetRef
+from simulator.scene.environments import Environment
+from simulator.scene.state import TargetRef
 from simulator.scene.viewpoint import scene_above
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix, quat_from_rotvec
 

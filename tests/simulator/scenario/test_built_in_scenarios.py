@@ -20,8 +20,7 @@ from simulator.errors import UserError
 from simulator.scenario.flight import fly, frame_times
 from simulator.scenario.load import list_scenarios, load_scenario, scenario_json_schema
 from simulator.scenario.scenario import Scenario, SensorSection
-from simulator.scene.environments import ENVIRONMENTS, environment_section
-from simulator.scene.state import Environment
+from simulator.scene.environments import ENVIRONMENTS, Environment, environment_section
 from simulator.targets.model import MassProperties, Target
 from simulator.world.constants import EARTH_RADIUS_M
 from simulator.world.flight.world_state import WorldState

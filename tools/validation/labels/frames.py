@@ -15,9 +15,9 @@ from simulator.labels.request import LAYERS, LabelRequest
 from simulator.labels.truth import FlowLabel
 from simulator.runtime.arrays import vec3
 from simulator.scenario.recipes import Recipe, RecipePlan
+from simulator.scene.environments import Environment
 from simulator.scene.illumination.bands import ASTRONOMICAL_UNIT_M
 from simulator.scene.motion import propagated_scene
-from simulator.scene.state import Environment
 from simulator.targets.library import list_targets, load_target
 from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.frames.rotation import matrix_from_quat

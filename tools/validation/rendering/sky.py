@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from simulator.camera.lens.camera_model import Camera
     from simulator.render.renderer import Renderer
     from simulator.runtime.arrays import FloatArray
-    from simulator.scene.state import Environment, SceneState
+    from simulator.scene.environments import Environment
+    from simulator.scene.state import SceneState
 
 LIGHT_M_S, PLANCK_J_S = 299_792_458.0, 6.62607015e-34
 NOTES = """

@@ -8,7 +8,8 @@ from simulator.render import drawing
 from simulator.render.earth.air_pass import AirPass
 from simulator.render.earth.air_tables import GROUND_MU_MIN, GROUND_SAMPLES
 from simulator.render.projection import directions
-from simulator.scene.state import Environment, TargetRef
+from simulator.scene.environments import Environment
+from simulator.scene.state import TargetRef
 from simulator.scene.viewpoint import scene_above
 
 pytestmark = pytest.mark.gl

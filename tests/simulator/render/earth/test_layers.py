@@ -24,8 +24,9 @@ from simulator.render.earth.sea_ice import (
 from simulator.render.earth.seasons import ANCHORS, season
 from simulator.render.gl.mipmaps import gl_library, mipmapped_texture
 from simulator.render.software import tiles as cells
+from simulator.scene.environments import Environment
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.scene.state import Environment, TargetRef
+from simulator.scene.state import TargetRef
 from simulator.scene.viewpoint import scene_above
 
 pytestmark = pytest.mark.gl

@@ -7,7 +7,7 @@ import pytest
 
 from simulator.camera.lens.camera_model import Camera
 from simulator.render.renderer import Renderer
-from simulator.scene.state import Environment
+from simulator.scene.environments import Environment
 
 pytestmark = pytest.mark.gl
 WIDTH, HEIGHT, FINER = 160, 120, 8

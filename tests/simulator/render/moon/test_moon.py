@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from simulator.camera.lens.camera_model import Camera
+from simulator.scene.environments import Environment
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.scene.illumination.moonlight import disc_phase, lommel_seeliger_disc
 from simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth
-from simulator.scene.state import Environment
 from simulator.world.frames.rotation import quat_from_matrix
 
 pytestmark = pytest.mark.gl

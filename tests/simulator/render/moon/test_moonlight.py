@@ -8,8 +8,9 @@ import pytest
 
 from simulator.camera.lens.camera_model import Camera
 from simulator.runtime.arrays import vec3
+from simulator.scene.environments import Environment
 from simulator.scene.illumination.moonlight import moonlight_share
-from simulator.scene.state import Environment, TargetRef
+from simulator.scene.state import TargetRef
 from simulator.scene.viewpoint import scene_above
 
 pytestmark = pytest.mark.gl

@@ -12,6 +12,7 @@ from simulator.render.projection import PixelRect
 from simulator.render.sky.star_catalogue import star_irradiance_w_m2, stars
 from simulator.render.sky.star_pass import StarPass
 from simulator.render.view import build_view
+from simulator.scene.environments import Environment
 from simulator.scene.illumination.atmosphere import (
     MultipleScattering,
     earth_atmosphere,
@@ -21,7 +22,6 @@ from simulator.scene.illumination.atmosphere import (
 )
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
 from simulator.scene.illumination.planets import earth_velocity_c
-from simulator.scene.state import Environment
 from simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
 pytestmark = pytest.mark.gl

@@ -17,8 +17,9 @@ from simulator.render.sky.star_colours import (
 )
 from simulator.render.sky.star_pass import stars_in_view
 from simulator.render.view import build_view
+from simulator.scene.environments import Environment
 from simulator.scene.illumination.bands import sun_irradiance_w_m2
-from simulator.scene.state import Environment, TargetRef
+from simulator.scene.state import TargetRef
 from simulator.scene.viewpoint import scene_above
 
 V_ZERO_W_M2_NM = 3.631e-11  # of V = 0, Bessell, Castelli & Plez (1998), A&A 333, 231

@@ -30,8 +30,8 @@ from simulator.render.target import visible_triangles as culling
 from simulator.render.target.viewport_fit import TILE_PX, all_tiles
 from simulator.render.view import build_view
 from simulator.runtime.cached_arrays import cached_array
+from simulator.scene.environments import Environment
 from simulator.scene.illumination.atmosphere import earth_atmosphere
-from simulator.scene.state import Environment
 from simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl
