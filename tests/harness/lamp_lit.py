@@ -9,9 +9,8 @@ from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.face_gains import blurred
-from hil.board.svd.model.prepared_target import PreparedTarget
+from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
-from hil.board.svd.refine.parallel import faces_of
 
 FINE, SIGMA = 3, 3.0
 

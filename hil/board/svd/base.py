@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Dict, Optional, Tuple, Union
+from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
 
 from hil.board.svd.decide.confidence import ACCEPT_AT, Evidence, confidence, decide
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.hypotheses.ambiguity import Alternative
+from hil.board.svd.hypotheses.hypothesis import PoseFit
 from hil.board.svd.image.observation import Observation, Trace
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.native.backend import native_library
-from hil.board.svd.refine.edges import FineFit
-from hil.board.svd.refine.photometric import PhotoFit
 
 Array = np.ndarray
 
@@ -101,33 +100,34 @@ class Estimator:
         """No pose."""
         return PoseResult(False, reason, None, None, 0.0, frame.stages_ms, frame.counts, method=self.method)
 
-    def _decided(
-        self,
-        frame: Observation,
-        fit: Union[FineFit, PhotoFit],
-        evidence: Evidence,
-        alternatives: Tuple[Alternative, ...],
-        accept_at: float = ACCEPT_AT,
-    ) -> PoseResult:
-        """A pose, and whether its evidence makes it to be accepted."""
-        reason = decide(evidence, accept_at)
-        frame.mark("decide")
-        return PoseResult(
-            not reason,
-            reason,
-            fit.q,
-            fit.t,
-            confidence(evidence),
-            frame.stages_ms,
-            frame.counts,
-            evidence,
-            fit.covariance,
-            alternatives,
-            self.method,
-        )
-
     def _estimate(self, frame: Observation) -> PoseResult:
         raise NotImplementedError
+
+
+def decided(
+    frame: Observation,
+    pose: PoseFit,
+    evidence: Evidence,
+    alternatives: Tuple[Alternative, ...],
+    accept_at: float = ACCEPT_AT,
+    method: str = "",
+) -> PoseResult:
+    """A pose, and whether its evidence makes it to be accepted."""
+    reason = decide(evidence, accept_at)
+    frame.mark("decision")
+    return PoseResult(
+        not reason,
+        reason,
+        pose.q,
+        pose.t,
+        confidence(evidence),
+        frame.stages_ms,
+        frame.counts,
+        evidence,
+        pose.covariance,
+        alternatives,
+        method,
+    )
 
 
 def unusable(image: Any, camera: CameraIntrinsics) -> str:  # noqa: ANN401 - see Estimator.estimate

@@ -1,71 +1,309 @@
-"""The pose estimator: a picture in, a pose with its confidence out."""
+"""The pose estimator: an image in, a pose with its confidence out.
+
+It is a list of stages: propose -> one list of hypotheses -> refine -> decide. ``PREPARE``, ``ROUNDS``, ``REFINE``,
+``SELECT``, ``CHECKS`` and ``DECIDE`` below are that list; what a stage does lives in the folder of its name.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import List, Sequence, Tuple, Union
+from typing import Optional
 
 import numpy as np
 
-from hil.board.svd.base import Estimator, PoseResult
-from hil.board.svd.decide.axial_symmetry import check_rolled
-from hil.board.svd.decide.confidence import ACCEPT_AT, TRIED, Evidence, doubtful, error_scale
-from hil.board.svd.decide.discrete_symmetry import check_turned
-from hil.board.svd.decide.selection import (
-    ALL_LEADERS,
-    LEADERS,
-    align_leaders,
-    check_leaning,
-    choose_by_picture,
-)
+from hil.board.svd.base import Estimator, PoseResult, decided
+from hil.board.svd.decide.axial_symmetry import check_axial_symmetry
+from hil.board.svd.decide.confidence import ACCEPT_AT, TRIED, Evidence, decide, doubtful, error_scale
+from hil.board.svd.decide.discrete_symmetry import Prior, check_discrete_symmetry
+from hil.board.svd.decide.near_minima import check_near_minima
+from hil.board.svd.decide.selection import select_by_edges, select_by_image
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.hypotheses.ambiguity import Alternative
-from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate
-from hil.board.svd.image.edge_field import edge_field, shrink
+from hil.board.svd.image.edge_field import shrink
 from hil.board.svd.image.noise import noise_sigma, whole_median
 from hil.board.svd.image.observation import Observation
-from hil.board.svd.image.region import Region
 from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.propose.edge_search import search_region
-from hil.board.svd.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
-from hil.board.svd.propose.multi_scale import align_wide
+from hil.board.svd.propose.edge_search import group_poses, region_edges, template_poses
+from hil.board.svd.propose.learned.learned_proposal import LearnedProposer
+from hil.board.svd.propose.learned_hypotheses import learned_hypotheses
+from hil.board.svd.propose.multi_scale import hypotheses_of_places
 from hil.board.svd.propose.perceptual_groups import model_triads
 from hil.board.svd.propose.regions import REDUCTION, propose_regions
-from hil.board.svd.refine.edges import FineFit
-from hil.board.svd.refine.final import Choice, no_clearer
-from hil.board.svd.refine.final_edges import choose
-from hil.board.svd.refine.parallel import Ranked
-from hil.board.svd.refine.photometric import PhotoFit
+from hil.board.svd.refine.close import refine_close_up
+from hil.board.svd.refine.coarse import refine_coarsely, refine_many_scales
+from hil.board.svd.refine.edge_hypotheses import refine_by_edges
+from hil.board.svd.refine.final_edges import refine_on_edges
 from hil.board.svd.refine.synthetic_view import draw_at
+from hil.board.svd.stages import Round, Search, Stage, run
 
-Array = np.ndarray
-Chosen = Tuple[Candidate, Union[FineFit, PhotoFit], Evidence, Tuple[Alternative, ...]]
+# Least noise: quantisation of a scale of 255 [its steps], and half as much again is not told from it.
+LEAST_NOISE, SCALE = 0.15, 255.0
 
 # Share of the frame's tiles with edges above which the background is not empty space.
 BUSY = 0.25
 
-# Regions glanced at by the learned proposal, and places it hands on with a texture behind and with nothing.
-GLANCES, LOOKS, EMPTY_LOOKS = 5, 2, 1
+# Regions looked at by the learned proposal, and places it hands on with a texture behind and with nothing.
+ASKED, PLACES, EMPTY_PLACES = 5, 2, 1
 
 # Logit of there being a craft from which its edges are not searched: what the picture cannot settle, they cannot.
 SURE = 2.0
-
-# Longest side of the edges that its poses are supported by [px].
-LOOK_FIELD_PX = 200
 
 # Regions searched at most with a texture behind and with nothing, and the least diagonal of one [px].
 REGIONS, EMPTY_REGIONS, SMALLEST_PX = 2, 3, 24.0
 
 
+# --- prepare: what the image says before any target is looked for
+
+
+def measure_noise(s: Search) -> None:
+    """Noise of the image (Immerkaer 1996), and the image reduced."""
+    image = s.frame.image
+    # a 16-bit file may hold 10 or 12 bits: its own largest value is its scale
+    full_scale = SCALE if image.dtype == np.uint8 else float(image.max())
+    s.frame.noise = max(noise_sigma(image, full_scale), LEAST_NOISE * full_scale / SCALE)
+    s.reduced, _ = shrink(image, 0, 0, image.shape[1], image.shape[0], max(image.shape) // REDUCTION)
+    s.frame.keep("reduced", s.reduced)
+
+
+def find_strong_gradients(s: Search) -> None:
+    """Weak gradient elimination (Sharma, Ventura & D'Amico 2018)."""
+    s.edges = eliminate_weak_gradients(s.reduced)
+    s.frame.keep("wge", s.edges)
+
+
+def find_regions(s: Search) -> None:
+    """Regions where the target may be, and whether the background is empty space."""
+    assert s.edges is not None  # noqa: S101 - the stage before found them
+    regions, busy, s.frame.likely = propose_regions(s.reduced, s.edges, s.frame.noise / REDUCTION)
+    if busy < BUSY:
+        # reduced pixels are whole numbers as well
+        s.frame.background = whole_median(s.reduced.astype(np.int32))
+    s.frame.count("regions", len(regions))
+    s.frame.keep("regions", regions)
+    s.regions = [r for r in regions if r.diagonal_px >= SMALLEST_PX]
+
+
+# --- propose: hypotheses for the one list
+
+
+def propose_learned(s: Search) -> None:
+    """Poses of the likeliest places, by the pose proposal network (Sharma & D'Amico 2019)."""
+    if s.learned is not None:
+        keep = PLACES if s.frame.background < 0 else EMPTY_PLACES
+        s.places = s.learned.propose(s.frame.image, s.frame.noise, s.regions[:ASKED], keep, s.reduced)
+    s.hypotheses = [h for place in s.places for h in learned_hypotheses(s.target, s.frame, place)]
+    s.frame.keep("learned_proposals", s.places)
+
+
+def propose_many_scales(s: Search) -> None:
+    """Poses of many places and sizes about what is seen, refined on one patch of all of them."""
+    assert s.learned is not None  # noqa: S101 - the round asks for it
+    source = s.hypotheses[0].source
+    found, places = hypotheses_of_places(s.target, s.frame, s.learned, s.places[0], source, s.reduced)
+    s.frame.mark("multi_scale_proposal")
+    # refined here, for they share no patch with the hypotheses of a region
+    s.aligned = refine_many_scales(s.target, s.frame, found, places) if places else []
+
+
+def propose_by_edges(s: Search) -> None:
+    """Poses of perceptual groups and of viewpoint templates, aligned on the edges of each region."""
+    # what the learned proposal is sure of is where it is: there edges find the attitudes that it does not
+    sure = [place.source for place in s.places if place.craft > SURE]
+    some = sure[:1] or s.regions[: REGIONS if s.frame.background < 0 else EMPTY_REGIONS]
+    s.frame.count("searched", 1)
+    for region in some:
+        edges = region_edges(s.target, s.frame, region)
+        if edges is not None:
+            q, t = template_poses(s.target, s.frame, edges)
+            gq, gt = group_poses(s.target, s.figures, s.frame, edges)
+            q, t = np.concatenate([q, gq]), np.concatenate([t, gt])
+            s.hypotheses += refine_by_edges(s.target, s.frame, edges, q, t)
+
+
+# --- refine
+
+
+def rank_hypotheses(s: Search) -> None:
+    """The list in the order of its scores."""
+    s.hypotheses.sort(key=lambda h: -h.score)
+    s.frame.keep("found", s.hypotheses)
+
+
+def align_coarsely(s: Search) -> None:
+    """The best of each region on a small patch of it, and those refined already."""
+    leaders = refine_coarsely(s.target, s.frame, s.hypotheses, thorough=s.thorough)
+    s.aligned = sorted([*leaders, *s.aligned], key=lambda h: -h.score)
+
+
+def align_close_up(s: Search) -> None:
+    """The leaders, the winner's near-symmetries and its tilts on one patch of the target."""
+    s.patch, s.aligned = refine_close_up(s.target, s.frame, s.aligned, thorough=s.thorough)
+
+
+def align_on_edges(s: Search) -> None:
+    """The leaders on sub-pixel edges."""
+    s.aligned = refine_on_edges(s.target, s.frame, s.hypotheses)
+
+
+# --- decide
+
+
+def select_among_ends(s: Search) -> None:
+    """The best of those refined to their ends on the whole image."""
+    assert s.patch is not None  # noqa: S101 - the stage before made it
+    s.selection = select_by_image(s.target, s.frame, s.patch, s.aligned, thorough=s.thorough)
+
+
+def select_among_edges(s: Search) -> None:
+    """The best of those refined on edges."""
+    s.selection = select_by_edges(s.target, s.hypotheses, s.aligned)
+
+
+def turn_about_axis(s: Search) -> None:
+    """The selected pose against turns about the axis of a round target."""
+    s.selection = check_axial_symmetry(s.target, s.frame, s.selected)
+
+
+def turn_by_symmetries(s: Search) -> None:
+    """The selected pose against its near-symmetries; of a round target a few small parts tell them apart."""
+    s.selection = check_discrete_symmetry(s.target, s.frame, s.selected, _prior(s))
+
+
+def tilt(s: Search) -> None:
+    """A doubtful pose against its near minima; of a target not tried before the last word is its near-symmetries'."""
+    before = s.selected
+    if s.tried:
+        s.selection = check_near_minima(s.target, s.frame, before)
+        return
+    after = check_near_minima(s.target, s.frame, before, symmetries=False)
+    if after.best is before.best:
+        # the near-symmetries are named still
+        s.selection = replace(after.no_clearer(before.evidence), alternatives=before.alternatives)
+        return
+    evidence = after.evidence
+    if has_symmetries(s):
+        after = check_discrete_symmetry(s.target, s.frame, after, _prior(s))
+    s.selection = after.no_clearer(evidence)
+
+
+def accept_or_decline(s: Search) -> None:
+    """Confidence and the acceptance test; the surest answer of all rounds stands."""
+    selection, frame = s.selected, s.frame
+    pose, evidence = selection.best.pose, _fitted(s)
+    frame.count("edges", evidence.edges)
+    frame.keep("field", selection.best.source.field)
+    if frame.shows_all:
+        frame.keep("drawn", draw_at(s.target, frame, pose.q, pose.t))
+    if evidence.score is not None:
+        pose = replace(pose, covariance=error_scale(evidence) * pose.covariance)
+    result = decided(frame, pose, evidence, selection.alternatives, s.accept_at)
+    # not by what they explain: the rounds were judged on different cuts of the image
+    if s.result is None or result.confidence > s.result.confidence:
+        s.result = result
+
+
+def _prior(s: Search) -> Optional[Prior]:
+    """The learned proposal's log-likelihood of a pose, where it has looked."""
+    return None if s.learned is None or not s.places else partial(s.learned.log_likelihood, s.places)
+
+
+def _fitted(s: Search) -> Evidence:
+    """The evidence with what is known of the target's confidences."""
+    return replace(s.selected.evidence, tried=s.tried, looked=s.learned is not None)
+
+
+# --- conditions
+
+
+def by_image(s: Search) -> bool:
+    """The target has faces: the whole image decides."""
+    return s.target.model.faces is not None
+
+
+def by_edges(s: Search) -> bool:
+    """The target has none: edges alone decide."""
+    return not by_image(s)
+
+
+def untried_round(s: Search) -> bool:
+    """A round target on which confidence was not fitted."""
+    return by_image(s) and not s.tried and s.target.round
+
+
+def has_symmetries(s: Search) -> bool:
+    """The target's model lists near-symmetries."""
+    return bool(len(s.target.model.symmetry_wxyz))
+
+
+def untried_symmetric(s: Search) -> bool:
+    """A target with near-symmetries on which confidence was not fitted."""
+    return by_image(s) and not s.tried and has_symmetries(s)
+
+
+def accepted_in_doubt(s: Search) -> bool:
+    """A first round would accept the pose, with a confidence that wrong ones have too."""
+    if not by_image(s) or s.thorough or decide(_fitted(s), s.accept_at):
+        return False
+    if not doubtful(s.selected.evidence):
+        return False
+    s.frame.count("checked", 1)
+    return True
+
+
+def declined_by_learned(s: Search) -> bool:
+    """The learned proposal found poses, none of which is accepted."""
+    # edges besides would double the time: of 211 frames they set 8 right, and had a wrong pose accepted
+    return s.learned is not None and s.result is not None and not s.result.accepted
+
+
+def nothing_found(s: Search) -> bool:
+    """No round before found any pose."""
+    return s.result is None
+
+
+# --- the list
+
+PREPARE = (
+    Stage("noise", measure_noise),
+    Stage("weak_gradients", find_strong_gradients),
+    Stage("regions", find_regions),
+)
+
+ROUNDS = (
+    Round((Stage("learned_proposal", propose_learned),)),
+    Round((Stage("multi_scale_alignment", propose_many_scales),), when=declined_by_learned, thorough=True),
+    Round((Stage("edge_search", propose_by_edges),), when=nothing_found, thorough=True),
+)
+
+REFINE = (
+    Stage("ranking", rank_hypotheses),
+    Stage("coarse_alignment", align_coarsely, when=by_image),
+    Stage("close_alignment", align_close_up, when=by_image),
+    Stage("subpixel_alignment", align_on_edges, when=by_edges),
+)
+
+SELECT = (
+    Stage("final_alignment", select_among_ends, when=by_image),
+    Stage("selection", select_among_edges, when=by_edges),
+)
+
+CHECKS = (
+    Stage("axial_symmetry", turn_about_axis, when=untried_round),
+    Stage("discrete_symmetry", turn_by_symmetries, when=untried_symmetric),
+    Stage("near_minima", tilt, when=accepted_in_doubt),
+)
+
+DECIDE = (Stage("decision", accept_or_decline),)
+
+
 class PoseEstimator(Estimator):
-    """Estimates the target's pose from single pictures; keeps nothing between them.
+    """Estimates the target's pose from single images; keeps nothing between them.
 
     Parameters
     ----------
-    model : the target. camera : the intrinsics of every picture.
+    model : the target. camera : the intrinsics of every image.
     accept_at : confidence at which a pose is accepted.
     """
 
@@ -74,157 +312,33 @@ class PoseEstimator(Estimator):
     def __init__(self, model: BoardModel, camera: CameraIntrinsics, accept_at: float = ACCEPT_AT) -> None:
         super().__init__(model, camera)
         self.accept_at = accept_at
-        self.craft = PreparedTarget.prepare(model, camera)
-        self.figures = model_triads(self.craft.model)
-        self.first = LearnedProposer.prepare(model, camera)
-        self.tried = self.first is not None and model.name in TRIED
+        self.target = PreparedTarget.prepare(model, camera)
+        self.figures = model_triads(self.target.model)
+        self.learned = LearnedProposer.prepare(model, camera)
+        self.tried = self.learned is not None and model.name in TRIED
 
     def _estimate(self, frame: Observation) -> PoseResult:
         return self.initialise(frame)
 
+    def search(self, frame: Observation) -> Search:
+        """The search of one image, before its first stage."""
+        return Search(self.target, self.figures, self.learned, self.tried, self.accept_at, frame)
+
     def initialise(self, frame: Observation) -> PoseResult:
-        """The pose in one frame, without knowing any other: by the learned proposal, then by edges."""
-        image = frame.image
-        # a 16-bit file may hold 10 or 12 bits: its own largest value is its scale
-        full_scale = 255.0 if image.dtype == np.uint8 else float(image.max())
-        frame.noise = max(noise_sigma(image, full_scale), 0.15 * full_scale / 255)
-        small, _ = shrink(image, 0, 0, image.shape[1], image.shape[0], max(image.shape) // REDUCTION)
-        frame.mark("prepare")
-        wge = eliminate_weak_gradients(small)
-        frame.keep("reduced", small)
-        frame.keep("wge", wge)
-        frame.mark("wge")
-        regions, busy, frame.likely = propose_regions(small, wge, frame.noise / REDUCTION)
-        if busy < BUSY:
-            # reduced pixels are whole numbers as well
-            frame.background = whole_median(small.astype(np.int32))
-        frame.count("regions", len(regions))
-        frame.keep("regions", regions)
-        frame.mark("roi")
-        regions = [r for r in regions if r.diagonal_px >= SMALLEST_PX]
-        learned = self._learned(frame, regions, small)
-        found = [c for g in learned for c in self._candidates(frame, g)]
-        frame.keep("learned_proposals", learned)
-        frame.mark("learned_proposal")
-        looked = self._chosen(frame, found, learned) if found else None
-        if looked is not None and not looked.accepted and self.first is not None:
-            # poses of many places about what is seen, then those that the look named, with shadows
-            wide = align_wide(self.craft, frame, self.first, learned[0], found[0], small)
-            again = self._chosen(frame, list(found), learned, thorough=True, beside=wide)
-            # edges besides would double the time: of 211 frames they set 8 right, and had a wrong pose accepted
-            looked = max(looked, again, key=_confidence)
-        if looked is not None and (looked.accepted or self.first is not None):
-            if frame.shows_all and regions:
-                search_region(self.craft, self.figures, frame, regions[0])
-            return looked
-        # what the look is sure of is where it is: there edges find the attitudes that it does not
-        sure = [g.source for g in learned if g.craft > SURE]
-        some = sure[:1] or regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
-        frame.count("searched", 1)
-        found = [c for region in some for c in search_region(self.craft, self.figures, frame, region)]
-        if found:
-            searched = self._chosen(frame, found, learned, thorough=True)
-            # not by what they explain: the two were judged on different cuts of the picture
-            looked = searched if looked is None else max(looked, searched, key=_confidence)
-        return self._declined(frame, "no target found") if looked is None else looked
-
-    def _learned(self, frame: Observation, regions: List[Region], reduced: Array) -> List[LearnedProposal]:
-        """What the learned proposal says of the likeliest places; nothing where the target has none."""
-        if self.first is None:
-            return []
-        keep = LOOKS if frame.background < 0 else EMPTY_LOOKS
-        return self.first.propose(frame.image, frame.noise, regions[:GLANCES], keep, reduced)
-
-    def _candidates(self, frame: Observation, proposal: LearnedProposal) -> List[Candidate]:
-        """Poses of a proposal, the likeliest first, and the edges of its place for who wants to ask them."""
-        region = proposal.region(self.craft.camera)
-        h, w = frame.image.shape
-        x0, y0, x1, y1 = region.grown(0.05, w, h)
-        if min(x1 - x0, y1 - y0) < SMALLEST_PX:
-            return []
-        field = edge_field(
-            frame.image,
-            (x0, y0, x1, y1),
-            frame.noise,
-            LOOK_FIELD_PX,
-            background=frame.background,
-            likely=frame.likely,
-        )
-        return [
-            Candidate(q, t, UNASKED, field, region, float(likely - proposal.log_likely[0]))
-            for q, t, likely in zip(proposal.q, proposal.t, proposal.log_likely)  # noqa: B905 - Python 3.9 has no strict=
-        ]
-
-    def _chosen(
-        self,
-        frame: Observation,
-        found: List[Candidate],
-        learned: Sequence[LearnedProposal],
-        *,
-        thorough: bool = False,
-        beside: Sequence[Ranked] = (),
-    ) -> PoseResult:
-        """The best of the candidates, and whether it is to be accepted; ``beside`` are poses aligned already."""
-        found.sort(key=lambda c: -c.support.total)
-        frame.keep("found", found)
-        if self.model.faces is None:
-            return self._told(frame, choose(self.craft, frame, found))
-        choice = self._compared(frame, found, beside, thorough=thorough)
-        if not self.tried:
-            choice = self._turned(frame, check_rolled(self.craft, frame, choice), learned)
-        result = self._told(frame, _all_of(choice))
-        if thorough or not result.accepted or not doubtful(choice.evidence):
-            return result
-        frame.count("checked", 1)
-        return self._told(frame, _all_of(self._held_against_near_minima(frame, choice, learned)))
-
-    def _compared(
-        self, frame: Observation, found: List[Candidate], beside: Sequence[Ranked], *, thorough: bool
-    ) -> Choice:
-        """The best of the candidates and of poses aligned already, by the picture alone."""
-        keep = ALL_LEADERS if thorough else LEADERS
-        leaders = align_leaders(self.craft, frame, found, keep, shadows=thorough)
-        leaders = sorted([*leaders, *beside], key=lambda r: -r.score)
-        return choose_by_picture(self.craft, frame, leaders, thorough=thorough)
-
-    def _turned(self, frame: Observation, choice: Choice, learned: Sequence[LearnedProposal]) -> Choice:
-        """The same held against its near-symmetries, about which the learned proposal is heard where there is one.
-
-        Of a round craft a few small parts say which way round it is, and confidence was not fitted on them.
-        """
-        first = self.first if learned else None
-        prior = None if first is None else partial(first.log_likelihood, learned)
-        return check_turned(self.craft, frame, choice, prior)
-
-    def _held_against_near_minima(
-        self, frame: Observation, choice: Choice, learned: Sequence[LearnedProposal]
-    ) -> Choice:
-        """A doubtful choice beside poses that lean about it; of an untried craft the last word is its half turns'."""
-        if self.tried:
-            return check_leaning(self.craft, frame, choice)
-        leant = check_leaning(self.craft, frame, choice, symmetries=False)
-        if leant.end is choice.end:
-            # the half turns are named still
-            return replace(no_clearer(leant, choice.evidence), alternatives=choice.alternatives)
-        return no_clearer(self._turned(frame, leant, learned), leant.evidence)
-
-    def _told(self, frame: Observation, chosen: Chosen) -> PoseResult:
-        """The result of a choice, and whether it is to be accepted."""
-        best, fit, evidence, alternatives = chosen
-        evidence = replace(evidence, tried=self.tried, looked=self.first is not None)
-        frame.count("edges", evidence.edges)
-        frame.keep("field", best.field)
-        if frame.shows_all:
-            frame.keep("drawn", draw_at(self.craft, frame, fit.q, fit.t))
-        if evidence.score is not None:
-            fit = replace(fit, covariance=error_scale(evidence) * fit.covariance)
-        return self._decided(frame, fit, evidence, alternatives, self.accept_at)
-
-
-def _all_of(choice: Choice) -> Chosen:
-    """What is told of a choice."""
-    return choice.best, choice.end.fit, choice.evidence, choice.alternatives
-
-
-def _confidence(result: PoseResult) -> float:
-    return result.confidence
+        """The pose in one image, without knowing any other."""
+        s = self.search(frame)
+        run(PREPARE, s)
+        for turn in ROUNDS:
+            if not turn.when(s):
+                continue
+            s.thorough, s.aligned = turn.thorough, []
+            run(turn.generators, s)
+            if s.hypotheses:
+                run((*REFINE, *SELECT, *CHECKS, *DECIDE), s)
+        if s.result is None:
+            return self._declined(frame, "no target found")
+        if frame.shows_all and s.places and s.regions:
+            # the stages that were not needed, for the pictures of all
+            s.places, s.regions = [], s.regions[:1]
+            propose_by_edges(s)
+        return replace(s.result, method=self.method)

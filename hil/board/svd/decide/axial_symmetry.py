@@ -1,20 +1,20 @@
-"""An end of a round craft held against itself turned a little about its axis: windows and panels tell these apart."""
+"""Check of axial symmetry: a round target against itself turned a little about its axis; windows and panels decide."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Optional, Tuple
 
 import numpy as np
 
+from hil.board.svd.decide.selection import Selection, select
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.hypothesis import Candidate
+from hil.board.svd.hypotheses.hypothesis import Hypothesis
 from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.prepared_target import PreparedTarget
+from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.model.view_tables import curved
-from hil.board.svd.refine.final import NO_WORSE, Choice, conclude, finish
-from hil.board.svd.refine.parallel import Ranked, faces_of
-from hil.board.svd.refine.photometric import PhotoFit
+from hil.board.svd.refine.final import NO_WORSE, refine_to_end
 from hil.board.svd.refine.shadows import shadowed
 
 Array = np.ndarray
@@ -30,7 +30,7 @@ ROLLS_RAD = tuple(float(np.radians(way * a)) for a in (2.0, 4.0, 6.0, 8.0, 10.0,
 
 
 def axis(model: BoardModel) -> Tuple[Array, Array]:
-    """Unit vector along the axis of a round craft, and a point on it [m]: what its curved surfaces' normals cross."""
+    """Unit vector along the axis of a round target, and a point on it [m]: what its curved surfaces' normals cross."""
     assert model.outlines is not None  # noqa: S101 - it is round
     some = curved(model)
     points, normals = model.outlines.points_m[some], model.outlines.normals[some]
@@ -45,45 +45,39 @@ def axis(model: BoardModel) -> Tuple[Array, Array]:
     return along, through
 
 
-def check_rolled(craft: PreparedTarget, frame: Observation, choice: Choice) -> Choice:
-    """A choice again beside its end turned about the craft's axis, where it is round.
+def check_axial_symmetry(target: PreparedTarget, frame: Observation, selection: Selection) -> Selection:
+    """A selection again beside its end turned about the axis of a round target.
 
     An alignment is held every few degrees by what is on the round wall: near minima that nothing else asked leads out
     of, and that are too near each other to be rivals. The right turn explains more even where it is not aligned: of
     Dragon's 81 accepted poses of 90 development frames (seed 8311) two were 7 deg about its axis; both come right.
     """
-    if not craft.round:
-        return choice
     for _ in range(ROUNDS):
-        other = _better_turn(craft, frame, choice)
+        other = _better_turn(target, frame, selection)
         if other is None:
             break
-        choice = other
-    return choice
+        selection = other
+    return selection
 
 
-def _better_turn(craft: PreparedTarget, frame: Observation, choice: Choice) -> Optional[Choice]:
-    """The choice that another turn about the axis leads to, where it is a better one."""
-    end, close, faces = choice.end, choice.close, faces_of(craft)
-    along, through = axis(craft.model)
-    middle = quat.matrix(end.fit.q) @ through + end.fit.t
+def _better_turn(target: PreparedTarget, frame: Observation, selection: Selection) -> Optional[Selection]:
+    """The selection that another turn about the axis leads to, or `None` if it is no better one."""
+    end, patch, faces = selection.best, selection.close, faces_of(target)
+    along, through = axis(target.model)
+    middle = quat.matrix(end.q) @ through + end.t
 
     def turned(angle_rad: float) -> Tuple[float, Array, Array]:
-        q = quat.normalise(quat.multiply(end.fit.q, quat.from_rotvec(angle_rad * along)))
+        q = quat.normalise(quat.multiply(end.q, quat.from_rotvec(angle_rad * along)))
         t = middle - quat.matrix(q) @ through
-        return shadowed(craft, faces, close, q, t, coarse=True).score, q, t
+        return shadowed(target, faces, patch, q, t, coarse=True).score, q, t
 
     own = turned(0.0)[0]
     score, q, t = max((turned(a) for a in ROLLS_RAD), key=lambda r: r[0])
     frame.count("rolled", len(ROLLS_RAD) + 1)
-    frame.mark("twins")
     if not score > own:
         return None
-    there = PhotoFit(q, t, end.fit.cost, end.fit.covariance)
-    led = finish(craft, frame, close, there)
-    frame.mark("refine")
+    start = Hypothesis(replace(end.pose, q=q, t=t), end.source, score, end.support)
+    led = refine_to_end(target, frame, patch, start)
     if not led.score > end.score + NO_WORSE:
         return None
-    c = choice.best
-    start = Ranked(score, there, Candidate(q, t, c.support, c.field, c.region, c.likely))
-    return conclude(craft, frame, close, choice.ranked, [*choice.starts, start], [*choice.ends, led])
+    return select(target, patch, list(selection.ranked), [*selection.ends, led])

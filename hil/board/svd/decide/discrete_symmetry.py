@@ -1,29 +1,28 @@
-"""An end held against its near-symmetries on a finer picture: small parts are all that tells these apart."""
+"""Check of discrete symmetries: an end against its near-symmetries on a finer image; small parts tell them apart."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Callable, List, Optional, Tuple
+from typing import Callable, List, Optional
 
 import numpy as np
 
+from hil.board.svd.decide.selection import Selection, select
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD, alternatives
-from hil.board.svd.hypotheses.hypothesis import Candidate
+from hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD, alternatives, same_end
+from hil.board.svd.hypotheses.hypothesis import Hypothesis
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred
-from hil.board.svd.model.image_patch import craft_box, make_canvas
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.refine.final import Choice, End, conclude, finish, same_end
-from hil.board.svd.refine.parallel import Ranked, faces_of
-from hil.board.svd.refine.photometric import PhotoFit
+from hil.board.svd.model.image_patch import Box, craft_box, make_canvas
+from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
+from hil.board.svd.refine.final import refine_to_end
 from hil.board.svd.refine.shadows import Shadowed, shadowed, sharpened
 
 Array = np.ndarray
 
 # Longest side of the picture they are compared on [px], and of the craft's picture from the Sun.
-TURNED_PX, SUN_PX = 350, 480
+TWINS_PX, SUN_PX = 350, 480
 
 # Pixels speak in which two drawings differ by so many sigma; what the drawing itself is wrong by, share of the light;
 # on pictures blurred so [px].
@@ -31,10 +30,10 @@ DIFFERENT, WRONG_BY, BLURS = 3.0, 0.3, (1.0, 2.0)
 
 # What speaks for an end and against another, as logarithms of a likelihood: so much for a whole score, a preference of
 # one, and each unit of what the learned proposal says, which is never surer than this. A logistic fit on 185 pairs of
-# ends of Soyuz, Tianzhou and Chang'e-6 (seed 9310): score, preference and learned proposal are right in 70, 85 and 66 %
-# alone. On the half of the frames that it was not fitted on they are right in 89 % together; a finer picture's score
-# and the squares of what is left over, asked before, in 84 %.
-SCORE_WEIGHT, PREFERENCE_WEIGHT, LEARNED_WEIGHT, SUREST_LEARNED = 12.0, 2.5, 1.4, 4.0
+# ends of Soyuz, Tianzhou and Chang'e-6 (seed 9310): score, preference and proposal are right in 70, 85 and 66 % alone.
+# On the half of the frames that it was not fitted on they are right in 89 % together; a finer picture's score and the
+# squares of what is left over, asked before, in 84 %.
+SCORE_WEIGHT, PREFERENCE_WEIGHT, PRIOR_WEIGHT, SUREST_PRIOR = 12.0, 2.5, 1.4, 4.0
 
 # What of that is as good as a margin of a whole score: a lead of 2.5 is what is asked for. Half of the pairs that were
 # not fitted on have it, one in 44 of these wrong; 41 % had the three that were asked for before, one in 16 wrong.
@@ -45,80 +44,69 @@ Prior = Callable[[Array, Array], float]
 
 
 @dataclass(frozen=True, eq=False)
-class Turned:
+class TurnedEnd:
     """An end, or one turned by a near-symmetry.
 
     Parameters
     ----------
-    drawn : it on the finer picture. looked : log-likelihood by the learned proposal; zero where there is none.
+    drawn : it on the finer picture. log_prior : logarithm of its likelihood by the learned proposal, else zero.
     """
 
-    start: Ranked
-    end: End
+    end: Hypothesis
     drawn: Shadowed
-    looked: float
+    log_prior: float
 
 
-def check_turned(
-    craft: PreparedTarget, frame: Observation, choice: Choice, prior: Optional[Prior] = None
-) -> Choice:
-    """A choice again beside its end turned by each near-symmetry of the craft, all aligned to their ends.
+def check_discrete_symmetry(
+    target: PreparedTarget, frame: Observation, selection: Selection, prior: Optional[Prior] = None
+) -> Selection:
+    """A selection again beside its end turned by each near-symmetry of the target, all refined to their ends.
 
     Three witnesses are heard. The score of either end. The pixels of a finer picture in which two drawings differ: of a
     craft of 15 m a dish and a few sensors, a hundredth of the score. And the learned proposal, which has seen every
     such part in every light.
     """
-    symmetries = craft.model.symmetry_wxyz
-    if not len(symmetries):
-        return choice
-    end, c = choice.end, choice.best
-    won = max(range(len(choice.ends)), key=lambda k: choice.ends[k].score)
-    starts, ends = [choice.starts[won]], [end]
+    symmetries = target.model.symmetry_wxyz
+    end, patch = selection.best, selection.close
+    ends = [end]
     for s in symmetries:
-        q = quat.normalise(quat.multiply(end.fit.q, s))
-        there = PhotoFit(q, end.fit.t, end.fit.cost, end.fit.covariance)
-        starts.append(
-            Ranked(end.score, there, Candidate(q, end.fit.t, c.support, c.field, c.region, c.likely))
-        )
-        ends.append(finish(craft, frame, choice.close, there))
-    frame.mark("refine")
-    canvas = replace(
-        make_canvas(craft, frame, _box(craft, ends), TURNED_PX), clipped=frame.clipped, exact=True
+        q = quat.normalise(quat.multiply(end.q, s))
+        start = Hypothesis(replace(end.pose, q=q), end.source, end.score, end.support)
+        ends.append(refine_to_end(target, frame, patch, start))
+    finer = replace(
+        make_canvas(target, frame, _box(target, ends), TWINS_PX), clipped=frame.clipped, exact=True
     )
-    held = [_held(craft, canvas, s, e, prior) for s, e in zip(starts, ends)]  # noqa: B905 - Python 3.9
-    leads = _leads(held, canvas)
+    twins = [_drawn(target, finer, e, prior) for e in ends]
+    leads = _leads(twins, finer)
     k = int(leads.argmax())
-    best, clear = held[k], float(leads[k])
-    q, t = best.end.fit.q, best.end.fit.t
+    best, clear = twins[k].end, float(leads[k])
     # what is one of these was judged here
-    twins = [quat.multiply(q, s) for s in symmetries]
-    others = [r for r in choice.ranked if all(quat.angle_rad(r.fit.q, w) > DISTINCT_RAD for w in twins)]
-    new = conclude(craft, frame, choice.close, others, [best.start], [best.end])
-    behind = clear * max(best.end.score, 0.0) * MARGIN_OF_LIKELIHOOD
+    turned = [quat.multiply(best.q, s) for s in symmetries]
+    others = [h for h in selection.ranked if all(quat.angle_rad(h.q, w) > DISTINCT_RAD for w in turned)]
+    new = select(target, patch, others, [best])
+    behind = clear * max(best.score, 0.0) * MARGIN_OF_LIKELIHOOD
     # ends of before, of another turn about the axis say, are answers still
     rivals = [
-        best.end.score - e.score
-        for e in choice.ends
-        if not same_end(e.fit, best.end.fit) and all(quat.angle_rad(e.fit.q, w) > DISTINCT_RAD for w in twins)
+        best.score - e.score
+        for e in selection.ends
+        if not same_end(e.pose, best.pose) and all(quat.angle_rad(e.q, w) > DISTINCT_RAD for w in turned)
     ]
     evidence = replace(new.evidence, margin=min([new.evidence.margin, behind, *rivals]))
-    poses = [(r.fit.q, r.fit.t, r.score) for r in others]
-    poses += [(h.end.fit.q, h.end.fit.t, h.end.score) for h in held if h is not best]
-    frame.count("turned", len(held))
-    frame.mark("verify")
-    return replace(new, evidence=evidence, alternatives=alternatives(poses, q, t))
+    poses = [(h.q, h.t, h.score) for h in (*others, *(e for e in ends if e is not best))]
+    frame.count("turned", len(twins))
+    return replace(new, evidence=evidence, alternatives=alternatives(poses, best.q, best.t))
 
 
-def _leads(held: List[Turned], canvas: ImagePatch) -> Array:
+def _leads(twins: List[TurnedEnd], patch: ImagePatch) -> Array:
     """(N,) by how much each end is likelier than the likeliest other one [log]; two at least."""
-    most = max([1e-6, *(h.end.score for h in held)])
+    most = max([1e-6, *(w.end.score for w in twins)])
     alone = [
-        SCORE_WEIGHT * h.end.score / most + LEARNED_WEIGHT * max(h.looked, -SUREST_LEARNED) for h in held
+        SCORE_WEIGHT * w.end.score / most + PRIOR_WEIGHT * max(w.log_prior, -SUREST_PRIOR) for w in twins
     ]
-    leads = np.full((len(held), len(held)), np.inf)
-    for i, a in enumerate(held):
-        for j, b in enumerate(held[:i]):
-            lead = alone[i] - alone[j] + PREFERENCE_WEIGHT * preference(a.drawn, b.drawn, canvas)
+    leads = np.full((len(twins), len(twins)), np.inf)
+    for i, a in enumerate(twins):
+        for j, b in enumerate(twins[:i]):
+            lead = alone[i] - alone[j] + PREFERENCE_WEIGHT * preference(a.drawn, b.drawn, patch)
             leads[i, j], leads[j, i] = lead, -lead
     return np.asarray(leads.min(axis=1))
 
@@ -144,15 +132,15 @@ def preference(best: Shadowed, other: Shadowed, canvas: ImagePatch) -> float:
     return float(np.mean(out))
 
 
-def _box(craft: PreparedTarget, ends: List[End]) -> Tuple[int, int, int, int]:
-    boxes = np.array([craft_box(craft, e.fit.q, e.fit.t) for e in ends])
+def _box(target: PreparedTarget, ends: List[Hypothesis]) -> Box:
+    """The box that holds the target at every end."""
+    boxes = np.array([craft_box(target, e.q, e.t) for e in ends])
     (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
     return int(x0), int(y0), int(x1), int(y1)
 
 
-def _held(
-    craft: PreparedTarget, canvas: ImagePatch, start: Ranked, end: End, prior: Optional[Prior]
-) -> Turned:
-    q, t, faces = end.fit.q, end.fit.t, faces_of(craft)
-    drawn = sharpened(craft, faces, canvas, q, t, shadowed(craft, faces, canvas, q, t), SUN_PX)
-    return Turned(start, end, drawn, 0.0 if prior is None else prior(q, t))
+def _drawn(target: PreparedTarget, patch: ImagePatch, end: Hypothesis, prior: Optional[Prior]) -> TurnedEnd:
+    """An end drawn on a finer patch with sharp shadows."""
+    q, t, faces = end.q, end.t, faces_of(target)
+    view = sharpened(target, faces, patch, q, t, shadowed(target, faces, patch, q, t), SUN_PX)
+    return TurnedEnd(end, view, 0.0 if prior is None else prior(q, t))

@@ -8,7 +8,7 @@ from typing import Optional, Tuple
 import numpy as np
 
 from hil.board.svd.geometry.camera import CameraIntrinsics
-from hil.board.svd.geometry.faces import ROUND_STEPS
+from hil.board.svd.geometry.faces import ROUND_STEPS, Faces
 from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
 from hil.board.svd.model.shadow_map import SunTable
 from hil.board.svd.model.target_model import BoardModel
@@ -57,3 +57,10 @@ class PreparedTarget:
             model = replace(model, faces=model.faces.grouped(ROUND_STEPS))
         centre = model.centre_m
         return PreparedTarget(model, camera, samples, spacing, occ, tables, centre, radius, suns, curved)
+
+
+def faces_of(target: PreparedTarget) -> Faces:
+    """Faces of a target that has them."""
+    faces = target.model.faces
+    assert faces is not None  # noqa: S101 - the caller asked
+    return faces

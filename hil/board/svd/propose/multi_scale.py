@@ -6,21 +6,18 @@ The network takes what is lit for the craft. Of 41 frames before empty space who
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import List, Sequence, Tuple
 
 import cv2
 import numpy as np
 
-from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.geometry.image_patch import ImagePatch
-from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate
+from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
 from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.image_patch import make_canvas, pinhole_box
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
 from hil.board.svd.propose.learned.network_input import ImageCrop
 from hil.board.svd.propose.regions import REDUCTION
-from hil.board.svd.refine.parallel import SPREAD_RAD, Left, Ranked, align_together, begin, with_shadows
 
 Array = np.ndarray
 
@@ -45,20 +42,6 @@ HELD, TEXTURED_HELD = 20, 13
 
 # A reduced pixel is lit from so many sigma above empty space.
 LIT_SIGMA = 6.0
-
-# Longest side of the pictures on which all poses are drawn and the better ones compared [px], those drawn with shadows
-# there, and those handed on.
-SIEVE_PX, WIDE_PX, SHADED, BEST = 64, 110, 32, 6
-
-# Blurs of their alignment, and who goes on with each step.
-BLURS = (2.0, 2.0, 2.0, 1.2, 1.2)
-LEFT = (
-    Left(-9.0, 0.0, 18),
-    Left(-9.0, 0.05, 12),
-    Left(-9.0, 0.07, 9),
-    Left(-9.0, 0.1, 7),
-    Left(-9.0, 0.1, BEST),
-)
 
 
 def crops_about_lit(craft: PreparedTarget, frame: Observation, reduced: Array) -> List[ImageCrop]:
@@ -99,55 +82,30 @@ def _rings(
     return out
 
 
-def align_wide(
-    craft: PreparedTarget,
+def hypotheses_of_places(
+    target: PreparedTarget,
     frame: Observation,
     first: LearnedProposer,
     proposal: LearnedProposal,
-    start: Candidate,
+    source: Source,
     reduced: Array,
-) -> List[Ranked]:
-    """The poses of many crops that explain the picture best, aligned on one small picture of all; the best first.
+) -> Tuple[List[Hypothesis], List[ImageCrop]]:
+    """Hypotheses of the learned proposal at many places and sizes about what is seen, and the places.
 
     Parameters
     ----------
-    proposal : of the surest place. start : a candidate of it, whose edges and region the poses are given.
+    proposal : of the surest place. source : whose edges and region the hypotheses are given.
     reduced : (h, w) the picture reduced by ``REDUCTION``.
     """
     empty = frame.background >= 0
-    crops = crops_about_lit(craft, frame, reduced) if empty else crops_about(craft, proposal)
+    crops = crops_about_lit(target, frame, reduced) if empty else crops_about(target, proposal)
     if not crops:
-        return []
+        return [], []
+    held = HELD if empty else TEXTURED_HELD
     found = [
-        Candidate(q, t, UNASKED, start.field, start.region)
-        for g in first.propose_at(
-            frame.image, frame.noise, proposal.source, crops, HELD if empty else TEXTURED_HELD, reduced
-        )
+        Hypothesis(PoseFit(q, t), replace(source, log_prior=0.0))
+        for g in first.propose_at(frame.image, frame.noise, proposal.source, crops, held, reduced)
         for q, t in zip(g.q, g.t)  # noqa: B905 - Python 3.9 has no strict=
     ]
     frame.count("sought", len(found))
-    frame.mark("learned_proposal")
-    sieve, canvas = (_canvas(craft, frame, crops, px) for px in (SIEVE_PX, WIDE_PX))
-    # hundreds of drawings would fill the memory of a board: only their scores are kept
-    score = np.array([begin(craft, sieve, c).score for c in found])
-    chosen: List[Candidate] = []
-    for k in np.argsort(-score):
-        c = found[int(k)]
-        if all(quat.angle_rad(c.q, o.q) > SPREAD_RAD for o in chosen):
-            chosen.append(c)
-        if len(chosen) >= SHADED:
-            break
-    courses = [with_shadows(craft, canvas, begin(craft, canvas, c)) for c in chosen]
-    ranked = align_together(craft, canvas, courses, BLURS, LEFT)[:BEST]
-    frame.mark("picture")
-    return ranked
-
-
-def _canvas(craft: PreparedTarget, frame: Observation, crops: List[ImageCrop], longest: int) -> ImagePatch:
-    """A picture with a longest side [px] that holds the craft wherever it is looked for."""
-    h, w = frame.image.shape
-    middle = np.array([craft.camera.pixels(g.direction) for g in crops])
-    reach = 0.55 * np.array([g.diameter_px for g in crops])[:, None]
-    x0, y0 = np.clip((middle - reach).min(axis=0), 0, (w - 32, h - 32)).astype(int).tolist()
-    x1, y1 = np.clip((middle + reach).max(axis=0), (x0 + 32, y0 + 32), (w, h)).astype(int).tolist()
-    return make_canvas(craft, frame, pinhole_box(craft.camera, (x0, y0, x1, y1)), longest)
+    return found, crops

@@ -6,12 +6,13 @@ from typing import List, NamedTuple, Tuple
 
 import numpy as np
 
-from hil.board.svd.base import Estimator, PoseResult
+from hil.board.svd.base import Estimator, PoseResult, decided
+from hil.board.svd.decide.selection import select_by_edges
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.hypotheses.ambiguity import alternatives, differs
 from hil.board.svd.hypotheses.edge_support import quick_cost, support
-from hil.board.svd.hypotheses.hypothesis import Candidate
+from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
 from hil.board.svd.image.edge_field import edge_field, shrink
 from hil.board.svd.image.noise import noise_sigma
 from hil.board.svd.image.observation import Observation
@@ -19,7 +20,7 @@ from hil.board.svd.image.region import Region
 from hil.board.svd.image.weak_gradients import WeakGradientElimination, eliminate_weak_gradients
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.target_model import BoardModel
-from hil.board.svd.propose.edge_search import FINE_PX, MARGIN
+from hil.board.svd.propose.edge_search import FINE_PX, MARGIN, views_for
 from hil.board.svd.propose.regions import REDUCTION, propose_regions
 from hil.board.svd.published.corners import (
     CornerMap,
@@ -34,7 +35,7 @@ from hil.board.svd.published.ellipses import circle_poses, model_circles
 from hil.board.svd.published.line_streams import Streams, cdf_box, find_streams
 from hil.board.svd.published.point_groups import PointGroups, image_point_groups, model_point_groups
 from hil.board.svd.published.settings import PublishedConfig
-from hil.board.svd.refine.final_edges import choose
+from hil.board.svd.refine.final_edges import refine_on_edges
 
 Array = np.ndarray
 
@@ -100,12 +101,12 @@ class PublishedEstimator(Estimator):
         frame.count("regions", len(regions))
         frame.mark("roi")
         found: List[ScoredPose] = []
-        candidates: List[Candidate] = []
+        hypotheses: List[Hypothesis] = []
         for region in regions:
             if region.diagonal_px >= SMALLEST_PX:
-                self._search(frame, image, wge, region, found, candidates)
+                self._search(frame, image, wge, region, found, hypotheses)
         if self.config.finish == "edges":
-            return self._finish_on_edges(frame, candidates)
+            return self._finish_on_edges(frame, hypotheses)
         return self._finish_on_corners(frame, found)
 
     def _regions(self, frame: Observation, wge: WeakGradientElimination) -> List[Region]:
@@ -124,7 +125,7 @@ class PublishedEstimator(Estimator):
         wge: WeakGradientElimination,
         region: Region,
         found: List[ScoredPose],
-        candidates: List[Candidate],
+        hypotheses: List[Hypothesis],
     ) -> None:
         """Lines, groups, poses by PnP and their ranking in one region, added to what was found in others."""
         streams = self._streams(frame, image, wge, region)
@@ -140,10 +141,10 @@ class PublishedEstimator(Estimator):
             return
         image_corners = corner_map(points, region)
         if self.config.rank == "edges" or (self.circles and streams.ellipses):
-            candidates += self._rank_on_edges(frame, q, t, region)
+            hypotheses += self._rank_on_edges(frame, q, t, region)
             frame.mark("rank")
-            q = np.array([c.q for c in candidates]).reshape(-1, 4)
-            t = np.array([c.t for c in candidates]).reshape(-1, 3)
+            q = np.array([c.q for c in hypotheses]).reshape(-1, 4)
+            t = np.array([c.t for c in hypotheses]).reshape(-1, 3)
         else:
             q, t = self._rank_on_corners(q, t, image_corners)
             frame.mark("rank")
@@ -151,7 +152,7 @@ class PublishedEstimator(Estimator):
             found += self._refine(q, t, image_corners, region)
             frame.mark("refine")
         elif self.config.rank == "corners":
-            candidates += self._judge(frame, q, t, region)
+            hypotheses += self._judge(frame, q, t, region)
 
     def _streams(
         self, frame: Observation, image: Array, wge: WeakGradientElimination, region: Region
@@ -234,13 +235,12 @@ class PublishedEstimator(Estimator):
             self.method,
         )
 
-    def _rank_on_edges(self, frame: Observation, q: Array, t: Array, region: Region) -> List[Candidate]:
+    def _rank_on_edges(self, frame: Observation, q: Array, t: Array, region: Region) -> List[Hypothesis]:
         """The best by our support of the whole model, ``top`` of them."""
         assert self.craft is not None  # noqa: S101 - made in __init__ for every such config
         craft = self.craft
         field = edge_field(frame.image, region.grown(MARGIN, *frame.image.shape[::-1]), frame.noise, FINE_PX)
-        depth = (self.camera.fx_px + self.camera.fy_px) * craft.radius_m / region.diagonal_px
-        table = min(craft.tables, key=lambda v: abs(np.log(depth / v.distance_m)))
+        table = views_for(craft, self.camera, region)
         cost = np.concatenate(
             [
                 quick_cost(
@@ -260,22 +260,24 @@ class PublishedEstimator(Estimator):
         best = np.argsort(cost, kind="stable")[: self.config.top]
         return self._judge(frame, q[best], t[best], region)
 
-    def _judge(self, frame: Observation, q: Array, t: Array, region: Region) -> List[Candidate]:
+    def _judge(self, frame: Observation, q: Array, t: Array, region: Region) -> List[Hypothesis]:
         assert self.craft is not None  # noqa: S101 - made in __init__ for every such config
         craft = self.craft
         field = edge_field(frame.image, region.grown(MARGIN, *frame.image.shape[::-1]), frame.noise, FINE_PX)
         out = []
         for k in range(len(q)):
             s = support(q[k], t[k], craft.samples, craft.occ, field, self.camera, craft.spacing_m)
-            out.append(Candidate(q[k], t[k], s, field, region))
+            out.append(Hypothesis(PoseFit(q[k], t[k]), Source(region, field), s.total, s))
         return out
 
-    def _finish_on_edges(self, frame: Observation, candidates: List[Candidate]) -> PoseResult:
-        if not candidates or self.craft is None:
+    def _finish_on_edges(self, frame: Observation, hypotheses: List[Hypothesis]) -> PoseResult:
+        if not hypotheses or self.craft is None:
             return self._declined(frame, "no target found")
-        candidates.sort(key=lambda c: -c.support.total)
-        _, fit, evidence, others = choose(self.craft, frame, candidates)
-        return self._decided(frame, fit, evidence, others)
+        hypotheses.sort(key=lambda h: -h.score)
+        refined = refine_on_edges(self.craft, frame, hypotheses)
+        chosen = select_by_edges(self.craft, hypotheses, refined)
+        frame.mark("refine")
+        return decided(frame, chosen.best.pose, chosen.evidence, chosen.alternatives, method=self.method)
 
 
 def _picture_corners(groups: PointGroups, streams: Streams, shape: Tuple[int, ...]) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders, jacobian, project
+from hil.board.svd.hypotheses.hypothesis import EdgeFit, PoseFit
 from hil.board.svd.image.edge_field import EdgeField
 from hil.board.svd.model.silhouette import inward_sign, silhouette
 from hil.board.svd.model.view_tables import ViewTable
@@ -139,24 +140,6 @@ class Gradients:
     empty: bool
 
 
-@dataclass(frozen=True, eq=False)
-class FineFit:
-    """A pose after the sub-pixel search.
-
-    Parameters
-    ----------
-    q, t : (4,), (3,). found : share of visible samples with an edge. rms_px : of the inliers' residuals.
-    covariance : (6, 6) of (turn [rad], shift [m]), camera axes.
-    """
-
-    q: Array
-    t: Array
-    found: float
-    tight: float
-    rms_px: float
-    covariance: Array
-
-
 def fine_align(
     q: Array,
     t: Array,
@@ -167,7 +150,7 @@ def fine_align(
     camera: CameraIntrinsics,
     radius_m: float,
     reach_px: Tuple[int, ...],
-) -> FineFit:
+) -> Tuple[PoseFit, EdgeFit]:
     """One-dimensional search along the normals of visible samples, sub-pixel.
 
     Polarity is ignored, but for outlines against empty space: there the craft is the brighter side, which
@@ -210,7 +193,7 @@ def fine_align(
         tight = float((good * np.exp(-((r / 0.7) ** 2))).sum()) / max(len(idx), 1)
         rms = float(np.sqrt((weight * r * r).sum() / max(inliers, 1e-9)))
     covariance = np.linalg.pinv(H) * max(rms, 0.1) ** 2 * 4.0
-    return FineFit(q[0], t[0], found, tight, rms * f, covariance)
+    return PoseFit(q[0], t[0], rms, covariance), EdgeFit(found, tight, rms * f)
 
 
 def search_normals(

@@ -1,114 +1,83 @@
-"""The last stage: the leaders refined to sub-pixel on all visible edges, and the best of them chosen."""
+"""Final alignment on sub-pixel edges, for targets without faces and for the published methods."""
 
 from __future__ import annotations
 
-from typing import Dict, List, Tuple
+from typing import Dict, List
 
 import numpy as np
 
-from hil.board.svd.decide.confidence import Evidence
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.ambiguity import Alternative, alternatives, differs, largest_sigma
 from hil.board.svd.hypotheses.edge_support import support
-from hil.board.svd.hypotheses.hypothesis import Candidate
+from hil.board.svd.hypotheses.hypothesis import Hypothesis
 from hil.board.svd.image.edge_field import gradient, gradient_noise, shrink
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.image.region import Region
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.visibility import visible_samples
-from hil.board.svd.propose.edge_search import MARGIN, neighbours, twins
-from hil.board.svd.refine.edges import FineFit, Gradients, fine_align
-
-Array = np.ndarray
-Judged = Tuple[Candidate, FineFit]
+from hil.board.svd.propose.edge_search import MARGIN
+from hil.board.svd.propose.variants import near_symmetries, neighbours
+from hil.board.svd.refine.edges import Gradients, fine_align
 
 # Leaders refined, and how far behind the first they may be in total support.
 LEADERS, LEAD = 6, 0.1
 
-# What a sharp sub-pixel fit weighs against the total support among near poses.
-TIGHT_WEIGHT = 0.5
+# How near the winner's neighbours are: share of the steps of ``variants.NEIGHBOURS``.
+NEAR = 0.4
 
-# Longest side of the region for the sub-pixel search [px].
-LONGEST_PX = 800
+# Longest side of the region for the sub-pixel search [px], and how far is searched in its steps [px].
+LONGEST_PX, REACHES = 800, ((8, 6, 5), (4, 4, 3, 3))
 
 
-def choose(
-    craft: PreparedTarget, frame: Observation, found: List[Candidate]
-) -> Tuple[Candidate, FineFit, Evidence, Tuple[Alternative, ...]]:
-    """Refine the leaders, pick the best, and gather the evidence for it and its distinct rivals.
+def refine_on_edges(target: PreparedTarget, frame: Observation, found: List[Hypothesis]) -> List[Hypothesis]:
+    """The leaders refined to sub-pixel on all visible edges, then the winner's neighbours and near-symmetries.
 
     Parameters
     ----------
-    found : candidates of every region, best first, at least one.
+    found : hypotheses of every region, best first, at least one.
     """
     gradients: Dict[Region, Gradients] = {}
-    lead = found[0].support.total - LEAD
-    leaders = [c for c in found[:LEADERS] if c.support.total >= lead]
-    judged = [_polish(craft, frame, c, gradients) for c in leaders]
-    frame.mark("refine")
+    refined = [
+        _refined(target, frame, h, gradients) for h in found[:LEADERS] if h.score >= found[0].score - LEAD
+    ]
     # once more around the winner: pairs of parallel edges make many near minima
-    c = max(judged, key=_total)[0]
-    q, t = neighbours(craft, [c], 0.4)
-    starts = [Candidate(q[k], t[k], c.support, c.field, c.region) for k in range(len(q))]
-    judged += [_polish(craft, frame, s, gradients) for s in starts]
+    about = neighbours(target, [max(refined, key=_score)], NEAR)
+    refined += [_refined(target, frame, h, gradients) for h in about]
     # and its twins at the same precision: the rival must have had every chance
-    c = max(judged, key=_total)[0]
-    q, t = twins(craft, [c])
-    starts = [Candidate(q[k], t[k], c.support, c.field, c.region) for k in range(len(q))]
-    judged += [_polish(craft, frame, s, gradients) for s in starts]
-    # distinct poses are told apart by the whole support, near ones by how sharply they fit
-    top = max(judged, key=_total)[0]
-    near = [j for j in judged if not differs(j[0].q, j[0].t, top.q, top.t)]
-    best, fit = max(near, key=lambda j: _total(j) + TIGHT_WEIGHT * j[1].tight)
-    rivals = [r.support.total for r in found if differs(r.q, r.t, fit.q, fit.t)]
-    rivals += [_total(j) for j in judged if differs(j[0].q, j[0].t, fit.q, fit.t)]
-    frame.mark("verify")
-    # what the best pose of this neighbourhood scores against the best of any other
-    margin = top.support.total - max(rivals, default=0.0)
-    rival_poses = [(r.q, r.t, r.support.total) for r in (*found, *(j[0] for j in judged))]
-    return best, fit, _evidence(craft, best, fit, margin), alternatives(rival_poses, fit.q, fit.t)
+    about = near_symmetries(target, [max(refined, key=_score)])
+    refined += [_refined(target, frame, h, gradients) for h in about]
+    return refined
 
 
-def _total(judged: Judged) -> float:
-    return judged[0].support.total
+def _score(h: Hypothesis) -> float:
+    return h.score
 
 
-def _evidence(craft: PreparedTarget, best: Candidate, fit: FineFit, margin: float) -> Evidence:
-    turn = largest_sigma(fit.covariance[:3, :3])
-    shift = largest_sigma(fit.covariance[3:, 3:])
-    return Evidence(
-        drawn=best.support.drawn,
-        explained=best.support.explained,
-        outside=best.support.outside,
-        margin=margin,
-        found=fit.found,
-        tight=fit.tight,
-        rms_px=fit.rms_px,
-        sigma_rad=turn,
-        sigma_share=shift / float(np.linalg.norm(fit.t)),
-        edges=int(fit.found * len(best.support.visible)),
-        size_px=2 * craft.radius_m * craft.camera.fx_px / max(float(fit.t[2]), 1e-3),
-        empty=best.field.empty,
-    )
-
-
-def _polish(
-    craft: PreparedTarget, frame: Observation, start: Candidate, gradients: Dict[Region, Gradients]
-) -> Judged:
-    if start.region not in gradients:
-        gradients[start.region] = region_gradients(frame, start.region, empty=start.field.empty)
-    g = gradients[start.region]
-    q, t, fit = start.q, start.t, None
-    for reach in ((8, 6, 5), (4, 4, 3, 3)):
-        R = quat.matrix(q)
-        visible = np.flatnonzero(visible_samples(craft.samples, craft.occ, -R.T @ t)[0])
+def _refined(
+    target: PreparedTarget, frame: Observation, start: Hypothesis, gradients: Dict[Region, Gradients]
+) -> Hypothesis:
+    """A hypothesis refined on the sub-pixel edges of its region."""
+    region, field = start.source.region, start.source.field
+    if region not in gradients:
+        gradients[region] = region_gradients(frame, region, empty=field.empty)
+    pose, fit = start.pose, None
+    for reach in REACHES:
+        R = quat.matrix(pose.q)
+        visible = np.flatnonzero(visible_samples(target.samples, target.occ, -R.T @ pose.t)[0])
         if len(visible) < 8 and fit is not None:
             break
-        fit = fine_align(q, t, craft.samples, visible, g, craft.occ, craft.camera, craft.radius_m, reach)
-        q, t = fit.q, fit.t
-    assert fit is not None  # noqa: S101 - the first pass always runs
-    s = support(q, t, craft.samples, craft.occ, start.field, craft.camera, craft.spacing_m)
-    return Candidate(q, t, s, start.field, start.region), fit
+        pose, fit = fine_align(
+            pose.q,
+            pose.t,
+            target.samples,
+            visible,
+            gradients[region],
+            target.occ,
+            target.camera,
+            target.radius_m,
+            reach,
+        )
+    s = support(pose.q, pose.t, target.samples, target.occ, field, target.camera, target.spacing_m)
+    return Hypothesis(pose, start.source, s.total, s, edge_fit=fit, start=start)
 
 
 def region_gradients(frame: Observation, region: Region, *, empty: bool) -> Gradients:

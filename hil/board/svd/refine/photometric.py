@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Optional, Tuple
 
 import cv2
@@ -13,6 +12,7 @@ from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.faces import Faces
 from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
+from hil.board.svd.hypotheses.hypothesis import PoseFit
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred, coverage, shade
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
@@ -51,22 +51,6 @@ SCORE_BLUR_PX, BOUND = 0.8, 6.0
 COVERED = 0.05
 
 
-@dataclass(frozen=True, eq=False)
-class PhotoFit:
-    """A pose aligned on the picture.
-
-    Parameters
-    ----------
-    q, t : (4,), (3,). cost : mean robust residual in noise units. covariance : (6, 6) of turn [rad] and
-    shift [m], camera axes.
-    """
-
-    q: Array
-    t: Array
-    cost: float
-    covariance: Array
-
-
 def photo_align(
     q: Array,
     t: Array,
@@ -78,7 +62,7 @@ def photo_align(
     sun: Optional[Sunlight] = None,
     relax: float = RELAX,
     joint: int = JOINT,
-) -> PhotoFit:
+) -> PoseFit:
     """Gauss-Newton on the difference of the picture and the drawn craft.
 
     Parameters
@@ -87,7 +71,7 @@ def photo_align(
         first, to reach far. sun : casts shadows; None draws none. relax : how much longer
         steps on blurred pictures are made. joint : groups whose brightness is found together with the pose.
     """
-    fit = PhotoFit(q, t, 9.9, INFLATION * np.eye(6))
+    fit = PoseFit(q, t, 9.9, INFLATION * np.eye(6))
     for blur in blurs_px:
         shading = photo_draw(fit.q, fit.t, faces, canvas, camera, sun)
         longer = relax if blur > 0 else 1.0
@@ -127,7 +111,7 @@ def photo_shade(
 
 
 def photo_step(
-    fit: PhotoFit,
+    fit: PoseFit,
     shading: Shading,
     faces: Faces,
     canvas: ImagePatch,
@@ -136,7 +120,7 @@ def photo_step(
     blur: float,
     relax: float = RELAX,
     joint: int = JOINT,
-) -> Optional[PhotoFit]:
+) -> Optional[PoseFit]:
     """One step from the pose that ``shading`` was drawn at; None where the picture says nothing.
 
     Parameters
@@ -155,7 +139,7 @@ def photo_step(
     step = relax * damped_step(H, g, scale, 1e-5)
     step = limit_one_step(step, t, radius_m)
     cost = float(np.sqrt(cost / max(total, 1e-12))) / noise
-    return PhotoFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, INFLATION * _inverse(H))
+    return PoseFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, INFLATION * _inverse(H))
 
 
 def _inverse(H: Array) -> Array:

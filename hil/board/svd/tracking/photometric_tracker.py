@@ -10,12 +10,12 @@ import numpy as np
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
+from hil.board.svd.hypotheses.hypothesis import PoseFit
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.image_patch import craft_box, make_canvas
-from hil.board.svd.model.prepared_target import PreparedTarget
+from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from hil.board.svd.model.shadow_map import Sunlight
-from hil.board.svd.refine.parallel import faces_of
-from hil.board.svd.refine.photometric import PhotoFit, explained, photo_draw, photo_shade, photo_step
+from hil.board.svd.refine.photometric import explained, photo_draw, photo_shade, photo_step
 from hil.board.svd.refine.shadows import shadowed
 
 Array = np.ndarray
@@ -45,7 +45,7 @@ class PhotometricTrack:
     fit : the pose. sun : direction (3,) to the Sun, camera axes; None where no shadows are seen.
     """
 
-    fit: PhotoFit
+    fit: PoseFit
     sun: Optional[Array]
 
 
@@ -81,7 +81,7 @@ def align_photometrically(
     first = int(np.argmax(scores))
     if scores[first] < scores[0] + WORTH:
         first = 0
-    drawn, fit = shadings[first], PhotoFit(*poses[first], 9.9, np.eye(6))
+    drawn, fit = shadings[first], PoseFit(*poses[first], 9.9, np.eye(6))
     if painted is not None and follow_sun:
         painted, drawn = _followed_sun(craft, canvas, fit, painted, drawn)
     for k, blur in enumerate(BLURS):
@@ -101,7 +101,7 @@ def _canvas(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch
 
 
 def _followed_sun(
-    craft: PreparedTarget, canvas: ImagePatch, fit: PhotoFit, sun: Sunlight, drawn: Shading
+    craft: PreparedTarget, canvas: ImagePatch, fit: PoseFit, sun: Sunlight, drawn: Shading
 ) -> Tuple[Sunlight, Shading]:
     """The Sun, or one beside it whose shadows explain the picture better, and the craft drawn with those.
 

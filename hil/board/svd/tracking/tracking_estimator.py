@@ -75,7 +75,7 @@ class TrackingEstimator(Estimator):
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
         super().__init__(model, camera)
         self.first = PoseEstimator(model, camera)
-        self.craft = self.first.craft
+        self.craft = self.first.target
         self.reset()
 
     def reset(self) -> None:

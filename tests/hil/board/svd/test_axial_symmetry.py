@@ -9,21 +9,20 @@ import pytest
 from lamp_lit import lamp_lit
 
 from hil.board.svd import CameraIntrinsics
-from hil.board.svd.decide.axial_symmetry import axis, check_rolled
+from hil.board.svd.decide.axial_symmetry import axis, check_axial_symmetry
 from hil.board.svd.decide.discrete_symmetry import preference
-from hil.board.svd.decide.selection import SMALL_PX
+from hil.board.svd.decide.selection import Selection, image_evidence
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.hypotheses.edge_support import support
-from hil.board.svd.hypotheses.hypothesis import Candidate
+from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
 from hil.board.svd.image.edge_field import edge_field
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.image.region import Region
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred
 from hil.board.svd.model.image_patch import craft_box, make_canvas
-from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.board.svd.refine.final import Choice, End, finish, picture_evidence
-from hil.board.svd.refine.parallel import Ranked, faces_of
-from hil.board.svd.refine.photometric import PhotoFit
+from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
+from hil.board.svd.refine.close import CLOSE_PX
+from hil.board.svd.refine.final import refine_to_end
 from hil.board.svd.refine.shadows import shadowed
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
@@ -53,18 +52,16 @@ def rolled(craft: PreparedTarget, angle_deg: float) -> tuple[np.ndarray, np.ndar
     return q, quat.matrix(Q) @ through + T_M - quat.matrix(q) @ through
 
 
-def choice_at(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.ndarray) -> Choice:
-    """A choice whose alignment began at a pose and ended where that led."""
+def choice_at(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.ndarray) -> Selection:
+    """A selection whose alignment began at a pose and ended where that led."""
     box = craft_box(craft, q, t)
-    close = make_canvas(craft, frame, box, SMALL_PX)
+    close = make_canvas(craft, frame, box, CLOSE_PX)
     field = edge_field(frame.image, box, frame.noise, 200, background=0.0)
     s = support(q, t, craft.samples, craft.occ, field, CAMERA, craft.spacing_m)
-    best = Candidate(q, t, s, field, Region(*map(float, box), "learned"))
-    start = PhotoFit(q, t, 1.0, 1e-4 * np.eye(6))
-    end: End = finish(craft, frame, close, start)
-    ranked = Ranked(end.began, start, best)
-    evidence = picture_evidence(craft, best, end.fit, end.score, end.score)
-    return Choice(best, end, evidence, (), close, [ranked], [ranked], [end])
+    source = Source(Region(*map(float, box), "learned"), field)
+    end = refine_to_end(craft, frame, close, Hypothesis(PoseFit(q, t, 1.0, 1e-4 * np.eye(6)), source))
+    evidence = image_evidence(craft, end, s, end.score)
+    return Selection(end, evidence, (), close, (end.origin,), (end,))
 
 
 @pytest.mark.parametrize("name", ["dragon", "soyuz-ms", "tianzhou"])
@@ -77,7 +74,7 @@ def test_the_axis_of_a_round_craft_is_found_from_its_walls(name: str) -> None:
     assert np.linalg.norm(through[:2]) < 0.03 * model.radius_m
 
 
-def held(craft: PreparedTarget, frame: Observation, angles_deg: tuple[float, ...]) -> Choice:
+def held(craft: PreparedTarget, frame: Observation, angles_deg: tuple[float, ...]) -> Selection:
     """The first of some turns that its near minimum holds.
 
     Which minimum an alignment falls into hangs on the last bit near the border between two: starts 7 to 9 deg off come
@@ -85,7 +82,7 @@ def held(craft: PreparedTarget, frame: Observation, angles_deg: tuple[float, ...
     """
     for angle in angles_deg:
         choice = choice_at(craft, frame, *rolled(craft, angle))
-        if np.degrees(quat.angle_rad(choice.end.fit.q, Q)) > 6.0:
+        if np.degrees(quat.angle_rad(choice.best.q, Q)) > 6.0:
             return choice
     pytest.fail(f"no alignment that starts at {angles_deg} deg stays beyond 6 deg")
 
@@ -95,17 +92,17 @@ def test_a_turn_about_the_axis_that_holds_is_left_for_the_right_one(
     dragon: PreparedTarget, frame: Observation, angles_deg: tuple[float, ...]
 ) -> None:
     before = held(dragon, frame, angles_deg)
-    after = check_rolled(dragon, frame, before)
-    assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 1.0
+    after = check_axial_symmetry(dragon, frame, before)
+    assert np.degrees(quat.angle_rad(after.best.q, Q)) < 1.0
     # the one it was is another answer, and told of as a rival
-    assert 0 < after.evidence.margin <= after.end.score - before.end.score + 1e-9
+    assert 0 < after.evidence.margin <= after.best.score - before.best.score + 1e-9
 
 
 def test_the_right_turn_stays(dragon: PreparedTarget, frame: Observation) -> None:
     before = choice_at(dragon, frame, Q, T_M)
-    after = check_rolled(dragon, frame, before)
-    assert np.degrees(quat.angle_rad(after.end.fit.q, Q)) < 1.0
-    assert after.end.score >= before.end.score
+    after = check_axial_symmetry(dragon, frame, before)
+    assert np.degrees(quat.angle_rad(after.best.q, Q)) < 1.0
+    assert after.best.score >= before.best.score
 
 
 def test_what_neither_drawing_explains_does_not_speak_for_one(

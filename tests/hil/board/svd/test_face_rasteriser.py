@@ -28,7 +28,7 @@ from hil.board.svd.model.image_patch import make_canvas, straightened
 from hil.board.svd.model.rasteriser import draw_faces, fill_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight, SunTable, rays_to_faces
 from hil.board.svd.refine.motion_images import motion_images
-from hil.board.svd.refine.parallel import Left
+from hil.board.svd.refine.parallel import Pruning
 from hil.board.svd.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
 from hil.board.svd.refine.shadows import shadowed
 from simulator.targets.board_model.write import make_faces
@@ -460,13 +460,13 @@ def test_range_in_noise_cut_off_at_zero(faces: Faces, clipped: float, least: flo
 def test_of_poses_side_by_side_those_behind_stay_and_doubles_go() -> None:
     def course(turn_deg: float, score: float) -> Any:
         q = quat.from_rotvec(np.radians([turn_deg, 0.0, 0.0]))
-        return SimpleNamespace(fit=SimpleNamespace(q=q, t=T_M), score=score)
+        return SimpleNamespace(pose=SimpleNamespace(q=q, t=T_M), score=score)
 
     courses = [course(3.0, 0.5), course(0.0, 0.6), course(90.0, 0.2), course(40.0, 0.4)]
-    going, stay = Left(0.5, float(np.radians(5.0))).of(courses)
+    going, stay = Pruning(0.5, float(np.radians(5.0))).split(courses)
     assert [c.score for c in going] == [0.6, 0.4]
     assert [c.score for c in stay] == [0.2]
-    assert len(Left(-9.0, 0.0).of(courses)[0]) == 4
+    assert len(Pruning(-9.0, 0.0).split(courses)[0]) == 4
 
 
 def test_a_round_craft_has_a_brightness_for_each_sixth_of_a_direction() -> None:

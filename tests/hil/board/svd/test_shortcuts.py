@@ -14,7 +14,7 @@ from hil.board.svd.geometry.faces import Faces
 from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.response import Response
 from hil.board.svd.geometry.vectors import length
-from hil.board.svd.hypotheses.hypothesis import UNASKED, Candidate
+from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source, drawn
 from hil.board.svd.image.edge_field import edge_field
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.image.region import Region
@@ -23,16 +23,8 @@ from hil.board.svd.model.image_patch import craft_box, make_canvas
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.propose.learned.network import convolve
 from hil.board.svd.refine.edges import limit_one_step, limit_step
-from hil.board.svd.refine.parallel import (
-    Course,
-    Known,
-    Left,
-    Ranked,
-    align_together,
-    begin,
-    with_shadows,
-)
-from hil.board.svd.refine.photometric import PhotoFit, explained, photo_draw, photo_step
+from hil.board.svd.refine.parallel import Drawings, Pruning, draw, draw_shadows, refine_in_parallel
+from hil.board.svd.refine.photometric import explained, photo_draw, photo_step
 from hil.evaluate.worker import board_model
 from simulator.targets.library import load_target
 
@@ -105,12 +97,12 @@ def test_what_a_canvas_keeps_of_a_craft_is_not_taken_for_another_ones() -> None:
     frame = Observation(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
     frame.noise = 3.0
     q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
-    box, fit = craft_box(craft, q, T_M), PhotoFit(q, T_M, 9.9, np.eye(6))
+    box, fit = craft_box(craft, q, T_M), PoseFit(q, T_M, 9.9, np.eye(6))
     assert craft.model.faces is not None
     fine, other = craft.model.faces.grouped(6), replace(CAMERA, fx_px=360.0, cx_px=118.0)
     shared = make_canvas(craft, frame, box, 90)
 
-    def stepped(faces: Faces, camera: CameraIntrinsics, canvas: ImagePatch) -> tuple[float, PhotoFit | None]:
+    def stepped(faces: Faces, camera: CameraIntrinsics, canvas: ImagePatch) -> tuple[float, PoseFit | None]:
         drawn = photo_draw(q, T_M, faces, canvas, camera)
         return explained(drawn, canvas), photo_step(fit, drawn, faces, canvas, camera, craft.radius_m, 0.8)
 
@@ -175,21 +167,23 @@ def test_what_is_known_is_not_drawn_again_and_ends_where_it_did() -> None:
     box = craft_box(craft, q, T_M)
     canvas = make_canvas(craft, frame, box, 72)
     field = edge_field(frame.image, box, 3.0, 100, background=0.0)
-    first = Candidate(q, T_M, UNASKED, field, Region(*map(float, box), "learned"))
-    asked = Candidate(q, T_M, UNASKED, field, Region(*map(float, box), "edges"))
-    known: Known = {}
+    first = Hypothesis(PoseFit(q, T_M), Source(Region(*map(float, box), "learned"), field))
+    asked = Hypothesis(PoseFit(q, T_M), Source(Region(*map(float, box), "edges"), field))
+    known: Drawings = {}
 
-    def aligned(c: Candidate, remember: Known | None) -> tuple[Course, list[Ranked]]:
-        course = with_shadows(craft, canvas, begin(craft, canvas, c, remember), remember)
-        return course, align_together(craft, canvas, [course], (2.0, 1.2), 2 * (Left(-9.0, 0.0),), remember)
+    def aligned(h: Hypothesis, remember: Drawings | None) -> tuple[Hypothesis, list[Hypothesis]]:
+        lit = draw_shadows(craft, canvas, draw(craft, canvas, h, remember), remember)
+        prunings = 2 * (Pruning(-9.0, 0.0),)
+        return lit, refine_in_parallel(craft, canvas, [lit], (2.0, 1.2), prunings, remember)
 
-    course, (fresh,) = aligned(first, None)
+    lit, (fresh,) = aligned(first, None)
     aligned(first, known)
-    drawn = len(known)
+    before = len(known)
     again, (recalled,) = aligned(asked, known)
-    assert len(known) == drawn
+    assert len(known) == before
     assert recalled.start is asked
-    np.testing.assert_array_equal(recalled.fit.q, fresh.fit.q)
-    np.testing.assert_array_equal(recalled.fit.t, fresh.fit.t)
+    assert recalled.source is asked.source
+    np.testing.assert_array_equal(recalled.q, fresh.q)
+    np.testing.assert_array_equal(recalled.t, fresh.t)
     assert recalled.score == fresh.score
-    np.testing.assert_array_equal(again.shading.picture, course.shading.picture)
+    np.testing.assert_array_equal(drawn(again).picture, drawn(lit).picture)

@@ -11,6 +11,7 @@ import zipfile
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import msgspec
@@ -20,7 +21,7 @@ import pytest
 from hil.board.errors import KernelError
 from hil.board.svd import BoardModel, CameraIntrinsics, PoseEstimator
 from hil.board.svd.geometry import quaternion as quat
-from hil.board.svd.hypotheses.hypothesis import Candidate
+from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
 from hil.board.svd.model import rasteriser as shade
 from hil.board.svd.model.face_gains import shade as shaded
 from hil.board.svd.model.rasteriser import order_faces
@@ -32,7 +33,7 @@ from hil.board.svd.propose.learned.attitude_basis import even_attitudes, turning
 from hil.board.svd.propose.learned.learned_proposal import network_for
 from hil.board.svd.propose.learned.network_input import ImageCrop, network_inputs
 from hil.board.svd.propose.learned.view_subspaces import HARMONICS, _circle
-from hil.board.svd.refine.parallel import _middle
+from hil.board.svd.propose.variants import _middle
 from hil.evaluate.metrics import compose, summarise
 from simulator.targets.board_model.write import board_record
 from simulator.targets.library import load_target
@@ -268,7 +269,7 @@ def test_the_middle_of_what_is_seen_is_numpys(tango: BoardModel, choose: pytest.
     craft = SimpleNamespace(model=tango, camera=CAMERA)
     canvas = shade.ImagePatch(np.zeros((64, 80), np.float32), 1.0, 10.0, 5.0, 2.2, 3)
     poses = [
-        Candidate(np.array([0.5, 0.5, -0.5, 0.5]), np.array([x, 0.1, 4.0]), *[None] * 3) for x in (0.2, 9.0)
+        Hypothesis(PoseFit(np.array([0.5, 0.5, -0.5, 0.5]), np.array([x, 0.1, 4.0])), Any) for x in (0.2, 9.0)
     ]
     native = [_middle(craft, canvas, c) for c in poses]
     by_numpy(choose)

@@ -118,7 +118,7 @@ def test_derivatives_and_steps_are_numpys(craft: BoardModel, choose: pytest.Monk
         # the last reaches farther than any that is worked out by itself
         blur, joint = ((2.0, 16), (0.8, 40), (0.0, 62), (0.3, 0), (3.0, 16))[k % 5]
         moving = (shading, faces, canvas, CAMERA)
-        fit = photometric.PhotoFit(q, t, 9.9, np.eye(6))
+        fit = photometric.PoseFit(q, t, 9.9, np.eye(6))
         cases.append((moving, quat.matrix(q), t, fit, blur, joint))
         native.append(
             (

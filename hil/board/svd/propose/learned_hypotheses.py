@@ -1,0 +1,40 @@
+"""Hypotheses of the learned proposal: where it sees the target, with the edges of the place for later witnesses."""
+
+from __future__ import annotations
+
+from typing import List
+
+from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
+from hil.board.svd.image.edge_field import edge_field
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.model.prepared_target import PreparedTarget
+from hil.board.svd.propose.learned.learned_proposal import LearnedProposal
+
+# Longest side of the edges that its poses are supported by [px], and the margin round them (share of the diagonal).
+FIELD_PX, FIELD_MARGIN = 200, 0.05
+
+# Least side of a place [px].
+SMALLEST_PX = 24.0
+
+
+def learned_hypotheses(
+    target: PreparedTarget, frame: Observation, proposal: LearnedProposal
+) -> List[Hypothesis]:
+    """Poses of one place, the likeliest first; their edges are not asked yet."""
+    region = proposal.region(target.camera)
+    h, w = frame.image.shape
+    x0, y0, x1, y1 = region.grown(FIELD_MARGIN, w, h)
+    if min(x1 - x0, y1 - y0) < SMALLEST_PX:
+        return []
+    field = edge_field(
+        frame.image,
+        (x0, y0, x1, y1),
+        frame.noise,
+        FIELD_PX,
+        background=frame.background,
+        likely=frame.likely,
+    )
+    return [
+        Hypothesis(PoseFit(q, t), Source(region, field, float(likely - proposal.log_likely[0])))
+        for q, t, likely in zip(proposal.q, proposal.t, proposal.log_likely)  # noqa: B905 - Python 3.9 has no strict=
+    ]

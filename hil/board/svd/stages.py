@@ -1,0 +1,103 @@
+"""The pieces that a method is declared with: stages, rounds of them, and the search that they work on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Callable, List, Optional, Tuple
+
+import numpy as np
+
+from hil.board.svd.base import PoseResult
+from hil.board.svd.decide.selection import Selection
+from hil.board.svd.geometry.image_patch import ImagePatch
+from hil.board.svd.hypotheses.hypothesis import Hypothesis
+from hil.board.svd.image.observation import Observation
+from hil.board.svd.image.region import Region
+from hil.board.svd.image.weak_gradients import WeakGradientElimination
+from hil.board.svd.model.prepared_target import PreparedTarget
+from hil.board.svd.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
+from hil.board.svd.propose.perceptual_groups import Chains
+
+Array = np.ndarray
+
+
+@dataclass
+class Search:
+    """One image's way through the stages: what is known before it comes, and what the stages have found.
+
+    Parameters
+    ----------
+    target, figures : the target prepared for the camera, and the triads of its wireframe.
+    learned : its learned proposal, where it has one. tried : whether confidence was fitted on this target.
+    accept_at : confidence at which a pose is accepted. frame : the image with its noise and background.
+    reduced, edges : the image reduced, and what weak gradient elimination leaves of it.
+    regions : where the target may be, the likeliest first. places : what the learned proposal says of them.
+    thorough : whether a round before did not settle it: ask more.
+    hypotheses : the one list that generators fill, best first. aligned : those refined so far, best first.
+    patch : the part of the image they were last scored on. selection : the best, and between what.
+    result : the best answer of all rounds so far.
+    """
+
+    target: PreparedTarget
+    figures: Chains
+    learned: Optional[LearnedProposer]
+    tried: bool
+    accept_at: float
+    frame: Observation
+    reduced: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    edges: Optional[WeakGradientElimination] = None
+    regions: List[Region] = field(default_factory=list)
+    places: List[LearnedProposal] = field(default_factory=list)
+    thorough: bool = False
+    hypotheses: List[Hypothesis] = field(default_factory=list)
+    aligned: List[Hypothesis] = field(default_factory=list)
+    patch: Optional[ImagePatch] = None
+    selection: Optional[Selection] = None
+    result: Optional[PoseResult] = None
+
+    @property
+    def selected(self) -> Selection:
+        """The selection of this round."""
+        assert self.selection is not None  # noqa: S101 - the stages before made it
+        return self.selection
+
+
+def always(_: Search) -> bool:
+    """The condition of a stage that always runs."""
+    return True
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A generator, a refiner or a check: what it does to a search, and when.
+
+    Parameters
+    ----------
+    name : its key in ``stages_ms``. run : changes the search. when : whether it is to run now.
+    """
+
+    name: str
+    run: Callable[[Search], None]
+    when: Callable[[Search], bool] = always
+
+
+@dataclass(frozen=True)
+class Round:
+    """Generators whose hypotheses go through the refiners, the selection and the checks together.
+
+    Parameters
+    ----------
+    when : whether what the rounds before found asks for it. thorough : ask more in the stages that follow.
+    """
+
+    generators: Tuple[Stage, ...]
+    when: Callable[[Search], bool] = always
+    thorough: bool = False
+
+
+def run(stages: Tuple[Stage, ...], search: Search) -> None:
+    """Run each stage that is to run, and tell its time."""
+    for stage in stages:
+        if stage.when(search):
+            stage.run(search)
+            search.frame.mark(stage.name)
