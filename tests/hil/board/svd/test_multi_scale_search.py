@@ -1,4 +1,4 @@
-"""A craft of which little is lit: its pose is found about what is seen, though the learned proposal takes that for all."""
+"""A craft of which little is lit: its pose is found about what is seen, though the proposal takes that for all."""
 
 from __future__ import annotations
 

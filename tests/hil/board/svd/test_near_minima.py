@@ -187,7 +187,7 @@ def test_half_a_turn_is_told_by_the_finer_picture(craft: PreparedTarget, frame: 
         assert np.degrees(other) < 12
 
 
-def test_a_first_look_is_heard_about_half_a_turn_and_does_not_decide_it_alone(
+def test_a_learned_proposal_is_heard_about_half_a_turn_and_does_not_decide_it_alone(
     craft: PreparedTarget, frame: Observation
 ) -> None:
     turned = quat.normalise(quat.multiply(Q, craft.model.symmetry_wxyz[0]))
