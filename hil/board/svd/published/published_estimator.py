@@ -92,14 +92,14 @@ class PublishedEstimator(Estimator):
         image = np.asarray(frame.image, np.float32)
         full_scale = 255.0 if frame.image.dtype == np.uint8 else float(image.max())
         frame.noise = max(noise_sigma(frame.image, full_scale), 0.15 * full_scale / 255)
-        frame.mark("prepare")
+        frame.mark("noise")
         wge = eliminate_weak_gradients(image, blur_px=1.5)
         frame.keep("image_gradient", wge)
-        frame.mark("wge")
+        frame.mark("weak_gradients")
         regions = self._regions(frame, wge)
         frame.keep("regions", regions)
         frame.count("regions", len(regions))
-        frame.mark("roi")
+        frame.mark("regions")
         found: List[ScoredPose] = []
         hypotheses: List[Hypothesis] = []
         for region in regions:
@@ -220,7 +220,7 @@ class PublishedEstimator(Estimator):
             reason = "too few of the picture's corners are met"
         elif rival < ERROR_RATIO * error:
             reason = "ambiguous: another pose explains the corners as well"
-        frame.mark("decide")
+        frame.mark("decision")
         return PoseResult(
             not reason,
             reason,

@@ -166,7 +166,7 @@ class TrackingEstimator(Estimator):
             return None
         frame.mark("predict")
         frame.noise = self._noise(frame.image, state)
-        frame.mark("prepare")
+        frame.mark("noise")
         fit = track_edges(
             frame.image,
             frame.noise,
@@ -180,7 +180,7 @@ class TrackingEstimator(Estimator):
             self.polarity,
             empty=self.empty,
         )
-        frame.mark("align")
+        frame.mark("edge_alignment")
         return fit
 
     def _by_picture(
@@ -201,7 +201,7 @@ class TrackingEstimator(Estimator):
         )
         self.sun = seen.sun
         frame.count("picture", 1)
-        frame.mark("picture")
+        frame.mark("photometric_alignment")
         return seen.fit.q, seen.fit.t, seen.fit.covariance
 
     def _initialise(self, frame: Observation) -> PoseResult:

@@ -60,8 +60,8 @@ def test_a_result_tells_its_stages_and_counts(craft: Craft, estimator: PoseEstim
     q, t, to_sun = sampled_pose(rng)
     result = estimator.estimate(craft.picture(q, t, to_sun, rng))
     stages = list(result.stages_ms)
-    assert stages[:3] == ["prepare", "wge", "roi"]
-    assert stages[-1] == "decide"
+    assert stages[:3] == ["noise", "weak_gradients", "regions"]
+    assert stages[-1] == "decision"
     assert min(result.stages_ms.values()) >= 0
     assert {"regions", "edge_pixels", "lines", "candidates", "edges"} <= set(result.counts)
     assert 0 <= result.confidence <= 1
