@@ -13,11 +13,11 @@ from gui import style
 from gui.feed import Feed, FramesOnRequest
 from gui.keys import Action
 from gui.panels import SidePanel, draw_help
-from gui.recorder import Recorder
+from gui.recorder import FlightRecorder
 from gui.session import Session
 from gui.telemetry import read_out
-from gui.view_settings import Look, Options
-from gui.viewport import View
+from gui.view_settings import Options, ViewSettings
+from gui.viewport import Viewport
 from gui.window import Window, import_parts
 from simulator.dataset.single_frames import save_picture
 from simulator.errors import UserError
@@ -78,7 +78,7 @@ def run(request: Request) -> dict[str, Any]:
     if request.record is not None:
         # said now, and not after the flight
         empty_folder(request.record, option="--record")
-    recorder = Recorder()
+    recorder = FlightRecorder()
     session = Session.of(
         load_scenario(request.scenario),
         seed=request.seed,
@@ -117,8 +117,8 @@ class Console:
         self._request = request
         self._feed = Feed(producer)
         scenario = session.plan.scenario
-        look = Look(bands=session.plan.bands, environment=session.scene().environment)
-        self._options = Options(look)
+        settings = ViewSettings(bands=session.plan.bands, environment=session.scene().environment)
+        self._options = Options(settings)
         for name in request.overlays:
             if not hasattr(self._options.overlays, name):
                 known = ", ".join(vars(self._options.overlays))
@@ -126,7 +126,7 @@ class Console:
             setattr(self._options.overlays, name, True)
         style.apply_style(window.imgui, window.scale)
         self._panel = SidePanel(window, session)
-        self._view = View(window, session.plan.target)
+        self._view = Viewport(window, session.plan.target)
         self._scenario_name = scenario.name
         self._window_ms = 0.0
 
@@ -142,7 +142,7 @@ class Console:
             now = window.seconds
             session.advance(now - last if first_picture is not None else 0.0, held)
             last = now
-            changed |= feed.update(session, self._options.look, timed=self._options.overlays.times)
+            changed |= feed.update(session, self._options.settings, timed=self._options.overlays.times)
             self._tell_troubles()
             # where software draws the window too, it takes half of the time at most
             least_s = max(1 / WINDOW_HZ, min(2e-3 * self._window_ms, 1 / STILL_HZ))

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Protocol
 
-from gui.adaptive_resolution import DetailControl
 from gui.telemetry import Readout, read_out
-from gui.view_settings import apply_look
+from gui.view_settings import apply_view_settings
 from simulator.errors import UserError
 from simulator.loop import FrameRequest, FramesLostError
 
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from gui.session import Moment, Session
-    from gui.view_settings import Look
+    from gui.view_settings import ViewSettings
     from simulator.camera.lens.camera_model import Camera
     from simulator.frame import Frame
     from simulator.scene.state import Quality, SceneState
@@ -25,6 +24,13 @@ if TYPE_CHECKING:
 
 TIMED_PICTURES = 5
 """The pass times that are shown are medians of so many pictures."""
+LIVE_MS = 90.0
+"""What a picture may cost while things move."""
+DIVISORS = (1, 2, 3, 4)
+ENOUGH = 3
+"""Pictures of one size before it is judged."""
+MEMORY_S = 15.0
+"""How long a size that was too slow is not tried again."""
 
 
 class FramesOnRequest(Protocol):
@@ -70,7 +76,7 @@ class Feed:
         self._producer = producer
         self._clock = clock
         self._waiting: list[_Request] = []
-        self._detail = DetailControl()
+        self._detail = AdaptiveResolution()
         self._last: SceneState | None = None
         self._save_wanted = False
         self._due_s = 0.0
@@ -101,7 +107,7 @@ class Feed:
             return {}
         return {name: median(p.get(name, 0.0) for _, p in self._passes) for name in self._passes[-1][1]}
 
-    def update(self, session: Session, look: Look, *, timed: bool = False) -> bool:
+    def update(self, session: Session, settings: ViewSettings, *, timed: bool = False) -> bool:
         """Take what is finished, ask for what is new; whether there is a new picture.
 
         Parameters
@@ -116,7 +122,7 @@ class Feed:
         before = self.finished
         try:
             self._collect()
-            self._ask(session, look, timed=timed)
+            self._ask(session, settings, timed=timed)
         except FramesLostError as error:
             self._ask_again(error)
         except RuntimeError as error:
@@ -138,30 +144,30 @@ class Feed:
         self._save_wanted = self.saving
         self._waiting, self._last = [], None
 
-    def _ask(self, session: Session, look: Look, *, timed: bool) -> None:
+    def _ask(self, session: Session, settings: ViewSettings, *, timed: bool) -> None:
         if len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s):
             return
         if self._save_wanted:
-            scene = apply_look(session.scene(), look)
+            scene = apply_view_settings(session.scene(), settings)
             request = _Request(scene, session.moment, 1, labels=True, timed=False, asked_s=self._clock())
             if self._submit(request):
                 self._save_wanted = False
             return
-        divisor = self.divisor(look, paused=session.paused)
+        divisor = self.divisor(settings, paused=session.paused)
         quality: Quality | None = None if session.paused else "draft"
-        scene = apply_look(session.scene(), look, divisor=divisor, quality=quality)
+        scene = apply_view_settings(session.scene(), settings, divisor=divisor, quality=quality)
         # when nothing moves the picture that is there is the picture, unless its passes are to be timed
         if scene != self._last or (timed and len(self._passes) < TIMED_PICTURES):
             self._submit(
                 _Request(scene, session.moment, divisor, labels=False, timed=timed, asked_s=self._clock())
             )
 
-    def divisor(self, look: Look, *, paused: bool) -> int:
+    def divisor(self, settings: ViewSettings, *, paused: bool) -> int:
         """Pixels of the camera per pixel drawn."""
-        if paused or look.detail == "full":
+        if paused or settings.detail == "full":
             return 1
-        if look.detail != "auto":
-            return {"half": 2, "quarter": 4}[look.detail]
+        if settings.detail != "auto":
+            return {"half": 2, "quarter": 4}[settings.detail]
         return self._detail.divisor
 
     def _submit(self, request: _Request) -> bool:
@@ -206,3 +212,43 @@ class Feed:
         self._costs = [*self._costs[-4:], (request.scene.camera, ms)]
         self.frame_ms = median(cost for _, cost in self._costs)
         self._detail.measured(request.divisor, ms, now)
+
+
+class AdaptiveResolution:
+    """Chooses pixels of the camera per pixel drawn from what pictures of each size were seen to cost."""
+
+    def __init__(self) -> None:
+        self.divisor = 2
+        self._skip = True
+        self._ms: list[float] = []
+        self._too_slow_until_s: dict[int, float] = {}
+
+    def measured(self, divisor: int, ms: float, now_s: float) -> None:
+        """Note what a picture cost, and change the size if it should be.
+
+        Parameters
+        ----------
+        divisor : of the picture. ms : its cost. now_s : time, monotonic.
+        """
+        if divisor != self.divisor:
+            return
+        if self._skip:
+            # the first one of a size also pays for buffers, the very first for textures and shaders
+            self._skip = False
+            return
+        self._ms = [*self._ms[-4:], ms]
+        if len(self._ms) < ENOUGH:
+            return
+        typical, k = median(self._ms), DIVISORS.index(divisor)
+        if typical > LIVE_MS and k + 1 < len(DIVISORS):
+            self._too_slow_until_s[divisor] = now_s + MEMORY_S
+            self._change(DIVISORS[k + 1])
+        elif k > 0:
+            finer = DIVISORS[k - 1]
+            # part of the cost does not grow with the pixels: hopeful, because a mistake is remembered
+            hoped_ms = 0.7 * typical * (divisor / finer) ** 2
+            if hoped_ms < LIVE_MS and now_s >= self._too_slow_until_s.get(finer, now_s):
+                self._change(finer)
+
+    def _change(self, divisor: int) -> None:
+        self.divisor, self._skip, self._ms = divisor, True, []

@@ -215,31 +215,31 @@ class SidePanel:
             self._switches(options.overlays)
             imgui.end_tab_item()
         if imgui.begin_tab_item_simple("World"):
-            options.look.environment = self._layers(options.look.environment)
+            options.settings.environment = self._layers(options.settings.environment)
             imgui.end_tab_item()
         imgui.end_tab_bar()
 
     def _picture(self, session: Session, feed: Feed, options: Options) -> None:
-        imgui, look = self._imgui, options.look
-        exposure_s = session.plan.scenario.sensor.exposure_s * 2.0**look.exposure_stops
+        imgui, settings = self._imgui, options.settings
+        exposure_s = session.plan.scenario.sensor.exposure_s * 2.0**settings.exposure_stops
         imgui.text("Exposure")
         imgui.same_line()
-        imgui.text_disabled(f"{_exposure(exposure_s)}, {look.exposure_stops:+.1f} stops")
+        imgui.text_disabled(f"{_exposure(exposure_s)}, {settings.exposure_stops:+.1f} stops")
         imgui.set_next_item_width(-1)
-        _, look.exposure_stops = imgui.slider_float("##exposure", look.exposure_stops, -8.0, 8.0, "")
+        _, settings.exposure_stops = imgui.slider_float("##exposure", settings.exposure_stops, -8.0, 8.0, "")
         self._tip("Ctrl and click to type a figure; right click: the scenario's own")
         if imgui.is_item_clicked(imgui.MouseButton_.right):
-            look.exposure_stops = 0.0
+            settings.exposure_stops = 0.0
         imgui.set_next_item_width(imgui.get_content_region_avail().x * 0.42)
-        _, k = imgui.combo("##detail", DETAILS.index(look.detail), [f"{d} detail" for d in DETAILS])
-        look.detail = DETAILS[k]
+        _, k = imgui.combo("##detail", DETAILS.index(settings.detail), [f"{d} detail" for d in DETAILS])
+        settings.detail = DETAILS[k]
         self._tip("resolution while time runs; a paused picture is always whole")
         imgui.same_line()
-        changed, colour = imgui.checkbox("Colour", look.bands == "rgb")
+        changed, colour = imgui.checkbox("Colour", settings.bands == "rgb")
         if changed:
-            look.bands = "rgb" if colour else "mono"
+            settings.bands = "rgb" if colour else "mono"
         imgui.same_line()
-        _, look.noise = imgui.checkbox("Noise", look.noise)
+        _, settings.noise = imgui.checkbox("Noise", settings.noise)
         if imgui.button("Saving ..." if feed.saving else "Save picture and truth", imgui.ImVec2(-1, 0)):
             feed.ask_to_save()
         self._tip("P: PNG and JSON into out/console")

@@ -29,7 +29,7 @@ REPLAY_EVERY_S = 1.0
 WHOLE, REPLAY = "flight.npz", "replay.toml"
 
 
-class Recorder:
+class FlightRecorder:
     """Keeps the states of a session from its start; `keep_in` writes them and a replay of them all along.
 
     Parameters

@@ -9,7 +9,7 @@ import numpy as np
 
 from gui import manual_control as steering
 from gui.keys import STEERING, THRUST, Action
-from gui.recorder import Recorder
+from gui.recorder import FlightRecorder
 from simulator.runtime.arrays import Vec3, vec3
 from simulator.scenario.flight import fly
 from simulator.scenario.plan import plan_flight
@@ -74,7 +74,7 @@ class Session:
     recorder : keeps the states for a replay, if given.
     """
 
-    def __init__(self, plan: Plan, recorder: Recorder | None = None) -> None:
+    def __init__(self, plan: Plan, recorder: FlightRecorder | None = None) -> None:
         self.plan = plan
         self.recorder = recorder
         self._keep_out = plan.scenario.chaser.keep_out
@@ -84,7 +84,7 @@ class Session:
         self._reset_state()
 
     @staticmethod
-    def of(scenario: Scenario, *, seed: int | None = None, recorder: Recorder | None = None) -> Session:
+    def of(scenario: Scenario, *, seed: int | None = None, recorder: FlightRecorder | None = None) -> Session:
         """A session on a scenario."""
         return Session(plan_flight(scenario, n=1, seed=seed), recorder)
 

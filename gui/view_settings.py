@@ -40,7 +40,7 @@ OVERLAYS: tuple[tuple[str, str], ...] = (
 
 
 @dataclass
-class Look:
+class ViewSettings:
     """The operator's choices.
 
     Parameters
@@ -76,14 +76,14 @@ class Overlays:
 class Options:
     """Everything that the operator can switch and that is not part of the flight."""
 
-    look: Look
+    settings: ViewSettings
     overlays: Overlays = field(default_factory=Overlays)
     panel: bool = True
     help: bool = False
 
 
-def apply_look(
-    scene: SceneState, look: Look, *, divisor: int = 1, quality: Quality | None = None
+def apply_view_settings(
+    scene: SceneState, settings: ViewSettings, *, divisor: int = 1, quality: Quality | None = None
 ) -> SceneState:
     """The scene with the operator's choices.
 
@@ -93,7 +93,7 @@ def apply_look(
     quality : instead of the scenario's.
     """
     sensor = scene.sensor
-    if not look.noise:
+    if not settings.noise:
         sensor = replace(sensor, speckle_variance=0.0, gaussian_variance=0.0)
     if divisor != 1:
         sensor = replace(sensor, blur_sigma_px=sensor.blur_sigma_px / divisor)
@@ -101,9 +101,9 @@ def apply_look(
         scene,
         camera=reduced_camera(scene.camera, divisor),
         sensor=sensor,
-        exposure_s=scene.exposure_s * 2.0**look.exposure_stops,
-        bands=look.bands,
-        environment=look.environment,
+        exposure_s=scene.exposure_s * 2.0**settings.exposure_stops,
+        bands=settings.bands,
+        environment=settings.environment,
         quality=scene.quality if quality is None else quality,
     )
 

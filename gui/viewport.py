@@ -48,7 +48,7 @@ class Letterbox:
         return (self.x + (pixel[0] + 0.5) * self.scale, self.y + (pixel[1] + 0.5) * self.scale)
 
 
-class View:
+class Viewport:
     """Draws the picture and what is laid over it; keeps the marks of the picture that is up."""
 
     def __init__(self, window: Window, target: Target) -> None:

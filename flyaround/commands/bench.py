@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from flyaround.commands.progress import progress_bar
-from flyaround.commands.terminal import terminal
+from flyaround.commands.terminal import progress_bar, terminal
 from hil.bench.estimator_time import bench_estimator
 from hil.bench.link_latency import bench_link
 from simulator.bench.parts import bench_capture, bench_world

@@ -11,8 +11,7 @@ import msgspec
 import typer
 from rich.table import Table
 
-from flyaround.commands.progress import progress_bar
-from flyaround.commands.terminal import say, terminal
+from flyaround.commands.terminal import progress_bar, say, terminal
 from hil.board.svd import CameraIntrinsics, make_estimator
 from hil.evaluate.worker import board_model
 from simulator.camera.detector.presets import sensor_preset

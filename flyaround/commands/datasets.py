@@ -12,8 +12,7 @@ import typer
 from rich.text import Text
 
 from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
-from flyaround.commands.progress import progress_bar
-from flyaround.commands.terminal import say
+from flyaround.commands.terminal import progress_bar, say
 from simulator.camera.lens.files import read_camera_file
 from simulator.dataset.capture import FORMATS, parse_formats
 from simulator.dataset.capture import capture as capture_plan

@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from flyaround.commands.progress import progress_bar
-from flyaround.commands.terminal import say
+from flyaround.commands.terminal import progress_bar, say
 from hil.demo.demo import run_demo
 
 

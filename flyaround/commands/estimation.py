@@ -10,8 +10,7 @@ import msgspec
 import typer
 from rich.table import Column, Table
 
-from flyaround.commands.progress import progress_bar
-from flyaround.commands.terminal import say, terminal
+from flyaround.commands.terminal import progress_bar, say, terminal
 from hil.board.errors import BoardModelError
 from hil.board.svd import METHODS, BoardModel, CameraIntrinsics, make_estimator
 from hil.board.svd.debug.stage_pictures import write_stage_pictures

@@ -14,9 +14,8 @@ import typer
 from rich.table import Table
 
 from flyaround.commands.options import Device, Labels, Seed, World, quality_preset
-from flyaround.commands.progress import progress_bar
 from flyaround.commands.scenario_argument import load_flown
-from flyaround.commands.terminal import say, terminal
+from flyaround.commands.terminal import progress_bar, say, terminal
 from simulator.errors import UserError
 from simulator.labels.request import LabelRequest, parse_labels
 from simulator.labels.truth import read_truth

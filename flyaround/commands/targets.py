@@ -9,8 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from flyaround.commands.progress import progress_bar
-from flyaround.commands.terminal import say, terminal
+from flyaround.commands.terminal import progress_bar, say, terminal
 from simulator.contact_sheets.targets_page import write_contact_sheet
 from simulator.errors import UserError
 from simulator.runtime.files import empty_folder

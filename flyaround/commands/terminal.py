@@ -1,13 +1,16 @@
-"""Text on the terminal as it is written: Rich would take square brackets for mark-up and `:names:` for pictures."""
+"""Text on the terminal as it is written (Rich reads square brackets and `:names:` as mark-up), and one progress bar."""
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from rich.console import RenderableType
 
 
@@ -19,6 +22,39 @@ def terminal(*, stderr: bool = False) -> Console:
 def say(text: RenderableType, *, stderr: bool = False) -> None:
     """Print a sentence; the terminal breaks a line that is too long, so that a path stays in one piece."""
     terminal(stderr=stderr).print(text, soft_wrap=True)
+
+
+@contextmanager
+def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """A bar on the error stream, silent where that is no terminal or ``quiet``; yields ``update(done, total)``."""
+    from rich.progress import (  # noqa: PLC0415 - slow to import, and help pages have no bar
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description:24}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    bar = Progress(*columns, console=terminal(stderr=True), disable=quiet)
+    task = bar.add_task(what, total=None)
+
+    def update(done: int, total: int) -> None:
+        # it appears with the first step, so that a mistake found before it leaves one sentence alone
+        bar.start()
+        bar.update(task, completed=done, total=total)
+
+    try:
+        yield update
+    finally:
+        bar.stop()
 
 
 def with_literal_help(command: Any) -> Any:  # noqa: ANN401 - click's commands, groups and parameters alike

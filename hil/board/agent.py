@@ -71,7 +71,7 @@ class Estimate(Protocol):
         """Duration of each stage, in order [ms]."""
 
 
-class Estimator(Protocol):
+class BoardEstimator(Protocol):
     """What the agent runs on each frame."""
 
     def estimate(self, image: Any) -> Estimate:  # noqa: ANN401 - (H, W) uint8; an estimator may take more
@@ -83,7 +83,7 @@ class Estimator(Protocol):
 
 
 # camera JSON object to estimator: the camera is known only after the handshake
-EstimatorFactory = Callable[[Dict[str, Any]], Estimator]
+EstimatorFactory = Callable[[Dict[str, Any]], BoardEstimator]
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ def svd_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFac
     except (OSError, ValueError) as error:
         raise LinkError(f"{error}: write it anew on the host and copy it to the board") from error
 
-    def make(camera: Dict[str, Any]) -> Estimator:
+    def make(camera: Dict[str, Any]) -> BoardEstimator:
         return make_estimator(model, CameraIntrinsics.from_dict(camera), method)
 
     return make, model.name, model.sha256
@@ -218,7 +218,7 @@ def run_board(
         link.close("the board's agent ends")
 
 
-def _make(make_estimator: EstimatorFactory, terms: HelloAck, hello: Hello, link: Link) -> Estimator:
+def _make(make_estimator: EstimatorFactory, terms: HelloAck, hello: Hello, link: Link) -> BoardEstimator:
     try:
         check_terms(terms, hello.encodings)
         return make_estimator(terms.camera)
@@ -231,7 +231,7 @@ def _make(make_estimator: EstimatorFactory, terms: HelloAck, hello: Hello, link:
 class _Session:
     """Two threads: one takes packets and answers clock requests, one estimates."""
 
-    def __init__(self, link: Link, terms: HelloAck, estimator: Estimator, window: int) -> None:
+    def __init__(self, link: Link, terms: HelloAck, estimator: BoardEstimator, window: int) -> None:
         self._link, self._terms, self._estimator = link, terms, estimator
         # whole frames that wait: no more than this board said it can hold, whatever the host makes of it
         self._room = max(1, min(window, terms.window))

@@ -119,7 +119,7 @@ def view_scene(
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class TargetView:
     """A picture of a craft: RGB (H, W, 3), the scene, and the depth of its surface (H, W) [m], NaN outside."""
 
     image: ByteArray
@@ -127,7 +127,9 @@ class Drawn:
     depth_m: Float32Array
 
 
-def draw_view(renderer: Renderer, target: Target, eye: ArrayLike, width_px: int, height_px: int) -> Drawn:
+def draw_view(
+    renderer: Renderer, target: Target, eye: ArrayLike, width_px: int, height_px: int
+) -> TargetView:
     """The craft seen from the direction ``eye`` (target frame), exposed for it."""
     scene = view_scene(target, eye, width_px, height_px)
     rendered = renderer.render(scene, target, labels=True)
@@ -135,7 +137,7 @@ def draw_view(renderer: Renderer, target: Target, eye: ArrayLike, width_px: int,
         raise RuntimeError("the renderer was asked for labels and gave no depth")
     fill = renderer.render(view_scene(target, eye, width_px, height_px, FILL_LIGHT), target).radiance
     radiance = np.asarray(rendered.radiance, float) + FILL_SHARE * np.asarray(fill, float)
-    return Drawn(developed(radiance), scene, rendered.depth_m)
+    return TargetView(developed(radiance), scene, rendered.depth_m)
 
 
 def developed(radiance: FloatArray) -> ByteArray:
@@ -147,7 +149,7 @@ def developed(radiance: FloatArray) -> ByteArray:
     return np.rint(255 * np.clip(0.85 * balanced / white, 0, 1) ** (1 / GAMMA)).astype(np.uint8)
 
 
-def draw_labels(drawn: Drawn, target: Target) -> ByteArray:
+def draw_labels(drawn: TargetView, target: Target) -> ByteArray:
     """A copy with what can be seen of the wireframe, and the keypoints: filled where seen, rings where hidden."""
     canvas = drawn.image.copy()
     pose, camera = drawn.scene.camera_from_target, drawn.scene.camera
@@ -176,7 +178,7 @@ def draw_labels(drawn: Drawn, target: Target) -> ByteArray:
     return canvas
 
 
-def _unhidden(drawn: Drawn, points: FloatArray, skin_m: float) -> NDArray[np.bool_]:
+def _unhidden(drawn: TargetView, points: FloatArray, skin_m: float) -> NDArray[np.bool_]:
     """Whether the drawn surface leaves points (K, 3) in the camera frame open, within a skin."""
     depth = np.where(np.isnan(drawn.depth_m), np.float32(1e9), drawn.depth_m)
     farthest = np.asarray(cv2.dilate(depth, np.ones((3, 3), np.uint8)))

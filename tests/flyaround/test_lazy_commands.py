@@ -9,8 +9,7 @@ import sys
 from typer.testing import CliRunner
 
 import flyaround
-from flyaround.cli import app
-from flyaround.commands.lazy import COMMANDS, GROUPS
+from flyaround.cli import COMMANDS, GROUPS, app
 
 
 def test_help_names_every_command_and_each_is_there() -> None:

@@ -13,9 +13,8 @@ import typer
 from typer.main import get_command, get_group
 from typer.testing import CliRunner
 
-from flyaround.cli import app
+from flyaround.cli import COMMANDS, GROUPS, app
 from flyaround.commands import doctor
-from flyaround.commands.lazy import COMMANDS, GROUPS
 from flyaround.commands.terminal import say
 
 FLYAROUND = Path(doctor.__file__).parents[1]

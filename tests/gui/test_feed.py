@@ -7,10 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from gui.adaptive_resolution import DIVISORS
-from gui.feed import Feed
+from gui.feed import DIVISORS, Feed
 from gui.session import Session
-from gui.view_settings import Look
+from gui.view_settings import ViewSettings
 from gui.viewport import shown_passes
 from simulator.frame import Frame
 from simulator.loop import FrameRequest, FramesLostError
@@ -69,40 +68,40 @@ def session() -> Session:
     return Session.of(load_scenario("tango-flyaround"))
 
 
-def look_of(session: Session) -> Look:
+def look_of(session: Session) -> ViewSettings:
     scene = session.scene()
-    return Look(bands=scene.bands, environment=scene.environment)
+    return ViewSettings(bands=scene.bands, environment=scene.environment)
 
 
 def live(session: Session, ms_per_mpx: float, pictures: int) -> Feed:
     source, clock = FakeRenderer(ms_per_mpx), Clock()
-    feed, look = Feed(source, clock), look_of(session)
+    feed, settings = Feed(source, clock), look_of(session)
     for _ in range(pictures):
         session.advance(0.1)
-        feed.update(session, look)
+        feed.update(session, settings)
         clock.now_s += 0.1
         source.finish()
-    feed.update(session, look)
+    feed.update(session, settings)
     return feed
 
 
 def test_no_more_than_two_pictures_are_asked_for(session: Session) -> None:
     source, clock = FakeRenderer(), Clock()
-    feed, look = Feed(source, clock), look_of(session)
+    feed, settings = Feed(source, clock), look_of(session)
     for _ in range(20):
         session.advance(0.1)
         clock.now_s += 1.0
-        feed.update(session, look)
+        feed.update(session, settings)
     assert len(source.asked) == 2
 
 
 def test_a_paused_picture_is_drawn_once_and_whole(session: Session) -> None:
     source, clock = FakeRenderer(), Clock()
-    feed, look = Feed(source, clock), look_of(session)
+    feed, settings = Feed(source, clock), look_of(session)
     session.toggle_pause()
     for _ in range(5):
         clock.now_s += 1.0
-        feed.update(session, look)
+        feed.update(session, settings)
         if source.pending:
             source.finish()
     assert [scene for scene, _ in source.asked] == [session.scene()]
@@ -112,12 +111,12 @@ def test_a_paused_picture_is_drawn_once_and_whole(session: Session) -> None:
 
 def test_changed_exposure_redraws_a_paused_picture(session: Session) -> None:
     source, clock = FakeRenderer(), Clock()
-    feed, look = Feed(source, clock), look_of(session)
+    feed, settings = Feed(source, clock), look_of(session)
     session.toggle_pause()
-    feed.update(session, look)
+    feed.update(session, settings)
     source.finish()
-    look.exposure_stops = 1.0
-    feed.update(session, look)
+    settings.exposure_stops = 1.0
+    feed.update(session, settings)
     assert source.asked[1][0].exposure_s == 2 * source.asked[0][0].exposure_s
 
 
@@ -132,10 +131,10 @@ def test_auto_detail_draws_what_fits(session: Session, ms_per_mpx: float, expect
 
 def test_a_slow_start_does_not_cost_detail(session: Session) -> None:
     source, clock = FakeRenderer(5000.0), Clock()
-    feed, look = Feed(source, clock), look_of(session)
+    feed, settings = Feed(source, clock), look_of(session)
     for _ in range(20):
         session.advance(0.1)
-        feed.update(session, look)
+        feed.update(session, settings)
         clock.now_s += 0.1
         source.finish()
         source.ms_per_mpx = 60.0
@@ -145,42 +144,42 @@ def test_a_slow_start_does_not_cost_detail(session: Session) -> None:
 
 def test_saving_asks_for_a_whole_picture_with_labels(session: Session) -> None:
     source, clock = FakeRenderer(), Clock()
-    feed, look = Feed(source, clock), look_of(session)
+    feed, settings = Feed(source, clock), look_of(session)
     feed.ask_to_save()
-    feed.update(session, look)
+    feed.update(session, settings)
     assert source.asked == [(session.scene(), True)]
     assert feed.saving
     source.finish()
-    feed.update(session, look)
+    feed.update(session, settings)
     assert [p.frame.scene for p in feed.saved] == [session.scene()]
     assert not feed.saving
 
 
 def test_lost_pictures_are_asked_for_again(session: Session) -> None:
     source, clock = FakeRenderer(), Clock()
-    feed, look = Feed(source, clock), look_of(session)
+    feed, settings = Feed(source, clock), look_of(session)
     session.toggle_pause()
     feed.ask_to_save()
-    feed.update(session, look)
+    feed.update(session, settings)
     source.lose = "the drawing process died"
     source.pending.clear()
-    assert not feed.update(session, look)
+    assert not feed.update(session, settings)
     assert feed.take_trouble() == "the drawing process died"
     assert feed.take_trouble() is None
     assert feed.saving
-    feed.update(session, look)
+    feed.update(session, settings)
     source.finish()
-    assert feed.update(session, look)
+    assert feed.update(session, settings)
     assert [p.frame.scene for p in feed.saved] == [session.scene()]
     assert feed.restarts == 1
 
 
 def test_passes_are_timed_on_request_only_and_a_still_picture_is_drawn_again_for_it(session: Session) -> None:
     source, clock = FakeRenderer(), Clock()
-    feed, look = Feed(source, clock), look_of(session)
+    feed, settings = Feed(source, clock), look_of(session)
     session.toggle_pause()
     for timed in (False, False, *(8 * [True])):
-        feed.update(session, look, timed=timed)
+        feed.update(session, settings, timed=timed)
         clock.now_s += 1.0
         if source.pending:
             source.finish()
@@ -192,7 +191,7 @@ def test_passes_are_timed_on_request_only_and_a_still_picture_is_drawn_again_for
     session.toggle_pause()
     for _ in range(3):
         session.advance(0.1)
-        feed.update(session, look)
+        feed.update(session, settings)
         clock.now_s += 1.0
         source.finish()
     assert feed.pass_ms == {}

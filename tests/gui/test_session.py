@@ -11,10 +11,10 @@ import pytest
 
 from gui.keys import BINDINGS, THRUST, TURN, Action
 from gui.manual_control import ACCELERATION_M_S2, BRAKE_M_S2, COARSE_GAIN, RATE_RAD_S, SLEW_RAD_S2
-from gui.recorder import Recorder
+from gui.recorder import FlightRecorder
 from gui.session import FRAME_STEP_S, RATES, STEP_S, Session
 from gui.telemetry import read_out
-from gui.view_settings import Look, apply_look, reduced_camera
+from gui.view_settings import ViewSettings, apply_view_settings, reduced_camera
 from gui.viewport import Letterbox
 from simulator.errors import UserError
 from simulator.scenario.load import load_scenario
@@ -245,9 +245,9 @@ def test_reduced_camera_sees_the_same_directions(session: Session) -> None:
 
 def test_look_changes_only_what_it_says(session: Session) -> None:
     scene = session.scene()
-    look = Look(bands=scene.bands, environment=scene.environment)
-    assert apply_look(scene, look) == scene
-    darker: SceneState = apply_look(scene, replace(look, exposure_stops=-1.0))
+    settings = ViewSettings(bands=scene.bands, environment=scene.environment)
+    assert apply_view_settings(scene, settings) == scene
+    darker: SceneState = apply_view_settings(scene, replace(settings, exposure_stops=-1.0))
     assert darker == replace(scene, exposure_s=scene.exposure_s / 2)
 
 
@@ -315,7 +315,7 @@ class Clock:
 
 def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
     clock = Clock()
-    recorder = Recorder(clock)
+    recorder = FlightRecorder(clock)
     session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path / "flown", session.plan.scenario)
     for _ in range(3):
@@ -339,7 +339,7 @@ def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
 
 def test_a_restart_begins_another_recording(tmp_path: Path) -> None:
     clock = Clock()
-    recorder = Recorder(clock)
+    recorder = FlightRecorder(clock)
     session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path, session.plan.scenario)
     clock.now_s = 2.0
@@ -355,14 +355,14 @@ def test_a_restart_begins_another_recording(tmp_path: Path) -> None:
 def test_a_recording_is_not_written_over(tmp_path: Path) -> None:
     (tmp_path / "flight.npz").write_bytes(b"an earlier one")
     with pytest.raises(UserError, match="is not empty; name a new one with --record"):
-        Recorder().keep_in(tmp_path, load_scenario("tango-flyaround"))
+        FlightRecorder().keep_in(tmp_path, load_scenario("tango-flyaround"))
 
 
 def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path: Path) -> None:
     full = Path("/dev/full")
     if not full.exists():
         pytest.skip("no /dev/full")
-    recorder = Recorder()
+    recorder = FlightRecorder()
     session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path, session.plan.scenario)
     (tmp_path / "flight.csv").unlink()
@@ -386,7 +386,7 @@ def test_lines_that_are_no_flight_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path: Path) -> None:
-    recorder = Recorder()
+    recorder = FlightRecorder()
     session = Session.of(load_scenario("tango-flyaround"), recorder=recorder)
     fly(session, 1.0)
     fly(session, 1.5, Action.FORWARD, Action.YAW_LEFT)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class Flight:
+class FrameInFlight:
     """A frame that was sent and has no outcome yet; clock times in ns of the host."""
 
     job: FrameJob
@@ -25,7 +25,7 @@ class Flight:
     damage_seen: bool = False
 
 
-class Flights:
+class FramesInFlight:
     """Each frame sent gets one outcome: a pose, or a drop with its cause.
 
     Parameters
@@ -39,7 +39,7 @@ class Flights:
     def __init__(self, report: Callable[[FrameResult], None], timeout_s: float) -> None:
         self._report = report
         self._timeout_s = timeout_s
-        self._flying: dict[int, Flight] = {}
+        self._flying: dict[int, FrameInFlight] = {}
         self._held: list[int] = []
         self.misses = 0
         """Frames that ran out of time, or of credit for such frames, since the board last spoke of one."""
@@ -59,9 +59,9 @@ class Flights:
         """When the next frame runs out of time; None without one in flight."""
         return min((flight.deadline_ns for flight in self._flying.values()), default=None)
 
-    def start(self, job: FrameJob, at_ns: int) -> Flight:
+    def start(self, job: FrameJob, at_ns: int) -> FrameInFlight:
         """A frame whose sending begins now."""
-        flight = Flight(job, at_ns, at_ns, at_ns + int(self._timeout_s * 1e9))
+        flight = FrameInFlight(job, at_ns, at_ns, at_ns + int(self._timeout_s * 1e9))
         self._flying[job.frame_id] = flight
         self._held.append(job.frame_id)
         return flight

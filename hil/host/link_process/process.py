@@ -12,7 +12,7 @@ from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any
 
-from hil.host.link_process.in_flight import Flights
+from hil.host.link_process.in_flight import FramesInFlight
 from hil.host.link_process.ipc import (
     BoardDown,
     BoardGreeted,
@@ -100,7 +100,7 @@ class LinkServer:
         self._clock = ClockFilter()
         self._next_sync_ns = 0
         self._waiting: deque[FrameJob] = deque()
-        self._flights = Flights(self._pipe.send, config.timeout_s)
+        self._in_flight = FramesInFlight(self._pipe.send, config.timeout_s)
         self._counts = LinkCounts()
         self._blocked_until_ns = 0  # lockstep, out of credit: when to give up
         self._timeout_ns = int(config.timeout_s * 1e9)
@@ -121,7 +121,7 @@ class LinkServer:
         while not self._closing:
             self._check_hung()
             self._send_due()
-            self._flights.expire(now_ns())
+            self._in_flight.expire(now_ns())
             self._pending.expire(now_ns())
             self._sync_clock()
             ready: list[Any] = wait(self._sources(), self._sleep_s())
@@ -155,7 +155,7 @@ class LinkServer:
     def _sleep_s(self) -> float:
         if self._unread:
             return 0.0
-        firsts = (self._flights.first_deadline_ns, self._pending.first_deadline_ns)
+        firsts = (self._in_flight.first_deadline_ns, self._pending.first_deadline_ns)
         times = [first for first in firsts if first is not None]
         if self._waiting and self._waiting[0].due_ns is not None:
             times.append(self._waiting[0].due_ns - SPIN_NS)
@@ -204,7 +204,7 @@ class LinkServer:
             if self._link is None or self._ack is None:
                 self._waiting.popleft()
                 self._drop(job, "disconnected", "no board was connected")
-            elif self._flights.held >= self._ack.window:
+            elif self._in_flight.held >= self._ack.window:
                 if self._config.mode == "lockstep":
                     # nothing is lost by waiting for the board to finish what the host gave up on
                     self._blocked_until_ns = self._blocked_until_ns or now_ns() + self._timeout_ns
@@ -212,8 +212,8 @@ class LinkServer:
                         return
                 self._blocked_until_ns = 0
                 self._waiting.popleft()
-                self._flights.misses += self._flights.none_in_flight
-                self._drop(job, "no_credit", f"the board still held {self._flights.held} frames")
+                self._in_flight.misses += self._in_flight.none_in_flight
+                self._drop(job, "no_credit", f"the board still held {self._in_flight.held} frames")
             else:
                 self._blocked_until_ns = 0
                 self._waiting.popleft()
@@ -222,7 +222,7 @@ class LinkServer:
     def _send_frame(self, job: FrameJob, link: Link, ack: HelloAck) -> None:
         assert self._slots is not None  # noqa: S101 - frames come after the terms
         start = now_ns()
-        flight = self._flights.start(job, start)
+        flight = self._in_flight.start(job, start)
         try:
             if job.truth is not None and self._config.truth == "inline":
                 link.send(TruthMessage(job.frame_id, job.truth))
@@ -261,7 +261,7 @@ class LinkServer:
         if self._link is None or not limit:
             return
         blocked = bool(self._blocked_until_ns) and now_ns() >= self._blocked_until_ns
-        if self._flights.misses + self._flights.overdue(now_ns()) + blocked >= limit:
+        if self._in_flight.misses + self._in_flight.overdue(now_ns()) + blocked >= limit:
             self._blocked_until_ns = 0
             self._board_left(f"it answered none of {limit} frames in a row: it hangs or is too slow")
 
@@ -307,7 +307,7 @@ class LinkServer:
                 self._mistaken(mistake)
                 continue
             except PacketError:
-                self._flights.note_damage()
+                self._in_flight.note_damage()
                 continue
             except LinkClosed as error:
                 self._board_left(str(error))
@@ -325,7 +325,7 @@ class LinkServer:
             last = " (further mistakes are only counted)" if self._mistakes == MAX_LOGGED else ""
             logger.warning("the board broke the link protocol: %s%s", mistake, last)
         if mistake.frame_id is not None:
-            self._flights.refuse(mistake.frame_id, str(mistake))
+            self._in_flight.refuse(mistake.frame_id, str(mistake))
 
     def _handle(self, message: Message, at_ns: int, link: Link) -> None:
         if isinstance(message, Hello):
@@ -333,7 +333,7 @@ class LinkServer:
         elif isinstance(message, PoseMessage):
             self._take_pose(message, at_ns)
         elif isinstance(message, Credit):
-            self._flights.release(message.frame_id)
+            self._in_flight.release(message.frame_id)
         elif isinstance(message, TimeSyncReply):
             self._take_sync(message, at_ns, link)
         elif isinstance(message, TimeSyncRequest):
@@ -357,7 +357,7 @@ class LinkServer:
             self._board_left(str(error))
             return
         if not repeated:
-            self._flights.lose("the board started again")
+            self._in_flight.lose("the board started again")
             link.session_id = int.from_bytes(os.urandom(8), "little") or 1
             self._clock = ClockFilter()
             self._next_sync_ns = now_ns() + SYNC_PATIENCE_NS
@@ -398,16 +398,16 @@ class LinkServer:
             self._board_up = None
 
     def _take_pose(self, pose: PoseMessage, at_ns: int) -> None:
-        if not self._flights.answer(pose, at_ns, self._clock.offset_ns):
+        if not self._in_flight.answer(pose, at_ns, self._clock.offset_ns):
             self._counts = replace(self._counts, late_poses=self._counts.late_poses + 1)
 
     def _take_error(self, error: ErrorMessage) -> None:
         damage = error.code in (ErrorCode.CORRUPT, ErrorCode.INCOMPLETE)
         cause = "corrupt" if damage else "protocol"
-        if error.frame_id != NO_FRAME and self._flights.damaged(error.frame_id, error.text, cause):
+        if error.frame_id != NO_FRAME and self._in_flight.damaged(error.frame_id, error.text, cause):
             return
         if error.frame_id == NO_FRAME and error.code == ErrorCode.CORRUPT:
-            self._flights.note_damage()
+            self._in_flight.note_damage()
         elif error.code in (ErrorCode.MODEL, ErrorCode.VERSION):
             self._board_left(error.text)
         elif error.frame_id == NO_FRAME and error.code == ErrorCode.FORMAT:
@@ -421,7 +421,7 @@ class LinkServer:
             link.close()
         # first of all, so that a run in lockstep does not send the next frame into the void
         self._pipe.send(BoardDown(reason))
-        self._flights.lose(reason)
+        self._in_flight.lose(reason)
 
     def _add_counts(self, link: Link) -> None:
         c, s = self._counts, link.stats

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.host.link_process.in_flight import Flights
+from hil.host.link_process.in_flight import FramesInFlight
 from hil.host.link_process.ipc import FrameJob
 from hil.link.packets.messages import PoseMessage
 
@@ -13,11 +13,11 @@ TIMEOUT_NS = 2_000_000_000
 
 
 class Sky:
-    """Flights with frames 0 to 4 sent a millisecond apart, and what was reported of them."""
+    """FramesInFlight with frames 0 to 4 sent a millisecond apart, and what was reported of them."""
 
     def __init__(self, n: int = 5) -> None:
         self.results = []
-        self.flights = Flights(self.results.append, TIMEOUT_NS * 1e-9)
+        self.flights = FramesInFlight(self.results.append, TIMEOUT_NS * 1e-9)
         for k in range(n):
             job = FrameJob(0, k, (48, 64), "|u1", 8, "2026-01-01T00:00:00Z", 0.0, 0.01, None, None)
             self.flights.start(job, SENT_NS + k * 1_000_000)
