@@ -13,7 +13,7 @@ from rich.table import Table
 
 from flyaround.commands.terminal import progress_bar, say, terminal
 from hil.board.svd import CameraIntrinsics, make_estimator
-from hil.evaluate.worker import board_model
+from hil.evaluate.method_choice import board_model
 from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.lens.files import load_camera
 from simulator.compare.comparison import compare_pictures

@@ -17,11 +17,11 @@ from hil.board.svd.debug.stage_pictures import write_stage_pictures
 from hil.board.svd.methods import PUBLISHED
 from hil.board.svd.native.backend import describe_backend
 from hil.board.svd.published.settings import SOLVERS, STEPS, STREAMS
+from hil.evaluate.dataset_evaluation import evaluate_dataset
 from hil.evaluate.estimate import checked_picture
-from hil.evaluate.grey import PLAIN, about_pictures
+from hil.evaluate.greyscale import PLAIN, about_pictures
+from hil.evaluate.method_choice import MethodChoice, board_model
 from hil.evaluate.metrics import MethodMetrics
-from hil.evaluate.run import evaluate_dataset
-from hil.evaluate.worker import MethodChoice, board_model
 from simulator.camera.lens.files import load_camera
 from simulator.dataset.card import read_card
 from simulator.dataset.formats.native import read_png

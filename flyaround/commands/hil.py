@@ -18,7 +18,7 @@ from flyaround.commands.scenario_argument import load_flown
 from flyaround.commands.terminal import progress_bar, say
 from hil.board.agent import run_board
 from hil.board.svd import METHODS
-from hil.evaluate.frame_record import COARSE_DEG, COARSE_SHARE
+from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
 from hil.host.bundle import write_bundle
 from hil.host.ledger.frames_csv import LedgerRow
 from hil.host.ledger.report import write_report

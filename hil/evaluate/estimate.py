@@ -12,8 +12,8 @@ import numpy as np
 
 from hil.board.errors import BoardModelError
 from hil.board.svd import CameraIntrinsics, make_estimator
-from hil.evaluate.grey import grey
-from hil.evaluate.worker import MethodChoice, board_model
+from hil.evaluate.greyscale import grey
+from hil.evaluate.method_choice import MethodChoice, board_model
 from simulator.camera.lens.camera_model import Camera
 from simulator.camera.lens.files import load_camera
 from simulator.dataset.formats.native import read_png

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from hil.evaluate.frame_record import FrameRecord
+from hil.evaluate.pose_errors import FrameRecord
 from simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:

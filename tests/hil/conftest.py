@@ -11,7 +11,7 @@ import pytest
 
 from hil.board.svd.native import backend
 from hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
-from hil.evaluate.worker import board_model
+from hil.evaluate.method_choice import board_model
 from simulator.targets.library import load_target
 
 if TYPE_CHECKING:

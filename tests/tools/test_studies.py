@@ -12,10 +12,10 @@ import pytest
 from hil.board.svd import CameraIntrinsics, make_estimator
 from hil.board.svd.published.published_estimator import PublishedEstimator
 from hil.board.svd.published.settings import SVD_2018, SVD_THESIS, PublishedConfig
-from hil.evaluate.frame_record import frame_record
-from hil.evaluate.frames import EvaluatedFrame
+from hil.evaluate.method_choice import MethodChoice, board_model
 from hil.evaluate.metrics import summarise
-from hil.evaluate.worker import MethodChoice, board_model
+from hil.evaluate.pose_errors import frame_record
+from hil.evaluate.result_rows import EvaluatedFrame
 from simulator.errors import UserError
 from simulator.targets.library import load_target
 from tools.studies.paired_tables import mcnemar, paired, table, units_table, write_into_page

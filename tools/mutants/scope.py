@@ -18,10 +18,10 @@ PYTHON = (
 SHADERS = "shaders"
 
 LEFT_OUT = {
-    "hil/evaluate/page.py": "how a page looks",
-    "hil/evaluate/plots.py": "how a plot looks",
+    "hil/evaluate/evaluation_page.py": "how a page looks",
+    "hil/evaluate/evaluation_plots.py": "how a plot looks",
     "tools/studies/paired_tables.py": "how a page looks",
-    "hil/evaluate/gallery.py": "how a page looks",
+    "hil/evaluate/failure_tiles.py": "how a page looks",
     "hil/host/ledger/plots.py": "how a plot looks",
     "tools/train/learned_proposal.py": "training, never run by the fast suite",
     "tools/train/saliency.py": "training, never run by the fast suite",

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from hil.evaluate.frame_record import FrameRecord
-    from hil.evaluate.frames import EvaluatedFrame
     from hil.evaluate.metrics import MethodMetrics
+    from hil.evaluate.pose_errors import FrameRecord
+    from hil.evaluate.result_rows import EvaluatedFrame
 
 # A pose within this angle of the truth is of the right figure, however coarse.
 RIGHT_DEG = 10.0

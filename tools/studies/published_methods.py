@@ -17,9 +17,9 @@ import numpy as np
 
 from hil.board.svd import BoardModel
 from hil.board.svd.published.settings import OF_OURS, OF_THESIS, SOLVERS
-from hil.evaluate.frames import EvaluatedFrame, rows_there
-from hil.evaluate.run import ROWS, evaluate_dataset, method_metrics
-from hil.evaluate.worker import MethodChoice, board_model
+from hil.evaluate.dataset_evaluation import ROWS, evaluate_dataset, method_metrics
+from hil.evaluate.method_choice import MethodChoice, board_model
+from hil.evaluate.result_rows import EvaluatedFrame, rows_there
 from simulator.dataset.card import read_card
 from simulator.dataset.formats.native import frame_paths, is_whole, write_frame
 from simulator.frame import take_frame

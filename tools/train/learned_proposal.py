@@ -28,7 +28,7 @@ from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.propose.learned.attitude_basis import ANCHORS, bumps, even_attitudes
 from hil.board.svd.propose.learned.learned_proposal import shipped_network
 from hil.board.svd.propose.learned.network import INPUT_PX, STRIDES, VERSION, ProposalNetwork
-from hil.evaluate.worker import board_model
+from hil.evaluate.method_choice import board_model
 from simulator.targets.library import load_target
 from tools.train.proposal_samples import Batch, Views, sample
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.evaluate.worker import board_model
+from hil.evaluate.method_choice import board_model
 from simulator.camera.detector.presets import sensor_preset
 from simulator.camera.lens.camera_model import Camera
 from simulator.imaging.exposure import integrate

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.evaluate.frame_record import COARSE_DEG, COARSE_SHARE
+from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
 from simulator.errors import UserError
 from simulator.runtime.untrusted_files import read_regular
 from simulator.world.frames.rotation import rotation_angle_rad

@@ -10,7 +10,7 @@ import pytest
 
 import flyaround as fa
 from flyaround.__main__ import run
-from hil.evaluate.grey import grey
+from hil.evaluate.greyscale import grey
 from hil.evaluate.metrics import metrics_json_schema
 from simulator.dataset.capture import capture
 from simulator.dataset.formats.native import read_png

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.evaluate.decision import reliability, trade_off
-from hil.evaluate.frame_record import frame_record
-from hil.evaluate.frames import EvaluatedFrame
+from hil.evaluate.decision_curves import reliability, trade_off
+from hil.evaluate.pose_errors import frame_record
+from hil.evaluate.result_rows import EvaluatedFrame
 
 UPRIGHT, AHEAD_M = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 10.0)
 

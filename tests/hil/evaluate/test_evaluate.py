@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from flyaround.__main__ import run
-from hil.evaluate.failures import KINDS
+from hil.evaluate.evaluation_plots import CAPTIONS
+from hil.evaluate.failure_stage import KINDS
 from hil.evaluate.metrics import metrics_json_schema
-from hil.evaluate.plots import CAPTIONS
 from simulator.dataset.capture import capture
 from simulator.scenario.recipes import plan_recipe
 

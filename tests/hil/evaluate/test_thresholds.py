@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hil.board.svd.image.region import Region
-from hil.evaluate.failures import HELD, TOO_LARGE, _serves
-from hil.evaluate.frame_record import _nees, frame_record
+from hil.evaluate.failure_stage import HELD, TOO_LARGE, _serves
 from hil.evaluate.metrics import summarise
+from hil.evaluate.pose_errors import _nees, frame_record
 
 BOX = (100.0, 50.0, 200.0, 90.0)
 

@@ -24,7 +24,7 @@ from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from hil.board.svd.refine.close import CLOSE_PX
 from hil.board.svd.refine.final import refine_to_end
 from hil.board.svd.refine.shadows import shadowed
-from hil.evaluate.worker import board_model
+from hil.evaluate.method_choice import board_model
 from simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)

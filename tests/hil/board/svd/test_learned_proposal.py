@@ -26,7 +26,7 @@ from hil.board.svd.propose.learned.learned_proposal import (
 from hil.board.svd.propose.learned.network import INPUT_FILL, INPUT_PX, ProposalNetwork, convolve
 from hil.board.svd.propose.learned.network_input import ImageCrop, crop_image
 from hil.board.svd.propose.learned.view_subspaces import ViewSubspaces
-from hil.evaluate.worker import board_model
+from hil.evaluate.method_choice import board_model
 from simulator.targets.library import load_target
 from tools.train.proposal_samples import Views, sample
 from tools.train.proposal_views import VIEW_PX

@@ -12,7 +12,7 @@ from drawn_craft import CAMERA, NOISE_DN, Craft
 from hil.board.svd import make_estimator
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.camera import undistorted_rays
-from hil.evaluate.frame_record import frame_errors
+from hil.evaluate.pose_errors import frame_errors
 
 SUN = np.array([0.3, -0.2, -0.93])
 

@@ -22,7 +22,7 @@ from hil.board.svd.propose.learned_hypotheses import learned_hypotheses
 from hil.board.svd.propose.multi_scale import crops_about, crops_about_lit, hypotheses_of_places
 from hil.board.svd.propose.regions import propose_regions
 from hil.board.svd.refine.coarse import refine_many_scales
-from hil.evaluate.worker import board_model
+from hil.evaluate.method_choice import board_model
 from simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)

@@ -28,7 +28,7 @@ from hil.board.svd.propose.variants import near_symmetries, over_its_image, tilt
 from hil.board.svd.refine.close import CLOSE_PX, refine_close_up
 from hil.board.svd.refine.photometric import photo_score
 from hil.board.svd.stages import run
-from hil.evaluate.worker import board_model
+from hil.evaluate.method_choice import board_model
 from simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)

@@ -25,7 +25,7 @@ from hil.board.svd.propose.learned.network import convolve
 from hil.board.svd.refine.edges import limit_one_step, limit_step
 from hil.board.svd.refine.parallel import Drawings, Pruning, draw, draw_shadows, refine_in_parallel
 from hil.board.svd.refine.photometric import explained, photo_draw, photo_step
-from hil.evaluate.worker import board_model
+from hil.evaluate.method_choice import board_model
 from simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(240, 160, 375.0, 375.0, 119.5, 79.5)

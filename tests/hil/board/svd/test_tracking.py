@@ -16,7 +16,7 @@ from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.tracking.edge_tracker import track_edges
 from hil.board.svd.tracking.pose_filter import first_state, innovation, predict, update
 from hil.board.svd.tracking.tracking_estimator import SURE, TrackingEstimator
-from hil.evaluate.worker import board_model
+from hil.evaluate.method_choice import board_model
 from simulator.targets.library import load_target
 
 SUN = np.array([0.3, -0.2, -0.93])

@@ -1,63 +1,27 @@
-"""One process of an evaluation: its estimators made once, then frame after frame."""
+"""Estimators of one process of an evaluation: made once, then asked for frame after frame."""
 
 from __future__ import annotations
 
 import signal
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import cv2
-import msgspec
 
 from hil.board.svd import BoardModel, CameraIntrinsics, Estimator, make_estimator
 from hil.board.svd.image.noise import noise_sigma
 from hil.board.svd.model.prepared_target import PreparedTarget
-from hil.evaluate.failures import failure_kind
-from hil.evaluate.frame_record import frame_record
-from hil.evaluate.frames import EvaluatedFrame
-from hil.evaluate.grey import grey
+from hil.evaluate.failure_stage import failure_kind
+from hil.evaluate.greyscale import grey
+from hil.evaluate.method_choice import MethodChoice
+from hil.evaluate.pose_errors import frame_record
+from hil.evaluate.result_rows import EvaluatedFrame
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.errors import UserError
 from simulator.labels.truth import Truth, read_truth
-from simulator.targets.board_model.write import write_board_model
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from simulator.targets.model import Target
-
-
-class MethodChoice(msgspec.Struct, frozen=True):
-    """A method with its solver and streams (None: the method's own), and steps towards ours."""
-
-    method: str
-    solver: str | None = None
-    streams: tuple[str, ...] | None = None
-    steps: tuple[str, ...] = ()
-
-    @property
-    def in_order(self) -> bool:
-        """Whether its frames must come one after another, in one process."""
-        return self.method == "svd-track"
-
-    @property
-    def label(self) -> str:
-        """Its name in tables."""
-        extra = [
-            *([self.solver] if self.solver else []),
-            *(self.streams or ()),
-            *(f"+{s}" for s in self.steps),
-        ]
-        return " ".join([self.method, *extra])
-
-
-def board_model(target: Target) -> BoardModel:
-    """The small form of a target, as a board reads it."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / f"{target.name}.board.json"
-        write_board_model(target, path)
-        return BoardModel.read(str(path))
 
 
 class Evaluator:

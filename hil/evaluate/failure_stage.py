@@ -10,7 +10,7 @@ from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.hypotheses.edge_support import support
 from hil.board.svd.image.edge_field import edge_field
 from hil.board.svd.model.visibility import visible_samples
-from hil.evaluate.frame_record import COARSE_DEG, COARSE_SHARE, frame_errors
+from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,11 +14,12 @@ import msgspec
 from hil.board.errors import BoardModelError
 from hil.board.svd import BoardModel
 from hil.board.svd.native.backend import describe_backend
-from hil.evaluate.frames import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
-from hil.evaluate.grey import about_pictures
+from hil.evaluate.evaluation_page import write_page
+from hil.evaluate.evaluator import Evaluator, answer_in_worker, start_worker
+from hil.evaluate.greyscale import about_pictures
+from hil.evaluate.method_choice import MethodChoice, board_model
 from hil.evaluate.metrics import MethodMetrics, Metrics, compose, summarise
-from hil.evaluate.page import write_page
-from hil.evaluate.worker import Evaluator, MethodChoice, answer_in_worker, board_model, start_worker
+from hil.evaluate.result_rows import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
 from simulator.dataset.card import read_card
 from simulator.dataset.formats.native import frame_paths, is_whole, read_png
 from simulator.errors import UserError
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence
     from pathlib import Path
 
-__all__ = ["board_model", "evaluate_dataset"]
 
 log = logging.getLogger(__name__)
 
@@ -75,16 +75,10 @@ def evaluate_dataset(
             known.sha256[:12],
         )
     labels = tuple(c.label for c in methods)
-    header = RunHeader(f"{card.scenario_name} {card.seed}", card.target.sha256, labels, known.sha256)
     path = report / ROWS
-    done: list[EvaluatedFrame] = []
-    if path.is_file():
-        done = read_rows(path, header)
-        # without the torn line that an interruption leaves
-        write_atomic(path, b"")
-    append_row(path, header)
-    for row in done:
-        append_row(path, row)
+    done = _resumed(
+        path, RunHeader(f"{card.scenario_name} {card.seed}", card.target.sha256, labels, known.sha256)
+    )
     there = {(row.frame, row.method) for row in done}
     tasks = [(k, label) for k in whole for label in labels if (k, label) not in there]
     total = len(tasks) + len(done)
@@ -101,17 +95,34 @@ def evaluate_dataset(
     if not done:
         raise UserError(f"no frame of data set {folder} can be read; run flyaround check on it")
     done.sort(key=lambda row: (labels.index(row.method), row.frame))
-    kind, colour = _pictures(folder, done)
-    metrics = compose(
-        [method_metrics(label, [r for r in done if r.method == label]) for label in labels],
-        describe_backend(),
-        kind,
-        grey_from_colour=colour,
-    )
+    metrics = _metrics(folder, labels, done)
     write_atomic(report / METRICS_JSON, msgspec.json.format(msgspec.json.encode(metrics), indent=1))
     write_atomic(report / FRAMES_CSV, frames_csv(done))
     write_page(report, folder, card, known, metrics, done)
     return metrics
+
+
+def _resumed(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
+    """Rows that an interrupted evaluation left, written anew without the torn line that it ended with."""
+    done: list[EvaluatedFrame] = []
+    if path.is_file():
+        done = read_rows(path, header)
+        write_atomic(path, b"")
+    append_row(path, header)
+    for row in done:
+        append_row(path, row)
+    return done
+
+
+def _metrics(folder: Path, labels: Sequence[str], rows: Sequence[EvaluatedFrame]) -> Metrics:
+    """Metrics of all methods, with what computed them and what the images are."""
+    kind, colour = _pictures(folder, rows)
+    return compose(
+        [method_metrics(label, [r for r in rows if r.method == label]) for label in labels],
+        describe_backend(),
+        kind,
+        grey_from_colour=colour,
+    )
 
 
 def _pictures(folder: Path, rows: Sequence[EvaluatedFrame]) -> tuple[str, bool]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from hil.evaluate.frame_record import FrameRecord
+from hil.evaluate.pose_errors import FrameRecord
 from simulator.errors import UserError
 
 if TYPE_CHECKING:

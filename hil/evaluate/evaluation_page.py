@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from hil.board.svd import BoardModel, CameraIntrinsics
-from hil.evaluate.failures import KINDS
-from hil.evaluate.gallery import failure_tile
-from hil.evaluate.grey import grey
-from hil.evaluate.plots import CAPTIONS, draw_plots
+from hil.evaluate.evaluation_plots import CAPTIONS, draw_plots
+from hil.evaluate.failure_stage import KINDS
+from hil.evaluate.failure_tiles import failure_tile
+from hil.evaluate.greyscale import grey
 from simulator.dataset.formats.native import frame_paths, read_png
 from simulator.labels.truth import read_truth
 from simulator.reports.markup import Content, Markup, element, markup
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from hil.evaluate.frames import EvaluatedFrame
     from hil.evaluate.metrics import MethodMetrics, Metrics, Summary
+    from hil.evaluate.result_rows import EvaluatedFrame
     from simulator.dataset.card import DatasetCard
     from simulator.runtime.arrays import ByteArray
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.evaluate.frames import EvaluatedFrame
+    from hil.evaluate.result_rows import EvaluatedFrame
 
 # Borders of the bins in which confidence is compared with how many were right.
 BINS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 0.98, 1.0)

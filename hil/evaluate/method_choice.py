@@ -1,0 +1,47 @@
+"""Which estimators are run, and the model that they are given."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from hil.board.svd import BoardModel
+from simulator.targets.board_model.write import write_board_model
+
+if TYPE_CHECKING:
+    from simulator.targets.model import Target
+
+
+class MethodChoice(msgspec.Struct, frozen=True):
+    """A method with its solver and streams (None: the method's own), and steps towards ours."""
+
+    method: str
+    solver: str | None = None
+    streams: tuple[str, ...] | None = None
+    steps: tuple[str, ...] = ()
+
+    @property
+    def in_order(self) -> bool:
+        """Whether its frames must come one after another, in one process."""
+        return self.method == "svd-track"
+
+    @property
+    def label(self) -> str:
+        """Its name in tables."""
+        extra = [
+            *([self.solver] if self.solver else []),
+            *(self.streams or ()),
+            *(f"+{s}" for s in self.steps),
+        ]
+        return " ".join([self.method, *extra])
+
+
+def board_model(target: Target) -> BoardModel:
+    """The small form of a target, as a board reads it."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"{target.name}.board.json"
+        write_board_model(target, path)
+        return BoardModel.read(str(path))
