@@ -1,4 +1,4 @@
-"""What each key of a scenario allows alone, but physics or the flight does not allow together, told in one sentence."""
+"""Checks of a scenario as a whole: values that are allowed one by one, but not together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading scenarios: built-in names and TOML files, every mistake told in one sentence."""
+"""Reading scenarios: built-in names and TOML files, every mistake in one sentence."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
         raise UserError(f"{where} is not valid TOML: {error}") from error
     except RecursionError as error:
         raise UserError(f"{where} is not valid TOML: it nests too deep") from error
-    raw = _with_environment(_plain(raw, where, ""))
+    raw = _with_preset_layers(_toml_values(raw, where, ""))
     try:
         scenario = msgspec.convert(raw, Scenario)
     except msgspec.ValidationError as error:
@@ -96,8 +96,8 @@ def _parse(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
     return scenario
 
 
-def _with_environment(raw: dict[str, Any]) -> dict[str, Any]:
-    """The file with the layers of its environment's preset filled in under its own; a wrong name is left to be told."""
+def _with_preset_layers(raw: dict[str, Any]) -> dict[str, Any]:
+    """The file with the layers of its environment's preset filled in; an unknown preset is left to the validation."""
     section = raw.get("environment")
     if not isinstance(section, dict) or section.get("preset") not in ENVIRONMENTS:
         return raw
@@ -138,12 +138,12 @@ def _check_camera(scenario: Scenario, where: str) -> None:
         )
 
 
-def _plain(value: Any, where: str, key: str) -> Any:  # noqa: ANN401 - a TOML value is anything
+def _toml_values(value: Any, where: str, key: str) -> Any:  # noqa: ANN401 - a TOML value is anything
     """TOML values as msgspec takes them: times as text, and no NaN or infinity, which would pass bounds."""
     if isinstance(value, dict):
-        return {k: _plain(v, where, f"{key}.{k}" if key else k) for k, v in value.items()}
+        return {k: _toml_values(v, where, f"{key}.{k}" if key else k) for k, v in value.items()}
     if isinstance(value, list):
-        return [_plain(v, where, f"{key}[{i}]") for i, v in enumerate(value)]
+        return [_toml_values(v, where, f"{key}[{i}]") for i, v in enumerate(value)]
     if isinstance(value, dt.datetime):
         if value.tzinfo is None:
             raise UserError(

@@ -49,17 +49,17 @@ def show_scenario(name: str) -> str:
         "# Keys are explained in docs/formats/scenario.md; units are in their names.",
         "",
     ]
-    for path, block in _blocks(text):
-        kind = _at(raw, path)[1]
-        lines += [*_about(kind), *block] if path else block
-        lines += [*_keys_to_add(kind, _at(raw, path)[0]), *_other_kinds(raw, path), ""]
-    for path, kind, many in _sections_to_add(raw, _struct(mi.type_info(Scenario), raw), ""):
+    for path, block in _text_by_section(text):
+        kind = _table_at(raw, path)[1]
+        lines += [*_description(kind), *block] if path else block
+        lines += [*_keys_to_add(kind, _table_at(raw, path)[0]), *_other_kinds(raw, path), ""]
+    for path, kind, many in _sections_to_add(raw, _struct_type(mi.type_info(Scenario), raw), ""):
         header = f"[[{path}]]" if many else f"[{path}]"
-        lines += [*_about(kind), f"# {header}", *_keys_to_add(kind, {}), ""]
+        lines += [*_description(kind), f"# {header}", *_keys_to_add(kind, {}), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _blocks(text: str) -> list[tuple[str, list[str]]]:
+def _text_by_section(text: str) -> list[tuple[str, list[str]]]:
     """The text by its sections: path (empty for the top) and lines, without blank ones at the end."""
     found: list[tuple[str, list[str]]] = [("", [])]
     for line in text.splitlines():
@@ -69,21 +69,21 @@ def _blocks(text: str) -> list[tuple[str, list[str]]]:
     return [(path, "\n".join(lines).rstrip().splitlines()) for path, lines in found]
 
 
-def _at(raw: dict[str, Any], path: str) -> tuple[dict[str, Any], mi.StructType]:
+def _table_at(raw: dict[str, Any], path: str) -> tuple[dict[str, Any], mi.StructType]:
     """The table at a path, and its type."""
     table: Any = raw
-    kind = _struct(mi.type_info(Scenario), raw)
+    kind = _struct_type(mi.type_info(Scenario), raw)
     for step in path.split(".") if path else ():
         table = table[step]
         field = next(f for f in kind.fields if f.encode_name == step)
         # of a list of tables the first stands for all
         many = isinstance(table, list)
         table = table[0] if many else table
-        kind = _struct(_item(field.type) if many else field.type, table)
+        kind = _struct_type(_item(field.type) if many else field.type, table)
     return table, kind
 
 
-def _struct(type_: mi.Type, table: dict[str, Any]) -> mi.StructType:
+def _struct_type(type_: mi.Type, table: dict[str, Any]) -> mi.StructType:
     """Of the tables that a type allows the one that the file's tag names."""
     structs = [t for t in alternatives(type_) if isinstance(t, mi.StructType)]
     return next((t for t in structs if t.tag_field and table.get(t.tag_field) == t.tag), structs[0])
@@ -116,7 +116,7 @@ def _keys_to_add(kind: mi.StructType, table: dict[str, Any]) -> list[str]:
 
 def _other_kinds(raw: dict[str, Any], path: str) -> list[str]:
     """A line that names what else a section may be, where its keys depend on one of them."""
-    top = next((f for f in _struct(mi.type_info(Scenario), raw).fields if f.encode_name == path), None)
+    top = next((f for f in _struct_type(mi.type_info(Scenario), raw).fields if f.encode_name == path), None)
     kinds = [] if top is None else [t for t in alternatives(top.type) if isinstance(t, mi.StructType)]
     if len(kinds) < 2 or kinds[0].tag_field is None:
         return []
@@ -142,16 +142,16 @@ def _sections_to_add(
         there, at = table.get(name), f"{path}.{name}" if path else name
         many = any(isinstance(t, mi.ListType) for t in alternatives(field.type))
         if isinstance(there, dict):
-            found += _sections_to_add(there, _struct(field.type, there), at)
+            found += _sections_to_add(there, _struct_type(field.type, there), at)
         elif there is None:
-            section = _struct(_item(field.type) if many else field.type, {})
+            section = _struct_type(_item(field.type) if many else field.type, {})
             found.append((at, section, many))
             # what lies within a section that may be added may be added with it
             found += _sections_to_add({}, section, at)
     return found
 
 
-def _about(kind: mi.StructType) -> list[str]:
+def _description(kind: mi.StructType) -> list[str]:
     """What a section is, as its type says."""
     return _comment(inspect.cleandoc(kind.cls.__doc__ or "").replace("``", "").replace("`", ""))
 

@@ -155,9 +155,9 @@ class Flight:
         ----------
         frame : `lvlh` at that time, where it is known; else the quick one of the track.
         """
-        told = self.recording.chaser if self.recording else self.scripted
-        if told is not None:
-            chaser = told(t_s)
+        played_back = self.recording.chaser if self.recording else self.scripted
+        if played_back is not None:
+            chaser = played_back(t_s)
             return np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
         if self.controlled is not None:
             return self.controlled(t_s)

@@ -76,7 +76,7 @@ class FlightLog:
         elif f.scripted is not None and f.recording is None:
             spans = pairwise([*f.scripted.times_s, f.duration_s])
             given = [
-                float(np.linalg.norm(_asked(f.scripted, k))) * (end - start)
+                float(np.linalg.norm(_commanded_acceleration(f.scripted, k))) * (end - start)
                 for k, (start, end) in enumerate(spans)
             ]
         object.__setattr__(self, "_totals_m_s", [0.0, *accumulate(given)])
@@ -101,7 +101,7 @@ class FlightLog:
         a = track.thrust_eci_m_s2[k]
         phase = self.flight.guidance.phase(t_s)
         if track.abort_s is not None and start >= track.abort_s:
-            phase = "retreat" if _near(track, k) else "drift"
+            phase = "retreat" if _still_retreating(track, k) else "drift"
         over = t_s >= start + track.period_s
         return ThrustState(
             phase=phase,
@@ -113,7 +113,7 @@ class FlightLog:
     def _scripted(self, track: ScriptedTrack, t_s: float) -> ThrustState:
         k = max(bisect_right(track.times_s, t_s) - 1, 0)
         start = track.times_s[k]
-        a = _asked(track, k)
+        a = _commanded_acceleration(track, k)
         frame = track.orbit.frame(start)
         moved = frame.R_eci_from_lvlh.T @ a
         phase = "guarded" if track.overruled[k] else "commanded" if a.any() else "coast"
@@ -168,7 +168,7 @@ class FlightLog:
         return None if track is None else float(track.mass_kg[0]) - track.end_mass_kg
 
 
-def _asked(track: ScriptedTrack, k: int) -> FloatArray:
+def _commanded_acceleration(track: ScriptedTrack, k: int) -> FloatArray:
     """Acceleration of a step, along GCRS axes."""
     command = track.commands[k]
     camera = matrix_from_quat(track.states[k].q_camera_from_eci_wxyz).T @ np.array(
@@ -180,7 +180,7 @@ def _asked(track: ScriptedTrack, k: int) -> FloatArray:
     return np.asarray(camera + frame.R_eci_from_lvlh @ np.array(command.acceleration_lvlh_m_s2, float))
 
 
-def _near(track: ControlledTrack, k: int) -> bool:
+def _still_retreating(track: ControlledTrack, k: int) -> bool:
     """Whether the retreat after an abort still goes on."""
     reach = 0.0 if track.keep_out is None else 2 * track.keep_out.radius_m
     return float(np.linalg.norm(track.position_eci_m[k])) <= reach
@@ -212,7 +212,7 @@ def _abort_events(track: ControlledTrack, abort_s: float) -> list[Event]:
             "straight outward",
         )
     ]
-    away = next((j for j in range(k, len(track.mass_kg)) if not _near(track, j)), None)
+    away = next((j for j in range(k, len(track.mass_kg)) if not _still_retreating(track, j)), None)
     if away is not None:
         t_s = away * track.period_s
         events.append(Event(t_s=t_s, kind="retreated", what="twice the sphere's radius away: free drift"))

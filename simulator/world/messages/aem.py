@@ -108,7 +108,7 @@ def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> t
     spans = []
     for segment in read_segments(text, where, "AEM"):
         instants = segment.instants()
-        first, last = segment.usable(instants)
+        first, last = segment.usable_span(instants)
         spans.append(f"{first.iso()} to {last.iso()}")
         covers = first.minus(epoch) <= _ROUNDING_S and last.minus(epoch) >= duration_s - _ROUNDING_S
         if len(instants) > 1 and covers:
@@ -121,14 +121,14 @@ def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> t
 
 def _attitudes(segment: Segment) -> FloatArray:
     """(n, 4) ``q_eci_from_body_wxyz``, one sign through the file."""
-    kind = segment.one_of("ATTITUDE_TYPE", _TYPES)
+    kind = segment.require_one_of("ATTITUDE_TYPE", _TYPES)
     if kind in _QUATERNION_TYPES:
         q = _quaternions(segment)
     elif kind in _EULER_TYPES:
         q = _from_angles(segment.numbers(3), _sequence(segment))
     else:
         q = _from_angles(_spin_angles(segment), "ZYZ")
-    a, b = segment.need("REF_FRAME_A"), segment.need("REF_FRAME_B")
+    a, b = segment.require("REF_FRAME_A"), segment.require("REF_FRAME_B")
     if segment.meta.get("ATTITUDE_DIR", "A2B").upper() == "B2A":
         q = quat_conjugate(q)
     frame = known_frame(a)
@@ -165,7 +165,7 @@ def _quaternions(segment: Segment) -> FloatArray:
 
 def _sequence(segment: Segment) -> str:
     """The axes of an Euler sequence such as 321, as scipy names turns about the turned axes."""
-    named = segment.need("EULER_ROT_SEQ").upper().translate(str.maketrans("123", "XYZ"))
+    named = segment.require("EULER_ROT_SEQ").upper().translate(str.maketrans("123", "XYZ"))
     if len(named) != 3 or set(named) - set("XYZ") or named[0] == named[1] or named[1] == named[2]:
         raise UserError(
             f"{segment.where}: EULER_ROT_SEQ is {segment.meta['EULER_ROT_SEQ']}, allowed: three axes such as 321"

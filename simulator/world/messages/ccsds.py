@@ -35,7 +35,7 @@ class Segment:
     meta: dict[str, str] = field(default_factory=dict)
     rows: list[tuple[int, list[str]]] = field(default_factory=list)
 
-    def need(self, key: str) -> str:
+    def require(self, key: str) -> str:
         """A key that must be there.
 
         Raises
@@ -47,7 +47,7 @@ class Segment:
             raise UserError(f"{self.where}: a metadata block lacks the key {key}: add it")
         return self.meta[key]
 
-    def one_of(self, key: str, allowed: Sequence[str]) -> str:
+    def require_one_of(self, key: str, allowed: Sequence[str]) -> str:
         """A key whose value is one of ``allowed``.
 
         Raises
@@ -55,7 +55,7 @@ class Segment:
         UserError
             If it is missing or another.
         """
-        value = self.need(key).upper()
+        value = self.require(key).upper()
         if value not in allowed:
             raise UserError(f"{self.where}: {key} is {value}, allowed: {', '.join(allowed)}")
         return value
@@ -68,7 +68,7 @@ class Segment:
         UserError
             If there is no line, a time cannot be read, or a time is not later than the one before.
         """
-        system = self.one_of("TIME_SYSTEM", TIME_SYSTEMS)
+        system = self.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)
         if not self.rows:
             raise UserError(f"{self.where}: a segment has no data lines: add some")
         times: list[Instant] = []
@@ -81,16 +81,16 @@ class Segment:
                 )
         return times
 
-    def usable(self, instants: Sequence[Instant]) -> tuple[Instant, Instant]:
+    def usable_span(self, instants: Sequence[Instant]) -> tuple[Instant, Instant]:
         """First and last moment that may be interpolated: what the metadata say, or else all."""
-        system = self.one_of("TIME_SYSTEM", TIME_SYSTEMS)
+        system = self.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)
 
-        def told(key: str, otherwise: Instant) -> Instant:
+        def limit(key: str, otherwise: Instant) -> Instant:
             return (
                 read_time(self.meta[key], system, f"{self.where}: {key}") if key in self.meta else otherwise
             )
 
-        return told("USEABLE_START_TIME", instants[0]), told("USEABLE_STOP_TIME", instants[-1])
+        return limit("USEABLE_START_TIME", instants[0]), limit("USEABLE_STOP_TIME", instants[-1])
 
     def refuse_gap(self, times_s: FloatArray, k: int) -> None:
         """Refuse to interpolate between lines ``k - 1`` and ``k`` when lines are missing there.

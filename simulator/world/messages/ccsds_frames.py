@@ -34,7 +34,7 @@ def known_frame(name: str) -> str | None:
     return plain if plain in FRAMES else None
 
 
-def need_frame(name: str, where: str) -> str:
+def require_frame(name: str, where: str) -> str:
     """The frame of ``FRAMES`` that a message means.
 
     Raises

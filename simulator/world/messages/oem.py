@@ -8,7 +8,7 @@ import numpy as np
 
 from simulator.errors import UserError
 from simulator.world.messages.ccsds import Segment, header, read_segments, read_time, stamp
-from simulator.world.messages.ccsds_frames import need_frame, state_in_gcrf
+from simulator.world.messages.ccsds_frames import require_frame, state_in_gcrf
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,17 +44,17 @@ def read_oem_state(
     """
     spans = []
     for segment in read_segments(text, where, "OEM"):
-        segment.one_of("CENTER_NAME", (centre,))
-        frame = need_frame(segment.need("REF_FRAME"), where)
+        segment.require_one_of("CENTER_NAME", (centre,))
+        frame = require_frame(segment.require("REF_FRAME"), where)
         instants = segment.instants()
         times = np.array([t.minus(epoch) for t in instants])
-        first, last = segment.usable(instants)
+        first, last = segment.usable_span(instants)
         spans.append(f"{first.iso()} to {last.iso()}")
         if first.minus(epoch) <= 1e-6 and last.minus(epoch) >= -1e-6:
             # interpolated in the file's own frame, whose velocities are the slopes of its positions
             r, v = _interpolate(segment, times)
             if "REF_FRAME_EPOCH" in segment.meta and frame in _OF_DATE:
-                at = read_time(segment.meta["REF_FRAME_EPOCH"], segment.need("TIME_SYSTEM").upper(), where)
+                at = read_time(segment.meta["REF_FRAME_EPOCH"], segment.require("TIME_SYSTEM").upper(), where)
                 return state_in_gcrf(frame, at, r, v)
             return state_in_gcrf(frame, epoch, r, v)
     raise UserError(f"{where} covers {' and '.join(spans)}, not {epoch.iso()}: choose an epoch within")

@@ -48,16 +48,16 @@ def relative_step(
     thrust : the chaser's acceleration along GCRS axes [m s-2], of the time since ``t_s``.
     """
     if not orbit.burns:
-        return _leg(orbit, t_s, h, state, thrust, 0.0)
+        return _runge_kutta_step(orbit, t_s, h, state, thrust, 0.0)
     edges = [t_s, *burn_edges_s(orbit.burns, t_s, t_s + h), t_s + h]
     for a, b in pairwise(edges):
         if b > a:
-            state = _leg(orbit, a, b - a, state, thrust, a - t_s)
-        state = _kicked(orbit, b, state)
+            state = _runge_kutta_step(orbit, a, b - a, state, thrust, a - t_s)
+        state = _after_target_impulses(orbit, b, state)
     return state
 
 
-def _kicked(
+def _after_target_impulses(
     orbit: OrbitTrack, t_s: float, state: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """The state right after the target's impulses of a moment."""
@@ -68,7 +68,7 @@ def _kicked(
     return p, v
 
 
-def _leg(
+def _runge_kutta_step(
     orbit: OrbitTrack,
     t_s: float,
     h: float,
@@ -98,12 +98,12 @@ def _leg(
 
     p, v = p0.tolist(), v0.tolist()
     a1 = pull(orbit(t_s)[0].tolist(), p, first)
-    v2 = _plus(v, h / 2, a1)
-    a2 = pull(middle, _plus(p, h / 2, v), half)
-    v3 = _plus(v, h / 2, a2)
-    a3 = pull(middle, _plus(p, h / 2, v2), half)
-    v4 = _plus(v, h, a3)
-    a4 = pull(r_end, _plus(p, h, v3), last)
+    v2 = _add_scaled(v, h / 2, a1)
+    a2 = pull(middle, _add_scaled(p, h / 2, v), half)
+    v3 = _add_scaled(v, h / 2, a2)
+    a3 = pull(middle, _add_scaled(p, h / 2, v2), half)
+    v4 = _add_scaled(v, h, a3)
+    a4 = pull(r_end, _add_scaled(p, h, v3), last)
     return (
         np.array(
             [q + h / 6 * (a + 2 * b + 2 * c + d) for q, a, b, c, d in zip(p, v, v2, v3, v4, strict=True)]
@@ -114,5 +114,5 @@ def _leg(
     )
 
 
-def _plus(a: list[float], h: float, b: list[float]) -> list[float]:
+def _add_scaled(a: list[float], h: float, b: list[float]) -> list[float]:
     return [a[0] + h * b[0], a[1] + h * b[1], a[2] + h * b[2]]

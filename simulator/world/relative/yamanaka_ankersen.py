@@ -18,7 +18,7 @@ _PAPER_FROM_LVLH = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]
 
 
 @dataclass(frozen=True)
-class _Place:
+class _OrbitPoint:
     """A point of the orbit: true anomaly, ``1 + e cos``, its sine and cosine companions."""
 
     nu: float
@@ -29,9 +29,9 @@ class _Place:
     c_slope: float
 
     @staticmethod
-    def of(nu: float, e: float) -> _Place:
+    def of(nu: float, e: float) -> _OrbitPoint:
         rho = 1 + e * np.cos(nu)
-        return _Place(
+        return _OrbitPoint(
             nu=nu,
             rho=rho,
             s=rho * np.sin(nu),
@@ -58,11 +58,11 @@ def elliptic_transition_matrix(orbit: Elements, t_s: float, mu_m3_s2: float = MU
     e = orbit.eccentricity
     p = orbit.semi_major_axis_m * (1 - e * e)
     k2 = np.sqrt(mu_m3_s2 / p**3)
-    start = _Place.of(orbit.true_anomaly_rad, e)
-    end = _Place.of(true_anomaly_after(orbit, t_s, mu_m3_s2), e)
+    start = _OrbitPoint.of(orbit.true_anomaly_rad, e)
+    end = _OrbitPoint.of(true_anomaly_after(orbit, t_s, mu_m3_s2), e)
     J = k2 * t_s
     in_plane = _in_plane(end, e, J) @ _in_plane_start_inverse(start, e)
-    across = _across(end.nu - start.nu)
+    across = _out_of_plane(end.nu - start.nu)
     paper = np.zeros((6, 6))
     xz, y = np.ix_([0, 2, 3, 5], [0, 2, 3, 5]), np.ix_([1, 4], [1, 4])
     paper[xz], paper[y] = in_plane, across
@@ -71,7 +71,7 @@ def elliptic_transition_matrix(orbit: Elements, t_s: float, mu_m3_s2: float = MU
     return np.asarray(T.T @ whole @ T)
 
 
-def _in_plane(at: _Place, e: float, J: float) -> FloatArray:
+def _in_plane(at: _OrbitPoint, e: float, J: float) -> FloatArray:
     """Solutions of the in-plane equations, rows [x z x' z'], columns the four constants."""
     s, c, rho = at.s, at.c, at.rho
     return np.array(
@@ -84,24 +84,24 @@ def _in_plane(at: _Place, e: float, J: float) -> FloatArray:
     )
 
 
-def _in_plane_start_inverse(at: _Place, e: float) -> FloatArray:
+def _in_plane_start_inverse(at: _OrbitPoint, e: float) -> FloatArray:
     """The constants from the state at the start, where J = 0."""
     return np.asarray(np.linalg.inv(_in_plane(at, e, 0.0)))
 
 
-def _across(angle: float) -> FloatArray:
+def _out_of_plane(angle: float) -> FloatArray:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [-s, c]])
 
 
-def _to_anomaly(at: _Place, e: float, k2: float) -> FloatArray:
+def _to_anomaly(at: _OrbitPoint, e: float, k2: float) -> FloatArray:
     """From position and velocity to the scaled position and its slope over true anomaly."""
     eye = np.eye(3)
     sine = e * np.sin(at.nu)
     return np.block([[at.rho * eye, 0 * eye], [-sine * eye, eye / (k2 * at.rho)]])
 
 
-def _to_time(at: _Place, e: float, k2: float) -> FloatArray:
+def _to_time(at: _OrbitPoint, e: float, k2: float) -> FloatArray:
     eye = np.eye(3)
     sine = e * np.sin(at.nu)
     return np.block([[eye / at.rho, 0 * eye], [k2 * sine * eye, k2 * at.rho * eye]])
