@@ -38,6 +38,8 @@ class Frame:
     mask : (H, W) uint8, 255 on the target, or None. depth_m : (H, W) camera z, NaN outside, or None.
     layers : the label images that were asked for, by name.
     stage_ms : wall time of each stage: the frame's ledger.
+    faults : of the camera that changed the image on purpose.
+    time_code_px : columns and rows of a code drawn into the image, the ends not included; None without one.
     """
 
     scene: SceneState
@@ -48,6 +50,8 @@ class Frame:
     depth_m: Float32Array | None = None
     layers: dict[str, NDArray[Any]] = field(default_factory=dict)
     stage_ms: dict[str, float] = field(default_factory=dict)
+    faults: tuple[str, ...] = ()
+    time_code_px: tuple[int, int, int, int] | None = None
 
     @property
     def number(self) -> int:

@@ -15,8 +15,8 @@ import typer
 
 from flyaround.commands.scenario_argument import load_flown
 from flyaround.commands.terminal import say
+from hil.corner_code import CodePlace, read_code
 from hil.display.calibration import calibrate, read_calibration, write_calibration
-from hil.display.corner_code import CodePlace, read_code
 from hil.display.patterns import calibration_patterns
 from hil.display.predistort import Predistorter
 from hil.display.screen_sink import ScreenSink

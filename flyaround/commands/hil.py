@@ -20,6 +20,8 @@ from hil.board.agent import run_board
 from hil.board.svd import METHODS
 from hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE
 from hil.host.bundle import write_bundle
+from hil.host.faults.camera_faults import with_camera_faults, with_exposure_faults
+from hil.host.faults.definitions import NO_FAULTS, read_faults
 from hil.host.ledger.frames_csv import LedgerRow
 from hil.host.ledger.report import write_report
 from hil.host.ledger.summary import LedgerSummary
@@ -28,6 +30,7 @@ from hil.host.plan_frames import check_one_channel, frames_of_plan
 from hil.host.recording.ros_log import RosLog
 from hil.host.recording.space_packets import SpacePacketSink
 from hil.host.run import RunConfig, run_host
+from hil.host.time_code import with_time_code
 from hil.host.truth.policy import truth_kept_home
 from hil.link.transports.url import parse_url
 from simulator.errors import UserError
@@ -109,6 +112,18 @@ def host(
             help="Also write truth and answers as CCSDS space packets to a file or udp://127.0.0.1:PORT."
         ),
     ] = None,
+    faults: Annotated[
+        Path | None,
+        typer.Option(
+            help="TOML file of faults of the camera and the line, told in the ledger (docs/formats/faults.md)."
+        ),
+    ] = None,
+    time_code: Annotated[
+        bool,
+        typer.Option(
+            "--time-code", help="Draw frame number and exposure time into a corner of each picture."
+        ),
+    ] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed (default: the scenario's).")] = None,
     workers: Annotated[
         int, typer.Option(min=1, max=64, help="Processes that draw in turn: more frames a second.")
@@ -127,6 +142,7 @@ def host(
         raise UserError(f"unknown truth '{truth}' in --truth; choose off, separate or inline")
     if n is not None and every_s is not None:
         raise UserError("hil host takes -n or --every, not both; leave one out")
+    given = NO_FAULTS if faults is None else read_faults(faults)
     link, warning = truth_kept_home(
         LinkConfig(
             url=listen,
@@ -134,6 +150,7 @@ def host(
             truth="off" if truth == "off" else "inline" if truth == "inline" else "separate",
             timeout_s=timeout_s or POSE_S,
             max_misses=max_misses,
+            faults=given,
         )
     )
     plan = plan_flight(
@@ -168,9 +185,12 @@ def host(
                 ends.append(summary)
 
         ends: list[LedgerSummary] = []
+        drawn = frames_of_plan(
+            with_exposure_faults(plan, given), device_index=gpu, workers=workers, warm_up=mode == "realtime"
+        )
         try:
             run_host(
-                frames_of_plan(plan, device_index=gpu, workers=workers, warm_up=mode == "realtime"),
+                with_camera_faults(with_time_code(drawn, faults=given) if time_code else drawn, given),
                 config,
                 on_row=count,
                 on_listening=lambda url, truth_url: say(

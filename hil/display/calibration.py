@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.interpolate import PchipInterpolator
 
-from hil.display.corner_code import BLOCK_COLUMNS, BLOCK_ROWS, CodePlace
+from hil.corner_code import BLOCK_COLUMNS, BLOCK_ROWS, CodePlace
 from hil.display.patterns import LEVELS, PERIOD_PX, SHIFTS, half_period_bits
 from simulator.errors import UserError
 from simulator.runtime.files import write_atomic

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from hil.display.corner_code import CodePlace, CornerCode, draw_code
+from hil.corner_code import CodePlace, CornerCode, draw_code
 from simulator.errors import UserError
 from simulator.world.time.instant import nanoseconds_utc
 

@@ -188,6 +188,14 @@ def _on_one_footing(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
         before = frame
 
 
+def _told_truth(frame: Frame) -> dict[str, object] | None:
+    """The truth record of a frame, with the pixels that a time code covers."""
+    if frame.truth is None:
+        return None
+    document: dict[str, object] = truth_document(frame.truth)
+    return document if frame.time_code_px is None else document | {"time_code_px": list(frame.time_code_px)}
+
+
 class BoardSink:
     """Sends each frame to the board, in lockstep or when it is due, and keeps the books of what became of them."""
 
@@ -356,7 +364,7 @@ class BoardSink:
             exposure_s=scene.exposure_s,
             bits=scene.sensor.bits,
             due_ns=due_ns,
-            truth=None if self.config.truth == "off" or frame.truth is None else truth_document(frame.truth),
+            truth=None if self.config.truth == "off" else _told_truth(frame),
         )
         self._tell(lambda recorder: recorder.frame(frame))
 

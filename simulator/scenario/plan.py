@@ -39,6 +39,13 @@ class FramePlan(Protocol):
         """The snapshot of frame k."""
 
 
+class Exposures(Protocol):
+    """The exposure along a flight."""
+
+    def exposure_s(self, t_s: float) -> float:
+        """Exposure at a time of the flight [s]."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Plan:
     """Moments of a flight that become frames. ``scene(k)`` depends on (scenario, seed, k) alone.
@@ -59,7 +66,7 @@ class Plan:
     seed: int
     bands: Bands
     quality: Quality
-    exposures: ExposureTrack | None = None
+    exposures: Exposures | None = None
 
     @property
     def n_frames(self) -> int:

@@ -41,6 +41,7 @@ class LedgerRow:
     board_wait_ms, board_total_ms : frame whole to estimator's start, and to its end.
     q_wxyz, t_m : ``camera_from_target`` as the board has it; ``truth_*`` the true one.
     E_T_m, E_R_deg : pose error, where both are known.
+    faults : what struck the frame on purpose, of camera and line.
     """
 
     frame_id: int
@@ -65,6 +66,7 @@ class LedgerRow:
     truth_t_m: Vec3 | None = None
     E_T_m: float | None = None
     E_R_deg: float | None = None
+    faults: tuple[str, ...] = ()
 
     @property
     def wrong(self) -> bool | None:
@@ -104,6 +106,7 @@ COLUMNS = (
     "stages_ms",
     *_ERRORS,
     *(column for columns in _VECTORS.values() for column in columns),
+    "faults",
 )
 
 
@@ -131,6 +134,7 @@ def ledger_row(frame: Frame, result: FrameResult) -> LedgerRow:
         outcome=result.outcome,
         reason=result.reason,
         render_ms=frame.drawing_ms,
+        faults=(*frame.faults, *result.faults),
         send_lag_ms=_ms(result.due_ns, result.send_start_ns),
         send_ms=_ms(result.send_start_ns, result.send_end_ns),
         e2e_ms=_ms(result.send_start_ns, result.received_ns),
@@ -237,6 +241,7 @@ def _cells(row: LedgerRow) -> list[str]:
     for name, columns in _VECTORS.items():
         vector = getattr(row, name)
         cells += [""] * len(columns) if vector is None else [repr(float(x)) for x in vector]
+    cells.append(";".join(row.faults))
     return cells
 
 
@@ -258,7 +263,8 @@ def read_ledger(folder: Path) -> list[LedgerRow]:
     line = 0
     try:
         reader = csv.DictReader(io.StringIO(data[: data.rfind(b"\n") + 1].decode()))
-        missing = [name for name in COLUMNS if name not in (reader.fieldnames or [])]
+        # ledgers of versions without faults are read, too
+        missing = [name for name in COLUMNS[:-1] if name not in (reader.fieldnames or [])]
         if missing:
             raise UserError(f"{path} has no column {missing[0]!r}: it was not written by this version's host")
         rows = []
@@ -297,6 +303,7 @@ def _row(cells: dict[str, str]) -> LedgerRow:
         outcome=cells["outcome"],
         reason=cells["reason"],
         stages_ms=stages_ms,
+        faults=tuple(name for name in cells.get("faults", "").split(";") if name),
         **optional,
         **vectors,
     )

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from hil.host.faults.definitions import NO_FAULTS, Faults
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -31,6 +33,7 @@ class LinkConfig:
     timeout_s : how long a frame waits for its pose, and the run for a board that went away.
     truth_url : where truth loggers connect; None for no such endpoint.
     max_misses : frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
+    faults : those of the line are put between the board and the link.
     """
 
     url: str
@@ -40,6 +43,7 @@ class LinkConfig:
     truth_url: str | None = None
     compression: Compression = "auto"
     max_misses: int = 3
+    faults: Faults = NO_FAULTS
 
 
 @dataclass(frozen=True)
@@ -134,6 +138,7 @@ class FrameResult:
     ----------
     outcome : accepted, declined or dropped:CAUSE.
     clock_offset_ns : board's clock minus the host's, None while unknown.
+    faults : of the line that struck the frame or its answer, on purpose.
     """
 
     frame_id: int
@@ -145,6 +150,7 @@ class FrameResult:
     received_ns: int | None = None
     pose: PoseMessage | None = None
     clock_offset_ns: int | None = None
+    faults: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

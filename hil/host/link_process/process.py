@@ -12,6 +12,7 @@ from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any
 
+from hil.host.faults.line_faults import FaultJournal, with_line_faults
 from hil.host.link_process.in_flight import FramesInFlight
 from hil.host.link_process.ipc import (
     BoardDown,
@@ -100,7 +101,8 @@ class LinkServer:
         self._clock = ClockFilter()
         self._next_sync_ns = 0
         self._waiting: deque[FrameJob] = deque()
-        self._in_flight = FramesInFlight(self._pipe.send, config.timeout_s)
+        self._journal = FaultJournal()
+        self._in_flight = FramesInFlight(self._report, config.timeout_s)
         self._counts = LinkCounts()
         self._blocked_until_ns = 0  # lockstep, out of credit: when to give up
         self._timeout_ns = int(config.timeout_s * 1e9)
@@ -189,7 +191,11 @@ class LinkServer:
         """A frame that was never sent."""
         self._pipe.send(SlotFree(job.slot))
         self._publish_truth(job)
-        self._pipe.send(FrameResult(job.frame_id, f"dropped:{cause}", reason, job.due_ns))
+        self._report(FrameResult(job.frame_id, f"dropped:{cause}", reason, job.due_ns))
+
+    def _report(self, result: FrameResult) -> None:
+        """A frame's outcome to the run, with what struck it on purpose."""
+        self._pipe.send(replace(result, faults=self._journal.take(result.frame_id)))
 
     # --- frames out -------------------------------------------------------------------------
 
@@ -271,6 +277,8 @@ class LinkServer:
         transport = self._listener.accept(0.0)
         if transport is None:
             return
+        if self._config.faults.line:
+            transport = with_line_faults(transport, self._config.faults, self._journal)
         if self._link is not None:
             refuse(Link(transport), ErrorCode.BUSY, BUSY)
             return

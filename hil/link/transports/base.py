@@ -35,6 +35,9 @@ class Transport(Protocol):
     def send_packet(self, packet: Packet) -> None:
         """Send, or raise LinkClosed."""
 
+    def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
+        """Send with some bits of one byte of the line turned over: for runs with faults on purpose."""
+
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
         """The next packet, None after ``timeout_s``; PacketError for damage, LinkClosed at the end."""
 
@@ -75,6 +78,12 @@ class StreamTransport(ABC):
         if self._closed:
             raise LinkClosed(f"{self.name} is closed")
         self._write(self._framing.encode(packet))
+
+    def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
+        """Send with some bits of one byte of the line turned over: for runs with faults on purpose."""
+        data = bytearray(self._framing.encode(packet))
+        data[at % len(data)] ^= flip
+        self._write(bytes(data))
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
         """The next packet, None after ``timeout_s``; PacketError for damage, LinkClosed at the end."""

@@ -73,6 +73,7 @@ class _SharedPort:
         self.name = port.name
         self.chunk_bytes = port.chunk_bytes
         self.send_packet = port.send_packet
+        self.send_damaged = port.send_damaged
         self.recv_packet = port.recv_packet
         self.fileno = port.fileno
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from standin_camera import StandInCamera
 
+from hil.corner_code import CodePlace, CornerCode, draw_code, read_code
 from hil.display.calibration import calibrate, read_calibration, write_calibration
-from hil.display.corner_code import CodePlace, CornerCode, draw_code, read_code
 from hil.display.patterns import calibration_patterns
 from hil.display.predistort import Predistorter
 from simulator.errors import UserError

@@ -1,0 +1,129 @@
+"""Camera faults on frames: pixels change, truth stays, and each frame tells what hit it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.host.faults.definitions import (
+    Blinding,
+    ColumnLoss,
+    DeadPixels,
+    FrozenPicture,
+    GainStep,
+    HalfFrame,
+    RowLoss,
+    StuckExposure,
+    StuckPixels,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from hil.host.faults.definitions import CameraFault, Faults
+    from simulator.frame import Frame
+    from simulator.scenario.plan import Exposures, Plan
+
+    Pixels = NDArray[np.unsignedinteger]
+
+
+def with_camera_faults(frames: Iterable[Frame], faults: Faults) -> Iterator[Frame]:
+    """Frames as the faulty camera gives them; ``faults`` of each names what changed it.
+
+    The same frames and seed give the same bytes.
+    """
+    frozen: dict[int, Pixels] = {}
+    before: Pixels | None = None
+    for frame in frames:
+        image, hit = frame.image, list(frame.faults)
+        t_s, white = frame.scene.t_s, 2**frame.scene.sensor.bits - 1
+        for k, fault in enumerate(faults.camera):
+            if not fault.acts(t_s):
+                continue
+            if isinstance(fault, FrozenPicture):
+                changed: Pixels | None = frozen.setdefault(k, image if before is None else before)
+            else:
+                changed = _changed(image, fault, (faults.seed, k), frame.number, white)
+            if changed is not None:
+                image = changed
+                hit.append(fault.name)
+        before = image
+        hit += [f.name for f in faults.camera if isinstance(f, StuckExposure) and f.acts(t_s)]
+        yield replace(frame, image=image, faults=tuple(hit)) if hit else frame
+
+
+def with_exposure_faults(plan: Plan, faults: Faults) -> Plan:
+    """The plan with its automatic exposure stuck where a fault says so; a fixed exposure has nothing to get stuck."""
+    track = plan.exposures
+    stuck = tuple(fault for fault in faults.camera if isinstance(fault, StuckExposure))
+    if track is None or not stuck:
+        return plan
+    return replace(plan, exposures=HeldExposure(track, stuck))
+
+
+@dataclass(frozen=True, eq=False)
+class HeldExposure:
+    """An exposure that follows the light but where it is stuck."""
+
+    track: Exposures
+    stuck: tuple[StuckExposure, ...]
+
+    def exposure_s(self, t_s: float) -> float:
+        """Exposure at a time of the flight [s]."""
+        for fault in self.stuck:
+            if fault.acts(t_s):
+                return self.track.exposure_s(fault.start_s)
+        return self.track.exposure_s(t_s)
+
+
+def _changed(
+    image: Pixels, fault: CameraFault, key: tuple[int, int], number: int, white: int
+) -> Pixels | None:
+    """The picture with one fault; None where it did not strike, or is none of pixels."""
+    camera = np.random.default_rng(key)  # what stays the same from frame to frame
+    frame = np.random.default_rng((*key, number))
+    height, width = image.shape[:2]
+    if isinstance(fault, StuckPixels):
+        where = camera.random((height, width)) < fault.share
+        levels = camera.integers(0, white, (height, width), endpoint=True).astype(image.dtype)
+        return _where(image, where, levels)
+    if isinstance(fault, DeadPixels):
+        where = camera.random((height, width)) < fault.share
+        return _where(image, where, np.zeros((height, width), image.dtype))
+    if isinstance(fault, RowLoss):
+        if frame.random() >= fault.chance:
+            return None
+        changed = image.copy()
+        changed[frame.choice(height, min(fault.rows, height), replace=False)] = 0
+        return changed
+    if isinstance(fault, ColumnLoss):
+        changed = image.copy()
+        changed[:, camera.choice(width, min(fault.columns, width), replace=False)] = 0
+        return changed
+    if isinstance(fault, HalfFrame):
+        if frame.random() >= fault.chance:
+            return None
+        changed = image.copy()
+        changed[round(fault.at * height) :] = 0
+        return changed
+    if isinstance(fault, Blinding):
+        rows, columns = np.mgrid[:height, :width]
+        distance = np.hypot(columns - fault.x * width, rows - fault.y * height) / max(
+            fault.radius * width, 1e-9
+        )
+        light = white * np.minimum(1.0, np.maximum(distance, 1e-9) ** -4)
+        light = light if image.ndim == 2 else light[..., None]
+        return np.minimum(white, np.rint(image + light)).astype(image.dtype)
+    if isinstance(fault, GainStep):
+        return np.minimum(white, np.rint(fault.factor * image.astype(np.float64))).astype(image.dtype)
+    return None
+
+
+def _where(image: Pixels, where: NDArray[np.bool_], levels: Pixels) -> Pixels:
+    if image.ndim > where.ndim:
+        where, levels = where[..., None], levels[..., None]
+    return np.where(where, levels, image).astype(image.dtype)

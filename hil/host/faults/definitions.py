@@ -1,0 +1,227 @@
+"""The faults file: what goes wrong, when in the flight, how badly; one seed for every random choice.
+
+Times are the flight's seconds of the frame that is hit. Chances are drawn anew for each frame or packet, from the seed
+and the frame's number alone, so that a run in lockstep meets the same faults again.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import msgspec
+
+from simulator.errors import UserError
+from simulator.runtime.untrusted_files import read_regular
+from simulator.runtime.validation_errors import explain
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MOST_BYTES = 1 << 20
+MOST_FAULTS = 1000
+
+Time = Annotated[float, msgspec.Meta(ge=0, le=1e6)]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+Milliseconds = Annotated[float, msgspec.Meta(ge=0, le=60_000)]
+Direction = Literal["to_board", "to_host", "both"]
+
+
+class _Fault(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag=None
+):
+    """What all faults share: from and until when they act [s of the flight]."""
+
+    start_s: Time = 0.0
+    end_s: Time = 1e6
+
+    @property
+    def name(self) -> str:
+        """Its kind, as the ledger tells it."""
+        return str(self.__struct_config__.tag)
+
+    def acts(self, t_s: float) -> bool:
+        """Whether it acts at a time of the flight."""
+        return self.start_s <= t_s < self.end_s
+
+
+class StuckPixels(_Fault, tag="stuck_pixels", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A share of the pixels gives one number each, whatever falls on them."""
+
+    share: Share = 0.001
+
+
+class DeadPixels(_Fault, tag="dead_pixels", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A share of the pixels gives 0."""
+
+    share: Share = 0.001
+
+
+class RowLoss(_Fault, tag="row_loss", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """So many rows of a frame, others in each, are 0."""
+
+    rows: Annotated[int, msgspec.Meta(ge=1, le=100_000)] = 1
+    chance: Share = 1.0
+
+
+class ColumnLoss(_Fault, tag="column_loss", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """So many columns, the same in each frame, are 0."""
+
+    columns: Annotated[int, msgspec.Meta(ge=1, le=100_000)] = 1
+
+
+class HalfFrame(_Fault, tag="half_frame", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The read-out stops: from some row on a frame is 0."""
+
+    chance: Share = 1.0
+    at: Share = 0.5
+
+
+class FrozenPicture(_Fault, tag="frozen", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The camera gives the last picture before ``start_s`` again and again, with new numbers and times."""
+
+
+class Blinding(_Fault, tag="blinding", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A bright source: full scale within ``radius`` of a place, falling off outside; shares of the picture's width."""
+
+    x: Share = 0.5
+    y: Share = 0.5
+    radius: Share = 0.2
+
+
+class GainStep(_Fault, tag="gain_step", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The camera's numbers are so many times what they should be."""
+
+    factor: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 2.0
+
+
+class StuckExposure(_Fault, tag="exposure_stuck", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The exposure time stays what it was at ``start_s``."""
+
+
+class RepeatedNumber(_Fault, tag="repeated_number", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The camera's own counter, in the time code, stays at the last number."""
+
+    chance: Share = 1.0
+
+
+CameraFault = (
+    StuckPixels
+    | DeadPixels
+    | RowLoss
+    | ColumnLoss
+    | HalfFrame
+    | FrozenPicture
+    | Blinding
+    | GainStep
+    | StuckExposure
+    | RepeatedNumber
+)
+
+
+class Delay(_Fault, tag="delay", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Every packet comes so much later."""
+
+    delay_ms: Milliseconds
+    direction: Direction = "to_board"
+
+
+class Jitter(_Fault, tag="jitter", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Every frame comes later by 0 to so much, evenly spread; order is kept."""
+
+    most_ms: Milliseconds
+    direction: Direction = "to_board"
+
+
+class Drop(_Fault, tag="drop", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Packets of frames and answers are lost."""
+
+    chance: Share
+    direction: Direction = "both"
+
+
+class Duplicate(_Fault, tag="duplicate", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Packets of frames and answers come twice."""
+
+    chance: Share
+    direction: Direction = "both"
+
+
+class Reorder(_Fault, tag="reorder", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A packet comes after the one that was sent next."""
+
+    chance: Share
+    direction: Direction = "both"
+
+
+class Corrupt(_Fault, tag="corrupt", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One bit of a packet is turned over."""
+
+    chance: Share
+    direction: Direction = "both"
+
+
+class Bandwidth(_Fault, tag="bandwidth", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """No more bytes a second than this."""
+
+    bytes_per_s: Annotated[float, msgspec.Meta(ge=100, le=1e10)]
+    direction: Direction = "to_board"
+
+
+class Disconnect(_Fault, tag="disconnect", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The line is cut once, at the first frame from ``start_s`` on."""
+
+
+class ClockDrift(_Fault, tag="clock_drift", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The board's clock runs fast by so many parts in a million."""
+
+    ppm: Annotated[float, msgspec.Meta(ge=-100_000, le=100_000)]
+
+
+LineFault = Delay | Jitter | Drop | Duplicate | Reorder | Corrupt | Bandwidth | Disconnect | ClockDrift
+
+
+class Faults(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """All faults of a run.
+
+    Parameters
+    ----------
+    seed : of every random choice. camera, line : the faults, which act together.
+    """
+
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**62)] = 0
+    camera: Annotated[tuple[CameraFault, ...], msgspec.Meta(max_length=MOST_FAULTS)] = ()
+    line: Annotated[tuple[LineFault, ...], msgspec.Meta(max_length=MOST_FAULTS)] = ()
+    schema: Literal["flyaround.faults"] = "flyaround.faults"
+    version: Literal[1] = 1
+
+
+NO_FAULTS = Faults()
+
+
+def read_faults(path: Path) -> Faults:
+    """Faults of a TOML file.
+
+    Raises
+    ------
+    UserError
+        If there is none, or it has a mistake: key, value given and what is allowed.
+    """
+    try:
+        document = tomllib.loads(read_regular(path, MOST_BYTES).decode())
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}): name a faults file") from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise UserError(f"{path} is no TOML file: {error}") from error
+    try:
+        faults = msgspec.convert(document, Faults)
+    except msgspec.ValidationError as error:
+        raise UserError(f"{path}: {explain(str(error), document, Faults)}") from error
+    for fault in (*faults.camera, *faults.line):
+        if not math.isfinite(fault.start_s + fault.end_s) or fault.end_s <= fault.start_s:
+            raise UserError(
+                f"{path}: a fault {fault.name!r} ends at {fault.end_s:g} s and starts at {fault.start_s:g} s; "
+                "write an end_s above its start_s"
+            )
+    return faults

@@ -1,0 +1,268 @@
+"""A line with faults: two pumps between the real line and the link delay, lose, double, swap and damage packets."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import struct
+import threading
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.host.faults.definitions import (
+    Bandwidth,
+    ClockDrift,
+    Corrupt,
+    Delay,
+    Disconnect,
+    Drop,
+    Duplicate,
+    Jitter,
+    Reorder,
+)
+from hil.link.clock import now_ns
+from hil.link.errors import LinkClosed, PacketError
+from hil.link.framing.length_prefix import LengthFraming
+from hil.link.packets.frame_messages import FrameHeader, PoseMessage
+from hil.link.packets.messages import TimeSyncReply, decode_message
+from hil.link.packets.packet import HEADER, Packet, PacketType
+from hil.link.transports.base import StreamTransport
+
+if TYPE_CHECKING:
+    from hil.host.faults.definitions import Direction, Faults, LineFault
+    from hil.link.transports.base import Transport
+
+DAMAGE_AT = 4 + HEADER.size
+"""Where a packet is damaged at the earliest, behind its framing and header, so that its length still fits."""
+HOLD_S = 0.05
+"""How long a packet to be swapped waits for the next one."""
+IDLE_S = 0.05
+_FRAME_ID = struct.Struct("<I")
+_OF_FRAMES = (PacketType.FRAME_HEADER, PacketType.FRAME_CHUNK, PacketType.POSE)
+
+
+class FaultJournal:
+    """What struck which frame, over all sessions of a run; the pumps write it and the ledger reads it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._by_frame: dict[int, list[str]] = {}
+        self.t_s = 0.0
+        """Time in the flight of the newest frame on the line."""
+        self.cut: set[int] = set()
+        """Numbers of the disconnections that have happened."""
+
+    def note(self, frame_id: int | None, name: str) -> None:
+        """A fault struck a packet of a frame."""
+        if frame_id is None:
+            return
+        with self._lock:
+            names = self._by_frame.setdefault(frame_id, [])
+            if name not in names:
+                names.append(name)
+
+    def take(self, frame_id: int) -> tuple[str, ...]:
+        """What struck a frame; forgotten afterwards."""
+        with self._lock:
+            return tuple(self._by_frame.pop(frame_id, ()))
+
+
+class SocketTransport(StreamTransport):
+    """One end of a pair of local sockets."""
+
+    def __init__(self, name: str, sock: socket.socket) -> None:
+        super().__init__(name, LengthFraming())
+        self._sock = sock
+        sock.setblocking(False)
+
+    def fileno(self) -> int:
+        """The socket's."""
+        return self._sock.fileno()
+
+    def close(self) -> None:
+        """Close the end; a second call does nothing."""
+        if not self._closed:
+            self._closed = True
+            with contextlib.suppress(OSError):
+                self._sock.shutdown(socket.SHUT_RDWR)
+            self._sock.close()
+
+    def _write(self, data: bytes) -> None:
+        view = memoryview(data)
+        try:
+            while view:
+                try:
+                    view = view[self._sock.send(view) :]
+                except BlockingIOError:
+                    select.select([], [self._sock], [], 1.0)
+        except (OSError, ValueError) as error:
+            raise LinkClosed(f"{self.name} is closed") from error
+
+    def _read(self, timeout_s: float) -> bytes:
+        try:
+            if not select.select([self._sock], [], [], timeout_s)[0]:
+                return b""
+            data = self._sock.recv(1 << 20)
+        except BlockingIOError:
+            return b""
+        except (OSError, ValueError) as error:
+            raise LinkClosed(f"{self.name} is closed") from error
+        if not data:
+            raise LinkClosed(f"{self.name} closed the connection")
+        return data
+
+
+def with_line_faults(line: Transport, faults: Faults, journal: FaultJournal) -> Transport:
+    """The near end of a line that has these faults; closing either end closes both."""
+    ours, theirs = socket.socketpair()
+    near, far = SocketTransport(line.name, ours), SocketTransport(line.name, theirs)
+    near.chunk_bytes = line.chunk_bytes
+    pumps = (_Pump("to_board", far, line, faults, journal), _Pump("to_host", line, far, faults, journal))
+    for pump in pumps:
+        threading.Thread(target=pump.run, name="faults", daemon=True).start()
+    return near
+
+
+class _Pump:
+    """One direction: packets in, packets out when they are due."""
+
+    def __init__(
+        self, direction: Direction, source: Transport, sink: Transport, faults: Faults, journal: FaultJournal
+    ) -> None:
+        self._direction, self._source, self._sink = direction, source, sink
+        self._faults, self._journal = faults, journal
+        self._due: list[tuple[int, Packet, bool]] = []  # in order of time, as it is never turned round
+        self._last_due_ns = 0
+        self._line_free_ns = 0
+        self._jitter_ns = 0
+        self._held: tuple[int, Packet] | None = None
+        self._first_board_ns: int | None = None
+
+    def run(self) -> None:
+        try:
+            while True:
+                wait_s = IDLE_S
+                if self._due:
+                    wait_s = min(IDLE_S, max(0.0, (self._due[0][0] - now_ns()) * 1e-9))
+                try:
+                    packet = self._source.recv_packet(wait_s)
+                except LinkClosed:
+                    break
+                except PacketError:
+                    continue  # damaged before it came here: the receiver misses it as it would on the line
+                if packet is not None:
+                    self._take(packet, now_ns())
+                self._send_due()
+        except LinkClosed:
+            pass
+        finally:
+            self._source.close()
+            self._sink.close()
+
+    def _take(self, packet: Packet, at_ns: int) -> None:
+        if packet.type is PacketType.FRAME_HEADER:
+            with contextlib.suppress(PacketError):
+                self._journal.t_s = FrameHeader.decode(packet.payload).t_s
+        acting = [(k, f) for k, f in enumerate(self._faults.line) if self._acts(f)]
+        frame_id = _frame_id(packet)
+        copies, damaged, swapped = 1, False, False
+        due_ns = at_ns
+        for k, fault in acting:
+            rng = self._rng(k, packet)
+            if isinstance(fault, Disconnect):
+                if k not in self._journal.cut and packet.type is PacketType.FRAME_HEADER:
+                    self._journal.cut.add(k)
+                    self._journal.note(frame_id, fault.name)
+                    raise LinkClosed("the line was cut on purpose")
+            elif isinstance(fault, Delay):
+                due_ns += round(1e6 * fault.delay_ms)
+                self._journal.note(frame_id, fault.name)
+            elif isinstance(fault, Jitter):
+                if packet.type in (PacketType.FRAME_HEADER, PacketType.POSE):
+                    self._jitter_ns = round(1e6 * fault.most_ms * rng.random())
+                    self._journal.note(frame_id, fault.name)
+                due_ns += self._jitter_ns
+            elif isinstance(fault, Bandwidth):
+                due_ns = max(due_ns, self._line_free_ns)
+                self._line_free_ns = due_ns + round(1e9 * len(packet.payload) / fault.bytes_per_s)
+                due_ns = self._line_free_ns
+                self._journal.note(frame_id, fault.name)
+            elif isinstance(fault, ClockDrift):
+                packet = self._drifted(packet, fault.ppm)
+            elif packet.type in _OF_FRAMES and rng.random() < fault.chance:
+                self._journal.note(frame_id, fault.name)
+                if isinstance(fault, Drop):
+                    return
+                copies += isinstance(fault, Duplicate)
+                damaged = damaged or isinstance(fault, Corrupt)
+                swapped = swapped or isinstance(fault, Reorder)
+        due_ns = max(due_ns, self._last_due_ns)
+        self._last_due_ns = due_ns
+        if swapped and self._held is None:
+            self._held = (at_ns, packet)
+            return
+        for _ in range(copies):
+            self._due.append((due_ns, packet, damaged))
+        if self._held is not None:
+            self._due.append((due_ns, self._held[1], False))
+            self._held = None
+
+    def _acts(self, fault: LineFault) -> bool:
+        direction = getattr(fault, "direction", None)
+        if isinstance(fault, ClockDrift):
+            direction = "to_host"
+        if isinstance(fault, Disconnect):
+            direction = "to_board"
+        return direction in ("both", self._direction) and fault.acts(self._journal.t_s)
+
+    def _rng(self, k: int, packet: Packet) -> np.random.Generator:
+        index = 0
+        if packet.type is PacketType.FRAME_CHUNK:
+            index = 1 + int(_FRAME_ID.unpack_from(packet.payload, 4)[0])
+        frame_id = _frame_id(packet)
+        key = (
+            self._faults.seed,
+            k,
+            self._direction == "to_host",
+            packet.type,
+            0 if frame_id is None else frame_id,
+        )
+        return np.random.default_rng((*key, index))
+
+    def _drifted(self, packet: Packet, ppm: float) -> Packet:
+        """The packet with the board's clock running fast since the first time that it told."""
+        if packet.type not in (PacketType.POSE, PacketType.TIME_SYNC_REPLY):
+            return packet
+        message = decode_message(packet)
+        if isinstance(message, TimeSyncReply):
+            names: tuple[str, ...] = ("received_ns", "sent_ns")
+        elif isinstance(message, PoseMessage):
+            names = ("receive_ns", "start_ns", "end_ns")
+        else:
+            return packet
+        if self._first_board_ns is None:
+            self._first_board_ns = getattr(message, names[0])
+        first = self._first_board_ns
+        times = {n: first + round((getattr(message, n) - first) * (1 + 1e-6 * ppm)) for n in names}
+        return replace(packet, payload=replace(message, **times).encode())
+
+    def _send_due(self) -> None:
+        at_ns = now_ns()
+        if self._held is not None and at_ns - self._held[0] > HOLD_S * 1e9:
+            self._due.append((at_ns, self._held[1], False))
+            self._held = None
+        while self._due and self._due[0][0] <= at_ns:
+            _, packet, damaged = self._due.pop(0)
+            if damaged:
+                self._sink.send_damaged(packet, DAMAGE_AT + len(packet.payload) // 2, 0x10)
+            else:
+                self._sink.send_packet(packet)
+
+
+def _frame_id(packet: Packet) -> int | None:
+    if packet.type not in _OF_FRAMES or len(packet.payload) < _FRAME_ID.size:
+        return None
+    return int(_FRAME_ID.unpack_from(packet.payload)[0])
