@@ -7,6 +7,7 @@ from pathlib import Path
 PYTHON = (
     "simulator/world",
     "simulator/camera",
+    "simulator/imaging",
     "simulator/labels",
     "simulator/scene",
     "simulator/dataset",
@@ -20,12 +21,8 @@ SHADERS = "shaders"
 LEFT_OUT = {
     "hil/evaluate/evaluation_page.py": "how a page looks",
     "hil/evaluate/evaluation_plots.py": "how a plot looks",
-    "tools/studies/paired_tables.py": "how a page looks",
     "hil/evaluate/failure_tiles.py": "how a page looks",
     "hil/host/ledger/plots.py": "how a plot looks",
-    "tools/train/learned_proposal.py": "training, never run by the fast suite",
-    "tools/train/saliency.py": "training, never run by the fast suite",
-    "simulator/contact_sheets/scenario_sheet.py": "how a page looks",
     "shaders/bench/reference.frag": "measures time; its picture says nothing",
 }
 """Files without a right and a wrong that a fast test could tell, and why."""
