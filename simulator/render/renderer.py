@@ -230,7 +230,7 @@ class Renderer:
                 f"frame {layer}", lambda: frame_passes(self._draw, target=with_target), frame
             )
         else:
-            first = self._first_frame_passes()
+            first = self._first_frame_passes(target=with_target)
             stage_ms = self._run("", lambda: frame_passes(self._draw, target=with_target, first=first), frame)
         coverage = depth = None
         inside = 1.0
@@ -325,13 +325,14 @@ class Renderer:
             self._graphs[kept_as] = graph
         return graph.run(self._device.context, frame, timed=self.timed)
 
-    def _first_frame_passes(self) -> list[Pass]:
+    def _first_frame_passes(self, *, target: bool) -> list[Pass]:
         """Have the driver compile while the first frame's maps are decoded; what that draws is cleared."""
         draw = self._draw
         sampled = (TARGET, TARGET_TILES, SAMPLES, SHADOW, EDGE_SLOPES)
+        shading = Pass("target.programs", draw.compile_shading, (SCENE, *sampled, *_IMAGES), _IMAGES)
         return [
             Pass("earth.programs", self._compile_earth, (SCENE, VIEW, *_IMAGES), _IMAGES, optional=(TARGET,)),
-            Pass("target.programs", draw.compile_shading, (SCENE, *sampled, *_IMAGES), _IMAGES),
+            *([shading] if target else []),
             Pass("clear.again", draw.clear, (SCENE,), _IMAGES),
         ]
 

@@ -49,6 +49,17 @@ def test_the_first_frame_needs_no_program_that_was_not_compiled_ahead(bands, nam
     np.testing.assert_array_equal(first, again)
 
 
+def test_the_first_frame_may_be_of_the_sky_alone():
+    """As a picture with motion over passing ground begins: the ground is drawn before the craft."""
+    scenario = load_scenario("tango-earth-10m-1024")
+    plan = plan_flight(scenario, n=1)
+    scene = replace(plan.scene(0), camera=smaller(scenario.camera_model, 128))
+    with Renderer() as renderer:
+        first = renderer.render(scene, plan.target, layer="sky").radiance
+        again = renderer.render(scene, plan.target, layer="sky").radiance
+    np.testing.assert_array_equal(first, again)
+
+
 def test_the_bench_starts_a_program_that_draws():
     elapsed_ms, peak_mb = start._start(str(cache_folder()))
     assert elapsed_ms > 300
