@@ -25,9 +25,8 @@ from simulator.scenario.plan import plan_flight
 from simulator.scenario.recipes import RECIPES
 from simulator.scenario.show import show_scenario
 from simulator.scenario.write import replay_scenario
-from simulator.world.flight.ccsds_export import flight_messages
+from simulator.world.flight.export import flight_messages, fly_table, summarise_flight
 from simulator.world.flight.flight import record
-from simulator.world.flight.table import fly_table, summarise_flight
 
 
 def fly(

@@ -15,8 +15,8 @@ from simulator.scene.state import SceneState, TargetRef
 from simulator.world.attitude.pointing import Pointing
 from simulator.world.attitude.target_attitude import Attitude
 from simulator.world.flight.build import TargetStart, propagate_flight
+from simulator.world.flight.export import fly_table
 from simulator.world.flight.flight import Flight
-from simulator.world.flight.table import fly_table
 from simulator.world.frames.rotation import matrix_from_quat
 from simulator.world.guidance.chaser import Chaser
 from simulator.world.guidance.free_flight import FreeDrift, NaturalCircumnavigation

@@ -15,9 +15,9 @@ from flyaround.commands import flights
 from simulator.errors import UserError
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
+from simulator.world.flight.export import fly_table, summarise_flight
 from simulator.world.flight.flight import Flight
 from simulator.world.flight.log import FlightLog
-from simulator.world.flight.table import fly_table, summarise_flight
 from simulator.world.guidance.paths import VbarApproach, Waypoints
 
 HEAD = """

@@ -10,7 +10,7 @@ import pytest
 from simulator.errors import UserError
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
-from simulator.world.flight.ccsds_export import flight_messages
+from simulator.world.flight.export import flight_messages
 from simulator.world.frames.rotation import quat_from_rotvec, quat_multiply, rotation_angle_rad
 from simulator.world.messages.aem import read_aem_state, write_aem
 from simulator.world.messages.ccsds import read_time

@@ -15,7 +15,7 @@ from simulator.world.ephemeris.bodies import MOON
 from simulator.world.ephemeris.eclipse import sun_fraction_past_earth_and_moon
 from simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from simulator.world.ephemeris.moon_orientation import R_moon_from_eci
-from simulator.world.flight.ccsds_export import flight_messages
+from simulator.world.flight.export import flight_messages
 from simulator.world.frames.rotation import matrix_from_quat
 from simulator.world.messages.oem import read_oem_state
 from simulator.world.orbit.forces import EarthForces, Forces, Surface
