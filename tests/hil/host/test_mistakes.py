@@ -131,15 +131,15 @@ def test_only_word_of_damage_is_a_damaged_frame(code):
     ours, theirs = Pipe()
     server = LinkServer(theirs, FrameSlots.open_file(), LINK)
     try:
-        server._flights.start(FrameJob(0, 5, (48, 64), "|u1", 8, "", 0.0, 0.01, None, None), 0)
-        server._take_error(ErrorMessage(code, "the board says so", 5))
+        server._in_flight.start(FrameJob(0, 5, (48, 64), "|u1", 8, "", 0.0, 0.01, None, None), 0)
+        server._board._take_error(ErrorMessage(code, "the board says so", 5))
         result = ours.recv()
     finally:
         server._shut()
     damage = code in {ErrorCode.CORRUPT, ErrorCode.INCOMPLETE}
     assert result.outcome == ("dropped:corrupt" if damage else "dropped:protocol")
     assert (result.frame_id, result.reason) == (5, "the board says so")
-    assert server._flights.held == 0
+    assert server._in_flight.held == 0
 
 
 def test_a_link_process_whose_run_was_killed_ends_in_order():

@@ -1,0 +1,239 @@
+"""The board in session: its handshake, what it says, its clock, and what is counted of its packets."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hil.host.link_process.ipc import BoardDown, BoardGreeted, BoardUp, LinkConfig, LinkCounts, Terms
+from hil.link.clock import ClockFilter, answer_time_sync, now_ns
+from hil.link.errors import LinkClosed, LinkError, PacketError, ProtocolMistake, VersionMismatch
+from hil.link.packets.messages import (
+    NO_FRAME,
+    Bye,
+    Credit,
+    ErrorCode,
+    ErrorMessage,
+    Hello,
+    HelloAck,
+    Message,
+    PoseMessage,
+    TimeSyncReply,
+    TimeSyncRequest,
+)
+from hil.link.session import HOST_IN_SESSION, Link, answer_hello, refuse
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.host.link_process.in_flight import FramesInFlight
+
+logger = logging.getLogger(__name__)
+
+SYNC_BURST = 8
+SYNC_EVERY_NS = 1_000_000_000
+# a board answers clock requests once its estimator is ready; no frame is sent before
+SYNC_PATIENCE_NS = 60_000_000_000
+# a board that sends without end is listened to this long at a time: frames, loggers and the run get their turn
+DRAIN_NS = 20_000_000
+# mistakes of a run that are logged one by one; the summary counts them all
+MAX_LOGGED = 20
+
+
+class BoardSession:
+    """The one board of the host: none, or one in session; another may follow it.
+
+    Parameters
+    ----------
+    config : how the board connects. tell : says something to the run. in_flight : the frames that were sent.
+    """
+
+    def __init__(self, config: LinkConfig, tell: Callable[[object], None], in_flight: FramesInFlight) -> None:
+        self._config, self._tell, self._in_flight = config, tell, in_flight
+        self._serial = config.url.startswith("serial")
+        self.terms: Terms | None = None
+        self.link: Link | None = None
+        self.ack: HelloAck | None = None
+        self.unread = False  # the board has said more than was listened to
+        self.next_sync_ns = 0
+        self.counts = LinkCounts()
+        self._mistakes = 0
+        self._up: BoardUp | None = None  # greeted, not yet announced
+        self._clock = ClockFilter()
+
+    def begin(self, link: Link, hello: Hello) -> bool:
+        """Answer a HELLO; whether the board may stay, and then it is ``link`` from now on."""
+        self.link = link
+        link.accepts = HOST_IN_SESSION
+        self._greet(hello, link)
+        return self.link is not None
+
+    def end(self, reason: str, *, goodbye: bool) -> None:
+        """Close the session; without a goodbye, a board does not take a run that was killed for one that is over."""
+        if self.link is None:
+            return
+        self._count_packets(self.link)
+        if goodbye:
+            self.link.close(reason)
+        else:
+            refuse(self.link, ErrorCode.OTHER, reason)
+
+    def listen(self) -> None:
+        """Take what the board says, for a bounded time."""
+        until_ns = now_ns() + DRAIN_NS
+        self.unread = False
+        while self.link is not None:
+            if now_ns() >= until_ns:
+                self.unread = True
+                return
+            try:
+                message = self.link.recv(0.0)
+            except VersionMismatch as error:
+                refuse(self.link, ErrorCode.VERSION, str(error))
+                self.leave(str(error))
+                return
+            except ProtocolMistake as mistake:
+                self._mistaken(mistake)
+                continue
+            except PacketError:
+                self._in_flight.note_damage()
+                continue
+            except LinkClosed as error:
+                self.leave(str(error))
+                return
+            if message is None:
+                if self.link.gave_way:
+                    continue
+                return
+            self._handle(message, now_ns(), self.link)
+
+    def _mistaken(self, mistake: ProtocolMistake) -> None:
+        """The board sent what the protocol does not allow: never used, always counted."""
+        self._mistakes += 1
+        if self._mistakes <= MAX_LOGGED:
+            last = " (further mistakes are only counted)" if self._mistakes == MAX_LOGGED else ""
+            logger.warning("the board broke the link protocol: %s%s", mistake, last)
+        if mistake.frame_id is not None:
+            self._in_flight.refuse(mistake.frame_id, str(mistake))
+
+    def _handle(self, message: Message, at_ns: int, link: Link) -> None:
+        if isinstance(message, Hello):
+            self._greet(message, link)
+        elif isinstance(message, PoseMessage):
+            self._take_pose(message, at_ns)
+        elif isinstance(message, Credit):
+            self._in_flight.release(message.frame_id)
+        elif isinstance(message, TimeSyncReply):
+            self._take_clock_reply(message, at_ns, link)
+        elif isinstance(message, TimeSyncRequest):
+            with contextlib.suppress(LinkClosed):  # the next recv reports it
+                link.send(answer_time_sync(message, at_ns))
+        elif isinstance(message, ErrorMessage):
+            self._take_error(message)
+        elif isinstance(message, Bye):
+            self.leave(f"the board ended the session: {message.reason}")
+
+    def _greet(self, hello: Hello, link: Link) -> None:
+        assert self.terms is not None  # noqa: S101 - nobody is let in before the terms
+        terms = replace(self.terms.ack, chunk_bytes=link.transport.chunk_bytes)
+        wish = self._config.compression
+        compress = wish == "zstd" or (wish == "auto" and self._serial)
+        repeated = self.ack is not None and link.last_sequence != 0
+        try:
+            ack = answer_hello(hello, terms, compress=compress)
+        except LinkError as error:
+            refuse(link, ErrorCode.MODEL, str(error))
+            self.leave(str(error))
+            return
+        if not repeated:
+            self._in_flight.lose("the board started again")
+            link.session_id = int.from_bytes(os.urandom(8), "little") or 1
+            self._clock = ClockFilter()
+            self.next_sync_ns = now_ns() + SYNC_PATIENCE_NS
+            self.counts = replace(self.counts, sessions=self.counts.sessions + 1)
+        self.ack = ack
+        self._tell(BoardGreeted())
+        try:
+            link.send(ack)
+            if not repeated:
+                link.send(TimeSyncRequest(now_ns()))
+        except LinkClosed as error:
+            self.leave(str(error))
+            return
+        if not repeated:
+            # announced once the clocks are compared: a first frame on the line would spoil the exchange
+            self._up = BoardUp(
+                link.transport.name,
+                hello.board,
+                hello.model_name,
+                hello.method,
+                ack.encoding.name.lower(),
+                ack.window,
+            )
+
+    def _take_clock_reply(self, reply: TimeSyncReply, at_ns: int, link: Link) -> None:
+        self._clock.add_reply(reply, at_ns)
+        if self._up is None:
+            return
+        if len(self._clock) >= SYNC_BURST:
+            self._announce()
+            return
+        with contextlib.suppress(LinkClosed):  # the next recv reports it
+            link.send(TimeSyncRequest(now_ns()))
+
+    def _announce(self) -> None:
+        if self._up is not None:
+            self._tell(self._up)
+            self._up = None
+
+    def _take_pose(self, pose: PoseMessage, at_ns: int) -> None:
+        if not self._in_flight.answer(pose, at_ns, self._clock.offset_ns):
+            self.counts = replace(self.counts, late_poses=self.counts.late_poses + 1)
+
+    def _take_error(self, error: ErrorMessage) -> None:
+        damage = error.code in (ErrorCode.CORRUPT, ErrorCode.INCOMPLETE)
+        cause = "corrupt" if damage else "protocol"
+        if error.frame_id != NO_FRAME and self._in_flight.damaged(error.frame_id, error.text, cause):
+            return
+        if error.frame_id == NO_FRAME and error.code == ErrorCode.CORRUPT:
+            self._in_flight.note_damage()
+        elif error.code in (ErrorCode.MODEL, ErrorCode.VERSION):
+            self.leave(error.text)
+        elif error.frame_id == NO_FRAME and error.code == ErrorCode.FORMAT:
+            self.leave(error.text)  # it cannot use the camera
+
+    def leave(self, reason: str) -> None:
+        """The board is gone: its frames are lost, another may take its place."""
+        link, self.link, self.ack, self._up = self.link, None, None, None
+        self.unread = False
+        if link is not None:
+            self._count_packets(link)
+            link.close()
+        # first of all, so that a run in lockstep does not send the next frame into the void
+        self._tell(BoardDown(reason))
+        self._in_flight.lose(reason)
+
+    def _count_packets(self, link: Link) -> None:
+        c, s = self.counts, link.stats
+        self.counts = replace(
+            c,
+            packets_sent=c.packets_sent + s.sent,
+            packets_received=c.packets_received + s.received,
+            packets_corrupt=c.packets_corrupt + s.corrupt,
+            protocol_mistakes=c.protocol_mistakes + s.mistakes,
+            sequence_gaps=c.sequence_gaps + s.sequence_gaps,
+            clock_round_trip_ns=self._clock.round_trip_ns,
+        )
+
+    def sync_clock(self) -> None:
+        """Ask for the board's clock where it is time to."""
+        if self.link is not None and self.ack is not None and now_ns() >= self.next_sync_ns:
+            self.next_sync_ns = now_ns() + SYNC_EVERY_NS
+            self._announce()  # a board that never answers clock requests may still answer frames
+            try:
+                self.link.send(TimeSyncRequest(now_ns()))
+            except LinkClosed as error:
+                self.leave(str(error))
