@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from simulator.camera.lens.camera_model import Camera
     from simulator.labels.truth import Box, InfeasibleReason
-    from simulator.labels.wireframe import EdgeView
+    from simulator.labels.wireframe import ProjectedEdge
     from simulator.runtime.arrays import Float32Array, FloatArray
     from simulator.scene.state import SceneState
 
@@ -26,7 +26,7 @@ STEP_REACH_PX = 2.0
 TOO_FAR_PX = 40.0
 
 
-def visible_samples(views: Sequence[EdgeView], camera: Camera) -> tuple[FloatArray, FloatArray]:
+def visible_samples(views: Sequence[ProjectedEdge], camera: Camera) -> tuple[FloatArray, FloatArray]:
     """Points on the visible wireframe inside the image, about every four pixels.
 
     Returns
@@ -61,7 +61,7 @@ def visible_samples(views: Sequence[EdgeView], camera: Camera) -> tuple[FloatArr
 
 
 def wireframe_step_share(
-    scene: SceneState, views: Sequence[EdgeView], signal: Float32Array, level: float
+    scene: SceneState, views: Sequence[ProjectedEdge], signal: Float32Array, level: float
 ) -> float:
     """Share of the visible wireframe's length whose step in the noise-free image reaches one sigma.
 

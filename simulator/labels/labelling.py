@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from simulator.labels.request import LabelRequest
-    from simulator.labels.wireframe import EdgeView
+    from simulator.labels.wireframe import ProjectedEdge
     from simulator.render.renderer import Renderer
     from simulator.scene.state import SceneState
     from simulator.targets.model import Target
@@ -205,7 +205,7 @@ def row_poses(scene: SceneState) -> tuple[RowPose, ...]:
     return tuple(poses)
 
 
-def _wire(view: EdgeView) -> WireLabel:
+def _wire(view: ProjectedEdge) -> WireLabel:
     (x0, y0), (x1, y1) = (map(float, end) for end in view.ends_px)
     return WireLabel(name=view.edge.name, ends_px=((x0, y0), (x1, y1)), visible=view.stretches)
 

@@ -37,7 +37,7 @@ END_ON = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class EdgeView:
+class ProjectedEdge:
     """One edge as a camera sees it.
 
     Parameters
@@ -81,7 +81,7 @@ def bent(camera: Camera, straight_px: FloatArray) -> FloatArray:
 
 def view_edges(
     camera: Camera, camera_from_target: Pose, target: Target, mesh: JoinedMesh
-) -> tuple[EdgeView, ...]:
+) -> tuple[ProjectedEdge, ...]:
     """All edges of a target that lie before the camera, with their visible stretches.
 
     An edge whose faces all look away has no visible stretch. A rod's edge is its axis, which its own surface hides:
@@ -113,7 +113,7 @@ def view_edges(
         stretches[k] = seen
     edges = target.wireframe
     return tuple(
-        EdgeView(edges[n], ends_px[k], inverse[k], stretches[k], *((pixels[k], camera) if bends else ()))
+        ProjectedEdge(edges[n], ends_px[k], inverse[k], stretches[k], *((pixels[k], camera) if bends else ()))
         for k, n in enumerate(ahead)
     )
 

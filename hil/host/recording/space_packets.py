@@ -35,7 +35,7 @@ OUTCOMES = ("accepted", "declined", "dropped")
 
 
 @dataclass(frozen=True)
-class Field:
+class PacketField:
     """A number in a packet: name, size in bits, kind as XTCE has it, and its unit."""
 
     name: str
@@ -57,7 +57,7 @@ class PacketKind:
 
     name: str
     apid: int
-    fields: tuple[Field, ...]
+    fields: tuple[PacketField, ...]
 
     @property
     def layout(self) -> struct.Struct:
@@ -65,11 +65,11 @@ class PacketKind:
         return struct.Struct(">" + "".join(field.code for field in self.fields))
 
 
-def _floats(*names: str, unit: str = "") -> tuple[Field, ...]:
-    return tuple(Field(name, 64, "float", unit) for name in names)
+def _floats(*names: str, unit: str = "") -> tuple[PacketField, ...]:
+    return tuple(PacketField(name, 64, "float", unit) for name in names)
 
 
-_FRAME = Field("frame_id", 32, "uint")
+_FRAME = PacketField("frame_id", 32, "uint")
 _POSE = _floats("q_w", "q_x", "q_y", "q_z") + _floats("t_x_m", "t_y_m", "t_z_m", unit="m")
 KINDS = {
     "TRUTH": PacketKind("TRUTH", 0x101, (_FRAME, *_POSE)),
@@ -78,7 +78,7 @@ KINDS = {
         0x102,
         (
             _FRAME,
-            Field("outcome", 8, "enum"),
+            PacketField("outcome", 8, "enum"),
             *_POSE,
             *_floats("confidence"),
             *_floats("position_error_m", unit="m"),
@@ -210,7 +210,7 @@ def xtce_document() -> bytes:
     base = _element(containers, "SequenceContainer", name="CCSDSPacket", abstract="true")
     entries = _element(base, "EntryList")
     for name, bits in heads:
-        _parameter(types, parameters, entries, name, Field(name, bits, "uint"))
+        _parameter(types, parameters, entries, name, PacketField(name, bits, "uint"))
     for kind in KINDS.values():
         container = _element(containers, "SequenceContainer", name=kind.name)
         entries = _element(container, "EntryList")
@@ -231,7 +231,7 @@ def _element(parent: ET.Element | None, tag: str, **attributes: str) -> ET.Eleme
 
 
 def _parameter(
-    types: ET.Element, parameters: ET.Element, entries: ET.Element, name: str, field: Field
+    types: ET.Element, parameters: ET.Element, entries: ET.Element, name: str, field: PacketField
 ) -> None:
     kind = {"float": "FloatParameterType", "uint": "IntegerParameterType", "enum": "EnumeratedParameterType"}
     signed = {"signed": "false"} if field.kind == "uint" else {}

@@ -12,7 +12,7 @@ from simulator.camera.lens.camera_model import Camera
 from simulator.imaging.image_formation import noise_sigma
 from simulator.labels.feasible import wireframe_step_share
 from simulator.labels.keypoints import _radiometric_state
-from simulator.labels.wireframe import EdgeView
+from simulator.labels.wireframe import ProjectedEdge
 from simulator.scenario.recipes import plan_recipe
 from simulator.targets.model import Edge
 
@@ -82,7 +82,7 @@ def test_contrast_counts_from_one_sigma_of_the_noise_on(scene):
 def seen(a, b):
     """An edge in sight from end to end [px]."""
     edge = Edge(name="edge", a_m=(0.0, 0.0, 0.0), b_m=(1.0, 0.0, 0.0))
-    return EdgeView(edge, np.array([a, b], float), np.ones(2), ((0.0, 1.0),))
+    return ProjectedEdge(edge, np.array([a, b], float), np.ones(2), ((0.0, 1.0),))
 
 
 WAYS = [

@@ -5,7 +5,7 @@ import pytest
 
 from simulator.labels.feasible import wireframe_step_share
 from simulator.labels.keypoints import label_keypoints
-from simulator.labels.wireframe import EdgeView
+from simulator.labels.wireframe import ProjectedEdge
 from simulator.scenario.load import load_scenario
 from simulator.scenario.plan import plan_flight
 from simulator.targets.joined_mesh import mesh_of
@@ -59,7 +59,7 @@ def step_share(plan, step_at_px, normal):
     along = np.array([normal[1], -normal[0]], float)
     ends = np.array([middle - 100 * along, middle + 100 * along])
     edge = Edge(name="e", a_m=(0.0, 0.0, 0.0), b_m=(1.0, 0.0, 0.0))
-    view = EdgeView(edge, ends, np.ones(2), ((0.0, 1.0),))
+    view = ProjectedEdge(edge, ends, np.ones(2), ((0.0, 1.0),))
     v, u = np.indices((camera.height_px, camera.width_px))
     distance = (u - middle[0]) * normal[0] + (v - middle[1]) * normal[1]
     signal = np.where(distance > step_at_px, BRIGHT, GREY).astype(np.float32)
