@@ -27,8 +27,7 @@ from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.propose.edge_search import group_poses, region_edges, template_poses
 from hil.board.svd.propose.learned.learned_proposal import LearnedProposer
-from hil.board.svd.propose.learned_hypotheses import learned_hypotheses
-from hil.board.svd.propose.multi_scale import hypotheses_of_places
+from hil.board.svd.propose.learned_hypotheses import hypotheses_of_places, learned_hypotheses
 from hil.board.svd.propose.perceptual_groups import model_triads
 from hil.board.svd.propose.regions import REDUCTION, propose_regions
 from hil.board.svd.refine.close import refine_close_up

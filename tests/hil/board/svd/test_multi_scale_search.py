@@ -18,8 +18,12 @@ from hil.board.svd.model.rasteriser import draw_faces, order_faces
 from hil.board.svd.model.shadow_map import Sunlight
 from hil.board.svd.propose.learned.learned_proposal import LearnedProposal
 from hil.board.svd.propose.learned.network_input import ImageCrop
-from hil.board.svd.propose.learned_hypotheses import learned_hypotheses
-from hil.board.svd.propose.multi_scale import crops_about, crops_about_lit, hypotheses_of_places
+from hil.board.svd.propose.learned_hypotheses import (
+    crops_about,
+    crops_about_lit,
+    hypotheses_of_places,
+    learned_hypotheses,
+)
 from hil.board.svd.propose.regions import propose_regions
 from hil.board.svd.refine.coarse import refine_many_scales
 from hil.evaluate.method_choice import board_model
