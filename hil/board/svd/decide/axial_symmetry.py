@@ -15,7 +15,7 @@ from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.model.view_tables import curved
 from hil.board.svd.refine.final import NO_WORSE, refine_to_end
-from hil.board.svd.refine.shadows import shadowed
+from hil.board.svd.refine.shadows import search_sun
 
 Array = np.ndarray
 
@@ -69,7 +69,7 @@ def _better_turn(target: PreparedTarget, frame: Observation, selection: Selectio
     def turned(angle_rad: float) -> Tuple[float, Array, Array]:
         q = quat.normalise(quat.multiply(end.q, quat.from_rotvec(angle_rad * along)))
         t = middle - quat.matrix(q) @ through
-        return shadowed(target, faces, patch, q, t, coarse=True).score, q, t
+        return search_sun(target, faces, patch, q, t, coarse=True).score, q, t
 
     own = turned(0.0)[0]
     score, q, t = max((turned(a) for a in ROLLS_RAD), key=lambda r: r[0])

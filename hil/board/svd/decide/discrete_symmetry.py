@@ -14,14 +14,14 @@ from hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD, alternatives, same_
 from hil.board.svd.hypotheses.hypothesis import Hypothesis
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred
-from hil.board.svd.model.image_patch import Box, craft_box, make_canvas
+from hil.board.svd.model.image_patch import Box, cut_patch, target_box
 from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from hil.board.svd.refine.final import refine_to_end
-from hil.board.svd.refine.shadows import Shadowed, shadowed, sharpened
+from hil.board.svd.refine.shadows import LitView, search_sun, sharpen_shadows
 
 Array = np.ndarray
 
-# Longest side of the picture they are compared on [px], and of the craft's picture from the Sun.
+# Longest side of the picture they are compared on [px], and of the target's picture from the Sun.
 TWINS_PX, SUN_PX = 350, 480
 
 # Pixels speak in which two drawings differ by so many sigma; what the drawing itself is wrong by, share of the light;
@@ -53,7 +53,7 @@ class TurnedEnd:
     """
 
     end: Hypothesis
-    drawn: Shadowed
+    drawn: LitView
     log_prior: float
 
 
@@ -63,7 +63,7 @@ def check_discrete_symmetry(
     """A selection again beside its end turned by each near-symmetry of the target, all refined to their ends.
 
     Three witnesses are heard. The score of either end. The pixels of a finer picture in which two drawings differ: of a
-    craft of 15 m a dish and a few sensors, a hundredth of the score. And the learned proposal, which has seen every
+    target of 15 m a dish and a few sensors, a hundredth of the score. And the learned proposal, which has seen every
     such part in every light.
     """
     symmetries = target.model.symmetry_wxyz
@@ -73,9 +73,7 @@ def check_discrete_symmetry(
         q = quat.normalise(quat.multiply(end.q, s))
         start = Hypothesis(replace(end.pose, q=q), end.source, end.score, end.support)
         ends.append(refine_to_end(target, frame, patch, start))
-    finer = replace(
-        make_canvas(target, frame, _box(target, ends), TWINS_PX), clipped=frame.clipped, exact=True
-    )
+    finer = replace(cut_patch(target, frame, _box(target, ends), TWINS_PX), clipped=frame.clipped, exact=True)
     twins = [_drawn(target, finer, e, prior) for e in ends]
     leads = _leads(twins, finer)
     k = int(leads.argmax())
@@ -111,19 +109,17 @@ def _leads(twins: List[TurnedEnd], patch: ImagePatch) -> Array:
     return np.asarray(leads.min(axis=1))
 
 
-def preference(best: Shadowed, other: Shadowed, canvas: ImagePatch) -> float:
+def preference(best: LitView, other: LitView, patch: ImagePatch) -> float:
     """How clearly a picture is the one drawing and not the other, -1 to 1: by the pixels in which they differ.
 
     It is how far from the middle of the two the picture lies along what they differ by, as a matched filter finds it:
     what both leave unexplained, most of what is left over, says nothing.
     """
-    a, b = (
-        canvas.response.of(blurred(d.shading.picture, OPTICS_PX / canvas.factor))[0] for d in (best, other)
-    )
+    a, b = (patch.response.of(blurred(d.shading.picture, OPTICS_PX / patch.factor))[0] for d in (best, other))
     out = []
     for blur in BLURS:
-        gray, drawn_a, drawn_b = (blurred(p, blur) for p in (canvas.gray, a, b))
-        noise = canvas.sigma / (2 * np.sqrt(np.pi) * blur)
+        gray, drawn_a, drawn_b = (blurred(p, blur) for p in (patch.gray, a, b))
+        noise = patch.sigma / (2 * np.sqrt(np.pi) * blur)
         apart = drawn_a - drawn_b
         speaks = np.abs(apart) > DIFFERENT * noise
         weight = 1.0 / (noise**2 + (WRONG_BY * np.maximum(drawn_a, drawn_b)) ** 2)
@@ -134,7 +130,7 @@ def preference(best: Shadowed, other: Shadowed, canvas: ImagePatch) -> float:
 
 def _box(target: PreparedTarget, ends: List[Hypothesis]) -> Box:
     """The box that holds the target at every end."""
-    boxes = np.array([craft_box(target, e.q, e.t) for e in ends])
+    boxes = np.array([target_box(target, e.q, e.t) for e in ends])
     (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
     return int(x0), int(y0), int(x1), int(y1)
 
@@ -142,5 +138,5 @@ def _box(target: PreparedTarget, ends: List[Hypothesis]) -> Box:
 def _drawn(target: PreparedTarget, patch: ImagePatch, end: Hypothesis, prior: Optional[Prior]) -> TurnedEnd:
     """An end drawn on a finer patch with sharp shadows."""
     q, t, faces = end.q, end.t, faces_of(target)
-    view = sharpened(target, faces, patch, q, t, shadowed(target, faces, patch, q, t), SUN_PX)
+    view = sharpen_shadows(target, faces, patch, q, t, search_sun(target, faces, patch, q, t), SUN_PX)
     return TurnedEnd(end, view, 0.0 if prior is None else prior(q, t))

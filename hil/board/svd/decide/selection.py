@@ -24,7 +24,7 @@ from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from hil.board.svd.refine.final import refine_to_end
 from hil.board.svd.refine.photometric import likeness, photo_draw
-from hil.board.svd.refine.shadows import shadowed
+from hil.board.svd.refine.shadows import search_sun
 
 # How many are refined to the end, and with what share of the best score; and where a first round did not settle it.
 FINALS, FINAL_LEAD = 2, 0.85
@@ -144,7 +144,7 @@ def select(
         explains = rival.score
         # with the shadows of a better Sun it explains more: asked where that may settle anything
         if here - explains < FAR_BEHIND * here:
-            explains = shadowed(target, faces_of(target), patch, rival.q, rival.t, seen=rival.seen).score
+            explains = search_sun(target, faces_of(target), patch, rival.q, rival.t, seen=rival.seen).score
         margin -= max(explains, 0.0)
     # two that were refined to their ends need not be far apart to be two answers
     for other in ends:

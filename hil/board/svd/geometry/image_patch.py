@@ -84,7 +84,7 @@ class ImagePatch:
         return {}
 
     def rays(self, camera: CameraIntrinsics) -> Tuple[Array, Array]:
-        """Normalised coordinates of the drawn pixels' columns and rows; the canvas shows a pinhole's picture."""
+        """Normalised coordinates of the drawn pixels' columns and rows; the patch shows a pinhole's picture."""
         h, w = self.gray.shape
         across, down = self.scale
         u = ((np.arange(w * self.fine) + 0.5) / across - 0.5 + self.x0 - camera.cx_px) / camera.fx_px

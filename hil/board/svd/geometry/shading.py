@@ -19,7 +19,7 @@ class Shading:
     seen : (H, W) face + 1 per drawn pixel. group : (H, W) brightness group + 1; where shadows are cast, groups
         that are seen are numbered anew, and those in shadow follow those in light.
     level : (G + 1,) brightness of each group, the background first.
-    picture : (h, w) what it looks like on the canvas, not blurred.
+    picture : (h, w) what it looks like on the patch, not blurred.
     centre : (h, w) group at a pixel's middle. area : (G + 1,) pixels well inside each group.
     behind : (h, w) what the background differs from its level by; None where it is empty space.
     """
@@ -33,7 +33,7 @@ class Shading:
     behind: Optional[Array]
 
     def brightness(self, group: Array, cell: Array) -> Array:
-        """(N,) of groups (N,) at canvas pixels ``cell`` (N,), flat indices."""
+        """(N,) of groups (N,) at patch pixels ``cell`` (N,), flat indices."""
         level = self.level.take(group, mode="clip")
         if self.behind is not None:
             empty = np.flatnonzero(group == 0)

@@ -11,7 +11,7 @@ from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.hypotheses.edge_support import Support
 from hil.board.svd.image.edge_field import EdgeField
 from hil.board.svd.image.region import Region
-from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.model.shadow_map import ShadowMap
 
 Array = np.ndarray
 
@@ -92,7 +92,7 @@ class Hypothesis:
     edge_fit: Optional[EdgeFit] = None
     view: Optional[Shading] = None
     seen: Optional[Array] = None
-    sun: Optional[Sunlight] = None
+    sun: Optional[ShadowMap] = None
     start: Optional[Hypothesis] = None
 
     @property

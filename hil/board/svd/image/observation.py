@@ -24,7 +24,7 @@ class Observation:
     image : (H, W). noise : standard deviation.
     background : level of empty space, negative when it is not empty.
     likely : (h, w) map of the craft against a textured background, see saliency_map; None where it was not needed.
-    trace : receives what ``keep`` is given; None costs nothing. drawn : what poses were drawn as on each canvas.
+    trace : receives what ``keep`` is given; None costs nothing. drawn : what poses were drawn as on each patch.
     """
 
     def __init__(self, image: Array, trace: Optional[Trace] = None) -> None:
@@ -33,7 +33,7 @@ class Observation:
         self.noise = 0.0
         self.background = -1.0
         self.likely: Optional[Array] = None
-        # a second search begins with poses of the first: what was drawn for them, by canvas
+        # a second search begins with poses of the first: what was drawn for them, by patch
         self.drawn: Dict[Any, Dict[Any, Any]] = {}
         self.stages_ms: Dict[str, float] = {}
         self.counts: Dict[str, int] = {}

@@ -20,7 +20,7 @@ Array = np.ndarray
 # Labels that a byte holds.
 LABELS = 255
 
-# Blur of the optics [picture px], reach of the background's local brightness [canvas px].
+# Blur of the optics [picture px], reach of the background's local brightness [patch px].
 OPTICS_PX, LOCAL_PX = 1.0, 8.0
 
 # Largest faces that are looked at for saturation.
@@ -36,36 +36,36 @@ LITTLE = 2e-4
 OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
 
 
-def shade(faces: Faces, seen: Array, canvas: ImagePatch, dark: Optional[Array] = None) -> Shading:
+def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = None) -> Shading:
     """Brightness of each face group from the picture, and the picture drawn with it.
 
     Parameters
     ----------
     seen : drawn by ``draw_faces``. dark : (H, W) drawn pixels on which another face casts its shadow.
     """
-    h, w = canvas.gray.shape
-    group, level, picture, centre, area, core, empty, ground = _shaded(faces, seen, canvas, dark)
-    bright = (area >= 60) & (level > 0.97 * canvas.full)
+    h, w = patch.gray.shape
+    group, level, picture, centre, area, core, empty, ground = _shaded(faces, seen, patch, dark)
+    bright = (area >= 60) & (level > 0.97 * patch.full)
     # hardly any picture has one
     for k in 1 + np.argsort(-area[1:], kind="stable")[:SATURATED] if bright[1:].any() else ():
         if bright[k]:
             part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
-            over = _overexposed(picture, part, canvas)
+            over = _overexposed(picture, part, patch)
             level[k] += over
             picture = picture + np.float32(over) * part
     behind = None
-    if canvas.textured:
+    if patch.textured:
         made = group, level, picture, centre, core, empty, ground
-        behind, picture = _with_background(canvas, made, LOCAL_PX / 4)
+        behind, picture = _with_background(patch, made, LOCAL_PX / 4)
     return Shading(seen, group, level, picture, centre, area, behind)
 
 
-def _in_bytes(canvas: ImagePatch, made: Tuple[Array, ...], _: float) -> bool:
-    return made[0].dtype == np.uint8 and min(canvas.gray.shape) >= 2
+def _in_bytes(patch: ImagePatch, made: Tuple[Array, ...], _: float) -> bool:
+    return made[0].dtype == np.uint8 and min(patch.gray.shape) >= 2
 
 
 @accelerated(native.with_background, _in_bytes)
-def _with_background(canvas: ImagePatch, made: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
+def _with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
     """What the background differs from its level by (h, w), and the synthetic view with it.
 
     Parameters
@@ -76,15 +76,15 @@ def _with_background(canvas: ImagePatch, made: Tuple[Array, ...], blur_px: float
     _, level, picture, centre, core, empty, ground = made
     shown = float(ground[0])
     own = (core & (centre == 0)).astype(np.float32)
-    behind = _wide_mean(own * (canvas.gray - np.float32(shown)), own, blur_px)
-    if canvas.clipped > 0:
-        behind = canvas.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
+    behind = _wide_mean(own * (patch.gray - np.float32(shown)), own, blur_px)
+    if patch.clipped > 0:
+        behind = patch.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
     # the background's share of each pixel, of which the border pixels have a part
     return behind, picture + empty * behind
 
 
 @accelerated(native.shade)
-def _shaded(faces: Faces, seen: Array, canvas: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
+def _shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
     """Groups of drawn pixels, their levels, and the synthetic view that they make.
 
     Returns
@@ -92,7 +92,7 @@ def _shaded(faces: Faces, seen: Array, canvas: ImagePatch, dark: Optional[Array]
     Groups (H, W), their levels (n,), the view (h, w), groups at middles (h, w), area (n,), pixels well inside a group
     (h, w), the background's share of each (h, w), empty if it has one level, and the background's mean (1,).
     """
-    f, (h, w) = canvas.fine, canvas.gray.shape
+    f, (h, w) = patch.fine, patch.gray.shape
     n = faces.groups + 1
     group = np.take(faces.labels, seen, mode="clip")
     if dark is not None:
@@ -103,13 +103,13 @@ def _shaded(faces: Faces, seen: Array, canvas: ImagePatch, dark: Optional[Array]
     solid &= (g[:, 0, :, -1] == centre) & (g[:, -1, :, 0] == centre)
     # pixels beside a border show how far the pose is off, not how bright the face is
     core = cv2.erode((solid & ~_borders(centre)).view(np.uint8), np.ones((3, 3), np.uint8)).view(bool)
-    mean, area = _levels(centre, solid, core, canvas, n)
-    level = canvas.response.brightness(mean)
+    mean, area = _levels(centre, solid, core, patch, n)
+    level = patch.response.brightness(mean)
     picture = cv2.resize(look_up(level, group), (w, h), interpolation=cv2.INTER_AREA)
     ground = mean[:1].copy()
-    _thin_levels(level, picture, group, area < 3, canvas)
+    _thin_levels(level, picture, group, area < 3, patch)
     empty = np.zeros((0, 0), np.float32)
-    if canvas.textured:
+    if patch.textured:
         empty = cv2.resize((group == 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
     return group, level, picture, centre, area, core, empty, ground
 
@@ -145,7 +145,7 @@ def _divided(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
     return group, 2 * n - 1
 
 
-def _levels(centre: Array, solid: Array, core: Array, canvas: ImagePatch, n: int) -> Tuple[Array, Array]:
+def _levels(centre: Array, solid: Array, core: Array, patch: ImagePatch, n: int) -> Tuple[Array, Array]:
     """Brightness (n,) of each group, a mean without what lies far off it, and its pixels (n,) in ``core``."""
     where = np.flatnonzero(solid | (centre > 0))
     label = centre.ravel().take(where)
@@ -158,7 +158,7 @@ def _levels(centre: Array, solid: Array, core: Array, canvas: ImagePatch, n: int
         return level, area
     number = number[some]
     first = np.cumsum(number) - number
-    value = canvas.gray.ravel().take(where).astype(float)
+    value = patch.gray.ravel().take(where).astype(float)
     inner = core.ravel().take(where)
     trust = inner + BESIDE * solid.ravel().take(where) + 1e-3
     weight, mean = trust, np.zeros(len(some))
@@ -168,12 +168,12 @@ def _levels(centre: Array, solid: Array, core: Array, canvas: ImagePatch, n: int
         if not last:
             away = np.abs(value - np.repeat(mean, number))
             spread = np.add.reduceat(weight * away, first) / total
-            weight = trust * (away < np.repeat(2.5 * spread + canvas.sigma, number))
+            weight = trust * (away < np.repeat(2.5 * spread + patch.sigma, number))
     level[some], area[some] = mean, np.add.reduceat(inner, first, dtype=np.intp)
     return level, area
 
 
-def coverage(shading: Shading, canvas: ImagePatch, most: int, blur_px: float, rows: Array, out: Array) -> int:
+def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, rows: Array, out: Array) -> int:
     """Share of each pixel that the background and each of the ``most`` largest groups cover, blurred.
 
     Parameters
@@ -190,7 +190,7 @@ def coverage(shading: Shading, canvas: ImagePatch, most: int, blur_px: float, ro
     Most groups are small: each is looked at within its own box.
     """
     h, w = shading.centre.shape
-    f = canvas.fine
+    f = patch.fine
     # thin ones too: their brightness is known least of all
     count = np.bincount(shading.centre.ravel(), minlength=len(shading.level))
     order = 1 + np.argsort(-count[1:], kind="stable")[: min(most, 62)]
@@ -230,7 +230,7 @@ def coverage(shading: Shading, canvas: ImagePatch, most: int, blur_px: float, ro
 def _boxes(slots: Array, n: int, f: int) -> Array:
     """(4, n) first and last column and row of each of the labels 0 .. n - 1; the first beyond the last where none is.
 
-    They are counted in canvas pixels of ``f`` x ``f`` drawn ones.
+    They are counted in patch pixels of ``f`` x ``f`` drawn ones.
 
     All at once: a label is a bit, and a row or column holds the bits of what is in it.
     """
@@ -241,7 +241,7 @@ def _boxes(slots: Array, n: int, f: int) -> Array:
     # OpenCV's table looks bytes up several times faster, and has no whole numbers of this size
     bits = cv2.LUT(slots, bit.view(np.float32 if n <= 32 else np.float64)).view(kind)
     for _ in range(2):
-        # rows of each canvas pixel first, then columns, as rows of what lies on its side
+        # rows of each patch pixel first, then columns, as rows of what lies on its side
         bits = reduce(np.bitwise_or, [bits[k::f] for k in range(f)]).T
     out = []
     for axis in (0, 1):
@@ -268,14 +268,14 @@ def _wide_mean(value: Array, weight: Array, blur_px: float) -> Array:
     return cv2.resize(num / (den + 0.02), (w, h), interpolation=cv2.INTER_LINEAR)
 
 
-def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, canvas: ImagePatch) -> None:
+def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch: ImagePatch) -> None:
     """Brightness of groups that fill no pixel: what is left of the picture there, over what they cover.
 
     Parameters
     ----------
     level : (G + 1,) and picture : (h, w) drawn with it, both changed in place.
     """
-    f, (h, w) = canvas.fine, canvas.gray.shape
+    f, (h, w) = patch.fine, patch.gray.shape
     if group.dtype == np.uint8:
         marked = np.zeros(256, np.uint8)
         marked[: len(thin)] = thin
@@ -296,30 +296,30 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, canvas
     at = place[cell]
     n = len(level)
     covered = np.maximum(np.bincount(own, number[cell] / float(f * f), n) + 2.0, 1e-9)
-    gray = canvas.gray.ravel()[cells]
+    gray = patch.gray.ravel()[cells]
     drawn = picture.ravel()[cells]
     for _ in range(2):
-        step = np.bincount(own, (gray - canvas.response.of(drawn)[0])[at], n) / covered
-        after = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * canvas.full)
+        step = np.bincount(own, (gray - patch.response.of(drawn)[0])[at], n) / covered
+        after = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * patch.full)
         change = np.bincount(at, (after - level)[own], len(cells)) / (f * f)
         drawn += change.astype(np.float32)
         level[:] = after
     picture.ravel()[cells] = drawn
 
 
-def _overexposed(picture: Array, part: Array, canvas: ImagePatch) -> float:
+def _overexposed(picture: Array, part: Array, patch: ImagePatch) -> float:
     """How far a saturated face's true brightness lies above the scale: blur carries it over its border."""
-    optics = OPTICS_PX / canvas.factor
+    optics = OPTICS_PX / patch.factor
     base, own = blurred(picture, optics), blurred(part, optics)
     ring = (own > 0.02) & (own < 0.98)
     if int(ring.sum()) < 10:
         return 0.0
-    base, own, gray = base[ring], own[ring], canvas.gray[ring]
+    base, own, gray = base[ring], own[ring], patch.gray[ring]
     costs = [
-        float(np.abs(canvas.response.of(base + np.float32(over) * own)[0] - gray).sum())
-        for over in OVER * canvas.full
+        float(np.abs(patch.response.of(base + np.float32(over) * own)[0] - gray).sum())
+        for over in OVER * patch.full
     ]
-    return float(OVER[int(np.argmin(costs))] * canvas.full)
+    return float(OVER[int(np.argmin(costs))] * patch.full)
 
 
 def _borders(centre: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Regions of the picture cut out for comparison with the drawn craft, straightened where the lens bends."""
+"""Regions of the picture cut out for comparison with the drawn target, straightened where the lens bends."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from hil.board.svd.model.prepared_target import PreparedTarget
 Array = np.ndarray
 Box = Tuple[int, int, int, int]
 
-# Drawn pixels per pixel of a canvas, each way.
+# Drawn pixels per pixel of a patch, each way.
 FINE = 2
 
 
-def make_canvas(craft: PreparedTarget, frame: Observation, box: Box, longest_px: int) -> ImagePatch:
+def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: int) -> ImagePatch:
     """A region of the picture as a pinhole camera would show it.
 
     Parameters
     ----------
-    box : x0, y0, x1, y1 in the pixels of ``craft.camera.pinhole``.
+    box : x0, y0, x1, y1 in the pixels of ``target.camera.pinhole``.
     """
-    if craft.camera.distorted:
-        gray, factor = straightened(frame.image, craft.camera, box, longest_px)
+    if target.camera.distorted:
+        gray, factor = straightened(frame.image, target.camera, box, longest_px)
         whole = box[2:]
     else:
         gray, factor = shrink(frame.image, *box, longest_px)
@@ -75,10 +75,10 @@ def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:
     return int(low[0]), int(low[1]), int(max(high[0], low[0] + 32)), int(max(high[1], low[1] + 32))
 
 
-def craft_box(craft: PreparedTarget, q: Array, t: Array) -> Box:
+def target_box(target: PreparedTarget, q: Array, t: Array) -> Box:
     """What of the pinhole's picture a pose covers, with a margin, in whole pixels."""
-    camera = craft.camera
-    p = camera.pinhole.pixels(craft.model.ends_m @ quat.matrix(q).T + t)
+    camera = target.camera
+    p = camera.pinhole.pixels(target.model.ends_m @ quat.matrix(q).T + t)
     (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)
     m = 8 + 0.06 * max(x1 - x0, y1 - y0)
     a, b, c, d = pinhole_box(camera, (0, 0, camera.width_px, camera.height_px))

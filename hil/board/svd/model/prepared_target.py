@@ -10,7 +10,7 @@ import numpy as np
 from hil.board.svd.geometry.camera import CameraIntrinsics
 from hil.board.svd.geometry.faces import ROUND_STEPS, Faces
 from hil.board.svd.geometry.wireframe import EdgeSamples, Occluders
-from hil.board.svd.model.shadow_map import SunTable
+from hil.board.svd.model.shadow_map import ShadowMapTable
 from hil.board.svd.model.target_model import BoardModel
 from hil.board.svd.model.view_tables import ViewTable, build_views, is_round, with_outlines
 from hil.board.svd.model.visibility import occluders, sample_edges
@@ -38,7 +38,7 @@ class PreparedTarget:
     tables: Tuple[ViewTable, ...]
     centre_m: Array
     radius_m: float
-    suns: Optional[SunTable] = None
+    suns: Optional[ShadowMapTable] = None
     round: bool = False
 
     @staticmethod
@@ -52,7 +52,7 @@ class PreparedTarget:
         curved = is_round(model)
         if model.outlines is not None and curved:
             tables = tuple(with_outlines(view, model.outlines, model.centre_m) for view in tables)
-        suns = None if model.faces is None else SunTable.of(model.faces)
+        suns = None if model.faces is None else ShadowMapTable.of(model.faces)
         if model.faces is not None and curved:
             model = replace(model, faces=model.faces.grouped(ROUND_STEPS))
         centre = model.centre_m

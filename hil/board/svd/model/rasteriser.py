@@ -54,7 +54,7 @@ def draw_faces(
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     least_px: float = 0.5,
 ) -> Array:
     """(h * fine, w * fine) int32: number of the face seen + 1, 0 where there is none.
@@ -63,10 +63,10 @@ def draw_faces(
     ----------
     order : faces to draw, the farthest first. least_px : smaller ones are left to their neighbours [drawn px^2].
     """
-    h, w = canvas.gray.shape
+    h, w = patch.gray.shape
     p = camera.pixels(faces.corners[order] @ R.T + t)
-    p = (p - (canvas.x0, canvas.y0) + 0.5) * canvas.scale - 0.5
-    return fill_faces(p, order, (h * canvas.fine, w * canvas.fine), least_px, exact=canvas.exact)
+    p = (p - (patch.x0, patch.y0) + 0.5) * patch.scale - 0.5
+    return fill_faces(p, order, (h * patch.fine, w * patch.fine), least_px, exact=patch.exact)
 
 
 @accelerated(native.fill_faces)

@@ -46,7 +46,7 @@ APART = float(np.cos(np.radians(15.0)))
 
 
 @dataclass(frozen=True, eq=False)
-class Sunlight:
+class ShadowMap:
     """The craft as the Sun sees it, an orthographic picture.
 
     Parameters
@@ -64,13 +64,13 @@ class Sunlight:
     seen: Array
 
     @staticmethod
-    def of(faces: Faces, direction: Array, n: int = MAP_PX) -> Sunlight:
+    def of(faces: Faces, direction: Array, n: int = MAP_PX) -> ShadowMap:
         """The craft painted from ``direction`` (3,), target frame."""
         s = direction / length(direction)
         e1 = cross(s, AXES[int(np.argmin(np.abs(s)))])
         e1 = e1 / length(e1)
         axes = np.stack([e1, cross(s, e1)])
-        return Sunlight(s, axes, *_seen_from_the_sun(faces, s, axes, n))
+        return ShadowMap(s, axes, *_seen_from_the_sun(faces, s, axes, n))
 
     @cached_property
     def packed(self) -> Tuple[Any, Tuple[Array, ...]]:
@@ -81,7 +81,7 @@ class Sunlight:
 
     @accelerated(native.shadows)
     def shadows(
-        self, faces: Faces, seen: Array, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
+        self, faces: Faces, seen: Array, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
     ) -> Array:
         """(H, W) bool: drawn pixels that look at the Sun but lie behind something.
 
@@ -91,7 +91,7 @@ class Sunlight:
         """
         facing = np.concatenate([[False], faces.normals @ self.direction > GRAZING])
         where = np.flatnonzero(np.take(facing, seen))
-        face, u, v, z = rays_to_faces(faces, seen, where, canvas, camera, R, t)
+        face, u, v, z = rays_to_faces(faces, seen, where, patch, camera, R, t)
         C = -R.T @ t
         frame = np.vstack([self.axes, self.direction])
         along = (frame @ R.T).astype(np.float32)
@@ -109,13 +109,13 @@ class Sunlight:
 
 
 @dataclass(frozen=True, eq=False)
-class SunTable:
+class ShadowMapTable:
     """The craft as seen from all round, to find where the Sun stands by the shadows on the picture.
 
     Parameters
     ----------
     directions : (S, 3) unit vectors, target frame. frames : (3, S, 3) axes of each picture and its direction.
-    origin : (S, 2), pitch_m : (S,), height : (S, n, n) float32, as in Sunlight.
+    origin : (S, 2), pitch_m : (S,), height : (S, n, n) float32, as in ShadowMap.
     painted : what ``sunlight`` has painted until now; no answer hangs on it.
     """
 
@@ -124,17 +124,17 @@ class SunTable:
     origin: Array
     pitch_m: Array
     height: Array
-    painted: Dict[Tuple[int, int], Sunlight] = field(default_factory=dict)
+    painted: Dict[Tuple[int, int], ShadowMap] = field(default_factory=dict)
 
     @staticmethod
-    def of(faces: Faces, number: int = DIRECTIONS) -> SunTable:
+    def of(faces: Faces, number: int = DIRECTIONS) -> ShadowMapTable:
         """Pictures from ``number`` directions spread evenly (Fibonacci lattice)."""
         i = np.arange(number) + 0.5
         z, turn = 1.0 - 2.0 * i / number, np.pi * (1.0 + np.sqrt(5.0)) * i
         r = np.sqrt(1.0 - z * z)
         directions = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=-1)
-        suns = [Sunlight.of(faces, d, TABLE_PX) for d in directions]
-        return SunTable(
+        suns = [ShadowMap.of(faces, d, TABLE_PX) for d in directions]
+        return ShadowMapTable(
             directions,
             np.stack([np.vstack([s.axes, s.direction]) for s in suns], axis=1),
             np.array([s.origin for s in suns]),
@@ -146,7 +146,7 @@ class SunTable:
         self,
         faces: Faces,
         shading: Shading,
-        canvas: ImagePatch,
+        patch: ImagePatch,
         camera: CameraIntrinsics,
         R: Array,
         t: Array,
@@ -165,7 +165,7 @@ class SunTable:
         """
         side = self.directions @ (-R.T @ t) / length(t)
         some = np.flatnonzero(side > BEHIND)
-        costs = self._costs(faces, shading, canvas, camera, R, t, some, pixels)
+        costs = self._costs(faces, shading, patch, camera, R, t, some, pixels)
         if costs is None:
             return []
         out: List[int] = []
@@ -180,7 +180,7 @@ class SunTable:
         self,
         faces: Faces,
         shading: Shading,
-        canvas: ImagePatch,
+        patch: ImagePatch,
         camera: CameraIntrinsics,
         R: Array,
         t: Array,
@@ -189,18 +189,18 @@ class SunTable:
     ) -> Optional[Array]:
         """(S,) what each of the directions ``some`` (S,) leaves unexplained; None where too little is seen."""
         # shot noise grows with the root of the light: in its root all noise is alike
-        dim = max(2.0 * canvas.full / 255.0, canvas.sigma)
-        if "darkest" not in canvas.kept:
-            canvas.kept["darkest"] = float(np.min(canvas.gray))
-        darkest = canvas.kept["darkest"]
-        return self._unexplained(faces, shading, canvas, camera, R, t, some, pixels, darkest, float(dim))
+        dim = max(2.0 * patch.full / 255.0, patch.sigma)
+        if "darkest" not in patch.kept:
+            patch.kept["darkest"] = float(np.min(patch.gray))
+        darkest = patch.kept["darkest"]
+        return self._unexplained(faces, shading, patch, camera, R, t, some, pixels, darkest, float(dim))
 
     @accelerated(native.sun_costs)
     def _unexplained(
         self,
         faces: Faces,
         shading: Shading,
-        canvas: ImagePatch,
+        patch: ImagePatch,
         camera: CameraIntrinsics,
         R: Array,
         t: Array,
@@ -210,7 +210,7 @@ class SunTable:
         dim: float,
     ) -> Optional[Array]:
         """The same, given the least value of the patch and a brightness that is as good as none."""
-        f, wide = canvas.fine, shading.seen.shape[1]
+        f, wide = patch.fine, shading.seen.shape[1]
         y, x = np.nonzero(shading.area[shading.centre] * (shading.centre > 0) > 0)
         if len(y) > pixels:
             few = np.linspace(0, len(y) - 1, pixels).astype(int)
@@ -218,10 +218,10 @@ class SunTable:
         if len(y) < 40:
             return None
         where = (y * f + f // 2) * wide + x * f + f // 2
-        face, u, v, z = rays_to_faces(faces, shading.seen, where, canvas, camera, R, t)
+        face, u, v, z = rays_to_faces(faces, shading.seen, where, patch, camera, R, t)
         X = (np.stack([u * z, v * z, z], axis=-1) - t) @ R
         lit = self._lit(faces, face, X, some)
-        value = np.sqrt(np.maximum(canvas.gray[y, x] - darkest, 0.0) + dim)
+        value = np.sqrt(np.maximum(patch.gray[y, x] - darkest, 0.0) + dim)
         own = np.unique(faces.group[face], return_inverse=True)[1].ravel()
         return _cost(value, own, lit)
 
@@ -230,10 +230,10 @@ class SunTable:
         """The table as C takes it, and what keeps its arrays alive."""
         return native.packed_table(self.frames, self.origin, self.pitch_m, self.height)
 
-    def sunlight(self, faces: Faces, k: int, n: int) -> Sunlight:
+    def sunlight(self, faces: Faces, k: int, n: int) -> ShadowMap:
         """The craft painted ``n`` pixels wide from direction ``k``, once for all pictures."""
         if (k, n) not in self.painted:
-            sun = Sunlight.of(faces, self.directions[k], n)
+            sun = ShadowMap.of(faces, self.directions[k], n)
             kind = np.uint16 if len(faces.corners) < np.iinfo(np.uint16).max else np.int32
             self.painted[k, n] = replace(sun, seen=sun.seen.astype(kind))
         return self.painted[k, n]
@@ -296,7 +296,7 @@ def _cost(value: Array, own: Array, lit: Array) -> Array:
 
 
 def rays_to_faces(
-    faces: Faces, seen: Array, where: Array, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
+    faces: Faces, seen: Array, where: Array, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Tuple[Array, Array, Array, Array]:
     """Face, normalised coordinates and depth of drawn pixels ``where`` (flat indices), all (N,).
 
@@ -308,7 +308,7 @@ def rays_to_faces(
     # a remainder costs ten times what this does
     y = where // seen.shape[1]
     x = where - y * seen.shape[1]
-    u, v = (a.astype(np.float32) for a in canvas.rays(camera))
+    u, v = (a.astype(np.float32) for a in patch.rays(camera))
     u, v = np.take(u, x), np.take(v, y)
     # a plane n.X = d in the camera's frame has the inverse depth n.ray / d
     n_c = faces.normals @ R.T

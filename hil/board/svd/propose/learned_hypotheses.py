@@ -29,8 +29,8 @@ FIELD_PX, FIELD_MARGIN = 200, 0.05
 # Least side of a place [px].
 SMALLEST_PX = 24.0
 
-# Where the craft's sphere is looked for about the circle that holds all that is lit: its size, how far from the middle,
-# and in how many directions; sizes and ways in diameters of the circle.
+# Where the target's sphere is looked for about the circle that holds all that is lit: its size, how far from the
+# middle, and in how many directions; sizes and ways in diameters of the circle.
 LIT_RINGS = (
     (1.12, 0.1, 5),
     (1.28, 0.06, 3),
@@ -75,8 +75,8 @@ def learned_hypotheses(
     ]
 
 
-def crops_about_lit(craft: PreparedTarget, frame: Observation, reduced: Array) -> List[ImageCrop]:
-    """Places and sizes at which the craft's sphere holds all that is lit before empty space.
+def crops_about_lit(target: PreparedTarget, frame: Observation, reduced: Array) -> List[ImageCrop]:
+    """Places and sizes at which the target's sphere holds all that is lit before empty space.
 
     Parameters
     ----------
@@ -88,17 +88,17 @@ def crops_about_lit(craft: PreparedTarget, frame: Observation, reduced: Array) -
     (x, y), radius = cv2.minEnclosingCircle(lit.astype(np.float32))
     half = 0.5 * (REDUCTION - 1)
     middle = REDUCTION * x + half, REDUCTION * y + half
-    return _rings(craft, middle, REDUCTION * (2 * radius + 1), LIT_RINGS)
+    return _rings(target, middle, REDUCTION * (2 * radius + 1), LIT_RINGS)
 
 
-def crops_about(craft: PreparedTarget, proposal: LearnedProposal) -> List[ImageCrop]:
+def crops_about(target: PreparedTarget, proposal: LearnedProposal) -> List[ImageCrop]:
     """Places and sizes about one of the learned proposal."""
-    u, v = craft.camera.pixels(proposal.crop.direction)
-    return _rings(craft, (float(u), float(v)), proposal.crop.diameter_px, TEXTURED_RINGS)
+    u, v = target.camera.pixels(proposal.crop.direction)
+    return _rings(target, (float(u), float(v)), proposal.crop.diameter_px, TEXTURED_RINGS)
 
 
 def _rings(
-    craft: PreparedTarget,
+    target: PreparedTarget,
     middle: Tuple[float, float],
     size_px: float,
     rings: Sequence[Tuple[float, float, int]],
@@ -109,7 +109,7 @@ def _rings(
         for angle in 2 * np.pi * (np.arange(number) + 0.5 * (k % 2)) / number:
             x = middle[0] + reach * size_px * float(np.cos(angle))
             y = middle[1] + reach * size_px * float(np.sin(angle))
-            out.append(ImageCrop.at(craft.camera, x, y, size * size_px))
+            out.append(ImageCrop.at(target.camera, x, y, size * size_px))
     return out
 
 

@@ -11,7 +11,7 @@ from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.hypotheses.ambiguity import DISTINCT_RAD, SPREAD_RAD, without_duplicates
 from hil.board.svd.hypotheses.hypothesis import Hypothesis
 from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.image_patch import Box, craft_box, make_canvas
+from hil.board.svd.model.image_patch import Box, cut_patch, target_box
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.propose.variants import near_symmetries, over_its_image, tilts
 from hil.board.svd.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
@@ -44,16 +44,16 @@ def refine_close_up(
         may have held it.
     """
     first = leaders[0].at(leaders[0].q, leaders[0].t)
-    box = craft_box(target, first.q, first.t)
+    box = target_box(target, first.q, first.t)
     others = [h.at(h.q, h.t) for h in without_duplicates(leaders) if h is not leaders[0]]
     if thorough:
-        others = [o for o in others if _overlap(box, craft_box(target, o.q, o.t)) > SAME_PLACE][:ALL_RIVALS]
-        boxes = np.array([box, *(craft_box(target, o.q, o.t) for o in others)])
+        others = [o for o in others if _overlap(box, target_box(target, o.q, o.t)) > SAME_PLACE][:ALL_RIVALS]
+        boxes = np.array([box, *(target_box(target, o.q, o.t) for o in others)])
         (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
         box = int(x0), int(y0), int(x1), int(y1)
     else:
         others = [o for o in others if o.source.region == first.source.region][:RIVALS]
-    patch = make_canvas(target, frame, box, CLOSE_PX)
+    patch = cut_patch(target, frame, box, CLOSE_PX)
     some = [draw(target, patch, h) for h in (first, *others)]
     # a leader that is not compared here says nothing of its twin
     twins = [

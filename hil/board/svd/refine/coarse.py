@@ -10,7 +10,7 @@ from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.hypotheses.ambiguity import spread_in_attitude
 from hil.board.svd.hypotheses.hypothesis import Hypothesis
 from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.image_patch import make_canvas, pinhole_box
+from hil.board.svd.model.image_patch import cut_patch, pinhole_box
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.propose.edge_search import MARGIN
 from hil.board.svd.propose.learned.network_input import ImageCrop
@@ -75,7 +75,7 @@ def refine_coarsely(
         own = own[: LIT_OF_EDGES if not learned else ALL_ASKED if thorough else first]
         longest, blurs = (TEXTURED_PX, TEXTURED_BLURS) if textured else (COARSE_PX, COARSE_BLURS)
         box = pinhole_box(target.camera, region.grown(margin, width, height))
-        patch = make_canvas(target, frame, box, longest)
+        patch = cut_patch(target, frame, box, longest)
         # a second round begins with hypotheses of the first: these are not drawn again
         drawings = frame.drawn.pop((box, longest), {}) if learned else None
         if drawings is not None and not thorough:
@@ -118,4 +118,4 @@ def _patch_of(
     reach = 0.55 * np.array([g.diameter_px for g in places])[:, None]
     x0, y0 = np.clip((middle - reach).min(axis=0), 0, (w - 32, h - 32)).astype(int).tolist()
     x1, y1 = np.clip((middle + reach).max(axis=0), (x0 + 32, y0 + 32), (w, h)).astype(int).tolist()
-    return make_canvas(target, frame, pinhole_box(target.camera, (x0, y0, x1, y1)), longest)
+    return cut_patch(target, frame, pinhole_box(target.camera, (x0, y0, x1, y1)), longest)

@@ -11,11 +11,11 @@ from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
 from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.image_patch import cut_patch, target_box
 from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.model.shadow_map import ShadowMap
 from hil.board.svd.refine.photometric import JOINT_AT_END, explained, photo_draw, photo_step
-from hil.board.svd.refine.shadows import shadowed
+from hil.board.svd.refine.shadows import search_sun
 
 # An end that moved by more is aligned again, with shadows as they fall there, so many times in all [rad]: most are
 # there after one, a few are 10 deg away at first. A score lower by more is a worse one; by far more, it leads away.
@@ -44,17 +44,17 @@ def refine_to_end(
     ----------
     close : patch that ends are scored on. start : with the faces that ``close`` shows there, where they are drawn.
     """
-    box, longest = craft_box(target, start.q, start.t), ROUND_FINAL_PX if target.round else FINAL_PX
+    box, longest = target_box(target, start.q, start.t), ROUND_FINAL_PX if target.round else FINAL_PX
     share, at_first, near_by = TEXTURED_WIDE if frame.background < 0 else EMPTY_WIDE
-    sharp = make_canvas(target, frame, box, longest)
-    wide = make_canvas(target, frame, box, round(share * longest)) if share < 1 else sharp
+    sharp = cut_patch(target, frame, box, longest)
+    wide = cut_patch(target, frame, box, round(share * longest)) if share < 1 else sharp
     # drawn as large as it is only once it is there: from afar what is thin and bright attracts more as it was
     exact = replace(sharp, clipped=frame.clipped, exact=True)
     faces, camera = faces_of(target), target.camera.pinhole
     best: Optional[Hypothesis] = None
     blurs: Tuple[float, ...] = at_first
     before = start.pose
-    here = shadowed(target, faces, close, before.q, before.t, seen=start.seen)
+    here = search_sun(target, faces, close, before.q, before.t, seen=start.seen)
     began, sun = start.without_view(here.score), here.sun
     for _ in range(ROUNDS):
         near = _stepped(target, wide, before, sun, blurs)
@@ -72,7 +72,7 @@ def refine_to_end(
         blurs = near_by
         if moved > FAR_RAD:
             # shadows fall elsewhere by now; of a Sun found from nearby they are where they were
-            sun = shadowed(target, faces, close, before.q, before.t, seen=view.seen).sun
+            sun = search_sun(target, faces, close, before.q, before.t, seen=view.seen).sun
             blurs = (*FAR_BLURS, *at_first)
     assert best is not None  # noqa: S101 - the first round always ends somewhere
     return best
@@ -82,7 +82,7 @@ def _stepped(
     target: PreparedTarget,
     patch: ImagePatch,
     pose: PoseFit,
-    sun: Optional[Sunlight],
+    sun: Optional[ShadowMap],
     blurs: Tuple[float, ...],
 ) -> PoseFit:
     """The pose some steps on, with many face gains found beside it."""

@@ -20,7 +20,7 @@ def _in_bytes(shading: Shading, *_: object) -> bool:
 
 @accelerated(native.motion_images, _in_bytes)
 def motion_images(
-    shading: Shading, faces: Faces, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
+    shading: Shading, faces: Faces, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Array:
     """(6, h, w) float32 derivative of the drawn picture by (turn about the target's origin, shift), camera axes.
 
@@ -30,8 +30,8 @@ def motion_images(
     ----------
     camera : a pinhole (see ``ImagePatch.rays``).
     """
-    h, w = canvas.gray.shape
-    f = canvas.fine
+    h, w = patch.gray.shape
+    f = patch.fine
     wide = w * f
     g, ids = shading.group, shading.seen
     borders = np.zeros(g.shape, bool)
@@ -43,7 +43,7 @@ def motion_images(
     here = np.concatenate([right, down])
     there = np.concatenate([right + 1, down + wide])
     across = np.arange(len(here)) < len(right)
-    u, v = canvas.rays(camera)
+    u, v = patch.rays(camera)
     # a remainder costs ten times what this does
     y = here // wide
     x = here - y * wide
@@ -75,7 +75,7 @@ def motion_images(
     turn_x, turn_y = -own * Y, own * X
     turn_x[n:] -= Z[n:]
     turn_y[:n] += Z[:n]
-    # a border along the side of a canvas pixel lies half in the next one: all of it in this one would move what pulls
+    # a border along the side of a patch pixel lies half in the next one: all of it in this one would move what pulls
     # at the pose by a quarter of a pixel, and the pose with it
     last = np.arange(max(wide, h * f)) % f == f - 1
     shared = np.flatnonzero(last.take(np.where(across, x, y)))

@@ -16,7 +16,7 @@ from hil.board.svd.hypotheses.ambiguity import converges_elsewhere
 from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, drawn
 from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from hil.board.svd.refine.photometric import explained, photo_draw, photo_step
-from hil.board.svd.refine.shadows import shadowed
+from hil.board.svd.refine.shadows import search_sun
 
 # An alignment that leaves the size it started from by more has gone astray: logarithm of the range.
 ASTRAY = 0.3
@@ -73,7 +73,7 @@ def draw_shadows(
     """A hypothesis that was drawn, with the shadows that the image wants there."""
 
     def made() -> Hypothesis:
-        lit = shadowed(target, faces_of(target), patch, h.q, h.t, drawn(h), coarse=True)
+        lit = search_sun(target, faces_of(target), patch, h.q, h.t, drawn(h), coarse=True)
         return replace(h, view=lit.shading, score=lit.score, sun=lit.sun)
 
     return _memoised(drawings, ("shadows", h.q.tobytes(), h.t.tobytes()), h.origin, made)

@@ -15,7 +15,7 @@ from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.hypotheses.hypothesis import PoseFit
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred, coverage, shade
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
-from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.model.shadow_map import ShadowMap
 from hil.board.svd.native.backend import accelerated
 from hil.board.svd.native.photometric import face_gains as native_gains
 from hil.board.svd.native.photometric import normal_equations as native_step
@@ -27,7 +27,7 @@ Array = np.ndarray
 # Where a residual stops counting, in units of its robust spread.
 TUKEY = 4.0
 
-# How far an edge may be from where it is drawn: at the end, and more for each pixel of blur [canvas px].
+# How far an edge may be from where it is drawn: at the end, and more for each pixel of blur [patch px].
 FLOOR_PX, SLACK = 0.2, 0.6
 
 # Steps on blurred pictures are made longer by this: they fall short, for the levels follow the error of the pose.
@@ -37,14 +37,14 @@ RELAX = 1.5
 # development frames have the median of chi-square (eval-black and eval-earth, seeds 6001 and 6002).
 INFLATION = 150.0
 
-# A pixel that a shift by a pixel of the canvas changes by less, in units of the noise, is left out of a step: these are
+# A pixel that a shift by a pixel of the patch changes by less, in units of the noise, is left out of a step: these are
 # one in three, and hold less than a thousandth of what the picture says.
 TELLS = 0.02
 
 # Groups of faces whose brightness is found together with the pose, and at the end.
 JOINT, JOINT_AT_END = 16, 40
 
-# Verification: blur against noise [canvas px], and the residual beyond which more costs no more [noise].
+# Verification: blur against noise [patch px], and the residual beyond which more costs no more [noise].
 SCORE_BLUR_PX, BOUND = 0.8, 6.0
 
 # Share of a pixel covered from which it counts where there is a texture behind.
@@ -55,11 +55,11 @@ def photo_align(
     q: Array,
     t: Array,
     faces: Faces,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     camera: CameraIntrinsics,
     radius_m: float,
     blurs_px: Tuple[float, ...],
-    sun: Optional[Sunlight] = None,
+    sun: Optional[ShadowMap] = None,
     relax: float = RELAX,
     joint: int = JOINT,
 ) -> PoseFit:
@@ -67,15 +67,15 @@ def photo_align(
 
     Parameters
     ----------
-    camera : a pinhole (see ``ImagePatch.rays``). blurs_px : blur of both pictures in each iteration [canvas px]: wide
+    camera : a pinhole (see ``ImagePatch.rays``). blurs_px : blur of both pictures in each iteration [patch px]: wide
         first, to reach far. sun : casts shadows; None draws none. relax : how much longer
         steps on blurred pictures are made. joint : groups whose brightness is found together with the pose.
     """
     fit = PoseFit(q, t, 9.9, INFLATION * np.eye(6))
     for blur in blurs_px:
-        shading = photo_draw(fit.q, fit.t, faces, canvas, camera, sun)
+        shading = photo_draw(fit.q, fit.t, faces, patch, camera, sun)
         longer = relax if blur > 0 else 1.0
-        step = photo_step(fit, shading, faces, canvas, camera, radius_m, blur, longer, joint)
+        step = photo_step(fit, shading, faces, patch, camera, radius_m, blur, longer, joint)
         if step is None:
             break
         fit = step
@@ -86,14 +86,14 @@ def photo_draw(
     q: Array,
     t: Array,
     faces: Faces,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     camera: CameraIntrinsics,
-    sun: Optional[Sunlight] = None,
+    sun: Optional[ShadowMap] = None,
 ) -> Shading:
     """The craft drawn at a pose, as bright as the picture says; parameters as in ``photo_align``."""
     R = quat.matrix(q)
-    seen = draw_faces(faces, order_faces(faces, -R.T @ t), camera, R, t, canvas)
-    return photo_shade(seen, q, t, faces, canvas, camera, sun)
+    seen = draw_faces(faces, order_faces(faces, -R.T @ t), camera, R, t, patch)
+    return photo_shade(seen, q, t, faces, patch, camera, sun)
 
 
 def photo_shade(
@@ -101,20 +101,20 @@ def photo_shade(
     q: Array,
     t: Array,
     faces: Faces,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     camera: CameraIntrinsics,
-    sun: Optional[Sunlight] = None,
+    sun: Optional[ShadowMap] = None,
 ) -> Shading:
     """The same where the faces ``seen`` at the pose are drawn already."""
-    dark = None if sun is None else sun.shadows(faces, seen, canvas, camera, quat.matrix(q), t)
-    return shade(faces, seen, canvas, dark)
+    dark = None if sun is None else sun.shadows(faces, seen, patch, camera, quat.matrix(q), t)
+    return shade(faces, seen, patch, dark)
 
 
 def photo_step(
     fit: PoseFit,
     shading: Shading,
     faces: Faces,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     camera: CameraIntrinsics,
     radius_m: float,
     blur: float,
@@ -128,10 +128,10 @@ def photo_step(
     others as in ``photo_align``.
     """
     R, t = quat.matrix(fit.q), fit.t
-    noise = canvas.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
-    blurs = OPTICS_PX / canvas.factor, blur, float(np.hypot(blur, OPTICS_PX / canvas.factor))
+    noise = patch.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
+    blurs = OPTICS_PX / patch.factor, blur, float(np.hypot(blur, OPTICS_PX / patch.factor))
     slack = (FLOOR_PX + SLACK * blur) ** 2
-    G, total, rows = _gram(shading, faces, canvas, camera, R, t, blurs, noise, slack, TUKEY**2, joint)
+    G, total, rows = _gram(shading, faces, patch, camera, R, t, blurs, noise, slack, TUKEY**2, joint)
     if rows < 30:
         return None
     H, g, cost = projected(G)
@@ -158,7 +158,7 @@ def _in_bytes(shading: Shading, *_: object) -> bool:
 def _gram(
     shading: Shading,
     faces: Faces,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
@@ -177,16 +177,16 @@ def _gram(
         level is found with the pose.
     """
     lens, blur, optics = blurs_px
-    shown, slope = canvas.response.of(blurred(shading.picture, lens))
+    shown, slope = patch.response.of(blurred(shading.picture, lens))
     drawn = blurred(shown, blur)
-    e = canvas.blurred(blur) - drawn
-    D = [blurred(plane, optics) for plane in motion_images(shading, faces, canvas, camera, R, t)]
-    across, down = canvas.scale
-    least = TELLS * noise / (max(abs(float(t[2])), 1e-9) * canvas.fine)
+    e = patch.blurred(blur) - drawn
+    D = [blurred(plane, optics) for plane in motion_images(shading, faces, patch, camera, R, t)]
+    across, down = patch.scale
+    least = TELLS * noise / (max(abs(float(t[2])), 1e-9) * patch.fine)
     use = (np.abs(D[3]) > least * across * camera.fx_px) | (np.abs(D[4]) > least * down * camera.fy_px)
     rows, w = _weights(e, drawn, use, shading.centre > 0, noise, slack, tukey)
     A = np.zeros((joint + 8, len(rows)), np.float32)
-    k = coverage(shading, canvas, joint, optics, rows, A)
+    k = coverage(shading, patch, joint, optics, rows, A)
     for j, x in enumerate((*D, e)):
         x.ravel().take(rows, out=A[k + j], mode="clip")
     A = A[: k + 7]
@@ -255,9 +255,9 @@ def photo_score(
     q: Array,
     t: Array,
     faces: Faces,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     camera: CameraIntrinsics,
-    sun: Optional[Sunlight] = None,
+    sun: Optional[ShadowMap] = None,
 ) -> float:
     """How much better the drawn craft explains the picture than the background alone, 0..1.
 
@@ -267,25 +267,25 @@ def photo_score(
     ----------
     as in ``photo_align``.
     """
-    return explained(photo_draw(q, t, faces, canvas, camera, sun), canvas)
+    return explained(photo_draw(q, t, faces, patch, camera, sun), patch)
 
 
-def explained(shading: Shading, canvas: ImagePatch) -> float:
+def explained(shading: Shading, patch: ImagePatch) -> float:
     """The same of a craft that is drawn already."""
-    if "none" not in canvas.kept:
-        noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
-        none = (canvas.blurred(SCORE_BLUR_PX) - canvas.background) / noise
-        canvas.kept["none"] = noise, none, _bounded(none)
-    noise, none, least = canvas.kept["none"]
-    blurs = OPTICS_PX / canvas.factor, SCORE_BLUR_PX, 1.0
-    left = _unexplained(shading, canvas, noise, none, blurs, BOUND**2, COVERED)
+    if "none" not in patch.kept:
+        noise = patch.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
+        none = (patch.blurred(SCORE_BLUR_PX) - patch.background) / noise
+        patch.kept["none"] = noise, none, _bounded(none)
+    noise, none, least = patch.kept["none"]
+    blurs = OPTICS_PX / patch.factor, SCORE_BLUR_PX, 1.0
+    left = _unexplained(shading, patch, noise, none, blurs, BOUND**2, COVERED)
     return 1.0 - left / max(least, 1e-9)
 
 
 @accelerated(native_gains.unexplained, _in_bytes)
 def _unexplained(
     shading: Shading,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     noise: float,
     none: Array,
     blurs_px: Tuple[float, float, float],
@@ -300,9 +300,9 @@ def _unexplained(
         ``covered`` of a pixel is. blurs_px : of the optics, the score, and what is covered. bound : squared.
     """
     lens, blur, cover_blur = blurs_px
-    drawn = canvas.response.of(blurred(shading.picture, lens))[0]
-    e = (canvas.blurred(blur) - blurred(drawn, blur)) / noise
-    if canvas.textured:
+    drawn = patch.response.of(blurred(shading.picture, lens))[0]
+    e = (patch.blurred(blur) - blurred(drawn, blur)) / noise
+    if patch.textured:
         # clutter beside the craft is no pose's merit or fault
         h, w = e.shape
         cover = cv2.resize((shading.group > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
@@ -314,15 +314,15 @@ def photo_likeness(
     q: Array,
     t: Array,
     faces: Faces,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     camera: CameraIntrinsics,
-    sun: Optional[Sunlight] = None,
+    sun: Optional[ShadowMap] = None,
 ) -> Tuple[float, float]:
     """How the craft drawn at a pose looks like the picture; parameters as in ``photo_align``."""
-    return likeness(photo_draw(q, t, faces, canvas, camera, sun), canvas)
+    return likeness(photo_draw(q, t, faces, patch, camera, sun), patch)
 
 
-def likeness(shading: Shading, canvas: ImagePatch) -> Tuple[float, float]:
+def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:
     """How the drawn craft looks like the picture where it covers it, clutter beside it left out.
 
     Returns
@@ -331,14 +331,14 @@ def likeness(shading: Shading, canvas: ImagePatch) -> Tuple[float, float]:
     background alone, 1 at most. Both are zero where next to nothing is covered.
     """
     picture = shading.picture
-    h, w = canvas.gray.shape
+    h, w = patch.gray.shape
     cover = cv2.resize((shading.seen > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
     on = blurred(cover, 1.0) > COVERED
-    drawn = blurred(picture, float(np.hypot(SCORE_BLUR_PX, OPTICS_PX / canvas.factor)))
-    drawn = canvas.response.of(drawn)[0][on].astype(float)
-    gray = canvas.blurred(SCORE_BLUR_PX)
-    noise = canvas.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
-    none = ((gray - canvas.background) / noise)[on]
+    drawn = blurred(picture, float(np.hypot(SCORE_BLUR_PX, OPTICS_PX / patch.factor)))
+    drawn = patch.response.of(drawn)[0][on].astype(float)
+    gray = patch.blurred(SCORE_BLUR_PX)
+    noise = patch.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
+    none = ((gray - patch.background) / noise)[on]
     gray = gray[on].astype(float)
     if len(gray) < 30 or not gray.std() * drawn.std() > 0:
         return 0.0, 0.0

@@ -1,4 +1,4 @@
-"""A pose drawn with the shadows the craft casts on itself, the Sun where the picture wants it."""
+"""A pose drawn with the shadows the target casts on itself, the Sun where the picture wants it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.shading import Shading
-from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.model.shadow_map import ShadowMap
 from hil.board.svd.refine.photometric import explained, photo_draw, photo_shade
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# Directions of the Sun whose shadows are drawn, pixels that they are chosen by, and side of the craft's picture from
+# Directions of the Sun whose shadows are drawn, pixels that they are chosen by, and side of the target's picture from
 # each [px]: of a pose on its way, and at its end, where the coarser picture's blunt shadows left poses 0.6 deg off.
 COARSE, FINE = (1, 240, 96), (4, 500, 160)
 
@@ -29,8 +29,8 @@ STEPS_RAD, WORTH = (float(np.radians(4.0)), float(np.radians(2.0))), 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Shadowed:
-    """A craft drawn with its shadows.
+class LitView:
+    """A target drawn with its shadows.
 
     Parameters
     ----------
@@ -39,48 +39,48 @@ class Shadowed:
 
     shading: Shading
     score: float
-    sun: Optional[Sunlight]
+    sun: Optional[ShadowMap]
 
 
-def shadowed(
-    craft: PreparedTarget,
+def search_sun(
+    target: PreparedTarget,
     faces: Faces,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     q: Array,
     t: Array,
     plain: Optional[Shading] = None,
     *,
     seen: Optional[Array] = None,
     coarse: bool = False,
-) -> Shadowed:
-    """The craft at a pose with the shadows that explain the picture best.
+) -> LitView:
+    """The target at a pose with the shadows that explain the picture best.
 
     A wrong pose has the same choice of Suns, but what they cast on it does not lie where the picture is dark: over 13
     development frames that were lost the right pose explains 0.05 to 0.55 more with its shadows, others hardly any.
 
     Parameters
     ----------
-    faces : of the craft. q, t : the pose. plain : drawn there without shadows, where it is; seen : or which faces
+    faces : of the target. q, t : the pose. plain : drawn there without shadows, where it is; seen : or which faces
         are seen there, where that alone is known. coarse : try
         fewer directions on fewer pixels and leave it at that, which lets go of a third of what shadows explain.
     """
-    camera = craft.camera.pinhole
+    camera = target.camera.pinhole
     if plain is None and seen is not None:
-        plain = photo_shade(seen, q, t, faces, canvas, camera)
-    plain = photo_draw(q, t, faces, canvas, camera) if plain is None else plain
-    best = Shadowed(plain, explained(plain, canvas), None)
-    if craft.suns is None:
+        plain = photo_shade(seen, q, t, faces, patch, camera)
+    plain = photo_draw(q, t, faces, patch, camera) if plain is None else plain
+    best = LitView(plain, explained(plain, patch), None)
+    if target.suns is None:
         return best
 
     number, pixels, side = COARSE if coarse else FINE
 
-    def tried(sun: Sunlight) -> Shadowed:
-        shading = photo_shade(plain.seen, q, t, faces, canvas, camera, sun)
-        return Shadowed(shading, explained(shading, canvas), sun)
+    def tried(sun: ShadowMap) -> LitView:
+        shading = photo_shade(plain.seen, q, t, faces, patch, camera, sun)
+        return LitView(shading, explained(shading, patch), sun)
 
     least = best.score + WORTH
-    for k in craft.suns.find(faces, plain, canvas, camera, quat.matrix(q), t, number, pixels):
-        best = max(best, tried(craft.suns.sunlight(faces, k, side)), key=_score)
+    for k in target.suns.find(faces, plain, patch, camera, quat.matrix(q), t, number, pixels):
+        best = max(best, tried(target.suns.sunlight(faces, k, side)), key=_score)
     if coarse or best.score < least:
         return best
     for step in STEPS_RAD:
@@ -91,7 +91,7 @@ def shadowed(
                     continue
                 best = max(
                     best,
-                    tried(Sunlight.of(faces, _beside(sun, step, way * sun.axes[axis]), side)),
+                    tried(ShadowMap.of(faces, _beside(sun, step, way * sun.axes[axis]), side)),
                     key=_score,
                 )
                 if best.sun is not sun:
@@ -100,24 +100,24 @@ def shadowed(
     return best
 
 
-def sharpened(
-    craft: PreparedTarget, faces: Faces, canvas: ImagePatch, q: Array, t: Array, drawn: Shadowed, side: int
-) -> Shadowed:
+def sharpen_shadows(
+    target: PreparedTarget, faces: Faces, patch: ImagePatch, q: Array, t: Array, drawn: LitView, side: int
+) -> LitView:
     """The same with the shadows of a Sun's picture of ``side`` pixels, where these explain more.
 
     What is thin shades nothing on a coarse one: a wing's edge is a third of such a pixel.
     """
     if drawn.sun is None:
         return drawn
-    sun = Sunlight.of(faces, drawn.sun.direction, side)
-    shading = photo_shade(drawn.shading.seen, q, t, faces, canvas, craft.camera.pinhole, sun)
-    return max(drawn, Shadowed(shading, explained(shading, canvas), sun), key=_score)
+    sun = ShadowMap.of(faces, drawn.sun.direction, side)
+    shading = photo_shade(drawn.shading.seen, q, t, faces, patch, target.camera.pinhole, sun)
+    return max(drawn, LitView(shading, explained(shading, patch), sun), key=_score)
 
 
-def _score(drawn: Shadowed) -> float:
+def _score(drawn: LitView) -> float:
     return drawn.score
 
 
-def _beside(sun: Sunlight, angle_rad: float, side: Array) -> Array:
+def _beside(sun: ShadowMap, angle_rad: float, side: Array) -> Array:
     """Direction (3,) beside the Sun's, towards a unit vector ``side`` (3,) across it."""
     return np.asarray(np.cos(angle_rad) * sun.direction + np.sin(angle_rad) * side)

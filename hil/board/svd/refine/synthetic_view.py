@@ -1,4 +1,4 @@
-"""The craft drawn at a pose beside the picture, with and without the shadows it casts on itself."""
+"""The target drawn at a pose beside the picture, with and without the shadows it casts on itself."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred
-from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.image_patch import cut_patch, target_box
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.refine.photometric import photo_draw
-from hil.board.svd.refine.shadows import shadowed
+from hil.board.svd.refine.shadows import search_sun
 
 Array = np.ndarray
 
@@ -27,7 +27,7 @@ class Drawn:
 
     Parameters
     ----------
-    picture, plain : (h, w) float32 the picture there, and the craft drawn with one brightness for each group.
+    picture, plain : (h, w) float32 the picture there, and the target drawn with one brightness for each group.
     shadowed : (h, w) with shadows; None where no Sun was found. sun : (3,) unit vector to it, camera axes.
     full : largest value of the picture's scale. noise : standard deviation of ``picture``.
     """
@@ -40,17 +40,17 @@ class Drawn:
     noise: float
 
 
-def draw_at(craft: PreparedTarget, frame: Observation, q: Array, t: Array) -> Optional[Drawn]:
+def draw_at(target: PreparedTarget, frame: Observation, q: Array, t: Array) -> Optional[Drawn]:
     """The drawing at a pose; None for a target without faces."""
-    faces = craft.model.faces
+    faces = target.model.faces
     if faces is None:
         return None
-    canvas = make_canvas(craft, frame, craft_box(craft, q, t), LONGEST_PX)
-    plain = photo_draw(q, t, faces, canvas, craft.camera.pinhole).picture
-    best = shadowed(craft, faces, canvas, q, t)
-    optics = OPTICS_PX / canvas.factor
-    plain, dark = (canvas.response.of(blurred(p, optics))[0] for p in (plain, best.shading.picture))
+    patch = cut_patch(target, frame, target_box(target, q, t), LONGEST_PX)
+    plain = photo_draw(q, t, faces, patch, target.camera.pinhole).picture
+    best = search_sun(target, faces, patch, q, t)
+    optics = OPTICS_PX / patch.factor
+    plain, dark = (patch.response.of(blurred(p, optics))[0] for p in (plain, best.shading.picture))
     if best.sun is None:
-        return Drawn(canvas.gray, plain, None, None, canvas.full, canvas.sigma)
+        return Drawn(patch.gray, plain, None, None, patch.full, patch.sigma)
     sun = quat.matrix(q) @ best.sun.direction
-    return Drawn(canvas.gray, plain, dark, sun, canvas.full, canvas.sigma)
+    return Drawn(patch.gray, plain, dark, sun, patch.full, patch.sigma)

@@ -12,11 +12,11 @@ from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.geometry.shading import Shading
 from hil.board.svd.hypotheses.hypothesis import PoseFit
 from hil.board.svd.image.observation import Observation
-from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.image_patch import cut_patch, target_box
 from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
-from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.model.shadow_map import ShadowMap
 from hil.board.svd.refine.photometric import explained, photo_draw, photo_shade, photo_step
-from hil.board.svd.refine.shadows import shadowed
+from hil.board.svd.refine.shadows import search_sun
 
 Array = np.ndarray
 Pose = Tuple[Array, Array]
@@ -53,7 +53,7 @@ def find_sun(craft: PreparedTarget, frame: Observation, pose: Pose) -> Optional[
     """Direction (3,) to the Sun, camera axes, by the shadows at a pose; None where none explain the picture."""
     if craft.model.faces is None:
         return None
-    found = shadowed(craft, faces_of(craft), _canvas(craft, frame, pose), *pose).sun
+    found = search_sun(craft, faces_of(craft), _patch(craft, frame, pose), *pose).sun
     return None if found is None else quat.matrix(pose[0]) @ found.direction
 
 
@@ -74,20 +74,20 @@ def align_photometrically(
         moved.
     """
     faces, camera = faces_of(craft), craft.camera.pinhole
-    canvas = _canvas(craft, frame, poses[0])
-    painted = None if sun is None else Sunlight.of(faces, quat.matrix(poses[0][0]).T @ sun, SUN_PX)
-    shadings = [photo_draw(q, t, faces, canvas, camera, painted) for q, t in poses]
-    scores = [explained(shading, canvas) for shading in shadings]
+    patch = _patch(craft, frame, poses[0])
+    painted = None if sun is None else ShadowMap.of(faces, quat.matrix(poses[0][0]).T @ sun, SUN_PX)
+    shadings = [photo_draw(q, t, faces, patch, camera, painted) for q, t in poses]
+    scores = [explained(shading, patch) for shading in shadings]
     first = int(np.argmax(scores))
     if scores[first] < scores[0] + WORTH:
         first = 0
     drawn, fit = shadings[first], PoseFit(*poses[first], 9.9, np.eye(6))
     if painted is not None and follow_sun:
-        painted, drawn = _followed_sun(craft, canvas, fit, painted, drawn)
+        painted, drawn = _followed_sun(craft, patch, fit, painted, drawn)
     for k, blur in enumerate(BLURS):
         if k:
-            drawn = photo_draw(fit.q, fit.t, faces, canvas, camera, painted)
-        step = photo_step(fit, drawn, faces, canvas, camera, craft.radius_m, blur)
+            drawn = photo_draw(fit.q, fit.t, faces, patch, camera, painted)
+        step = photo_step(fit, drawn, faces, patch, camera, craft.radius_m, blur)
         if step is None:
             break
         fit = step
@@ -95,24 +95,24 @@ def align_photometrically(
     return PhotometricTrack(fit, None if painted is None else quat.matrix(fit.q) @ painted.direction)
 
 
-def _canvas(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch:
+def _patch(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch:
     """The picture about a pose."""
-    return replace(make_canvas(craft, frame, craft_box(craft, *pose), PICTURE_PX), exact=True)
+    return replace(cut_patch(craft, frame, target_box(craft, *pose), PICTURE_PX), exact=True)
 
 
 def _followed_sun(
-    craft: PreparedTarget, canvas: ImagePatch, fit: PoseFit, sun: Sunlight, drawn: Shading
-) -> Tuple[Sunlight, Shading]:
+    craft: PreparedTarget, patch: ImagePatch, fit: PoseFit, sun: ShadowMap, drawn: Shading
+) -> Tuple[ShadowMap, Shading]:
     """The Sun, or one beside it whose shadows explain the picture better, and the craft drawn with those.
 
     Each side is tried until one helps: where nothing has moved all four, else two or three.
     """
-    best = explained(drawn, canvas)
+    best = explained(drawn, patch)
     for k in range(4):
         side = (1 - k // 2 * 2) * sun.axes[k % 2]
         beside = np.cos(SUN_STEP_RAD) * sun.direction + np.sin(SUN_STEP_RAD) * side
-        tried = Sunlight.of(faces_of(craft), beside, SUN_PX)
-        shading = photo_shade(drawn.seen, fit.q, fit.t, faces_of(craft), canvas, craft.camera.pinhole, tried)
-        if explained(shading, canvas) > best:
+        tried = ShadowMap.of(faces_of(craft), beside, SUN_PX)
+        shading = photo_shade(drawn.seen, fit.q, fit.t, faces_of(craft), patch, craft.camera.pinhole, tried)
+        if explained(shading, patch) > best:
             return tried, shading
     return sun, drawn

@@ -19,11 +19,11 @@ from hil.board.svd.image.edge_field import edge_field
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.image.region import Region
 from hil.board.svd.model.face_gains import OPTICS_PX, blurred
-from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.image_patch import cut_patch, target_box
 from hil.board.svd.model.prepared_target import PreparedTarget, faces_of
 from hil.board.svd.refine.close import CLOSE_PX
 from hil.board.svd.refine.final import refine_to_end
-from hil.board.svd.refine.shadows import shadowed
+from hil.board.svd.refine.shadows import search_sun
 from hil.evaluate.method_choice import board_model
 from simulator.targets.library import load_target
 
@@ -54,8 +54,8 @@ def rolled(craft: PreparedTarget, angle_deg: float) -> tuple[np.ndarray, np.ndar
 
 def choice_at(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.ndarray) -> Selection:
     """A selection whose alignment began at a pose and ended where that led."""
-    box = craft_box(craft, q, t)
-    close = make_canvas(craft, frame, box, CLOSE_PX)
+    box = target_box(craft, q, t)
+    close = cut_patch(craft, frame, box, CLOSE_PX)
     field = edge_field(frame.image, box, frame.noise, 200, background=0.0)
     s = support(q, t, craft.samples, craft.occ, field, CAMERA, craft.spacing_m)
     source = Source(Region(*map(float, box), "learned"), field)
@@ -109,8 +109,8 @@ def test_what_neither_drawing_explains_does_not_speak_for_one(
     dragon: PreparedTarget, frame: Observation
 ) -> None:
     (q, t), faces = rolled(dragon, 40.0), faces_of(dragon)
-    canvas = replace(make_canvas(dragon, frame, craft_box(dragon, Q, T_M), 240), exact=True)
-    right, wrong = (shadowed(dragon, faces, canvas, *p) for p in ((Q, T_M), (q, t)))
+    canvas = replace(cut_patch(dragon, frame, target_box(dragon, Q, T_M), 240), exact=True)
+    right, wrong = (search_sun(dragon, faces, canvas, *p) for p in ((Q, T_M), (q, t)))
     a, b = (
         canvas.response.of(blurred(d.shading.picture, OPTICS_PX / canvas.factor))[0] for d in (right, wrong)
     )

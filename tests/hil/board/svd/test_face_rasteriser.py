@@ -24,13 +24,13 @@ from hil.board.svd.geometry.response import Response
 from hil.board.svd.image.noise import clipped_noise
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.model.face_gains import blurred, coverage, shade
-from hil.board.svd.model.image_patch import make_canvas, straightened
+from hil.board.svd.model.image_patch import cut_patch, straightened
 from hil.board.svd.model.rasteriser import draw_faces, fill_faces, order_faces
-from hil.board.svd.model.shadow_map import Sunlight, SunTable, rays_to_faces
+from hil.board.svd.model.shadow_map import ShadowMap, ShadowMapTable, rays_to_faces
 from hil.board.svd.refine.motion_images import motion_images
 from hil.board.svd.refine.parallel import Pruning
 from hil.board.svd.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
-from hil.board.svd.refine.shadows import shadowed
+from hil.board.svd.refine.shadows import search_sun
 from simulator.targets.board_model.write import make_faces
 from simulator.targets.model import Part
 from tests.harness.boxes import closed_box
@@ -219,7 +219,7 @@ def test_shadows_fall_where_rays_to_the_sun_are_stopped(faces: Faces) -> None:
     R = FROM_THE_SIDE
     c = canvas(np.zeros((160, 200), np.float32))
     seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
-    sun = Sunlight.of(faces, OVER_THE_PANEL)
+    sun = ShadowMap.of(faces, OVER_THE_PANEL)
     dark = sun.shadows(faces, seen, c, CAMERA, R, T_M)
     face, u, v, z = rays_to_faces(faces, seen, np.flatnonzero(seen), c, CAMERA, R, T_M)
     X = (np.stack([u * z, v * z, z], axis=-1) - T_M) @ R
@@ -245,7 +245,7 @@ def in_the_sun(faces: Faces) -> tuple[ImagePatch, np.ndarray]:
     R, level = FROM_THE_SIDE, np.array([60.0, 200.0, 140.0])[faces.material]
     c = canvas(np.zeros((160, 200), np.float32))
     seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
-    sun = Sunlight.of(faces, OVER_THE_PANEL)
+    sun = ShadowMap.of(faces, OVER_THE_PANEL)
     light = np.concatenate([[0.0], np.where(faces.normals @ sun.direction > 0, level, 10.0)])[seen]
     light = np.where(sun.shadows(faces, seen, c, CAMERA, R, T_M), 10.0, light).astype(np.float32)
     gray = light.reshape(160, 3, 200, 3).mean(axis=(1, 3))
@@ -259,7 +259,7 @@ def test_the_sun_is_found_by_the_shadows_it_casts(
     c, sun = in_the_sun
     R = FROM_THE_SIDE
     seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
-    table = SunTable.of(faces)
+    table = ShadowMapTable.of(faces)
     found = table.directions[table.find(faces, shade(faces, seen, c), c, CAMERA, R, T_M, 3)]
     assert np.degrees(np.arccos(found[0] @ sun)) < 20.0
     assert all(a @ b < np.cos(np.radians(15.0)) for a, b in combinations(found, 2))
@@ -270,12 +270,12 @@ def test_a_sun_painted_once_casts_the_same_shadows(
 ) -> None:
     c, R = in_the_sun[0], FROM_THE_SIDE
     seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
-    table = SunTable.of(faces, 12)
+    table = ShadowMapTable.of(faces, 12)
     casting = 0
     for k in range(12):
         kept = table.sunlight(faces, k, 96)
         assert table.sunlight(faces, k, 96) is kept
-        anew = Sunlight.of(faces, table.directions[k], 96).shadows(faces, seen, c, CAMERA, R, T_M)
+        anew = ShadowMap.of(faces, table.directions[k], 96).shadows(faces, seen, c, CAMERA, R, T_M)
         np.testing.assert_array_equal(kept.shadows(faces, seen, c, CAMERA, R, T_M), anew)
         casting += bool(anew.any())
     assert casting > 3
@@ -285,10 +285,10 @@ def test_its_shadows_speak_for_the_right_pose(
     faces: Faces, in_the_sun: tuple[ImagePatch, np.ndarray]
 ) -> None:
     c, _ = in_the_sun
-    craft: Any = SimpleNamespace(suns=SunTable.of(faces), camera=SimpleNamespace(pinhole=CAMERA))
+    craft: Any = SimpleNamespace(suns=ShadowMapTable.of(faces), camera=SimpleNamespace(pinhole=CAMERA))
 
     def both(q: np.ndarray) -> tuple[float, float]:
-        return photo_score(q, T_M, faces, c, CAMERA), shadowed(craft, faces, c, q, T_M).score
+        return photo_score(q, T_M, faces, c, CAMERA), search_sun(craft, faces, c, q, T_M).score
 
     plain, with_them = both(quat.from_matrix(FROM_THE_SIDE))
     assert with_them > plain + 0.3
@@ -338,7 +338,7 @@ def test_a_region_of_any_shape_keeps_the_size_of_what_it_shows() -> None:
     frame = Observation(np.zeros((160, 200), np.uint8))
     frame.background = 0.0
     model = SimpleNamespace(camera=CAMERA)
-    canvas = make_canvas(model, frame, (20, 30, 171, 133), 60)  # type: ignore[arg-type]
+    canvas = cut_patch(model, frame, (20, 30, 171, 133), 60)  # type: ignore[arg-type]
     u, v = canvas.rays(CAMERA)
     wide = CAMERA.fx_px * (u[-1] - u[0]) * len(u) / (len(u) - 1)
     high = CAMERA.fy_px * (v[-1] - v[0]) * len(v) / (len(v) - 1)

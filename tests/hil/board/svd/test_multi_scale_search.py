@@ -15,7 +15,7 @@ from hil.board.svd.image.weak_gradients import eliminate_weak_gradients
 from hil.board.svd.model.face_gains import blurred
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
-from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.model.shadow_map import ShadowMap
 from hil.board.svd.propose.learned.learned_proposal import LearnedProposal
 from hil.board.svd.propose.learned.network_input import ImageCrop
 from hil.board.svd.propose.learned_hypotheses import (
@@ -50,7 +50,7 @@ def frame_of(craft: PreparedTarget, q: np.ndarray, sun: np.ndarray) -> Observati
     s = R.T @ sun
     light = np.array([120.0, 230.0, 160.0])[faces.material % 3] * np.clip(faces.normals @ s, 0, 1)
     drawn = np.concatenate([[0.0], light])[seen].astype(np.float32)
-    drawn[Sunlight.of(faces, s, 400).shadows(faces, seen, plain, CAMERA, R, T_M)] = 0.0
+    drawn[ShadowMap.of(faces, s, 400).shadows(faces, seen, plain, CAMERA, R, T_M)] = 0.0
     small = blurred(drawn.reshape(300, fine, 480, fine).mean(axis=(1, 3)), 1.0)
     noisy = small + DARK + np.random.default_rng(3).normal(0, SIGMA, small.shape)
     frame = Observation(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))

@@ -22,7 +22,7 @@ from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit, Source
 from hil.board.svd.image.edge_field import edge_field
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.image.region import Region
-from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.image_patch import cut_patch, target_box
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.propose.variants import near_symmetries, over_its_image, tilts
 from hil.board.svd.refine.close import CLOSE_PX, refine_close_up
@@ -53,8 +53,8 @@ def choice_of(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.nd
     """A choice that ended at a pose."""
     faces = craft.model.faces
     assert faces is not None
-    box = craft_box(craft, q, t)
-    close = make_canvas(craft, frame, box, CLOSE_PX)
+    box = target_box(craft, q, t)
+    close = cut_patch(craft, frame, box, CLOSE_PX)
     field = edge_field(frame.image, box, frame.noise, 200, background=0.0)
     s = support(q, t, craft.samples, craft.occ, field, CAMERA, craft.spacing_m)
     source = Source(Region(*map(float, box), "learned"), field)

@@ -19,7 +19,7 @@ from hil.board.svd.image.edge_field import edge_field
 from hil.board.svd.image.observation import Observation
 from hil.board.svd.image.region import Region
 from hil.board.svd.model.face_gains import _boxes
-from hil.board.svd.model.image_patch import craft_box, make_canvas
+from hil.board.svd.model.image_patch import cut_patch, target_box
 from hil.board.svd.model.prepared_target import PreparedTarget
 from hil.board.svd.propose.learned.network import convolve
 from hil.board.svd.refine.edges import limit_one_step, limit_step
@@ -97,10 +97,10 @@ def test_what_a_canvas_keeps_of_a_craft_is_not_taken_for_another_ones() -> None:
     frame = Observation(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
     frame.noise = 3.0
     q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
-    box, fit = craft_box(craft, q, T_M), PoseFit(q, T_M, 9.9, np.eye(6))
+    box, fit = target_box(craft, q, T_M), PoseFit(q, T_M, 9.9, np.eye(6))
     assert craft.model.faces is not None
     fine, other = craft.model.faces.grouped(6), replace(CAMERA, fx_px=360.0, cx_px=118.0)
-    shared = make_canvas(craft, frame, box, 90)
+    shared = cut_patch(craft, frame, box, 90)
 
     def stepped(faces: Faces, camera: CameraIntrinsics, canvas: ImagePatch) -> tuple[float, PoseFit | None]:
         drawn = photo_draw(q, T_M, faces, canvas, camera)
@@ -113,14 +113,14 @@ def test_what_a_canvas_keeps_of_a_craft_is_not_taken_for_another_ones() -> None:
         (craft.model.faces, other),
     ):
         (score, there), (own, alone) = (
-            stepped(faces, camera, canvas) for canvas in (shared, make_canvas(craft, frame, box, 90))
+            stepped(faces, camera, canvas) for canvas in (shared, cut_patch(craft, frame, box, 90))
         )
         assert score == own
         assert there is not None
         assert alone is not None
         np.testing.assert_array_equal([*there.q, *there.t], [*alone.q, *alone.t])
     brighter, alone_so = (
-        replace(canvas, clipped=2.0, sigma=5.0) for canvas in (shared, make_canvas(craft, frame, box, 90))
+        replace(canvas, clipped=2.0, sigma=5.0) for canvas in (shared, cut_patch(craft, frame, box, 90))
     )
     score, own = (explained(photo_draw(q, T_M, fine, c, CAMERA), c) for c in (brighter, alone_so))
     assert score == own
@@ -133,7 +133,7 @@ def test_what_a_canvas_keeps_outlives_the_responses_of_others() -> None:
     frame.noise, faces = 3.0, craft.model.faces
     q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
     assert faces is not None
-    plain = make_canvas(craft, frame, craft_box(craft, q, T_M), 90)
+    plain = cut_patch(craft, frame, target_box(craft, q, T_M), 90)
 
     def score(canvas: ImagePatch) -> float:
         return explained(photo_draw(q, T_M, faces, canvas, CAMERA), canvas)
@@ -164,8 +164,8 @@ def test_what_is_known_is_not_drawn_again_and_ends_where_it_did() -> None:
     frame = Observation(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
     frame.noise, frame.background = 3.0, 0.0
     q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
-    box = craft_box(craft, q, T_M)
-    canvas = make_canvas(craft, frame, box, 72)
+    box = target_box(craft, q, T_M)
+    canvas = cut_patch(craft, frame, box, 72)
     field = edge_field(frame.image, box, 3.0, 100, background=0.0)
     first = Hypothesis(PoseFit(q, T_M), Source(Region(*map(float, box), "learned"), field))
     asked = Hypothesis(PoseFit(q, T_M), Source(Region(*map(float, box), "edges"), field))

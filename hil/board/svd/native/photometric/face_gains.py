@@ -22,7 +22,7 @@ def shade(
     library: ctypes.CDLL,
     faces: Faces,
     seen: Array,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     dark: Optional[Array],
 ) -> Tuple[Array, ...]:
     """As ``face_gains._shaded``.
@@ -31,8 +31,8 @@ def shade(
     -------
     ``NotImplemented`` where a byte holds too few groups.
     """
-    empty = canvas.textured
-    (h, w), f = canvas.gray.shape, canvas.fine
+    empty = patch.textured
+    (h, w), f = patch.gray.shape, patch.fine
     seen, light = contiguous(seen, "int32"), None if dark is None else contiguous(dark, "bool")
     group, centre, core = (
         np.empty((h * f, w * f), np.uint8),
@@ -46,7 +46,7 @@ def shade(
     n = run(
         at(checked_pointer(seen, "int32", group.shape)),
         None if light is None else at(checked_pointer(light, "bool", group.shape)),
-        *_of_craft(faces, canvas).at,
+        *_of_craft(faces, patch).at,
         at(pointer(group)),
         at(pointer(centre)),
         at(pointer(core)),
@@ -61,14 +61,14 @@ def shade(
     return (group, level[:n], picture, centre, area[:n], core, share, ground) if n else NotImplemented
 
 
-def _of_craft(faces: Faces, canvas: ImagePatch) -> NativeStruct:
-    """What ``shade`` is told of a craft and a canvas, kept for the next pose."""
-    of, held = canvas.kept.get("shade", (None, None))
+def _of_craft(faces: Faces, patch: ImagePatch) -> NativeStruct:
+    """What ``shade`` is told of a craft and a patch, kept for the next pose."""
+    of, held = patch.kept.get("shade", (None, None))
     if of is not faces:
-        (h, w), n = canvas.gray.shape, len(faces.corners)
+        (h, w), n = patch.gray.shape, len(faces.corners)
         arrays, response = (
-            (contiguous(faces.labels, "uint16"), contiguous(canvas.gray, "float32")),
-            response_tables(canvas.response),
+            (contiguous(faces.labels, "uint16"), contiguous(patch.gray, "float32")),
+            response_tables(patch.response),
         )
         held = NativeStruct(
             (
@@ -76,27 +76,27 @@ def _of_craft(faces: Faces, canvas: ImagePatch) -> NativeStruct:
                 ctypes.c_int64(n),
                 ctypes.c_int64(faces.groups + 1),
                 ctypes.c_void_p(checked_pointer(arrays[1], "float32")),
-                *(ctypes.c_int64(side) for side in (h, w, canvas.fine)),
-                ctypes.c_double(canvas.sigma),
+                *(ctypes.c_int64(side) for side in (h, w, patch.fine)),
+                ctypes.c_double(patch.sigma),
                 response.at,
             ),
             # others' responses may have taken this one's place where it is kept
             (*arrays, *response.arrays),
         )
-        canvas.kept["shade"] = faces, held
+        patch.kept["shade"] = faces, held
     return held
 
 
 def with_background(
     library: ctypes.CDLL,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     made: Tuple[Array, ...],
     blur_px: float,
 ) -> Tuple[Array, Array]:
     """As ``face_gains._with_background``, of groups that a byte holds; the view that is given becomes the new one."""
     _, level, picture, centre, core, empty, shown = made
-    h, w = canvas.gray.shape
-    gray, out = contiguous(canvas.gray, "float32"), np.empty((h, w), np.float32)
+    h, w = patch.gray.shape
+    gray, out = contiguous(patch.gray, "float32"), np.empty((h, w), np.float32)
     run, at = library.fly_background, ctypes.c_void_p
     run.restype = ctypes.c_int64
     done = run(
@@ -107,7 +107,7 @@ def with_background(
         ctypes.c_int64(w),
         ctypes.c_double(float(shown[0])),
         ctypes.c_double(float(level[0])),
-        response_tables(canvas.response).at,
+        response_tables(patch.response).at,
         gaussian(blur_px).at,
         at(checked_pointer(empty, "float32", (h, w))),
         at(checked_pointer(out, "float32")),
@@ -121,7 +121,7 @@ def with_background(
 def unexplained(
     library: ctypes.CDLL,
     shading: Shading,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     noise: float,
     none: Array,
     blurs_px: Tuple[float, float, float],
@@ -129,17 +129,17 @@ def unexplained(
     covered: float,
 ) -> float:
     """As ``photometric._unexplained``, of groups that a byte holds; what holds for all poses is kept with the patch."""
-    if "told" not in canvas.kept:
-        bare = none if canvas.textured else None
-        canvas.kept["told"] = _comparison(canvas, blurs_px, noise, bound, bare, covered)
-    told, picture, group = canvas.kept["told"], shading.picture, shading.group
-    h, w = canvas.gray.shape
+    if "told" not in patch.kept:
+        bare = none if patch.textured else None
+        patch.kept["told"] = _comparison(patch, blurs_px, noise, bound, bare, covered)
+    told, picture, group = patch.kept["told"], shading.picture, shading.group
+    h, w = patch.gray.shape
     picture = contiguous(picture, "float32")
     run, at = library.fly_photometric_cost, ctypes.c_void_p
     run.restype = ctypes.c_double
     out = run(
         at(checked_pointer(picture, "float32", (h, w))),
-        at(checked_pointer(group, "uint8", (h * canvas.fine, w * canvas.fine))),
+        at(checked_pointer(group, "uint8", (h * patch.fine, w * patch.fine))),
         *told.at,
     )
     if out < 0:
@@ -148,27 +148,27 @@ def unexplained(
 
 
 def _comparison(
-    canvas: ImagePatch,
+    patch: ImagePatch,
     blurs_px: Tuple[float, float, float],
     noise: float,
     bound: float,
     none: Optional[Array],
     covered: float,
 ) -> NativeStruct:
-    """What ``unexplained`` is told of a canvas, the same for every pose.
+    """What ``unexplained`` is told of a patch, the same for every pose.
 
     Parameters
     ----------
     blurs_px : of the optics, the score, and what is covered. none : (h, w) deviations without the craft, which hold
         where no more than ``covered`` of a pixel is.
     """
-    h, w = canvas.gray.shape
-    gray = contiguous(canvas.blurred(blurs_px[1]), "float32")
+    h, w = patch.gray.shape
+    gray = contiguous(patch.blurred(blurs_px[1]), "float32")
     bare = None if none is None else contiguous(none, "float32")
     optics, score, cover = (gaussian(b) for b in blurs_px)
-    response, at = response_tables(canvas.response), ctypes.c_void_p
+    response, at = response_tables(patch.response), ctypes.c_void_p
     told = (
-        *(ctypes.c_int64(side) for side in (h, w, canvas.fine)),
+        *(ctypes.c_int64(side) for side in (h, w, patch.fine)),
         optics.at,
         response.at,
         at(checked_pointer(gray, "float32", (h, w))),
@@ -179,6 +179,6 @@ def _comparison(
         cover.at,
         ctypes.c_double(covered),
     )
-    # the blurs' weights and the response's tables live as long as the canvas, too
+    # the blurs' weights and the response's tables live as long as the patch, too
     arrays = *optics.arrays, *score.arrays, *cover.arrays, *response.arrays, gray
     return NativeStruct(told, arrays if bare is None else (*arrays, bare))

@@ -37,16 +37,16 @@ class _PoseMotion(ctypes.Structure):
 
 
 def _pose_motion(
-    shading: Shading, faces: Faces, canvas: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
+    shading: Shading, faces: Faces, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> NativeStruct:
-    h, w = canvas.gray.shape
+    h, w = patch.gray.shape
     level = np.zeros(256)
     level[: len(shading.level)] = shading.level
     behind = None if shading.behind is None else contiguous(shading.behind, "float32")
     seen, R, t = contiguous(shading.seen, "int32"), contiguous(R, "float64"), contiguous(t, "float64")
-    planes, rays = _of_craft(faces, canvas, camera)
+    planes, rays = _of_craft(faces, patch, camera)
     held = _PoseMotion(
-        checked_pointer(seen, "int32", (h * canvas.fine, w * canvas.fine)),
+        checked_pointer(seen, "int32", (h * patch.fine, w * patch.fine)),
         pointer(level),
         None if behind is None else checked_pointer(behind, "float32", (h, w)),
         *planes.at,
@@ -59,25 +59,25 @@ def _pose_motion(
 
 
 def _of_craft(
-    faces: Faces, canvas: ImagePatch, camera: CameraIntrinsics
+    faces: Faces, patch: ImagePatch, camera: CameraIntrinsics
 ) -> Tuple[NativeStruct, Tuple[float, float, float, float]]:
-    """Planes of a craft and rays of a canvas as ``struct pose_motion`` has them, kept for the next pose."""
-    of, told = canvas.kept.get("moving", ((None, None), None))
+    """Planes of a craft and rays of a patch as ``struct pose_motion`` has them, kept for the next pose."""
+    of, told = patch.kept.get("moving", ((None, None), None))
     if of[0] is not faces or of[1] is not camera:
-        n, (across, down) = len(faces.corners), canvas.scale
+        n, (across, down) = len(faces.corners), patch.scale
         arrays = contiguous(faces.normals, "float64"), contiguous(faces.offset, "float64")
         planes = checked_pointer(arrays[0], "float64", (n, 3)), checked_pointer(arrays[1], "float64", (n,)), n
         told = (
             NativeStruct(planes, arrays),
             # as ``ImagePatch.rays``
             (
-                (0.5 / across - 0.5 + canvas.x0 - camera.cx_px) / camera.fx_px,
-                (0.5 / down - 0.5 + canvas.y0 - camera.cy_px) / camera.fy_px,
+                (0.5 / across - 0.5 + patch.x0 - camera.cx_px) / camera.fx_px,
+                (0.5 / down - 0.5 + patch.y0 - camera.cy_px) / camera.fy_px,
                 1.0 / (across * camera.fx_px),
                 1.0 / (down * camera.fy_px),
             ),
         )
-        canvas.kept["moving"] = (faces, camera), told
+        patch.kept["moving"] = (faces, camera), told
     return told
 
 
@@ -85,15 +85,15 @@ def motion_images(
     library: ctypes.CDLL,
     shading: Shading,
     faces: Faces,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
 ) -> Array:
     """As ``motion_images.motion_images``, of groups that a byte holds."""
-    (h, w), f = canvas.gray.shape, canvas.fine
+    (h, w), f = patch.gray.shape, patch.fine
     out = np.empty((6, h, w), np.float32)
-    moving = _pose_motion(shading, faces, canvas, camera, R, t)
+    moving = _pose_motion(shading, faces, patch, camera, R, t)
     run = library.fly_image_jacobian
     run.restype = ctypes.c_int64
     done = run(
@@ -113,7 +113,7 @@ def normal_products(
     library: ctypes.CDLL,
     shading: Shading,
     faces: Faces,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
@@ -135,10 +135,10 @@ def normal_products(
     -------
     The products, the sum of weights, and how many pixels count.
     """
-    (h, w), f = canvas.gray.shape, canvas.fine
+    (h, w), f = patch.gray.shape, patch.fine
     out, total = np.empty(ROOM), np.zeros(1)
-    gray, picture = contiguous(canvas.blurred(blurs_px[1]), "float32"), contiguous(shading.picture, "float32")
-    moving = _pose_motion(shading, faces, canvas, camera, R, t)
+    gray, picture = contiguous(patch.blurred(blurs_px[1]), "float32"), contiguous(shading.picture, "float32")
+    moving = _pose_motion(shading, faces, patch, camera, R, t)
     run, at = library.fly_normal_equations, ctypes.c_void_p
     run.restype = ctypes.c_int64
     packed = run(
@@ -150,7 +150,7 @@ def normal_products(
         ctypes.c_int64(h),
         ctypes.c_int64(w),
         ctypes.c_int64(f),
-        response_tables(canvas.response).at,
+        response_tables(patch.response).at,
         *(gaussian(b).at for b in blurs_px),
         ctypes.c_double(noise),
         ctypes.c_double(slack),

@@ -36,13 +36,13 @@ class _View(ctypes.Structure):
     _fields_ = [(name, ctypes.c_double) for name in ("fx", "fy", "cx", "cy", "x0", "y0", "across", "down")]
 
 
-def pinhole_view(camera: CameraIntrinsics, canvas: ImagePatch) -> ctypes.Structure:
-    """What a canvas shows of a pinhole's picture: struct view, kept for the next pose."""
-    of, held = canvas.kept.get("view", (None, None))
+def pinhole_view(camera: CameraIntrinsics, patch: ImagePatch) -> ctypes.Structure:
+    """What a patch shows of a pinhole's picture: struct view, kept for the next pose."""
+    of, held = patch.kept.get("view", (None, None))
     if of is not camera:
-        c, (across, down) = camera, canvas.scale
-        held = _View(c.fx_px, c.fy_px, c.cx_px, c.cy_px, canvas.x0, canvas.y0, across, down)
-        canvas.kept["view"] = camera, held
+        c, (across, down) = camera, patch.scale
+        held = _View(c.fx_px, c.fy_px, c.cx_px, c.cy_px, patch.x0, patch.y0, across, down)
+        patch.kept["view"] = camera, held
     return held
 
 
@@ -118,11 +118,11 @@ def draw_faces(
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     least_px: float = 0.5,
 ) -> Array:
     """As ``rasteriser.draw_faces``, of a pinhole."""
-    h, w = (side * canvas.fine for side in canvas.gray.shape)
+    h, w = (side * patch.fine for side in patch.gray.shape)
     seen, some = np.zeros((h, w), np.int32), contiguous(some, "int64")
     R, t = contiguous(R, "float64"), contiguous(t, "float64")
     library.fly_draw_faces(
@@ -131,9 +131,9 @@ def draw_faces(
         ctypes.c_int64(len(some)),
         ctypes.c_void_p(checked_pointer(R, "float64", (3, 3))),
         ctypes.c_void_p(checked_pointer(t, "float64", (3,))),
-        ctypes.byref(pinhole_view(camera, canvas)),
+        ctypes.byref(pinhole_view(camera, patch)),
         ctypes.c_double(least_px),
-        ctypes.c_int(canvas.exact),
+        ctypes.c_int(patch.exact),
         ctypes.c_void_p(pointer(seen)),
         ctypes.c_int64(h),
         ctypes.c_int64(w),

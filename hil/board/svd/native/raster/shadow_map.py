@@ -103,20 +103,20 @@ def seen_from_the_sun(
 
 def shadows(
     library: ctypes.CDLL,
-    sun: Any,  # noqa: ANN401 - Sunlight
+    sun: Any,  # noqa: ANN401 - ShadowMap
     faces: Faces,
     seen: Array,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
 ) -> Array:
-    """As ``Sunlight.shadows``."""
+    """As ``ShadowMap.shadows``."""
     R, t, dark = contiguous(R, "float64"), contiguous(t, "float64"), np.zeros(seen.shape, bool)
     failed = library.fly_shadows(
         ctypes.byref(PackedFaces.of(faces).pointers),
         ctypes.byref(sun.packed[0]),
-        ctypes.byref(pinhole_view(camera, canvas)),
+        ctypes.byref(pinhole_view(camera, patch)),
         ctypes.c_void_p(checked_pointer(R, "float64", (3, 3))),
         ctypes.c_void_p(checked_pointer(t, "float64", (3,))),
         ctypes.c_void_p(checked_pointer(seen, "int32")),
@@ -135,7 +135,7 @@ def packed_sun(
 
     Parameters
     ----------
-    frame : (3, 3) axes of the map and the direction to the Sun. origin, pitch_m, height, seen : as of ``Sunlight``.
+    frame : (3, 3) axes of the map and the direction to the Sun. origin, pitch_m, height, seen : as of ``ShadowMap``.
     """
     n = len(height)
     at = np.array([*origin, pitch_m])
@@ -154,7 +154,7 @@ def packed_sun(
 def packed_table(
     frames: Array, origin: Array, pitch_m: Array, height: Array
 ) -> Tuple[Any, Tuple[Array, ...]]:
-    """Shadow maps as C takes them, and what keeps their arrays alive; the arrays are those of ``SunTable``."""
+    """Shadow maps as C takes them, and what keeps their arrays alive; the arrays are those of ``ShadowMapTable``."""
     arrays = (
         contiguous(frames, "float64"),
         contiguous(origin, "float64"),
@@ -167,10 +167,10 @@ def packed_table(
 
 def sun_costs(
     library: ctypes.CDLL,
-    table: Any,  # noqa: ANN401 - SunTable
+    table: Any,  # noqa: ANN401 - ShadowMapTable
     faces: Faces,
     shading: Shading,
-    canvas: ImagePatch,
+    patch: ImagePatch,
     camera: CameraIntrinsics,
     R: Array,
     t: Array,
@@ -183,28 +183,28 @@ def sun_costs(
 
     Parameters
     ----------
-    table : of ``packed_table``. darkest : least of the canvas. dim : brightness that is as good as none.
-    others as in ``SunTable.find``.
+    table : of ``packed_table``. darkest : least of the patch. dim : brightness that is as good as none.
+    others as in ``ShadowMapTable.find``.
     """
     good = shading.area > 0
     good[0] = False
-    h, w = canvas.gray.shape
+    h, w = patch.gray.shape
     gray, group, some = (
-        contiguous(canvas.gray, "float32"),
+        contiguous(patch.gray, "float32"),
         contiguous(faces.group, "int64"),
         contiguous(some, "int64"),
     )
     kind = "uint8" if shading.centre.dtype == np.uint8 else "uint16"
     centre = contiguous(shading.centre, kind)
     picture = _SunImage(
-        checked_pointer(shading.seen, "int32", (h * canvas.fine, w * canvas.fine)),
+        checked_pointer(shading.seen, "int32", (h * patch.fine, w * patch.fine)),
         checked_pointer(centre, kind, (h, w)),
         checked_pointer(good, "bool"),
         checked_pointer(gray, "float32"),
         checked_pointer(group, "int64"),
         h,
         w,
-        canvas.fine,
+        patch.fine,
         faces.groups,
         len(good),
         centre.itemsize,
@@ -217,7 +217,7 @@ def sun_costs(
         ctypes.byref(PackedFaces.of(faces).pointers),
         ctypes.byref(table.packed[0]),
         ctypes.byref(picture),
-        ctypes.byref(pinhole_view(camera, canvas)),
+        ctypes.byref(pinhole_view(camera, patch)),
         ctypes.c_void_p(checked_pointer(R, "float64", (3, 3))),
         ctypes.c_void_p(checked_pointer(t, "float64", (3,))),
         ctypes.c_double(dim),

@@ -88,7 +88,7 @@ class ViewSubspaces:
         distance = RANGE_RADII * radius
         f = 0.5 * FILLED * n * float(np.sqrt(distance**2 - radius**2)) / radius
         camera = CameraIntrinsics(n, n, f, f, 0.5 * (n - 1), 0.5 * (n - 1))
-        canvas = ImagePatch(np.zeros((n, n), np.float32), 1.0, 0.0, 0.0, 1.0, 3)
+        patch = ImagePatch(np.zeros((n, n), np.float32), 1.0, 0.0, 0.0, 1.0, 3)
         basis = np.zeros((VIEWS, SHAPES, n * n), np.float32)
         size = np.zeros(VIEWS, int)
         directions = sphere_directions(VIEWS)
@@ -96,7 +96,7 @@ class ViewSubspaces:
         of_group = np.concatenate([[0], faces.group + 1])
         for v in range(VIEWS):
             C = model.centre_m + distance * directions[v]
-            group = of_group[draw_faces(faces, order_faces(faces, C), camera, R[v], -R[v] @ C, canvas)]
+            group = of_group[draw_faces(faces, order_faces(faces, C), camera, R[v], -R[v] @ C, patch)]
             count = np.bincount(group.ravel(), minlength=2)[1:]
             shapes = [np.ones((n, n), np.float32)]
             for g in np.argsort(-count)[:SHAPES]:

@@ -25,7 +25,7 @@ from hil.board.svd.hypotheses.hypothesis import Hypothesis, PoseFit
 from hil.board.svd.model import rasteriser as shade
 from hil.board.svd.model.face_gains import shade as shaded
 from hil.board.svd.model.rasteriser import order_faces
-from hil.board.svd.model.shadow_map import Sunlight, SunTable
+from hil.board.svd.model.shadow_map import ShadowMap, ShadowMapTable
 from hil.board.svd.model.visibility import occluders, sample_edges, visible_samples
 from hil.board.svd.native import arrays, backend, compiler
 from hil.board.svd.native.learned.attitude_likelihood import likelihood
@@ -217,8 +217,8 @@ def test_the_suns_pictures_and_shadows_are_numpys(
     suns = rng.normal(size=(8, 3))
     seen = [shade.draw_faces(faces, order_faces(faces, -R.T @ t), CAMERA, R, t, canvas) for R, t in poses]
 
-    def drawn() -> list[tuple[Sunlight, np.ndarray]]:
-        of = [Sunlight.of(faces, d, 96) for d in suns]
+    def drawn() -> list[tuple[ShadowMap, np.ndarray]]:
+        of = [ShadowMap.of(faces, d, 96) for d in suns]
         of = [replace(s, seen=s.seen.astype(kind)) for s in of]
         return [
             (s, s.shadows(faces, one, canvas, CAMERA, R, t))
@@ -240,7 +240,7 @@ def test_the_suns_pictures_and_shadows_are_numpys(
 @pytest.mark.parametrize("pixels", [60, 500, 10**6])
 def test_the_sun_is_sought_as_by_numpy(tango: BoardModel, choose: pytest.MonkeyPatch, pixels: int) -> None:
     faces, rng = tango.faces, np.random.default_rng(7)
-    table = SunTable.of(faces, 60)
+    table = ShadowMapTable.of(faces, 60)
     empty = shade.ImagePatch(rng.uniform(0, 90, (100, 120)).astype(np.float32), 1.0, 10.0, 5.0, 1.6, 2)
     for grouped in (faces, faces.grouped(40)):
         # bytes number few groups, two of them many
@@ -319,7 +319,7 @@ def test_wider_instructions_change_no_bit(
     def answers() -> list[bytes]:
         backend._loaded.cache_clear()
         seen = shade.draw_faces(faces, order_faces(faces, -R.T @ t), CAMERA, R, t, canvas)
-        sun = Sunlight.of(faces, np.array([0.3, 0.4, 0.8]), 96)
+        sun = ShadowMap.of(faces, np.array([0.3, 0.4, 0.8]), 96)
         dark = sun.shadows(faces, seen, canvas, CAMERA, R, t)
         samples, native = sample_edges(tango, 0.02), backend.native_library()
         visible, _ = visible_samples(samples, occluders(tango), -R.T @ t)
@@ -338,7 +338,7 @@ def test_wider_instructions_change_no_bit(
 def test_poses_that_are_none_draw_nothing_and_harm_nothing(tango: BoardModel) -> None:
     faces = tango.faces
     canvas = shade.ImagePatch(np.zeros((16, 16), np.float32), 1.0, 0.0, 0.0, 1.0, 3)
-    sun = Sunlight.of(faces, np.array([0.2, 0.3, 0.9]), 64)
+    sun = ShadowMap.of(faces, np.array([0.2, 0.3, 0.9]), 64)
     for place in ([np.nan] * 3, [0, 0, np.inf], [0, 0, -5.0], [1e30, 0, 1.0], [0, 0, 0]):
         R, t = np.eye(3), np.array(place, float)
         some = order_faces(faces, -t)

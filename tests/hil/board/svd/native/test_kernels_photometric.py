@@ -15,7 +15,7 @@ from hil.board.svd.geometry import quaternion as quat
 from hil.board.svd.geometry.image_patch import ImagePatch
 from hil.board.svd.model import face_gains as levels
 from hil.board.svd.model.rasteriser import draw_faces, order_faces
-from hil.board.svd.model.shadow_map import Sunlight
+from hil.board.svd.model.shadow_map import ShadowMap
 from hil.board.svd.native import backend
 from hil.board.svd.native.photometric import normal_equations as step
 from hil.board.svd.refine import motion_images as motion
@@ -50,7 +50,7 @@ def numpy_from_here(patch: pytest.MonkeyPatch) -> None:
 
 def scene(
     craft: BoardModel, rng: np.random.Generator, k: int, fine: int = 2
-) -> tuple[Faces, ImagePatch, np.ndarray, np.ndarray, Sunlight | None]:
+) -> tuple[Faces, ImagePatch, np.ndarray, np.ndarray, ShadowMap | None]:
     """A craft somewhere, on a picture of it from nearby: noisy, some saturated, some before a texture."""
     faces = craft.faces
     assert faces is not None
@@ -71,7 +71,7 @@ def scene(
     gray = np.clip(picture + rng.normal(0, 4, (77, 101)), 0, 255).astype(np.float32)
     plain = cv2.GaussianBlur(gray, (0, 0), 6) if k % 3 == 0 else 3.0
     canvas = replace(blank, gray=gray, plain=plain, clipped=4.0 if k % 2 else 0.0)
-    return faces, canvas, q, t, Sunlight.of(faces, SUN, 96) if k % 4 > 1 else None
+    return faces, canvas, q, t, ShadowMap.of(faces, SUN, 96) if k % 4 > 1 else None
 
 
 def test_brightness_and_score_are_numpys(craft: BoardModel, choose: pytest.MonkeyPatch) -> None:
